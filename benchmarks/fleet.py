@@ -22,9 +22,9 @@ import numpy as np
 import psutil
 
 import clutchid
-from clutchid.fleets.cluster import Place, results
-from clutchid.fleets.jobs import fleet_of
-from clutchid.fleets.run import Options, compile_first, run, tasks
+from clutchid.fleets.cluster import Workers, results
+from clutchid.fleets.jobs import compile_first, fleet_of, run, tasks
+from clutchid.fleets.reading import ReadingOptions
 from clutchid.fleets.store import store
 from clutchid.truck import drive, truck
 
@@ -81,8 +81,8 @@ def measure(folder: Path, family: str, count: int, workers: Sequence[int]) -> No
     for number in workers:
         out = folder / f"out{count}-{number}"
         with store(out, {}) as kept:
-            todo = tasks(fleet, Options(), kept)
-            wall, seen = timed(count, partial(run, Place(number), todo, kept))
+            todo = tasks(fleet, ReadingOptions(), kept)
+            wall, seen = timed(count, partial(run, Workers(number), ReadingOptions(), todo, kept))
             seconds = [one.seconds for one in kept.results()]
         alone = alone or wall * number
         print(
@@ -94,16 +94,16 @@ def measure(folder: Path, family: str, count: int, workers: Sequence[int]) -> No
         )
 
 
-def counted(place: Place, count: int, progress: Callable[[int, int], None]) -> None:
+def counted(workers: Workers, count: int, progress: Callable[[int, int], None]) -> None:
     """Do empty work, and count it."""
-    for k, _ in enumerate(results(abs, range(count), place), start=1):
+    for k, _ in enumerate(results(abs, range(count), workers), start=1):
         progress(k, count)
 
 
 def empty(count: int, workers: Sequence[int]) -> None:
     """Print the time that empty work takes."""
     for number in workers:
-        wall, seen = timed(count, partial(counted, Place(number), count))
+        wall, seen = timed(count, partial(counted, Workers(number), count))
         print(
             f"{count:,} empty tasks, {number} workers: {wall:.0f} s, {1e3 * wall / count:.2f} ms each; "
             f"memory {' '.join(f'{m.this:.0f}/{m.worker:.0f}' for m in seen)} MB",

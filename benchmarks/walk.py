@@ -25,7 +25,7 @@ from typing import Any
 import clutchid
 from clutchid import Actuator, Log
 from clutchid.cli import main as command
-from clutchid.fleets.reading import How, read_recording
+from clutchid.fleets.reading import ReadingOptions, read_recording
 from clutchid.truck import drive, truck
 
 os.environ["OMP_NUM_THREADS"] = "1"  # windows that other threads simulate are not seen here
@@ -144,7 +144,6 @@ def main() -> None:
         recording, calibration = folder / "worn.csv", folder / "cal.toml"
         clutchid.write(worn.without("pressure_a"), recording)
         clutchid.write_parameters(clutchid.parameter_file(calibrated), calibration)
-        how = How(calibration, float("nan"))
         ways: dict[str, tuple[Callable[[], object], tuple[type, ...]]] = {
             "calibration": (lambda: clutchid.fit(new, rich, measure=both, free=few, method="shooting"), (Log,)),
             "reading of a load": (
@@ -153,7 +152,7 @@ def main() -> None:
             ),
             "read": (lambda: clutchid.read(recording), (Path, Log)),
             "observe -": (lambda: observed(new.slice(0, 3000), calibration, folder), (Path, Log)),
-            "a recording of track": (lambda: read_recording(how, recording), (Path, Log)),
+            "a recording of track": (lambda: read_recording(ReadingOptions(), calibration, recording), (Path, Log)),
         }
         for title, (work, kinds) in ways.items():
             print(described(title, way(work, kinds), height, modules=options.modules), flush=True)

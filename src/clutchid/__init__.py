@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from clutchid.study.proving.ground import prove as prove
     from clutchid.truck import drive as drive
     from clutchid.wear.life import Wear as Wear
+    from clutchid.workflow import parameter_file as parameter_file
     from clutchid.workflow.attached import plot as plot
     from clutchid.workflow.attached import report as report
     from clutchid.workflow.verbs import calibrate as calibrate
@@ -55,7 +56,6 @@ if TYPE_CHECKING:
     from clutchid.workflow.verbs import estimate as estimate
     from clutchid.workflow.verbs import friction as friction
     from clutchid.workflow.verbs import observe as observe
-    from clutchid.workflow.verbs import parameter_file as parameter_file
 
 #: Public names by the module that has them.
 _NAMES: dict[str, tuple[str, ...]] = {
@@ -77,8 +77,9 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "study.proving.ground": ("prove",),
     "truck": ("drive",),
     "wear.life": ("Wear",),
+    "workflow": ("parameter_file",),
     "workflow.attached": ("plot", "report"),
-    "workflow.verbs": ("calibrate", "cut", "estimate", "friction", "observe", "parameter_file"),
+    "workflow.verbs": ("calibrate", "cut", "estimate", "friction", "observe"),
 }
 _HOME = {name: f"clutchid.{module}" for module, names in _NAMES.items() for name in names}
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import os
+import re
 from collections.abc import Collection, Iterable, Sequence
 from typing import NamedTuple
 
@@ -122,3 +123,20 @@ def as_text(name: str) -> str:
     ('r\\xff.csv', 'Prüfung.csv')
     """
     return os.fsencode(name).decode("utf-8", "backslashreplace")
+
+
+def natural(name: str) -> list[tuple[bool, int, str]]:
+    """Sort key of a name, in which numbers count as such.
+
+    Examples
+    --------
+    >>> sorted(["r10", "r9", "a"], key=natural)
+    ['a', 'r9', 'r10']
+    """
+    parts = re.split(r"(\d+)", name)
+    return [(part.isdecimal(), int(part) if part.isdecimal() else 0, part) for part in parts]
+
+
+def capital(words: str) -> str:
+    """Words with a capital at their beginning."""
+    return f"{words[:1].upper()}{words[1:]}"

@@ -11,7 +11,7 @@ from clutchid.log import Log
 from clutchid.model.equipment import Equipment
 from clutchid.recordings import write
 from clutchid.simulation import Partition
-from clutchid.workflow import Reading, read_recordings
+from clutchid.workflow import FileOptions, read_recordings
 
 
 def test_what_a_reset_takes_needs_a_reset():
@@ -25,8 +25,8 @@ def test_a_recording_of_a_three_way_valve_is_read_with_its_one_column(tmp_path):
     t = np.arange(50) * 1e-3
     file = tmp_path / "lift.csv"
     write(Log(t, {"position": 0.1 * t, "duty_supply": 1.0 * (t > 0.02)}), file)
-    (log,) = read_recordings([file], Reading(1e5), equipment=Equipment(valves="3/2"))
+    (log,) = read_recordings([file], FileOptions(1e5), equipment=Equipment(valves="3/2"))
     assert np.array_equal(log["duty_exhaust"], 1.0 - log["duty_supply"])
     for equipment in (None, Equipment(), Equipment(valves="exhaust")):
         with pytest.raises(DataError, match="duty_exhaust"):
-            read_recordings([file], Reading(1e5), equipment=equipment)
+            read_recordings([file], FileOptions(1e5), equipment=equipment)

@@ -211,11 +211,12 @@ def test_debug_shows_the_traceback_and_keeps_the_exit_code_and_the_object(
 
 
 def test_an_error_that_was_not_expected_is_told_in_every_way(capsys: pytest.CaptureFixture[str]) -> None:
-    def work() -> int:
+    @guarded
+    def work(*, json: bool, debug: bool) -> int:
         raise ZeroDivisionError("by zero")
 
     for debug, words in ((False, "Run again with --debug"), (True, "Report it with the traceback")):
-        assert guarded(work, as_json=True, debug=debug) == 1
+        assert work(json=True, debug=debug) == 1
         out, err = capsys.readouterr()
         assert words in json.loads(out)["message"]
         assert ("Traceback" in err) == debug

@@ -91,7 +91,7 @@ def test_every_section_of_the_page_of_a_fit_is_explained():
 
 
 def test_every_line_that_a_fit_prints_is_explained():
-    labels = {label for file in ("reports/summary.py", "cli/fit.py") for label in first_arguments(file, "Row")}
+    labels = {label for file in ("reports/summary.py", "cli/fit.py") for label in first_arguments(file, "SummaryRow")}
     assert labels >= {"trust", "load", "errors", "next"}
     assert labels - {""} - set(messages(section(PAGES["result"], "The lines"))) == set()
 

@@ -37,7 +37,7 @@ def recording(tmp_path_factory):
 def fitted(recording, start=None, free=FREE, measure=MEASURE):
     """The outcome of a calibration, or of what starts from the file `start`."""
     actuator, request = workflow.start_of(start, None, FitRequest(measure, free, method="shooting"))
-    logs = workflow.read_recordings([recording], workflow.Reading(101300.0), actuator.equipment)
+    logs = workflow.read_recordings([recording], workflow.FileOptions(101300.0), actuator.equipment)
     return workflow.fit_recordings(logs, actuator, request, force=True)
 
 
@@ -142,7 +142,7 @@ def test_a_search_is_continued_only_for_the_same_files_columns_and_parameters():
 
 def test_a_prediction_error_search_is_continued_too(recording, tmp_path):
     actuator, request = workflow.start_of(None, None, FitRequest(MEASURE, ("load", "P_S"), method="prediction-error"))
-    logs = workflow.read_recordings([recording], workflow.Reading(101300.0), actuator.equipment)
+    logs = workflow.read_recordings([recording], workflow.FileOptions(101300.0), actuator.equipment)
     first = workflow.fit_recordings(logs, actuator, request, force=True)
     workflow.save(first, tmp_path / "CAL.toml")
     actuator, request = workflow.start_of(tmp_path / "CAL.toml", None, request)

@@ -4,6 +4,7 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from html import escape
 from io import BytesIO
 from xml.etree import ElementTree
 
@@ -21,7 +22,6 @@ from clutchid.model import Actuator, Load
 from clutchid.model.equipment import Equipment
 from clutchid.parameters import Parameters
 from clutchid.recordings import write
-from clutchid.reports.html import escape
 
 
 @pytest.fixture(scope="module")

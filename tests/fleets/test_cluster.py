@@ -15,7 +15,7 @@ import pytest
 from distributed.security import Security
 
 from clutchid.errors import DataError, ParameterError, SolveError
-from clutchid.fleets.cluster import Place, Tls, answered, connected, results, security_of
+from clutchid.fleets.cluster import Tls, Workers, answered, connected, results, security_of
 from fixtures.fleet_faults import faulty, own_error
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
@@ -29,7 +29,7 @@ def test_a_scheduler_that_does_not_answer_is_a_sentence_within_10_s():
             begin = time.monotonic()
             with (
                 pytest.raises(ParameterError, match=f"--scheduler {address}: does not answer"),
-                connected(Place(scheduler=address)),
+                connected(Workers(scheduler=address)),
             ):
                 pass
             assert time.monotonic() - begin < 10.0
@@ -78,21 +78,21 @@ def _started(folder, *options):
 def test_the_workers_of_a_scheduler_do_the_same_work(scheduler):
     address, worker, _ = scheduler
     worker()
-    for place in (Place(scheduler=address), Place(2)):
+    for place in (Workers(scheduler=address), Workers(2)):
         assert sorted((one.item, one.result) for one in results(abs, range(50), place)) == [(n, n) for n in range(50)]
 
 
 def test_a_scheduler_without_workers_is_a_sentence(scheduler, monkeypatch):
     monkeypatch.setattr("clutchid.fleets.cluster.ANSWER", 1.0)
     with pytest.raises(ParameterError, match="has no workers"):
-        list(results(abs, range(9), Place(scheduler=scheduler[0])))
+        list(results(abs, range(9), Workers(scheduler=scheduler[0])))
 
 
 def test_what_ends_its_process_on_a_scheduler_is_named_and_the_workers_of_dask_live_on(scheduler):
     address, worker, started = scheduler
     worker("--memory-limit", "600MB")
     bad = [("SIGKILL", 100), ("slow", 102), ("memory", 103), ("error", 104)]
-    done = list(results(faulty, [*GOOD[:5], *bad, *GOOD[5:]], Place(scheduler=address, seconds=5.0)))
+    done = list(results(faulty, [*GOOD[:5], *bad, *GOOD[5:]], Workers(scheduler=address, seconds=5.0)))
     found = {one.item: one.result for one in done}
     assert [found[item] for item in GOOD] == [n for _, n in GOOD]
     assert [found[item].status for item in bad] == ["killed", "timed_out", "killed", "failed"]
@@ -105,14 +105,14 @@ def test_a_sentence_for_the_user_is_raised_on_a_scheduler_too(scheduler):
     address, worker, _ = scheduler
     worker()
     with pytest.raises(DataError, match="it is so"):
-        list(results(own_error, [1], Place(scheduler=address)))
+        list(results(own_error, [1], Workers(scheduler=address)))
 
 
 def test_an_item_whose_worker_of_dask_is_lost_is_given_to_another_one(scheduler, tmp_path):
     address, worker, started = scheduler
     worker("--no-nanny")
     worker("--no-nanny")
-    found = results(time.sleep, [0.2] * 20, Place(scheduler=address))
+    found = results(time.sleep, [0.2] * 20, Workers(scheduler=address))
     next(found)
     started[1].kill()
     assert [one.result for one in found] == [None] * 19
@@ -121,7 +121,9 @@ def test_an_item_whose_worker_of_dask_is_lost_is_given_to_another_one(scheduler,
 def test_more_items_than_fit_at_the_scheduler_come_back_once_each(scheduler):
     address, worker, _ = scheduler
     worker()
-    assert sorted(one.result for one in results(abs, iter(range(1500)), Place(scheduler=address))) == list(range(1500))
+    assert sorted(one.result for one in results(abs, iter(range(1500)), Workers(scheduler=address))) == list(
+        range(1500)
+    )
 
 
 def test_a_scheduler_that_is_lost_is_a_sentence_and_what_is_done_was_given(scheduler, capfd, monkeypatch):
@@ -129,7 +131,7 @@ def test_a_scheduler_that_is_lost_is_a_sentence_and_what_is_done_was_given(sched
     worker()
     done = []
     with pytest.raises(SolveError, match="the connection to the scheduler"):  # noqa: PT012
-        for one in results(time.sleep, [0.05] * 200, Place(scheduler=address)):
+        for one in results(time.sleep, [0.05] * 200, Workers(scheduler=address)):
             done.append(one)
             if len(done) == 5:
                 monkeypatch.setattr("clutchid.fleets.cluster.ANSWER", 2.0)
@@ -140,8 +142,8 @@ def test_a_scheduler_that_is_lost_is_a_sentence_and_what_is_done_was_given(sched
 
 def test_local_workers_open_no_port_and_need_no_dask():
     code = (
-        "import sys, psutil; from clutchid.fleets.cluster import Place, results\n"
-        "found = results(abs, iter([-1, -2]), Place(2)); next(found); this = psutil.Process()\n"
+        "import sys, psutil; from clutchid.fleets.cluster import Workers, results\n"
+        "found = results(abs, iter([-1, -2]), Workers(2)); next(found); this = psutil.Process()\n"
         "for one in (this, *this.children(recursive=True)): print(one.net_connections())\n"
         "assert 'distributed' not in sys.modules"
     )
@@ -165,10 +167,10 @@ def test_a_scheduler_with_certificates_does_the_work_of_who_has_one(tmp_path, ce
     tls = [str(part) for pair in zip(options, certificates, strict=True) for part in pair]
     with _started(tmp_path, *tls, "--protocol", "tls") as (address, worker, _):
         worker(*tls)
-        found = results(abs, range(9), Place(scheduler=address, tls=certificates))
+        found = results(abs, range(9), Workers(scheduler=address, tls=certificates))
         assert sorted(one.result for one in found) == list(range(9))
         with pytest.raises(ParameterError, match="needs certificates"):
-            list(results(abs, range(9), Place(scheduler=address)))
+            list(results(abs, range(9), Workers(scheduler=address)))
         strangers = Security.temporary()
         with pytest.raises((OSError, TimeoutError)):
             asyncio.run(answered(address, strangers, 1.0))

@@ -6,10 +6,9 @@ import polars as pl
 import pytest
 
 from clutchid.errors import ExportError
-from clutchid.fleets.jobs import Fleet, Job
+from clutchid.fleets.jobs import Fleet, Job, tasks
 from clutchid.fleets.output import rows_of
-from clutchid.fleets.reading import How, RecordingResult, checksum_of, read_recording
-from clutchid.fleets.run import Options, tasks
+from clutchid.fleets.reading import ReadingOptions, RecordingResult, checksum_of, read_recording
 from clutchid.fleets.store import StoredResult, store
 from clutchid.fleets.tracking import track
 from clutchid.recordings.files import write_frame
@@ -37,14 +36,14 @@ def test_a_file_that_goes_before_it_is_read_is_a_row(tmp_path):
     start.touch()
     fleet = Fleet(tmp_path, (Job("V1", "gone", "", gone, start),), {})
     with store(tmp_path / "out", {}) as one:
-        (task,) = tasks(fleet, Options(), one)
-        read = read_recording(task.how, gone)
+        (task,) = tasks(fleet, ReadingOptions(), one)
+        read = read_recording(ReadingOptions(), task.start, gone)
         assert read.reading.status == "bad_input"
         assert "gone.parquet: there is no such file" in read.reading.message
         one.put(StoredResult("V1", "gone", task.inputs, task.file, read, 0.0))
-        assert not tasks(fleet, Options(), one)
+        assert not tasks(fleet, ReadingOptions(), one)
         gone.touch()
-        assert tasks(fleet, Options(), one), "it has come back"
+        assert tasks(fleet, ReadingOptions(), one), "it has come back"
 
 
 def test_what_a_result_was_made_from_is_read_again_when_it_changes(tmp_path, monkeypatch):
@@ -52,7 +51,7 @@ def test_what_a_result_was_made_from_is_read_again_when_it_changes(tmp_path, mon
     for path in (recording, start, channels):
         path.write_text("before")
     fleet = Fleet(tmp_path, (Job("V1", "r", "", recording, start),), {})
-    options = Options(channel_map=channels)
+    options = ReadingOptions(channel_map=channels)
     with store(tmp_path / "out", {}) as one:
 
         def is_read(options=options, **retry):
@@ -71,10 +70,10 @@ def test_what_a_result_was_made_from_is_read_again_when_it_changes(tmp_path, mon
             path.write_text(f"{path.read_text()}, and after")
             assert is_read(), path.name
             assert not is_read()
-        assert is_read(Options(channel_map=channels, ambient=1e5))
-        assert is_read(Options("observe", channel_map=channels))
+        assert is_read(ReadingOptions(channel_map=channels, ambient=1e5))
+        assert is_read(ReadingOptions(verb="observe", channel_map=channels))
         assert is_read()
-        monkeypatch.setattr("clutchid.fleets.run.version_and_source", lambda: {"clutchid": "9", "source": "other"})
+        monkeypatch.setattr("clutchid.fleets.jobs.version_and_source", lambda: {"clutchid": "9", "source": "other"})
         assert is_read()
         assert not is_read()
         assert is_read(retry=True), "it ended its worker"
@@ -86,22 +85,22 @@ def test_a_file_that_could_not_be_read_is_tried_again_without_a_change(tmp_path)
     start.touch()
     fleet = Fleet(tmp_path, (Job("V1", "r", "", recording, start),), {})
     with store(tmp_path / "out", {}) as one:
-        (task,) = tasks(fleet, Options(), one)
+        (task,) = tasks(fleet, ReadingOptions(), one)
         for checksum, again in (("", 1), (checksum_of(recording), 0)):
             read = RecordingResult(
                 recording, WearReading("bad_input", "cannot be read.", "none", None), sha256=checksum
             )
             one.put(StoredResult("V1", "r", task.inputs, task.file, read, 0.0))
-            assert len(tasks(fleet, Options(), one)) == again
+            assert len(tasks(fleet, ReadingOptions(), one)) == again
 
 
 def test_a_calibration_that_changes_while_a_worker_lives_is_read_again(tmp_path):
     start, recording = tmp_path / "cal.toml", tmp_path / "r.csv"
     recording.touch()
     start.write_text("[parameters]\n")
-    assert "r.csv" in read_recording(How(start, 1e5), recording).reading.message
+    assert "r.csv" in read_recording(ReadingOptions(1e5), start, recording).reading.message
     start.write_text("no calibration any more")
-    assert "cal.toml" in read_recording(How(start, 1e5), recording).reading.message
+    assert "cal.toml" in read_recording(ReadingOptions(1e5), start, recording).reading.message
 
 
 def test_a_full_disk_under_a_table_is_a_sentence_and_the_table_before_is_whole(tmp_path):
@@ -124,6 +123,8 @@ def test_recordings_of_several_folders_without_a_table_are_warned_of(tmp_path):
         path.parent.mkdir()
         path.touch()
     (tmp_path / "cal.toml").touch()
-    tracked = track(paths, How(tmp_path / "cal.toml", 1e5), {})
+    tracked = track(paths, tmp_path / "cal.toml", ReadingOptions(1e5), {})
     assert "the recordings lie in 2 folders (V1, V2) and are taken for those of one" in tracked.wear.warnings[0]
-    assert not any("folders" in one for one in track(paths[:1], How(tmp_path / "cal.toml", 1e5), {}).wear.warnings)
+    assert not any(
+        "folders" in one for one in track(paths[:1], tmp_path / "cal.toml", ReadingOptions(1e5), {}).wear.warnings
+    )

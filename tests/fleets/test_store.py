@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from clutchid.errors import ExportError
-from clutchid.estimation.assess.comparison import HalfLoad
+from clutchid.estimation.assess.comparison import HalfLoad, Measurement
 from clutchid.fleets.reading import RecordingResult
 from clutchid.fleets.store import StoredResult, store
 from clutchid.inference.uncertainty.estimates import LoadCurve
-from clutchid.wear.history import Measurement, WearReading
+from clutchid.wear.history import WearReading
 
 ABOUT = {"source": "/fleet", "verb": "fit"}
 

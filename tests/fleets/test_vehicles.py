@@ -7,7 +7,7 @@ import pytest
 
 from clutchid.fleets.jobs import Fleet, Job, fleet_of
 from clutchid.fleets.output import vehicles_of, write_results, write_vehicles
-from clutchid.fleets.reading import How, RecordingResult, read_recording
+from clutchid.fleets.reading import ReadingOptions, RecordingResult, read_recording
 from clutchid.fleets.store import StoredResult, store
 from clutchid.fleets.tracking import NO_LIMIT, track, write_tracked
 from clutchid.wear.history import WearReading
@@ -55,7 +55,7 @@ def test_a_file_whose_name_is_no_text_is_a_row_and_the_others_go_on(tmp_path):
     start.touch()
     fleet = fleet_of(tmp_path / "fleet", start)
     spoiled.unlink()  # so that the sentence names the file
-    rows, _ = written(tmp_path / "out", fleet, lambda job: read_recording(How(start, 1e5), job.path))
+    rows, _ = written(tmp_path / "out", fleet, lambda job: read_recording(ReadingOptions(1e5), start, job.path))
     assert rows == ["V1"]
     results = pl.read_parquet(tmp_path / "out" / "results.parquet")
     assert results["recording"].to_list() == [r"\xff\xfe", "other"]
@@ -66,5 +66,5 @@ def test_track_takes_a_file_whose_name_is_no_text(tmp_path):
     path = tmp_path / os.fsdecode(b"\xff\xfe.parquet")
     path.write_text("no table")
     (tmp_path / "cal.toml").touch()
-    write_tracked(track([path], How(tmp_path / "cal.toml", 1e5), {}), tmp_path / "wear.parquet")
+    write_tracked(track([path], tmp_path / "cal.toml", ReadingOptions(1e5), {}), tmp_path / "wear.parquet")
     assert pl.read_parquet(tmp_path / "wear.parquet")["recording"].to_list() == [r"\xff\xfe"]

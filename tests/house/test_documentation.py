@@ -31,14 +31,9 @@ def test_the_readme_names_every_verb_of_the_command_line():
     verbs = {path.stem for path in (ROOT / "src" / "clutchid" / "cli").glob("*.py")} - {
         "__init__",
         "common",
-        "drive_fleet",
-        "fit_output",
-        "observe_kept",
         "observe_live",
         "observe_output",
         "observe_sinks",
-        "progress",
-        "scheduler",
         "terminal",
         "completion",
     }

@@ -5,7 +5,7 @@ import pytest
 
 from clutchid.observer import live as module
 from clutchid.observer.health import FLAGS, LIVE_FLAGS
-from clutchid.observer.live import checked, gone_on, live_run
+from clutchid.observer.live import after_block, checked, live_run
 from clutchid.observer.observer import start
 from clutchid.observer.recording import observe_recording
 
@@ -21,7 +21,7 @@ def followed(joint, log, sizes, left_out=NONE):
     run, parts, begin = live_run(joint, start(joint)), [], 0
     while begin < len(log):
         size = sizes[len(parts) % len(sizes)]
-        run, part = gone_on(run, log.slice(begin, begin + size), left_out)
+        run, part = after_block(run, log.slice(begin, begin + size), left_out)
         parts.append(part)
         begin += size
     return run, parts
@@ -69,7 +69,7 @@ def test_faults_are_added_up_block_by_block(joint, log):
 
 def test_a_block_without_samples_only_counts(joint, log):
     run, _ = followed(joint, log.slice(0, 300), [150])
-    after, part = gone_on(run, log.slice(0, 0), {**NONE, "late": 7})
+    after, part = after_block(run, log.slice(0, 0), {**NONE, "late": 7})
     assert len(part.log) == 0
     assert after.after.number == run.after.number
     assert after.health["late"] == pytest.approx(7e-3)

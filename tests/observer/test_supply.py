@@ -7,7 +7,7 @@ from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import ACCURACY, RecordedConditions
 from clutchid.observer.following import observe
 from clutchid.observer.health import LIVE_FLAGS
-from clutchid.observer.live import checked, gone_on, live_run
+from clutchid.observer.live import after_block, checked, live_run
 from clutchid.observer.observer import observer, start
 from clutchid.observer.prior import load_deviation, supply_of, unused_supply
 from clutchid.observer.state_file import read_state, write_state
@@ -122,5 +122,5 @@ def test_a_column_that_cannot_be_used_is_one_sentence(plant, kept, lower):
 def test_a_live_recording_says_it_too(plant, kept, lower):
     for known, said in ((kept, False), (None, True)):
         one = observer(plant, calibration=known)
-        run, _ = gone_on(live_run(one, start(one)), lower.slice(0, 2000), dict.fromkeys(LIVE_FLAGS, 0))
+        run, _ = after_block(live_run(one, start(one)), lower.slice(0, 2000), dict.fromkeys(LIVE_FLAGS, 0))
         assert any("pressure_supply is not used" in sentence for sentence in checked(run).checked) == said

@@ -9,11 +9,13 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from clutchid.reports.fleet_page import ReasonCount, VehicleRow, distribution_figure, fleet_page, page_of, panels_of
+from clutchid.reports.fleet_page import distribution_figure, fleet_page, page_of, panels_of
 from clutchid.reports.fleet_tables import (
     ODD,
     ODD_AT_LEAST,
     ODD_SCORE,
+    ReasonCount,
+    VehicleRow,
     all_table,
     odd_vehicles,
     reasons_table,
@@ -22,24 +24,27 @@ from clutchid.reports.fleet_tables import (
 )
 from clutchid.reports.html import render
 from clutchid.reports.tables import Link
+from clutchid.wear.trend import Interval
 
 NAN, INF = float("nan"), float("inf")
 HOSTILE = "</script><script>alert('1')</script>\"><img src=x onerror=alert(2)>"
-NOTHING = dict.fromkeys(VehicleRow._fields[6:19], NAN)
+UNKNOWN = Interval(NAN, NAN, NAN)
+NOTHING = {**dict.fromkeys(("shift", "load", "wear", "left"), UNKNOWN), "rate": NAN}
 
 
 def vehicle(name, shift=0.1e-3, rate=1e-10, left=1e5, **other):
     """A vehicle with a reading; `shift` in m, `rate` a stroke, `left` in strokes."""
     row = VehicleRow(
-        name, "A", 10, 9, {"ok": 9, "failed": 1}, datetime(2026, 5, 1, tzinfo=UTC), shift, shift - 3e-5, shift + 3e-5,
-        0.02, -0.01, 0.05, NAN, NAN, NAN, rate, 0.5 * left, left, 2 * left, "strokes", (), f"vehicles/{name}.html",
+        name, "A", 10, 9, {"ok": 9, "failed": 1}, datetime(2026, 5, 1, tzinfo=UTC),
+        Interval(shift, shift - 3e-5, shift + 3e-5), Interval(0.02, -0.01, 0.05), UNKNOWN, rate,
+        Interval(left, 0.5 * left, 2 * left), "strokes", (), f"vehicles/{name}.html",
     )  # fmt: skip
     return row._replace(**other)
 
 
 def unread(name, **other):
     """A vehicle whose recordings have no reading."""
-    return vehicle(name, counted=0, statuses={"bad_input": 10}, **NOTHING)._replace(**other)
+    return vehicle(name)._replace(counted=0, statuses={"bad_input": 10}, **{**NOTHING, **other})
 
 
 class Parsed(HTMLParser):
@@ -159,7 +164,7 @@ def test_the_worst_are_those_with_the_least_left_then_the_most_worn():
 
 
 def test_the_worst_begin_with_what_is_left_and_have_the_band_of_the_shift_only_where_wear_is_not_known():
-    worn = [vehicle(f"V{i}", wear=1e-3, wear_low=0.9e-3, wear_high=1.1e-3) for i in range(2)]
+    worn = [vehicle(f"V{i}", wear=Interval(1e-3, 0.9e-3, 1.1e-3)) for i in range(2)]
     for rows, banded in ((worn, False), ([*worn, vehicle("V3")], True), ([vehicle("V3")], True)):
         for table in (worst_table(rows, spans_of(rows)), all_table(rows, [], spans_of(rows))):
             assert ("shift band" in [column.name for column in table.columns]) == banded
@@ -271,7 +276,7 @@ def test_long_lists_are_cut_and_say_what_is_left_out():
 
 
 def test_the_figure_has_the_wear_where_it_is_known_and_the_shift_where_not():
-    rows = [vehicle("V1", wear=1e-3, wear_low=0.9e-3, wear_high=1.1e-3), vehicle("V2"), vehicle("V3", left=INF)]
+    rows = [vehicle("V1", wear=Interval(1e-3, 0.9e-3, 1.1e-3)), vehicle("V2"), vehicle("V3", left=INF)]
     panels = panels_of(rows, spans_of(rows))
     assert [panel.words.split(" [")[0] for panel in panels] == [
         "wear of the facing",

@@ -3,8 +3,9 @@
 import base64
 import hashlib
 import re
+from html import escape
 
-from clutchid.reports.html import Bullets, Details, Notice, Page, PageSection, Picture, Sortable, Text, escape, render
+from clutchid.reports.html import Bullets, Details, Notice, Page, PageSection, Picture, Sortable, Text, render
 from clutchid.reports.tables import Column, Link, ReportTable
 
 HOSTILE = '<script src="http://evil.example/x.js">alert("1")</script>'

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from clutchid.observer.health import LIVE_FLAGS
-from clutchid.observer.live import gone_on, live_run
+from clutchid.observer.live import after_block, live_run
 from clutchid.observer.observer import observer, start
 from clutchid.reports.observe_view import observe_view
 
@@ -18,7 +18,7 @@ def followed(plant, recorded_by):
     log, one = recorded_by(worn, seconds=6.0), observer(plant)
     run = live_run(one, start(one))
     for begin in range(0, len(log), 1000):
-        run, part = gone_on(run, log.slice(begin, begin + 1000), NONE)
+        run, part = after_block(run, log.slice(begin, begin + 1000), NONE)
     return run, part
 
 
@@ -42,6 +42,6 @@ def test_flags_are_listed_and_an_unknown_pressure_is_said(followed):
     run, part = followed
     torn = part.log.with_columns(duty_supply=np.full(len(part.log), np.nan))
     later = type(torn)(torn.time + 1.0, torn.columns, torn.name)
-    view = observe_view(*gone_on(run, later, {**NONE, "late": 3}), 80)
+    view = observe_view(*after_block(run, later, {**NONE, "late": 3}), 80)
     assert "pressure unknown" in view
     assert "flags: duty_missing 1 s, late 0.003 s" in view

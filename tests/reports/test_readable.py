@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 
+from clutchid.estimation.assess.comparison import Measurement
 from clutchid.estimation.assess.evidence import evidence
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.inference.uncertainty.estimates import LoadCurve
@@ -19,7 +20,7 @@ from clutchid.reports.fit_figures import load_figure, recording_figure
 from clutchid.reports.fit_page import page_of
 from clutchid.reports.html import render
 from clutchid.reports.observe_text import loads
-from clutchid.wear.history import Measurement, WearReading, arranged
+from clutchid.wear.history import WearReading, arranged
 from clutchid.wear.life import wear_of
 from fixtures.baselines import with_baseline
 from fixtures.figures import legends_on_the_engaging_range, smallest_text

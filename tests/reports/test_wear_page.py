@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from clutchid.estimation.assess.comparison import Measurement
 from clutchid.reports.html import render
 from clutchid.reports.wear_page import page_of, recordings_table, wear_page
 from clutchid.reports.wear_text import wear_json, wear_lines
-from clutchid.wear.history import Listed, Measurement, WearReading, arranged
+from clutchid.wear.history import Listed, WearReading, arranged
 from clutchid.wear.life import wear_of
 
 

@@ -84,6 +84,11 @@ def test_a_table_is_read_by_stem_and_says_all_that_is_wrong(tmp_path):
         read_table(path)
 
 
+def test_names_with_other_digits_than_ours_are_in_order_too():
+    assert [one.name for one in arranged(["r²", "r10", "r9"], [""] * 3, {}).dated] == ["r²", "r10", "r9"]
+    assert arranged(["²", "r10", "r9"], [""] * 3, {}).order == (2, 1, 0)
+
+
 def test_a_table_of_wear_starts_at_the_new_clutch(tmp_path):
     path = tmp_path / "wear.csv"
     path.write_text("wear [mm],half_load [mm],load [N]\n0,2.8,4000\n1,2.9,4400\n")

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from clutchid.estimation.assess.comparison import Measurement
 from clutchid.reports.wear_text import alarm_words
-from clutchid.wear.history import Leak, Listed, Measurement, WearReading, arranged
+from clutchid.wear.history import Leak, Listed, WearReading, arranged
 from clutchid.wear.life import remaining, wear_of
 from clutchid.wear.trend import FALSE_ALARMS, LEAKING, LEAKS, WearTable
 

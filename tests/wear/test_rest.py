@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
+from clutchid.estimation.assess.comparison import Measurement
 from clutchid.recordings.strokes.vented_rest import RestShift
 from clutchid.reports.wear_text import alarm_words, left_words, wear_lines
-from clutchid.wear.history import Listed, Measurement, WearReading, arranged
+from clutchid.wear.alarms import rest_moves
+from clutchid.wear.history import Listed, WearReading, arranged
 from clutchid.wear.life import wear_of
-from clutchid.wear.rest import rest_moves
 from clutchid.wear.trend import WearTable
 
 #: Strokes of a life, and from a recording to the next; fall of the rest in m from one to the next.

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from clutchid.estimation.assess.comparison import SHARES
-from clutchid.wear.history import Measurement
+from clutchid.estimation.assess.comparison import SHARES, Measurement
 from clutchid.wear.trend import FALSE_ALARMS, GROWTH, LIFE, REFERENCE, WearTable, follow, smoothed, trend_model
 
 STRIDE, STD = 7000.0, (0.03e-3, 0.012)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from clutchid.cli.common import guarded
 from clutchid.cli.fit import DEFAULTS, FitOptions, fitted
 
 
+@guarded
 def calibrate(
     *logs: Path,
     measure: str = "position,pressure_a",

@@ -9,9 +9,12 @@ import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import wraps
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Any, Literal, TextIO
+from typing import TYPE_CHECKING, Annotated, Any, Literal, ParamSpec, TextIO
+
+from cyclopts import Parameter
 
 from clutchid.cli.terminal import OutputLost, printable_lines, put, say, sentences
 from clutchid.errors import ClutchidError, DataError, ExportError, ParameterError
@@ -24,24 +27,38 @@ if TYPE_CHECKING:
     from clutchid.model.compiled import Model
     from clutchid.simulation import Partition
 
+P = ParamSpec("P")
+
+#: Options of several commands: a flag, a channel map, and DBC files.
+Flag = Annotated[bool, Parameter(negative="")]
+MapOption = Annotated[Path | None, Parameter(name="--map")]
+DbcOption = Annotated[list[Path] | None, Parameter(consume_multiple=True)]
+
 DONE, FAILED, BAD_INPUT = 0, 1, 2
 
 
-def guarded(work: Callable[[], int], *, as_json: bool, debug: bool) -> int:
-    """Run `work` and turn an error of clutchid into one sentence and an exit code.
+def guarded(command: Callable[P, int]) -> Callable[P, int]:
+    """The command, whose errors are one sentence, or with its option `json` an object, and an exit code.
 
-    The exit code is 2 for bad input and 1 for other errors; with `as_json` the JSON object is printed. With `debug` the
-    traceback goes to standard error first. That standard output is lost is handled by `main`.
+    The exit code is 2 for bad input and 1 for other errors. With its option `debug` the traceback goes to standard
+    error first. That standard output is lost is handled by `main`.
     """
-    try:
-        return work()
-    except OutputLost:
-        raise
-    except (Exception, KeyboardInterrupt) as error:
-        if debug:
-            traceback.print_exc()
-        message, status = _sentence_and_status(error, debug)
-        return complain(message, as_json=as_json, status=status)
+
+    @wraps(command)
+    def run(*args: P.args, **kwargs: P.kwargs) -> int:
+        shared = kwargs.get("options")
+        as_json, debug = (bool(kwargs.get(name, getattr(shared, name, False))) for name in ("json", "debug"))
+        try:
+            return command(*args, **kwargs)
+        except OutputLost:
+            raise
+        except (Exception, KeyboardInterrupt) as error:
+            if debug:
+                traceback.print_exc()
+            message, status = _sentence_and_status(error, debug)
+            return complain(message, as_json=as_json, status=status)
+
+    return run
 
 
 def _sentence_and_status(error: BaseException, debug: bool) -> tuple[str, str]:
@@ -58,7 +75,7 @@ def _sentence_and_status(error: BaseException, debug: bool) -> tuple[str, str]:
 def complain(message: str, *, as_json: bool, status: str) -> int:
     """Print the error `message` and return the exit code."""
     if as_json:
-        print_json({**EMPTY, "status": status, "message": message})
+        print_json({"status": status, "message": message})
     else:
         put(sentences(f"clutchid: {printable_lines(message)}", sys.stderr), to=sys.stderr)
     return BAD_INPUT if status == "bad_input" else FAILED
@@ -83,9 +100,9 @@ def print_written(*paths: Path | None, to: TextIO | None = None) -> None:
             put(f"written: {printable(str(path.resolve()))}", to=to)
 
 
-def print_json(content: dict[str, Any]) -> None:
-    """Print `content` as one JSON object; numbers that are not finite become null."""
-    put(json.dumps(_finite(content), ensure_ascii=True))  # independent of the encoding of standard output
+def print_json(content: Mapping[str, Any]) -> None:
+    """Print `content` as one JSON object with the keys of all; numbers that are not finite become null."""
+    put(json.dumps(_finite({**EMPTY, **content}), ensure_ascii=True))  # independent of the encoding of standard output
 
 
 def _finite(value: Any) -> Any:

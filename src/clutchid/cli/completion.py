@@ -16,6 +16,7 @@ Shell = Literal["zsh", "bash", "fish", "powershell"]
 def register_completion(application: App) -> None:
     """Add ``--install-completion`` to the commands of `application`."""
 
+    @guarded
     def install_completion(
         shell: Annotated[Shell | None, Parameter(name="--shell")] = None,
         debug: Annotated[bool, Parameter(name="--debug", negative="")] = False,
@@ -32,7 +33,7 @@ def register_completion(application: App) -> None:
         debug
             Show the traceback of an error.
         """
-        return guarded(lambda: _install(application, shell), as_json=False, debug=debug)
+        return _install(application, shell)
 
     application.command(install_completion, name="--install-completion")
 

@@ -7,11 +7,20 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from cyclopts import Parameter
-
-from clutchid.cli.common import DONE, check_outputs, guarded, pieces_of, pressure, print_written, progress_bar
+from clutchid.cli.common import (
+    DONE,
+    DbcOption,
+    Flag,
+    MapOption,
+    check_outputs,
+    guarded,
+    pieces_of,
+    pressure,
+    print_written,
+    progress_bar,
+)
 from clutchid.cli.terminal import put
 from clutchid.errors import DataError
 from clutchid.parameters import Parameters
@@ -20,6 +29,7 @@ if TYPE_CHECKING:
     from clutchid.recordings.strokes import Section
 
 
+@guarded
 def cut(
     recording: Path,
     /,
@@ -27,10 +37,10 @@ def cut(
     out: Path,
     table: Path | None = None,
     seconds: float = 60.0,
-    map_: Annotated[Path | None, Parameter(name="--map")] = None,
-    dbc: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None,
+    map_: MapOption = None,
+    dbc: DbcOption = None,
     ambient: str | None = None,
-    debug: Annotated[bool, Parameter(negative="")] = False,
+    debug: Flag = False,
 ) -> int:
     """Cut a recording of any length into strokes and rests, and write those with the most information about the load.
 
@@ -55,31 +65,27 @@ def cut(
     debug
         Show the traceback of an error.
     """
+    from clutchid.recordings import atomic_write, write
+    from clutchid.recordings.strokes import choose, joined, sections_table
+    from clutchid.recordings.strokes import cut as sections_of
 
-    def work() -> int:
-        from clutchid.recordings import atomic_write, write
-        from clutchid.recordings.strokes import choose, joined, sections_table
-        from clutchid.recordings.strokes import cut as sections_of
-
-        check_outputs({"--out": out, "--table": table}, [("the recording itself", recording)])
-        counts: Counter[str] = Counter()
-        with progress_bar("cut") as show:
-            pieces = pieces_of(recording, pressure(ambient, Parameters().P_0), map_, tuple(dbc or ()), show)
-            sections = sections_of(pieces)
-            if table is None:
-                chosen = choose(_counted(sections, counts, lambda _: None), seconds)
-            else:
-                with atomic_write(table) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
-                    chosen = choose(_counted(sections, counts, csv.writer(file).writerow), seconds)
-        put(", ".join(f"{count:,} {label}" for label, count in counts.most_common()))
-        if not chosen:
-            raise DataError(f"{recording}: no usable stroke of at most {seconds:g} s was found; nothing is written.")
-        write(joined(chosen), out)
-        put(f"\n{sections_table(chosen)}\n")
-        print_written(out, table)
-        return DONE
-
-    return guarded(work, as_json=False, debug=debug)
+    check_outputs({"--out": out, "--table": table}, [("the recording itself", recording)])
+    counts: Counter[str] = Counter()
+    with progress_bar("cut") as show:
+        pieces = pieces_of(recording, pressure(ambient, Parameters().P_0), map_, tuple(dbc or ()), show)
+        sections = sections_of(pieces)
+        if table is None:
+            chosen = choose(_counted(sections, counts, lambda _: None), seconds)
+        else:
+            with atomic_write(table) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+                chosen = choose(_counted(sections, counts, csv.writer(file).writerow), seconds)
+    put(", ".join(f"{count:,} {label}" for label, count in counts.most_common()))
+    if not chosen:
+        raise DataError(f"{recording}: no usable stroke of at most {seconds:g} s was found; nothing is written.")
+    write(joined(chosen), out)
+    put(f"\n{sections_table(chosen)}\n")
+    print_written(out, table)
+    return DONE
 
 
 def _counted(
@@ -89,9 +95,8 @@ def _counted(
     for number, section in enumerate(sections, 1):
         summary = asdict(section.summary)
         if number == 1:
-            write_row(
-                ["number", "kind", "label", "first_sample", "start_s", "departure_s", "end_s", *_headings(summary)]
-            )
+            heads = [name + _UNITS.get(name, "") for name in summary]
+            write_row(["number", "kind", "label", "first_sample", "start_s", "departure_s", "end_s", *heads])
         ends = (section.start, section.departure, section.end)
         write_row([number, section.kind, section.label, section.first, *ends, *summary.values()])
         counts[section.label] += 1
@@ -103,7 +108,3 @@ _UNITS = {
     **dict.fromkeys(("opening_speed", "closing_speed"), "_m_s"),
     "vented_rest": "_s",
 }
-
-
-def _headings(names: Iterable[str]) -> Iterator[str]:
-    return (name + _UNITS.get(name, "") for name in names)

@@ -8,12 +8,12 @@ from typing import Annotated, Literal, NamedTuple
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, EMPTY, guarded, print_json, print_written, progress_of
+from clutchid.cli.common import DONE, Flag, guarded, print_json, print_written, progress_of
 from clutchid.errors import ParameterError
 
 
 @dataclass(frozen=True, slots=True)
-class Service:
+class FleetOptions:
     """Options of a fleet.
 
     Parameters
@@ -38,18 +38,10 @@ class Service:
 
 
 #: No fleet.
-SINGLE = Service()
+SINGLE = FleetOptions()
 
 
-class Types(NamedTuple):
-    """Family and first number of the truck types, and the seed of what happens to the vehicles."""
-
-    family: str
-    first: int
-    seed: int
-
-
-class Alone(NamedTuple):
+class RecordingOptions(NamedTuple):
     """Options of a single recording, in SI, as of `clutchid.truck.drive`."""
 
     manoeuvre: str = "mix"
@@ -67,26 +59,7 @@ class Alone(NamedTuple):
     late: float = 0.0
 
 
-def drive_fleet(service: Service, types: Types, out: Path, seconds: float, alone: Alone, truth: Path | None) -> None:
-    """Drive and write a fleet, for which no option of a single recording may be given.
-
-    Raises
-    ------
-    ExportError, ParameterError
-        As `clutchid.fleets.virtual.write_fleet`.
-    """
-    from clutchid.fleets.virtual import write_fleet
-    from clutchid.truck.service import visits
-
-    extra = [name for name, usual in Alone()._asdict().items() if getattr(alone, name) != usual]
-    if extra or truth:
-        option = {"pressure": "no-pressure", "recorder": "bus"}.get(extra[0], extra[0]) if extra else "truth"
-        raise ParameterError(f"--{option}: belongs to a single recording; what happens to a fleet is drawn by --seed.")
-    plan = visits(service.fleet, service.months, types.family, types.first, service.types, types.seed, service.days)
-    with progress_of("drive") as progress:
-        write_fleet(out, plan, seconds, service.workers, progress)
-
-
+@guarded
 def drive(
     *,
     out: Path,
@@ -102,15 +75,15 @@ def drive(
     change: Annotated[list[str] | None, Parameter(negative="")] = None,
     truth: Path | None = None,
     pressure: bool = True,
-    conditions: Annotated[bool, Parameter(negative="")] = False,
-    bus: Annotated[bool, Parameter(negative="")] = False,
+    conditions: Flag = False,
+    bus: Flag = False,
     dropouts: int = 0,
     offset: float = 0.0,
     zero: Literal["learned", "kept"] = "learned",
     late: float = 0.0,
-    service: Annotated[Service, Parameter(name="*")] = SINGLE,
-    json: Annotated[bool, Parameter(negative="")] = False,
-    debug: Annotated[bool, Parameter(negative="")] = False,
+    service: Annotated[FleetOptions, Parameter(name="*")] = SINGLE,
+    json: Flag = False,
+    debug: Flag = False,
 ) -> int:
     """Simulate a virtual truck, more detailed than the model, and write a recording and, separately, its truth.
 
@@ -166,43 +139,45 @@ def drive(
         Show the traceback of an error.
     """
 
-    alone = Alone(
+    single = RecordingOptions(
         manoeuvre, wear * 1e-3, cycles, None if temperature is None else temperature + 273.15, pressure,
         "bus" if bus else "controller", dropouts, conditions, tuple(change or ()),
         None if supply is None else supply * 1e5, offset * 1e-3, zero, late * 1e-3,
     )  # fmt: skip
+    if service.fleet:
+        from clutchid.fleets.virtual import write_fleet
+        from clutchid.truck.service import visits
 
-    def work() -> int:
-        types = Types(family, truck, seed)
-        if service.fleet:
-            drive_fleet(service, types, out, seconds, alone, truth)
-            _print(json, f"fleet of {service.fleet} vehicles of family {family}", out)
-        else:
-            _drive(types, out, seconds, alone, truth)
-            _print(json, f"recording of truck {truck} of family {family}", out, truth)
-        return DONE
+        _check_no_single(single, truth)
+        plan = visits(service.fleet, service.months, family, truck, service.types, seed, service.days)
+        with progress_of("drive") as progress:
+            write_fleet(out, plan, seconds, service.workers, progress)
+        message = f"fleet of {service.fleet} vehicles of family {family}"
+    else:
+        from clutchid import truck as virtual
+        from clutchid.recordings import write
 
-    return guarded(work, as_json=json, debug=debug)
-
-
-def _drive(types: Types, out: Path, seconds: float, alone: Alone, truth: Path | None) -> None:
-    from clutchid import truck as virtual
-    from clutchid.recordings import write
-
-    _check(out, truth)
-    kind = virtual.truck(types.first, types.family)
-    done = virtual.drive(kind, seconds=seconds, seed=types.seed, name=out.stem, **alone._asdict())
-    write(done.log, out)
-    if truth is not None:
-        done.write_truth(truth)
-
-
-def _print(json: bool, message: str, *files: Path | None) -> None:
-    if not json:
+        _check(out, truth)
+        kind = virtual.truck(truck, family)
+        done = virtual.drive(kind, seconds=seconds, seed=seed, name=out.stem, **single._asdict())
+        write(done.log, out)
+        if truth is not None:
+            done.write_truth(truth)
+        message = f"recording of truck {truck} of family {family}"
+    files = (out,) if truth is None else (out, truth)
+    if json:
+        print_json({"status": "ok", "message": message, "written": [str(path.resolve()) for path in files]})
+    else:
         print_written(*files)
-        return
-    written = [str(path.resolve()) for path in files if path is not None]
-    print_json({**EMPTY, "status": "ok", "message": message, "written": written})
+    return DONE
+
+
+def _check_no_single(single: RecordingOptions, truth: Path | None) -> None:
+    """Check that no option of a single recording is given with a fleet."""
+    extra = [name for name, usual in RecordingOptions()._asdict().items() if getattr(single, name) != usual]
+    if extra or truth:
+        option = {"pressure": "no-pressure", "recorder": "bus"}.get(extra[0], extra[0]) if extra else "truth"
+        raise ParameterError(f"--{option}: belongs to a single recording; what happens to a fleet is drawn by --seed.")
 
 
 def _check(out: Path, truth: Path | None) -> None:

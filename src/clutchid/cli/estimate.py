@@ -9,6 +9,7 @@ from clutchid.cli.fit import DEFAULTS, FitOptions, fitted
 from clutchid.errors import ParameterError
 
 
+@guarded
 def estimate(
     *logs: Path,
     start: Path | None = None,
@@ -34,13 +35,9 @@ def estimate(
         Free parameters, comma-separated; `load` means all load weights.
     """
     if start is None:
-        return guarded(_without_start, as_json=options.json, debug=options.debug)
+        raise ParameterError(
+            "no --start: a load is estimated from position alone with a calibration, clutchid estimate WORN.csv "
+            "--start CAL.toml. It is made once, from a recording with pressure: clutchid calibrate CAL.csv --save "
+            "CAL.toml. Without one, clutchid fit WORN.csv assumes the truck of the paper."
+        )
     return fitted("estimate", logs, measure, free, start, options)
-
-
-def _without_start() -> int:
-    raise ParameterError(
-        "no --start: a load is estimated from position alone with a calibration, clutchid estimate WORN.csv --start "
-        "CAL.toml. It is made once, from a recording with pressure: clutchid calibrate CAL.csv --save CAL.toml. "
-        "Without one, clutchid fit WORN.csv assumes the truck of the paper."
-    )

@@ -14,8 +14,10 @@ from cyclopts import Parameter
 from clutchid import workflow
 from clutchid.cli.common import (
     DONE,
-    EMPTY,
     FAILED,
+    DbcOption,
+    Flag,
+    MapOption,
     bounds,
     check_outputs,
     guarded,
@@ -29,13 +31,11 @@ from clutchid.cli.common import (
 )
 from clutchid.cli.terminal import WIDTH, print_rows, printable_lines, put
 from clutchid.errors import ExportError, ParameterError
-from clutchid.names import listed_names, printable
+from clutchid.names import printable
 
 if TYPE_CHECKING:
     from clutchid.estimation import Fit
     from clutchid.estimation.request import FitRequest
-    from clutchid.log import Log
-    from clutchid.model.actuator import Actuator
     from clutchid.reports.next_step import Command
 
 #: Most warnings of a summary.
@@ -50,40 +50,30 @@ def answer_json(fit: Fit, writers: Writers) -> int:
 
     _, failures = _write(writers)
     lost = {"status": "failed", "message": f"the fit is complete, but {'; '.join(failures)}"} if failures else {}
-    print_json({**EMPTY, **fit_json(fit), **lost})
+    print_json({**fit_json(fit), **lost})
     return FAILED if failures else DONE
 
 
 def answer(fit: Fit, writers: Writers, command: Command, verbose: bool) -> int:
     """Write the files, and print the result; the exit code. Neither costs the other where it fails, or stalls."""
     from clutchid.reports.next_step import next_step
-    from clutchid.reports.summary import Row, other_warnings
+    from clutchid.reports.summary import SummaryRow, fit_text, other_warnings, summary
 
     written, failures = _write(writers)
-    _complain(failures)
-    _print_result(fit, verbose)
+    for failure in failures:
+        put(f"clutchid: the fit is complete, but {printable_lines(failure)}", to=sys.stderr)
+    print_rows(summary(fit, in_full=verbose))
+    if verbose:
+        put(f"\n{printable_lines(fit_text(fit, WIDTH))}")
     warnings = other_warnings(fit)
     _warn(warnings, len(warnings) if verbose else MOST_WARNINGS)
     print_written(*written)
     if failures:
         return FAILED
     why, what = next_step(fit, command)
-    print_rows([Row("next", f"{why}:")])
+    print_rows([SummaryRow("next", f"{why}:")])
     put(printable(f"  {what}"))
     return DONE
-
-
-def _print_result(fit: Fit, verbose: bool) -> None:
-    from clutchid.reports.summary import fit_text, summary
-
-    print_rows(summary(fit, in_full=verbose))
-    if verbose:
-        put(f"\n{printable_lines(fit_text(fit, WIDTH))}")
-
-
-def _complain(failures: Sequence[str]) -> None:
-    for failure in failures:
-        put(f"clutchid: the fit is complete, but {printable_lines(failure)}", to=sys.stderr)
 
 
 def _write(writers: Writers) -> tuple[list[Path], list[str]]:
@@ -182,13 +172,13 @@ class FitOptions:
     save: Annotated[list[Path] | None, Parameter(negative="")] = None
     report: Path | None = None
     ambient: str | None = None
-    map_: Annotated[Path | None, Parameter(name="--map")] = None
-    dbc: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None
+    map_: MapOption = None
+    dbc: DbcOption = None
     zero: Literal["subtract", "keep"] = "subtract"
-    force: Annotated[bool, Parameter(negative="")] = False
-    verbose: Annotated[bool, Parameter(negative="")] = False
-    json: Annotated[bool, Parameter(negative="")] = False
-    debug: Annotated[bool, Parameter(negative="")] = False
+    force: Flag = False
+    verbose: Flag = False
+    json: Flag = False
+    debug: Flag = False
 
     def request(self, measure: str, free: str) -> FitRequest:
         """The request of a fit with these options.
@@ -198,20 +188,11 @@ class FitOptions:
         ParameterError
             If an option cannot be understood.
         """
-        from clutchid.estimation.request import FitRequest
+        from clutchid.estimation.fit import request_of
 
-        return FitRequest(
-            listed_names(measure),
-            listed_names(free),
-            bounds(self.bounds_ or ()),
-            partition_of(self.every, self.parts, self.carry, self.take),
-            self.method,
-            priors(self.prior or ()),
-            None,
-            listed_names(self.profile),
-            self.bootstrap,
-            zero=self.zero,
-        )
+        partition = partition_of(self.every, self.parts, self.carry, self.take)
+        limits, prior = bounds(self.bounds_ or ()), priors(self.prior or ())
+        return request_of(measure, free, limits, partition, self.method, prior, self.profile, self.bootstrap, self.zero)
 
     @property
     def reading(self) -> tuple[str, ...]:
@@ -230,6 +211,7 @@ class FitOptions:
 DEFAULTS = FitOptions()
 
 
+@guarded
 def fit(
     *logs: Path,
     measure: str = "position",
@@ -260,34 +242,34 @@ def fit(
 
 def fitted(verb: str, logs: Sequence[Path], measure: str, free: str, start: Path | None, options: FitOptions) -> int:
     """Fit as `verb` was asked to, print and write the result; the exit code."""
-
-    def work() -> int:
-        if not logs:
-            raise ParameterError(
-                f"no recording given; clutchid {verb} LOG.csv. Options that take several values (--verify, --bounds, "
-                "--prior, --dbc) take all that follows them: put the recordings first."
-            )
-        return _work(tuple(logs), start, options.request(measure, free), options)
-
-    return guarded(work, as_json=options.json, debug=options.debug)
-
-
-def _work(logs: tuple[Path, ...], start: Path | None, request: FitRequest, options: FitOptions) -> int:
+    if not logs:
+        raise ParameterError(
+            f"no recording given; clutchid {verb} LOG.csv. Options that take several values (--verify, --bounds, "
+            "--prior, --dbc) take all that follows them: put the recordings first."
+        )
     from clutchid.reports.next_step import Command
 
-    saves, verify = tuple(options.save or ()), tuple(options.verify or ())
-    check_outputs({"--save": saves, "--report": options.report}, _inputs(logs, verify, start))
+    request, saves, verify = options.request(measure, free), tuple(options.save or ()), tuple(options.verify or ())
+    inputs: list[tuple[str, Path | None]] = [("a recording that is fitted", path) for path in logs]
+    inputs += [("a recording to verify with", path) for path in verify]
+    check_outputs({"--save": saves, "--report": options.report}, [*inputs, ("the start file itself", start)])
     for path in saves:
         workflow.check_save(path)
     actuator, request = workflow.start_of(start, model_of(options.model), request)
     ambient = pressure(options.ambient, actuator.parameters.P_0)
-    reading = workflow.Reading(ambient, options.map_, tuple(options.dbc or ()))
-    read = workflow.read_recordings(logs, reading, actuator.equipment, measured=request.measure, verify=verify)
-    done = _fitted(read[: len(logs)], actuator, request, read[len(logs) :], options.force)
+    files = workflow.FileOptions(ambient, options.map_, tuple(options.dbc or ()))
+    read = workflow.read_recordings(logs, files, actuator.equipment, measured=request.measure, verify=verify)
+    with progress_bar("fit") as show:
+
+        def shown(stage: str, count: int) -> None:
+            show(f"{stage} search, {count} simulations", -1.0)
+
+        fit_logs, others = read[: len(logs)], read[len(logs) :]
+        done = workflow.fit_recordings(fit_logs, actuator, request, others, shown, force=options.force)
     kept = next((path for path in saves if path.suffix.lower() in ("", ".toml")), None)
     command = Command(
         tuple(sys.argv[1:]),
-        logs,
+        tuple(logs),
         start,
         kept,
         options.report,
@@ -300,18 +282,3 @@ def _work(logs: tuple[Path, ...], start: Path | None, request: FitRequest, optio
         options.report: lambda path: workflow.report(done, command.with_options(), path),
     }
     return answer_json(done, writers) if options.json else answer(done, writers, command, options.verbose)
-
-
-def _fitted(logs: Sequence[Log], actuator: Actuator, request: FitRequest, verify: Sequence[Log], force: bool) -> Fit:
-    with progress_bar("fit") as show:
-
-        def shown(stage: str, count: int) -> None:
-            show(f"{stage} search, {count} simulations", -1.0)
-
-        return workflow.fit_recordings(logs, actuator, request, verify, shown, force=force)
-
-
-def _inputs(logs: Sequence[Path], verify: Sequence[Path], start: Path | None) -> list[tuple[str, Path | None]]:
-    inputs: list[tuple[str, Path | None]] = [("a recording that is fitted", path) for path in logs]
-    inputs += [("a recording to verify with", path) for path in verify]
-    return [*inputs, ("the start file itself", start)]

@@ -11,14 +11,24 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, EMPTY, FAILED, guarded, life_limit, pressure, print_json, progress_of
-from clutchid.cli.scheduler import NO_SCHEDULER, Scheduler
+from clutchid.cli.common import (
+    DONE,
+    FAILED,
+    DbcOption,
+    Flag,
+    MapOption,
+    guarded,
+    life_limit,
+    pressure,
+    print_json,
+    progress_of,
+)
 from clutchid.cli.terminal import printable_lines, put
 from clutchid.errors import ParameterError
 from clutchid.names import printable
 
 if TYPE_CHECKING:
-    from clutchid.fleets.cluster import Place
+    from clutchid.fleets.cluster import Tls, Workers
     from clutchid.fleets.verbs import FleetRun
 
 #: Statuses in the order in which they are said.
@@ -26,6 +36,54 @@ STATUSES = ("ok", "warning", "bad_input", "failed", "timed_out", "killed")
 
 #: Bytes by unit of --memory.
 _UNITS = {"GB": 1e9, "MB": 1e6}
+
+
+@dataclass(frozen=True, slots=True)
+class Scheduler:
+    """Address of a scheduler, and the certificates by which it knows this process.
+
+    Parameters
+    ----------
+    scheduler
+        Address of a Dask scheduler, which hands the work to workers on other machines, for example tcp://host:8786.
+        They see files under the same paths and have the same clutchid; needs the extra fleet.
+    tls_ca
+        With a scheduler at tls://host:port: PEM file with the authority whose certificates it trusts; by default these
+        three files are those of Dask's configuration.
+    tls_cert
+        PEM file with a certificate of that authority, by which the scheduler knows this process.
+    tls_key
+        PEM file with the key of that certificate.
+    """
+
+    scheduler: str = ""
+    tls_ca: Path | None = None
+    tls_cert: Path | None = None
+    tls_key: Path | None = None
+
+    def tls(self) -> Tls | None:
+        """The files of certificates, all or none.
+
+        Raises
+        ------
+        ParameterError
+            If only some are named, or there is no scheduler.
+        """
+        from clutchid.fleets.cluster import Tls
+
+        given = {"--tls-ca": self.tls_ca, "--tls-cert": self.tls_cert, "--tls-key": self.tls_key}
+        absent = [name for name, path in given.items() if path is None]
+        if len(absent) == len(given):
+            return None
+        if not self.scheduler:
+            raise ParameterError("--tls-ca, --tls-cert, --tls-key: belong to --scheduler tls://host:port.")
+        if self.tls_ca is None or self.tls_cert is None or self.tls_key is None:
+            raise ParameterError(f"{' and '.join(absent)}: also needed; a connection by TLS takes three files.")
+        return Tls(self.tls_ca, self.tls_cert, self.tls_key)
+
+
+#: No scheduler: processes of this machine do the work.
+NO_SCHEDULER = Scheduler()
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,9 +107,10 @@ class WorkerLimits:
 
 
 #: One worker on this machine.
-ONE_WORKER = WorkerLimits()
+ONE_PROCESS = WorkerLimits()
 
 
+@guarded
 def fleet(
     source: Path,
     /,
@@ -59,15 +118,15 @@ def fleet(
     start: Path,
     out: Path,
     verb: Literal["fit", "observe", "track"] = "fit",
-    pool: Annotated[WorkerLimits, Parameter(name="*")] = ONE_WORKER,
+    pool: Annotated[WorkerLimits, Parameter(name="*")] = ONE_PROCESS,
     scheduler: Annotated[Scheduler, Parameter(name="*")] = NO_SCHEDULER,
     limit: float | None = None,
-    retry: Annotated[bool, Parameter(negative="")] = False,
+    retry: Flag = False,
     ambient: str | None = None,
-    map_: Annotated[Path | None, Parameter(name="--map")] = None,
-    dbc: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None,
-    json: Annotated[bool, Parameter(negative="")] = False,
-    debug: Annotated[bool, Parameter(negative="")] = False,
+    map_: MapOption = None,
+    dbc: DbcOption = None,
+    json: Flag = False,
+    debug: Flag = False,
 ) -> int:
     """Read the load of every recording of a fleet, and follow the wear of its vehicles.
 
@@ -102,30 +161,26 @@ def fleet(
     debug
         Show the traceback of an error.
     """
+    from clutchid.fleets import verbs
 
-    def work() -> int:
-        from clutchid.fleets import verbs
-
-        shift, place = life_limit(limit), _place(pool, scheduler)
-        with progress_of("fleet") as progress:
-            done = verbs.fleet(
-                source, start, out, verb=verb, place=place, limit=shift, retry=retry,
-                ambient=pressure(ambient, math.nan), channels=map_, dbc=dbc or (),
-                command=printable(f"clutchid {shlex.join(sys.argv[1:])}"), progress=progress,
-            )  # fmt: skip
-        _say(done, as_json=json)
-        return DONE if {"ok", "warning"} & {*done.statuses} else FAILED
-
-    return guarded(work, as_json=json, debug=debug)
+    shift, place = life_limit(limit), _place(pool, scheduler)
+    with progress_of("fleet") as progress:
+        done = verbs.fleet(
+            source, start, out, verb=verb, place=place, limit=shift, retry=retry,
+            ambient=pressure(ambient, math.nan), channels=map_, dbc=dbc or (),
+            command=printable(f"clutchid {shlex.join(sys.argv[1:])}"), progress=progress,
+        )  # fmt: skip
+    _say(done, as_json=json)
+    return DONE if {"ok", "warning"} & {*done.statuses} else FAILED
 
 
-def _place(pool: WorkerLimits, where: Scheduler) -> Place:
-    """Where the work is done, in SI."""
-    from clutchid.fleets.cluster import Place
+def _place(pool: WorkerLimits, where: Scheduler) -> Workers:
+    """Workers with their limits in SI."""
+    from clutchid.fleets.cluster import Workers
     from clutchid.processes import check_workers
 
     check_workers(pool.workers)
-    return Place(pool.workers, where.scheduler, _memory(pool.memory), _seconds(pool.timeout), where.tls())
+    return Workers(pool.workers, where.scheduler, _memory(pool.memory), _seconds(pool.timeout), where.tls())
 
 
 def _say(done: FleetRun, *, as_json: bool) -> None:
@@ -137,9 +192,7 @@ def _say(done: FleetRun, *, as_json: bool) -> None:
     if as_json:
         useful = statuses.get("ok", 0) + statuses.get("warning", 0)
         ended = "ok" if statuses.get("ok") == count else "warning" if useful else "failed"
-        print_json(
-            {**EMPTY, "status": ended, "message": message, "statuses": dict(statuses), "out": str(done.out.resolve())}
-        )
+        print_json({"status": ended, "message": message, "statuses": dict(statuses), "out": str(done.out.resolve())})
         return
     put(printable_lines(message))
     put(f"{vehicles:,} vehicle{'' if vehicles == 1 else 's'}: {printable(str((done.out / 'index.html').resolve()))}")

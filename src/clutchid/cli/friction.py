@@ -3,29 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, EMPTY, guarded, pressure, print_json
+from clutchid.cli.common import DONE, Flag, MapOption, guarded, pressure, print_json
 from clutchid.cli.terminal import put, say
 from clutchid.errors import ParameterError
 from clutchid.log import Log
 from clutchid.parameters import Parameters
-from clutchid.workflow import Reading, read_recordings
+from clutchid.workflow import FileOptions, read_recordings
 
 
+@guarded
 def friction(
     *files: Path,
     law: Literal["coulomb", "lugre"] = "coulomb",
     area: float | None = None,
     fix: Annotated[list[str] | None, Parameter(consume_multiple=True, negative="")] = None,
     inertia: float | None = None,
-    map_: Annotated[Path | None, Parameter(name="--map")] = None,
+    map_: MapOption = None,
     ambient: str | None = None,
-    json: Annotated[bool, Parameter(negative="")] = False,
-    debug: Annotated[bool, Parameter(negative="")] = False,
+    json: Flag = False,
+    debug: Flag = False,
 ) -> int:
     """Estimate the friction of a seal from recordings of a test rig.
 
@@ -52,20 +54,16 @@ def friction(
     debug
         Show the traceback of an error.
     """
-
-    def work() -> int:
-        outside = pressure(ambient, Parameters().P_0)
-        fixed = _fixed(fix or (), inertia, law, area)
-        logs = read_recordings(files, Reading(outside, map_), required=("time", "position", "force"))
-        text, content = _lugre(logs, fixed, inertia or 0.0) if law == "lugre" else _coulomb(logs, outside, area)
-        if json:
-            print_json({**EMPTY, "status": "warning" if content["warnings"] else "ok", **content})
-            return DONE
-        put(text)
-        say(content["warnings"])
+    outside = pressure(ambient, Parameters().P_0)
+    fixed = _fixed(fix or (), inertia, law, area)
+    logs = read_recordings(files, FileOptions(outside, map_), required=("time", "position", "force"))
+    text, content = _lugre(logs, fixed, inertia or 0.0) if law == "lugre" else _coulomb(logs, outside, area)
+    if json:
+        print_json({"status": "warning" if content["warnings"] else "ok", **content})
         return DONE
-
-    return guarded(work, as_json=json, debug=debug)
+    put(text)
+    say(content["warnings"])
+    return DONE
 
 
 def _coulomb(logs: Sequence[Log], ambient: float, area: float | None) -> tuple[str, dict[str, Any]]:
@@ -87,7 +85,7 @@ def _coulomb(logs: Sequence[Log], ambient: float, area: float | None) -> tuple[s
     parameters = implied(found)
     text = f"{level_table(found)}\n\n{parameter_table(parameters)}\n\n{sentence}"
     warnings = [f"{log.name}: {warning}" for log in logs for warning in log.warnings] + others
-    estimates = {name: _entry(estimate) for name, estimate in parameters.items()}
+    estimates = {name: asdict(estimate) for name, estimate in parameters.items()}
     return text, {"message": sentence, "parameters": estimates, "levels": levels, "warnings": warnings}
 
 
@@ -113,13 +111,9 @@ def _lugre(logs: Sequence[Log], fixed: Mapping[str, float], inertia: float) -> t
     from clutchid.rig.summary import lugre_table
 
     fits = [fit_lugre(log, fixed=fixed, inertia=inertia) for log in logs]
-    estimates = {f"{name}@{fit.name}": _entry(estimate) for fit in fits for name, estimate in fit.parameters.items()}
+    estimates = {f"{name}@{fit.name}": asdict(estimate) for fit in fits for name, estimate in fit.parameters.items()}
     message = "; ".join(f"{fit.name}: fit {fit.fit_percent:.1f} % in free run" for fit in fits)
     entries = {fit.name: {"fit_percent": fit.fit_percent, "force_rms_N": fit.rms} for fit in fits}
     warnings = [f"{fit.name}: {warning}" for fit in fits for warning in fit.warnings]
     text = "\n\n".join(lugre_table(fit) for fit in fits)
     return text, {"message": message, "parameters": estimates, "logs": entries, "warnings": warnings}
-
-
-def _entry(estimate: Any) -> dict[str, Any]:
-    return {key: getattr(estimate, key) for key in ("value", "unit", "std", "low", "high")}

@@ -5,11 +5,19 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from cyclopts import Parameter
-
-from clutchid.cli.common import BAD_INPUT, DONE, check_outputs, guarded, pressure, print_written
+from clutchid.cli.common import (
+    BAD_INPUT,
+    DONE,
+    DbcOption,
+    Flag,
+    MapOption,
+    check_outputs,
+    guarded,
+    pressure,
+    print_written,
+)
 from clutchid.cli.terminal import put, sentences
 from clutchid.errors import DataError
 from clutchid.parameters import Parameters
@@ -21,16 +29,17 @@ if TYPE_CHECKING:
     from clutchid.recordings.overview import FileOverview
 
 
+@guarded
 def look(
     file: Path,
     /,
     *,
     save: Path | None = None,
-    map_: Annotated[Path | None, Parameter(name="--map")] = None,
-    dbc: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None,
+    map_: MapOption = None,
+    dbc: DbcOption = None,
     ambient: str | None = None,
     start: Path | None = None,
-    debug: Annotated[bool, Parameter(negative="")] = False,
+    debug: Flag = False,
 ) -> int:
     """List the channels of a recording with unit, time grid, range and holes, all problems, and a channel map.
 
@@ -51,27 +60,23 @@ def look(
     debug
         Show the traceback of an error.
     """
+    from clutchid.recordings.look import look as look_at
+    from clutchid.recordings.map.channel_map import read_map, write_map
 
-    def work() -> int:
-        from clutchid.recordings.look import look as look_at
-        from clutchid.recordings.map.channel_map import read_map, write_map
-
-        check_outputs({"--save": save}, [("the recording itself", file), ("the calibration", start)])
-        content = None if start is None else start_file(start, None)
-        at = pressure(ambient, (content.actuator.parameters if content else Parameters()).P_0)
-        given = None if map_ is None else read_map(map_)
-        contents = look_at(file, at, tuple(dbc or ()), given)
-        put(sentences(contents.table(), sys.stdout))
-        put(sentences(_checks(file, contents, given, at, content), sys.stdout))
-        if save is not None:
-            proposed = contents.proposal.channels
-            write_map(replace(proposed, comments={**proposed.comments, "": contents.listing()}), save)
-            print_written(save)
-            if not proposed.channels:
-                put("No channel could be identified by its name: the file lists all channels, write the map by hand.")
-        return BAD_INPUT if contents.problems else DONE
-
-    return guarded(work, as_json=False, debug=debug)
+    check_outputs({"--save": save}, [("the recording itself", file), ("the calibration", start)])
+    content = None if start is None else start_file(start, None)
+    at = pressure(ambient, (content.actuator.parameters if content else Parameters()).P_0)
+    given = None if map_ is None else read_map(map_)
+    contents = look_at(file, at, tuple(dbc or ()), given)
+    put(sentences(contents.table(), sys.stdout))
+    put(sentences(_checks(file, contents, given, at, content), sys.stdout))
+    if save is not None:
+        proposed = contents.proposal.channels
+        write_map(replace(proposed, comments={**proposed.comments, "": contents.listing()}), save)
+        print_written(save)
+        if not proposed.channels:
+            put("No channel could be identified by its name: the file lists all channels, write the map by hand.")
+    return BAD_INPUT if contents.problems else DONE
 
 
 def _checks(

@@ -12,16 +12,16 @@ import threading
 import time
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from clutchid.cli.common import BAD_INPUT, DONE, FAILED, complain
-from clutchid.cli.observe_output import Files, Kept, answer, offer
+from clutchid.cli.observe_output import STANDARD_INPUT, FileTroubles, ObserveOptions, answer, offer
 from clutchid.cli.observe_sinks import (
     Sink,
     Stopped,
@@ -31,21 +31,17 @@ from clutchid.cli.observe_sinks import (
     unhurried_errors,
     view,
 )
-from clutchid.errors import DataError, ExportError, ParameterError
+from clutchid.errors import DataError, ExportError
 from clutchid.log import INPUTS, Log
 from clutchid.names import printable
-from clutchid.recordings.live.bus import BusName, bus_name
+from clutchid.recordings.live.bus import bus_name
+from clutchid.workflow import observer_of
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.observer.live import LiveRun
-    from clutchid.observer.observer import Observer
-    from clutchid.observer.state import ObserverState, Tail
+    from clutchid.observer.state import Tail
     from clutchid.recordings.live.arrival import LiveBlock
-    from clutchid.recordings.strokes.vented_rest import Zero
-
-#: What stands for standard input, and for standard output.
-STANDARD_INPUT = STANDARD_OUTPUT = "-"
 
 #: Signals that end a recording, and stop the command at once when they come again.
 STOPS = (signal.SIGINT, signal.SIGTERM)
@@ -54,63 +50,7 @@ STOPS = (signal.SIGINT, signal.SIGTERM)
 MINUTE = 60.0
 
 
-@dataclass(frozen=True, slots=True)
-class LiveOptions:
-    """How a live recording is read and observed, and where its results go.
-
-    `resume` is the state to go on from, `publish_every` the time in ms from one published sample to the next, `ambient`
-    the pressure in Pa for gauge units.
-    """
-
-    method: str
-    channel_map: Path | None
-    dbc: tuple[Path, ...]
-    resume: Path | None
-    follow: bool
-    publish: str | None
-    publish_every: float | None
-    view: bool
-    as_json: bool
-    ambient: float = math.nan
-    zero: Zero = "subtract"
-
-    @property
-    def bus(self) -> BusName | None:
-        """The bus that results go to, if they do."""
-        return bus_name(self.publish or "")
-
-    @property
-    def messages(self) -> TextIO:
-        """Where sentences go: standard output, unless lines are published there."""
-        return sys.stderr if self.publish == STANDARD_OUTPUT else sys.stdout
-
-    def check(self, log: Path) -> None:
-        """Check that the options go together and with the recording.
-
-        Raises
-        ------
-        ParameterError
-            If they do not.
-        """
-        if (self.publish is not None or self.view) and not (self.follow or is_live(log)):
-            option = "--view" if self.publish is None else f"--publish {self.publish}"
-            raise ParameterError(f"{option}: is for a live recording; give -, can:CHANNEL, or --follow {log}.")
-        if self.publish not in (None, STANDARD_OUTPUT) and self.bus is None:
-            raise ParameterError(
-                f"--publish {self.publish}: results go to -, standard output, or to a bus, such as can:can0."
-            )
-        if self.publish == STANDARD_OUTPUT and self.as_json:
-            raise ParameterError("--publish - and --json both write on standard output; leave one of them out.")
-        if self.publish_every is not None and not 0.0 <= self.publish_every < math.inf:
-            raise ParameterError(f"--publish-every {self.publish_every:g}: a time in ms is at least 0, for example 20.")
-
-
-def is_live(log: Path) -> bool:
-    """Whether a recording arrives while it is observed."""
-    return str(log) == STANDARD_INPUT or bus_name(str(log)) is not None
-
-
-def observe_live(files: Files, content: ParameterFile, options: LiveOptions) -> int:
+def observe_live(log: Path, content: ParameterFile, options: ObserveOptions, ambient: float) -> int:
     """Follow a live recording until it ends or is stopped; write all files, and say what was found.
 
     Raises
@@ -118,39 +58,30 @@ def observe_live(files: Files, content: ParameterFile, options: LiveOptions) -> 
     DataError, ExportError, ParameterError
         If nothing could be observed, or a file cannot be begun; nothing is written then.
     """
-    _check_format(files)
-    kept, left = Kept(), offer(files)
+    from clutchid.recordings.spool import SPOOLED
+
+    if options.out.suffix.lower() not in SPOOLED:
+        raise ExportError(f"--out {options.out}: a live recording is written as {' or '.join(SPOOLED)}, in any length.")
+    kept, left = FileTroubles(), offer(options)
     with stop_signals() as stopped:
-        with closing(_blocks(files.log, content, options, stopped)) as blocks:
-            run, trouble = _followed(blocks, files, content, options, kept, left, stopped)
-        kept.write_rest(files, run.recent(), content)
+        with closing(_blocks(log, content, options, ambient, stopped)) as blocks:
+            run, trouble = _followed(blocks, content, options, kept, left, stopped)
+        kept.write_rest(options, run.recent(), content)
     with unhurried_errors():
-        return _answered(run, trouble, files, content, options, kept)
+        return _answered(run, trouble, content, options, kept)
 
 
-def _answered(
-    run: LiveRun, trouble: str, files: Files, content: ParameterFile, options: LiveOptions, kept: Kept
-) -> int:
+def _answered(run: LiveRun, trouble: str, content: ParameterFile, options: ObserveOptions, kept: FileTroubles) -> int:
     """Say what was found, and what went wrong; the exit code."""
     failed = " ".join(kept.troubles)
     status = "bad_input" if trouble else "failed"
     message = " ".join(filter(None, (trouble, failed)))
-    answer(
-        run.recent(), content, files, as_json=options.as_json, trouble=(status, message), to=options.messages,
-        moved=kept.moved,
-    )  # fmt: skip
+    answer(run.recent(), content, options, trouble=(status, message), moved=kept.moved)
     if not message:
         return DONE
-    if options.as_json:
+    if options.json:
         return BAD_INPUT if trouble else FAILED
     return complain(message, as_json=False, status=status)
-
-
-def _check_format(files: Files) -> None:
-    from clutchid.recordings.spool import SPOOLED
-
-    if files.out.suffix.lower() not in SPOOLED:
-        raise ExportError(f"--out {files.out}: a live recording is written as {' or '.join(SPOOLED)}, in any length.")
 
 
 @contextmanager
@@ -178,7 +109,9 @@ def stop_signals() -> Iterator[Stopped]:
             signal.signal(number, handler)
 
 
-def _blocks(log: Path, content: ParameterFile, options: LiveOptions, stopped: Stopped) -> Generator[LiveBlock]:
+def _blocks(
+    log: Path, content: ParameterFile, options: ObserveOptions, ambient: float, stopped: Stopped
+) -> Generator[LiveBlock]:
     """Blocks of the recording as they arrive, with a duty cycle for both valves of the model."""
     from clutchid.observer.state_file import saved_origin
     from clutchid.recordings.live.bus import bus_blocks, from_bus
@@ -186,34 +119,33 @@ def _blocks(log: Path, content: ParameterFile, options: LiveOptions, stopped: St
     from clutchid.recordings.live.text import text_blocks
     from clutchid.recordings.map.channel_map import read_map
 
-    channels = None if options.channel_map is None else read_map(options.channel_map)
+    channels = None if options.map_ is None else read_map(options.map_)
     equipment = content.actuator.equipment
     required = ("time", "position", *equipment.recorded)
     if (bus := bus_name(str(log))) is not None:
         frames = from_bus(bus, stopped)
         name = printable(bus.channel)
         origin = None if options.resume is None else saved_origin(options.resume)
-        blocks = bus_blocks(frames, name, options.dbc, channels, options.ambient, required, origin)
+        blocks = bus_blocks(frames, name, tuple(options.dbc or ()), channels, ambient, required, origin)
     elif str(log) == STANDARD_INPUT:
         if sys.stdin is None:
             raise DataError(
                 "standard input: is closed; name a file, or send samples, as in: cat LOG | clutchid observe -"
             )
         pieces = from_descriptor(sys.stdin.fileno(), stopped)
-        blocks = text_blocks(pieces, "stdin", channels, options.ambient, required)
+        blocks = text_blocks(pieces, "stdin", channels, ambient, required)
     else:
         pieces = from_growing_file(log, stopped)
-        blocks = text_blocks(pieces, printable(log.stem), channels, options.ambient, required)
+        blocks = text_blocks(pieces, printable(log.stem), channels, ambient, required)
     for block in blocks:
         yield replace(block, log=equipment.driven(block.log))
 
 
 def _followed(
     blocks: Iterator[LiveBlock],
-    files: Files,
     content: ParameterFile,
-    options: LiveOptions,
-    kept: Kept,
+    options: ObserveOptions,
+    kept: FileTroubles,
     left: Sequence[Path],
     stopped: Stopped,
 ) -> tuple[LiveRun, str]:
@@ -221,11 +153,11 @@ def _followed(
 
     `left` are files of an earlier run; what comes again is cut from them where this one goes on from it.
     """
-    from clutchid.observer.live import checked, gone_on, live_run
+    from clutchid.observer.live import after_block, checked, live_run
     from clutchid.observer.recording import no_sample
 
     first = next(blocks)
-    one, state = _start(first, content, options)
+    one, state = observer_of(first.log, content, options.method, options.resume, options.zero)
     if options.follow and options.resume is not None:
         blocks = _behind(state.tail, chain([first], blocks), options.resume)
         first = next(blocks)
@@ -234,42 +166,30 @@ def _followed(
     run = live_run(one, state)
     trouble, saved = "", time.monotonic()
     with (
-        _sinks(options, files, stopped) as sinks,
-        kept.spooled(files.out) as add_samples,
-        kept.spooled(files.by_stroke) as add_strokes,
+        _sinks(options, stopped) as sinks,
+        kept.spooled(options.out) as add_samples,
+        kept.spooled(options.by_stroke) as add_strokes,
     ):
         for block in _until_trouble(first, blocks):
             if isinstance(block, DataError):
                 trouble = str(block)
                 break
             before = run
-            run, part = gone_on(run, block.log, block.left_out._asdict())
+            run, part = after_block(run, block.log, block.left_out._asdict())
             now = run.usable and time.monotonic() - saved >= MINUTE
             add_samples(part.estimates(), now=now)
             if part.strokes or part.before is run.before or now:
                 add_strokes(part.load_by_stroke(), now=now)
             if now:
                 saved = time.monotonic()
-                kept.save(files.save, run)
-            if before.checked is None and run.checked and not options.as_json:
+                kept.save(options.save, run)
+            if before.checked is None and run.checked and not options.json:
                 say_unhurried(run.checked)
             for sink in sinks:
                 sink(before, run, part)
         if not run.usable:
             raise DataError(trouble or no_sample(first.log.name))
     return checked(run), trouble
-
-
-def _start(first: LiveBlock, content: ParameterFile, options: LiveOptions) -> tuple[Observer, ObserverState]:
-    """The observer for a recording with these first samples, and the state that it starts from."""
-    from clutchid.observer.observer import observer, start
-    from clutchid.observer.recording import check_pace, spacing
-    from clutchid.observer.state_file import read_state, saved_spacing
-
-    every = spacing(first.log) if options.resume is None else saved_spacing(options.resume)
-    one = observer(content.actuator, options.method, every, content.calibration, options.zero)
-    check_pace(one, first.log)
-    return one, start(one) if options.resume is None else read_state(one, options.resume)
 
 
 def _behind(tail: Tail, blocks: Iterator[LiveBlock], resumed: Path) -> Iterator[LiveBlock]:
@@ -318,13 +238,13 @@ def _until_trouble(first: LiveBlock, blocks: Iterator[LiveBlock]) -> Iterator[Li
 
 
 @contextmanager
-def _sinks(options: LiveOptions, files: Files, stopped: Stopped) -> Iterator[list[Sink]]:
-    """What takes the results of each block besides the files."""
+def _sinks(options: ObserveOptions, stopped: Stopped) -> Iterator[list[Sink]]:
+    """Sinks of the results of each block, besides the files."""
     with ExitStack() as stack:
         sinks = []
         every = None if options.publish_every is None else 1e-3 * options.publish_every
-        if options.bus is not None:
-            sinks.append(stack.enter_context(published_frames(options.bus, every, files.results_dbc, stopped)))
+        if options.bus and options.results_dbc:
+            sinks.append(stack.enter_context(published_frames(options.bus, every, options.results_dbc, stopped)))
         elif options.publish is not None:
             sinks.append(stack.enter_context(published_lines(every or 0.0, stopped)))
         if options.view:

@@ -1,7 +1,8 @@
-"""Files of `clutchid observe`: what it reads, writes and keeps whatever fails, and its last words."""
+"""Options and files of `clutchid observe`: what it reads, writes and keeps whatever fails, and its last words."""
 
 from __future__ import annotations
 
+import math
 import shlex
 import sys
 import tempfile
@@ -10,13 +11,16 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Annotated, Literal, TextIO
 
-from clutchid.cli.common import EMPTY, check_outputs, print_json, print_written
+from cyclopts import Parameter
+
+from clutchid.cli.common import DbcOption, Flag, MapOption, check_outputs, print_json, print_written
 from clutchid.cli.observe_sinks import say_unhurried
 from clutchid.cli.terminal import print_rows, printable_lines, put, say
 from clutchid.errors import ExportError, ParameterError
 from clutchid.names import printable
+from clutchid.recordings.live.bus import BusName, bus_name
 from clutchid.workflow import start_file
 
 if TYPE_CHECKING:
@@ -27,18 +31,74 @@ if TYPE_CHECKING:
     from clutchid.recordings.spool import Add
 
 
-@dataclass(frozen=True, slots=True)
-class Files:
-    """Paths that are read and written; `publishes_frames` is whether results go to a bus, which writes a DBC."""
+#: Name of standard input, and of standard output.
+STANDARD_INPUT = STANDARD_OUTPUT = "-"
 
-    log: Path
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObserveOptions:
+    """Options of `observe`, and the files that they name.
+
+    Parameters
+    ----------
+    start
+        Calibration (TOML), as written by `clutchid calibrate --save`.
+    out
+        States by sample to write (.csv, .parquet, .mf4 or .mat); the load by stroke is written beside it, as
+        FILE.load.parquet for FILE.parquet.
+    method
+        joint: load, wearing parameters and states adapt (the default). joint-reduced: modes of the load in place of its
+        weights. states: the load stays as calibrated. paper: the paper's three weights. For comparison: adaptive
+        (constant gains) and rls (least squares on the balance of forces).
+    save
+        State after the last sample to write (TOML), for --resume.
+    resume
+        State to go on from, as written by --save with the same calibration and method.
+    report
+        Write a self-contained HTML page.
+    ambient
+        Ambient pressure for gauge units, for example 1.013bar; P_0 of the calibration by default.
+    map_
+        Channel map (TOML) of the recording, as written by `clutchid look --save`.
+    dbc
+        DBC files that decode a bus log; several may follow each other.
+    zero
+        Subtract from the position how far the vented rest has moved since the calibration, or keep it as recorded.
+    follow
+        Go on when LOG, CSV or JSON lines, grows, until Ctrl-C.
+    publish
+        Results of a live recording while it goes on: `-` writes JSON lines on standard output,
+        `can:CHANNEL` frames on a bus, whose DBC is written beside --out, as FILE.dbc.
+    publish_every
+        Time in ms from one published sample to the next; 0 publishes each, the default for lines; 10 for frames.
+    view
+        Show load curve, pressure and flags of a live recording on standard error, if that is a terminal.
+    force
+        Observe although a check of the recording is bad; the checks are those of `clutchid look`.
+    json
+        Print one JSON object on standard output.
+    debug
+        Show the traceback of an error.
+    """
+
     start: Path
     out: Path
-    save: Path | None
-    resume: Path | None
-    report: Path | None
-    dbc: tuple[Path, ...] = ()
-    publishes_frames: bool = False
+    method: str = "joint"
+    save: Path | None = None
+    resume: Path | None = None
+    report: Path | None = None
+    ambient: str | None = None
+    map_: MapOption = None
+    dbc: DbcOption = None
+    zero: Literal["subtract", "keep"] = "subtract"
+    follow: Flag = False
+    publish: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None
+    publish_every: float | None = None
+    view: Flag = False
+    force: Flag = False
+    json: Flag = False
+    debug: Flag = False
 
     @property
     def by_stroke(self) -> Path:
@@ -46,17 +106,49 @@ class Files:
         return self.out.with_name(f"{self.out.stem}.load{self.out.suffix}")
 
     @property
-    def results_dbc(self) -> Path:
-        """The DBC of published frames, beside the samples."""
-        return self.out.with_suffix(".dbc")
+    def bus(self) -> BusName | None:
+        """The bus that results go to, if they do."""
+        return bus_name(self.publish or "")
 
-    def check(self) -> None:
-        """Check, before any work, that the files can be written; a state may replace the one that it went on from."""
-        read: list[tuple[str, Path | None]] = [("the recording itself", self.log), ("the calibration", self.start)]
-        written = {"--out": self.out, "--out (load by stroke)": self.by_stroke, "--report": self.report}
-        if self.publishes_frames:
-            written["--publish (DBC)"] = self.results_dbc
-        read += [("the DBC of the recording", path) for path in self.dbc]
+    @property
+    def results_dbc(self) -> Path | None:
+        """The DBC of frames that are published, beside the samples."""
+        return self.out.with_suffix(".dbc") if self.bus else None
+
+    @property
+    def messages(self) -> TextIO:
+        """Stream for sentences: standard output, unless lines are published there."""
+        return sys.stderr if self.publish == STANDARD_OUTPUT else sys.stdout
+
+    def check(self, log: Path) -> None:
+        """Check that the options go together and with the recording, and that the files can be written.
+
+        A state may replace the one that it went on from.
+
+        Raises
+        ------
+        ExportError, ParameterError
+            If they do not, or cannot.
+        """
+        if (self.publish is not None or self.view) and not (self.follow or is_live(log)):
+            option = "--view" if self.publish is None else f"--publish {self.publish}"
+            raise ParameterError(f"{option}: is for a live recording; give -, can:CHANNEL, or --follow {log}.")
+        if self.publish not in (None, STANDARD_OUTPUT) and self.bus is None:
+            raise ParameterError(
+                f"--publish {self.publish}: results go to -, standard output, or to a bus, such as can:can0."
+            )
+        if self.publish == STANDARD_OUTPUT and self.json:
+            raise ParameterError("--publish - and --json both write on standard output; leave one of them out.")
+        if self.publish_every is not None and not 0.0 <= self.publish_every < math.inf:
+            raise ParameterError(f"--publish-every {self.publish_every:g}: a time in ms is at least 0, for example 20.")
+        read: list[tuple[str, Path | None]] = [("the recording itself", log), ("the calibration", self.start)]
+        read += [("the DBC of the recording", path) for path in self.dbc or ()]
+        written = {
+            "--out": self.out,
+            "--out (load by stroke)": self.by_stroke,
+            "--report": self.report,
+            "--publish (DBC)": self.results_dbc,
+        }
         check_outputs(written, [*read, ("the state of --resume", self.resume)])
         others = [(f"the file of {option}", path) for option, path in written.items()]
         check_outputs({"--save": self.save}, [*read, *others])
@@ -67,12 +159,8 @@ class Files:
 
         write(run.estimates(), self.out)
         write(run.load_by_stroke(), self.by_stroke)
-        self.write_rest(run, content)
-
-    def write_rest(self, run: ObservedRecording, content: ParameterFile) -> None:
-        """Write the state and the page."""
-        for path, write in self.rest(run, content):
-            write(path)
+        for path, write_one in self.rest(run, content):
+            write_one(path)
 
     def rest(self, run: ObservedRecording, content: ParameterFile) -> list[tuple[Path, Callable[[Path], None]]]:
         """Paths of the state and of the page, those that are asked for, and the functions that write them."""
@@ -86,6 +174,11 @@ class Files:
             (self.report, lambda path: observe_page(run, content.origin, command, path)),
         )
         return [(path, write) for path, write in each if path is not None]
+
+
+def is_live(log: Path) -> bool:
+    """Whether a recording arrives while it is observed."""
+    return str(log) == STANDARD_INPUT or bus_name(str(log)) is not None
 
 
 def origin_of(log: Log) -> float | None:
@@ -111,11 +204,9 @@ def calibration_file(path: Path) -> ParameterFile:
 def answer(
     run: ObservedRecording,
     content: ParameterFile,
-    files: Files,
+    options: ObserveOptions,
     *,
-    as_json: bool,
     trouble: tuple[str, str] = ("", ""),
-    to: TextIO | None = None,
     moved: Mapping[Path, Path | None] = MappingProxyType({}),
 ) -> None:
     """Say what was found, and which files were written.
@@ -124,28 +215,25 @@ def answer(
     ----------
     trouble
         Status and message, which is empty where a live recording ended without a fault.
-    to
-        Where sentences go, standard output by default.
     moved
         Places of files that could not be written where they were asked for; None is nowhere.
     """
     from clutchid.reports.observe_text import end_rows, observe_json, observe_sentence
 
-    if as_json:
+    if options.json:
         ended = dict(zip(("status", "message"), trouble, strict=True)) if trouble[1] else {}
-        print_json({**EMPTY, **observe_json(run, content.origin), **ended})
+        print_json({**observe_json(run, content.origin), **ended})
         return
     say(run.log.warnings)
-    put(printable_lines(f"observed {run.log.name}: {observe_sentence(run)}"), to=to)
-    print_rows(end_rows(run), to)
-    published = files.results_dbc if files.publishes_frames else None
-    written = [path for path in (files.out, files.by_stroke, files.save, files.report, published) if path is not None]
-    print_written(*(moved.get(path, path) for path in written), to=to)
+    put(printable_lines(f"observed {run.log.name}: {observe_sentence(run)}"), to=options.messages)
+    print_rows(end_rows(run), options.messages)
+    written = (options.out, options.by_stroke, options.save, options.report, options.results_dbc)
+    print_written(*(moved.get(path, path) for path in written if path is not None), to=options.messages)
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
-    """What went wrong with the files, as sentences, and where those are that are elsewhere; None is nowhere."""
+class FileTroubles:
+    """Faults of the files, as sentences, and the places of those that are elsewhere; None is nowhere."""
 
     troubles: list[str] = field(default_factory=list)
     moved: dict[Path, Path | None] = field(default_factory=dict)
@@ -212,9 +300,9 @@ class Kept:
             except ExportError as error:
                 say_unhurried([f"{error} The recording goes on."])
 
-    def write_rest(self, files: Files, run: ObservedRecording, content: ParameterFile) -> None:
+    def write_rest(self, options: ObserveOptions, run: ObservedRecording, content: ParameterFile) -> None:
         """Write the state and the page; in the folder for temporary files where that cannot be."""
-        for path, write in files.rest(run, content):
+        for path, write in options.rest(run, content):
             try:
                 write(path)
             except ExportError as error:
@@ -239,16 +327,16 @@ def _number(path: Path) -> int | None:
         return None
 
 
-def offer(files: Files) -> list[Path]:
-    """What an earlier run left that ended without writing its files; says so, and how to go on from it."""
+def offer(options: ObserveOptions) -> list[Path]:
+    """Files of an earlier run that ended without writing its own; says so, and how to go on from it."""
     from clutchid.recordings.spool import recovered
 
-    found = [path for each in (files.out, files.by_stroke) for path in recovered(each)]
+    found = [path for each in (options.out, options.by_stroke) for path in recovered(each)]
     if not found:
         return []
     names = " and ".join(map(str, found))
-    sentence = f"an earlier run ended before it wrote {files.out}: what it had observed is in {names}."
-    if files.save is not None and files.save.exists() and files.resume is None:
-        sentence += f" Its state is in {files.save}: go on from it with --resume {shlex.quote(str(files.save))}."
+    sentence = f"an earlier run ended before it wrote {options.out}: what it had observed is in {names}."
+    if options.save is not None and options.save.exists() and options.resume is None:
+        sentence += f" Its state is in {options.save}: go on from it with --resume {shlex.quote(str(options.save))}."
     say_unhurried([sentence])
     return found

@@ -1,4 +1,4 @@
-"""Where results of a live recording go besides files: lines on standard output, frames on a bus, a view of them."""
+"""Sinks of the results of a live recording, besides files: lines on standard output, frames on a bus, a view."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def _own_descriptor(stream: TextIO) -> Iterator[int | None]:
 
 
 def _sent(descriptor: int, text: bytes, stopped: Stopped, patience: float) -> bytes:
-    """What a descriptor did not take of a text: it is given `patience` seconds from one part to the next.
+    """Rest of a text that a descriptor did not take: it is given `patience` seconds from one part to the next.
 
     With 0 the first part must go at once, as after a stall.
     """

@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
-
-from clutchid.cli.common import DONE, guarded, pressure, progress_bar
+from clutchid.cli.common import DONE, Flag, guarded, pressure, progress_bar
 from clutchid.cli.terminal import put
 from clutchid.errors import ParameterError
 from clutchid.parameters import Parameters
-from clutchid.workflow import Reading, read_recordings
+from clutchid.workflow import FileOptions, read_recordings
 
 
+@guarded
 def paper(
     *,
     out: Path,
     fit: Path | None = None,
     verify: Path | None = None,
     ambient: str | None = None,
-    debug: Annotated[bool, Parameter(negative="")] = False,
+    debug: Flag = False,
 ) -> int:
     """Repeat the paper's study: Eq. (21), Tables 1 and 2, Figures 2 to 8, verification, as one HTML page.
 
@@ -37,19 +35,15 @@ def paper(
     debug
         Show the traceback of an error.
     """
+    from clutchid.study import bundled_recording, halves, paper_study
 
-    def work() -> int:
-        from clutchid.study import bundled_recording, halves, paper_study
-
-        if (fit is None) != (verify is None):
-            raise ParameterError("--fit and --verify: give both recordings, or neither.")
-        if fit is None or verify is None:
-            fitted, verified = halves(bundled_recording())
-        else:
-            fitted, verified = read_recordings([fit, verify], Reading(pressure(ambient, Parameters().P_0)))
-        with progress_bar("paper") as show:
-            paper_study(fitted, verified, out, progress=show)
-        put(f"The page: {(out / 'index.html').resolve()}")
-        return DONE
-
-    return guarded(work, as_json=False, debug=debug)
+    if (fit is None) != (verify is None):
+        raise ParameterError("--fit and --verify: give both recordings, or neither.")
+    if fit is None or verify is None:
+        fitted, verified = halves(bundled_recording())
+    else:
+        fitted, verified = read_recordings([fit, verify], FileOptions(pressure(ambient, Parameters().P_0)))
+    with progress_bar("paper") as show:
+        paper_study(fitted, verified, out, progress=show)
+    put(f"The page: {(out / 'index.html').resolve()}")
+    return DONE

@@ -8,12 +8,13 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, FAILED, guarded, print_written, progress_of
-from clutchid.cli.scheduler import NO_SCHEDULER, Scheduler
+from clutchid.cli.common import DONE, FAILED, Flag, guarded, print_written, progress_of
+from clutchid.cli.fleet import NO_SCHEDULER, Scheduler
 from clutchid.cli.terminal import WIDTH, put
 from clutchid.errors import ParameterError
 
 
+@guarded
 def prove(
     *,
     out: Path,
@@ -24,7 +25,7 @@ def prove(
     change: Annotated[list[str] | None, Parameter(negative="")] = None,
     workers: int = 1,
     scheduler: Annotated[Scheduler, Parameter(name="*")] = NO_SCHEDULER,
-    debug: Annotated[bool, Parameter(negative="")] = False,
+    debug: Flag = False,
 ) -> int:
     """Evaluate a workflow on virtual trucks: one calibration recording with pressure, two worn ones with position only.
 
@@ -52,27 +53,23 @@ def prove(
     debug
         Show the traceback of an error.
     """
+    from clutchid.fleets.cluster import Workers
+    from clutchid.recordings.files import write_text
+    from clutchid.reports.tables import to_csv, to_text
+    from clutchid.study.proving.ground import Conditions, kept
+    from clutchid.study.proving.ground import prove as run
+    from clutchid.study.proving.scores import every_recording, standings
 
-    def work() -> int:
-        from clutchid.fleets.cluster import Place
-        from clutchid.recordings.files import write_text
-        from clutchid.reports.tables import to_csv, to_text
-        from clutchid.study.proving.ground import Conditions, kept
-        from clutchid.study.proving.ground import prove as run
-        from clutchid.study.proving.scores import every_recording, standings
-
-        if trucks < 1 or seed < 0:
-            raise ParameterError(f"--trucks {trucks} --seed {seed}: needs at least 1 truck, and a seed of at least 0.")
-        place = Place(workers, scheduler.scheduler, tls=scheduler.tls())
-        numbers, conditions = range(seed, seed + trucks), Conditions(family, tuple(change or ()))
-        with progress_of("prove", "trucks") as progress:
-            results = run(workflow, numbers, out, conditions, place, progress)
-        everyone = kept(out, numbers)
-        table = standings(everyone)
-        write_text(to_csv(table), out / "standings.csv")
-        write_text(to_csv(every_recording(everyone)), out / "recordings.csv")
-        put(to_text(table, WIDTH), "", fill(table.note, WIDTH))
-        print_written(out / "recordings.csv")
-        return FAILED if all(result["failed"] for result in results) else DONE
-
-    return guarded(work, as_json=False, debug=debug)
+    if trucks < 1 or seed < 0:
+        raise ParameterError(f"--trucks {trucks} --seed {seed}: needs at least 1 truck, and a seed of at least 0.")
+    place = Workers(workers, scheduler.scheduler, tls=scheduler.tls())
+    numbers, conditions = range(seed, seed + trucks), Conditions(family, tuple(change or ()))
+    with progress_of("prove", "trucks") as progress:
+        results = run(workflow, numbers, out, conditions, place, progress)
+    everyone = kept(out, numbers)
+    table = standings(everyone)
+    write_text(to_csv(table), out / "standings.csv")
+    write_text(to_csv(every_recording(everyone)), out / "recordings.csv")
+    put(to_text(table, WIDTH), "", fill(table.note, WIDTH))
+    print_written(out / "recordings.csv")
+    return FAILED if all(result["failed"] for result in results) else DONE

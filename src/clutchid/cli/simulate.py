@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Literal
 
 from clutchid.cli.common import (
     DONE,
-    EMPTY,
+    DbcOption,
+    Flag,
+    MapOption,
     check_outputs,
     guarded,
     model_of,
@@ -20,16 +20,16 @@ from clutchid.cli.common import (
     print_written,
 )
 from clutchid.cli.terminal import put, say
-from clutchid.workflow import Reading, inspected, read_recordings, start_file
+from clutchid.workflow import FileOptions, inspected, read_recordings, start_file
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
-    from clutchid.estimation.parameter_tables import Starts
     from clutchid.log import Log
     from clutchid.recordings.strokes.vented_rest import ZeroedLog
     from clutchid.simulation import Partition, Simulation
 
 
+@guarded
 def simulate(
     log: Path,
     /,
@@ -42,11 +42,11 @@ def simulate(
     carry: Literal["p", "q"] | None = None,
     band: Path | None = None,
     ambient: str | None = None,
-    map_: Annotated[Path | None, Parameter(name="--map")] = None,
-    dbc: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None,
-    force: Annotated[bool, Parameter(negative="")] = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
-    debug: Annotated[bool, Parameter(negative="")] = False,
+    map_: MapOption = None,
+    dbc: DbcOption = None,
+    force: Flag = False,
+    json: Flag = False,
+    debug: Flag = False,
 ) -> int:
     """Simulate an actuator with the inputs of a recording and write all states.
 
@@ -84,24 +84,26 @@ def simulate(
     debug
         Show the traceback of an error.
     """
+    from clutchid.inference.uncertainty.switching_band import switching_band
+    from clutchid.recordings import write
 
-    def work() -> int:
-        from clutchid.recordings import write
-        from clutchid.simulation import simulate as simulate_log
-
-        check_outputs({"--out": out}, _inputs(log, parameters, band))
-        partition, content = partition_of(every, parts, carry), start_file(parameters, model_of(model))
-        air, files = pressure(ambient, content.actuator.parameters.P_0), [log] if band is None else [log, band]
-        read = read_recordings(files, Reading(air, map_, tuple(dbc or ())), content.actuator.equipment)
-        rested = [content.from_rest(each) for each in read]
-        recording, *others = inspected([one.log for one in rested], content.actuator, force=force)
-        starts, notes = _starts(recording, content, partition, parameters)
-        done = simulate_log(content.actuator, recording, partition=partition, starts=starts)
-        write(_banded(done.log, others, content, partition), out)
-        _answer(recording, done, (*recording.warnings, *_moved(rested[0]), *notes, *done.warnings), out, json)
-        return DONE
-
-    return guarded(work, as_json=json, debug=debug)
+    inputs = [
+        ("the recording itself", log),
+        ("the parameter file itself", parameters),
+        ("the recording of --band", band),
+    ]
+    check_outputs({"--out": out}, inputs)
+    partition, content = partition_of(every, parts, carry), start_file(parameters, model_of(model))
+    air, files = pressure(ambient, content.actuator.parameters.P_0), [log] if band is None else [log, band]
+    read = read_recordings(files, FileOptions(air, map_, tuple(dbc or ())), content.actuator.equipment)
+    rested = [content.from_rest(each) for each in read]
+    recording, *others = inspected([one.log for one in rested], content.actuator, force=force)
+    done, from_file = _simulated(recording, content, partition)
+    known = [(other, _simulated(other, content, partition)[0].log) for other in others]
+    write(switching_band(done.log, known) if known else done.log, out)
+    notes = () if from_file else _starts_of_another(recording, content, parameters)
+    _answer(recording, done, (*recording.warnings, *_moved(rested[0]), *notes, *done.warnings), out, json)
+    return DONE
 
 
 def _moved(rested: ZeroedLog) -> tuple[str, ...]:
@@ -124,9 +126,7 @@ def _answer(recording: Log, done: Simulation, warnings: Sequence[str], out: Path
     distinct = list(dict.fromkeys(warnings))
     if json:
         logs = {} if errors is None else {"errors": errors_json(errors), "logs": {recording.name: errors_json(errors)}}
-        print_json(
-            {**EMPTY, "status": "warning" if distinct else "ok", "message": done.message, "warnings": distinct, **logs}
-        )
+        print_json({"status": "warning" if distinct else "ok", "message": done.message, "warnings": distinct, **logs})
         return
     say(distinct)
     if errors is not None:
@@ -134,36 +134,21 @@ def _answer(recording: Log, done: Simulation, warnings: Sequence[str], out: Path
     print_written(out)
 
 
-def _inputs(log: Path, parameters: Path, band: Path | None) -> list[tuple[str, Path | None]]:
-    return [("the recording itself", log), ("the parameter file itself", parameters), ("the recording of --band", band)]
-
-
-def _banded(simulated: Log, others: list[Log], content: ParameterFile, partition: Partition | None) -> Log:
-    """`simulated` with an interval of its pressure from the recordings `others`, simulated in the same way."""
+def _simulated(log: Log, content: ParameterFile, partition: Partition | None) -> tuple[Simulation, bool]:
+    """Simulation of a recording, and whether the file has the start values of exactly this one; else estimated."""
     from clutchid.estimation.verification import starts_of
-    from clutchid.inference.uncertainty.switching_band import switching_band
     from clutchid.simulation import simulate as simulate_log
 
-    known = []
-    for other in others:
-        starts = content.starts_for(other) or starts_of(other, content.actuator, partition)
-        known.append((other, simulate_log(content.actuator, other, partition=partition, starts=starts).log))
-    return switching_band(simulated, known) if known else simulated
+    from_file = content.starts_for(log)
+    starts = starts_of(log, content.actuator, partition) if from_file is None else from_file
+    return simulate_log(content.actuator, log, partition=partition, starts=starts), from_file is not None
 
 
-def _starts(
-    recording: Log, content: ParameterFile, partition: Partition | None, file: Path
-) -> tuple[Starts, tuple[str, ...]]:
-    """Start values of the segments, from the parameter file `file` if it has them for exactly this recording."""
-    from clutchid.estimation.verification import starts_of
-
-    from_file = content.starts_for(recording)
-    if from_file is not None:
-        return from_file, ()
-    notes: tuple[str, ...] = ()
-    if content.starts.get(recording.name):
-        notes = (
-            f"{recording.name}: {file} has start values for a recording of this name, but not for exactly this file "
-            "(sha256 in [fit] data); they were estimated again.",
-        )
-    return starts_of(recording, content.actuator, partition), notes
+def _starts_of_another(recording: Log, content: ParameterFile, file: Path) -> tuple[str, ...]:
+    """That the parameter file has start values for another recording of this name."""
+    if not content.starts.get(recording.name):
+        return ()
+    return (
+        f"{recording.name}: {file} has start values for a recording of this name, but not for exactly this file "
+        "(sha256 in [fit] data); they were estimated again.",
+    )

@@ -1,4 +1,4 @@
-"""What commands print: one way to standard output, one to standard error; wrapped at words on a terminal."""
+"""Output of the commands: one way to standard output, one to standard error; wrapped at words on a terminal."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, TextIO
 from clutchid.names import printable
 
 if TYPE_CHECKING:
-    from clutchid.reports.summary import Row
+    from clutchid.reports.summary import SummaryRow
 
 #: Most columns of a terminal that are used.
 WIDTH = 80
@@ -89,7 +89,7 @@ def _wrapped(line: str) -> str:
     return fill(line, columns(), subsequent_indent=indent, break_long_words=False, break_on_hyphens=False) or line
 
 
-def print_rows(rows: Sequence[Row], to: TextIO | None = None) -> None:
+def print_rows(rows: Sequence[SummaryRow], to: TextIO | None = None) -> None:
     """Rows with labels, wrapped at words, on standard output by default; coloured on a terminal."""
     from rich.console import Console
     from rich.text import Text

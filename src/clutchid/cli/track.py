@@ -7,12 +7,13 @@ import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Literal
 
 from clutchid.cli.common import (
     DONE,
+    DbcOption,
+    Flag,
+    MapOption,
     check_outputs,
     guarded,
     life_limit,
@@ -26,9 +27,10 @@ from clutchid.errors import ExportError, ParameterError
 from clutchid.names import printable
 
 if TYPE_CHECKING:
-    from clutchid.fleets.tracking import Tracked
+    pass
 
 
+@guarded
 def track(
     *logs: Path,
     start: Path,
@@ -39,11 +41,11 @@ def track(
     report: Path | None = None,
     workers: int = 1,
     ambient: str | None = None,
-    map_: Annotated[Path | None, Parameter(name="--map")] = None,
-    dbc: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None,
+    map_: MapOption = None,
+    dbc: DbcOption = None,
     zero: Literal["subtract", "keep"] = "subtract",
-    json: Annotated[bool, Parameter(negative="")] = False,
-    debug: Annotated[bool, Parameter(negative="")] = False,
+    json: Flag = False,
+    debug: Flag = False,
 ) -> int:
     """Follow the wear of one clutch through its recordings: trend with bands, replaced clutches, what is left.
 
@@ -82,44 +84,28 @@ def track(
     debug
         Show the traceback of an error.
     """
-
-    def work() -> int:
-        from clutchid.fleets import tracking, verbs
-
-        shift, results = life_limit(limit), (out, tracking.curves_path(out))
-        _check(out, report, start, table, wear_table, logs)
-        outside = None if ambient is None else pressure(ambient, math.nan)
-        with progress_of("track") as progress:
-            found = verbs.track(
-                logs, start, table=table, wear_table=wear_table, limit=shift, workers=workers, ambient=outside,
-                channels=map_, dbc=dbc or (), zero=zero, results=results, progress=progress,
-            )  # fmt: skip
-        _write(found, out, report)
-        _say(found, (*results, report), as_json=json)
-        return DONE
-
-    return guarded(work, as_json=json, debug=debug)
-
-
-def _write(found: Tracked, out: Path, report: Path | None) -> None:
-    from clutchid.fleets.tracking import write_tracked
+    from clutchid.fleets import tracking, verbs
     from clutchid.reports.wear_page import wear_page
-
-    write_tracked(found, out)
-    if report is not None:
-        wear_page(found.wear, found.curves, printable(f"clutchid {shlex.join(sys.argv[1:])}"), report)
-
-
-def _say(found: Tracked, written: Sequence[Path | None], *, as_json: bool) -> None:
-    """Print the result, warnings apart."""
     from clutchid.reports.wear_text import wear_json, wear_lines
 
-    if as_json:
+    shift, results = life_limit(limit), (out, tracking.curves_path(out))
+    _check(out, report, start, table, wear_table, logs)
+    outside = None if ambient is None else pressure(ambient, math.nan)
+    with progress_of("track") as progress:
+        found = verbs.track(
+            logs, start, table=table, wear_table=wear_table, limit=shift, workers=workers, ambient=outside,
+            channels=map_, dbc=dbc or (), zero=zero, results=results, progress=progress,
+        )  # fmt: skip
+    tracking.write_tracked(found, out)
+    if report is not None:
+        wear_page(found.wear, found.curves, printable(f"clutchid {shlex.join(sys.argv[1:])}"), report)
+    if json:
         print_json(wear_json(found.wear))
-        return
+        return DONE
     say(found.wear.warnings)
     put(*map(printable_lines, wear_lines(found.wear)))
-    print_written(*written)
+    print_written(*results, report)
+    return DONE
 
 
 def _check(

@@ -122,19 +122,33 @@ def fit(
     ----------
     Section 3.1; rules for missing samples, starts and resets: docs/formats.md.
     """
-    request = FitRequest(
+    request = request_of(measure, free, bounds, partition, method, priors, profile, bootstrap, zero)
+    return fit_any(logs, actuator, replace(request, calibration=calibration), verify, on_failure, progress)
+
+
+def request_of(
+    measure: str | Sequence[str],
+    free: str | Sequence[str],
+    bounds: Mapping[str, tuple[float, float]] | None,
+    partition: Partition | None,
+    method: MethodName | None,
+    priors: Mapping[str, Prior] | None,
+    profile: str | Sequence[str],
+    bootstrap: int,
+    zero: Zero,
+) -> FitRequest:
+    """The request of a fit with these arguments of `fit`."""
+    return FitRequest(
         listed_names(measure),
         listed_names(free),
         bounds or {},
         partition,
         method,
         priors or {},
-        calibration,
-        listed_names(profile),
-        bootstrap,
+        profile=listed_names(profile),
+        bootstrap=bootstrap,
         zero=zero,
     )
-    return fit_any(logs, actuator, request, verify, on_failure, progress)
 
 
 def fit_any(

@@ -7,6 +7,7 @@ item does to its process is the same everywhere.
 from __future__ import annotations
 
 import asyncio
+import hashlib
 import logging
 import os
 import ssl
@@ -14,6 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache, partial
+from importlib.metadata import version
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
@@ -22,13 +24,22 @@ import psutil
 
 from clutchid import processes
 from clutchid.errors import ClutchidError, ParameterError, SolveError, missing
-from clutchid.fleets.jobs import version_and_source
 from clutchid.processes import FinishedWork, Limits, LostWork, Pool, check_workers
 from clutchid.recordings.files import plain_file
 
 if TYPE_CHECKING:
     from distributed import Client, Future
     from distributed.security import Security
+
+
+@cache
+def version_and_source() -> dict[str, str]:
+    """Version and source hash of clutchid, including the ranges of the virtual fleet."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parents[1].rglob("*")):
+        if path.suffix in (".py", ".j2", ".toml"):
+            digest.update(path.read_bytes())
+    return {"clutchid": version("clutchid"), "source": digest.hexdigest()[:16]}
 
 
 class Tls(NamedTuple):
@@ -111,8 +122,8 @@ def check_scheduler(client: Client, address: str, seconds: float) -> None:
             f"--scheduler {address}: has no workers; start them with `dask worker {address} --nthreads 1`."
         ) from None
     try:
-        here = client.sync(client._run_on_scheduler, _version, callback_timeout=seconds)
-        versions = client.sync(client._run, _version, on_error="return", callback_timeout=seconds)
+        here = client.sync(client._run_on_scheduler, version_and_source, callback_timeout=seconds)
+        versions = client.sync(client._run, version_and_source, on_error="return", callback_timeout=seconds)
     except TimeoutError:
         raise ParameterError(
             f"--scheduler {address}: a worker does not answer within {seconds:g} s; end it, or start it again."
@@ -129,10 +140,6 @@ def check_scheduler(client: Client, address: str, seconds: float) -> None:
             )
 
 
-def _version() -> dict[str, str]:
-    return version_and_source()
-
-
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
@@ -145,7 +152,7 @@ BATCH = 100
 #: Time in s that a scheduler, its first worker, and then all of its workers have to answer.
 ANSWER = 4.0
 
-#: How often an item is given out whose worker of Dask was lost, which is not ended by the item but from outside.
+#: Attempts at an item whose worker of Dask was lost, which is not ended by the item but from outside.
 ATTEMPTS = 5
 
 #: Files in which Linux says what memory the processes of a container may have together.
@@ -153,7 +160,7 @@ _CONTAINER = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_i
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class Workers:
     """Worker processes: on this machine, or those of the scheduler at an address.
 
     `memory` is that of one item in bytes; 0 for this machine's by the number of its processors, or for what the workers
@@ -169,11 +176,11 @@ class Place:
 
 
 #: One worker on this machine.
-HERE = Place()
+ONE_WORKER = Workers()
 
 
 def results(
-    work: Callable[[Item], Result], items: Iterable[Item], place: Place
+    work: Callable[[Item], Result], items: Iterable[Item], workers: Workers
 ) -> Iterator[FinishedWork[Item, Result]]:
     """Results in order of completion; what ends its process, or takes too long, is `LostWork` with a sentence.
 
@@ -195,17 +202,17 @@ def results(
     SolveError
         If the connection to the scheduler is lost.
     """
-    if place.scheduler:
-        with connected(place) as client:
-            yield from _spread(client, work, items, place)
+    if workers.scheduler:
+        with connected(workers) as client:
+            yield from _spread(client, work, items, workers)
     else:
-        check_workers(place.workers)
-        limits = Limits(place.seconds, place.memory or _memory_of_machine() // (os.cpu_count() or 1))
-        yield from processes.results(work, items, place.workers, limits)
+        check_workers(workers.workers)
+        limits = Limits(workers.seconds, workers.memory or _memory_of_machine() // (os.cpu_count() or 1))
+        yield from processes.results(work, items, workers.workers, limits)
 
 
 @contextmanager
-def connected(place: Place) -> Iterator[Client]:
+def connected(workers: Workers) -> Iterator[Client]:
     """The connection to a scheduler whose workers are ready.
 
     Raises
@@ -215,7 +222,7 @@ def connected(place: Place) -> Iterator[Client]:
     """
     try:
         import dask
-        import distributed  # noqa: F401
+        import distributed
     except ImportError as error:
         raise missing("sharing the work between machines", "Dask", "fleet") from error
     settings = {
@@ -223,38 +230,31 @@ def connected(place: Place) -> Iterator[Client]:
         "distributed.comm.retry.count": 0,
         "distributed.admin.tick.limit": "1h",
     }
-    with _quiet(), dask.config.set(settings), _client(place) as client:
-        check_scheduler(client, place.scheduler, ANSWER)
-        yield client
-
-
-@contextmanager
-def _client(place: Place) -> Iterator[Client]:
-    from distributed import Client
-
-    security = security_of(place.scheduler, place.tls)
-    try:
-        asyncio.run(answered(place.scheduler, security, ANSWER))
-        client = Client(place.scheduler, timeout=f"{ANSWER:g}s", security=security)
-    except Exception as error:  # whatever listens there may answer anything
-        raise ParameterError(
-            f"--scheduler {place.scheduler}: does not answer within {ANSWER:g} s ({type(error).__name__}); an address "
-            "is like tcp://host:8786, or tls://host:8786 for one with certificates, and the scheduler is started with "
-            "`dask scheduler`."
-        ) from error
-    with client:
-        yield client
+    with _quiet(), dask.config.set(settings):
+        security = security_of(workers.scheduler, workers.tls)
+        try:
+            asyncio.run(answered(workers.scheduler, security, ANSWER))
+            client = distributed.Client(workers.scheduler, timeout=f"{ANSWER:g}s", security=security)
+        except Exception as error:  # whatever listens there may answer anything
+            raise ParameterError(
+                f"--scheduler {workers.scheduler}: does not answer within {ANSWER:g} s ({type(error).__name__}); an "
+                "address is like tcp://host:8786, or tls://host:8786 for one with certificates, and the scheduler is "
+                "started with `dask scheduler`."
+            ) from error
+        with client:
+            check_scheduler(client, workers.scheduler, ANSWER)
+            yield client
 
 
 def _spread(
-    client: Client, work: Callable[[Item], Result], items: Iterable[Item], place: Place
+    client: Client, work: Callable[[Item], Result], items: Iterable[Item], workers: Workers
 ) -> Iterator[FinishedWork[Item, Result]]:
     """Results of the workers of a scheduler; an item whose worker is lost is given out again."""
     from distributed import as_completed
 
     waiting, todo = iter(items), as_completed()
     attempts: dict[Future[Any], tuple[Item, int]] = {}
-    there = partial(_done_there, work, Limits(place.seconds, place.memory))
+    there = partial(_done_there, work, Limits(workers.seconds, workers.memory))
 
     def submit(some: Sequence[Item], attempt: int) -> None:
         futures = client.map(there, some, pure=False)
@@ -263,7 +263,7 @@ def _spread(
 
     submit(list(islice(waiting, WINDOW)), 1)
     for batch in todo.batches():
-        for future, found in _outcomes(client, batch, place.scheduler):
+        for future, found in _outcomes(client, batch, workers.scheduler):
             item, attempt = attempts.pop(future)
             if found is None and attempt < ATTEMPTS:
                 submit([item], attempt + 1)

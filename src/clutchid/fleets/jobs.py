@@ -1,33 +1,26 @@
-"""The recordings of a fleet, their vehicles, types and calibrations, and the version that reads them."""
+"""The recordings of a fleet, their vehicles, types and calibrations; those that are not done yet, read by workers."""
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache
-from importlib.metadata import version
+from functools import partial
 from pathlib import Path
+from time import monotonic
 from typing import NamedTuple
 
-from clutchid.errors import DataError, ParameterError
-from clutchid.fleets.reading import ABSENT
+from clutchid.errors import ClutchidError, DataError, ParameterError
+from clutchid.fleets.cluster import Workers, results, version_and_source
+from clutchid.fleets.reading import ABSENT, ReadingOptions, RecordingResult, checksum_of, read_recording, unless_lost
+from clutchid.fleets.store import Store, StoredResult
 from clutchid.fleets.tracking import SUFFIXES, name_of, recording_files
 from clutchid.names import as_text
-from clutchid.recordings.files import is_there
+from clutchid.processes import FinishedWork, Pool
+from clutchid.recordings.files import digest, is_there
 from clutchid.wear.history import Listed
 from clutchid.wear.tables import read_fleet_table
-
-
-@cache
-def version_and_source() -> dict[str, str]:
-    """Version and source hash of clutchid, including the ranges of the virtual fleet."""
-    digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parents[1].rglob("*")):
-        if path.suffix in (".py", ".j2", ".toml"):
-            digest.update(path.read_bytes())
-    return {"clutchid": version("clutchid"), "source": digest.hexdigest()[:16]}
-
 
 #: A folder with this file is a fleet with a table, as `clutchid drive --fleet` writes it.
 TABLE = "recordings.csv"
@@ -164,3 +157,119 @@ def _job(
         what = f"type '{kind}'" if kind else f"vehicle '{vehicle}'"
         problem = as_text(f"there is no calibration of {what}: {start / (kind or vehicle)}.toml.")
     return Job(vehicle, recording, kind, path, calibration, problem)
+
+
+#: Lost results, which are tried again where the user says so.
+LOST = ("killed", "timed_out")
+
+
+class Task(NamedTuple):
+    """A recording of a vehicle to be read, the calibration to start from, and what its result depends on."""
+
+    vehicle: str
+    recording: str
+    path: Path
+    start: Path
+    inputs: str
+    file: str
+
+
+def tasks(fleet: Fleet, options: ReadingOptions, kept: Store, *, retry: bool = False) -> list[Task]:
+    """The recordings that are not done, or whose file, calibration or clutchid has changed since.
+
+    With `retry` also those that ended their worker or took too long.
+    """
+    done, inputs = kept.keys(), _inputs(fleet, options)
+    found = []
+    for job in fleet.jobs:
+        if job.path is None or job.start is None:
+            continue
+        key, file = (job.vehicle, job.recording), _file(job.path)
+        task = Task(*key, job.path, job.start, inputs[job.start], file)
+        known_inputs, known_file, checksum, status = done.get(key, ("", "", "", ""))
+        unread = file and not checksum  # as where a share was away for a while
+        if known_inputs != task.inputs or unread or (retry and status in LOST):
+            found.append(task)
+        elif known_file != file:
+            if checksum_of(job.path) == checksum:
+                kept.same_file(key, file)
+            else:
+                found.append(task)
+    return found
+
+
+def run(
+    workers: Workers,
+    options: ReadingOptions,
+    todo: Sequence[Task],
+    kept: Store,
+    progress: Callable[[int, int], None],
+) -> None:
+    """Read recordings, and keep every result as it comes.
+
+    Parameters
+    ----------
+    progress
+        Is called with the numbers of recordings that have been read, and of all.
+
+    Raises
+    ------
+    ExportError
+        If a result cannot be kept; those before are.
+    MissingExtra, ParameterError, SolveError
+        If the workers of a scheduler cannot be used, see `clutchid.fleets.cluster.results`.
+    """
+    last, count = monotonic(), 0
+    try:
+        for done in results(partial(_work, options), todo, workers):
+            kept.put(_result(done))
+            last, count = kept.saved(last), count + 1
+            progress(count, len(todo))
+    finally:
+        kept.saved()
+
+
+def compile_first(calibrations: Iterable[Path]) -> None:
+    """Compile the kernels of the models of some calibrations, in a worker that ends: all others only load them.
+
+    Workers on other machines compile once a machine, by themselves.
+    """
+    Pool().do(_compiled, tuple(calibrations))
+
+
+def _compiled(calibrations: Iterable[Path]) -> None:
+    from clutchid.model.compiled import compile_ahead
+    from clutchid.workflow import start_file
+
+    models = set()
+    for path in calibrations:
+        with suppress(ClutchidError):  # each of its recordings says so
+            models.add(start_file(path, None).actuator.model)
+    compile_ahead(models)
+
+
+def _work(options: ReadingOptions, task: Task) -> RecordingResult:
+    return read_recording(options, task.start, task.path)
+
+
+def _result(done: FinishedWork[Task, RecordingResult]) -> StoredResult:
+    task = done.item
+    read = unless_lost(task.path, done.result)
+    return StoredResult(task.vehicle, task.recording, task.inputs, task.file, read, done.seconds)
+
+
+def _inputs(fleet: Fleet, options: ReadingOptions) -> Mapping[Path, str]:
+    """Inputs of results beside the recording, by calibration."""
+    files = [path for path in (options.channel_map, *options.dbc) if path]
+    common = [version_and_source(), options.verb, repr(options.ambient), [digest(path) for path in files]]
+    starts = {job.start for job in fleet.jobs if job.start is not None}
+    return {start: json.dumps([digest(start), *common], sort_keys=True) for start in starts}
+
+
+def _file(path: Path) -> str:
+    """Size and time of a file, which tell that it has not changed without reading it; empty where it is gone."""
+    try:
+        known = path.stat()
+    except OSError:
+        return ""
+    return f"{known.st_size} {known.st_mtime_ns}"

@@ -8,24 +8,24 @@ import re
 import unicodedata
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import groupby, islice
+from itertools import groupby, islice, tee
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from clutchid.fleets.jobs import Fleet, Job, version_and_source
-from clutchid.fleets.reading import RecordingResult, counted_as, without_file
+from clutchid.fleets.cluster import version_and_source
+from clutchid.fleets.jobs import Fleet, Job
+from clutchid.fleets.reading import ABSENT, RecordingResult, counted_once, without_result
 from clutchid.fleets.store import Store, StoredResult
-from clutchid.fleets.tracking import Limits, Tracked, table_of
+from clutchid.fleets.tracking import LifeLimits, Tracked, load_table, table_of, tracked
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.recordings.files import atomic_write, make_folder, write_frame
 from clutchid.reports.fleet_page import fleet_page
 from clutchid.reports.fleet_tables import ReasonCount, VehicleRow
 from clutchid.reports.wear_page import wear_page
 from clutchid.reports.wear_text import alarm_words
-from clutchid.wear.history import WearReading, arranged
-from clutchid.wear.life import wear_of
+from clutchid.wear.trend import Interval
 
 if TYPE_CHECKING:
     import polars as pl
@@ -47,23 +47,19 @@ class RecordingRow(NamedTuple):
 
 def rows_of(fleet: Fleet, kept: Store) -> Iterator[RecordingRow]:
     """Every recording of a fleet in the order of vehicle and name; one that was sent twice counts once."""
-    done, first = _merged(fleet.jobs, kept.results()), dict[str, Job]()
-    for job, result in done:
-        if result is None:
-            yield RecordingRow(job, _without_result(job), float("nan"))
-            continue
-        read = result.read
-        other = first.setdefault(read.sha256, job) if read.sha256 and read.reading.has_result else job
-        if other is not job:
-            read = counted_as(read, f"{other.recording} of {other.vehicle}")
-        yield RecordingRow(job, read, result.seconds)
+    done, again = tee(_merged(fleet.jobs, kept.results()))
+    named = (
+        (f"{job.recording} of {job.vehicle}", result.read if result else _without_result(job)) for job, result in again
+    )
+    for (job, result), read in zip(done, counted_once(named), strict=True):
+        yield RecordingRow(job, read, result.seconds if result else float("nan"))
 
 
 def _without_result(job: Job) -> RecordingResult:
     if job.path is None:
-        return without_file(job.recording)
+        return without_result(Path(job.recording), "bad_input", ABSENT)
     message = job.problem or "was not read; run the same command again to go on."
-    return RecordingResult(job.path, WearReading("bad_input" if job.problem else "failed", message, "none", None))
+    return without_result(job.path, "bad_input" if job.problem else "failed", message)
 
 
 def _merged(jobs: Iterable[Job], results: Iterator[StoredResult]) -> Iterator[tuple[Job, StoredResult | None]]:
@@ -96,7 +92,8 @@ def write_results(fleet: Fleet, kept: Store, out: Path) -> Counter[str]:
         statuses.update(row.read.reading.status for row in some)
         results += map(_result, some)
         timings += [(row.job.recording, row.job.vehicle, row.seconds) for row in some]
-        write_frame(_curves(some), out / CURVES / f"part-{part:05d}.parquet")
+        keys = {what: [getattr(row.job, what) for row in some] for what in ("recording", "vehicle")}
+        write_frame(load_table(keys, [row.read.curve for row in some]), out / CURVES / f"part-{part:05d}.parquet")
         part += 1
     for old in sorted((out / CURVES).glob("part-*.parquet"))[part:]:
         old.unlink()
@@ -137,29 +134,14 @@ def _peak(curve: LoadCurve) -> tuple[float, float, float]:
     return float(curve.force[at]), float(curve.low[at]), float(curve.high[at])
 
 
-def _curves(rows: Iterable[RecordingRow]) -> pl.DataFrame:
-    import polars as pl
-
-    known = [(row.job, row.read.curve) for row in rows if row.read.curve is not None]
-    values = np.concatenate([curve.table() for _, curve in known]) if known else np.zeros((0, 4))
-    named = {
-        what: pl.Series(
-            [getattr(job, what) for job, curve in known for _ in range(curve.position.size)], dtype=pl.String
-        )
-        for what in ("recording", "vehicle")
-    }
-    heads = ("position [m]", "force [N]", "force low [N]", "force high [N]")
-    return pl.DataFrame({**named, **dict(zip(heads, values.T, strict=True))})
-
-
 #: Files of a run, and the folder of the pages of its vehicles, with what each was made from.
 WEAR, VEHICLES, INDEX, PAGES, MADE = "wear.parquet", "vehicles.parquet", "index.html", "vehicles", "made.json"
 
-#: What a sentence says of one recording only: names in quotes, paths, and numbers.
+#: Parts of a sentence that belong to one recording only: names in quotes, paths, and numbers.
 _PARTICULAR = re.compile(r"'[^']*'|\S*[/\\]\S*|\b\d[\d.,]*\b")
 
-#: A value with its band, of which nothing is known.
-UNKNOWN = (float("nan"), float("nan"), float("nan"))
+#: A value of which nothing is known.
+UNKNOWN = Interval(np.nan, np.nan, np.nan)
 
 #: Bytes of the name of a page, beside its mark and its suffix: most systems have 255 for all, some fewer.
 _LONGEST_NAME = 120
@@ -175,7 +157,7 @@ class FleetVehicle(NamedTuple):
     tracked: Tracked
 
 
-def vehicles_of(fleet: Fleet, kept: Store, limits: Mapping[str, Limits]) -> Iterator[FleetVehicle]:
+def vehicles_of(fleet: Fleet, kept: Store, limits: Mapping[str, LifeLimits]) -> Iterator[FleetVehicle]:
     """The wear of every vehicle of a fleet, from its results.
 
     Parameters
@@ -185,12 +167,9 @@ def vehicles_of(fleet: Fleet, kept: Store, limits: Mapping[str, Limits]) -> Iter
     """
     for vehicle, group in groupby(rows_of(fleet, kept), key=lambda row: row.job.vehicle):
         rows = list(group)
-        table = {row.job.recording: fleet.rows[vehicle, row.job.recording] for row in rows if fleet.rows}
-        reads = [row.read for row in rows]
-        history = arranged([row.job.recording for row in rows], [read.clock for read in reads], table)
-        kind = rows[0].job.type
-        wear = wear_of(vehicle, history, [read.reading for read in reads], limits[kind].table, limits[kind].shift)
-        yield FleetVehicle(kind, Tracked(wear, tuple(reads[i] for i in history.order)))
+        names, kind = [row.job.recording for row in rows], rows[0].job.type
+        table = {name: fleet.rows[vehicle, name] for name in names if fleet.rows}
+        yield FleetVehicle(kind, tracked(vehicle, names, [row.read for row in rows], table, limits[kind]))
 
 
 def write_vehicles(vehicles: Iterable[FleetVehicle], command: str, out: Path, *, trends: bool) -> int:
@@ -258,11 +237,11 @@ def _same(name: str) -> str:
 
 
 def _write_page(
-    tracked: Tracked, table: object, before: Mapping[str, str], command: str, out: Path, address: str
+    tracked: Tracked, table: pl.DataFrame, before: Mapping[str, str], command: str, out: Path, address: str
 ) -> str:
     """Write the page of a vehicle, unless its content is that of before; hash of the content."""
     make_folder(out / PAGES)
-    content = json.dumps([version_and_source(), table.to_dicts(), repr(tracked.wear.left)], default=str)  # type: ignore[attr-defined]
+    content = json.dumps([version_and_source(), table.to_dicts(), repr(tracked.wear.left)], default=str)
     digest = hashlib.sha256(content.encode()).hexdigest()
     if before.get(address) != digest or not (out / address).exists():
         wear_page(tracked.wear, tracked.curves, command, out / address, home=f"../{INDEX}")
@@ -273,33 +252,30 @@ def _row(one: FleetVehicle, page: str) -> VehicleRow:
     """The state of a vehicle at its last recording."""
     wear = one.tracked.wear
     counted = sum(wear.counted)
-
-    def now(name: str) -> tuple[float, float, float]:
-        band = wear.then.get(name)
-        return (float(band.value[-1]), float(band.low[-1]), float(band.high[-1])) if band and counted else UNKNOWN
-
+    now = {name: band.last for name, band in wear.then.items() if counted}
     rates = wear.rate.get("wear") or wear.rate["shift"]
-    rate = float(rates.value[-1]) if counted else float("nan")
+    rate = rates.last.value if counted else np.nan
+    left = Interval(wear.left.median, wear.left.low, wear.left.high) if wear.left else UNKNOWN
     last = next((dated.begin for dated in reversed(wear.dated) if dated.begin), None)
     return VehicleRow(
         wear.vehicle, one.type, len(wear.dated), counted, Counter(reading.status for reading in wear.readings), last,
-        *now("shift"), *now("load"), *now("wear"), rate, *(wear.left or UNKNOWN), wear.axis,
-        tuple(map(alarm_words, wear.alarms)), page, float("nan") if wear.limit is None else wear.limit,
+        now.get("shift", UNKNOWN), now.get("load", UNKNOWN), now.get("wear", UNKNOWN), rate, left,
+        wear.axis, tuple(map(alarm_words, wear.alarms)), page, np.nan if wear.limit is None else wear.limit,
     )  # fmt: skip
 
 
 def _listed(row: VehicleRow) -> Mapping[str, object]:
     """A vehicle as a row of a table."""
-    lengths = {f"{name}{side}_mm": 1e3 * getattr(row, f"{name}{side}") for name in ("shift", "wear") for side in _SIDES}
+
+    def columns(name: str, one: Interval, factor: float = 1.0, unit: str = "") -> Mapping[str, float]:
+        return {f"{name}{side}{unit}": factor * value for side, value in zip(("", "_low", "_high"), one, strict=True)}
+
     return {
         "vehicle": row.name, "type": row.type, "recordings": row.recordings, "counted": row.counted,
-        "last": row.last.isoformat() if row.last else None, "axis": row.axis, **lengths,
-        **{f"load_change{side}": getattr(row, f"load{side}") for side in _SIDES},
-        **{f"left{side}": getattr(row, f"left{side}") for side in _SIDES}, "alarms": "; ".join(row.alarms),
+        "last": row.last.isoformat() if row.last else None, "axis": row.axis,
+        **columns("shift", row.shift, 1e3, "_mm"), **columns("wear", row.wear, 1e3, "_mm"),
+        **columns("load_change", row.load), **columns("left", row.left), "alarms": "; ".join(row.alarms),
     }  # fmt: skip
-
-
-_SIDES = ("", "_low", "_high")
 
 
 def _add_reasons(tracked: Tracked, reasons: dict[tuple[str, str], list[str]]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -10,7 +11,7 @@ import numpy as np
 
 from clutchid import workflow
 from clutchid.errors import ClutchidError, DataError, ParameterError
-from clutchid.estimation.assess.comparison import HalfLoad, comparison, half_load_band
+from clutchid.estimation.assess.comparison import HalfLoad, comparison, half_load_band, measured
 from clutchid.estimation.assess.reasons import departs
 from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.request import FitRequest
@@ -19,13 +20,13 @@ from clutchid.names import as_text
 from clutchid.processes import LostWork
 from clutchid.recordings.files import digest
 from clutchid.recordings.strokes.vented_rest import Zero, from_rest
-from clutchid.wear.history import WearReading, leak_of, measured, unmeasured
+from clutchid.wear.history import WearReading, leak_of, unmeasured
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.log import Log
 
-#: What is wrong with a row of a table without a file.
+#: Problem of a row of a table without a file.
 ABSENT = "the table names it, but its file is not there, or several have its name."
 
 #: Why a recording that was observed gives no measurement.
@@ -35,15 +36,14 @@ _ONLY_ITS_END = "the load of an observer at the end of a recording is no measure
 UNKNOWN = HalfLoad(np.nan, np.nan, np.nan)
 
 
-class How(NamedTuple):
-    """The calibration to start from, and how recordings are read: ambient pressure in Pa, channel map, DBC files.
+class ReadingOptions(NamedTuple):
+    """Options for reading the load of a recording: ambient pressure in Pa, channel map, DBC files.
 
     The ambient pressure is P_0 of the calibration where it is NaN; `verb` is what reads the load: "observe", or "fit";
     `zero` says whether a vented rest that has moved is subtracted from the position.
     """
 
-    start: Path
-    ambient: float
+    ambient: float = np.nan
     channel_map: Path | None = None
     dbc: tuple[Path, ...] = ()
     verb: str = "fit"
@@ -62,49 +62,56 @@ class RecordingResult(NamedTuple):
     changes: tuple[str, ...] = ()
 
 
-def read_recording(how: How, path: Path) -> RecordingResult:
-    """Read the load of a recording from position alone; a fault is a status with its sentence."""
-    read = _read(how, path)
+def read_recording(options: ReadingOptions, start: Path, path: Path) -> RecordingResult:
+    """Read the load of a recording from position alone with the calibration `start`; a fault is a status."""
+    read = _read(options, start, path)
     reading = read.reading  # its sentences name the file
     return read._replace(reading=reading._replace(message=as_text(reading.message), reason=as_text(reading.reason)))
 
 
-def _read(how: How, path: Path) -> RecordingResult:
+def _read(options: ReadingOptions, start: Path, path: Path) -> RecordingResult:
     clock = checksum = ""
     try:
         checksum = digest(path)
-        content = _calibration(how.start, digest(how.start))
+        content = _calibration(start, digest(start))
         actuator = content.actuator
-        ambient = actuator.parameters.P_0 if np.isnan(how.ambient) else how.ambient
-        reading = workflow.Reading(ambient, how.channel_map, how.dbc)
-        (log,) = workflow.read_recordings([path], reading, actuator.equipment)
+        ambient = actuator.parameters.P_0 if np.isnan(options.ambient) else options.ambient
+        files = workflow.FileOptions(ambient, options.channel_map, options.dbc)
+        (log,) = workflow.read_recordings([path], files, actuator.equipment)
         clock = str(log.metadata.get("start", ""))
-        read = (_observed if how.verb == "observe" else _fitted)(log, content, path, how.zero)
+        read = (_observed if options.verb == "observe" else _fitted)(log, content, path, options.zero)
     except ClutchidError as error:
         status = "bad_input" if isinstance(error, DataError | ParameterError) else "failed"
-        return RecordingResult(path, WearReading(status, str(error), "none", None), clock, checksum)
+        return without_result(path, status, str(error), clock, checksum)
     except Exception as error:  # a fleet goes on
         sentence = f"an error that clutchid did not expect, {type(error).__name__}: {error}."
-        return RecordingResult(path, WearReading("failed", sentence, "none", None), clock, checksum)
+        return without_result(path, "failed", sentence, clock, checksum)
     return read._replace(clock=clock, sha256=checksum)
 
 
-def without_result(path: Path, lost: LostWork) -> RecordingResult:
-    """A recording whose process was lost."""
-    return RecordingResult(path, WearReading(lost.status, lost.message, "none", None), "", checksum_of(path))
+def without_result(path: Path, status: str, message: str, clock: str = "", sha256: str = "") -> RecordingResult:
+    """A recording that gives no load, with the reason."""
+    return RecordingResult(path, WearReading(status, message, "none", None), clock, sha256)
 
 
-def without_file(recording: str) -> RecordingResult:
-    """A row of a table whose file is not there."""
-    return RecordingResult(Path(recording), WearReading("bad_input", ABSENT, "none", None))
+def unless_lost(path: Path, read: RecordingResult | LostWork) -> RecordingResult:
+    """A recording as a worker process read it; without a result if the process was lost."""
+    return without_result(path, *read, sha256=checksum_of(path)) if isinstance(read, LostWork) else read
 
 
-def counted_as(read: RecordingResult, other: str) -> RecordingResult:
-    """A recording that is the same as another one, and gives no measurement of its own."""
-    sentence = f"the same recording as {other}; it counts once."
-    return read._replace(
-        reading=read.reading._replace(status="warning", message=sentence, measurement=None, reason=sentence)
-    )
+def counted_once(named: Iterable[tuple[str, RecordingResult]]) -> Iterator[RecordingResult]:
+    """Recordings by name; one that was sent twice counts once: the second is a warning without a measurement."""
+    first: dict[str, str] = {}
+    for name, read in named:
+        known = read.sha256 if read.reading.has_result else ""
+        if known in first:
+            sentence = f"the same recording as {first[known]}; it counts once."
+            again = read.reading._replace(status="warning", message=sentence, measurement=None, reason=sentence)
+            yield read._replace(reading=again)
+            continue
+        if known:
+            first[known] = name
+        yield read
 
 
 def checksum_of(path: Path) -> str:
@@ -136,16 +143,14 @@ def _fitted(log: Log, content: ParameterFile, path: Path, zero: Zero) -> Recordi
 def _observed(log: Log, content: ParameterFile, path: Path, zero: Zero) -> RecordingResult:
     """The load as `clutchid observe` has it at the end of the recording, which is no measurement of the wear."""
     from clutchid.estimation.assess.observed import indicators, observed_verdict
-    from clutchid.observer.observer import observer
-    from clutchid.observer.recording import observe_recording, spacing, too_slow
+    from clutchid.observer.recording import too_slow
     from clutchid.reports.observe_text import loads, observe_sentence
 
     rest = content.calibration.rest if content.calibration else None
     (checked,) = workflow.inspected([log], content.actuator, rest=rest, zero=zero)
     if slow := too_slow(checked, content.actuator):
         raise DataError(slow)
-    one = observer(content.actuator, "joint", spacing(checked), content.calibration, zero)
-    run = observe_recording(one, checked)
+    run = workflow.observed(checked, content, zero=zero)
     after = loads(run).after
     half = half_load_band(after, float(np.nanmax(checked["position"])))
     status = "warning" if checked.warnings or any(run.health.values()) else "ok"

@@ -15,12 +15,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from clutchid.errors import ExportError
-from clutchid.estimation.assess.comparison import HalfLoad
+from clutchid.estimation.assess.comparison import HalfLoad, Measurement
 from clutchid.fleets.reading import RecordingResult
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.recordings.files import atomic_write, make_folder
 from clutchid.recordings.strokes.vented_rest import RestShift
-from clutchid.wear.history import Leak, Measurement, WearReading
+from clutchid.wear.history import Leak, WearReading
 
 #: The file in the folder of a run.
 STORE = "run.sqlite"
@@ -31,35 +31,25 @@ COMMIT = 0.5
 #: Codes of SQLite where a file cannot be opened to write, which has nothing to do with room on the disk.
 _CLOSED = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_PERM)
 
-_SCHEMA = """
+#: Columns of what is done, with their types.
+_COLUMNS = {
+    "vehicle": "TEXT", "recording": "TEXT", "inputs": "TEXT NOT NULL", "file": "TEXT NOT NULL",
+    "status": "TEXT NOT NULL", "message": "TEXT NOT NULL", "sha256": "TEXT NOT NULL", "content": "TEXT NOT NULL",
+    "curve": "BLOB", "seconds": "REAL NOT NULL", "checksum": "TEXT NOT NULL DEFAULT ''",
+}  # fmt: skip
+
+_SCHEMA = f"""
 CREATE TABLE IF NOT EXISTS about (what TEXT PRIMARY KEY, value TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS done (
-    vehicle TEXT, recording TEXT, inputs TEXT NOT NULL, file TEXT NOT NULL, status TEXT NOT NULL, message TEXT NOT NULL,
-    sha256 TEXT NOT NULL, content TEXT NOT NULL, curve BLOB, seconds REAL NOT NULL, checksum TEXT NOT NULL DEFAULT '',
-    PRIMARY KEY (vehicle, recording)
+    {", ".join(map(" ".join, _COLUMNS.items()))}, PRIMARY KEY (vehicle, recording)
 );
 """
 
-
-_COLUMNS = (
-    "vehicle",
-    "recording",
-    "inputs",
-    "file",
-    "status",
-    "message",
-    "sha256",
-    "content",
-    "curve",
-    "seconds",
-    "checksum",
-)
-
-#: What is said of the run, beside what it is about: the checksum of that.
+#: Key of the checksum of what the run is about.
 _CHECKSUM = "checksum"
 
 #: A row of what is done, without and with its checksum.
-_Row = tuple[str | float | bytes | None, ...]
+_StoredRow = tuple[str | float | bytes | None, ...]
 
 
 class StoredResult(NamedTuple):
@@ -197,9 +187,9 @@ def _check_integrity(base: sqlite3.Connection) -> None:
         raise sqlite3.DatabaseError(fault)
 
 
-def _readable(path: Path) -> list[_Row]:
+def _readable(path: Path) -> list[_StoredRow]:
     """The rows of a damaged file that are whole: those before its first fault, and those behind its last one."""
-    found: dict[object, _Row] = {}
+    found: dict[object, _StoredRow] = {}
     for order in ("ASC", "DESC"):
         with suppress(sqlite3.DatabaseError), closing(sqlite3.connect(path, timeout=1.0)) as base:
             base.text_factory = _text
@@ -216,9 +206,9 @@ def _text(content: bytes) -> str:
 
 def _check_columns(base: sqlite3.Connection, folder: Path) -> None:
     names = [column[0] for column in base.execute("SELECT * FROM done LIMIT 0").description]
-    if names == list(_COLUMNS[:-1]):  # of an earlier version, whose results are read again
-        base.execute("ALTER TABLE done ADD COLUMN checksum TEXT NOT NULL DEFAULT ''")
-        names.append(_COLUMNS[-1])
+    if [*names, "checksum"] == list(_COLUMNS):  # of an earlier version, whose results are read again
+        base.execute(f"ALTER TABLE done ADD COLUMN checksum {_COLUMNS['checksum']}")
+        names.append("checksum")
     if names != list(_COLUMNS):
         raise ExportError(f"--out {folder}: its {STORE} is not from this version of clutchid; name another folder.")
 
@@ -271,16 +261,16 @@ def _checksum(values: Iterable[object]) -> str:
     return total.hexdigest()
 
 
-def _is_whole(row: _Row) -> bool:
+def _is_whole(row: _StoredRow) -> bool:
     """Whether a row is as it was kept."""
     return row[-1] == _checksum(row[:-1])
 
 
-def _insert(base: sqlite3.Connection, rows: Iterable[_Row]) -> None:
+def _insert(base: sqlite3.Connection, rows: Iterable[_StoredRow]) -> None:
     base.executemany(f"INSERT OR REPLACE INTO done VALUES ({', '.join('?' * len(_COLUMNS))})", rows)
 
 
-def _row(kept: StoredResult) -> _Row:
+def _row(kept: StoredResult) -> _StoredRow:
     read = kept.read
     row = (
         kept.vehicle, kept.recording, kept.inputs, kept.file, read.reading.status, read.reading.message,

@@ -11,13 +11,21 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from clutchid.errors import DataError
-from clutchid.fleets.reading import How, RecordingResult, counted_as, read_recording, without_file, without_result
+from clutchid.fleets.reading import (
+    ABSENT,
+    ReadingOptions,
+    RecordingResult,
+    counted_once,
+    read_recording,
+    unless_lost,
+    without_result,
+)
 from clutchid.fleets.store import STORE
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.names import as_text
-from clutchid.processes import LostWork, check_workers, results
+from clutchid.processes import check_workers, results
 from clutchid.recordings.files import write_frame
-from clutchid.wear.history import History, Listed, arranged
+from clutchid.wear.history import Listed, arranged
 from clutchid.wear.life import Wear, wear_of
 from clutchid.wear.trend import WearTable
 
@@ -28,14 +36,14 @@ if TYPE_CHECKING:
 SUFFIXES = (".parquet", ".csv", ".mf4", ".dat", ".mat", ".blf", ".asc", ".h5")
 
 
-class Limits(NamedTuple):
+class LifeLimits(NamedTuple):
     """Limits of a life: a shift in m, if one is given, and the load against the wear of the facing, if it is known."""
 
     shift: float | None = None
     table: WearTable | None = None
 
 
-NO_LIMIT = Limits()
+NO_LIMIT = LifeLimits()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,9 +141,10 @@ def vehicle_of(paths: Sequence[Path], table: Mapping[str, Listed], source: str) 
 
 def track(
     paths: Sequence[Path],
-    how: How,
+    start: Path,
+    options: ReadingOptions,
     table: Mapping[str, Listed],
-    limits: Limits = NO_LIMIT,
+    limits: LifeLimits = NO_LIMIT,
     workers: int = 1,
     progress: Callable[[int, int], None] | None = None,
     *,
@@ -159,43 +168,44 @@ def track(
     """
     check_workers(workers)
     found: dict[Path, RecordingResult] = {}
-    for done in results(partial(read_recording, how), paths, workers):
-        read = done.result
-        found[done.item] = without_result(done.item, read) if isinstance(read, LostWork) else read
+    for done in results(partial(read_recording, options, start), paths, workers):
+        found[done.item] = unless_lost(done.item, done.result)
         if progress:
             progress(len(found), len(paths))
     names = [name_of(path) for path in paths]
     absent = sorted(name for name, row in table.items() if row.vehicle == vehicle and name not in set(names))
-    reads = [*_once([found[path] for path in paths]), *(without_file(name) for name in absent)]
-    history = arranged([*names, *absent], [read.clock for read in reads], table)
-    history = _with_folders(history, paths, table)
+    reads = [
+        *counted_once((as_text(path.name), found[path]) for path in paths),
+        *(without_result(Path(name), "bad_input", ABSENT) for name in absent),
+    ]
+    return tracked(vehicle, [*names, *absent], reads, table, limits, () if table else _several_folders(paths))
+
+
+def tracked(
+    vehicle: str,
+    names: Sequence[str],
+    reads: Sequence[RecordingResult],
+    table: Mapping[str, Listed],
+    limits: LifeLimits,
+    warnings: Sequence[str] = (),
+) -> Tracked:
+    """The wear of a vehicle through recordings that were read, with `names` in the `table`, in any order."""
+    history = arranged(names, [read.clock for read in reads], table)
+    history = replace(history, warnings=(*warnings, *history.warnings))
     wear = wear_of(vehicle, history, [read.reading for read in reads], limits.table, limits.shift)
     return Tracked(wear, tuple(reads[i] for i in history.order))
 
 
-def _with_folders(history: History, paths: Sequence[Path], table: Mapping[str, Listed]) -> History:
-    """The history with a warning of recordings in several folders, of which no table says that they belong together."""
+def _several_folders(paths: Sequence[Path]) -> tuple[str, ...]:
+    """Warning of recordings in several folders, of which no table says that they belong together."""
     folders = sorted({path.resolve().parent for path in paths})
-    if table or len(folders) < 2:
-        return history
+    if len(folders) < 2:
+        return ()
     names = ", ".join([*(as_text(one.name) for one in folders[:3]), *(["..."] if len(folders) > 3 else [])])
-    warning = (
+    return (
         f"the recordings lie in {len(folders)} folders ({names}) and are taken for those of one vehicle; give --table "
-        "with the vehicle of each, or one folder."
+        "with the vehicle of each, or one folder.",
     )
-    return replace(history, warnings=(warning, *history.warnings))
-
-
-def _once(reads: Sequence[RecordingResult]) -> list[RecordingResult]:
-    """A recording that was sent twice counts once: the second is a warning without a measurement."""
-    first: dict[str, Path] = {}
-    found = []
-    for read in reads:
-        other = first.setdefault(read.sha256, read.path) if read.sha256 and read.reading.has_result else read.path
-        if other != read.path:
-            read = counted_as(read, as_text(other.name))  # noqa: PLW2901
-        found.append(read)
-    return found
 
 
 def table_of(tracked: Tracked) -> pl.DataFrame:
@@ -243,15 +253,16 @@ def table_of(tracked: Tracked) -> pl.DataFrame:
     return pl.DataFrame(columns)
 
 
-def curves_of(tracked: Tracked) -> pl.DataFrame:
-    """The load of every recording that was read: position, force and its 95 % band."""
+def load_table(keys: Mapping[str, Sequence[str]], curves: Sequence[LoadCurve | None]) -> pl.DataFrame:
+    """Loads below each other, those that are known: columns of `keys` with a text a load, position, force and band."""
     import polars as pl
 
-    read = [one for one in tracked.reads if one.curve is not None]
-    values = np.concatenate([one.curve.table() for one in read if one.curve]) if read else np.zeros((0, 4))
-    names = [name_of(one.path) for one in read for _ in range(one.curve.position.size if one.curve else 0)]
+    known = [(i, curve) for i, curve in enumerate(curves) if curve is not None]
+    values = np.concatenate([curve.table() for _, curve in known]) if known else np.zeros((0, 4))
+    rows = [i for i, curve in known for _ in range(curve.position.size)]
+    named = {key: pl.Series([texts[i] for i in rows], dtype=pl.String) for key, texts in keys.items()}
     heads = ("position [m]", "force [N]", "force low [N]", "force high [N]")
-    return pl.DataFrame({"recording": names, **dict(zip(heads, values.T, strict=True))})
+    return pl.DataFrame({**named, **dict(zip(heads, values.T, strict=True))})
 
 
 def write_tracked(tracked: Tracked, out: Path) -> None:
@@ -263,7 +274,8 @@ def write_tracked(tracked: Tracked, out: Path) -> None:
         If a file cannot be written; an existing one is then unchanged.
     """
     write_frame(table_of(tracked), out)
-    write_frame(curves_of(tracked), curves_path(out))
+    names = [name_of(read.path) for read in tracked.reads]
+    write_frame(load_table({"recording": names}, [read.curve for read in tracked.reads]), curves_path(out))
 
 
 def curves_path(out: Path) -> Path:

@@ -11,11 +11,10 @@ from typing import Literal
 from clutchid import workflow
 from clutchid.errors import ParameterError
 from clutchid.fleets import tracking
-from clutchid.fleets.cluster import HERE, Place
-from clutchid.fleets.jobs import Fleet, fleet_of
+from clutchid.fleets.cluster import ONE_WORKER, Workers
+from clutchid.fleets.jobs import Fleet, compile_first, fleet_of, run, tasks
 from clutchid.fleets.output import vehicles_of, write_results, write_vehicles
-from clutchid.fleets.reading import How
-from clutchid.fleets.run import Options, compile_first, run, tasks
+from clutchid.fleets.reading import ReadingOptions
 from clutchid.fleets.store import store
 from clutchid.fleets.tracking import Tracked
 from clutchid.names import as_text
@@ -87,15 +86,15 @@ def track(
     DataError, ParameterError
         If there are no recordings, they belong to several vehicles, or a file cannot be understood.
     """
-    content = workflow.start_file(Path(start), None)
+    workflow.start_file(Path(start), None)  # a broken one is one sentence, not one a recording
     rows = read_table(Path(table)) if table else {}
-    ends = tracking.Limits(limit, read_wear_table(Path(wear_table)) if wear_table else None)
+    ends = tracking.LifeLimits(limit, read_wear_table(Path(wear_table)) if wear_table else None)
     several = [recordings] if isinstance(recordings, str | PathLike) else recordings
     paths = tracking.recordings_of([Path(one) for one in several], results)
     vehicle = tracking.vehicle_of(paths, rows, str(table))
-    outside = content.actuator.parameters.P_0 if ambient is None else ambient
-    how = How(Path(start), outside, Path(channels) if channels else None, tuple(map(Path, dbc)), zero=zero)
-    return tracking.track(paths, how, rows, ends, workers, progress, vehicle=vehicle)
+    outside = float("nan") if ambient is None else ambient
+    options = ReadingOptions(outside, Path(channels) if channels else None, tuple(map(Path, dbc)), zero=zero)
+    return tracking.track(paths, Path(start), options, rows, ends, workers, progress, vehicle=vehicle)
 
 
 def fleet(
@@ -104,7 +103,7 @@ def fleet(
     out: str | PathLike[str],
     *,
     verb: Literal["fit", "observe", "track"] = "fit",
-    place: Place = HERE,
+    place: Workers = ONE_WORKER,
     limit: float | None = None,
     retry: bool = False,
     ambient: float = float("nan"),
@@ -125,8 +124,8 @@ def fleet(
         Folder of the results, new or that of a run to go on with.
     verb : 'fit', 'observe' or 'track'
         What reads the load; with 'track' the wear of each vehicle is followed as well.
-    place : Place
-        Number of workers or a scheduler, and limits of time and memory, see `clutchid.fleets.cluster.Place`.
+    place : Workers
+        Number of workers or a scheduler, and limits of time and memory, see `clutchid.fleets.cluster.Workers`.
     limit : m, optional
         With 'track': shift of the half-load position that ends the life of a clutch.
     retry : bool
@@ -156,25 +155,24 @@ def fleet(
     found = fleet_of(origin, calibrations)
     if calibrations.is_file():
         workflow.start_file(calibrations, None)  # a broken one is one sentence, not one a recording
-    options = Options(
-        "observe" if verb == "observe" else "fit", ambient, Path(channels) if channels else None, tuple(map(Path, dbc))
-    )
+    how = "observe" if verb == "observe" else "fit"
+    options = ReadingOptions(ambient, Path(channels) if channels else None, tuple(map(Path, dbc)), how)
     with store(folder, {"source": as_text(str(origin.resolve())), "verb": verb}) as kept:
         todo = tasks(found, options, kept, retry=retry)
         if todo:
             if not place.scheduler:
-                compile_first({task.how.start for task in todo})
-            run(place, todo, kept, progress or (lambda _done, _all: None))
+                compile_first({task.start for task in todo})
+            run(place, options, todo, kept, progress or (lambda _done, _all: None))
         statuses = write_results(found, kept, folder)
         vehicles = vehicles_of(found, kept, _limits(found, calibrations, limit))
         count = write_vehicles(vehicles, command, folder, trends=verb == "track")
     return FleetRun(statuses, count, len(todo), folder)
 
 
-def _limits(found: Fleet, start: Path, shift: float | None) -> dict[str, tracking.Limits]:
+def _limits(found: Fleet, start: Path, shift: float | None) -> dict[str, tracking.LifeLimits]:
     """End of a life by type: a shift in m for all, and the load against wear of a type, beside its calibration."""
     tables = {kind: start / f"{kind}.wear.csv" for kind in {job.type for job in found.jobs}}
     return {
-        kind: tracking.Limits(shift, read_wear_table(path) if kind and path.is_file() else None)
+        kind: tracking.LifeLimits(shift, read_wear_table(path) if kind and path.is_file() else None)
         for kind, path in tables.items()
     }

@@ -35,7 +35,7 @@ STROKES_A_METRE = 3e8
 #: Names of the files of a fleet, and of their folders.
 TABLE, TRUTH, RECORDINGS, CALIBRATIONS = "recordings.csv", "truth.csv", "recordings", "calibrations"
 
-Row = Mapping[str, Any]
+CsvRow = Mapping[str, Any]
 
 
 def write_fleet(
@@ -76,7 +76,7 @@ def write_fleet(
     kinds = sorted({(visit.family, visit.number) for visit in visits})
     for family, number in kinds:
         _write_calibration(out / CALIBRATIONS, family, number)
-    found: dict[str, Row] = {}
+    found: dict[str, CsvRow] = {}
     for done in results(partial(_recorded, out, seconds), visits, workers):
         if isinstance(done.result, LostWork):
             raise SolveError(f"{done.item.recording}: {done.result.message}")
@@ -131,7 +131,7 @@ def true_load(vehicle: Vehicle) -> FloatArray:
     return force
 
 
-def _recorded(out: Path, seconds: float, visit: Visit) -> Row:
+def _recorded(out: Path, seconds: float, visit: Visit) -> CsvRow:
     """Drive and write a recording; the row of its truth."""
     done = drive(
         visit.truck, seconds=seconds, seed=visit.seed, wear=visit.wear, cycles=visit.cycles,
@@ -147,7 +147,7 @@ def _recorded(out: Path, seconds: float, visit: Visit) -> Row:
     return _truth(visit, done.truth.truck)
 
 
-def _truth(visit: Visit, vehicle: Vehicle) -> Row:
+def _truth(visit: Visit, vehicle: Vehicle) -> CsvRow:
     """True values of a recording; `limit [mm]` is the shift of the half-load position at the end of the facing."""
     new = truck(visit.number, visit.family)
     at_rest, load = half_load(POSITIONS, true_load(new)), true_load(vehicle)
@@ -175,7 +175,7 @@ def _truth(visit: Visit, vehicle: Vehicle) -> Row:
     }
 
 
-def _listed(visit: Visit) -> list[Row]:
+def _listed(visit: Visit) -> list[CsvRow]:
     """Rows of the table of recordings: two of one that was sent twice."""
     names = [visit.recording, *([f"{visit.recording}_again"] if visit.fault == "twice" else [])]
     known = {
@@ -188,7 +188,7 @@ def _listed(visit: Visit) -> list[Row]:
     return [{"recording": name, **known} for name in names]
 
 
-def _write_csv(path: Path, rows: Sequence[Row]) -> None:
+def _write_csv(path: Path, rows: Sequence[CsvRow]) -> None:
     with atomic_write(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, list(rows[0]))
         writer.writeheader()

@@ -64,7 +64,7 @@ def live_run(observer: Observer, state: ObserverState) -> LiveRun:
     return LiveRun(observer, state, state, latest=latest)
 
 
-def gone_on(run: LiveRun, block: Log, left_out: Mapping[str, int]) -> tuple[LiveRun, ObservedRecording]:
+def after_block(run: LiveRun, block: Log, left_out: Mapping[str, int]) -> tuple[LiveRun, ObservedRecording]:
     """A recording after a block of its samples, and that block; blocks of any length give the same numbers.
 
     Parameters

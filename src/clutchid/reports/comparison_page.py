@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,12 +13,12 @@ from clutchid.estimation.assess.comparison import ENGAGING, Comparison, HalfLoad
 from clutchid.estimation.assess.verdict import verdict
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.estimates import LoadCurve
-from clutchid.log import FloatArray
+from clutchid.names import capital
 from clutchid.reports.changes import assumed_sentences, since_calibration
-from clutchid.reports.figures import draw, label, legend, mark_span, new_figure, svg
-from clutchid.reports.html import Block, Bullets, Notice, PageSection, Picture, Text, escape
+from clutchid.reports.figures import draw, fill, label, legend, mark_span, new_figure, svg
+from clutchid.reports.html import Block, Bullets, Notice, PageSection, Picture, Text
 from clutchid.reports.style import MM, STYLE, Line
-from clutchid.reports.summary import POSITIONS, of_the_paper
+from clutchid.reports.summary import POSITIONS, interval_words, of_the_paper
 from clutchid.reports.tables import STEP, Cell, Column, ReportTable
 
 if TYPE_CHECKING:
@@ -28,6 +29,8 @@ _ASSUMED = (
     "There is no calibration: without --start everything that is not fitted is taken from the truck of the paper "
     "(Appendix A). On another truck the load has errors that its interval does not include."
 )
+
+_AT_95 = " mm at 95 %"
 
 _CAPTION = (
     "Load at the calibration and now, each with its pointwise 95 % band, and the present load less the calibrated one. "
@@ -45,7 +48,7 @@ def comparison_sections(fit: Fit) -> list[PageSection]:
         return [PageSection("Since the calibration", (Notice(_ASSUMED),))] if assumed else []
     found = comparison(fit)
     sentences = since_calibration(fit) or ["Besides the load no change was found."]
-    sentences += [f"{sentence[0].upper()}{sentence[1:]}." for sentence in assumed_sentences(fit)]
+    sentences += [f"{capital(sentence)}." for sentence in assumed_sentences(fit)]
     changed = Bullets(tuple(map(escape, sentences)))
     blocks: list[Block] = [Text(_baseline(fit.baseline))]
     if found is not None:
@@ -76,14 +79,11 @@ def _shift(found: Comparison) -> str:
     shift = found.shift
     if not np.isfinite(shift.position):
         return "One of the loads does not reach half of its peak, so that its position cannot be compared."
-    now, before = (f"{at.position / MM:.2f} mm{_interval(at)}" for at in (found.half_now, found.half_before))
-    moved = f"<b>{shift.position / MM:+z.2f} mm</b>{_interval(shift, '+')}"
+    now, before = (
+        f"{at.position / MM:.2f} mm{interval_words(at, behind=_AT_95)}" for at in (found.half_now, found.half_before)
+    )
+    moved = f"<b>{shift.position / MM:+z.2f} mm</b>{interval_words(shift, '+', _AT_95)}"
     return f"The load reaches half of its peak at {now}, at the calibration at {before}: {moved}."
-
-
-def _interval(at: HalfLoad, sign: str = "") -> str:
-    known = np.isfinite(at.low + at.high)
-    return f" ({at.low / MM:{sign}z.2f} to {at.high / MM:{sign}z.2f} mm at 95 %)" if known else ""
 
 
 def comparison_figure(found: Comparison) -> Figure:
@@ -95,7 +95,7 @@ def comparison_figure(found: Comparison) -> Figure:
         mark_span(axis, ENGAGING[0] / MM, ENGAGING[1] / MM)
     _draw_load(loads, found.calibrated, found.half_before, found.reach, Line(STYLE.orange, "at the calibration", 2.0))
     _draw_load(loads, found.present, found.half_now, found.reach, Line(STYLE.blue, "now", 2.0))
-    _band(difference, x, change.low[inside], change.high[inside], STYLE.red)
+    fill(difference, x, change.low[inside], change.high[inside], Line(STYLE.red, opacity=0.2, layer=1))
     draw(difference, x, change.force[inside], Line(STYLE.red, "now less calibration", 1.6))
     difference.axhline(0.0, color=STYLE.ink, linewidth=0.7)
     label(loads, y="load [N]")
@@ -110,16 +110,11 @@ def comparison_figure(found: Comparison) -> Figure:
 def _draw_load(axis: Axes, curve: LoadCurve, half: HalfLoad, reach: float, line: Line) -> None:
     inside = curve.position <= reach
     x = curve.position[inside] / MM
-    _band(axis, x, curve.low[inside], curve.high[inside], line.colour)
+    fill(axis, x, curve.low[inside], curve.high[inside], Line(line.colour, opacity=0.2, layer=1))
     draw(axis, x, curve.force[inside], line)
     if np.isfinite(half.position):
         force = float(np.interp(half.position, curve.position, curve.force))
         axis.plot([half.position / MM], [force], "o", color=line.colour, markersize=5, zorder=4)
-
-
-def _band(axis: Axes, x: FloatArray, low: FloatArray, high: FloatArray, colour: str) -> None:
-    known = np.isfinite(low) & np.isfinite(high)
-    axis.fill_between(x, low, high, where=known.tolist(), color=colour, alpha=0.2, linewidth=0)
 
 
 def change_table(found: Comparison) -> ReportTable:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from html import escape
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -13,8 +14,9 @@ from clutchid.estimation.assess.diagnostics import ColumnDiagnosis, Diagnosis, r
 from clutchid.estimation.assess.evidence import HORIZON, Evidence, information
 from clutchid.estimation.assess.verdict import Verdict
 from clutchid.log import FloatArray
+from clutchid.names import capital
 from clutchid.reports.figures import label, new_figure, png, shared_legend
-from clutchid.reports.html import Block, Bullets, Details, Notice, Picture, Text, escape
+from clutchid.reports.html import Block, Bullets, Details, Notice, Picture, Text
 from clutchid.reports.style import MM, STYLE
 from clutchid.reports.tables import Cell, Column, ReportTable
 
@@ -173,9 +175,7 @@ def residual_blocks(fit: Fit, diagnosis: Diagnosis) -> tuple[Block, ...]:
 
 def _capital(sentence: str, names: Collection[str] = ()) -> str:
     named = "_" in sentence.split(" ", maxsplit=1)[0] or any(sentence.startswith(f"{name}: ") for name in names)
-    if named:
-        return sentence
-    return sentence[:1].upper() + sentence[1:]
+    return sentence if named else capital(sentence)
 
 
 def worst_first(found: Evidence, names: Sequence[str]) -> list[str]:

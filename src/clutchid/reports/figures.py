@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from clutchid.log import FloatArray
+from clutchid.log import FloatArray, Log
 from clutchid.reports.style import STYLE, Line, Style
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def _figure_of(axis: Axes) -> Figure:
 
 
 def _in_columns(axis: Axes, columns: int, entries: Entries, place: Callable[..., Legend]) -> None:
-    """A legend with at most so many columns that it is not wider than the panels."""
+    """A legend in as many of the columns as fit the width of the panels."""
     if not entries[0]:
         return
     figure = _figure_of(axis)
@@ -128,6 +128,14 @@ def fill(axis: Axes, x: FloatArray, low: FloatArray, high: FloatArray, line: Lin
         x, low, high, where=(np.isfinite(low) & np.isfinite(high)).tolist(), color=line.colour, alpha=line.opacity,
         linewidth=0, label=line.label or "_nolegend_", zorder=line.layer,
     )  # fmt: skip
+
+
+def draw_duties(axis: Axes, log: Log) -> None:
+    """Draw the duty cycles of both valves over time, in the lowest panel of a figure."""
+    draw(axis, log.time, log["duty_supply"], Line(STYLE.green, "supply", 0.9))
+    draw(axis, log.time, -log["duty_exhaust"], Line(STYLE.purple, "exhaust (negative)", 0.9))
+    label(axis, "time [s]", "duty cycle [1]")
+    axis.set_xlim(float(log.time[0]), float(log.time[-1]))
 
 
 def thinned_band(

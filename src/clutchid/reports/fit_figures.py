@@ -15,7 +15,7 @@ from clutchid.log import FloatArray, Log
 from clutchid.parameters import Parameters
 from clutchid.recordings.signals.excitation import HOLD_SPEED, SHORTEST_REST, SLOW_WINDOW, VENTED_POSITION
 from clutchid.recordings.signals.sampled import runs, velocity
-from clutchid.reports.figures import BINS, draw, fill, label, legend, mark_span, new_figure
+from clutchid.reports.figures import BINS, draw, draw_duties, fill, label, legend, mark_span, new_figure
 from clutchid.reports.style import BAR, MM, STYLE, Line
 
 if TYPE_CHECKING:
@@ -68,18 +68,12 @@ def load_figure(fit: Fit) -> Figure:
     x, force = curve.position / MM, curve.force
     mark_span(axis, ENGAGING[0] / MM, ENGAGING[1] / MM, "the clutch engages, 5 to 8 mm")
     banded = np.isfinite(curve.low) & np.isfinite(curve.high)
-    band = {"where": banded.tolist(), "color": STYLE.blue, "alpha": 0.2, "linewidth": 0}
-    axis.fill_between(x, curve.low, curve.high, label="95 % band", **band)
+    fill(axis, x, curve.low, curve.high, Line(STYLE.blue, "95 % band", opacity=0.2, layer=1))
     inside = curve.position <= furthest
     draw(axis, x[inside], force[inside], Line(STYLE.blue, "load", 2.0))
     outside = curve.position >= (curve.position[inside][-1] if inside.any() else 0.0)
     if not inside.all():
-        draw(
-            axis,
-            x[outside],
-            force[outside],
-            Line(STYLE.blue, "load beyond the reach", 1.4, (0, (4, 3))),
-        )
+        draw(axis, x[outside], force[outside], Line(STYLE.blue, "load beyond the reach", 1.4, (0, (4, 3))))
     _mark_half(axis, fit, furthest)
     words = f"reach of the recordings, {furthest / MM:.1f} mm"
     axis.axvline(furthest / MM, color=STYLE.ink, linewidth=1.0, linestyle=":", label=words)
@@ -133,13 +127,10 @@ def recording_figure(recording: Recording, reliable: NDArray[np.bool_] | None = 
     if with_pressure:
         _difference(axes[3], t, (measured["pressure_a"] - simulated["pressure_a"]) / 1e3)
         label(axes[3], y="measured −\nsimulated [kPa]")
-    draw(duty, t, measured["duty_supply"], Line(STYLE.green, "supply", 0.9))
-    draw(duty, t, -measured["duty_exhaust"], Line(STYLE.purple, "exhaust (negative)", 0.9))
+    draw_duties(duty, measured)
     label(position, y="position [mm]")
     label(error, y="measured −\nsimulated [mm]")
     label(pressure, y="pressure A,\nabsolute [bar]")
-    label(duty, "time [s]", "duty cycle [1]")
-    duty.set_xlim(float(t[0]), float(t[-1]))
     for axis in (position, pressure, duty):
         legend(axis, 4)
     figure.align_ylabels()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -26,10 +27,7 @@ def fit_json(result: Fit) -> dict[str, Any]:
     return {
         "status": result.status,
         "message": result.message,
-        "parameters": {
-            name: {"value": e.value, "unit": e.unit, "std": e.std, "low": e.low, "high": e.high}
-            for name, e in result.parameters.items()
-        },
+        "parameters": {name: asdict(estimate) for name, estimate in result.parameters.items()},
         "load_curve": curve_json(result.load_curve),
         "errors": errors_json(result.errors),
         "logs": {
@@ -136,7 +134,7 @@ def errors_json(errors: Errors) -> dict[str, float | None]:
 
 
 def verdict_json(fit: Fit) -> dict[str, Any]:
-    """The verdict on a fit and its evidence as plain values; None for values that are not finite."""
+    """The verdict on a fit and its evidence as plain values."""
     found, judged = evidence(fit), verdict(fit)
     return {
         "trust": judged.trust,
@@ -145,7 +143,7 @@ def verdict_json(fit: Fit) -> dict[str, Any]:
         "notes": list(judged.notes),
         "diagnostics": {
             name: {
-                "position_fit_over_1_s_percent": _plain(found.predictions[name]),
+                "position_fit_over_1_s_percent": found.predictions[name],
                 **{column: _column_json(values) for column, values in diagnosis.columns.items()},
                 "remarks": remarks(diagnosis),
             }
@@ -159,19 +157,14 @@ def _column_json(column: ColumnDiagnosis) -> dict[str, Any]:
     lags = max((column.fast, column.slow), key=lambda rate: np.nan_to_num(rate.share_outside))
     return {
         "samples": column.samples,
-        "fit_percent": _plain(column.fit_percent),
-        "rms": _plain(column.rms),
-        "mean": _plain(column.mean),
-        "effective_samples": _plain(column.effective_samples),
-        "share_of_lags_outside": _plain(lags.share_outside),
+        "fit_percent": column.fit_percent,
+        "rms": column.rms,
+        "mean": column.mean,
+        "effective_samples": column.effective_samples,
+        "share_of_lags_outside": lags.share_outside,
         "inputs": {name: _strongest_json(rate) for name, rate in column.fast.inputs.items()},
     }
 
 
-def _strongest_json(found: CrossCorrelation) -> dict[str, float | None]:
-    values = {"lag_s": found.strongest_lag, "correlation": found.strongest, "bound": found.strongest_bound}
-    return {name: _plain(value) for name, value in values.items()}
-
-
-def _plain(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
+def _strongest_json(found: CrossCorrelation) -> dict[str, float]:
+    return {"lag_s": found.strongest_lag, "correlation": found.strongest, "bound": found.strongest_bound}

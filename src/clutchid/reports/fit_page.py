@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from html import escape
 from os import PathLike
 
 import numpy as np
@@ -25,9 +26,9 @@ from clutchid.reports.diagnosis_page import (
 )
 from clutchid.reports.figures import png, svg
 from clutchid.reports.fit_figures import load_figure, recording_figure, reliable
-from clutchid.reports.html import Block, Details, Notice, Page, PageSection, Picture, Text, escape, provenance, render
+from clutchid.reports.html import Block, Details, Notice, Page, PageSection, Picture, Text, provenance, render
 from clutchid.reports.style import BAR, MM
-from clutchid.reports.summary import other_warnings
+from clutchid.reports.summary import interval_words, other_warnings
 from clutchid.reports.tables import Cell, Column, ReportTable, load_table, scientific
 
 
@@ -191,8 +192,7 @@ def _half_sentence(fit: Fit) -> str:
     at = half_load_band(fit.load_curve, reach(fit))
     if not np.isfinite(at.position):
         return ""
-    interval = f" ({at.low / MM:.2f} to {at.high / MM:.2f} mm at 95 %)" if np.isfinite(at.low + at.high) else ""
-    return f" It passes half of that at {at.position / MM:.2f} mm{interval}."
+    return f" It passes half of that at {at.position / MM:.2f} mm{interval_words(at, behind=' mm at 95 %')}."
 
 
 def error_table(fit: Fit) -> ReportTable:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from html import escape
 from os import PathLike
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -33,7 +34,7 @@ from clutchid.reports.fleet_tables import (
     types_table,
     worst_table,
 )
-from clutchid.reports.html import Block, Notice, Page, PageSection, Picture, Sortable, Text, escape, provenance, render
+from clutchid.reports.html import Block, Notice, Page, PageSection, Picture, Sortable, Text, provenance, render
 from clutchid.reports.style import MM, STYLE
 
 if TYPE_CHECKING:
@@ -58,9 +59,9 @@ class Panel(NamedTuple):
 
 def panels_of(vehicles: Sequence[VehicleRow], spans: Spans) -> list[Panel]:
     """Wear where it is known, shift where a vehicle has only that, and what is left, where there is a limit."""
-    wear = np.array([one.wear for one in vehicles]) / MM
-    shift = np.array([one.shift for one in vehicles]) / MM
-    left = np.array([left_shown(one, spans)[1] for one in vehicles])
+    wear = np.array([one.wear.value for one in vehicles]) / MM
+    shift = np.array([one.shift.value for one in vehicles]) / MM
+    left = np.array([left_shown(one, spans).value for one in vehicles])
     panels = [
         Panel("wear of the facing [mm]", wear),
         Panel("shift of the half-load position [mm]", np.where(np.isfinite(wear), np.nan, shift)),
@@ -134,8 +135,6 @@ def _name_types(axis: Axes, names: Sequence[str]) -> None:
 #: Vehicles below which the range of all is said in place of that of nine in ten.
 FEW = 20
 
-__all__ = ["ReasonCount", "VehicleRow", "fleet_page", "page_of"]
-
 
 def fleet_page(
     vehicles: Sequence[VehicleRow], reasons: Sequence[ReasonCount], command: str, path: str | PathLike[str]
@@ -160,13 +159,14 @@ def page_of(vehicles: Sequence[VehicleRow], reasons: Sequence[ReasonCount], comm
     spans = spans_of(vehicles)
     odd = odd_vehicles(vehicles, spans)
     known = any(map(has_reading, vehicles))
+    failures = reasons_table(reasons) if reasons else Notice("Every recording counts.", "ok")
     sections = [PageSection("Wear", _wear(vehicles, spans))]
     if known:
-        limited = any(not np.isnan(one.left) for one in vehicles)
+        limited = any(not np.isnan(one.left.value) for one in vehicles)
         heading = "Soonest at their limit" if limited else "Most worn"
         sections.append(PageSection(heading, (worst_table(vehicles, spans),)))
     sections.append(PageSection("Odd vehicles", _odd(odd)))
-    sections.append(PageSection("Recordings that do not count", _failures(reasons)))
+    sections.append(PageSection("Recordings that do not count", (failures,)))
     if vehicles:
         sections.append(PageSection("All vehicles", (Sortable(all_table(vehicles, odd, spans)),)))
     return Page("Wear of a fleet", _subtitle(vehicles), tuple(sections), provenance([], command))
@@ -188,7 +188,7 @@ def _wear(vehicles: Sequence[VehicleRow], spans: Spans) -> tuple[Block, ...]:
         return (Notice("No recording determines the wear of a vehicle.", "failed"),)
     words = f"{len(known):,} of {_number(len(vehicles), 'vehicle')} have readings of the clutch. {_spread(known)}"
     what = "their wear" if quantity_of(known) == "wear" else "the shift of their half-load position"
-    more = " and by what is left until their limit" if any(np.isfinite(one.left) for one in vehicles) else ""
+    more = " and by what is left until their limit" if any(np.isfinite(one.left.value) for one in vehicles) else ""
     caption = f"Vehicles by {what} now{more}. In all figures and tables, changes are since the calibration of the type."
     picture = Picture(svg(distribution_figure(vehicles, spans)), caption, "Histograms of wear and of what is left")
     return Text(escape(words)), picture, types_table(vehicles, spans)
@@ -201,7 +201,7 @@ def _spread(known: Sequence[VehicleRow]) -> str:
     shares = (0.0, 0.5, 1.0) if few else (0.05, 0.5, 0.95)
     low, median, high = (
         f"{value / MM:.3f}".replace("-", "−")
-        for value in quantiles([getattr(one, name) for one in known], shares)
+        for value in quantiles([getattr(one, name).value for one in known], shares)
         if value is not None
     )
     if len(known) < 3:
@@ -221,10 +221,6 @@ def _odd(odd: Sequence[OddVehicle]) -> tuple[Block, ...]:
         f"their median and median absolute deviation, is beyond {ODD_SCORE}."
     )
     return Text(f"All of them, in the table of all vehicles: {links}. {rule}"), *odd_tables(odd)
-
-
-def _failures(reasons: Sequence[ReasonCount]) -> tuple[Block, ...]:
-    return (reasons_table(reasons),) if reasons else (Notice("Every recording counts.", "ok"),)
 
 
 def _number(number: int, noun: str) -> str:

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-import re
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
 
-from clutchid.names import printable
+from clutchid.names import capital, natural, printable
 from clutchid.reports.style import MM
 from clutchid.reports.tables import Cell, Column, Link, ReportTable
 from clutchid.wear.history import Axis
-from clutchid.wear.trend import LIFE
+from clutchid.wear.trend import LIFE, Interval
 
 
 class VehicleRow(NamedTuple):
-    """A vehicle: its recordings, and its clutch at the last one, each with its 95 % band; NaN is unknown.
+    """A vehicle: its recordings, and its clutch at the last one with 95 % bands; NaN is unknown.
 
     `counted` are the recordings that count in the trend, without a trend those with a load; `statuses` their number by
     status. `shift` of the half-load position [m] and relative `load` are changes since the calibration; `wear` [m] is
@@ -34,19 +34,11 @@ class VehicleRow(NamedTuple):
     counted: int
     statuses: Mapping[str, int]
     last: datetime | None
-    shift: float
-    shift_low: float
-    shift_high: float
-    load: float
-    load_low: float
-    load_high: float
-    wear: float
-    wear_low: float
-    wear_high: float
+    shift: Interval
+    load: Interval
+    wear: Interval
     rate: float
-    left_low: float
-    left: float
-    left_high: float
+    left: Interval
     axis: Axis
     alarms: tuple[str, ...] = ()
     page: str = ""
@@ -81,7 +73,7 @@ _SPANS = {
 
 def spans_of(vehicles: Sequence[VehicleRow]) -> Spans:
     """The unit of the fleet's only axis; shares of a life where vehicles have different ones."""
-    axes = {one.axis for one in vehicles if np.isfinite(one.rate) or not np.isnan(one.left)}
+    axes = {one.axis for one in vehicles if np.isfinite(one.rate) or not np.isnan(one.left.value)}
     if len(axes) > 1:
         return Spans(LIFE, "life", {axis: life / 100 for axis, life in LIFE.items()}, "% of a life")
     axis = axes.pop() if axes else "strokes"
@@ -94,10 +86,10 @@ def rate_shown(one: VehicleRow, spans: Spans) -> float:
     return one.rate * spans.rate.get(one.axis, np.nan)
 
 
-def left_shown(one: VehicleRow, spans: Spans) -> tuple[float, float, float]:
-    """Remaining life in the unit of the page: 5 %, 50 %, 95 %."""
+def left_shown(one: VehicleRow, spans: Spans) -> Interval:
+    """Remaining life in the unit of the page."""
     span = spans.left.get(one.axis, np.nan)
-    return one.left_low / span, one.left / span, one.left_high / span
+    return Interval(*(value / span for value in one.left))
 
 
 def quantiles(values: Sequence[float], shares: Sequence[float]) -> list[float | None]:
@@ -108,12 +100,12 @@ def quantiles(values: Sequence[float], shares: Sequence[float]) -> list[float | 
 
 def quantity_of(vehicles: Sequence[VehicleRow]) -> str:
     """Quantity that ends the life: wear where that of a vehicle is known, else shift."""
-    return "wear" if any(np.isfinite(one.wear) for one in vehicles) else "shift"
+    return "wear" if any(np.isfinite(one.wear.value) for one in vehicles) else "shift"
 
 
 def has_reading(one: VehicleRow) -> bool:
     """Whether anything is known of its clutch."""
-    return bool(np.isfinite(one.shift) or np.isfinite(one.wear))
+    return bool(np.isfinite(one.shift.value) or np.isfinite(one.wear.value))
 
 
 #: A robust z score beyond this is odd. Iglewicz and Hoaglin, How to Detect and Handle Outliers, 1993: of normal rates
@@ -131,7 +123,7 @@ ODD_SHARE = 0.5
 _MAD = 0.6745
 
 
-#: What a vehicle can stand out by, and what that means.
+#: Marks of a vehicle that stands out, and their meanings.
 MARKS = {
     "alarm": "a clutch replaced, a sudden change, a leak, a departure",
     "fast": "wears faster than others of its type",
@@ -166,7 +158,7 @@ def _odd_rates(vehicles: Sequence[VehicleRow], spans: Spans) -> list[OddVehicle]
     groups: dict[tuple[str, str, bool], list[VehicleRow]] = defaultdict(list)
     for one in vehicles:
         if np.isfinite(one.rate):
-            groups[one.type, one.axis, bool(np.isfinite(one.wear))].append(one)
+            groups[one.type, one.axis, bool(np.isfinite(one.wear.value))].append(one)
     found = []
     for (type_, _, _), members in groups.items():
         rates = np.array([rate_shown(one, spans) for one in members])
@@ -196,33 +188,26 @@ def _misses(one: VehicleRow) -> bool:
 
 
 def _sentence(words: str) -> str:
-    words = printable(words).rstrip(".")
-    return f"{words[:1].upper()}{words[1:]}."
+    return f"{capital(printable(words).rstrip('.'))}."
 
 
 #: Rows of the tables of the worst, of one kind of the odd, of types and of reasons, at most.
 WORST, ODD, TYPES, REASONS = 20, 12, 30, 40
 
 
+#: A column with the cell of a vehicle in it.
+Entry = tuple[Column, Callable[[VehicleRow], Cell]]
+
+
 def worst_table(vehicles: Sequence[VehicleRow], spans: Spans) -> ReportTable:
     """The vehicles with the least left, then the most worn ones; first what is left, by which they are sorted."""
     known = sorted(filter(has_reading, vehicles), key=_worst)[:WORST]
-    quantities = _quantities(known)
-    columns = [Column("vehicle", "vehicle"), Column("type", "type"), *_left_columns(known, spans)]
-    columns += [column for name, banded in quantities.items() for column in _columns(name, banded=banded)]
-    columns += [Column("load [1]", "now", 0.01, 1, group="load [%]"), _band_column("load", "load [%]")]
-    columns.append(_rate_column(known, spans))
-    rows = [
-        (
-            _link(one), printable(one.type), *_left_cells(one, known, spans),
-            *(cell for name, banded in quantities.items() for cell in _cells(one, name, banded=banded)),
-            *_banded(one, "load", 0.01, 1), rate_shown(one, spans),
-        )
-        for one in known
+    load = Column("load [1]", "now", 0.01, 1, group="load [%]")
+    entries = [
+        *_NAMES, *_left(known, spans), *_lengths(known), (load, lambda one: one.load.value),
+        _band(load, lambda one: one.load), _rate(known, spans),
     ]  # fmt: skip
-    return ReportTable(
-        f"The worst {len(known)} of {len(vehicles):,} vehicles", tuple(columns), tuple(rows), note=_note(spans)
-    )
+    return _table(f"The worst {len(known)} of {len(vehicles):,} vehicles", known, entries, spans)
 
 
 def all_table(vehicles: Sequence[VehicleRow], odd: Sequence[OddVehicle], spans: Spans) -> ReportTable:
@@ -230,28 +215,26 @@ def all_table(vehicles: Sequence[VehicleRow], odd: Sequence[OddVehicle], spans: 
     marks: dict[int, list[str]] = defaultdict(list)
     for each in odd:
         marks[id(each.vehicle)].append(each.mark)
-    ordered = sorted(vehicles, key=lambda one: _natural(one.name))
-    quantities = _quantities(vehicles)
-    columns = [
-        Column("vehicle", "vehicle"), Column("type", "type"), Column("last", "last"),
-        Column("recordings", "all", decimals=0, group="recordings"),
-        Column("counted", "counted", decimals=0, group="recordings"),
-    ]  # fmt: skip
-    columns += [column for name, banded in quantities.items() for column in _columns(name, banded=banded)]
-    columns += [
-        Column("load [1]", "load\n[%]", 0.01, 1), _rate_column(vehicles, spans), *_left_columns(vehicles, spans),
-        Column("odd", "odd"),
-    ]  # fmt: skip
-    rows = [
-        (
-            _link(one), printable(one.type), f"{one.last:%Y-%m-%d}" if one.last else None,
-            one.recordings, one.counted,
-            *(cell for name, banded in quantities.items() for cell in _cells(one, name, banded=banded)),
-            one.load, rate_shown(one, spans), *_left_cells(one, vehicles, spans), ", ".join(marks[id(one)]),
-        )
-        for one in ordered
-    ]  # fmt: skip
-    return ReportTable("All vehicles", tuple(columns), tuple(rows), note=_note(spans))
+    entries: list[Entry] = [
+        *_NAMES,
+        (Column("last", "last"), lambda one: f"{one.last:%Y-%m-%d}" if one.last else None),
+        (Column("recordings", "all", decimals=0, group="recordings"), lambda one: one.recordings),
+        (Column("counted", "counted", decimals=0, group="recordings"), lambda one: one.counted),
+        *_lengths(vehicles),
+        (Column("load [1]", "load\n[%]", 0.01, 1), lambda one: one.load.value),
+        _rate(vehicles, spans),
+        *_left(vehicles, spans),
+        (Column("odd", "odd"), lambda one: ", ".join(marks[id(one)])),
+    ]
+    return _table("All vehicles", sorted(vehicles, key=lambda one: natural(one.name)), entries, spans)
+
+
+def _table(title: str, vehicles: Sequence[VehicleRow], entries: Sequence[Entry], spans: Spans) -> ReportTable:
+    """A row a vehicle; below it the meaning of the signs, and the lives that forecasts and shares of a life assume."""
+    rows = tuple(tuple(cell(one) for _, cell in entries) for one in vehicles)
+    lives = ", ".join(f"{LIFE[axis]:,.0f} {axis}" for axis in spans.rate)
+    note = f"Changes since the calibration. ∞: not within five lives; –: not known. A life is {lives}."
+    return ReportTable(title, tuple(column for column, _ in entries), rows, note=note)
 
 
 def odd_tables(odd: Sequence[OddVehicle]) -> list[ReportTable]:
@@ -263,7 +246,7 @@ def odd_tables(odd: Sequence[OddVehicle]) -> list[ReportTable]:
         rows = tuple((_link(one.vehicle), printable(one.vehicle.type), one.reason) for one in members[:ODD])
         number = f"{len(rows)} of {len(members):,}" if len(members) > ODD else f"{len(rows)}"
         if rows:
-            found.append(ReportTable(f"{mark[:1].upper()}{mark[1:]}, {meaning}: {number}", columns, rows))
+            found.append(ReportTable(f"{capital(mark)}, {meaning}: {number}", columns, rows))
     return found
 
 
@@ -299,9 +282,9 @@ def types_table(vehicles: Sequence[VehicleRow], spans: Spans) -> ReportTable:
     rows: list[tuple[Cell, ...]] = [
         (
             printable(type_) or "none given", len(members), sum(map(has_reading, members)),
-            *quantiles([getattr(one, name) for one in members], (0.05, 0.5, 0.95)),
+            *quantiles([getattr(one, name).value for one in members], (0.05, 0.5, 0.95)),
             *quantiles([rate_shown(one, spans) for one in members], (0.5,)),
-            *quantiles([left_shown(one, spans)[1] for one in members], (0.5,)),
+            *quantiles([left_shown(one, spans).value for one in members], (0.5,)),
             *quantiles([one.limit for one in members], (0.5,)),
         )
         for type_, members in largest[:TYPES]
@@ -313,74 +296,55 @@ def types_table(vehicles: Sequence[VehicleRow], spans: Spans) -> ReportTable:
 def _worst(one: VehicleRow) -> tuple[float, float, float, float]:
     """Sorts by what is left, in lives, then by wear and shift."""
     life = LIFE[one.axis]
-    left = [np.inf if np.isnan(value) else value / life for value in (one.left, one.left_low)]
-    return left[0], left[1], -np.nan_to_num(one.wear), -abs(np.nan_to_num(one.shift))
+    left = [np.inf if np.isnan(value) else value / life for value in (one.left.value, one.left.low)]
+    return left[0], left[1], -np.nan_to_num(one.wear.value), -abs(np.nan_to_num(one.shift.value))
 
 
-def _quantities(vehicles: Sequence[VehicleRow]) -> dict[str, bool]:
-    """Lengths to show, each with its band: that of the shift only where the wear of a vehicle is not known."""
-    wear, shift = (np.isfinite([getattr(one, name) for one in vehicles]) for name in ("wear", "shift"))
-    shown = {"wear": True} if wear.any() else {}
-    return {**shown, "shift": bool((shift & ~wear).any())} if shift.any() else shown
+def _lengths(vehicles: Sequence[VehicleRow]) -> Iterator[Entry]:
+    """Wear and shift that are known, each with its band: that of the shift only where a vehicle has no wear."""
+    wear, shift = (np.isfinite([getattr(one, name).value for one in vehicles]) for name in ("wear", "shift"))
+    for name, shown, banded in (("wear", wear, True), ("shift", shift, bool((shift & ~wear).any()))):
+        if shown.any():
+            column, length = Column(f"{name} [m]", "now", MM, 3, group=f"{name} [mm]"), attrgetter(name)
+            yield column, attrgetter(f"{name}.value")
+            if banded:
+                yield _band(column, length)
 
 
-def _columns(name: str, *, banded: bool) -> tuple[Column, ...]:
-    """A length now, and its band."""
-    value = Column(f"{name} [m]", "now", MM, 3, group=f"{name} [mm]")
-    return (value, _band_column(name, value.group)) if banded else (value,)
+def _band(column: Column, of: Callable[[VehicleRow], Interval], words: str = "95 % band") -> Entry:
+    """The interval of the values of a column, in words."""
+    name = column.name.split(" [", maxsplit=1)[0]
+
+    def shown(one: VehicleRow) -> Cell:
+        _, low, high = of(one)
+        if np.isnan(low) or np.isnan(high):
+            return None
+        return f"{column.shown(low)} to {column.shown(high)}".replace(" ", "\N{NO-BREAK SPACE}")
+
+    return Column(f"{name} band", words, group=column.group), shown
 
 
-def _cells(one: VehicleRow, name: str, *, banded: bool) -> tuple[Cell, ...]:
-    return _banded(one, name, MM, 3) if banded else (getattr(one, name),)
-
-
-def _band_column(name: str, group: str) -> Column:
-    return Column(f"{name} band", "95 % band", group=group)
-
-
-def _banded(one: VehicleRow, name: str, scale: float, decimals: int) -> tuple[Cell, Cell]:
-    """A value and its band in words."""
-    low, high = getattr(one, f"{name}_low"), getattr(one, f"{name}_high")
-    return getattr(one, name), _range(low, high, Column("", "", scale, decimals))
-
-
-def _range(low: float, high: float, column: Column) -> str | None:
-    if np.isnan(low) or np.isnan(high):
-        return None
-    return f"{column.shown(low)} to {column.shown(high)}".replace(" ", "\N{NO-BREAK SPACE}")
-
-
-def _rate_column(vehicles: Sequence[VehicleRow], spans: Spans) -> Column:
+def _rate(vehicles: Sequence[VehicleRow], spans: Spans) -> Entry:
     heading = f"rate of\n{quantity_of(vehicles)}\n[mm per\n{spans.rate_words.replace(' ', chr(10))}]"
-    return Column(f"rate [m per {spans.rate_words}]", heading, MM, 3)
+    return Column(f"rate [m per {spans.rate_words}]", heading, MM, 3), lambda one: rate_shown(one, spans)
 
 
-def _left_columns(vehicles: Sequence[VehicleRow], spans: Spans) -> list[Column]:
+def _left(vehicles: Sequence[VehicleRow], spans: Spans) -> list[Entry]:
     """Two columns where a limit is known."""
-    if all(np.isnan(one.left) for one in vehicles):
+    if all(np.isnan(one.left.value) for one in vehicles):
         return []
-    group = f"left [{spans.left_words}]"
-    return [Column("left", "median", decimals=0, group=group), Column("left band", "90 % band", group=group)]
-
-
-def _left_cells(one: VehicleRow, vehicles: Sequence[VehicleRow], spans: Spans) -> tuple[Cell, ...]:
-    if not _left_columns(vehicles, spans):
-        return ()
-    low, median, high = left_shown(one, spans)
-    return median, _range(low, high, Column("", "", decimals=0))
-
-
-def _note(spans: Spans) -> str:
-    """Meaning of the signs, and the lengths of life that forecasts and shares of a life assume."""
-    lives = ", ".join(f"{LIFE[axis]:,.0f} {axis}" for axis in spans.rate)
-    return f"Changes since the calibration. ∞: not within five lives; –: not known. A life is {lives}."
+    column = Column("left", "median", decimals=0, group=f"left [{spans.left_words}]")
+    return [
+        (column, lambda one: left_shown(one, spans).value),
+        _band(column, lambda one: left_shown(one, spans), "90 % band"),
+    ]
 
 
 def _link(one: VehicleRow) -> Link:
     return Link(printable(one.name), one.page)
 
 
-def _natural(name: str) -> list[tuple[bool, int, str]]:
-    """Sorts names so that their numbers count as such."""
-    parts = re.split(r"(\d+)", name)
-    return [(part.isdecimal(), int(part) if part.isdecimal() else 0, part) for part in parts]
+_NAMES: tuple[Entry, ...] = (
+    (Column("vehicle", "vehicle"), _link),
+    (Column("type", "type"), lambda one: printable(one.type)),
+)

@@ -9,27 +9,11 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from html import escape
 from importlib.metadata import PackageNotFoundError, version
 from typing import Literal
 
 from clutchid.log import Log
 from clutchid.reports.tables import Link, ReportTable, to_html
-
-__all__ = [
-    "Block",
-    "Bullets",
-    "Details",
-    "Notice",
-    "Page",
-    "PageSection",
-    "Picture",
-    "Sortable",
-    "Text",
-    "escape",
-    "render",
-]
-
 
 #: Letters that no text of a page has: control characters, and marks that hide text or turn the direction of writing.
 _UNSHOWN = re.compile(
@@ -136,7 +120,9 @@ def render(page: Page) -> str:
     )  # fmt: skip
     template = environment.get_template("page.html.j2")
     script = environment.get_template("sortable.js").render() if page.has_script else ""
-    html = template.render(page=page, kind=_kind, table=to_html, script=script, policy=_policy(script))
+    html = template.render(
+        page=page, kind=lambda block: _KINDS[type(block)], table=to_html, script=script, policy=_policy(script)
+    )
     return _UNSHOWN.sub("?", html)
 
 
@@ -153,10 +139,6 @@ def _policy(script: str) -> str:
         digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
         allowed.append(f"script-src 'sha256-{digest}'")
     return "; ".join(allowed)
-
-
-def _kind(block: Block) -> str:
-    return _KINDS[type(block)]
 
 
 _PACKAGES = ("clutchid", "numpy", "scipy", "numba")

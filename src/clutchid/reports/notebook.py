@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from functools import partial
+from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from clutchid.log import Log
 from clutchid.reports.figures import draw, fill, label, legend, new_figure, svg
-from clutchid.reports.html import escape
 from clutchid.reports.style import BAR, MM, STYLE, Line
 
 if TYPE_CHECKING:
@@ -57,14 +57,20 @@ def log_figure(log: Log) -> Figure:
     if len(log) > 1:
         axes[-1].set_xlim(float(log.time[0]), float(log.time[-1]))
     figure.align_ylabels()
-    return _displayed(figure)
+    return figure
 
 
-def fit_figure(fit: Fit) -> Figure:
-    """The load of a fit with its band."""
+def figure_of(shown: Log | Simulation | Fit) -> Figure:
+    """The columns of a log or a simulation over time, or the load of a fit with its band."""
+    if isinstance(shown, Log):
+        return _displayed(log_figure(shown))
+    from clutchid.estimation.result import Fit
+
+    if not isinstance(shown, Fit):
+        return _displayed(log_figure(shown.log))
     from clutchid.reports.fit_figures import load_figure
 
-    return _displayed(load_figure(fit))
+    return _displayed(load_figure(shown.raised()))
 
 
 def _displayed(figure: Figure) -> Figure:
@@ -73,20 +79,14 @@ def _displayed(figure: Figure) -> Figure:
     return figure
 
 
-def log_html(log: Log) -> str:
-    """Summary of a log, and its figure."""
-    return _html(repr(log), log_figure(log))
+def html_of(shown: Log | Simulation | Fit) -> str:
+    """Summary, and figure; a failed fit has no load."""
+    from clutchid.estimation.result import Fit
 
-
-def simulation_html(simulation: Simulation) -> str:
-    """Summary of a simulation, and its figure."""
-    return _html(repr(simulation), log_figure(simulation.log))
-
-
-def fit_html(fit: Fit) -> str:
-    """Summary of a fit, and its load; a failed fit has no load."""
-    drawn = fit.status != "failed" and np.isfinite(fit.load_curve.force).any()
-    return _html(printed_fit(fit), fit_figure(fit) if drawn else None)
+    if not isinstance(shown, Fit):
+        return _html(repr(shown), figure_of(shown))
+    drawn = shown.status != "failed" and np.isfinite(shown.load_curve.force).any()
+    return _html(printed_fit(shown), figure_of(shown) if drawn else None)
 
 
 def printed_fit(fit: Fit) -> str:

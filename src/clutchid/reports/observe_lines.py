@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -39,16 +39,16 @@ def observe_lines(before: LiveRun, after: LiveRun, part: ObservedRecording, ever
     lines = _samples(part, rows)
     ends = np.searchsorted(part.log.time[rows], [row.time for row in part.strokes], side="right")
     for at, row in reversed(list(zip(ends.tolist(), part.strokes, strict=True))):
-        lines.insert(at, _line(_stroke(row)))
+        lines.insert(at, json.dumps(_stroke(row)))
     if any(part.health.values()):
-        lines.append(_line({"time [s]": after.latest, "health": dict(after.health or {})}))
+        lines.append(json.dumps({"time [s]": after.latest, "health": dict(after.health or {})}))
     return lines
 
 
 def _samples(part: ObservedRecording, rows: np.ndarray) -> list[str]:
     frame = to_frame(part.estimates())
     columns = [_known(frame[name].to_numpy()[rows]) for name in frame.columns]
-    return [_line(dict(zip(frame.columns, values, strict=True))) for values in zip(*columns, strict=True)]
+    return [json.dumps(dict(zip(frame.columns, values, strict=True))) for values in zip(*columns, strict=True)]
 
 
 def _known(values: FloatArray) -> list[float | None]:
@@ -73,10 +73,6 @@ def _stroke(row: StrokeRow) -> dict[str, Any]:
     curve = curve_json(row.curve)
     known = {name: _known(np.array(values)) for name, values in curve.items()}
     return {"time [s]": row.time, "stroke": row.number, "parameters": parameters, "load_curve": known}
-
-
-def _line(content: Mapping[str, Any]) -> str:
-    return json.dumps(content)
 
 
 #: Time in s from one published sample to the next, if nothing else is wanted.

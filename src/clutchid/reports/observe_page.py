@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from html import escape
 from os import PathLike
 from typing import TYPE_CHECKING
 
@@ -12,15 +13,16 @@ from clutchid.estimation.assess.comparison import ENGAGING
 from clutchid.estimation.assess.observed import indicators, observed_verdict
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.inference.uncertainty.estimates import Estimate, LoadCurve
-from clutchid.log import HOLE, FloatArray, Log
+from clutchid.log import HOLE, FloatArray
+from clutchid.names import capital
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.by_stroke import curve, known, positions
 from clutchid.observer.health import FLAGS, LIVE_FLAGS
 from clutchid.observer.recording import ObservedRecording
 from clutchid.recordings.files import write_text
 from clutchid.reports.diagnosis_page import verdict_blocks
-from clutchid.reports.figures import BINS, draw, fill, label, legend, mark_span, new_figure, png, svg
-from clutchid.reports.html import Block, Details, Notice, Page, PageSection, Picture, Text, escape, provenance, render
+from clutchid.reports.figures import BINS, draw, draw_duties, fill, label, legend, mark_span, new_figure, png, svg
+from clutchid.reports.html import Block, Details, Notice, Page, PageSection, Picture, Text, provenance, render
 from clutchid.reports.observe_text import Loads, load_sentence, loads
 from clutchid.reports.style import BAR, MM, STYLE, Line
 from clutchid.reports.tables import Cell, Column, ReportTable
@@ -121,7 +123,7 @@ def samples_figure(run: ObservedRecording) -> Figure:
     fill(pressure, t, (p - h) / BAR, (p + h) / BAR, Line(STYLE.blue, "95 % band", opacity=0.3))
     draw(pressure, t, p / BAR, Line(STYLE.blue, "estimated from the position"))
     _innovations(innovation, run)
-    _duties(duty, log)
+    draw_duties(duty, log)
     label(position, y="position [mm]")
     label(pressure, y="pressure A,\nabsolute [bar]")
     label(innovation, y=f"innovation\n[{INNOVATION[run.observer.joint.rule.compares][0]}]")
@@ -145,13 +147,6 @@ def _innovations(axis: Axes, run: ObservedRecording) -> None:
     if corrected.any():
         most = 1.5 * float(np.nanpercentile(np.fmax(bound, np.abs(innovation)), SHOWN))
         axis.set_ylim(-most, most)
-
-
-def _duties(axis: Axes, log: Log) -> None:
-    draw(axis, log.time, log["duty_supply"], Line(STYLE.green, "supply", 0.9))
-    draw(axis, log.time, -log["duty_exhaust"], Line(STYLE.purple, "exhaust (negative)", 0.9))
-    label(axis, "time [s]", "duty cycle [1]")
-    axis.set_xlim(float(log.time[0]), float(log.time[-1]))
 
 
 def with_gaps(time: FloatArray, columns: Sequence[FloatArray], usual: float) -> tuple[FloatArray, list[FloatArray]]:
@@ -239,8 +234,7 @@ def _result(run: ObservedRecording) -> tuple[Block, ...]:
         notices.append(Notice("Flags", "warning", tuple(raised)))
     else:
         notices.append(Notice("No fault was found.", "ok"))
-    sentence = load_sentence(run)
-    words = [f"{sentence[:1].upper()}{sentence[1:]}."]
+    words = [f"{capital(load_sentence(run))}."]
     if run.observer.compares:
         words.append(f"Innovations (NIS in motion) are {run.after.mismatch:.2f} times those of the calibration.")
     if run.assumes_supply:

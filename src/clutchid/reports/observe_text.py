@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any, NamedTuple
 
@@ -16,7 +17,7 @@ from clutchid.observer.observer import start
 from clutchid.observer.recording import ObservedRecording
 from clutchid.reports.fit_json import curve_json, errors_json
 from clutchid.reports.style import MM
-from clutchid.reports.summary import POSITIONS, Row, with_interval
+from clutchid.reports.summary import POSITIONS, SummaryRow, with_interval
 
 #: Points of a load curve.
 POINTS = 101
@@ -41,10 +42,14 @@ def loads(run: ObservedRecording) -> Loads:
 
 def observe_sentence(run: ObservedRecording) -> str:
     """The load at half stroke before and after, its change, strokes, flags, and what is assumed, on one line."""
-    raised = [f"{name} {seconds:.3g} s" for name, seconds in run.health.items() if seconds > 0.0]
-    flags = f"flags: {', '.join(raised)}" if raised else "no flags"
     assumed = "; supply pressure assumed" if run.assumes_supply else ""
-    return f"{load_sentence(run)}; {flags}{assumed}"
+    return f"{load_sentence(run)}; {flags_words(run.health)}{assumed}"
+
+
+def flags_words(health: Mapping[str, float]) -> str:
+    """Flags with their seconds, those that were raised."""
+    raised = [f"{name} {seconds:.3g} s" for name, seconds in health.items() if seconds > 0.0]
+    return f"flags: {', '.join(raised)}" if raised else "no flags"
 
 
 def load_sentence(run: ObservedRecording) -> str:
@@ -60,14 +65,18 @@ def load_sentence(run: ObservedRecording) -> str:
     )
 
 
-def end_rows(run: ObservedRecording) -> list[Row]:
+def end_rows(run: ObservedRecording) -> list[SummaryRow]:
     """The load at the end of a recording where the clutch engages, with its 95 % band, and the trust in it."""
     at = curve(run.observer, run.after, [mm * MM for mm in POSITIONS])
     halves = ((at.high - at.low) / 2).tolist()
     shown = ", ".join(with_interval(force, half) for force, half in zip(at.force.tolist(), halves, strict=True))
     load = f"at {', '.join(map(str, POSITIONS))} mm: {shown} N"
     judged = observed_verdict(indicators(run))
-    return [Row("load", load), Row("trust", judged.trust, judged.trust), *(Row("", text) for text in judged.reasons)]
+    return [
+        SummaryRow("load", load),
+        SummaryRow("trust", judged.trust, judged.trust),
+        *(SummaryRow("", text) for text in judged.reasons),
+    ]
 
 
 def observe_json(run: ObservedRecording, origin: Origin) -> dict[str, Any]:

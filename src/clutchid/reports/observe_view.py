@@ -10,6 +10,7 @@ from clutchid.observer.by_stroke import curve
 from clutchid.observer.live import LiveRun
 from clutchid.observer.observer import start
 from clutchid.observer.recording import ObservedRecording
+from clutchid.reports.observe_text import flags_words
 from clutchid.reports.style import MM
 
 #: Lines of the load curve, characters of the labels left of it, and characters of its width at most.
@@ -25,7 +26,7 @@ LOAD, WITHIN, CALIBRATED = "*", ".", "o"
 def observe_view(run: LiveRun, part: ObservedRecording, width: int) -> str:
     """Lines of at most `width` characters about a recording after the block `part`, in ASCII."""
     inner = max(20, min(width, WIDEST) - LABELS - 2)
-    lines = [_now(run, part), _pressure(run, part, inner), *_load(run, inner), _health(run)]
+    lines = [_now(run, part), _pressure(run, part, inner), *_load(run, inner), flags_words(run.health or {})]
     return "\n".join(line[:width] for line in lines)
 
 
@@ -89,8 +90,3 @@ def _picture(now: LoadCurve, before: LoadCurve, top: float) -> list[list[str]]:
         picture[row(before.force[i])][i] = CALIBRATED
         picture[row(now.force[i])][i] = LOAD
     return picture
-
-
-def _health(run: LiveRun) -> str:
-    raised = [f"{name} {seconds:.3g} s" for name, seconds in (run.health or {}).items() if seconds > 0.0]
-    return f"flags: {', '.join(raised)}" if raised else "no flags"

@@ -73,7 +73,7 @@ MOST_REASONS, MOST_OTHERS, MOST_VERIFIED = 2, 4, 2
 LARGEST_HALF, UNKNOWN = 1e5, "not determined"
 
 
-class Row(NamedTuple):
+class SummaryRow(NamedTuple):
     """A label, its text, whose lines may be wrapped unless `fixed`, and how it is coloured."""
 
     label: str
@@ -82,7 +82,7 @@ class Row(NamedTuple):
     fixed: bool = False
 
 
-def summary(fit: Fit, *, in_full: bool = False) -> list[Row]:
+def summary(fit: Fit, *, in_full: bool = False) -> list[SummaryRow]:
     """The rows of a summary of `fit`, and of its recordings read one by one.
 
     `in_full` it has all reasons of the verdict, and lacks what `fit_text` has: changes, other parameters, errors.
@@ -90,15 +90,15 @@ def summary(fit: Fit, *, in_full: bool = False) -> list[Row]:
     compared = comparison(fit)
     rows = [*_trust(fit, in_full), *_load(fit, compared), *_since(fit, compared, in_full)]
     rows += _labelled("alone", _readings(fit.readings))
-    return rows if in_full else [*rows, *_others(fit), Row("errors", _errors(fit))]
+    return rows if in_full else [*rows, *_others(fit), SummaryRow("errors", _errors(fit))]
 
 
-def _trust(fit: Fit, in_full: bool) -> list[Row]:
+def _trust(fit: Fit, in_full: bool) -> list[SummaryRow]:
     judged = verdict(fit)
     shown = judged.reasons if in_full else judged.reasons[:MOST_REASONS]
     more = len(judged.reasons) - len(shown)
-    rows = [Row("trust", judged.trust, judged.trust), *(Row("", reason) for reason in shown)]
-    return [*rows, Row("", f"{more} more reason{'s' if more > 1 else ''}: --verbose")] if more else rows
+    rows = [SummaryRow("trust", judged.trust, judged.trust), *(SummaryRow("", reason) for reason in shown)]
+    return [*rows, SummaryRow("", f"{more} more reason{'s' if more > 1 else ''}: --verbose")] if more else rows
 
 
 def other_warnings(fit: Fit) -> list[str]:
@@ -107,7 +107,7 @@ def other_warnings(fit: Fit) -> list[str]:
     return [text for text in fit.warnings if not text.startswith((*said, f"the search {fit.message}"))]
 
 
-def _load(fit: Fit, compared: Comparison | None) -> list[Row]:
+def _load(fit: Fit, compared: Comparison | None) -> list[SummaryRow]:
     curve, furthest = fit.load_curve, reach(fit)
     if not np.isfinite(curve.force).any():
         return []
@@ -116,7 +116,7 @@ def _load(fit: Fit, compared: Comparison | None) -> list[Row]:
     text += f" of the recorded {furthest / MM:.1f} mm"
     text += _half(half_load_band(curve, furthest), fit.load_is_fitted)
     text += "" if fit.load_is_fitted else "; fixed, not fitted"
-    return [Row("load", text), Row("", _at_positions(fit, compared, furthest), fixed=True)]
+    return [SummaryRow("load", text), SummaryRow("", _at_positions(fit, compared, furthest), fixed=True)]
 
 
 def _force(fit: Fit, at: int) -> str:
@@ -131,8 +131,13 @@ def _force(fit: Fit, at: int) -> str:
 def _half(at: HalfLoad, fitted: bool) -> str:
     if not isfinite(at.position):
         return ""
-    interval = f" ({at.low / MM:.2f} to {at.high / MM:.2f})" if fitted and isfinite(at.low + at.high) else ""
-    return f"; half of it at {at.position / MM:.2f} mm{interval}"
+    return f"; half of it at {at.position / MM:.2f} mm{interval_words(at) if fitted else ''}"
+
+
+def interval_words(at: HalfLoad, sign: str = "", behind: str = "") -> str:
+    """Interval of a half-load position or of its shift in mm, in brackets, with some words; nothing if infinite."""
+    known = isfinite(at.low + at.high)
+    return f" ({at.low / MM:{sign}z.2f} to {at.high / MM:{sign}z.2f}{behind})" if known else ""
 
 
 def _at_positions(fit: Fit, compared: Comparison | None, furthest: float) -> str:
@@ -171,20 +176,19 @@ def with_interval(value: float, half: float, sign: str = "") -> str:
     return f"{value:{sign}z.0f} ± {half:.0f}" if isfinite(value) and half < LARGEST_HALF else UNKNOWN
 
 
-def _since(fit: Fit, compared: Comparison | None, in_full: bool) -> list[Row]:
+def _since(fit: Fit, compared: Comparison | None, in_full: bool) -> list[SummaryRow]:
     """Changes since the calibration, or the values that are assumed without one."""
     if fit.baseline is None:
         if fit.calibration is not None:
             return []
         assumed = "what is not fitted is that of the truck in the paper: no calibration" if of_the_paper(fit) else ""
-        return [Row("assumed", assumed)] if assumed else []
+        return [SummaryRow("assumed", assumed)] if assumed else []
     if states_of_wear(fit) is not None:
-        return [Row("since", f"{baseline_name(fit.baseline)}: see the recordings alone")]
+        return [SummaryRow("since", f"{baseline_name(fit.baseline)}: see the recordings alone")]
     parts = []
     if compared and isfinite(compared.shift.position):
         at = compared.shift
-        interval = f" ({at.low / MM:+z.2f} to {at.high / MM:+z.2f})" if isfinite(at.low + at.high) else ""
-        parts.append(f"half-load position {at.position / MM:+z.2f} mm{interval}")
+        parts.append(f"half-load position {at.position / MM:+z.2f} mm{interval_words(at, '+')}")
     if compared is None and fit.load_is_fitted:
         parts.append("its load is not in the file, so that the loads cannot be compared; save the calibration again")
     if not in_full:
@@ -192,13 +196,13 @@ def _since(fit: Fit, compared: Comparison | None, in_full: bool) -> list[Row]:
                   for one in moved_rests(fit)]  # fmt: skip
     if not (fit.changes and in_full):
         parts += short_changes(fit.changes) or [f"no {'other ' if fit.load_is_fitted else ''}change found"]
-    rows = [Row("since", f"{baseline_name(fit.baseline)}: {'; '.join(parts)}")] if parts else []
+    rows = [SummaryRow("since", f"{baseline_name(fit.baseline)}: {'; '.join(parts)}")] if parts else []
     return rows if in_full else [*rows, *_labelled("assumed", assumed_sentences(fit))]
 
 
-def _labelled(label: str, lines: Sequence[str]) -> list[Row]:
+def _labelled(label: str, lines: Sequence[str]) -> list[SummaryRow]:
     """A row for each line, the first of them with the label."""
-    return [Row(label if i == 0 else "", line) for i, line in enumerate(lines)]
+    return [SummaryRow(label if i == 0 else "", line) for i, line in enumerate(lines)]
 
 
 def baseline_name(baseline: Calibration) -> str:
@@ -246,15 +250,15 @@ def _change_at(found: Comparison, mm: int) -> str:
     return f"{change.force:+z.0f} N{share} at {mm} mm"
 
 
-def _others(fit: Fit) -> list[Row]:
+def _others(fit: Fit) -> list[SummaryRow]:
     """Fitted parameters besides the load; many are only counted."""
     others = {name: e for name, e in fit.parameters.items() if name not in fit.actuator.load.names}
     own = {name: e for name, e in others.items() if "@" not in name}
     if not own:
         return []
     if len(own) > MOST_OTHERS:
-        return [Row("also", f"{len(own)} other parameters were fitted: --verbose, or the page of --report")]
-    return [Row("also", ", ".join(f"{name} = {e}" for name, e in own.items()))]
+        return [SummaryRow("also", f"{len(own)} other parameters were fitted: --verbose, or the page of --report")]
+    return [SummaryRow("also", ", ".join(f"{name} = {e}" for name, e in own.items()))]
 
 
 def _errors(fit: Fit) -> str:

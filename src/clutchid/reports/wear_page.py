@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from html import escape
 from os import PathLike
 from typing import TYPE_CHECKING
 
@@ -12,12 +13,13 @@ from matplotlib.colors import LinearSegmentedColormap
 from clutchid.estimation.assess.comparison import ENGAGING
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.log import FloatArray
+from clutchid.names import capital
 from clutchid.recordings.files import write_text
 from clutchid.reports.figures import draw, fill, label, legend, mark_span, new_figure, svg
-from clutchid.reports.html import Block, Notice, Page, PageSection, Picture, Text, escape, provenance, render
+from clutchid.reports.html import Block, Notice, Page, PageSection, Picture, Text, provenance, render
 from clutchid.reports.style import MM, STYLE, Line
 from clutchid.reports.tables import Cell, Column, Link, ReportTable
-from clutchid.reports.wear_text import AXIS, alarm_words, change_words, left_words, recordings_words
+from clutchid.reports.wear_text import alarm_words, change_words, left_words, recordings_words
 from clutchid.wear.life import Wear
 from clutchid.wear.trend import FALSE_ALARMS
 
@@ -40,7 +42,7 @@ def trend_figure(wear: Wear) -> Figure:
     """Every quantity over the axis: measurements, trend with band given all recordings, alarms, and the limit."""
     names = [name for name in _SHOWN if name in wear.now]
     figure, axes = new_figure([2.0] * len(names))
-    s, unit = _scaled(wear.s, AXIS[wear.axis])
+    s, unit = _scaled(wear.s, wear.axis)
     jumps = [k for k, outcome in enumerate(wear.outcomes) if outcome == "jump"]
     apart = np.insert(s, jumps, s[jumps])  # another clutch is another line
     for axis, name in zip(axes, names, strict=True):
@@ -158,21 +160,17 @@ def page_of(wear: Wear, curves: Sequence[tuple[str, LoadCurve]], command: str, h
 
 
 def _result(wear: Wear) -> tuple[Block, ...]:
-    blocks: list[Block] = [Notice(_capital(warning)) for warning in wear.warnings]
+    blocks: list[Block] = [Notice(capital(warning)) for warning in wear.warnings]
     if not any(wear.counted):
         return (*blocks, Notice("No recording determines the wear.", "failed"))
-    blocks += [Notice(f"{_capital(words)}.") for words in map(alarm_words, wear.alarms)]
+    blocks += [Notice(f"{capital(words)}.") for words in map(alarm_words, wear.alarms)]
     if not wear.alarms:
         blocks.append(Notice("No sudden change of the load was found, and no leak.", "ok"))
     blocks.append(Text(f"The test for changes is set to one false alarm in {1 / FALSE_ALARMS:,.0f} recordings."))
     words, left = change_words(wear), left_words(wear)
-    blocks.append(Text(escape(f"{_capital(words)}.{f' Left: {left}.' if left else ''}")))
+    blocks.append(Text(escape(f"{capital(words)}.{f' Left: {left}.' if left else ''}")))
     caption = f"{_TREND}{_ALARMS if wear.alarms else ''}"
     return (*blocks, Picture(svg(trend_figure(wear)), caption, "Trend of the wear with its band"))
-
-
-def _capital(words: str) -> str:
-    return f"{words[:1].upper()}{words[1:]}"
 
 
 def recordings_table(wear: Wear) -> ReportTable:

@@ -12,10 +12,7 @@ from clutchid.parameters import Parameters
 from clutchid.reports.style import MM
 from clutchid.wear.alarms import Alarm
 from clutchid.wear.life import Wear
-from clutchid.wear.trend import FALSE_ALARMS, Band
-
-#: Words for the axis of a trend.
-AXIS = {"strokes": "strokes", "km": "km", "days": "days", "recordings": "recordings"}
+from clutchid.wear.trend import FALSE_ALARMS, Interval
 
 _ALARM = {
     "replaced": "the clutch, or its sensor, was replaced",
@@ -45,24 +42,24 @@ def recordings_words(wear: Wear) -> str:
         words.append(f"{counts['left out']} outlier{'s' if counts['left out'] > 1 else ''} left out")
     failed = Counter(one.status for one in wear.readings if one.measurement is None)
     words += [f"{number} without a measurement ({status})" for status, number in failed.items()]
-    over = f", over {wear.s[-1] - wear.s[0]:,.0f} {AXIS[wear.axis]}" if wear.axis != "recordings" else ""
+    over = f", over {wear.s[-1] - wear.s[0]:,.0f} {wear.axis}" if wear.axis != "recordings" else ""
     return f"{', '.join(words)}{over}"
 
 
 def change_words(wear: Wear) -> str:
     """The change since the calibration at the last recording."""
-    shift, load = (_last(wear.then[name]) for name in ("shift", "load"))
+    shift, load = (wear.then[name].last for name in ("shift", "load"))
     words = (
         f"half-load position {shift[0] / MM:+.3f} mm ({shift[1] / MM:+.3f} to {shift[2] / MM:+.3f}), "
         f"load over 5 to 8 mm {100 * load[0]:+.1f} % ({100 * load[1]:+.1f} to {100 * load[2]:+.1f})"
     )
     if "wear" in wear.then:
-        worn = _last(wear.then["wear"])
+        worn = wear.then["wear"].last
         words = f"{_worn(wear, worn)}; {words}"
     return words
 
 
-def _worn(wear: Wear, worn: tuple[float, float, float]) -> str:
+def _worn(wear: Wear, worn: Interval) -> str:
     """Wear of the facing with its band, as far as its table goes."""
     interval = f"({worn[1] / MM:.2f} to {worn[2] / MM:.2f})"
     end = wear.end_of_table
@@ -96,7 +93,7 @@ def left_words(wear: Wear) -> str:
         return f"unknown after the load changed suddenly before {wear.sudden.before}: find the cause"
     if wear.left is None or wear.limit is None:
         return ""
-    unit = AXIS[wear.axis]
+    unit = wear.axis
     what = "of wear" if "wear" in wear.then else "of shift"
     low, median, high = wear.left
     if not np.isfinite(low):
@@ -109,23 +106,13 @@ def _rounded(value: float) -> str:
     return f"{float(f'{value:.2g}'):,.0f}" if np.isfinite(value) else "no end in sight"
 
 
-def _last(band: Band) -> tuple[float, float, float]:
-    return float(band.value[-1]), float(band.low[-1]), float(band.high[-1])
-
-
 def wear_json(wear: Wear) -> dict[str, Any]:
     """The keys of every result, and `wear`: the trend at the end, alarms, how often they are false, what is left."""
     counted = any(wear.counted)
     troubled = wear.warnings or wear.alarms or any(one.status != "ok" for one in wear.readings)
-    at_end = {
-        name: {key: float(values[-1]) for key, values in band._asdict().items()} for name, band in wear.then.items()
-    }
     return {
         "status": "failed" if not counted else "warning" if troubled else "ok",
         "message": change_words(wear) if counted else recordings_words(wear),
-        "parameters": {},
-        "load_curve": None,
-        "errors": None,
         "logs": {
             dated.name: {
                 "status": one.status,
@@ -140,7 +127,7 @@ def wear_json(wear: Wear) -> dict[str, Any]:
         "wear": {
             "vehicle": wear.vehicle,
             "axis": wear.axis,
-            "quantities": at_end if counted else {},
+            "quantities": {name: band.last._asdict() for name, band in wear.then.items()} if counted else {},
             "alarms": [
                 {**alarm._asdict(), "begin": alarm.begin.isoformat() if alarm.begin else None} for alarm in wear.alarms
             ],

@@ -10,10 +10,11 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from clutchid.estimation.assess.comparison import Measurement, change_of, comparison, measured
+from clutchid.estimation.assess.comparison import Measurement, change_of, comparison
 from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.result import Fit
 from clutchid.log import FloatArray
+from clutchid.names import natural
 from clutchid.recordings.strokes.vented_rest import RestShift
 
 Axis = Literal["strokes", "km", "days", "recordings"]
@@ -24,7 +25,7 @@ CLOCKS = datetime(2000, 1, 1, tzinfo=UTC)
 #: Difference between the clock of a file and the table that is not warned of: time zones, and the end of a drive.
 TOLERANCE = timedelta(days=1)
 
-#: What a date without a time of day stands for.
+#: Length of a date without a time of day.
 DAY = timedelta(days=1)
 
 #: A date in the name of a file, with or without the time of day.
@@ -132,9 +133,8 @@ def _date_in(name: str) -> datetime | None:
 
 
 def _place(one: Dated) -> tuple[bool, float, list[tuple[bool, int, str]]]:
-    """Sorts by time, those without one last, and then by name, where numbers count as such."""
-    parts = [(part.isdigit(), int(part) if part.isdigit() else 0, part) for part in re.split(r"(\d+)", one.name)]
-    return one.begin is None, one.begin.timestamp() if one.begin else 0.0, parts
+    """Sorts by time, those without one last, and then by name."""
+    return one.begin is None, one.begin.timestamp() if one.begin else 0.0, natural(one.name)
 
 
 def _axis(dated: Sequence[Dated], warnings: list[str]) -> tuple[Axis, FloatArray]:
@@ -161,9 +161,6 @@ def _axis(dated: Sequence[Dated], warnings: list[str]) -> tuple[Axis, FloatArray
 def _some(names: Sequence[str]) -> str:
     more = f" and {len(names) - 3} more" if len(names) > 3 else ""
     return ", ".join(names[:3]) + more
-
-
-__all__ = ["Leak", "Measurement", "WearReading", "leak_of", "measured", "unmeasured"]
 
 
 class Leak(NamedTuple):

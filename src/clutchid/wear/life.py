@@ -11,15 +11,14 @@ from scipy import stats
 
 from clutchid.log import FloatArray
 from clutchid.numerics.interval import QUANTILE
-from clutchid.wear.alarms import Alarm, alarms, replaced
+from clutchid.wear.alarms import Alarm, RestMove, alarms, replaced, rest_moves
 from clutchid.wear.history import Axis, Dated, History, WearReading
-from clutchid.wear.rest import RestMove, rest_moves
 from clutchid.wear.trend import LIFE, Band, Function, TrendModel, WearTable, follow, growth_noise, smoothed, trend_model
 
 #: Quantiles of a forecast: its 90 % interval and its median.
 QUANTILES = (0.05, 0.5, 0.95)
 
-#: How far a forecast looks, in lives.
+#: Horizon of a forecast in lives.
 HORIZON = 5.0
 
 
@@ -158,7 +157,7 @@ def wear_of(
     found = alarms(dated, ordered, steps, then, moves)
     wear = Wear(
         vehicle, history.axis, history.s, dated, tuple(ordered), tuple(step.outcome for step in steps),
-        then, _bands(model, later, table), _rates(model, later), found,
+        then, _bands(model, later, table), _state_bands(model, later, 1), found,
         limit if table is None else end, None, history.warnings, tuple(moves),
         None if table is None else float(table.wear[-1]),
     )  # fmt: skip
@@ -182,9 +181,7 @@ def _bands(
     model: TrendModel, states: Sequence[tuple[FloatArray, FloatArray]], table: WearTable | None
 ) -> dict[str, Band]:
     """Quantities with their bands; with a table also the shift and the load that belong to the wear, up to its end."""
-    values = np.array([mean for mean, _ in states])
-    std = np.sqrt(np.array([np.diag(P) for _, P in states]))
-    found = {name: _band(values[:, 2 * q], std[:, 2 * q]) for q, name in enumerate(model.quantities)}
+    found = _state_bands(model, states, 0)
     if table is None:
         return found
     channels = zip(("shift", "load"), model.channels, strict=True)
@@ -199,11 +196,11 @@ def _mapped(function: Function, band: Band) -> Band:
     return Band(function(band.value), over.min(axis=0), over.max(axis=0))
 
 
-def _rates(model: TrendModel, states: Sequence[tuple[FloatArray, FloatArray]]) -> dict[str, Band]:
+def _state_bands(model: TrendModel, states: Sequence[tuple[FloatArray, FloatArray]], rate: int) -> dict[str, Band]:
+    """The quantities with their bands, or with `rate` 1 their rates."""
     values = np.array([mean for mean, _ in states])
-    std = np.sqrt(np.array([np.diag(P) for _, P in states]))
-    return {name: _band(values[:, 2 * q + 1], std[:, 2 * q + 1]) for q, name in enumerate(model.quantities)}
-
-
-def _band(value: FloatArray, std: FloatArray) -> Band:
-    return Band(value, value - QUANTILE * std, value + QUANTILE * std)
+    half = QUANTILE * np.sqrt(np.array([np.diag(P) for _, P in states]))
+    columns = {name: 2 * q + rate for q, name in enumerate(model.quantities)}
+    return {
+        name: Band(values[:, i], values[:, i] - half[:, i], values[:, i] + half[:, i]) for name, i in columns.items()
+    }

@@ -14,9 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
-from clutchid.estimation.assess.comparison import SHARES, WORTH
+from clutchid.estimation.assess.comparison import SHARES, WORTH, Measurement
 from clutchid.log import FloatArray
-from clutchid.wear.history import Measurement
 
 
 class Growth(NamedTuple):
@@ -77,12 +76,25 @@ Function = Callable[[FloatArray], FloatArray]
 CHANNELS = ("shift", "load")
 
 
+class Interval(NamedTuple):
+    """A value with its interval; NaN is unknown."""
+
+    value: float
+    low: float
+    high: float
+
+
 class Band(NamedTuple):
     """A quantity by recording with its 95 % band, arrays (n,)."""
 
     value: FloatArray
     low: FloatArray
     high: FloatArray
+
+    @property
+    def last(self) -> Interval:
+        """The quantity at the last recording."""
+        return Interval(*(float(side[-1]) for side in self))
 
 
 class WearTable(NamedTuple):
@@ -163,26 +175,26 @@ def follow(model: TrendModel, s: FloatArray, measurements: Sequence[Measurement 
     one fit so much better with a jump before them; else it is an outlier. The last one waits for the next.
     """
     steps: list[Step] = []
-    seen = _Seen(0.0, 0)
+    known = _Used(0.0, 0)
     mean, covariance = _start(model, measurements)
     for k, (at, now) in enumerate(zip(s, measurements, strict=True)):
         F, Q = _motion(model, float(at - s[k - 1]) if k else 0.0)
         predicted, P = F @ mean, F @ covariance @ F.T + Q
         mean, covariance, outcome, deviance = predicted, P, "missing", float("nan")
         if now is not None:
-            used = _corrected(model, predicted, P, now, seen.scale)
+            used = _corrected(model, predicted, P, now, known.scale)
             mean, covariance, outcome, deviance = used.mean, used.covariance, "used", used.deviance
-            if deviance > seen.limit(len(model.channels)):
+            if deviance > known.limit(len(model.channels)):
                 after = _after(s, measurements, k)
                 jumped = P + _jump(model)
-                if after is not None and _is_jump(model, (predicted, P, jumped), now, after, seen):
+                if after is not None and _is_jump(model, (predicted, P, jumped), now, after, known):
                     P = jumped
-                    mean, covariance, _ = _corrected(model, predicted, P, now, seen.scale)
+                    mean, covariance, _ = _corrected(model, predicted, P, now, known.scale)
                     outcome = "jump"
                 else:
                     mean, covariance, outcome = predicted, P, "left out"
             else:
-                seen = _Seen(seen.deviance + deviance, seen.number + len(model.channels))
+                known = _Used(known.deviance + deviance, known.number + len(model.channels))
         steps.append(Step(float(at), predicted, P, mean, covariance, F, outcome, deviance))
     return steps
 
@@ -200,7 +212,7 @@ def smoothed(steps: Sequence[Step]) -> list[tuple[FloatArray, FloatArray]]:
     return found[::-1]
 
 
-class _Seen(NamedTuple):
+class _Used(NamedTuple):
     """Sum of the deviances, and number of values, of the measurements that were used."""
 
     deviance: float
@@ -294,7 +306,7 @@ def _is_jump(
     before: tuple[FloatArray, FloatArray, FloatArray],
     now: Measurement,
     after: tuple[float, Measurement],
-    seen: _Seen,
+    known: _Used,
 ) -> bool:
     """Whether two measurements fit better with a jump before the first, by more than chance, and than without it.
 
@@ -305,9 +317,9 @@ def _is_jump(
     F, Q = _motion(model, after[0])
 
     def deviance(mean: FloatArray, P: FloatArray) -> float:
-        return _corrected(model, F @ mean, F @ P @ F.T + Q, after[1], seen.scale).deviance
+        return _corrected(model, F @ mean, F @ P @ F.T + Q, after[1], known.scale).deviance
 
-    none, jump = (_corrected(model, predicted, P, now, seen.scale) for P in (without, jumped))
+    none, jump = (_corrected(model, predicted, P, now, known.scale) for P in (without, jumped))
     after_none, after_jump = (deviance(one.mean, one.covariance) for one in (none, jump))
     gain = none.deviance + after_none - jump.deviance - after_jump
-    return gain > seen.limit(len(model.channels)) and after_jump < deviance(predicted, without)
+    return gain > known.limit(len(model.channels)) and after_jump < deviance(predicted, without)

@@ -1,4 +1,4 @@
-"""Read, inspect, fit, report: the workflow from files to a result, shared by the command line, pages and fleets."""
+"""Read, inspect, fit, observe, report: the workflow from files to a result, for the command line, pages and fleets."""
 
 from __future__ import annotations
 
@@ -20,11 +20,14 @@ if TYPE_CHECKING:
     from clutchid.model.compiled import Model
     from clutchid.model.equipment import Equipment
     from clutchid.numerics.least_squares import Progress
+    from clutchid.observer.observer import Observer
+    from clutchid.observer.recording import ObservedRecording
+    from clutchid.observer.state import ObserverState
     from clutchid.recordings.strokes.vented_rest import VentedRest, Zero
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class FileOptions:
     """Options for reading files: ambient pressure in Pa for gauge units, channel map, and DBC files of bus logs."""
 
     ambient: float
@@ -34,7 +37,7 @@ class Reading:
 
 def read_recordings(
     paths: Sequence[Path],
-    reading: Reading,
+    files: FileOptions,
     equipment: Equipment | None = None,
     required: Sequence[str] | None = None,
     measured: Sequence[str] = (),
@@ -53,10 +56,10 @@ def read_recordings(
     from clutchid.recordings import read, read_each
 
     channels = None
-    if reading.channel_map is not None:
+    if files.channel_map is not None:
         from clutchid.recordings.map.channel_map import read_map
 
-        channels = read_map(reading.channel_map)
+        channels = read_map(files.channel_map)
     needed = required or ("time", "position", *(equipment.recorded if equipment else INPUTS))
     fitted = needed
     if channels is not None:
@@ -66,7 +69,7 @@ def read_recordings(
 
     def one(item: tuple[Path, Sequence[str]]) -> Log:
         path, names = item
-        log = read(path, ambient=reading.ambient, channels=channels, dbc=reading.dbc, required=names)
+        log = read(path, ambient=files.ambient, channels=channels, dbc=files.dbc, required=names)
         return equipment.driven(log) if equipment else log
 
     return read_each([*((path, fitted) for path in paths), *((path, needed) for path in verify)], one)
@@ -159,6 +162,60 @@ def fit_recordings(
     return fit_request(checked[: len(logs)], actuator, request, checked[len(logs) :], progress).raised()
 
 
+def fast_enough(log: Log, content: ParameterFile, *, force: bool = False) -> Log:
+    """The recording with warnings about its rate and its supply pressure.
+
+    Raises
+    ------
+    DataError
+        If it is too slow for an observer, unless with `force`.
+    """
+    from clutchid.observer.prior import unused_supply
+    from clutchid.observer.recording import too_slow
+
+    slow = too_slow(log, content.actuator)
+    if slow and not force:
+        raise DataError(f"{slow} Or go on with --force.")
+    found = (slow, unused_supply(log, content.actuator, content.calibration))
+    return replace(log, warnings=(*log.warnings, *filter(None, found)))
+
+
+def observer_of(
+    log: Log, content: ParameterFile, method: str, resume: Path | None, zero: Zero
+) -> tuple[Observer, ObserverState]:
+    """The observer of a calibration for a recording, of which the first samples suffice, and the state to start from.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `observed`.
+    """
+    from clutchid.observer.observer import observer, start
+    from clutchid.observer.recording import check_pace, spacing
+    from clutchid.observer.state_file import read_state, saved_spacing
+
+    every = spacing(log) if resume is None else saved_spacing(resume)
+    one = observer(content.actuator, method, every, content.calibration, zero)
+    check_pace(one, log)
+    return one, start(one) if resume is None else read_state(one, resume)
+
+
+def observed(
+    log: Log, content: ParameterFile, method: str = "joint", resume: Path | None = None, zero: Zero = "subtract"
+) -> ObservedRecording:
+    """Follow a recording with the observer of a calibration, from its first sample or from a saved state.
+
+    Raises
+    ------
+    DataError, ParameterError
+        If recording, calibration, method and state do not fit each other.
+    """
+    from clutchid.observer.recording import observe_recording
+
+    one, state = observer_of(log, content, method, resume, zero)
+    return observe_recording(one, log, state)
+
+
 def check_save(path: Path) -> None:
     """Check, before a long computation, that `save` can write a file with this name.
 
@@ -180,6 +237,14 @@ def check_save(path: Path) -> None:
         )
 
 
+def parameter_file(fit: Fit) -> ParameterFile:
+    """Contents of a parameter file for a fit, with the trust of its verdict."""
+    from clutchid.estimation.assess.verdict import verdict
+    from clutchid.estimation.parameter_file import parameter_file as with_trust
+
+    return with_trust(fit, verdict(fit).trust)
+
+
 def save(fit: Fit, path: Path) -> None:
     """Write the result as a parameter file, or for MATLAB if the suffix is ``.mat`` or ``.m``.
 
@@ -190,7 +255,6 @@ def save(fit: Fit, path: Path) -> None:
     """
     from clutchid.estimation.parameter_file import MATLAB_SUFFIXES, write_parameters
     from clutchid.reports.matlab import write_matlab
-    from clutchid.workflow.verbs import parameter_file
 
     check_save(path)
     if path.suffix.lower() in MATLAB_SUFFIXES:

@@ -1,4 +1,4 @@
-"""What results can do that belongs to higher rooms: ``fit.plot()``, ``fit.verdict``, a picture in a notebook.
+"""Methods of results that belong to higher rooms: ``fit.plot()``, ``fit.verdict``, a picture in a notebook.
 
 The classes of lower rooms only declare it. Whoever takes a name from `clutchid` has it attached to them.
 """
@@ -29,37 +29,9 @@ def plot(shown: Log | Simulation | Fit) -> Figure:
     SolveError
         If a fit failed: there is no load to draw.
     """
-    from clutchid.estimation.result import Fit
-    from clutchid.log import Log
+    from clutchid.reports.notebook import figure_of
 
-    if isinstance(shown, Log):
-        return plot_log(shown)
-    return plot_fit(shown) if isinstance(shown, Fit) else plot_simulation(shown)
-
-
-def plot_log(log: Log) -> Figure:
-    """Position, pressure and duty cycles over time, as a matplotlib figure without pyplot."""
-    from clutchid.reports.notebook import log_figure
-
-    return log_figure(log)
-
-
-def plot_simulation(simulation: Simulation) -> Figure:
-    """Simulated position and pressure, and the duty cycles, over time, as a matplotlib figure without pyplot."""
-    return plot_log(simulation.log)
-
-
-def plot_fit(fit: Fit) -> Figure:
-    """Load over position with its 95 % band, as a matplotlib figure without pyplot.
-
-    Raises
-    ------
-    SolveError
-        If the fit failed: there is no load to draw.
-    """
-    from clutchid.reports.notebook import fit_figure
-
-    return fit_figure(fit.raised())
+    return figure_of(shown)
 
 
 def report(fit: Fit, path: str | PathLike[str]) -> None:
@@ -102,36 +74,24 @@ def _printed_fit(fit: Fit) -> str:
     return printed_fit(fit)
 
 
-def _log_in_notebook(log: Log) -> str:
-    from clutchid.reports.notebook import log_html
+def _in_notebook(shown: Log | Simulation | Fit) -> str:
+    from clutchid.reports.notebook import html_of
 
-    return log_html(log)
-
-
-def _simulation_in_notebook(simulation: Simulation) -> str:
-    from clutchid.reports.notebook import simulation_html
-
-    return simulation_html(simulation)
-
-
-def _fit_in_notebook(fit: Fit) -> str:
-    from clutchid.reports.notebook import fit_html
-
-    return fit_html(fit)
+    return html_of(shown)
 
 
 #: Module and name of a class, and what is attached to it.
 _ATTACHED: Mapping[tuple[str, str], Mapping[str, Any]] = {
-    ("clutchid.log", "Log"): {"plot": plot_log, "_repr_html_": _log_in_notebook},
-    ("clutchid.simulation.simulation", "Simulation"): {"plot": plot_simulation, "_repr_html_": _simulation_in_notebook},
+    ("clutchid.log", "Log"): {"plot": plot, "_repr_html_": _in_notebook},
+    ("clutchid.simulation.simulation", "Simulation"): {"plot": plot, "_repr_html_": _in_notebook},
     ("clutchid.estimation.result", "Fit"): {
-        "plot": plot_fit,
+        "plot": plot,
         "report": report,
         "evidence": property(evidence_of),
         "verdict": property(verdict_of),
         "comparison": property(comparison_of),
         "__str__": _printed_fit,
-        "_repr_html_": _fit_in_notebook,
+        "_repr_html_": _in_notebook,
     },
 }
 

@@ -8,22 +8,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from clutchid.errors import DataError
-from clutchid.estimation.assess.verdict import verdict
-from clutchid.estimation.fit import LogOrPath, MethodName, fit, fit_any, recordings_of
+from clutchid.estimation.fit import LogOrPath, MethodName, fit_any, recordings_of, request_of
 from clutchid.estimation.parameter_file import ParameterFile, read_parameters, started
-from clutchid.estimation.parameter_file import parameter_file as with_trust
-from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import Fit
 from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
-from clutchid.names import listed_names
 from clutchid.numerics.least_squares import Progress
 from clutchid.parameters import Parameters
 from clutchid.recordings import AMBIENT
 from clutchid.recordings.strokes.vented_rest import Zero
 from clutchid.simulation.partition import Partition
-from clutchid.workflow.observing import fast_enough, observed
+from clutchid.workflow import fast_enough, observed, parameter_file
 
 if TYPE_CHECKING:
     from clutchid.observer.recording import ObservedRecording
@@ -76,22 +72,8 @@ def calibrate(
     DataError, ParameterError, SolveError
         As `clutchid.fit`.
     """
-    return fit(
-        logs,
-        actuator,
-        measure=measure,
-        free=free,
-        bounds=bounds,
-        partition=partition,
-        verify=verify,
-        method=method,
-        priors=priors,
-        profile=profile,
-        bootstrap=bootstrap,
-        zero=zero,
-        on_failure=on_failure,
-        progress=progress,
-    )
+    request = request_of(measure, free, bounds, partition, method, priors, profile, bootstrap, zero)
+    return fit_any(logs, actuator, request, verify, on_failure, progress)
 
 
 def estimate(
@@ -138,17 +120,7 @@ def estimate(
     DataError, ParameterError, SolveError
         As `clutchid.fit`; also if the file of the calibration cannot be read.
     """
-    request = FitRequest(
-        listed_names(measure),
-        listed_names(free),
-        bounds or {},
-        partition,
-        method,
-        priors or {},
-        profile=listed_names(profile),
-        bootstrap=bootstrap,
-        zero=zero,
-    )
+    request = request_of(measure, free, bounds, partition, method, priors, profile, bootstrap, zero)
     content = _content(start)
     return fit_any(logs, content.actuator, started(content, request), verify, on_failure, progress)
 
@@ -158,11 +130,6 @@ def _content(start: Fit | ParameterFile | str | PathLike[str]) -> ParameterFile:
     if isinstance(start, ParameterFile):
         return start
     return parameter_file(start) if isinstance(start, Fit) else read_parameters(start)
-
-
-def parameter_file(fit: Fit) -> ParameterFile:
-    """Contents of a parameter file for a fit, with the trust of its verdict."""
-    return with_trust(fit, verdict(fit).trust)
 
 
 def observe(

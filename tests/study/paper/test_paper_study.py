@@ -11,10 +11,10 @@ from clutchid.log import Log
 from clutchid.reports.tables import to_csv
 from clutchid.study import PaperStudy, halves, paper_study
 from clutchid.study.paper import study as paper
-from clutchid.study.paper.figures import figure_5
+from clutchid.study.paper.figures import FIGURES, figure_5
 from clutchid.study.paper.page import DEVIATIONS
-from clutchid.study.paper.printed import equation_21
-from clutchid.study.paper.results import FIGURES, TABLES, StudyResults
+from clutchid.study.paper.results import StudyResults
+from clutchid.study.paper.tables import TABLES, equation_21
 from fixtures.figures import legends_on_the_engaging_range
 
 pytestmark = pytest.mark.slow
@@ -30,7 +30,7 @@ def test_the_folder_holds_the_page_seven_figures_and_a_csv_for_every_table(study
     assert names == {"index.html", *(f"figure_{n}.png" for n in range(2, 9)), *(f"{stem}.csv" for stem in study.tables)}
     assert names == {path.name for path in study.files}
     assert set(study.tables) == set(TABLES)
-    assert tuple(range(2, 9)) == FIGURES
+    assert tuple(range(2, 9)) == tuple(FIGURES)
     assert {"equation_21", "table_1", "table_1_carry_q", "table_2", "table_2_carry_q", "verification"} < set(
         study.tables
     )
@@ -144,16 +144,19 @@ def test_a_study_that_fails_removes_every_folder_that_it_made(logs, tmp_path):
 
 
 def test_a_study_that_cannot_write_its_last_file_leaves_nothing_in_a_new_folder(logs, tmp_path, monkeypatch):
-    def without_figures(fit_log, verify_log, progress):
-        return StudyResults(fit_log, verify_log, (), None, {}, {"table_1": equation_21()}, {2: b"picture"})
+    def without_cases(fit_log, verify_log, progress):
+        return StudyResults(fit_log, verify_log, (), None, {}, {})
 
     def full(content, path):
         if path.name == "index.html":
             raise ExportError(f"{path}: no space left")
         path.write_bytes(content)
 
-    monkeypatch.setattr(paper, "find", without_figures)
-    monkeypatch.setattr(paper, "study_page", lambda found, command: None)
+    monkeypatch.setattr(paper, "find", without_cases)
+    monkeypatch.setattr(paper, "TABLES", dict.fromkeys(TABLES, lambda found: equation_21()))
+    monkeypatch.setattr(paper, "FIGURES", dict.fromkeys(FIGURES, lambda found: None))
+    monkeypatch.setattr(paper, "png", lambda figure: b"picture")
+    monkeypatch.setattr(paper, "study_page", lambda found, tables, figures, command: None)
     monkeypatch.setattr(paper, "render", lambda page: "page")
     monkeypatch.setattr(paper, "write_bytes", full)
     with pytest.raises(ExportError, match="no space left"):

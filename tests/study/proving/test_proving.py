@@ -13,7 +13,7 @@ from clutchid import processes
 from clutchid.cli.prove import prove as command
 from clutchid.errors import ExportError, ParameterError
 from clutchid.estimation.assess.comparison import half_load
-from clutchid.fleets.cluster import Place
+from clutchid.fleets.cluster import Workers
 from clutchid.reports.tables import to_text
 from clutchid.study.proving import ground as proving
 from clutchid.study.proving import scores, workflows
@@ -95,7 +95,7 @@ def test_results_do_not_depend_on_workers_and_a_stopped_run_goes_on(tmp_path, mo
     alone = proving.prove("paper", [0, 1, 2], tmp_path / "one")
     stopped = proving.prove("paper", [1], tmp_path / "two")
     calls = []
-    pair = proving.prove("paper", [0, 1, 2], tmp_path / "two", place=Place(2), progress=lambda *a: calls.append(a))
+    pair = proving.prove("paper", [0, 1, 2], tmp_path / "two", place=Workers(2), progress=lambda *a: calls.append(a))
     assert [r["truck"] for r in pair] == [0, 1, 2]
     assert pair[1] == stopped[0]
     for a, b in zip(alone, pair, strict=True):
@@ -117,7 +117,7 @@ def test_a_workflow_that_ends_its_process_fails_for_that_truck_only(tmp_path, mo
     )
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setenv("DEADLY", proving.proof(6).calibration.log.metadata["seed"])
-    found = proving.prove("deadly_workflow:run", [5, 6, 7], tmp_path / "out", place=Place(2))
+    found = proving.prove("deadly_workflow:run", [5, 6, 7], tmp_path / "out", place=Workers(2))
     assert ["SIGKILL" in result["failed"] for result in found] == [False, True, False]
     assert [result["truck"] for result in found] == [5, 6, 7]
     assert proving.prove("deadly_workflow:run", [5, 6, 7], tmp_path / "out") == found
@@ -172,7 +172,7 @@ def test_unknown_workflows_and_foreign_folders_are_refused(tmp_path):
     with pytest.raises(ParameterError, match="MODULE:FUNCTION"):
         workflow("no_such_module:run")
     with pytest.raises(ParameterError, match="at least 1"):
-        proving.prove("paper", [0], tmp_path, place=Place(0))
+        proving.prove("paper", [0], tmp_path, place=Workers(0))
     (tmp_path / "paper").mkdir()
     (tmp_path / "paper" / "settings.json").write_text('{"clutchid": "0.0", "source": "other"}')
     with pytest.raises(ExportError, match="another version or fleet"):

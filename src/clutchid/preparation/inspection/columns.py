@@ -9,7 +9,7 @@ import numpy as np
 from clutchid.log import INPUTS, FloatArray
 from clutchid.preparation.inspection.reading import Check, Grade, InspectedRecording, shown, spread_over
 from clutchid.recordings.signals.sampled import LEFT_OUT, Runs
-from clutchid.recordings.strokes.vented_rest import Rested
+from clutchid.recordings.strokes.vented_rest import ZeroedLog
 from clutchid.simulation.plan import outside_stroke
 
 #: A constant run counts as saturation above this multiple of the longest usual run, and above this number of samples.
@@ -293,7 +293,7 @@ def _moved(reading: InspectedRecording, supply: bool) -> FloatArray:
 VENTED_REST = "vented rest"
 
 
-def rest_check(rested: Rested) -> Check:
+def rest_check(rested: ZeroedLog) -> Check:
     """Whether the vented rest is where it was at the calibration."""
     shift = rested.shift
     if shift is None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,10 +11,10 @@ from clutchid.log import FloatArray, Log
 from clutchid.model.weighted_load import Load
 from clutchid.reports.figures import draw, label, legend, mark_span, new_figure, shared_legend
 from clutchid.reports.style import BAR, MM, STYLE, Line
-from clutchid.study.paper.fits import Case, chosen
 from clutchid.study.paper.pressure import Pressures, measured_motion, static_estimate
-from clutchid.study.paper.printed import PRINTED_SLOPE, TABLE_1
 from clutchid.study.paper.recording import TrueLoad
+from clutchid.study.paper.results import Case, PaperMethod, StudyResults, chosen
+from clutchid.study.paper.tables import PRINTED_SLOPE, TABLE_1
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -209,3 +209,17 @@ def _fastest(log: Log) -> slice:
     centre = log.time[int(np.nanargmax(speed))]
     start, stop = np.searchsorted(log.time, [centre - CLOSE / 2, centre + CLOSE / 2])
     return slice(int(start), max(int(stop), int(start) + 2))
+
+
+_PAIR = (PaperMethod("ballistic"), PaperMethod("parts", 32))
+
+#: Figures by the paper's number.
+FIGURES: Mapping[int, Callable[[StudyResults], Figure]] = {
+    2: lambda _: figure_2(),
+    3: lambda found: figure_3(found.cases),
+    4: lambda found: figure_4(found.cases),
+    5: lambda found: figure_5(found.cases, found.fit_log, found.truth),
+    6: lambda found: states_figure(found.case(_PAIR[0])),
+    7: lambda found: states_figure(found.case(_PAIR[1])),
+    8: lambda found: figure_8([found.case(one) for one in _PAIR], [found.second[one] for one in _PAIR]),
+}

@@ -1,49 +1,95 @@
-"""Results of the study before they are written: cases, pressures, tables and figures."""
+"""Results of the study by method: ballistic, and partitioned for every N, in both interpretations, p or q carried."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Literal
 
+import numpy as np
+
+from clutchid.estimation import Fit, fit
+from clutchid.estimation.result import Recording
 from clutchid.log import Log
-from clutchid.reports.figures import png
-from clutchid.reports.style import BAR, MM
-from clutchid.reports.tables import ReportTable
-from clutchid.study.paper import figures, tables
-from clutchid.study.paper.fits import Case, PaperMethod, Progress, all_cases
+from clutchid.model.weighted_load import Load
+from clutchid.simulation import Partition
 from clutchid.study.paper.pressure import Pressures, pressures
-from clutchid.study.paper.printed import equation_21
 from clutchid.study.paper.recording import TrueLoad, true_load
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+#: The paper's N.
+NUMBERS = (2, 4, 8, 16, 32)
+
+Interpretation = Literal["ballistic", "parts", "every"]
+Carry = Literal["p", "q"]
+
+#: Called with a description of the current step and the completed fraction, from 0 to 1.
+Progress = Callable[[str, float], None]
 
 
-#: Stems of the tables and numbers of the figures that `find` makes.
-TABLES = (
-    "equation_21",
-    "table_1",
-    "table_1_carry_q",
-    "table_2",
-    "table_2_carry_q",
-    "verification",
-    "pressure_errors",
-)
-FIGURES = (2, 3, 4, 5, 6, 7, 8)
+@dataclass(frozen=True, slots=True)
+class PaperMethod:
+    """An estimation method of Table 1: interpretation of N, N, and the variable carried across a reset."""
+
+    interpretation: Interpretation
+    number: int | None = None
+    carry: Carry = "p"
+
+    @property
+    def partition(self) -> Partition | None:
+        """The partition that `fit` and `simulate` take; None is ballistic."""
+        if self.interpretation == "parts":
+            return Partition(parts=self.number, carry=self.carry)
+        return Partition(every=self.number, carry=self.carry) if self.interpretation == "every" else None
+
+    @property
+    def label(self) -> str:
+        """Label of the method.
+
+        Examples
+        --------
+        >>> PaperMethod("every", 8).label
+        'every 8 samples'
+        """
+        if self.interpretation == "parts":
+            return f"{self.number} parts"
+        return f"every {self.number} samples" if self.interpretation == "every" else "ballistic"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Case:
+    """Results of one method: the fit, and ballistic runs with its theta on both recordings."""
+
+    method: PaperMethod
+    fit: Fit
+    fitted: Recording
+    ballistic: Recording
+    verified: Recording
+
+
+@dataclass(frozen=True, slots=True)
+class LoadError:
+    """Rms error of a load in N: over all positions of the true load, and where the clutch engages, 5 to 8 mm."""
+
+    everywhere: float
+    engaging: float
+
+
+def methods() -> tuple[PaperMethod, ...]:
+    """All methods: ballistic first, then by carried variable, interpretation and N."""
+    partitioned = [PaperMethod(one, n, carry) for carry in ("p", "q") for one in ("parts", "every") for n in NUMBERS]
+    return (PaperMethod("ballistic"), *partitioned)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StudyResults:
-    """Results of the study; `second` are the pressures on the second recording by method, p carried."""
+    """All methods on two recordings; `first` and `second` are the pressures on each by method, p carried."""
 
     fit_log: Log
     verify_log: Log
     cases: tuple[Case, ...]
     truth: TrueLoad | None
+    first: Mapping[PaperMethod, Pressures]
     second: Mapping[PaperMethod, Pressures]
-    tables: Mapping[str, ReportTable]
-    figures: Mapping[int, bytes]
 
     def case(self, method: PaperMethod) -> Case:
         """Results of a method."""
@@ -51,7 +97,7 @@ class StudyResults:
 
 
 def find(fit_log: Log, verify_log: Log, progress: Progress) -> StudyResults:
-    """Compute the study: all fits, then pressures, tables and figures.
+    """Compute the study: all fits, then pressures.
 
     Raises
     ------
@@ -61,49 +107,67 @@ def find(fit_log: Log, verify_log: Log, progress: Progress) -> StudyResults:
         If a simulation produces values that are not finite.
     """
     cases = all_cases(fit_log, verify_log, lambda text, part: progress(text, 0.6 * part))
-    truth = true_load(fit_log)
     progress("pressure from the load", 0.6)
-    paired = tables.rows_of(cases, "p")
+    paired = rows_of(cases, "p")
     first = {case.method: pressures(case.fit.actuator, case.ballistic) for case in paired}
     second = {case.method: pressures(case.fit.actuator, case.verified) for case in paired}
-    made = {
-        "equation_21": equation_21(),
-        "table_1": tables.table_1(cases, "p"),
-        "table_1_carry_q": tables.table_1(cases, "q"),
-        "table_2": tables.table_2(cases, "p"),
-        "table_2_carry_q": tables.table_2(cases, "q"),
-        "verification": tables.verification(cases, truth),
-        "pressure_errors": tables.pressure_errors(paired, first, second),
-    }
-    return StudyResults(fit_log, verify_log, cases, truth, second, made, _figures(cases, second, fit_log, progress))
+    return StudyResults(fit_log, verify_log, cases, true_load(fit_log), first, second)
 
 
-def _figures(
-    cases: Sequence[Case], second: Mapping[PaperMethod, Pressures], log: Log, progress: Progress
-) -> dict[int, bytes]:
-    thirty_two = next(case for case in cases if case.method == PaperMethod("parts", 32))
-    pair = (cases[0], thirty_two)
-    makers: dict[int, Callable[[], Figure]] = {
-        2: figures.figure_2,
-        3: lambda: figures.figure_3(cases),
-        4: lambda: figures.figure_4(cases),
-        5: lambda: figures.figure_5(cases, log, true_load(log)),
-        6: lambda: figures.states_figure(cases[0]),
-        7: lambda: figures.states_figure(thirty_two),
-        8: lambda: figures.figure_8(pair, [second[case.method] for case in pair]),
-    }
-    drawn = {}
-    for number, make in makers.items():
-        progress(f"figure {number}", 0.65 + 0.3 * (number - 2) / len(makers))
-        drawn[number] = png(make())
-    return drawn
+def all_cases(fit_log: Log, verify_log: Log, progress: Progress) -> tuple[Case, ...]:
+    """Every method on the two recordings.
+
+    Raises
+    ------
+    DataError
+        If a recording cannot be fitted.
+    SolveError
+        If a simulation produces values that are not finite.
+    """
+    todo = methods()
+    done = []
+    for number, method in enumerate(todo):
+        progress(f"fit: {method.label}" + (", q carried" if method.carry == "q" else ""), number / len(todo))
+        done.append(_case(method, fit_log, verify_log))
+    return tuple(done)
 
 
-def millimetres(value: float) -> str:
-    """A length as text, as in ``0.93 mm``."""
-    return f"{value / MM:.2f} mm"
+def _case(method: PaperMethod, fit_log: Log, verify_log: Log) -> Case:
+    found = fit(fit_log, partition=method.partition)
+    fitted = _only(found)
+    ballistic = fitted if method.partition is None else _only(fit(fit_log, found.actuator, free=()))
+    return Case(method, found, fitted, ballistic, _only(fit(verify_log, found.actuator, free=())))
 
 
-def bars(value: float | None) -> str:
-    """A pressure as text, as in ``0.25 bar``."""
-    return "not measured" if value is None else f"{value / BAR:.2f} bar"
+def _only(found: Fit) -> Recording:
+    return next(iter(found.recordings.values()))
+
+
+def chosen(cases: Sequence[Case], *interpretations: Interpretation, carry: Carry = "p") -> tuple[Case, ...]:
+    """Cases of the given interpretations, in that order; the ballistic one belongs to both p and q."""
+    return tuple(
+        case
+        for interpretation in interpretations
+        for case in cases
+        if case.method.interpretation == interpretation
+        and (interpretation == "ballistic" or case.method.carry == carry)
+    )
+
+
+def rows_of(cases: Sequence[Case], carry: Carry) -> tuple[Case, ...]:
+    """The rows of a table: ballistic, N parts, every N samples."""
+    return chosen(cases, "ballistic", "parts", "every", carry=carry)
+
+
+def load_error(case: Case, truth: TrueLoad) -> LoadError:
+    """Rms error of the estimated load."""
+    error = case.fit.actuator.load.force(truth.position) - truth.force
+    engaging = (truth.position >= 5e-3 - 1e-9) & (truth.position <= 8e-3 + 1e-9)
+    return LoadError(float(np.sqrt(np.mean(error**2))), float(np.sqrt(np.mean(error[engaging] ** 2))))
+
+
+def best_possible(truth: TrueLoad) -> float:
+    """Smallest rms error in N of a load on the paper's three splines."""
+    phi = Load().phi(truth.position)
+    weights = np.linalg.lstsq(phi, truth.force)[0]
+    return float(np.sqrt(np.mean((phi @ weights - truth.force) ** 2)))

@@ -12,11 +12,13 @@ from pathlib import Path
 from clutchid.errors import ExportError
 from clutchid.log import Log
 from clutchid.recordings.files import check_writable, write_bytes
+from clutchid.reports.figures import png
 from clutchid.reports.html import render
 from clutchid.reports.tables import ReportTable, to_csv
-from clutchid.study.paper.fits import Case, Progress
+from clutchid.study.paper.figures import FIGURES
 from clutchid.study.paper.page import study_page
-from clutchid.study.paper.results import FIGURES, TABLES, StudyResults, find
+from clutchid.study.paper.results import Case, Progress, find
+from clutchid.study.paper.tables import TABLES
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,33 +60,27 @@ def paper_study(fit_log: Log, verify_log: Log, out: Path, progress: Progress | N
     ----------
     Section 3 of the paper; every deviation is listed on the page.
     """
-    report, out = progress or _silent, Path(out)
+    report, out = progress or (lambda _text, _fraction: None), Path(out)
     with _folder(out):
         found = find(fit_log, verify_log, report)
+        tables = {stem: make(found) for stem, make in TABLES.items()}
+        figures = {}
+        for done, (number, make) in enumerate(FIGURES.items()):
+            report(f"figure {number}", 0.65 + 0.3 * done / len(FIGURES))
+            figures[number] = png(make(found))
         report("page", 0.95)
-        page = render(study_page(found, _command(fit_log, verify_log, out)))
-        files = _written(found, page, out)
+        page = render(study_page(found, tables, figures, _command(fit_log, verify_log, out)))
+        contents = [*(to_csv(table).encode("utf-8") for table in tables.values()), *figures.values(), page.encode()]
+        files = tuple(out / name for name in _names())
+        for path, content in zip(files, contents, strict=True):  # the page last
+            write_bytes(content, path)
     report("done", 1.0)
-    return PaperStudy(found.cases, found.tables, files[-1], files)
+    return PaperStudy(found.cases, tables, files[-1], files)
 
 
 def _names() -> list[str]:
-    """Names of all files of the study."""
+    """Names of all files of the study, in the order in which they are written."""
     return [*(f"{stem}.csv" for stem in TABLES), *(f"figure_{number}.png" for number in FIGURES), "index.html"]
-
-
-def _written(found: StudyResults, page: str, out: Path) -> tuple[Path, ...]:
-    """Write tables, figures, and finally the page."""
-    contents = {f"{stem}.csv": to_csv(table).encode("utf-8") for stem, table in found.tables.items()}
-    contents |= {f"figure_{number}.png": picture for number, picture in found.figures.items()}
-    contents["index.html"] = page.encode("utf-8")
-    for name, content in contents.items():
-        write_bytes(content, out / name)
-    return tuple(out / name for name in contents)
-
-
-def _silent(_text: str, _fraction: float) -> None:
-    pass
 
 
 @contextmanager

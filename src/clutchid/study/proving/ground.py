@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -13,12 +13,10 @@ from typing import Any
 import numpy as np
 
 from clutchid.errors import ExportError
-from clutchid.fleets.cluster import HERE, Place, results
-from clutchid.fleets.jobs import version_and_source
-from clutchid.log import Log
+from clutchid.fleets.cluster import ONE_WORKER, Workers, results, version_and_source
 from clutchid.processes import LostWork, check_workers
 from clutchid.recordings.files import write_text
-from clutchid.study.proving.scores import Answer, Workflow, score
+from clutchid.study.proving.scores import Answer, score
 from clutchid.study.proving.workflows import workflow
 from clutchid.truck import Drive, changed, drive, truck
 
@@ -90,7 +88,8 @@ def prove_one(name: str, number: int, conditions: Conditions = Conditions()) -> 
     ground = proof(number, conditions)
     begin = time.perf_counter()
     try:
-        answers = _answers(workflow(name), ground)
+        worn = [replace(d.log.without("pressure_a"), metadata={}) for d in ground.worn]
+        answers = workflow(name)(ground.calibration.log, worn)
         seconds = time.perf_counter() - begin
         logs = {d.log.name: _scored(answer, d) for answer, d in zip(answers, ground.worn, strict=True)}
     except Exception as error:
@@ -105,21 +104,11 @@ def _result(
     return {**known, "failed": failed, "seconds": seconds, "logs": logs}
 
 
-def _answers(method: Workflow, ground: Proof) -> Sequence[Answer]:
-    return method(ground.calibration.log, [_position_only(d.log) for d in ground.worn])
-
-
-def _position_only(log: Log) -> Log:
-    return replace(log, columns={name: v for name, v in log.columns.items() if name != "pressure_a"}, metadata={})
-
-
 def _scored(answer: Answer, driven: Drive) -> dict[str, Any]:
-    curve = {key: getattr(answer, key).tolist() for key in ("position", "force", "low", "high")}
-    wear = driven.truth.truck.wear
     return {
         "score": asdict(score(answer, driven.truth, driven.log.time)),
-        "wear_m": wear,
-        "curve": curve,
+        "wear_m": driven.truth.truck.wear,
+        "curve": {key: getattr(answer, key).tolist() for key in ("position", "force", "low", "high")},
         "kept": dict(answer.kept),
     }
 
@@ -129,7 +118,7 @@ def prove(
     numbers: Iterable[int],
     out: Path,
     conditions: Conditions = Conditions(),
-    place: Place = HERE,
+    place: Workers = ONE_WORKER,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[dict[str, Any]]:
     """Run a workflow on the trucks `numbers` and save every result in ``out/NAME/``; existing results are kept.
