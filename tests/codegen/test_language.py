@@ -11,7 +11,9 @@ from clutchid.codegen.language import C_DOUBLE, C_FLOAT, PYTHON, Language
 
 a, b, x = sp.symbols("a b x", real=True)
 #: Numbers are printed as decimals of a double: the nearest fraction with a small denominator was meant.
-EXACT = Language("Fraction('{}').limit_denominator(1000)", "and", "or", "not ", "True", "False", {"pow": "pow"})
+EXACT = Language(
+    "Fraction", "Fraction('{}').limit_denominator(1000)", "and", "or", "not ", "True", "False", {"pow": "pow"}
+)
 
 halves = st.integers(-12, 12).map(lambda n: sp.Rational(n, 4))
 arithmetic = st.recursive(

@@ -33,7 +33,7 @@ def c_lines(
     NotImplementedError
         If an expression uses a function that is not printed.
     """
-    real = "float" if language is C_FLOAT else "double"
+    real = language.real
     lines: list[str] = []
     for statement in statements:
         if isinstance(statement, Assign):
@@ -51,12 +51,11 @@ def c_lines(
 def _branch(
     branch: Branch, language: Language, indent: str, declared: Collection[Expr], defined: Collection[str]
 ) -> list[str]:
-    real = "float" if language is C_FLOAT else "double"
     outputs = targets(branch)
     new = [target for target in outputs if target not in declared]
     named = [str(target) for target in new if str(target) in defined]
     lines = [f"{indent}/* {', '.join(named)}, case by case */"] if named else []
-    lines += [f"{indent}{real} {target};" for target in new]
+    lines += [f"{indent}{language.real} {target};" for target in new]
     known = {*declared, *outputs}
     for number, (condition, arm) in enumerate(branch.arms):
         final = number == len(branch.arms) - 1
@@ -80,9 +79,8 @@ def unpacked(system: System, parts: Parts, needed: Collection[Expr]) -> dict[str
 class ColumnCode:
     """The text around ``NAME_step_columns``.
 
-    `jacobian`, `table` and `slots` are the results of a stage, as text. A slot is the derivative of the rate
-    `slot_rows` to the parameter of the column `slot_columns`. `rows` are the rates of a column, J z + source, a row
-    each.
+    `jacobian`, `table` and `slots` are the results of a stage, as text. A slot is the derivative of the rate of a row
+    to the parameter of a column: (row, column, text). `rows` are the rates of a column, J z + source, a row each.
     """
 
     parts: Parts
@@ -90,9 +88,7 @@ class ColumnCode:
     unpacked: dict[str, list[Any]]
     jacobian: tuple[str, ...]
     table: tuple[tuple[int, str], ...]
-    slots: tuple[str, ...]
-    slot_rows: tuple[int, ...]
-    slot_columns: tuple[int, ...]
+    slots: tuple[tuple[int, int, str], ...]
     rows: tuple[str, ...]
 
     @classmethod
@@ -118,9 +114,7 @@ class ColumnCode:
             unpacked=unpacked(plan.system, parts, parts.in_stage),
             jacobian=tuple(language.print(entry.value) for entry in entries),
             table=tuple((entry.row, language.print(entry.value)) for entry in plan.table_entries),
-            slots=tuple(language.print(value) for _, _, value in chosen),
-            slot_rows=tuple(row for row, _, _ in chosen),
-            slot_columns=tuple(column for _, column, _ in chosen),
+            slots=tuple((row, column, language.print(value)) for row, column, value in chosen),
             rows=tuple(_row(plan, row, entries, language) for row, _ in enumerate(plan.rates)),
         )
 
@@ -135,7 +129,7 @@ def _row(plan: DifferentiatedProgram, row: int, entries: Sequence[Entry], langua
     return " + ".join([*terms, f"source[{row}]"])
 
 
-_LANGUAGES = {"double": C_DOUBLE, "float": C_FLOAT}
+_LANGUAGES = {language.real: language for language in (C_DOUBLE, C_FLOAT)}
 
 
 @dataclass(frozen=True, slots=True)

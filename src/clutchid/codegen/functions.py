@@ -41,22 +41,26 @@ def functions(plan: DifferentiatedProgram) -> tuple[Work, dict[str, Function]]:
 
 def _program(plan: DifferentiatedProgram, work: Work, name: str, parts: Parts) -> dict[str, Function]:
     """Functions of one staged program; the results of each are read by the next from the work array."""
-    inline, program, held = name == "plain", parts.program, (*parts.inputs, *parts.held)
-    of_run = _placed("p", plan.system.parameters)
-    of_sample = of_run | _placed("work", parts.constants, work.constants)
-    of_stage = of_sample | _placed("work", held, work.held)
-    stores = _stores("work", parts.constants, work.constants)
-    once = function(f"constants_{name}", Interface(("p", "work"), (), inline=inline), program.constants, of_run, stores)
-    interface, stores = Interface(("u", "p", "work"), ("u",), inline=inline), _stores("work", held, work.held)
-    hold = function(f"hold_{name}", interface, program.held, of_sample | _placed("u", plan.system.inputs), stores)
-    stores = _stores("stage", plan.rates, work.rates) if name == "jacobian" else []
+    inline, program = name == "plain", parts.program
+    constants = _stores("work", parts.constants, work.constants)
+    held = _stores("work", (*parts.inputs, *parts.held), work.held)
+    results = _stores("stage", plan.rates, work.rates) if name == "jacobian" else []
     if name != "plain":
-        stores += _stores("stage", _values(plan.jacobian), work.jacobian)
-        stores += _stores("stage", _values(plan.table_entries), work.table)
+        results += _stores("stage", _values(plan.jacobian), work.jacobian)
+        results += _stores("stage", _values(plan.table_entries), work.table)
     if name == "all":
-        stores += _stores("stage", plan.slot_values, work.slots)
-    step = step_function(f"step_{name}", plan, work, program.stage, (of_stage, stores), inline)
-    return {f"constants_{name}": once, f"hold_{name}": hold, f"step_{name}": step}
+        results += _stores("stage", plan.slot_values, work.slots)
+
+    of_run = _loads(_stores("p", plan.system.parameters))
+    of_sample = of_run | _loads(constants)
+    of_stage = of_sample | _loads(held)
+    given = of_sample | _loads(_stores("u", plan.system.inputs))
+    once, hold = Interface(("p", "work"), inline=inline), Interface(("u", "p", "work"), ("u",), inline=inline)
+    return {
+        f"constants_{name}": function(f"constants_{name}", once, program.constants, of_run, constants),
+        f"hold_{name}": function(f"hold_{name}", hold, program.held, given, held),
+        f"step_{name}": step_function(f"step_{name}", plan, work, program.stage, (of_stage, results), inline),
+    }
 
 
 def _jumps(plan: DifferentiatedProgram, work: Work) -> dict[str, Function]:
@@ -74,7 +78,8 @@ def _jump(plan: DifferentiatedProgram, name: str, stores: Sequence[tuple[ArrayEl
     system, number = plan.system, (("number", JUMP),)
     interface = Interface(("x", "measured", "p", "work"), ("measured",), number, inline=name == "jump_plain")
     statements = live(plan.jump.statements, symbols_in(value for _, value in stores))
-    loads = _placed("x", system.states) | _placed("p", system.parameters) | _placed("measured", system.measured)
+    read = {"x": system.states, "p": system.parameters, "measured": system.measured}
+    loads = _loads([place for array, symbols in read.items() for place in _stores(array, symbols)])
     return function(name, interface, statements, loads, stores)
 
 
@@ -91,11 +96,11 @@ def _values(entries: Iterable[Entry]) -> list[Expr]:
     return [entry.value for entry in entries]
 
 
-def _stores(array: str, values: Iterable[Expr], first: int) -> list[tuple[ArrayElement, Expr]]:
+def _stores(array: str, values: Iterable[Expr], first: int = 0) -> list[tuple[ArrayElement, Expr]]:
     """Values one after the other in `array`, from its element `first` on."""
     return [(ArrayElement(array, first + position), value) for position, value in enumerate(values)]
 
 
-def _placed(array: str, symbols: Iterable[Expr], first: int = 0) -> dict[Expr, ArrayElement]:
-    """Places of symbols that stand in `array` one after the other."""
-    return {symbol: place for place, symbol in _stores(array, symbols, first)}
+def _loads(stores: Iterable[tuple[ArrayElement, Expr]]) -> dict[Expr, ArrayElement]:
+    """Places that symbols are read from: those that they stand in."""
+    return {symbol: place for place, symbol in stores}

@@ -21,8 +21,9 @@ _RELATIONS = {sp.Gt: ">", sp.Ge: ">=", sp.Lt: "<", sp.Le: "<=", sp.Eq: "==", sp.
 
 @dataclass(frozen=True, slots=True)
 class Language:
-    """Spelling of numbers, logic and functions in a programming language."""
+    """Spelling of numbers, logic and functions in a programming language; `real` is the type of its numbers."""
 
+    real: str
     number: str
     both: str
     either: str
@@ -114,9 +115,9 @@ class Language:
 
 FUNCTIONS = ("sqrt", "pow", "exp", "log", "sin", "cos", "tan", "tanh", "sinh", "cosh", "asin", "acos", "atan")
 
-PYTHON = Language("{}", "and", "or", "not ", "True", "False", {name: f"math.{name}" for name in FUNCTIONS})
-C_DOUBLE = Language("{}", "&&", "||", "!", "1", "0", {name: name for name in FUNCTIONS})
-C_FLOAT = Language("{}F", "&&", "||", "!", "1", "0", {name: f"{name}f" for name in FUNCTIONS})
+PYTHON = Language("float", "{}", "and", "or", "not ", "True", "False", {name: f"math.{name}" for name in FUNCTIONS})
+C_DOUBLE = Language("double", "{}", "&&", "||", "!", "1", "0", {name: name for name in FUNCTIONS})
+C_FLOAT = Language("float", "{}F", "&&", "||", "!", "1", "0", {name: f"{name}f" for name in FUNCTIONS})
 
 
 _PYTHON = "math x u p"

@@ -132,7 +132,7 @@ class Writer:
         return self._general_power(self.number(base), self.number(exponent))
 
     def _general_power(self, base: str, exponent: str) -> str:
-        """A power; ``pow`` costs as much as all the rest of a stage, and is not called for a base of 1, as in choked flow."""
+        """A power; ``pow``, as costly as all the rest of a stage, is not called for a base of 1: in choked flow."""
         one, key = constant(sp.Integer(1)), f"pow {base}, {exponent}"
         for known in self.known:
             if key in known:
