@@ -12,10 +12,11 @@ import numpy as np
 
 from clutchid.log import INPUTS, FloatArray
 from clutchid.recordings.checks import AMBIENT, check, check_ambient, in_si
-from clutchid.recordings.columns import REQUIRED, SHOWN, Heading, heading_problems, ignored
+from clutchid.recordings.columns import REQUIRED, Heading, heading_problems, ignored
 from clutchid.recordings.map.channel_map import Channel, ChannelMap
 from clutchid.recordings.map.picking import own_clock
 from clutchid.recordings.map.proposal import Proposal, propose
+from clutchid.recordings.messages import SHOWN
 from clutchid.recordings.opening import open_source
 from clutchid.recordings.overview import ColumnOverview, FileOverview, TimeAxis, TimeGridOverview, updated
 from clutchid.recordings.recording import findings, picked, scaled

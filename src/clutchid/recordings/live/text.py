@@ -261,10 +261,10 @@ def _cells(text: bytes, found: Dialect, chosen: Sequence[int]) -> TextRows:
         parts = [read_text(LineBlock(1, line, 1), found, selected) for line in text.splitlines(keepends=True)]
     part = joined(parts)
     ragged = sum(one.ragged_count + bool(one.broken) for one in parts)
-    spoiled = np.zeros(part.size, dtype=bool)
-    for rows in part.unread.values():
+    spoiled = np.zeros(part.table.size, dtype=bool)
+    for rows in part.table.unread.values():
         spoiled[rows] = True
-    return TextRows(Table(found.headings, part.numbers, part.size), spoiled, ragged)
+    return TextRows(part.table, spoiled, ragged)
 
 
 def text_blocks(

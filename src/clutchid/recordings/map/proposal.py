@@ -13,12 +13,13 @@ from dataclasses import dataclass, replace
 from clutchid.errors import DataError
 from clutchid.log import INPUTS
 from clutchid.log.units import UNITS
-from clutchid.recordings.columns import QUANTITIES, REQUIRED, Heading, is_unit_of, listed, unit_at_end
+from clutchid.recordings.columns import QUANTITIES, REQUIRED, Heading, is_unit_of, unit_at_end
 from clutchid.recordings.formats.can.j1939 import parameter_in
 from clutchid.recordings.map.channel_map import Channel, ChannelMap
 from clutchid.recordings.map.channel_words import Circuit, circuit_of, is_named_by_j1939, is_set_point, name_score
 from clutchid.recordings.map.picking import own_clock
 from clutchid.recordings.map.ranges import PLAUSIBLE, Range, Ranges, gauge_unit, guessed_unit
+from clutchid.recordings.messages import listed
 from clutchid.recordings.source import Raster, Source
 
 #: Score of a channel with the standard name of the quantity.

@@ -17,9 +17,10 @@ import numpy as np
 
 from clutchid.errors import install_command
 from clutchid.log import INPUTS, FloatArray, Log, Samples
-from clutchid.recordings.columns import Heading, headings, listed, shortened
+from clutchid.recordings.columns import Heading, headings
 from clutchid.recordings.formats.parquet.footer import EncryptedParquet, damage
 from clutchid.recordings.formats.parquet.readers import LibraryReader, UnreadParquet, with_arrow, with_polars
+from clutchid.recordings.messages import listed, shortened
 from clutchid.recordings.source import EXAMPLE, Places, Raster, Source, Table, own_metadata, refused, to_frame
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from clutchid.recordings.columns import shortened
+from clutchid.recordings.messages import shortened
 
 if TYPE_CHECKING:
     import polars as pl
