@@ -80,14 +80,14 @@ def look(
     rasters, problems, warnings = [], list(source.problems), list(source.warnings)
     problems += [source.unnamed] if source.unnamed else []
     for index, raster in enumerate(source.rasters):
-        clock, said = _clock(raster, proposal.channels)
+        clock, warning = _clock(raster, proposal.channels)
         summary = _Summary(checks)
         if checks is not None:
             summary.problems += heading_problems(raster.headings)
             summary.warnings += ignored(raster.headings)
         rasters.append(_raster(source, index, summary, _Axis(clock, {}, ambient)))
         problems += summary.problems
-        warnings += [*([said] if said else []), *summary.warnings]
+        warnings += [*([warning] if warning else []), *summary.warnings]
     found = tuple(rasters), tuple(problems), tuple(dict.fromkeys(warnings))
     return FileOverview(str(path), source.format, *found, proposal, needs_map=not in_contract(source))
 
@@ -95,7 +95,7 @@ def look(
 def _mapped(source: Source, proposal: Proposal, channels: ChannelMap, ambient: float) -> FileOverview:
     """Contents of a file with the quantities, the time axis and the findings of a channel map."""
     rig = "force" in channels.channels and not any(name in channels.channels for name in INPUTS)
-    picks, wrong = picked(source, channels, _RIG if rig else REQUIRED)
+    picks, mismatches = picked(source, channels, _RIG if rig else REQUIRED)
     size = max((raster.size * len(raster.headings) for raster in source.rasters), default=0)
     found, warned = findings(source, picks, ambient, None if size * 8 < _WHOLE else BLOCK)
     rasters = []
@@ -105,7 +105,7 @@ def _mapped(source: Source, proposal: Proposal, channels: ChannelMap, ambient: f
         time = next((pick.columns["time"][0] for pick in chosen if "time" in pick.columns), own_clock(raster)[0])
         rate = chosen[0].rate if chosen else None
         rasters.append(_raster(source, index, _Summary(), _Axis(time, columns, ambient, rate)))
-    problems = tuple(dict.fromkeys((*source.problems, *wrong, *found)))
+    problems = tuple(dict.fromkeys((*source.problems, *mismatches, *found)))
     warnings = tuple(dict.fromkeys((*source.warnings, *warned)))
     completed = replace(
         proposal,
