@@ -99,8 +99,8 @@ def pieces_of(recording: Log | Iterable[Log]) -> Iterator[Log]:
             yield piece
 
 
-def blocks(pieces: Iterable[Log], size: int = BLOCK) -> Iterator[Samples]:
-    """The recording in blocks of `size` samples, the last one shorter."""
+def blocks(pieces: Iterable[Log]) -> Iterator[Samples]:
+    """The recording in blocks of `BLOCK` samples, the last one shorter."""
     pending: list[Samples] = []
     size_pending, count, last = 0, 0, -np.inf
     for piece in pieces:
@@ -112,9 +112,9 @@ def blocks(pieces: Iterable[Log], size: int = BLOCK) -> Iterator[Samples]:
         }
         rest = Samples(count, piece.time, piece.columns, edges)
         count, last = count + len(rest), until
-        while size_pending + len(rest) >= size:
-            pending.append(rest.part(0, size - size_pending))
-            rest, size_pending = rest.part(size - size_pending, len(rest)), 0
+        while size_pending + len(rest) >= BLOCK:
+            pending.append(rest.part(0, BLOCK - size_pending))
+            rest, size_pending = rest.part(BLOCK - size_pending, len(rest)), 0
             yield pending[0].followed_by(*pending[1:])
             pending = []
         if len(rest):
