@@ -9,10 +9,10 @@ from clutchid.recordings.columns import (
     heading_problems,
     headings,
     ignored,
-    shortened,
     unit_at_end,
     unit_spelled,
 )
+from clutchid.recordings.messages import shortened
 
 
 @pytest.mark.parametrize(

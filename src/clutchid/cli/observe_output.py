@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from clutchid.log import Log
     from clutchid.observer.live import LiveRun
     from clutchid.observer.recording import ObservedRecording
-    from clutchid.recordings.spool import Add
+    from clutchid.recordings.spool import AddBlock
 
 
 #: Name of standard input, and of standard output.
@@ -248,7 +248,7 @@ class FileTroubles:
         self._note(f"{path}: cannot be written any more; it is in {place} instead.")
 
     @contextmanager
-    def spooled(self, path: Path) -> Iterator[Add]:
+    def spooled(self, path: Path) -> Iterator[AddBlock]:
         """Function that adds a block to a recording; where that fails, what came before is the file.
 
         Raises

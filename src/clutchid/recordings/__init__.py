@@ -73,7 +73,8 @@ def read(
     >>> log.name, float(log["position"][1]), float(log["duty_supply"][1])
     ('run', 0.0005, 1.0)
     """
-    log = next(_logs(path, ambient, channels, dbc, required, None), None)
+    pieces = read_pieces(path, ambient=ambient, channels=channels, dbc=dbc, required=required, rows=None)
+    log = next(pieces, None)
     if log is None:
         raise DataError(f"{path}: none of its samples can be read, so it is damaged; copy or write it again.")
     return log
@@ -105,31 +106,19 @@ def read_pieces(
     channels: ChannelMap | str | PathLike[str] | None = None,
     dbc: Sequence[str | PathLike[str]] = (),
     required: Sequence[str] = REQUIRED,
-    rows: int = BLOCK,
+    rows: int | None = BLOCK,
     progress: Callable[[int, int], None] | None = None,
 ) -> Iterator[Log]:
     """Read a recording that does not fit into memory, as consecutive logs of about `rows` samples; else as `read`.
 
-    The hash of the file is not computed. `progress` is called after every piece with the number of samples read so far,
-    and that of the longest time grid.
+    With `rows` None it is one log, and the hash of the file is computed. `progress` is called after every piece with
+    the number of samples read so far, and that of the longest time grid.
 
     Raises
     ------
     DataError, MissingExtra, ParameterError
         As `read`; errors in the samples are raised when their piece is read.
     """
-    yield from _logs(path, ambient, channels, dbc, required, rows, progress)
-
-
-def _logs(
-    path: str | PathLike[str],
-    ambient: float,
-    channels: ChannelMap | str | PathLike[str] | None,
-    dbc: Sequence[str | PathLike[str]],
-    required: Sequence[str],
-    rows: int | None,
-    progress: Callable[[int, int], None] | None = None,
-) -> Iterator[Log]:
     if not isinstance(path, str | PathLike):
         raise DataError(f"a recording is a clutchid.Log or the path of a file, not a {type(path).__name__}.")
     from clutchid.recordings.recording import pieces

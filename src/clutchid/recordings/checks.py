@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from clutchid.errors import ParameterError
 from clutchid.log import INPUTS, FloatArray
 from clutchid.log.units import UNITS, to_si
-from clutchid.recordings.columns import QUANTITIES, SHOWN, Heading, listed, quantity
+from clutchid.recordings.columns import QUANTITIES, Heading
+from clutchid.recordings.messages import SHOWN, listed, quantity
 from clutchid.recordings.source import Places, Rows, Table
 from clutchid.recordings.time_axis import holes, usual_interval
 

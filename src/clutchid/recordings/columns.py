@@ -15,6 +15,7 @@ from types import MappingProxyType
 from clutchid.log import COLUMNS, INPUTS
 from clutchid.log.units import SPELLINGS, UNITS, known_units
 from clutchid.names import printable
+from clutchid.recordings.messages import listed, shortened
 
 #: Known quantities and their SI units.
 QUANTITIES: Mapping[str, str] = MappingProxyType({"time": "s", **COLUMNS})
@@ -31,8 +32,7 @@ _UNIT_START = re.compile(r"[\s_.,:;(\[/-]+|(?<=[a-z0-9])(?=[A-Z])")
 
 _UNITS_ANY_CASE = frozenset(unit.casefold() for unit in UNITS)
 
-#: Number of locations or names that a message lists before it counts the rest; number of columns, and their length.
-SHOWN = 5
+#: Number of columns that a message lists before it counts the rest, and longest name in it.
 _SHOWN_COLUMNS, _SHOWN_LENGTH = 12, 80
 
 
@@ -206,42 +206,6 @@ def ignored(columns: Sequence[Heading]) -> list[str]:
 def is_unit_of(name: str, unit: str | None) -> bool:
     """Whether a unit is known and one of the quantity `name`."""
     return unit in UNITS and UNITS[unit].si == QUANTITIES[name]
-
-
-def quantity(value: float, unit: str | None) -> str:
-    """A value with its unit, for a message.
-
-    Examples
-    --------
-    >>> quantity(0.25, "s"), quantity(1.2, "1")
-    ('0.25 s', '1.2')
-    """
-    return f"{value:.10g}" + (f" {unit}" if unit not in (None, "1") else "")
-
-
-def sample_count(count: int) -> str:
-    """A number of samples, for a message."""
-    return f"{count:,} sample{'' if count == 1 else 's'}"
-
-
-def listed(texts: Iterable[str], most: int = SHOWN, total: int | None = None) -> str:
-    """The first `most` texts, and the number of the others; `total` is the number of all, if not all are given.
-
-    Examples
-    --------
-    >>> listed(["line 4", "line 7", "line 9"], 2), listed(["line 4"], total=3)
-    ('line 4, line 7 and 1 more', 'line 4 and 2 more')
-    """
-    given = list(texts)
-    shown = given[:most]
-    rest = (len(given) if total is None else total) - len(shown)
-    return ", ".join(shown) + (f" and {rest} more" if rest else "")
-
-
-def shortened(text: str, length: int = 40) -> str:
-    """`text` on one line and not longer than `length`, for a message."""
-    line = printable(" ".join(text.split()))
-    return line if len(line) <= length else line[: length - 1] + "…"
 
 
 def _duplicate(name: str, group: list[Heading]) -> str:

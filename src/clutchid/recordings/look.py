@@ -12,10 +12,11 @@ import numpy as np
 
 from clutchid.log import INPUTS, FloatArray
 from clutchid.recordings.checks import AMBIENT, check, check_ambient, in_si
-from clutchid.recordings.columns import REQUIRED, SHOWN, Heading, heading_problems, ignored
+from clutchid.recordings.columns import REQUIRED, Heading, heading_problems, ignored
 from clutchid.recordings.map.channel_map import Channel, ChannelMap
 from clutchid.recordings.map.picking import own_clock
 from clutchid.recordings.map.proposal import Proposal, propose
+from clutchid.recordings.messages import SHOWN
 from clutchid.recordings.opening import open_source
 from clutchid.recordings.overview import ColumnOverview, FileOverview, TimeAxis, TimeGridOverview, updated
 from clutchid.recordings.recording import findings, picked, scaled
@@ -79,14 +80,14 @@ def look(
     rasters, problems, warnings = [], list(source.problems), list(source.warnings)
     problems += [source.unnamed] if source.unnamed else []
     for index, raster in enumerate(source.rasters):
-        clock, said = _clock(raster, proposal.channels)
+        clock, warning = _clock(raster, proposal.channels)
         summary = _Summary(checks)
         if checks is not None:
             summary.problems += heading_problems(raster.headings)
             summary.warnings += ignored(raster.headings)
         rasters.append(_raster(source, index, summary, _Axis(clock, {}, ambient)))
         problems += summary.problems
-        warnings += [*([said] if said else []), *summary.warnings]
+        warnings += [*([warning] if warning else []), *summary.warnings]
     found = tuple(rasters), tuple(problems), tuple(dict.fromkeys(warnings))
     return FileOverview(str(path), source.format, *found, proposal, needs_map=not in_contract(source))
 
@@ -94,7 +95,7 @@ def look(
 def _mapped(source: Source, proposal: Proposal, channels: ChannelMap, ambient: float) -> FileOverview:
     """Contents of a file with the quantities, the time axis and the findings of a channel map."""
     rig = "force" in channels.channels and not any(name in channels.channels for name in INPUTS)
-    picks, wrong = picked(source, channels, _RIG if rig else REQUIRED)
+    picks, mismatches = picked(source, channels, _RIG if rig else REQUIRED)
     size = max((raster.size * len(raster.headings) for raster in source.rasters), default=0)
     found, warned = findings(source, picks, ambient, None if size * 8 < _WHOLE else BLOCK)
     rasters = []
@@ -104,7 +105,7 @@ def _mapped(source: Source, proposal: Proposal, channels: ChannelMap, ambient: f
         time = next((pick.columns["time"][0] for pick in chosen if "time" in pick.columns), own_clock(raster)[0])
         rate = chosen[0].rate if chosen else None
         rasters.append(_raster(source, index, _Summary(), _Axis(time, columns, ambient, rate)))
-    problems = tuple(dict.fromkeys((*source.problems, *wrong, *found)))
+    problems = tuple(dict.fromkeys((*source.problems, *mismatches, *found)))
     warnings = tuple(dict.fromkeys((*source.warnings, *warned)))
     completed = replace(
         proposal,

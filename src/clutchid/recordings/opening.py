@@ -22,7 +22,7 @@ from clutchid.recordings.files import plain_file, reason_of
 from clutchid.recordings.formats.kinds import readable_kind
 from clutchid.recordings.formats.opening import opened_here
 from clutchid.recordings.reader_service import Answer, Message, decoded, encoded, source_of, unpacked
-from clutchid.recordings.source import BLOCK, Source, Table, joined_samples
+from clutchid.recordings.source import BLOCK, Source, Table, joined
 
 #: Bytes in memory up to which a Parquet file is read in this process.
 _MODERATE = 256_000_000
@@ -107,14 +107,6 @@ def too_large() -> str:
     )
 
 
-def too_long(limit: float) -> str:
-    """End of the sentence about a file that takes longer than `limit` in s."""
-    return (
-        f"was not read within {limit:.0f} s, so it is damaged or very slow to read; copy it again, or allow more with "
-        f"the environment variable {SECONDS_VARIABLE}=600."
-    )
-
-
 _SPOILED = "it is damaged, or of a kind that its library cannot read; copy it again or convert it to Parquet or CSV."
 
 
@@ -147,18 +139,17 @@ class ReaderProcess:
         limits = Limits(seconds(path.stat().st_size if path.exists() else 0), memory())
         parts = self.worker.ask(encoded({**question, "forget": forget}), limits)
         if isinstance(parts, WorkerEnd):
-            raise DataError(f"{path}: {_without_answer(parts, limits)}")
+            reasons = {
+                "itself": f"the reader process ended on it ({parts.how}): {_SPOILED}",
+                "memory": too_large(),
+                "time": f"was not read within {limits.seconds:.0f} s, so it is damaged or very slow to read; copy it "
+                f"again, or allow more with the environment variable {SECONDS_VARIABLE}=600.",
+            }
+            raise DataError(f"{path}: {reasons[parts.why]}")
         message, arrays = decoded(parts)
         if "failed" in message:
             raise _error(message, path)
         return message, arrays
-
-
-def _without_answer(ended: WorkerEnd, limits: Limits) -> str:
-    """Reason why there is no answer."""
-    if ended.why == "itself":
-        return f"the reader process ended on it ({ended.how}): {_SPOILED}"
-    return too_large() if ended.why == "memory" else too_long(limits.seconds)
 
 
 def _error(message: Message, path: Path) -> DataError | MissingExtra:
@@ -219,7 +210,7 @@ class _RemoteTables:
         else:
             blocks = list(self._blocks(raster, columns, BLOCK))
             if blocks:
-                yield _joined(blocks)
+                yield joined(blocks)
 
     def _blocks(self, raster: int, columns: Sequence[int], rows: int | None) -> Iterator[Table]:
         path, headings = self._source.path, self._source.rasters[raster].headings
@@ -230,12 +221,3 @@ class _RemoteTables:
                 yield unpacked(*answer, headings)
         finally:
             self._process.forgotten.append(number)
-
-
-def _joined(tables: list[Table]) -> Table:
-    """Blocks as one table."""
-    if len(tables) == 1:
-        return tables[0]
-    numbers, size, places, unread = joined_samples(tables)
-    problems = tuple(dict.fromkeys(problem for table in tables for problem in table.problems))
-    return Table(tables[0].headings, numbers, size, places, problems, unread, tables[0].metadata)

@@ -10,10 +10,9 @@ import numpy as np
 
 from clutchid.log import HOLE, FloatArray
 from clutchid.names import printable
-from clutchid.recordings.columns import SHOWN, listed, sample_count
 from clutchid.recordings.map.proposal import Proposal
+from clutchid.recordings.messages import SHOWN, listed, sample_count, text_table
 from clutchid.recordings.source import Places
-from clutchid.recordings.text_table import text_table
 from clutchid.recordings.time_axis import intervals, usual_interval
 
 

@@ -19,9 +19,10 @@ from clutchid.errors import ClutchidError, MissingExtra
 from clutchid.log import FloatArray
 from clutchid.processes.frames import Parts
 from clutchid.processes.serving import Service
-from clutchid.recordings.columns import Heading, shortened
+from clutchid.recordings.columns import Heading
 from clutchid.recordings.files import reason_of
 from clutchid.recordings.formats.opening import opened_here
+from clutchid.recordings.messages import shortened
 from clutchid.recordings.source import Places, Raster, Rows, Source, Table, no_tables
 
 Message = dict[str, Any]

@@ -18,7 +18,7 @@ from clutchid.errors import DataError
 from clutchid.log import HOLE, FloatArray, Log, Samples
 from clutchid.recordings.checks import check, in_si
 from clutchid.recordings.columns import Heading, heading_problems, ignored
-from clutchid.recordings.map.channel_map import COUNTED, Channel, ChannelMap, Pick
+from clutchid.recordings.map.channel_map import COUNTED, Channel, ChannelMap, PickedChannels
 from clutchid.recordings.opening import MEMORY_VARIABLE, memory
 from clutchid.recordings.source import Places, Source, Table, with_unit
 from clutchid.recordings.time_axis import (
@@ -108,17 +108,19 @@ def _check_size(path: Path, samples: int, channels: int) -> None:
         )
 
 
-def by_names(source: Source, required: Sequence[str]) -> tuple[tuple[Pick, ...], tuple[str, ...]]:
+def by_names(source: Source, required: Sequence[str]) -> tuple[tuple[PickedChannels, ...], tuple[str, ...]]:
     """The columns of a table that have standard names, and all problems of its headings."""
     if not source.rasters or source.unnamed:
         return (), ((source.unnamed,) if source.unnamed else ())
     headings = source.rasters[0].headings
     columns = {heading.name: (heading, Channel(heading.text)) for heading in headings if heading.name is not None}
-    chosen = Pick(0, columns, notes=tuple(ignored(headings)), increasing=True)
+    chosen = PickedChannels(0, columns, notes=tuple(ignored(headings)), increasing=True)
     return (chosen,), tuple(heading_problems(headings, tuple(dict.fromkeys(("time", *required)))))
 
 
-def picked(source: Source, channels: ChannelMap, required: Sequence[str]) -> tuple[tuple[Pick, ...], tuple[str, ...]]:
+def picked(
+    source: Source, channels: ChannelMap, required: Sequence[str]
+) -> tuple[tuple[PickedChannels, ...], tuple[str, ...]]:
     """Channels that the map selects from the file, and all problems of the map, also for `required` quantities."""
     from clutchid.recordings.map.picking import pick
 
@@ -129,7 +131,9 @@ def picked(source: Source, channels: ChannelMap, required: Sequence[str]) -> tup
     return picks, problems
 
 
-def findings(source: Source, picks: Sequence[Pick], ambient: float, rows: int | None) -> tuple[list[str], list[str]]:
+def findings(
+    source: Source, picks: Sequence[PickedChannels], ambient: float, rows: int | None
+) -> tuple[list[str], list[str]]:
     """Problems and warnings that `pieces` has for the samples of these channels."""
     messages = _Messages(warnings=[note for chosen in picks for note in chosen.notes])
     for chosen in [chosen for chosen in picks if "time" in chosen.columns]:
@@ -153,7 +157,7 @@ def _logs(
 
 
 def _stream(
-    source: Source, chosen: Pick, ambient: float, rows: int | None, messages: _Messages
+    source: Source, chosen: PickedChannels, ambient: float, rows: int | None, messages: _Messages
 ) -> tuple[float, ChannelStream]:
     """The channels of a pick as a stream in SI, and their usual interval in s, from the first block."""
     blocks = _blocks(source, chosen, ambient, rows, messages)
@@ -163,7 +167,7 @@ def _stream(
 
 
 def _blocks(
-    source: Source, chosen: Pick, ambient: float, rows: int | None, messages: _Messages
+    source: Source, chosen: PickedChannels, ambient: float, rows: int | None, messages: _Messages
 ) -> Iterator[SampleBlock]:
     """The samples of a pick, block by block, with increasing time stamps."""
     clock, done = AT_START, 0
@@ -190,12 +194,12 @@ def _blocks(
         yield SampleBlock(columns.pop("time"), columns).earlier(chosen.delay)
 
 
-def _where(source: Source, chosen: Pick) -> str:
+def _where(source: Source, chosen: PickedChannels) -> str:
     name = source.rasters[chosen.raster].name
     return f"{name}: " if name and len(source.rasters) > 1 else ""
 
 
-def _named(table: Table, chosen: Pick, done: int) -> Table:
+def _named(table: Table, chosen: PickedChannels, done: int) -> Table:
     """The picked columns under the names of their quantities, with sign, factor and offset applied."""
     headings = [heading for heading, _ in chosen.columns.values()]
     return replace(
@@ -206,7 +210,7 @@ def _named(table: Table, chosen: Pick, done: int) -> Table:
     )
 
 
-def picked_values(table: Table, chosen: Pick, done: int) -> dict[str, FloatArray]:
+def picked_values(table: Table, chosen: PickedChannels, done: int) -> dict[str, FloatArray]:
     """The picked columns by quantity, in their units, with sign, factor and offset applied; NaN where there is none.
 
     A time that is counted begins `done` samples after the first one.

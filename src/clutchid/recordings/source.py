@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from clutchid.log import FloatArray, Log, Samples, name_and_unit
 from clutchid.names import printable
-from clutchid.recordings.columns import REQUIRED, SHOWN, Heading, listed
+from clutchid.recordings.columns import REQUIRED, Heading
+from clutchid.recordings.messages import SHOWN, listed
 
 if TYPE_CHECKING:
     import polars as pl
@@ -70,31 +71,28 @@ class Table:
     metadata: Mapping[str, str] = field(default_factory=dict)
 
 
-class _Part(Protocol):
-    """Some samples of a table: numbers by column, rows with an invalid cell by column, and where they stand."""
-
-    @property
-    def size(self) -> int: ...
-    @property
-    def places(self) -> Places: ...
-    @property
-    def numbers(self) -> Mapping[int, FloatArray]: ...
-    @property
-    def unread(self) -> Mapping[int, Rows]: ...
-
-
-def joined_samples(parts: Sequence[_Part]) -> tuple[dict[int, FloatArray], int, Places, dict[int, Rows]]:
-    """Consecutive parts of a table as one: numbers, size, places and rows with an invalid cell."""
-    starts = np.cumsum([0, *(part.size for part in parts)])
-    numbers = {index: np.concatenate([part.numbers[index] for part in parts]) for index in parts[0].numbers}
+def joined(tables: Sequence[Table]) -> Table:
+    """Consecutive tables as one, with the headings and the metadata of the first."""
+    first = tables[0]
+    if len(tables) == 1:
+        return first
+    starts = np.cumsum([0, *(table.size for table in tables)])
     unread: dict[int, Rows] = {}
-    for start, part in zip(starts, parts, strict=False):
-        for index, rows in part.unread.items():
+    for start, table in zip(starts, tables, strict=False):
+        for index, rows in table.unread.items():
             unread[index] = np.concatenate([unread.get(index, rows[:0]), rows + start])
-    places = parts[0].places
-    if any(part.places.numbers is not None for part in parts):
-        places = Places(places.word, numbers=np.concatenate([part.places.each_number(part.size) for part in parts]))
-    return numbers, int(starts[-1]), places, unread
+    places = first.places
+    if any(table.places.numbers is not None for table in tables):
+        numbers = np.concatenate([table.places.each_number(table.size) for table in tables])
+        places = Places(places.word, numbers=numbers)
+    return replace(
+        first,
+        numbers={index: np.concatenate([table.numbers[index] for table in tables]) for index in first.numbers},
+        size=int(starts[-1]),
+        places=places,
+        problems=tuple(dict.fromkeys(problem for table in tables for problem in table.problems)),
+        unread=unread,
+    )
 
 
 def to_frame(log: Log) -> pl.DataFrame:

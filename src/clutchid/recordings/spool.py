@@ -42,17 +42,17 @@ _FEWEST = 256
 _PREFIX, _DATA, _FOOTER, _SYNCED, _TARGET, _RESERVED = ".clutchid-live-", "data", "footer", "synced", "target", "free"
 
 
-class Add(Protocol):
+class AddBlock(Protocol):
     """Function that adds a block to a recording; with `now` all blocks so far are on the disk behind it."""
 
     def __call__(self, block: Log, *, now: bool = False) -> None: ...
 
 
-End = Callable[[], bytes]
+FileEnd = Callable[[], bytes]
 
 
 @contextmanager
-def spooled(path: str | PathLike[str], moved: Callable[[Path], None] | None = None) -> Iterator[Add]:
+def spooled(path: str | PathLike[str], moved: Callable[[Path], None] | None = None) -> Iterator[AddBlock]:
     """Function that adds a block to a recording, which replaces `path` when the ``with`` block ends without an error.
 
     On any error what was written is removed, and an existing file stays unchanged. A block without samples defines the
@@ -265,7 +265,7 @@ def _all(file: BinaryIO, content: bytes) -> None:
         raise
 
 
-def _as_text(data: BinaryIO, _folder: Path, path: str | PathLike[str]) -> tuple[Add, End]:
+def _as_text(data: BinaryIO, _folder: Path, path: str | PathLike[str]) -> tuple[AddBlock, FileEnd]:
     import polars as pl
 
     begun = False
@@ -284,7 +284,7 @@ def _as_text(data: BinaryIO, _folder: Path, path: str | PathLike[str]) -> tuple[
     return add, lambda: b""
 
 
-def _as_parquet(data: BinaryIO, folder: Path, path: str | PathLike[str]) -> tuple[Add, End]:
+def _as_parquet(data: BinaryIO, folder: Path, path: str | PathLike[str]) -> tuple[AddBlock, FileEnd]:
     """Blocks are collected to pieces, each a row group behind the ones before."""
     held: list[Log] = []
     short: list[Log] = []

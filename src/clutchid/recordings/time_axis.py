@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.log import HOLE, INPUTS, FloatArray, Samples
-from clutchid.recordings.columns import SHOWN, listed, quantity, sample_count
+from clutchid.recordings.messages import SHOWN, listed, quantity, sample_count
 from clutchid.recordings.source import Places
 
 

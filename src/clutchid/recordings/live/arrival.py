@@ -12,7 +12,7 @@ import numpy as np
 from clutchid.errors import DataError
 from clutchid.log import FloatArray, Log
 from clutchid.recordings.live.order import ArrivedSamples, LeftOutCounts, final, none_waiting, sorted_in, unconfirmed
-from clutchid.recordings.map.channel_map import Pick
+from clutchid.recordings.map.channel_map import PickedChannels
 from clutchid.recordings.time_axis import SampleBlock, align, usual_interval
 
 #: Samples of the first block at least: as many give the time from one sample to the next.
@@ -47,7 +47,7 @@ class _UnusedSamples:
 
 
 def live_blocks(
-    batches: Iterator[ArrivedBatch], picks: Sequence[Pick], name: str, metadata: Mapping[str, str]
+    batches: Iterator[ArrivedBatch], picks: Sequence[PickedChannels], name: str, metadata: Mapping[str, str]
 ) -> Iterator[LiveBlock]:
     """Blocks of a recording as their samples arrive; the first has at least `FIRST` samples, if there are as many.
 
@@ -75,7 +75,7 @@ def live_blocks(
 
 
 def _all_blocks(
-    batches: Iterator[ArrivedBatch], picks: Sequence[Pick], name: str, metadata: Mapping[str, str]
+    batches: Iterator[ArrivedBatch], picks: Sequence[PickedChannels], name: str, metadata: Mapping[str, str]
 ) -> Iterator[LiveBlock]:
     """The blocks, and where no sample came what was left out."""
     waiting = none_waiting([[column for column in chosen.columns if column != "time"] for chosen in picks])
@@ -112,7 +112,7 @@ def _all_blocks(
 
 
 def _joined(
-    unused: _UnusedSamples, ready: Sequence[SampleBlock], picks: Sequence[Pick], *, ended: bool
+    unused: _UnusedSamples, ready: Sequence[SampleBlock], picks: Sequence[PickedChannels], *, ended: bool
 ) -> tuple[_UnusedSamples, SampleBlock]:
     """Samples of the position's stream with the columns of the others, as far as all of these are final."""
     base, *others = (
@@ -133,13 +133,13 @@ def _joined(
     return _UnusedSamples(base.take(slice(count, None)), held, longest), SampleBlock(block.time, columns)
 
 
-def _settled(time: FloatArray, picks: Sequence[Pick]) -> int:
+def _settled(time: FloatArray, picks: Sequence[PickedChannels]) -> int:
     """Number of the samples that no other stream can still change: one with a longer delay is final later."""
     behind = max(chosen.delay for chosen in picks) - picks[0].delay
     return int(np.searchsorted(time, time[-1] - behind, side="right")) if time.size else 0
 
 
-def _longest(time: FloatArray, others: Sequence[SampleBlock], picks: Sequence[Pick]) -> dict[str, float]:
+def _longest(time: FloatArray, others: Sequence[SampleBlock], picks: Sequence[PickedChannels]) -> dict[str, float]:
     """The time in s for which each quantity of the other streams is held, from the first samples."""
     found: dict[str, float] = {}
     for one, chosen in zip(others, picks[1:], strict=True):

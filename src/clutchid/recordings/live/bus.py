@@ -31,7 +31,7 @@ from clutchid.recordings.formats.can.streams import (
 from clutchid.recordings.live.arrival import ArrivedBatch, LiveBlock, live_blocks
 from clutchid.recordings.live.feed import PACE, PATIENCE
 from clutchid.recordings.live.order import ArrivedSamples, arrived, picked_streams
-from clutchid.recordings.map.channel_map import Pick
+from clutchid.recordings.map.channel_map import PickedChannels
 from clutchid.recordings.source import Table
 
 if TYPE_CHECKING:
@@ -248,7 +248,7 @@ class _BusLayout:
 
     known: MessageCatalogue
     rasters: Mapping[FrameStream, int]
-    picks: tuple[Pick, ...]
+    picks: tuple[PickedChannels, ...]
     origin: float
 
 
@@ -335,7 +335,7 @@ def _learnt(
 
 def _picked(
     name: str, streams: Sequence[FrameStream], channels: ChannelMap | None, required: Sequence[str]
-) -> tuple[dict[FrameStream, int], tuple[Pick, ...]]:
+) -> tuple[dict[FrameStream, int], tuple[PickedChannels, ...]]:
     """The streams by the index of their time grid, and the channels that the map picks."""
     if not streams:
         raise DataError(f"{name}: no frame came that the DBC knows; give the DBC of this bus with --dbc FILE.")

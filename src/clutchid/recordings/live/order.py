@@ -18,7 +18,7 @@ from clutchid.errors import DataError
 from clutchid.log import INPUTS, FloatArray
 from clutchid.recordings.checks import in_si, outside_duty
 from clutchid.recordings.columns import heading_problems
-from clutchid.recordings.map.channel_map import Channel, ChannelMap, Pick
+from clutchid.recordings.map.channel_map import Channel, ChannelMap, PickedChannels
 from clutchid.recordings.map.picking import pick
 from clutchid.recordings.recording import picked_values
 from clutchid.recordings.source import Raster, Rows, Source, Table, in_contract, no_tables
@@ -50,7 +50,7 @@ class ArrivedSamples(NamedTuple):
 
 def picked_streams(
     name: str, rasters: Sequence[Raster], channels: ChannelMap | None, required: Sequence[str]
-) -> tuple[Pick, ...]:
+) -> tuple[PickedChannels, ...]:
     """The channels of each time grid that the map picks, that of the position first.
 
     Without a map these are the channels with standard names.
@@ -85,7 +85,9 @@ def _by_names(rasters: Sequence[Raster]) -> ChannelMap:
     return ChannelMap(found)
 
 
-def arrived(stream: int, chosen: Pick, table: Table, ambient: float, place: Rows, done: int = 0) -> ArrivedSamples:
+def arrived(
+    stream: int, chosen: PickedChannels, table: Table, ambient: float, place: Rows, done: int = 0
+) -> ArrivedSamples:
     """The picked channels of a table in SI, in the order in which they came.
 
     Parameters

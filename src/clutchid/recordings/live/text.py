@@ -20,7 +20,7 @@ from clutchid.recordings.formats.csv.lines import BOMS_UTF16, LineBlock
 from clutchid.recordings.formats.csv.rows import joined, read_fast, read_text
 from clutchid.recordings.live.arrival import ArrivedBatch, LiveBlock, live_blocks
 from clutchid.recordings.live.order import arrived, picked_streams
-from clutchid.recordings.map.channel_map import Pick
+from clutchid.recordings.map.channel_map import PickedChannels
 from clutchid.recordings.source import EXAMPLE, Raster, Table
 
 if TYPE_CHECKING:
@@ -261,10 +261,10 @@ def _cells(text: bytes, found: Dialect, chosen: Sequence[int]) -> TextRows:
         parts = [read_text(LineBlock(1, line, 1), found, selected) for line in text.splitlines(keepends=True)]
     part = joined(parts)
     ragged = sum(one.ragged_count + bool(one.broken) for one in parts)
-    spoiled = np.zeros(part.size, dtype=bool)
-    for rows in part.unread.values():
+    spoiled = np.zeros(part.table.size, dtype=bool)
+    for rows in part.table.unread.values():
         spoiled[rows] = True
-    return TextRows(Table(found.headings, part.numbers, part.size), spoiled, ragged)
+    return TextRows(part.table, spoiled, ragged)
 
 
 def text_blocks(
@@ -296,7 +296,7 @@ def text_blocks(
     yield from live_blocks(_batches(feed, picks, ambient), picks, name, metadata)
 
 
-def _batches(feed: TextFeed, picks: Sequence[Pick], ambient: float) -> Iterator[ArrivedBatch]:
+def _batches(feed: TextFeed, picks: Sequence[PickedChannels], ambient: float) -> Iterator[ArrivedBatch]:
     """The picked channels of the rows, in SI."""
     done = 0
     chosen = sorted({index for each in picks for index in each.indices})

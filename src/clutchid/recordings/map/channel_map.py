@@ -69,7 +69,7 @@ COUNTED = -1
 
 
 @dataclass(frozen=True, slots=True)
-class Pick:
+class PickedChannels:
     """Channels on one time grid: heading and map entry by quantity, including `time` unless that is a problem.
 
     `delay` in s is the common delay of the channels after their time stamps; with a `rate` in Hz the time is sample /

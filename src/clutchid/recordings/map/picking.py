@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from clutchid.log.units import known_units
 from clutchid.recordings.columns import QUANTITIES, Heading, channel_name, is_unit_of, unit_at_end, unit_spelled
-from clutchid.recordings.map.channel_map import COUNTED, Channel, ChannelMap, Pick, contradictions
+from clutchid.recordings.map.channel_map import COUNTED, Channel, ChannelMap, PickedChannels, contradictions
 from clutchid.recordings.map.channel_words import means_no_time, means_time
 from clutchid.recordings.map.ranges import PLAUSIBLE
 from clutchid.recordings.source import Raster, Source
@@ -22,7 +22,7 @@ OPTIONAL = ("pressure_a", *PLAUSIBLE)
 
 def pick(
     source: Source, channels: ChannelMap, required: Sequence[str] = ()
-) -> tuple[tuple[Pick, ...], tuple[str, ...]]:
+) -> tuple[tuple[PickedChannels, ...], tuple[str, ...]]:
     """Channels that the map selects from the file, and all problems of the map.
 
     That the file lacks one of `OPTIONAL` is a note, unless it is `required`.
@@ -56,13 +56,10 @@ def pick(
             found.setdefault((raster, entry.delay), {})[name] = chosen
     picks = []
     for (raster, delay), columns in found.items():
-        clock, said, wrong = clocks.get(raster), "", ""
-        if clock is None:
-            clock, said, wrong = _clock(source.rasters[raster], channels.rate, columns)
-        problems += [wrong] if wrong else []
+        clock = clocks.get(raster) or _clock(source.rasters[raster], channels.rate, columns, notes, problems)
         timed = columns if clock is None else {"time": clock, **columns}
         rate = channels.rate if clock is not None and clock[0].index == COUNTED else None
-        picks.append(Pick(raster, timed, delay, rate, (*notes, *([said] if said else []))))
+        picks.append(PickedChannels(raster, timed, delay, rate, tuple(notes)))
         notes = []
     return tuple(picks), tuple(problems)
 
@@ -79,28 +76,41 @@ def own_clock(raster: Raster) -> tuple[Heading | None, str]:
     unit = heading.unit or named or "s"
     if not is_unit_of("time", unit):
         return None, ""
-    said = ""
+    warning = ""
     if heading.unit is None and named:
-        said = f"time: the unit [{unit}] is taken from the name of the channel '{heading.text}'."
+        warning = f"time: the unit [{unit}] is taken from the name of the channel '{heading.text}'."
     elif heading.unit is None and means_time(heading.text):
-        said = f"time: '{heading.text}' has no unit; [s] is guessed. Give another one in [time] of a channel map."
+        warning = f"time: '{heading.text}' has no unit; [s] is guessed. Give another one in [time] of a channel map."
     elif heading.unit is None:
-        said = f"time: '{heading.text}' increases and is taken for time in [s], a guess; add [time] to a channel map."
-    return replace(heading, name="time", unit=unit), said
+        warning = (
+            f"time: '{heading.text}' increases and is taken for time in [s], a guess; add [time] to a channel map."
+        )
+    return replace(heading, name="time", unit=unit), warning
 
 
 def _clock(
-    raster: Raster, rate: float | None, columns: Mapping[str, tuple[Heading, Channel]]
-) -> tuple[tuple[Heading, Channel] | None, str, str]:
-    """Time stamps of a time grid without a time channel in the map, a warning about them, and a problem."""
-    heading, said = own_clock(raster)
-    if rate is None:
-        if heading is None:
-            return None, "", _no_clock(columns)
-        return (heading, Channel(heading.text)), said, ""
-    if heading is not None and (means_time(heading.text) or not said):
-        return None, "", f"rate = {rate:g} Hz: the file has a time channel, '{heading.text}'; remove rate from the map."
-    return (Heading(COUNTED, "sample / rate", "time", "s"), Channel("")), "", ""
+    raster: Raster,
+    rate: float | None,
+    columns: Mapping[str, tuple[Heading, Channel]],
+    notes: list[str],
+    problems: list[str],
+) -> tuple[Heading, Channel] | None:
+    """Time stamps of a time grid without a time channel in the map; assumptions and problems are appended."""
+    heading, warning = own_clock(raster)
+    if rate is None and heading is None:
+        names = " and ".join(f"'{column.text}'" for column, _ in columns.values())
+        problems.append(
+            f"{names}: the file defines no time axis for {'it' if len(columns) == 1 else 'them'}; add [time] to the "
+            "map, or rate = 1000.0 above its first table, in Hz, if the samples are equally spaced."
+        )
+        return None
+    if rate is None and heading is not None:
+        notes += [warning] if warning else []
+        return heading, Channel(heading.text)
+    if heading is not None and (means_time(heading.text) or not warning):
+        problems.append(f"rate = {rate:g} Hz: the file has a time channel, '{heading.text}'; remove rate from the map.")
+        return None
+    return Heading(COUNTED, "sample / rate", "time", "s"), Channel("")
 
 
 def _named(source: Source, entry: Channel) -> Iterator[tuple[int, Heading]]:
@@ -172,11 +182,3 @@ def _unit_problem(name: str, heading: Heading, unit: str | None) -> list[str]:
             f"if the unit of the sensor differs), one of {', '.join(known)}."
         ]
     return []
-
-
-def _no_clock(columns: Mapping[str, tuple[Heading, Channel]]) -> str:
-    names = " and ".join(f"'{heading.text}'" for heading, _ in columns.values())
-    return (
-        f"{names}: the file defines no time axis for {'it' if len(columns) == 1 else 'them'}; add [time] to the map, "
-        "or rate = 1000.0 above its first table, in Hz, if the samples are equally spaced."
-    )

@@ -13,12 +13,13 @@ from dataclasses import dataclass, replace
 from clutchid.errors import DataError
 from clutchid.log import INPUTS
 from clutchid.log.units import UNITS
-from clutchid.recordings.columns import QUANTITIES, REQUIRED, Heading, is_unit_of, listed, unit_at_end
+from clutchid.recordings.columns import QUANTITIES, REQUIRED, Heading, is_unit_of, unit_at_end
 from clutchid.recordings.formats.can.j1939 import parameter_in
 from clutchid.recordings.map.channel_map import Channel, ChannelMap
 from clutchid.recordings.map.channel_words import Circuit, circuit_of, is_named_by_j1939, is_set_point, name_score
 from clutchid.recordings.map.picking import own_clock
 from clutchid.recordings.map.ranges import PLAUSIBLE, Range, Ranges, gauge_unit, guessed_unit
+from clutchid.recordings.messages import listed
 from clutchid.recordings.source import Raster, Source
 
 #: Score of a channel with the standard name of the quantity.
@@ -47,7 +48,7 @@ class Candidate:
     raster: Raster
     heading: Heading
     score: float
-    seen: Range
+    span: Range
     unit: str | None
     guess: str
     implied: str = ""
@@ -64,10 +65,10 @@ def candidates(source: Source, name: str, ranges: Ranges) -> Iterator[Candidate]
             score = _score(name, heading)
             if score <= 0.0 or not (heading.unit is None or is_unit_of(name, heading.unit)):
                 continue
-            seen = ranges(index, heading, further=score < STANDARD and name not in PLAUSIBLE)
-            seen = seen._replace(constant=seen.constant and score < STANDARD)
+            span = ranges(index, heading, further=score < STANDARD and name not in PLAUSIBLE)
+            span = span._replace(constant=span.constant and score < STANDARD)
             unit = heading.unit or unit_at_end(heading.text, QUANTITIES[name])
-            found = Candidate(raster, heading, score + (0.5 if unit else 0.0), seen, *_unit(name, unit, seen))
+            found = Candidate(raster, heading, score + (0.5 if unit else 0.0), span, *_unit(name, unit, span))
             yield _gauge_of_standard(found) if name == "pressure_supply" and score < STANDARD else found
 
 
@@ -99,15 +100,15 @@ def gauge_as_well(found: Candidate, chamber: Channel | None) -> Candidate:
     return replace(found, implied=f"is read as absolute; write {gauge} in a channel map if it is a gauge pressure")
 
 
-def _unit(name: str, unit: str | None, seen: Range) -> tuple[str | None, str]:
+def _unit(name: str, unit: str | None, span: Range) -> tuple[str | None, str]:
     """The unit of a channel, and the reason if it is a guess."""
-    gauge = gauge_unit(unit, seen.low)
+    gauge = gauge_unit(unit, span.low)
     if unit is None:
-        guess = guessed_unit(name, seen)
+        guess = guessed_unit(name, span)
         where = "intervals" if name == "time" else "range"
         return guess, f"has no unit; [{guess}] is guessed from its {where}" if guess else ""
-    if gauge and not seen.constant:
-        return gauge, f"falls to {seen.low:.3g} {unit}, so that the gauge unit [{gauge}] is guessed instead of [{unit}]"
+    if gauge and not span.constant:
+        return gauge, f"falls to {span.low:.3g} {unit}, so that the gauge unit [{gauge}] is guessed instead of [{unit}]"
     return unit, ""
 
 
@@ -123,20 +124,20 @@ def gauge_by_standard(heading: Heading) -> bool:
     return not found.absolute if found else is_named_by_j1939(heading.text)
 
 
-def implausible(name: str, heading: Heading, unit: str | None, seen: Range) -> str:
+def implausible(name: str, heading: Heading, unit: str | None, span: Range) -> str:
     """Reason why the samples of a channel cannot be the condition `name`, in a sentence; empty if they can."""
-    if math.isnan(seen.low) or (seen.constant and seen.low == 0.0):
+    if math.isnan(span.low) or (span.constant and span.low == 0.0):
         return f"{name}: '{heading.text}' has no values and is left out."
     known = UNITS.get(unit or "")
     if known is None:
         return ""
-    low, high = (value * known.scale + known.offset for value in (seen.low, seen.high))
+    low, high = (value * known.scale + known.offset for value in (span.low, span.high))
     least, most = PLAUSIBLE[name]
     if least <= low and high <= most:
         return ""
     what = "an air supply" if name == "pressure_supply" else "the air"
     return (
-        f"{name}: '{heading.text}' is {seen.low:.4g} to {seen.high:.4g} {unit}, which {what} never has; it is left out."
+        f"{name}: '{heading.text}' is {span.low:.4g} to {span.high:.4g} {unit}, which {what} never has; it is left out."
     )
 
 
@@ -286,10 +287,10 @@ def _ranked(name: str, found: Sequence[Candidate]) -> list[Candidate]:
     A condition may be constant for all of a recording, but must be possible.
     """
     if name in PLAUSIBLE:
-        possible = [c for c in found if c.score >= STANDARD or not implausible(name, c.heading, c.unit, c.seen)]
+        possible = [c for c in found if c.score >= STANDARD or not implausible(name, c.heading, c.unit, c.span)]
         return sorted(possible, key=lambda candidate: -candidate.score)
-    chosen = [candidate for candidate in found if not candidate.seen.constant]
-    if not chosen and name in INPUTS and len(found) == 1 and found[0].seen.high == 0.0:
+    chosen = [candidate for candidate in found if not candidate.span.constant]
+    if not chosen and name in INPUTS and len(found) == 1 and found[0].span.high == 0.0:
         chosen = list(found)
     return sorted(chosen, key=lambda candidate: -candidate.score)
 
@@ -310,7 +311,7 @@ def _left_out(name: str, found: Sequence[Candidate]) -> list[str]:
     if name not in PLAUSIBLE:
         return []
     named = [c for c in found if c.score < STANDARD]
-    return [text for c in named if (text := implausible(name, c.heading, c.unit, c.seen))]
+    return [text for c in named if (text := implausible(name, c.heading, c.unit, c.span))]
 
 
 def _notes(name: str, best: Candidate, others: Sequence[Candidate]) -> Iterator[str]:
@@ -322,8 +323,8 @@ def _notes(name: str, best: Candidate, others: Sequence[Candidate]) -> Iterator[
         yield f"{name}: '{best.heading.text}' [{best.heading.unit or best.unit}] {best.implied}."
     if best.heading.unit is None and best.unit and not best.guess:
         yield f"{name}: the unit [{best.unit}] is taken from the name of the channel '{best.heading.text}'."
-    if best.seen.constant and name not in PLAUSIBLE:
-        yield f"{name}: '{best.heading.text}' is constant at {best.seen.low:g}."
+    if best.span.constant and name not in PLAUSIBLE:
+        yield f"{name}: '{best.heading.text}' is constant at {best.span.low:g}."
 
 
 def _set_points(source: Source, name: str) -> list[str]:
@@ -341,7 +342,7 @@ def _missing(name: str, found: Sequence[Candidate], set_points: Sequence[str]) -
     if not found:
         also = ", or rate = 1000.0 (Hz)" if name == "time" else ""
         return f"{name}: no channel name matches; add it to the map{also}."
-    names = ", ".join(f"'{candidate.heading.text}' (always {candidate.seen.low:g})" for candidate in found[:5])
+    names = ", ".join(f"'{candidate.heading.text}' (always {candidate.span.low:g})" for candidate in found[:5])
     return f"{name}: only constant channels match by name, {names}; add the right one to the map."
 
 
@@ -368,5 +369,5 @@ def _entry(source: Source, best: Candidate) -> Channel:
 def _comment(best: Candidate) -> str:
     unit, remark = best.heading.unit, best.heading.comment
     shown_unit = " (no unit in the file)" if unit is None else "" if unit == "1" else f" {unit}"
-    constant = ", constant" if best.seen.constant else ""
-    return f"{best.seen.low:.6g} to {best.seen.high:.6g}{shown_unit}{constant}" + (f"; {remark}" if remark else "")
+    constant = ", constant" if best.span.constant else ""
+    return f"{best.span.low:.6g} to {best.span.high:.6g}{shown_unit}{constant}" + (f"; {remark}" if remark else "")

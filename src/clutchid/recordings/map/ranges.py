@@ -66,7 +66,7 @@ class Ranges:
         return found
 
 
-def guessed_unit(name: str, seen: Range) -> str | None:
+def guessed_unit(name: str, span: Range) -> str | None:
     """Unit of the quantity `name` that matches the range of a channel; None if unclear.
 
     Examples
@@ -74,7 +74,7 @@ def guessed_unit(name: str, seen: Range) -> str | None:
     >>> guessed_unit("position", Range(0.0, 21.0, 0.1, False)), guessed_unit("pressure_a", Range(0.01, 7.9, 0.1, False))
     ('mm', 'bar(g)')
     """
-    low, high, step, _ = seen
+    low, high, step, _ = span
     if not (math.isfinite(low) and math.isfinite(high)):
         return None
     size = max(abs(low), abs(high))

@@ -91,7 +91,7 @@ def colour(residual: FloatArray, inputs: Mapping[str, FloatArray], interval: flo
     if np.isfinite(residual).sum() < FEWEST:
         blank = np.full(LAGS + 1, np.nan)
         return Colour(interval, lag, blank, blank, np.nan, np.nan)
-    r, pairs = _autocorrelation(residual, LAGS)
+    r, pairs = _autocorrelation(residual)
     bound = Z_99 / np.sqrt(np.maximum(pairs, 1.0))
     crossed = {name: _crossed(residual, values, interval) for name, values in inputs.items()}
     return Colour(
@@ -158,10 +158,10 @@ def _centred(values: FloatArray) -> FloatArray:
     return result
 
 
-def _autocorrelation(values: FloatArray, lags: int) -> tuple[FloatArray, FloatArray]:
-    """Autocorrelation at lags 0 to `lags`, and the number of pairs for each."""
+def _autocorrelation(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Autocorrelation at lags 0 to `LAGS`, and the number of pairs for each."""
     x, known = _centred(values), np.isfinite(values).astype(np.float64)
-    sums, pairs = _products(x, x, range(lags + 1)), _products(known, known, range(lags + 1))
+    sums, pairs = _products(x, x, range(LAGS + 1)), _products(known, known, range(LAGS + 1))
     variance = max(sums[0] / pairs[0], np.finfo(float).tiny)
     return sums / np.maximum(pairs, 1.0) / variance, pairs
 
@@ -183,7 +183,7 @@ def _crossed(residual: FloatArray, values: FloatArray, interval: float) -> Cross
     e, u = (np.convolve(x, whitener, mode="valid") for x in (residual, values))
     if min(np.isfinite(e).sum(), np.isfinite(u).sum()) < FEWEST:
         e, u = residual, values  # the gaps are too dense to filter: use Bartlett's formula alone
-    colour_left = _autocorrelation(e, LAGS)[0] * _autocorrelation(u, LAGS)[0]
+    colour_left = _autocorrelation(e)[0] * _autocorrelation(u)[0]
     spread = max(1.0, float(colour_left[0] + 2 * colour_left[1:].sum()))
     numbers = np.isfinite(e).astype(np.float64), np.isfinite(u).astype(np.float64)
     e, u = _centred(e), _centred(u)

@@ -225,6 +225,9 @@ def _completed(pending: PendingSamples, span: _Span) -> CompletedSamples:
 #: distance between distinct levels, and the range of positions in which the clutch slips.
 FULL, SWING, SLIP_SWING, APART, SLIP_ZONE = 0.8, 0.3, 0.02, 0.08, (0.06, 0.6)
 
+#: Half the number of bins over which these speeds are computed.
+SLOPE_BINS = 5
+
 #: Speeds in reaches per second: slip is slower than `SLOW`, a controlled return slower than `EASED` (a free return has
 #: 4 or more), a hold slower than `HOLDS`.
 SLOW, EASED, HOLDS = 1.0, 1.5, 0.1
@@ -278,7 +281,7 @@ def motion_features(time: FloatArray, y: FloatArray, still: BoolArray) -> Motion
     peak = float(y.max())
     top = np.flatnonzero(y >= 0.9 * peak)
     back, before, after = y[top[-1] :], slice(0, top[0]), slice(top[-1], None)
-    speed = _slopes(time, y, 5)
+    speed = _slopes(time, y)
     creeps = (np.abs(speed) < SLOW) & (np.abs(speed) > HOLDS)
     zone = (back > SLIP_ZONE[0]) & (back < SLIP_ZONE[1])
     slow = zone & (np.abs(speed[after]) < SLOW)
@@ -328,12 +331,10 @@ def rest_label(bins: Bins, *, long_hold: bool, missing: float) -> str:
     return "held" if long_hold or pressed or not np.median(bins.inside) else "vented rest"
 
 
-def _slopes(time: FloatArray, y: FloatArray, half: int) -> FloatArray:
-    """Slope over `half` bins before and after each bin, fewer at the ends."""
-    if time.size < 2:
-        return np.zeros(time.size)
+def _slopes(time: FloatArray, y: FloatArray) -> FloatArray:
+    """Slope over `SLOPE_BINS` bins before and after each bin, fewer at the ends."""
     here = np.arange(time.size)
-    a, b = np.maximum(here - half, 0), np.minimum(here + half, time.size - 1)
+    a, b = np.maximum(here - SLOPE_BINS, 0), np.minimum(here + SLOPE_BINS, time.size - 1)
     slope: FloatArray = (y[b] - y[a]) / (time[b] - time[a])
     return slope
 

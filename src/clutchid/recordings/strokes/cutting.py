@@ -23,7 +23,7 @@ from clutchid.recordings.strokes.rest_level import (
     windows_of,
 )
 from clutchid.recordings.strokes.section import Section, SectionSummary
-from clutchid.recordings.strokes.stream import Samples, Stretch, blocks, last_known, pieces_of, stretches
+from clutchid.recordings.strokes.stream import Samples, blocks, last_known, pieces_of, stretches
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,14 +106,14 @@ def _binned(block: Samples, before: _CuttingState) -> tuple[_CuttingState, list[
     """State after a block, and the stretches of the block with their bins."""
     interval = sample_interval(block.time, before.interval)
     width = samples_in_bin(interval)
-    found: list[Stretch] = stretches(block, before.time, interval)
+    found = stretches(block, before.time, interval)
     raws: list[RawBins] = []
     last = before.position
-    for stretch in found:
-        raws.append(raw_bins(block.part(stretch.start, stretch.stop), width, last))
+    for samples, _ in found:
+        raws.append(raw_bins(samples, width, last))
         last = float(raws[-1].filled[-1])
-    position = np.concatenate([raw.filled for raw in raws]) if raws else np.zeros(0)
-    closed = np.concatenate([raw.closed for raw in raws]) if raws else np.zeros(0, dtype=bool)
+    position = np.concatenate([np.zeros(0), *(raw.filled for raw in raws)])
+    closed = np.concatenate([np.zeros(0, dtype=bool), *(raw.closed for raw in raws)])
     usable = np.isfinite(position)
     window = windows_of(width * interval)
     level = before.level
@@ -121,8 +121,7 @@ def _binned(block: Samples, before: _CuttingState) -> tuple[_CuttingState, list[
         level = updated(level, position[usable], closed[usable], window, quantum_of(block.columns["position"]))
     rest = RestLevel(np.nan, np.nan, 0.0, 0.0) if level is None else level
     parts = [
-        (block.part(stretch.start, stretch.stop), relative_to_rest(raw, rest, window), stretch.opens)
-        for stretch, raw in zip(found, raws, strict=True)
+        (samples, relative_to_rest(raw, rest, window), opens) for (samples, opens), raw in zip(found, raws, strict=True)
     ]
     return _CuttingState(level, interval, last, last_known(block)), parts
 

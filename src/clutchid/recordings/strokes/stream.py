@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.log import HOLE, INPUTS, FloatArray, Log
-from clutchid.recordings.strokes.section import Edges, edges_of_part, edges_within, joined_edges
+from clutchid.log import Samples as StampedValues
+
+#: Edges of duty cycles by column.
+Edges = Mapping[str, StampedValues]
 
 #: Samples per block. All estimates are updated per block, so the sections do not depend on the lengths of the pieces.
 BLOCK = 2**16
@@ -30,20 +33,40 @@ class Samples:
     def part(self, start: int, stop: int) -> Samples:
         """Samples `start` to `stop` (exclusive), counted from the first, as a view."""
         columns = {name: values[start:stop] for name, values in self.columns.items()}
-        return Samples(self.first + start, self.time[start:stop], columns, edges_of_part(self, start, stop))
+        return Samples(self.first + start, self.time[start:stop], columns, self._edges(start, stop))
 
-    def followed_by(self, other: Samples) -> Samples:
+    def followed_by(self, *others: Samples) -> Samples:
         """These samples and the next ones."""
-        return _joined([self, other])
+        if not others:
+            return self
+        parts = (self, *others)
+        columns = {name: np.concatenate([part.columns[name] for part in parts]) for name in self.columns}
+        return Samples(self.first, np.concatenate([part.time for part in parts]), columns, joined_edges(parts))
+
+    def _edges(self, start: int, stop: int) -> Edges:
+        """Edges of samples `start` to `stop` (exclusive) and of the interval behind them.
+
+        What is held at a `start` that is not the first sample becomes an edge there.
+        """
+        begins = float(self.time[start]) if 0 < start < self.time.size else -np.inf
+        ends = float(self.time[stop]) if stop < self.time.size else np.inf
+        found = {}
+        for name, (stamps, values) in self.edges.items():
+            own = slice(*np.searchsorted(stamps, (begins, ends)))
+            found[name] = stamps[own], values[own]
+            if np.isfinite(begins) and begins not in stamps[own][:1]:
+                found[name] = np.append(begins, stamps[own]), np.append(self.columns[name][start], values[own])
+        return found
 
 
-@dataclass(frozen=True, slots=True)
-class Stretch:
-    """Samples `start` to `stop` of a block, with known inputs; `opens` after a hole or at the beginning."""
-
-    start: int
-    stop: int
-    opens: bool
+def joined_edges(parts: Sequence[Log | Samples]) -> Edges:
+    """Edges of consecutive samples; where a part has none of a column they are its samples, as elsewhere."""
+    names = dict.fromkeys(name for part in parts for name in part.edges)
+    found = {name: [part.edges.get(name, (part.time, part.columns[name])) for part in parts] for name in names}
+    return {
+        name: (np.concatenate([stamps for stamps, _ in edges]), np.concatenate([values for _, values in edges]))
+        for name, edges in found.items()
+    }
 
 
 def pieces_of(recording: Log | Iterable[Log]) -> Iterator[Log]:
@@ -76,28 +99,33 @@ def pieces_of(recording: Log | Iterable[Log]) -> Iterator[Log]:
             yield piece
 
 
-def blocks(pieces: Iterable[Log], size: int = BLOCK) -> Iterator[Samples]:
-    """The recording in blocks of `size` samples, the last one shorter."""
+def blocks(pieces: Iterable[Log]) -> Iterator[Samples]:
+    """The recording in blocks of `BLOCK` samples, the last one shorter."""
     pending: list[Samples] = []
     size_pending, count, last = 0, 0, -np.inf
     for piece in pieces:
         until = float(piece.time[-1])
-        rest = Samples(count, piece.time, piece.columns, edges_within(piece.edges, last, until))
+        edges = {
+            name: (stamps[new], values[new])
+            for name, (stamps, values) in piece.edges.items()
+            for new in [(stamps > last) & (stamps <= until)]
+        }
+        rest = Samples(count, piece.time, piece.columns, edges)
         count, last = count + len(rest), until
-        while size_pending + len(rest) >= size:
-            pending.append(rest.part(0, size - size_pending))
-            rest, size_pending = rest.part(size - size_pending, len(rest)), 0
-            yield _joined(pending)
+        while size_pending + len(rest) >= BLOCK:
+            pending.append(rest.part(0, BLOCK - size_pending))
+            rest, size_pending = rest.part(BLOCK - size_pending, len(rest)), 0
+            yield pending[0].followed_by(*pending[1:])
             pending = []
         if len(rest):
             pending.append(rest)
             size_pending += len(rest)
     if pending:
-        yield _joined(pending)
+        yield pending[0].followed_by(*pending[1:])
 
 
-def stretches(block: Samples, before: float, interval: float) -> list[Stretch]:
-    """Stretches of a block without a hole in time or a missing input.
+def stretches(block: Samples, before: float, interval: float) -> list[tuple[Samples, bool]]:
+    """Parts of a block without a hole in time or a missing input, each with whether a hole or the beginning precedes.
 
     Parameters
     ----------
@@ -112,26 +140,16 @@ def stretches(block: Samples, before: float, interval: float) -> list[Stretch]:
     for name in INPUTS:
         if name in block.columns:
             known &= np.isfinite(block.columns[name])
-    step = np.diff(block.time, prepend=before)
-    linked = known & (step <= HOLE * interval)
+    linked = known & (np.diff(block.time, prepend=before) <= HOLE * interval)
     linked[1:] &= known[:-1]
-    starts = np.flatnonzero(known & ~linked)
-    ends = np.flatnonzero(known & ~np.append(linked[1:], True))
-    if known[0] and linked[0]:
-        starts = np.concatenate([[0], starts])
-    if known[-1]:
-        ends = np.append(ends, len(block) - 1)
-    return [Stretch(a, b + 1, not linked[a]) for a, b in zip(starts.tolist(), ends.tolist(), strict=True)]
+    begins = known & ~linked
+    begins[0] = known[0]
+    ends = known & ~np.append(linked[1:], False)
+    pairs = zip(np.flatnonzero(begins).tolist(), np.flatnonzero(ends).tolist(), strict=True)
+    return [(block.part(first, last + 1), not linked[first]) for first, last in pairs]
 
 
 def last_known(block: Samples) -> float:
     """Time of the last sample in s, NaN where its inputs are missing."""
     known = all(np.isfinite(block.columns[name][-1]) for name in INPUTS if name in block.columns)
     return float(block.time[-1]) if known else np.nan
-
-
-def _joined(parts: list[Samples]) -> Samples:
-    if len(parts) == 1:
-        return parts[0]
-    columns = {name: np.concatenate([part.columns[name] for part in parts]) for name in parts[0].columns}
-    return Samples(parts[0].first, np.concatenate([part.time for part in parts]), columns, joined_edges(parts))

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
+from clutchid.recordings.messages import text_table
 from clutchid.recordings.strokes.section import Section
-from clutchid.recordings.text_table import text_table
 
 _TITLES = (
     "no.", "kind", "label", "start [s]", "length [s]", "from [mm]", "to [mm]", "opening [mm/s]", "closing [mm/s]",

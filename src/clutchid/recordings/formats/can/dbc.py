@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from clutchid.errors import DataError, missing
 from clutchid.log import FloatArray
-from clutchid.recordings.columns import shortened
 from clutchid.recordings.files import small_file
 from clutchid.recordings.formats.can.frames import Bytes, Counts, quiet
 from clutchid.recordings.formats.can.j1939 import first_code
+from clutchid.recordings.messages import shortened
 
 if TYPE_CHECKING:
     from cantools.database.can import Database

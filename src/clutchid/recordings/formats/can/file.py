@@ -17,7 +17,6 @@ import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.log import FloatArray
-from clutchid.recordings.columns import listed
 from clutchid.recordings.formats.can.dbc import Message, read_dbc
 from clutchid.recordings.formats.can.frames import Bytes, FrameLog, Frames, Rows, payloads
 from clutchid.recordings.formats.can.streams import (
@@ -34,6 +33,7 @@ from clutchid.recordings.formats.can.streams import (
     values_of,
 )
 from clutchid.recordings.formats.kinds import head_of, kind_of
+from clutchid.recordings.messages import listed
 from clutchid.recordings.source import Places, Raster, Source, Table, refused
 
 #: Bytes of frames that are kept in memory between the passes over a log: about 15 million classic frames.

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.log import FloatArray
-from clutchid.recordings.columns import Heading, channel, shortened
+from clutchid.recordings.columns import Heading, channel
 from clutchid.recordings.formats.can.dbc import Message, Signal, SignalGroup, decode, present
 from clutchid.recordings.formats.can.frames import CLASSIC, Bytes, Frames, Rows
 from clutchid.recordings.formats.can.j1939 import ANYBODY, EVERYBODY, TRANSPORT, addresses, group_number, parameter_at
+from clutchid.recordings.messages import shortened
 from clutchid.recordings.source import Raster
 
 #: Owners of frames that belong to no stream: unknown messages, fragments of longer ones.

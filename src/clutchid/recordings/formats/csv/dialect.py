@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from clutchid.recordings.columns import Heading, distinct, headings, shortened
+from clutchid.recordings.columns import Heading, distinct, headings
 from clutchid.recordings.formats.csv.cells import (
     CellForm,
     decimal_mark,
@@ -25,6 +25,7 @@ from clutchid.recordings.formats.csv.lines import (
     uncommented,
     units_in,
 )
+from clutchid.recordings.messages import shortened
 
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "blanks"}
 

@@ -7,13 +7,13 @@ import io
 from array import array
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from clutchid.log import FloatArray
-from clutchid.recordings.columns import SHOWN, Heading, listed, shortened
+from clutchid.recordings.columns import Heading
 from clutchid.recordings.formats.csv.cells import (
     AMBIGUOUS,
     COMMA,
@@ -29,7 +29,9 @@ from clutchid.recordings.formats.csv.cells import (
 )
 from clutchid.recordings.formats.csv.dialect import Dialect
 from clutchid.recordings.formats.csv.lines import LineBlock, split
-from clutchid.recordings.source import Places, Rows, Table, joined_samples
+from clutchid.recordings.messages import SHOWN, listed, shortened
+from clutchid.recordings.source import Places, Rows, Table
+from clutchid.recordings.source import joined as joined_tables
 
 if TYPE_CHECKING:
     import polars as pl
@@ -39,16 +41,12 @@ Cell = Callable[[str], float | None]
 
 @dataclass(eq=False, slots=True)
 class ParsedRows:
-    """Samples of some lines: values by column, their line numbers, and invalid cells and lines.
+    """Samples of some lines, and invalid cells and lines; the table has no headings and no problems yet.
 
-    `unread` has all rows with an invalid cell; `texts` and `ragged` the first invalid cells and lines, for messages;
-    after `broken` nothing could be read.
+    `texts` and `ragged` are the first invalid cells and lines, for messages; after `broken` nothing could be read.
     """
 
-    size: int
-    places: Places
-    numbers: dict[int, FloatArray]
-    unread: dict[int, Rows] = field(default_factory=dict)
+    table: Table
     texts: dict[int, list[str]] = field(default_factory=dict)
     ragged: list[str] = field(default_factory=list)
     ragged_count: int = 0
@@ -65,7 +63,7 @@ def read_text(block: LineBlock, dialect: Dialect, selected: Sequence[Heading]) -
 
     Lines with another number of cells than the header are dropped; cells that are not numbers are NaN.
     """
-    part = ParsedRows(0, Places("line"), {})
+    part = ParsedRows(Table())
     lines: array[int] = array("q")
     numbers: dict[int, array[float]] = defaultdict(lambda: array("d"))
     unread: dict[int, array[int]] = defaultdict(lambda: array("q"))
@@ -86,10 +84,12 @@ def read_text(block: LineBlock, dialect: Dialect, selected: Sequence[Heading]) -
                     _text(part, index, cells[index])
             numbers[index].append(value)
         lines.append(line)
-    part.size = len(lines)
-    part.places = Places("line", numbers=np.frombuffer(lines, np.int64))
-    part.numbers = {column.index: np.frombuffer(numbers[column.index], np.float64) for column in selected}
-    part.unread = {index: np.frombuffer(rows, np.int64) for index, rows in unread.items()}
+    part.table = Table(
+        numbers={column.index: np.frombuffer(numbers[column.index], np.float64) for column in selected},
+        size=len(lines),
+        places=Places("line", numbers=np.frombuffer(lines, np.int64)),
+        unread={index: np.frombuffer(rows, np.int64) for index, rows in unread.items()},
+    )
     return part
 
 
@@ -127,8 +127,7 @@ def joined(parts: Sequence[ParsedRows]) -> ParsedRows:
     """Join consecutive parts."""
     if len(parts) == 1:
         return parts[0]
-    numbers, size, places, unread = joined_samples(parts)
-    whole = ParsedRows(size, places, numbers, unread)
+    whole = ParsedRows(joined_tables([part.table for part in parts]))
     for part in parts:
         for index, cells in part.texts.items():
             for cell in cells:
@@ -150,17 +149,15 @@ def table(part: ParsedRows, dialect: Dialect) -> Table:
             "give every line one cell for each column, empty where a sample is missing."
         )
     for index, texts in sorted(part.texts.items()):
-        rows = part.unread[index]
-        shown = [
-            f"line {part.places.number(row)} has '{shortened(text)}'" for row, text in zip(rows, texts, strict=False)
-        ]
+        rows, places = part.table.unread[index], part.table.places
+        shown = [f"line {places.number(row)} has '{shortened(text)}'" for row, text in zip(rows, texts, strict=False)]
         problems.append(
             f"column '{columns[index].text}' contains cells that are not numbers: "
             f"{listed(shown, total=len(rows))}; {_advice(texts, dialect, index)}, or leave the cell empty "
             "where the sample is missing."
         )
     metadata = {"start": dialect.start} if dialect.start else {}
-    return Table(columns, part.numbers, part.size, part.places, tuple(problems), part.unread, metadata)
+    return replace(part.table, headings=columns, problems=tuple(problems), metadata=metadata)
 
 
 def _advice(texts: Sequence[str], dialect: Dialect, index: int) -> str:
@@ -217,7 +214,7 @@ def _by_numpy(block: LineBlock, dialect: Dialect, selected: Sequence[Heading]) -
     if numbers.shape != (block.lines, len(dialect.headings)):
         return None
     columns = {column.index: np.ascontiguousarray(numbers[:, column.index]) for column in selected}
-    return ParsedRows(block.lines, Places("line", block.first), columns)
+    return ParsedRows(Table(numbers=columns, size=block.lines, places=Places("line", block.first)))
 
 
 def _loaded(text: bytes, delimiter: str | None) -> FloatArray:
@@ -257,7 +254,7 @@ def _by_polars(block: LineBlock, dialect: Dialect, selected: Sequence[Heading]) 
             part = _words(block, dialect, selected)
     except (pl.exceptions.PolarsError, pl.exceptions.PanicException):
         return None
-    return part if part.size == block.lines else None
+    return part if part.table.size == block.lines else None
 
 
 def _numbers(block: LineBlock, dialect: Dialect, selected: Sequence[Heading]) -> ParsedRows:
@@ -271,7 +268,7 @@ def _numbers(block: LineBlock, dialect: Dialect, selected: Sequence[Heading]) ->
     text = block.text.replace(b",", b".") if dialect.decimal == "," else block.text
     frame = _frame(text, dialect, selected, pl.Float64())
     columns = {column.index: frame[str(column.index)].to_numpy() for column in selected}
-    return ParsedRows(frame.height, Places("line", block.first), columns)
+    return ParsedRows(Table(numbers=columns, size=frame.height, places=Places("line", block.first)))
 
 
 def _words(block: LineBlock, dialect: Dialect, selected: Sequence[Heading]) -> ParsedRows:
@@ -279,24 +276,27 @@ def _words(block: LineBlock, dialect: Dialect, selected: Sequence[Heading]) -> P
     import polars as pl
 
     frame = _frame(block.text, dialect, selected, pl.String())
-    part = ParsedRows(frame.height, Places("line", block.first), {})
+    texts: dict[int, list[str]] = {}
+    numbers: dict[int, FloatArray] = {}
+    unread: dict[int, Rows] = {}
     for column in selected:
         form, cells = dialect.forms[column.index], frame[str(column.index)]
         stripped = cells.str.strip_chars()
-        numbers = _stamps(stripped, form) if form.kind == "stamp" else _plain(stripped, form)
-        not_number = numbers.is_null() & stripped.is_not_null()
+        values = _stamps(stripped, form) if form.kind == "stamp" else _plain(stripped, form)
+        not_number = values.is_null() & stripped.is_not_null()
         if not_number.any():
             read = reader(form)
             meant = {word: read(word) for word in stripped.filter(not_number).unique().to_list()}
             known = {word: value for word, value in meant.items() if value is not None}
             words = stripped.replace_strict(known, default=None, return_dtype=pl.Float64)
-            unread = not_number & words.is_null()
-            numbers = numbers.fill_null(words)
-            if must_be_numeric(column, dialect) and unread.any():
-                part.unread[column.index] = rows = unread.arg_true().to_numpy().astype(np.int64)
-                part.texts[column.index] = cells.gather(rows[:SHOWN]).to_list()
-        part.numbers[column.index] = numbers.to_numpy()
-    return part
+            invalid = not_number & words.is_null()
+            values = values.fill_null(words)
+            if must_be_numeric(column, dialect) and invalid.any():
+                unread[column.index] = rows = invalid.arg_true().to_numpy().astype(np.int64)
+                texts[column.index] = cells.gather(rows[:SHOWN]).to_list()
+        numbers[column.index] = values.to_numpy()
+    table = Table(numbers=numbers, size=frame.height, places=Places("line", block.first), unread=unread)
+    return ParsedRows(table, texts)
 
 
 def _frame(text: bytes, dialect: Dialect, selected: Sequence[Heading], kind: pl.DataType) -> pl.DataFrame:

@@ -17,11 +17,11 @@ from pathlib import Path
 from clutchid.errors import DataError, ExportError
 from clutchid.log import FloatArray, Log, name_and_unit
 from clutchid.names import printable
-from clutchid.recordings.columns import listed, shortened
 from clutchid.recordings.formats.mat import hdf5, loaded
 from clutchid.recordings.formats.mat.loaded import BrokenMat, CharArray, ReadSamples, Struct
 from clutchid.recordings.formats.mat.objects import with_objects
 from clutchid.recordings.formats.mat.rasters import ArrayChannel, ScannedChannels, rasters_of, signals_of
+from clutchid.recordings.messages import listed, shortened
 from clutchid.recordings.source import BLOCK, Places, Raster, Source, Table, own_metadata, refused
 
 #: Bytes of the start of a file that determine its format.

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from clutchid.errors import MissingExtra
 from clutchid.log import FloatArray
 from clutchid.names import printable
-from clutchid.recordings.columns import shortened
+from clutchid.recordings.messages import shortened
 
 #: What deflate makes of a byte at most, so a file that claims more is damaged.
 BEST_RATIO = 1032

@@ -296,9 +296,9 @@ class _ChannelScan:
 
 
 def _signal(numbers: Numbers, name: str, home: str, names: StructTexts, above: str | None) -> ArrayChannel:
-    said, remark = (names.label, names.comment) if name == names.only else ("", "")
-    label = _joined(above, said) if said and above is not None else ""
-    remarks = (remark, "" if label else said)
+    text, remark = (names.label, names.comment) if name == names.only else ("", "")
+    label = _joined(above, text) if text and above is not None else ""
+    remarks = (remark, "" if label else text)
     return ArrayChannel(
         numbers,
         0,
@@ -306,8 +306,8 @@ def _signal(numbers: Numbers, name: str, home: str, names: StructTexts, above: s
         home,
         label,
         names.units.get(name) or numbers.unit,
-        "; ".join(text for text in remarks if text),
-        _is_time(name, home, said),
+        "; ".join(filter(None, remarks)),
+        _is_time(name, home, text),
     )
 
 

@@ -9,9 +9,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from clutchid.recordings.columns import Heading, channel, shortened
+from clutchid.recordings.columns import Heading, channel
 from clutchid.recordings.formats.mdf.numbers import convertible
 from clutchid.recordings.formats.mdf.opening import version_of
+from clutchid.recordings.messages import shortened
 from clutchid.recordings.source import Raster, own_metadata
 
 #: Name of the property in the header's comment that holds the metadata of a log.
@@ -28,7 +29,7 @@ _LONGEST = 200
 #: Types of data that are numbers, in MDF 4 and in MDF 3; types of channels of MDF 4 that hold one number a sample.
 _NUMBERS_4, _NUMBERS_3 = frozenset(range(6)), frozenset({0, 1, 2, 3, *range(9, 17)})
 _STORED, _COUNTED = (0, 2), (3, 6)
-_TEXTS_4, _TEXT_3 = range(6, 10), 7
+_TEXTS_4, _TEXTS_3 = range(6, 10), range(7, 8)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,86 +100,70 @@ def _families(mdf: Any) -> dict[int, list[int]]:
 
 def _layout(mdf: Any, owner: int, groups: list[int], out: Counter[str]) -> GroupLayout | None:
     cycles = int(mdf.groups[owner].channel_group.cycles_nr)
-    known, others = [], []
+    known: list[tuple[ChannelPlace, Any]] = []
+    others = []
     for number in groups:
-        if not _follows(mdf, number, cycles):
-            out["apart"] += len(mdf.groups[number].channels)
+        group = mdf.groups[number]
+        if int(group.channel_group.cycles_nr) != cycles or not group.channel_group.samples_byte_nr:
+            out["apart"] += len(group.channels)
             continue
-        for index, item, what in _channels(mdf, number):
-            if what:
-                out[what if what in _OTHERS else "text"] += 1
-                others.append((str(item.name), _OTHERS.get(what, what)))
-            else:
-                known.append((number, index, item))
-    master = mdf.masters_db.get(owner)
-    own = [entry for entry in known if entry[:2] != (owner, master)]
-    if not own:
+        for index, item in enumerate(group.channels):
+            content = _content(mdf, number, index)
+            if content in ("number", "counted"):
+                known.append((ChannelPlace(number, index, content == "counted"), item))
+            elif content:
+                out[content if content in _OTHERS else "text"] += 1
+                others.append((str(item.name), _OTHERS.get(content, content)))
+    master = owner, mdf.masters_db.get(owner)
+    clock = next((i for i, (place, _) in enumerate(known) if (place.group, place.index) == master), None)
+    if len(known) == (clock is not None):  # nothing beside the stamps
         frames = version_of(mdf) == 4 and mdf.groups[owner].channel_group.flags & BUS_EVENT
         out["frames" if frames else "bare"] += 1
         return None
-    clock = next((i for i, entry in enumerate(known) if entry[:2] == (owner, master)), None)
-    if clock is not None and not _is_time(mdf, known[clock][2]):
+    if clock is not None and version_of(mdf) == 4 and known[clock][1].sync_type not in (0, _TIME):
         clock = None
-    headings = tuple(_heading(mdf, i, entry[2], i == clock) for i, entry in enumerate(known))
+    headings = tuple(_heading(mdf, i, item, i == clock) for i, (_, item) in enumerate(known))
     raster = Raster(headings, cycles, _name(mdf.groups[owner].channel_group), clock, tuple(others))
-    places = (ChannelPlace(number, index, _is_counted(mdf, item)) for number, index, item in known)
-    return GroupLayout(raster, tuple(places))
+    return GroupLayout(raster, tuple(place for place, _ in known))
 
 
-#: What is left out besides texts, by the word that counts it, for people.
+#: Kinds of channels that are left out besides texts, in words.
 _OTHERS = {
     "array": "an array", "structure": "a structure", "invalid": "no valid sample",
     "outside": "bytes beyond the end of the record",
 }  # fmt: skip
 
 
-def _channels(mdf: Any, number: int) -> Iterator[tuple[int, Any, str]]:
-    """Numbers and channels of a group, each with what it is if it is no single number."""
+def _content(mdf: Any, number: int, index: int) -> str:
+    """Samples of a channel: "number" or "counted", "text", "bytes" or one of `_OTHERS`; empty for those of a bus."""
     group, version = mdf.groups[number], version_of(mdf)
-    for index, item in enumerate(group.channels):
-        if version == 4 and item.flags & _BUS_CHANNEL:
-            continue
-        if parts := group.channel_dependencies[index]:
-            yield index, item, "structure" if isinstance(parts, list) and isinstance(parts[0], tuple) else "array"
-        elif version == 4 and item.flags & _ALL_INVALID:
-            yield index, item, "invalid"
-        elif what := _no_number(item, version):
-            yield index, item, what
-        else:
-            yield index, item, "outside" if _end(item, version) > 8 * group.channel_group.samples_byte_nr else ""
+    item = group.channels[index]
+    if version == 4 and item.flags & _BUS_CHANNEL:
+        return ""
+    if parts := group.channel_dependencies[index]:
+        return "structure" if isinstance(parts, list) and isinstance(parts[0], tuple) else "array"
+    if version == 4 and item.flags & _ALL_INVALID:
+        return "invalid"
+    return _number_content(item, version, 8 * group.channel_group.samples_byte_nr)
 
 
-def _no_number(item: Any, version: int) -> str:
-    """Kind of the samples of a channel that are no numbers, else nothing."""
+def _number_content(item: Any, version: int, bits: int) -> str:
+    """Samples of a channel in a record of `bits` bits, see `_content`."""
     if version == 4 and item.channel_type in _COUNTED:
-        return "" if convertible(item.conversion, version) else "text"
-    if item.data_type in (_TEXTS_4 if version == 4 else (_TEXT_3,)):
-        return "text"
-    numeric = item.data_type in (_NUMBERS_4 if version == 4 else _NUMBERS_3) and 0 < item.bit_count <= 64
-    if not numeric or (version == 4 and item.channel_type not in _STORED):
-        return "bytes"
-    return "" if convertible(item.conversion, version) else "text"
-
-
-def _end(item: Any, version: int) -> int:
-    """The first bit behind a channel in its record."""
+        return "counted" if convertible(item.conversion, version) else "text"
     if version == 4:
-        counted = item.channel_type in _COUNTED
-        return 0 if counted else int(8 * item.byte_offset + item.bit_offset + item.bit_count)
-    return int(item.start_offset + 8 * getattr(item, "additional_byte_offset", 0) + item.bit_count)
-
-
-def _is_counted(mdf: Any, item: Any) -> bool:
-    return version_of(mdf) == 4 and item.channel_type in _COUNTED
-
-
-def _follows(mdf: Any, number: int, cycles: int) -> bool:
-    group = mdf.groups[number].channel_group
-    return int(group.cycles_nr) == cycles and group.samples_byte_nr > 0
-
-
-def _is_time(mdf: Any, master: Any) -> bool:
-    return version_of(mdf) == 3 or master.sync_type in (0, _TIME)
+        texts, numbers, stored = _TEXTS_4, _NUMBERS_4, item.channel_type in _STORED
+        begin = 8 * item.byte_offset + item.bit_offset
+    else:
+        texts, numbers, stored = _TEXTS_3, _NUMBERS_3, True
+        begin = item.start_offset + 8 * getattr(item, "additional_byte_offset", 0)
+    if item.data_type in texts:
+        return "text"
+    if not (stored and item.data_type in numbers and 0 < item.bit_count <= 64):
+        return "bytes"
+    if not convertible(item.conversion, version):
+        return "text"
+    return "outside" if begin + item.bit_count > bits else "number"
 
 
 def _heading(mdf: Any, index: int, item: Any, clock: bool) -> Heading:

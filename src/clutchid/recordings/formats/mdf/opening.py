@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from clutchid.errors import missing
-from clutchid.recordings.columns import shortened
 from clutchid.recordings.formats.mdf.numbers import convertible
+from clutchid.recordings.messages import shortened
 
 if TYPE_CHECKING:
     from asammdf import MDF

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from base64 import b64decode, b64encode
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,9 +17,10 @@ import numpy as np
 
 from clutchid.errors import install_command
 from clutchid.log import INPUTS, FloatArray, Log, Samples
-from clutchid.recordings.columns import Heading, headings, listed, shortened
+from clutchid.recordings.columns import Heading, headings
 from clutchid.recordings.formats.parquet.footer import EncryptedParquet, damage
 from clutchid.recordings.formats.parquet.readers import LibraryReader, UnreadParquet, with_arrow, with_polars
+from clutchid.recordings.messages import listed, shortened
 from clutchid.recordings.source import EXAMPLE, Places, Raster, Source, Table, own_metadata, refused, to_frame
 
 if TYPE_CHECKING:
@@ -41,22 +42,15 @@ _HELD = {"String": "text", "Categorical": "text", "Enum": "text", "Binary": "byt
 }
 
 
-@dataclass(frozen=True, slots=True)
-class _ReadableFile:
-    """A file with the library that reads it, and why single columns cannot be read."""
+def _is_read(file: LibraryReader, name: str, heading: Heading) -> bool:
+    return name not in file.unread and _is_numeric(file.kinds[name], heading)
 
-    path: Path
-    reader: LibraryReader
-    unread: Mapping[str, str]
 
-    def is_read(self, name: str, heading: Heading) -> bool:
-        return name not in self.unread and _is_numeric(self.reader.kinds[name], heading)
-
-    def held(self, name: str) -> str:
-        """Kind of the samples of a column that is not read."""
-        if name in self.unread:
-            return f"numbers that cannot be read: {self.unread[name]}"
-        return _HELD.get(type(self.reader.kinds[name]).__name__, "values of an unknown type")
+def _held(file: LibraryReader, name: str) -> str:
+    """Kind of the samples of a column that is not read."""
+    if name in file.unread:
+        return f"numbers that cannot be read: {file.unread[name]}"
+    return _HELD.get(type(file.kinds[name]).__name__, "values of an unknown type")
 
 
 def promised_bytes(path: Path) -> int | None:
@@ -85,7 +79,7 @@ def open_file(path: Path) -> Source:
     """
     try:
         try:
-            return _source(_opened(path))
+            return _source(path, _opened(path))
         except UnreadParquet as error:
             return refused(path, "Parquet", _damaged(damage(path, ()) or str(error)))
     except EncryptedParquet:
@@ -96,7 +90,7 @@ def _damaged(reason: str) -> str:
     return f"is no complete Parquet file ({reason or 'its pages are damaged'}); copy or write it again."
 
 
-def _opened(path: Path) -> _ReadableFile:
+def _opened(path: Path) -> LibraryReader:
     """The file as polars reads it, or as PyArrow where polars refuses it, or columns of it.
 
     Raises
@@ -107,7 +101,7 @@ def _opened(path: Path) -> _ReadableFile:
     found, reason = None, ""
     try:
         found = _with(path, with_polars)
-        if not found.unread and (found.reader.size or not found.reader.kinds):
+        if not found.unread and (found.size or not found.kinds):
             return found
     except UnreadParquet as error:
         reason = str(error)
@@ -118,14 +112,14 @@ def _opened(path: Path) -> _ReadableFile:
     except UnreadParquet:
         pass
     else:
-        if found is None or len(other.unread) < len(found.unread) or other.reader.size > found.reader.size:
+        if found is None or len(other.unread) < len(found.unread) or other.size > found.size:
             return other
     if found is None:
         raise UnreadParquet(reason.removeprefix("; "))
     return found
 
 
-def _with(path: Path, library: Callable[[Path], LibraryReader]) -> _ReadableFile:
+def _with(path: Path, library: Callable[[Path], LibraryReader]) -> LibraryReader:
     """The file as a library reads it, with the columns of which it cannot read the first sample.
 
     Raises
@@ -142,7 +136,7 @@ def _with(path: Path, library: Callable[[Path], LibraryReader]) -> _ReadableFile
         unread |= _unread(reader, [name])
     if names and len(unread) == len(names):
         raise UnreadParquet(next(iter(unread.values())))
-    return _ReadableFile(path, reader, unread)
+    return replace(reader, unread=unread)
 
 
 def _unread(reader: LibraryReader, names: Sequence[str]) -> dict[str, str]:
@@ -154,28 +148,28 @@ def _unread(reader: LibraryReader, names: Sequence[str]) -> dict[str, str]:
     return {}
 
 
-def _source(opened: _ReadableFile) -> Source:
-    kinds, size = opened.reader.kinds, opened.reader.size
+def _source(path: Path, file: LibraryReader) -> Source:
+    kinds = file.kinds
     every = dict(zip(kinds, headings(kinds), strict=True))
-    shown = [name for name, heading in every.items() if heading.name is not None or opened.is_read(name, heading)]
-    others = tuple((name, opened.held(name)) for name in every if name not in shown)
+    shown = [name for name, heading in every.items() if heading.name is not None or _is_read(file, name, heading)]
+    others = tuple((name, _held(file, name)) for name in every if name not in shown)
     unread = listed((f"'{shortened(name)}' ({held})" for name, held in others), _SHOWN)
     left = f"({len(others)}): {unread}"
     if not shown:
         problem = f"holds no column of numbers, only others {left}; write the channels as Float64."
-        return refused(opened.path, "Parquet", problem)
+        return refused(path, "Parquet", problem)
     columns = tuple(_heading(replace(every[name], index=i), kinds[name]) for i, name in enumerate(shown))
-    firsts = _firsts(opened.reader, [name for name in shown if kinds[name].is_temporal() and name not in opened.unread])
-    metadata = own_metadata(opened.reader.metadata.get(KEY)) or {}
+    firsts = _firsts(file, [name for name in shown if kinds[name].is_temporal() and name not in file.unread])
+    metadata = own_metadata(file.metadata.get(KEY)) or {}
     clock = next((column.index for column in columns if column.name == "time"), None)
     if clock is not None and shown[clock] in firsts:
         metadata["start"] = str(firsts[shown[clock]][1])
-    raster = Raster(columns, size, clock=clock, others=others)
+    raster = Raster(columns, file.size, clock=clock, others=others)
     origins = {name: origin for name, (origin, _) in firsts.items()}
-    tables = partial(_tables, opened, raster, shown, origins)
+    tables = partial(_tables, file, raster, shown, origins)
     warnings = (f"left out columns without numbers {left}.",) if others else ()
-    edges = _edges(opened.reader.metadata.get(_EDGES))
-    return Source(opened.path, "Parquet", (raster,), tables, (), warnings, metadata, edges=edges)
+    edges = _edges(file.metadata.get(_EDGES))
+    return Source(path, "Parquet", (raster,), tables, (), warnings, metadata, edges=edges)
 
 
 def _heading(column: Heading, kind: pl.DataType) -> Heading:
@@ -196,7 +190,7 @@ def _firsts(reader: LibraryReader, names: Sequence[str]) -> dict[str, tuple[int,
 
 
 def _tables(
-    opened: _ReadableFile,
+    file: LibraryReader,
     raster: Raster,
     names: Sequence[str],
     origins: Mapping[str, int],
@@ -209,14 +203,14 @@ def _tables(
         yield Table(raster.headings, problems=(f"there are columns, but no samples; {EXAMPLE}",))
         return
     asked = [raster.headings[i] for i in columns]
-    read = {heading.index: names[heading.index] for heading in asked if opened.is_read(names[heading.index], heading)}
+    read = {heading.index: names[heading.index] for heading in asked if _is_read(file, names[heading.index], heading)}
     problems = tuple(
-        f"column '{heading.text}' holds {opened.held(names[heading.index])}; write numbers (Float64) in its unit."
+        f"column '{heading.text}' holds {_held(file, names[heading.index])}; write numbers (Float64) in its unit."
         for heading in asked
         if heading.index not in read
     )
     try:
-        for start, frame in _frames(opened.reader, list(read.values()), raster.size, rows or raster.size):
+        for start, frame in _frames(file, list(read.values()), raster.size, rows or raster.size):
             numbers = {heading.index: np.full(frame.height, np.nan) for heading in asked}
             numbers |= {index: _numbers(frame[name], origins.get(name, 0)) for index, name in read.items()}
             yield Table(raster.headings, numbers, frame.height, Places(first=start + 1), problems)

@@ -6,13 +6,13 @@ import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from clutchid.recordings.columns import shortened
+from clutchid.recordings.messages import shortened
 
 if TYPE_CHECKING:
     import polars as pl
@@ -27,13 +27,14 @@ class LibraryReader:
     """A file as a library reads it: types of the columns by name, samples, text of its metadata by key.
 
     `frames` gives columns by name in consecutive frames of a number of samples, from the start; it raises
-    `UnreadParquet`.
+    `UnreadParquet`. `unread` are the reasons why single columns cannot be read.
     """
 
     kinds: Mapping[str, pl.DataType]
     size: int
     metadata: Mapping[str, str]
     frames: Callable[[Sequence[str], int], Iterator[pl.DataFrame]]
+    unread: Mapping[str, str] = field(default_factory=dict)
 
 
 def with_polars(path: Path) -> LibraryReader:
