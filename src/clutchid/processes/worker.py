@@ -75,7 +75,8 @@ class Worker:
         self.owner = os.getpid()
         folder = tempfile.mkdtemp(prefix="clutchid-")
         try:
-            self._process = _started(service, allocations, {**(environment or {}), **_temporary(folder)})
+            temporary = dict.fromkeys(("TMPDIR", "TEMP", "TMP"), folder)
+            self._process = _started(service, allocations, {**(environment or {}), **temporary})
         except BaseException:
             shutil.rmtree(folder, ignore_errors=True)
             raise
@@ -163,10 +164,6 @@ def _popen(command: list[str], environment: Mapping[str, str]) -> subprocess.Pop
 def _starter(_process: int) -> ThreadPoolExecutor:
     """The thread that starts the workers of this process; none survives a fork."""
     return ThreadPoolExecutor(1, "clutchid-starter")
-
-
-def _temporary(folder: str) -> dict[str, str]:
-    return dict.fromkeys(("TMPDIR", "TEMP", "TMP"), folder)
 
 
 def _end(process: subprocess.Popen[bytes], folder: str, owner: int) -> None:

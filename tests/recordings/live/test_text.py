@@ -50,7 +50,6 @@ def test_json_lines_have_the_numbers_of_csv():
         json.dumps({"position [mm]": y, "time [s]": t, "gear": "R"}) + "\n" for t, y in zip(time, position, strict=True)
     )
     feed = text_feed(iter(cut(text.encode(), [7, 4000])), "live")
-    assert feed.format == "JSON lines"
     assert [(h.name, h.unit) for h in feed.raster.headings[:2]] == [("position", "mm"), ("time", "s")]
     rows = [each.table for each in feed.rows([0, 1])]
     assert np.array_equal(np.concatenate([each.numbers[1] for each in rows]), time)

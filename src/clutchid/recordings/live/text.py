@@ -140,7 +140,6 @@ class TextFeed:
     `unnamed` says why it needs a channel map if its columns have no names.
     """
 
-    format: str
     raster: Raster
     rows: Callable[[Sequence[int]], Iterator[TextRows]]
     unnamed: str = ""
@@ -164,18 +163,14 @@ def text_feed(pieces: Iterator[bytes], name: str) -> TextFeed:
         keys = keys_of(first, name)
         columns = headings(keys)
         objects = _filled(first + rest, lines)
-        return TextFeed(
-            "JSON lines", _raster(columns), lambda chosen: (_objects(text, keys, columns, chosen) for text in objects)
-        )
+        return TextFeed(_raster(columns), lambda chosen: (_objects(text, keys, columns, chosen) for text in objects))
     found = dialect(first.decode().split("\n"))
     if found is None:
         raise DataError(f"{name}: has only comments; {EXAMPLE}")
     below = _cut(first, found.samples - 1)[1]
     unnamed = "" if found.header else f"the first line contains numbers; {EXAMPLE}"
     cells = _filled(below + rest, lines)
-    return TextFeed(
-        "CSV", _raster(found.headings), lambda chosen: (_cells(text, found, chosen) for text in cells), unnamed
-    )
+    return TextFeed(_raster(found.headings), lambda chosen: (_cells(text, found, chosen) for text in cells), unnamed)
 
 
 def _raster(columns: tuple[Heading, ...]) -> Raster:

@@ -124,10 +124,11 @@ def gauge_by_standard(heading: Heading) -> bool:
     return not found.absolute if found else is_named_by_j1939(heading.text)
 
 
-def implausible(name: str, heading: Heading, unit: str | None, span: Range) -> str:
+def implausible(name: str, found: Candidate) -> str:
     """Reason why the samples of a channel cannot be the condition `name`, in a sentence; empty if they can."""
+    text, unit, span = found.heading.text, found.unit, found.span
     if math.isnan(span.low) or (span.constant and span.low == 0.0):
-        return f"{name}: '{heading.text}' has no values and is left out."
+        return f"{name}: '{text}' has no values and is left out."
     known = UNITS.get(unit or "")
     if known is None:
         return ""
@@ -136,9 +137,7 @@ def implausible(name: str, heading: Heading, unit: str | None, span: Range) -> s
     if least <= low and high <= most:
         return ""
     what = "an air supply" if name == "pressure_supply" else "the air"
-    return (
-        f"{name}: '{heading.text}' is {span.low:.4g} to {span.high:.4g} {unit}, which {what} never has; it is left out."
-    )
+    return f"{name}: '{text}' is {span.low:.4g} to {span.high:.4g} {unit}, which {what} never has; it is left out."
 
 
 def reason(chosen: Heading, others: Sequence[Heading]) -> str:
@@ -287,7 +286,7 @@ def _ranked(name: str, found: Sequence[Candidate]) -> list[Candidate]:
     A condition may be constant for all of a recording, but must be possible.
     """
     if name in PLAUSIBLE:
-        possible = [c for c in found if c.score >= STANDARD or not implausible(name, c.heading, c.unit, c.span)]
+        possible = [c for c in found if c.score >= STANDARD or not implausible(name, c)]
         return sorted(possible, key=lambda candidate: -candidate.score)
     chosen = [candidate for candidate in found if not candidate.span.constant]
     if not chosen and name in INPUTS and len(found) == 1 and found[0].span.high == 0.0:
@@ -311,7 +310,7 @@ def _left_out(name: str, found: Sequence[Candidate]) -> list[str]:
     if name not in PLAUSIBLE:
         return []
     named = [c for c in found if c.score < STANDARD]
-    return [text for c in named if (text := implausible(name, c.heading, c.unit, c.span))]
+    return [text for c in named if (text := implausible(name, c))]
 
 
 def _notes(name: str, best: Candidate, others: Sequence[Candidate]) -> Iterator[str]:

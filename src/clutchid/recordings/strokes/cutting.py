@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
+from itertools import chain
 
 import numpy as np
 
@@ -73,33 +75,26 @@ def cut(recording: Log | Iterable[Log]) -> Iterator[Section]:
     full stroke 1.0 2.3 1.0 mm
     vented rest 2.3 4.0 1.0 mm
     """
-    carried, pending, name = _CuttingState(), None, "log"
-    metadata: dict[str, str] = {}
-
-    def with_metadata() -> Iterator[Log]:
-        nonlocal name
-        for number, piece in enumerate(pieces_of(recording)):
-            if number == 0:
-                name = piece.name
-                metadata.update(piece.metadata)
-            yield piece
-
-    def described(parts: Iterable[CompletedSamples]) -> Iterator[Section]:
-        for part in parts:
-            yield section(part, name, metadata)
-
-    for block in blocks(with_metadata()):
+    pieces = pieces_of(recording)
+    first = next(pieces, None)
+    if first is None:
+        return
+    described = partial(section, name=first.name, metadata=first.metadata)
+    whole = blocks(chain([first], pieces))
+    del first  # so that its samples can be freed
+    carried, pending = _CuttingState(), None
+    for block in whole:
         carried, binned = _binned(block, carried)
         for samples, bins, opens in binned:
             if opens and pending is not None:
-                yield from described(completed(pending, final=True)[0])
+                yield from map(described, completed(pending, final=True)[0])
                 pending = None
             pending = PendingSamples(samples, bins) if pending is None else pending.followed_by(samples, bins)
         if pending is not None:
             parts, pending = completed(pending, final=False)
-            yield from described(parts)
+            yield from map(described, parts)
     if pending is not None:
-        yield from described(completed(pending, final=True)[0])
+        yield from map(described, completed(pending, final=True)[0])
 
 
 def _binned(block: Samples, before: _CuttingState) -> tuple[_CuttingState, list[tuple[Samples, Bins, bool]]]:
