@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from clutchid.estimation.assess.verdict import verdict as verdict
     from clutchid.estimation.parameter_file import read_parameters as read_parameters
     from clutchid.estimation.parameter_file import write_parameters as write_parameters
+    from clutchid.fleets.tracking import track as track
     from clutchid.fleets.verbs import FleetRun as FleetRun
     from clutchid.fleets.verbs import fleet as fleet
-    from clutchid.fleets.verbs import track as track
     from clutchid.inference.uncertainty.calibration import Calibration as Calibration
     from clutchid.inference.uncertainty.coordinates import Prior as Prior
     from clutchid.log import Log as Log
@@ -63,7 +63,8 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "estimation": ("Fit", "fit"),
     "estimation.assess.verdict": ("Verdict", "verdict"),
     "estimation.parameter_file": ("read_parameters", "write_parameters"),
-    "fleets.verbs": ("FleetRun", "fleet", "track"),
+    "fleets.tracking": ("track",),
+    "fleets.verbs": ("FleetRun", "fleet"),
     "inference.uncertainty.calibration": ("Calibration",),
     "inference.uncertainty.coordinates": ("Prior",),
     "log": ("Log",),

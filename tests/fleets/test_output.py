@@ -123,8 +123,6 @@ def test_recordings_of_several_folders_without_a_table_are_warned_of(tmp_path):
         path.parent.mkdir()
         path.touch()
     (tmp_path / "cal.toml").touch()
-    tracked = track(paths, tmp_path / "cal.toml", ReadingOptions(1e5), {})
+    tracked = track(paths, tmp_path / "cal.toml")
     assert "the recordings lie in 2 folders (V1, V2) and are taken for those of one" in tracked.wear.warnings[0]
-    assert not any(
-        "folders" in one for one in track(paths[:1], tmp_path / "cal.toml", ReadingOptions(1e5), {}).wear.warnings
-    )
+    assert not any("folders" in one for one in track(paths[:1], tmp_path / "cal.toml").wear.warnings)

@@ -9,7 +9,7 @@ from clutchid.fleets.jobs import Fleet, Job, fleet_of
 from clutchid.fleets.output import vehicles_of, write_results, write_vehicles
 from clutchid.fleets.reading import ReadingOptions, RecordingResult, read_recording
 from clutchid.fleets.store import StoredResult, store
-from clutchid.fleets.tracking import NO_LIMIT, track, write_tracked
+from clutchid.fleets.tracking import LifeLimits, track, write_tracked
 from clutchid.wear.history import WearReading
 
 pytestmark = pytest.mark.slow
@@ -21,7 +21,7 @@ def written(out, fleet, read):
         for job in fleet.jobs:
             one.put(StoredResult(job.vehicle, job.recording, "", "", read(job), 0.0))
         write_results(fleet, one, out)
-        write_vehicles(vehicles_of(fleet, one, {"": NO_LIMIT}), "clutchid fleet", out, trends=True)
+        write_vehicles(vehicles_of(fleet, one, {"": LifeLimits()}), "clutchid fleet", out, trends=True)
     return pl.read_parquet(out / "vehicles.parquet")["vehicle"].to_list(), [
         path.name for path in (out / "vehicles").iterdir()
     ]
@@ -66,5 +66,5 @@ def test_track_takes_a_file_whose_name_is_no_text(tmp_path):
     path = tmp_path / os.fsdecode(b"\xff\xfe.parquet")
     path.write_text("no table")
     (tmp_path / "cal.toml").touch()
-    write_tracked(track([path], tmp_path / "cal.toml", ReadingOptions(1e5), {}), tmp_path / "wear.parquet")
+    write_tracked(track([path], tmp_path / "cal.toml"), tmp_path / "wear.parquet")
     assert pl.read_parquet(tmp_path / "wear.parquet")["recording"].to_list() == [r"\xff\xfe"]

@@ -102,6 +102,5 @@ def _checks(
             raise
         return f"\nNot checked, because the proposed channel map does not fit:\n{error}"
     how = "" if contents.proposal.complete or channels is not proposed else " with the proposed channel map"
-    calibration = content.calibration if content else None
-    found = inspect(log, content.actuator if content else None, calibration.rest if calibration else None)
+    found = inspect(log, content.actuator, content.rest) if content else inspect(log)
     return f"\n{found.table(how)}"

@@ -41,8 +41,7 @@ def observe(
         return observe_live(log, content, options, air)
     files = FileOptions(air, options.map_, tuple(options.dbc or ()))
     read = read_recordings([log], files, content.actuator.equipment)
-    rest = content.calibration.rest if content.calibration else None
-    (checked,) = inspected(read, content.actuator, force=options.force, rest=rest, zero=options.zero)
+    (checked,) = inspected(read, content.actuator, force=options.force, rest=content.rest, zero=options.zero)
     checked = fast_enough(checked, content, force=options.force)
     run = observed(checked, content, options.method, options.resume, options.zero)
     options.write(run, content)

@@ -84,7 +84,7 @@ def track(
     debug
         Show the traceback of an error.
     """
-    from clutchid.fleets import tracking, verbs
+    from clutchid.fleets import tracking
     from clutchid.reports.wear_page import wear_page
     from clutchid.reports.wear_text import wear_json, wear_lines
 
@@ -92,7 +92,7 @@ def track(
     _check(out, report, start, table, wear_table, logs)
     outside = None if ambient is None else pressure(ambient, math.nan)
     with progress_of("track") as progress:
-        found = verbs.track(
+        found = tracking.track(
             logs, start, table=table, wear_table=wear_table, limit=shift, workers=workers, ambient=outside,
             channels=map_, dbc=dbc or (), zero=zero, results=results, progress=progress,
         )  # fmt: skip

@@ -33,7 +33,7 @@ from clutchid.names import unknown_names
 from clutchid.parameters import Parameters, is_number
 from clutchid.recordings.files import small_file, write_text
 from clutchid.recordings.records import LARGEST, Rule, covariance_problem, plain, read, table, toml_of
-from clutchid.recordings.strokes.vented_rest import ZeroedLog, from_rest
+from clutchid.recordings.strokes.vented_rest import VentedRest, ZeroedLog, from_rest
 
 #: Suffixes of files for MATLAB, which `clutchid.reports.matlab` writes and nothing reads.
 MATLAB_SUFFIXES = (".mat", ".m")
@@ -153,6 +153,12 @@ class ParameterFile:
         """The start values of `log`, if they were estimated from exactly this file, by its hash under [fit] data."""
         return (self.starts.get(log.name) or None) if self._has(log) else None
 
+    @property
+    def rest(self) -> VentedRest | None:
+        """Vented rest of the calibration in the file; None where it is not known."""
+        calibration = self.calibration
+        return calibration.rest if calibration else None
+
     def from_rest(self, log: Log) -> ZeroedLog:
         """A recording with its position as travel from the vented rest of the calibration in the file.
 
@@ -163,7 +169,7 @@ class ParameterFile:
             return ZeroedLog(
                 log.with_columns(position=log["position"] - subtracted) if subtracted else log, None, subtracted
             )
-        return from_rest(log, self.calibration.rest if self.calibration else None)
+        return from_rest(log, self.rest)
 
     def _has(self, log: Log) -> bool:
         """Whether exactly this recording was fitted, by its hash under [fit] data."""

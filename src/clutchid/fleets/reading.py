@@ -146,7 +146,7 @@ def _observed(log: Log, content: ParameterFile, path: Path, zero: Zero) -> Recor
     from clutchid.observer.recording import too_slow
     from clutchid.reports.observe_text import loads, observe_sentence
 
-    rest = content.calibration.rest if content.calibration else None
+    rest = content.rest
     (checked,) = workflow.inspected([log], content.actuator, rest=rest, zero=zero)
     if slow := too_slow(checked, content.actuator):
         raise DataError(slow)

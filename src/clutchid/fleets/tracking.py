@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from clutchid import processes, workflow
 from clutchid.errors import DataError
 from clutchid.fleets.reading import (
     ABSENT,
@@ -23,10 +25,12 @@ from clutchid.fleets.reading import (
 from clutchid.fleets.store import STORE
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.names import as_text
-from clutchid.processes import check_workers, results
+from clutchid.processes import check_workers
 from clutchid.recordings.files import write_frame
+from clutchid.recordings.strokes.vented_rest import Zero
 from clutchid.wear.history import Listed, arranged
 from clutchid.wear.life import Wear, wear_of
+from clutchid.wear.tables import read_table, read_wear_table
 from clutchid.wear.trend import WearTable
 
 if TYPE_CHECKING:
@@ -41,9 +45,6 @@ class LifeLimits(NamedTuple):
 
     shift: float | None = None
     table: WearTable | None = None
-
-
-NO_LIMIT = LifeLimits()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,45 +141,76 @@ def vehicle_of(paths: Sequence[Path], table: Mapping[str, Listed], source: str) 
 
 
 def track(
-    paths: Sequence[Path],
-    start: Path,
-    options: ReadingOptions,
-    table: Mapping[str, Listed],
-    limits: LifeLimits = NO_LIMIT,
-    workers: int = 1,
-    progress: Callable[[int, int], None] | None = None,
+    recordings: str | PathLike[str] | Sequence[str | PathLike[str]],
+    start: str | PathLike[str],
     *,
-    vehicle: str = "",
+    table: str | PathLike[str] | None = None,
+    wear_table: str | PathLike[str] | None = None,
+    limit: float | None = None,
+    workers: int = 1,
+    ambient: float | None = None,
+    channels: str | PathLike[str] | None = None,
+    dbc: Sequence[str | PathLike[str]] = (),
+    zero: Zero = "subtract",
+    results: Sequence[Path] = (),
+    progress: Callable[[int, int], None] | None = None,
 ) -> Tracked:
-    """Read all recordings of a vehicle, and follow the wear of its clutch through them.
+    """Follow the wear of one clutch through its recordings.
 
     Parameters
     ----------
-    paths
-        Recordings, see `recordings_of`; one that cannot be read is a row with its reason, the same one twice counts
-        once.
-    table
-        Rows of the table of recordings by stem, see `clutchid.wear.tables.read_table`; one of the vehicle whose file is
-        not there is a row with that reason.
+    recordings : path, or several
+        Files of one vehicle, or a folder with them.
+    start : path
+        Calibration (TOML) of its type.
+    table : path, optional
+        CSV with recording, vehicle, date, odometer_km and strokes, as far as they are known.
+    wear_table : path, optional
+        CSV with wear [mm], half_load [mm] and load [N] of this type.
+    limit : m, optional
+        Shift of the half-load position that ends the life of the clutch; by default the last row of `wear_table`.
+    workers : int
+        Number of processes.
+    ambient : Pa, optional
+        Ambient pressure for gauge units; P_0 of the calibration by default.
+    channels, dbc : paths
+        Channel map (TOML), and DBC files of bus logs.
+    zero : 'subtract' or 'keep'
+        Whether a vented rest that has moved is subtracted from the position.
+    results : paths
+        Files that an earlier run may have left among the recordings.
+    progress : function(done, all), optional
+        Called after each recording.
+
+    Returns
+    -------
+    tracked : Tracked
+        ``tracked.wear`` is the `Wear`; `clutchid.fleets.tracking.write_tracked` writes its files.
 
     Raises
     ------
-    ParameterError
-        If there is no worker.
+    DataError, ParameterError
+        If there are no recordings, they belong to several vehicles, or a file cannot be understood.
     """
+    workflow.start_file(Path(start), None)  # a broken one is one sentence, not one a recording
+    rows = read_table(Path(table)) if table else {}
+    limits = LifeLimits(limit, read_wear_table(Path(wear_table)) if wear_table else None)
+    several = [recordings] if isinstance(recordings, str | PathLike) else recordings
+    paths = recordings_of([Path(one) for one in several], results)
+    vehicle = vehicle_of(paths, rows, str(table))
     check_workers(workers)
+    outside = float("nan") if ambient is None else ambient
+    options = ReadingOptions(outside, Path(channels) if channels else None, tuple(map(Path, dbc)), zero=zero)
     found: dict[Path, RecordingResult] = {}
-    for done in results(partial(read_recording, options, start), paths, workers):
+    for done in processes.results(partial(read_recording, options, Path(start)), paths, workers):
         found[done.item] = unless_lost(done.item, done.result)
         if progress:
             progress(len(found), len(paths))
     names = [name_of(path) for path in paths]
-    absent = sorted(name for name, row in table.items() if row.vehicle == vehicle and name not in set(names))
-    reads = [
-        *counted_once((as_text(path.name), found[path]) for path in paths),
-        *(without_result(Path(name), "bad_input", ABSENT) for name in absent),
-    ]
-    return tracked(vehicle, [*names, *absent], reads, table, limits, () if table else _several_folders(paths))
+    absent = sorted(name for name, row in rows.items() if row.vehicle == vehicle and name not in set(names))
+    reads = [*counted_once((as_text(path.name), found[path]) for path in paths)]
+    reads += [without_result(Path(name), "bad_input", ABSENT) for name in absent]
+    return tracked(vehicle, [*names, *absent], reads, rows, limits, () if rows else _several_folders(paths))
 
 
 def tracked(

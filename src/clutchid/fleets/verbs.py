@@ -1,4 +1,4 @@
-"""`track` and `fleet`: the verbs of the command line that read many recordings, in Python."""
+"""`fleet`: the recordings of many vehicles, read and kept; then the tables of all of them."""
 
 from __future__ import annotations
 
@@ -10,18 +10,14 @@ from typing import Literal
 
 from clutchid import workflow
 from clutchid.errors import ParameterError
-from clutchid.fleets import tracking
 from clutchid.fleets.cluster import ONE_WORKER, Workers
 from clutchid.fleets.jobs import Fleet, compile_first, fleet_of, run, tasks
 from clutchid.fleets.output import vehicles_of, write_results, write_vehicles
 from clutchid.fleets.reading import ReadingOptions
 from clutchid.fleets.store import store
-from clutchid.fleets.tracking import Tracked
+from clutchid.fleets.tracking import LifeLimits
 from clutchid.names import as_text
-from clutchid.recordings.strokes.vented_rest import Zero
-from clutchid.wear.tables import read_table, read_wear_table
-
-Progress = Callable[[int, int], None]
+from clutchid.wear.tables import read_wear_table
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,69 +28,6 @@ class FleetRun:
     vehicles: int
     read: int
     out: Path
-
-
-def track(
-    recordings: str | PathLike[str] | Sequence[str | PathLike[str]],
-    start: str | PathLike[str],
-    *,
-    table: str | PathLike[str] | None = None,
-    wear_table: str | PathLike[str] | None = None,
-    limit: float | None = None,
-    workers: int = 1,
-    ambient: float | None = None,
-    channels: str | PathLike[str] | None = None,
-    dbc: Sequence[str | PathLike[str]] = (),
-    zero: Zero = "subtract",
-    results: Sequence[Path] = (),
-    progress: Progress | None = None,
-) -> Tracked:
-    """Follow the wear of one clutch through its recordings.
-
-    Parameters
-    ----------
-    recordings : path, or several
-        Files of one vehicle, or a folder with them.
-    start : path
-        Calibration (TOML) of its type.
-    table : path, optional
-        CSV with recording, vehicle, date, odometer_km and strokes, as far as they are known.
-    wear_table : path, optional
-        CSV with wear [mm], half_load [mm] and load [N] of this type.
-    limit : m, optional
-        Shift of the half-load position that ends the life of the clutch; by default the last row of `wear_table`.
-    workers : int
-        Number of processes.
-    ambient : Pa, optional
-        Ambient pressure for gauge units; P_0 of the calibration by default.
-    channels, dbc : paths
-        Channel map (TOML), and DBC files of bus logs.
-    zero : 'subtract' or 'keep'
-        Whether a vented rest that has moved is subtracted from the position.
-    results : paths
-        Files that an earlier run may have left among the recordings.
-    progress : function(done, all), optional
-        Called after each recording.
-
-    Returns
-    -------
-    tracked : Tracked
-        ``tracked.wear`` is the `Wear`; `clutchid.fleets.tracking.write_tracked` writes its files.
-
-    Raises
-    ------
-    DataError, ParameterError
-        If there are no recordings, they belong to several vehicles, or a file cannot be understood.
-    """
-    workflow.start_file(Path(start), None)  # a broken one is one sentence, not one a recording
-    rows = read_table(Path(table)) if table else {}
-    ends = tracking.LifeLimits(limit, read_wear_table(Path(wear_table)) if wear_table else None)
-    several = [recordings] if isinstance(recordings, str | PathLike) else recordings
-    paths = tracking.recordings_of([Path(one) for one in several], results)
-    vehicle = tracking.vehicle_of(paths, rows, str(table))
-    outside = float("nan") if ambient is None else ambient
-    options = ReadingOptions(outside, Path(channels) if channels else None, tuple(map(Path, dbc)), zero=zero)
-    return tracking.track(paths, Path(start), options, rows, ends, workers, progress, vehicle=vehicle)
 
 
 def fleet(
@@ -110,7 +43,7 @@ def fleet(
     channels: str | PathLike[str] | None = None,
     dbc: Sequence[str | PathLike[str]] = (),
     command: str = "clutchid.fleet(...) in Python",
-    progress: Progress | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> FleetRun:
     """Read the load of every recording of a fleet, and write its tables and pages; go on where an earlier run ended.
 
@@ -169,10 +102,10 @@ def fleet(
     return FleetRun(statuses, count, len(todo), folder)
 
 
-def _limits(found: Fleet, start: Path, shift: float | None) -> dict[str, tracking.LifeLimits]:
+def _limits(found: Fleet, start: Path, shift: float | None) -> dict[str, LifeLimits]:
     """End of a life by type: a shift in m for all, and the load against wear of a type, beside its calibration."""
     tables = {kind: start / f"{kind}.wear.csv" for kind in {job.type for job in found.jobs}}
     return {
-        kind: tracking.LifeLimits(shift, read_wear_table(path) if kind and path.is_file() else None)
+        kind: LifeLimits(shift, read_wear_table(path) if kind and path.is_file() else None)
         for kind, path in tables.items()
     }

@@ -64,9 +64,9 @@ def figure_of(shown: Log | Simulation | Fit) -> Figure:
     """The columns of a log or a simulation over time, or the load of a fit with its band."""
     if isinstance(shown, Log):
         return _displayed(log_figure(shown))
-    from clutchid.estimation.result import Fit
+    from clutchid.simulation.simulation import Simulation  # loaded, as `shown` is of it or of what needs it
 
-    if not isinstance(shown, Fit):
+    if isinstance(shown, Simulation):
         return _displayed(log_figure(shown.log))
     from clutchid.reports.fit_figures import load_figure
 
@@ -81,9 +81,11 @@ def _displayed(figure: Figure) -> Figure:
 
 def html_of(shown: Log | Simulation | Fit) -> str:
     """Summary, and figure; a failed fit has no load."""
-    from clutchid.estimation.result import Fit
+    if isinstance(shown, Log):
+        return _html(repr(shown), figure_of(shown))
+    from clutchid.simulation.simulation import Simulation
 
-    if not isinstance(shown, Fit):
+    if isinstance(shown, Simulation):
         return _html(repr(shown), figure_of(shown))
     drawn = shown.status != "failed" and np.isfinite(shown.load_curve.force).any()
     return _html(printed_fit(shown), figure_of(shown) if drawn else None)
