@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from clutchid.recordings.columns import channel
+from clutchid.recordings.formats.csv import file as csv_file
 from clutchid.recordings.source import Places, Raster, Source, Table
 
 HEADER = "time [s],position [m],duty_supply [1],duty_exhaust [1],pressure_a [Pa]"
@@ -63,3 +64,42 @@ def _source(*rasters: Columns, path: Path = Path("day.mf4"), clock: bool = True)
 def source() -> Callable[..., Source]:
     """Make a source in memory, its rasters as the readers give them."""
     return _source
+
+
+@pytest.fixture(scope="session")
+def data(shared: Path) -> Callable[[str], Path]:
+    """Find a folder or file of shared/data by its path there."""
+
+    def find(name: str) -> Path:
+        if not (shared / "data" / name).exists():
+            pytest.skip(f"no {shared.name}/data/{name} beside the repository: what is in it is needed.")
+        return shared / "data" / name
+
+    return find
+
+
+@pytest.fixture(scope="session")
+def bus_logs(data: Callable[[str], Path]) -> Path:
+    """Folder with logs of real buses."""
+    return data("mf4_can_logs")
+
+
+@pytest.fixture(params=["numpy", "polars", "text"])
+def parser(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Each way of reading the numbers of a CSV file, by force."""
+    _force(request.param, monkeypatch)
+    return request.param
+
+
+def _force(way: str, patch: pytest.MonkeyPatch) -> None:
+    """Let one of the ways read every CSV file, whatever its size."""
+    if way == "polars":
+        patch.setattr(csv_file, "_SMALL", 0)
+    if way == "text":
+        patch.setattr(csv_file, "_fast", lambda *_: None)
+
+
+@pytest.fixture(scope="session")
+def force() -> Callable[[str, pytest.MonkeyPatch], None]:
+    """Let "numpy", "polars" or the reader of "text" read the numbers of a CSV file."""
+    return _force

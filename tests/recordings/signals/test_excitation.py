@@ -14,7 +14,7 @@ from clutchid.model import Actuator, Load
 from clutchid.numerics.least_squares import Linearisation
 from clutchid.parameters import Parameters
 from clutchid.recordings.signals.excitation import FAST_WINDOW, SLOW_WINDOW, excitation, joined, region_of
-from clutchid.recordings.signals.sampled import runs, velocity
+from clutchid.recordings.signals.sampled import velocity
 from clutchid.simulation.noise import Noise
 from clutchid.simulation.plan import plan
 from clutchid.simulation.stiffness import stiffness
@@ -98,11 +98,6 @@ def test_velocity_is_the_slope_whatever_is_missing():
 
 def test_regions_begin_at_their_lower_edge():
     assert region_of(np.array([-1e-4, 0.0, 2e-3, 4.9e-3, 20e-3, 30e-3])).tolist() == [0, 0, 1, 1, 6, 6]
-
-
-def test_runs_are_found_at_both_ends():
-    assert runs(np.array([True, True, False, True])) == [(0, 2), (3, 4)]
-    assert runs(np.zeros(3, dtype=bool)) == []
 
 
 def test_a_vibration_is_a_hold_and_the_slowest_ramp_of_the_protocol_is_not():
@@ -192,12 +187,6 @@ def test_one_direction_only_and_a_missing_rest_are_reported():
     assert sentences[-1].startswith(
         "this log has no vented rest (lowest position 4.0 mm), so the pressure is unknown without"
     )
-
-
-def test_two_logs_are_spoken_of_as_two():
-    low = excitation(course().slice(0, 1020))
-    sentences = missing(joined([low, low]), Actuator())
-    assert sentences[0].startswith("these 2 logs reach 4.2 mm of 25.0 mm and contain no information")
 
 
 def test_the_stroke_and_the_ambient_pressure_are_those_of_the_actuator():
