@@ -9,16 +9,10 @@ import pytest
 from scipy.io import loadmat
 
 from clutchid import truck as virtual
-from clutchid.cli import main
 from clutchid.estimation.parameter_file import read_parameters
 from clutchid.recordings import write
+from fixtures.commands import called
 from fixtures.matlab_text import struct_in
-
-
-def call(*arguments: str | Path) -> int:
-    with pytest.raises(SystemExit) as ended:
-        main([str(argument) for argument in arguments])
-    return int(ended.value.code)
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +27,7 @@ def test_files_for_matlab_have_the_values_of_the_parameter_file_to_the_last_bit(
     recording: Path, tmp_path: Path
 ) -> None:
     for suffix in (".toml", ".mat", ".m"):
-        assert call("fit", recording, "--save", tmp_path / f"fit{suffix}") == 0
+        assert called("fit", recording, "--save", tmp_path / f"fit{suffix}") == 0
     saved = read_parameters(tmp_path / "fit.toml")
     for found in (
         loadmat(tmp_path / "fit.mat", simplify_cells=True)["clutchid"],
@@ -65,7 +59,7 @@ def test_files_for_matlab_have_the_values_of_the_parameter_file_to_the_last_bit(
 def test_a_name_that_cannot_be_used_is_bad_input_before_anything_is_read(
     option: str, name: str, sentence: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert call("fit", tmp_path / "no_such_recording.csv", option, tmp_path / name) == 2
+    assert called("fit", tmp_path / "no_such_recording.csv", option, tmp_path / name) == 2
     error = capsys.readouterr().err
     assert f"{name}: {sentence}" in error
     assert len(error.splitlines()) == 1

@@ -7,12 +7,12 @@ from xml.sax.saxutils import escape
 
 import pytest
 
-from clutchid.cli import main
 from clutchid.estimation.parameter_file import read_parameters
 from clutchid.parameters import Parameters
 from clutchid.recordings import read, write
 from clutchid.recordings.look.look import look
 from clutchid.truck import drive, truck
+from fixtures.commands import called
 
 ESCAPE, TURN = "\x1b[31m", "\u202e"
 
@@ -26,10 +26,8 @@ def log():
 
 
 def ran(capsys, *arguments):
-    with pytest.raises(SystemExit) as ended:
-        main(list(map(str, arguments)))
-    said = capsys.readouterr()
-    return ended.value.code, said.out + said.err
+    code, said = called(*arguments), capsys.readouterr()
+    return code, said.out + said.err
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names of files that are not UTF-8 are those of Linux")
@@ -103,17 +101,8 @@ def test_comments_and_texts_of_a_start_file_reach_neither_terminal_nor_page_as_m
         f"# {HOSTILE}\n[actuator]\n{texts}[parameters]\n{drawing}  # {HOSTILE}\n{other}", encoding="utf-8"
     )
     files = tmp_path / "page.html", tmp_path / "fit.toml"
-    code, said = ran(
-        capsys,
-        "fit",
-        tmp_path / "run.csv",
-        "--start",
-        tmp_path / "start.toml",
-        "--report",
-        files[0],
-        "--save",
-        files[1],
-    )
+    outputs = ("--report", files[0], "--save", files[1])
+    code, said = ran(capsys, "fit", tmp_path / "run.csv", "--start", tmp_path / "start.toml", *outputs)
     page = files[0].read_text(encoding="utf-8")
     assert code == 0
     assert_plain(said + page)

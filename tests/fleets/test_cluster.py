@@ -26,11 +26,8 @@ GOOD = [("good", n) for n in range(30)]
 def test_a_scheduler_that_does_not_answer_is_a_sentence_within_10_s():
     with socket.create_server(("127.0.0.1", 0)) as silent:  # takes connections, and says nothing
         for address in ("tcp://127.0.0.1:9", "nowhere at all", f"tcp://127.0.0.1:{silent.getsockname()[1]}"):
-            begin = time.monotonic()
-            with (
-                pytest.raises(ParameterError, match=f"--scheduler {address}: does not answer"),
-                connected(Place(scheduler=address)),
-            ):
+            begin, words = time.monotonic(), f"--scheduler {address}: does not answer"
+            with pytest.raises(ParameterError, match=words), connected(Place(scheduler=address)):
                 pass
             assert time.monotonic() - begin < 10.0
 
@@ -177,18 +174,15 @@ def test_a_scheduler_with_certificates_does_the_work_of_who_has_one(tmp_path, ce
 def test_certificates_that_do_not_fit_are_a_sentence(tmp_path, certificates):
     address, text = "tls://127.0.0.1:9", tmp_path / "text.pem"
     text.write_text("no certificate")
-    for where, files, error, said in (
-        (address, None, ParameterError, "a connection by TLS needs certificates; give --tls-ca, --tls-cert and"),
-        ("tcp://127.0.0.1:9", certificates, ParameterError, "is not secured by TLS"),
-        (address, certificates._replace(authority=text), ParameterError, "--tls-ca .*text.pem: is no certificate"),
-        (address, certificates._replace(certificate=text), ParameterError, "are no certificate and its key"),
-        (
-            address,
-            certificates._replace(key=certificates.certificate),
-            ParameterError,
-            "are no certificate and its key",
-        ),
-        (address, certificates._replace(key=tmp_path / "no.pem"), DataError, "no.pem: there is no such file"),
+    with pytest.raises(ParameterError, match="a connection by TLS needs certificates; give --tls-ca, --tls-cert and"):
+        security_of(address, None)
+    with pytest.raises(ParameterError, match="is not secured by TLS"):
+        security_of("tcp://127.0.0.1:9", certificates)
+    for other, error, said in (
+        ({"authority": text}, ParameterError, "--tls-ca .*text.pem: is no certificate"),
+        ({"certificate": text}, ParameterError, "are no certificate and its key"),
+        ({"key": certificates.certificate}, ParameterError, "are no certificate and its key"),
+        ({"key": tmp_path / "no.pem"}, DataError, "no.pem: there is no such file"),
     ):
         with pytest.raises(error, match=said):
-            security_of(where, files)
+            security_of(address, certificates._replace(**other))
