@@ -14,7 +14,7 @@ import pytest
 
 import clutchid
 from clutchid.cli.common import guarded
-from clutchid.estimation.assess import evidence, verdict
+from clutchid.estimation.assess import evidence
 from fixtures.commands import called, process
 
 pytestmark = pytest.mark.slow
@@ -86,10 +86,8 @@ def test_verify_report_and_partition_work_together(recording: Path, tmp_path: Pa
 def test_what_a_verdict_rests_on_is_computed_once(
     recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    calls, plain = [], evidence.evidence
-    # clutchid.reports offers a function by the name of its module
-    for module in (evidence, verdict):
-        monkeypatch.setattr(module, "evidence", lambda fit: calls.append(fit) or plain(fit))
+    calls, plain = [], evidence.diagnosed
+    monkeypatch.setattr(evidence, "diagnosed", lambda *fit: calls.append(fit) or plain(*fit))
     for option in (["--json"], []):
         page = tmp_path / f"page{len(option)}.html"
         assert called("fit", recording, "--report", page, *option) == 0
