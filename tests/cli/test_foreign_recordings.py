@@ -93,25 +93,6 @@ def test_a_bus_log_is_decoded_and_fitted(tmp_path, log, peak, capsys):
     assert fitted(tmp_path / "bus.blf", "--map", chosen) == pytest.approx(peak, rel=2e-3)
 
 
-def test_an_mdf_of_two_rasters_is_fitted_by_its_names(tmp_path, log, peak):
-    asammdf = pytest.importorskip("asammdf", reason="reading MDF is an extra")
-    path = tmp_path / "run.mf4"
-    with asammdf.MDF(version="4.10") as mdf:
-        mdf.append([asammdf.Signal(1e3 * log["position"], log.time, unit="mm", name="ClutchPos")])
-        slow = slice(None, None, 5)
-        names = {"DutySupply": "duty_supply", "DutyExhaust": "duty_exhaust"}
-        held = [asammdf.Signal(log[n][slow], log.time[slow], unit="-", name=name) for name, n in names.items()]
-        mdf.append(held)
-        mdf.save(path)
-    made = read(path)
-    words = "the channels were identified by their names: position = 'ClutchPos', duty_supply ="
-    assert made.warnings[0].startswith(words)
-    np.testing.assert_allclose(made["position"], log["position"], rtol=0, atol=1e-15)
-    assert np.array_equal(made["duty_supply"][slow], log["duty_supply"][slow])
-    assert np.array_equal(made["duty_supply"][2::5], log["duty_supply"][slow])
-    assert fitted(path) == pytest.approx(peak, rel=0.05)  # valve edges up to 4 ms late
-
-
 def late_mdf(log: Log, folder: Path) -> tuple[Path, Path]:
     """An MDF 4 file with German names whose duty cycles start a sample after the position, and its map."""
     asammdf = pytest.importorskip("asammdf", reason="reading MDF is an extra")
@@ -208,26 +189,3 @@ def test_a_map_that_does_not_fit_is_one_clear_sentence(tmp_path, log, capsys):
     assert called("look", tmp_path / "run.csv", "--dbc", tmp_path / "NO.dbc") == 2
     assert called("look", tmp_path / "run.csv", "--save", tmp_path / "run.csv") == 2
     assert "is the recording itself" in capsys.readouterr().err
-
-
-def test_look_finishes_a_map_from_proposal_to_fit(tmp_path, log, peak, capsys):
-    file, chosen = tmp_path / "run.csv", tmp_path / "MAP.toml"
-    rows = zip(1e3 * log["position"], 100 * log["duty_supply"], 100 * log["duty_exhaust"], strict=True)
-    file.write_text("ClutchPos_mm,A [%],B [%]\n" + "".join("{},{},{}\n".format(*row) for row in rows))
-    assert called("look", file, "--save", chosen) == 0
-    text = chosen.read_text(encoding="utf-8")
-    assert "# [duty_exhaust]\n# channel = \"?\"  # candidates: 'A [%]', 'B [%]'" in text
-    assert called("look", file, "--map", chosen) == 2
-    said = capsys.readouterr().out
-    assert "no channel is assigned to duty_supply, duty_exhaust" in said
-    assert "rate = 1000.0 above its first table" in said
-    text = text.replace("# rate", "rate")
-    for name, channel in (("duty_supply", "A [%]"), ("duty_exhaust", "B [%]")):
-        text = text.replace(f'# [{name}]\n# channel = "?"', f'[{name}]\nchannel = "{channel}"')
-    chosen.write_text(text, encoding="utf-8")
-    assert called("look", file, "--map", chosen) == 0
-    said = capsys.readouterr().out
-    assert "6,000 samples, 5.999 s from 0 s at 1000 Hz" in said
-    assert "(ignored)" not in said
-    assert "Not checked" not in said
-    assert fitted(file, "--map", chosen) == pytest.approx(peak, rel=1e-4)

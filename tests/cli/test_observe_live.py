@@ -19,7 +19,7 @@ import polars as pl
 import pytest
 
 from clutchid.observer.health import FLAGS, LIVE_FLAGS
-from fixtures.commands import called
+from fixtures.commands import called, meanwhile
 
 OUTPUTS = ("est.parquet", "est.load.parquet", "state.toml")
 HEADER = b"time [s],position [m],duty_supply [1],duty_exhaust [1]\n"
@@ -35,13 +35,9 @@ def call(observe, monkeypatch):
     def run(sent, *options, out="est.parquet", end=os.close):
         reading, writing = os.pipe()
         pieces = [sent] if isinstance(sent, bytes) else sent
-        sender = threading.Thread(target=_send, args=(writing, pieces, end))
-        with os.fdopen(reading) as stream:
+        with meanwhile(lambda: _send(writing, pieces, end)), os.fdopen(reading) as stream:
             monkeypatch.setattr("sys.stdin", stream)
-            sender.start()
-            found = observe("-", *options, out=out)
-        sender.join()
-        return found
+            return observe("-", *options, out=out)
 
     return run
 
@@ -245,14 +241,12 @@ def test_a_file_that_grows_is_followed_on_from_a_state_and_another_one_is_refuse
             os.kill(os.getpid(), signal.SIGTERM)
 
         before = signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        other = threading.Thread(target=stop_it)
-        other.start()
-        try:
-            code, _, errors = observe("log.csv", "--follow", "--save", "state.toml", *options, out=out)
-        finally:
-            over.set()
-            other.join()
-            signal.signal(signal.SIGTERM, before)
+        with meanwhile(stop_it):
+            try:
+                code, _, errors = observe("log.csv", "--follow", "--save", "state.toml", *options, out=out)
+            finally:
+                over.set()
+        signal.signal(signal.SIGTERM, before)
         return code, errors
 
     assert follow(lines[: CUT + 1], "one.parquet") == (0, "")

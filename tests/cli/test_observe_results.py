@@ -6,12 +6,14 @@ import os
 import pty
 import re
 import signal
-import threading
 import time
+from contextlib import suppress
 
 import numpy as np
 import polars as pl
 import pytest
+
+from fixtures.commands import meanwhile
 
 
 @pytest.fixture
@@ -43,10 +45,8 @@ def test_a_file_that_grows_gives_the_numbers_of_the_whole_file(observe, folder, 
                 time.sleep(0.02)
         os.kill(os.getpid(), number)
 
-    grower = threading.Thread(target=grow)
-    grower.start()
-    code, said, errors = observe("worn.csv", "--follow", "--save", "state.toml")
-    grower.join()
+    with meanwhile(grow):
+        code, said, errors = observe("worn.csv", "--follow", "--save", "state.toml")
     assert (code, errors) == (0, "")
     assert said.startswith("observed worn: load at 12.5 mm ")
     same()
@@ -144,12 +144,9 @@ def test_a_reader_that_stalls_costs_its_lines_and_the_first_signal_writes_the_fi
         time.sleep(1.5)
         os.kill(os.getpid(), signal.SIGTERM)
 
-    other = threading.Thread(target=stop)
-    other.start()
-    with os.fdopen(writing, "w") as stream:
+    with meanwhile(stop), os.fdopen(writing, "w") as stream:
         monkeypatch.setattr("sys.stdout", stream)
         code, _, errors = observe("worn.csv", "--follow", "--publish", "-")
-    other.join()
     with os.fdopen(reading) as lines:
         whole = lines.read().rpartition("\n")[0].splitlines()
     assert code == 0
@@ -170,11 +167,8 @@ def test_lines_go_on_whole_once_they_are_read_again(observe, folder, same, tmp_p
     def read():
         ready(signal.SIGTERM, before)
         time.sleep(1.0)
-        with os.fdopen(reading, "rb") as lines:
-            rest = threading.Thread(target=grow)
-            rest.start()
+        with os.fdopen(reading, "rb") as lines, meanwhile(grow):
             said.append(lines.read())
-            rest.join()
 
     def grow():
         for begin in range(200_000, len(text), 50_000):
@@ -183,12 +177,9 @@ def test_lines_go_on_whole_once_they_are_read_again(observe, folder, same, tmp_p
             time.sleep(0.2)
         os.kill(os.getpid(), signal.SIGTERM)
 
-    reader = threading.Thread(target=read)
-    reader.start()
-    with os.fdopen(writing, "w") as stream:
+    with meanwhile(read), os.fdopen(writing, "w") as stream:
         monkeypatch.setattr("sys.stdout", stream)
         code, _, _ = observe("worn.csv", "--follow", "--publish", "-")
-    reader.join()
     assert code == 0
     samples, *_ = published(b"".join(said).decode())
     assert samples[-1]["time [s]"] == pytest.approx(5.999)
@@ -200,20 +191,15 @@ def test_a_view_on_a_terminal_shows_load_pressure_and_flags(observe, folder, sam
     shown = []
 
     def read():
-        try:
+        with suppress(OSError):  # the other end was closed
             while part := os.read(leader, 1 << 16):
                 shown.append(part)
-        except OSError:  # the other end was closed
-            pass
 
-    reader = threading.Thread(target=read)
-    reader.start()
     monkeypatch.setenv("COLUMNS", "70")
     monkeypatch.setenv("TERM", "xterm")
-    with os.fdopen(follower, "w") as stream:
+    with meanwhile(read), os.fdopen(follower, "w") as stream:
         monkeypatch.setattr("sys.stderr", stream)
         code, said, _ = observe("-", "--view")
-    reader.join()
     os.close(leader)
     assert code == 0
     assert said.startswith("observed stdin: ")

@@ -455,25 +455,12 @@ def test_the_frames_of_real_logs_are_those_that_asammdf_reads(bus_logs, name, fr
 
 
 @pytest.mark.parametrize(("name", "size"), [("css_truck_stationary_J1939", 3993), ("css_FCBF0606_J1939_small", 577)])
-def test_engine_and_wheel_speed_of_real_logs_are_those_of_cantools(bus_logs, name, size):
-    file, dbc = bus_logs / f"{name}.MF4", bus_logs / "CSS-Electronics-SAE-J1939-DEMO.dbc"
-    source = open_file(file, [dbc])
-    assert source.problems == ()
+def test_real_logs_have_an_engine_and_a_wheel_speed(bus_logs, name, size):
+    source = open_file(bus_logs / f"{name}.MF4", [bus_logs / "CSS-Electronics-SAE-J1939-DEMO.dbc"])
+    assert (source.problems, source.rasters[0].size) == ((), size)
     assert [raster.name for raster in source.rasters] == ["EEC1", "CCVS1"]
-    assert source.rasters[0].size == size
-    database = cantools.database.load_file(dbc)
-    for index, (group, signal) in enumerate([(0xF004, "EngineSpeed"), (0xFEF1, "WheelBasedVehicleSpeed")]):
-        theirs = database.get_message_by_name(source.rasters[index].name)
-        expected, stamps = [], []
-        for block in frame_log(file).blocks():
-            for row in np.flatnonzero(block.extended & (block.identifier >> 8 & 0xFFFF == group)):
-                payload = bytes(block.data[row, : block.length[row]])
-                raw = theirs.decode(payload, scaling=False)[signal]
-                expected.append(np.nan if raw >= 0xFE00 else theirs.decode(payload)[signal])
-                stamps.append(block.stamp[row])
+    for index, signal in enumerate(["EngineSpeed", "WheelBasedVehicleSpeed"]):
         found = numbers_of(source, index)
-        np.testing.assert_array_equal(found[signal], expected)
-        np.testing.assert_allclose(np.diff(found["time"]), np.diff(stamps), rtol=0, atol=1e-12)
         assert np.all(np.diff(found["time"]) > 0)
         assert np.isfinite(found[signal]).any()
 

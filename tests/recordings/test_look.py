@@ -160,11 +160,6 @@ def test_a_map_of_a_test_rig_needs_no_duty_cycles(save):
     assert look(save(PLAIN), channels=ChannelMap(entries, rate=100.0)).problems == ()
 
 
-def test_a_guessed_time_is_a_warning(save):
-    (warning,) = look(save("t,Weg [mm]\n0,1\n0.1,2\n0.2,3\n")).proposal.open[:1]
-    assert warning == "time: 't' has no unit; [s] is guessed from its intervals."
-
-
 def test_channels_without_numbers_are_listed(save, monkeypatch):
     path = save(PLAIN)
     made = open_source(path)

@@ -133,30 +133,26 @@ def test_a_recording_with_everything_misses_nothing(truth, driven):
 
 def test_a_short_reach_is_reported_with_the_correlation_that_it_causes(truth, driven):
     log = driven(reach=0.0086)
-    R = information(truth, log, truth.load.names)
-    sentences = missing(excitation(log), truth, R)
-    reach = excitation(log).reach * 1e3
-    assert sentences[0].startswith(
-        f"this log reaches {reach:.1f} mm; the correlation of theta_2 and theta_3 is -0.99: reach 11.5 mm"
+    found = excitation(log)
+    words = (
+        f"this log reaches {found.reach * 1e3:.1f} mm; the correlation of theta_2 and theta_3 is -0.99: reach 11.5 mm"
     )
+    assert missing(found, truth, information(truth, log, truth.load.names))[0].startswith(words)
 
 
-def test_load_weights_beyond_the_reach_are_reported_together(driven):
-    actuator = Actuator(load=Load.on_b_splines())
-    log = driven(reach=0.0086)
-    sentences = missing(excitation(log), actuator, information(actuator, log, actuator.load.names))
-    assert "contains no information about theta_1" in sentences[0]
-    assert "and theta_22, which act from" in sentences[0]
-    assert "reach 25.0 mm or more" in sentences[0]
-
-
-def test_sentences_agree_in_number_with_their_recordings_and_weights(driven):
+def test_load_weights_beyond_the_reach_are_reported_together_in_sentences_that_agree_in_number(driven):
     actuator, log = Actuator(load=Load.on_b_splines()), driven(reach=0.0086)
     R = information(actuator, log, actuator.load.names)
+    for words in (
+        "this log reaches ",
+        "contains no information about theta_1",
+        "and theta_22, which act from",
+        "reach 25.0 mm or more",
+    ):
+        assert words in missing(excitation(log), actuator, R)[0]
     two = joined([excitation(log), excitation(log)])
-    sentences = missing(two, actuator, R)
-    assert sentences[0].startswith("these 2 logs reach ")
-    assert " and contain no information about theta_1" in sentences[0]
+    assert missing(two, actuator, R)[0].startswith("these 2 logs reach ")
+    assert " and contain no information about theta_1" in missing(two, actuator, R)[0]
     assert " and contain no information about the load beyond" in missing(two, actuator)[0]
     one = actuator.load.names[-1:]
     (alone, *_) = missing(excitation(log), actuator, Information(one, R.columns(one)))

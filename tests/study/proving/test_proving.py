@@ -12,7 +12,6 @@ import pytest
 from clutchid import processes
 from clutchid.cli.prove import prove as command
 from clutchid.errors import ExportError, ParameterError
-from clutchid.estimation.assess.comparison import half_load
 from clutchid.fleets.cluster import Place
 from clutchid.reports.tables import to_text
 from clutchid.study.proving import ground as proving
@@ -74,12 +73,6 @@ def test_an_answer_that_is_not_finite_or_too_short_is_refused(ground):
     ):
         with pytest.raises(ValueError, match="finite from"):
             score(broken, driven.truth, driven.log.time)
-
-
-def test_half_load_is_on_the_rising_side():
-    y = np.linspace(0, 20, 201)
-    assert half_load(y, np.sin(np.pi * y / 20)) == pytest.approx(20 / 6, rel=1e-3)
-    assert np.isnan(half_load(y, 1 - y / 100))
 
 
 def test_the_worn_recordings_have_no_pressure_and_another_load(ground):
