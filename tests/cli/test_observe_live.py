@@ -19,7 +19,7 @@ import polars as pl
 import pytest
 
 from clutchid.observer.health import FLAGS, LIVE_FLAGS
-from fixtures.commands import called, meanwhile
+from fixtures.commands import called, meanwhile, wait_for
 
 OUTPUTS = ("est.parquet", "est.load.parquet", "state.toml")
 HEADER = b"time [s],position [m],duty_supply [1],duty_exhaust [1]\n"
@@ -183,10 +183,7 @@ def test_a_run_that_is_killed_leaves_its_results_and_a_state_to_go_on_from(call,
     with subprocess.Popen(command, cwd=tmp_path, stdin=subprocess.PIPE) as killed:
         killed.stdin.write(head + b"".join(lines[:4000]))
         killed.stdin.flush()
-        deadline = time.monotonic() + 60.0
-        while not (tmp_path / "state.toml").exists():
-            assert time.monotonic() < deadline
-            time.sleep(0.05)
+        wait_for((tmp_path / "state.toml").exists)
         time.sleep(1.0)
         killed.kill()
     assert not (tmp_path / "est.parquet").exists()

@@ -19,7 +19,7 @@ from clutchid.recordings.files import check_writable
 from clutchid.study.proving.ground import _read
 from clutchid.study.proving.workflows import workflow
 from clutchid.truck import drive, truck
-from fixtures.commands import called, process
+from fixtures.commands import called, process, wait_for
 
 pytestmark = pytest.mark.slow
 
@@ -39,18 +39,12 @@ def ended(pid: int) -> bool:
 def test_the_workers_of_prove_end_with_it(end, tmp_path):
     done = subprocess.Popen([*COMMAND, "prove", "--out", str(tmp_path), "--trucks", "4", "--workers", "2"],
                             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)  # fmt: skip
-    deadline = time.monotonic() + 60
-    while len(workers := psutil.Process(done.pid).children(recursive=True)) < 2:
-        assert time.monotonic() < deadline
-        time.sleep(0.1)
+    wait_for(lambda: len(psutil.Process(done.pid).children(recursive=True)) >= 2)
     time.sleep(2.0)  # they load the package
     workers = psutil.Process(done.pid).children(recursive=True)
     done.send_signal(end)
     done.wait(timeout=60)
-    deadline = time.monotonic() + 10
-    while not all(ended(worker.pid) for worker in workers):
-        assert time.monotonic() < deadline
-        time.sleep(0.1)
+    wait_for(lambda: all(ended(worker.pid) for worker in workers), 10.0)
 
 
 @posix

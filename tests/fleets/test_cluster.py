@@ -72,11 +72,15 @@ def _started(folder, *options):
             process.wait()
 
 
-def test_the_workers_of_a_scheduler_do_the_same_work(scheduler):
+def test_the_workers_of_a_scheduler_do_the_same_work_once_each_and_raise_sentences_for_the_user(scheduler):
     address, worker, _ = scheduler
     worker()
     for place in (Place(scheduler=address), Place(2)):
         assert sorted((one.item, one.result) for one in results(abs, range(50), place)) == [(n, n) for n in range(50)]
+        with pytest.raises(DataError, match="it is so"):
+            list(results(own_error, [1], place))
+    many = results(abs, iter(range(1500)), Place(scheduler=address))  # more than fit at the scheduler
+    assert sorted(one.result for one in many) == list(range(1500))
 
 
 def test_a_scheduler_without_workers_is_a_sentence(scheduler, monkeypatch):
@@ -98,13 +102,6 @@ def test_what_ends_its_process_on_a_scheduler_is_named_and_the_workers_of_dask_l
     assert not [one for one in left if "clutchid.processes" in " ".join(one.cmdline())], "they rest when all is done"
 
 
-def test_a_sentence_for_the_user_is_raised_on_a_scheduler_too(scheduler):
-    address, worker, _ = scheduler
-    worker()
-    with pytest.raises(DataError, match="it is so"):
-        list(results(own_error, [1], Place(scheduler=address)))
-
-
 def test_an_item_whose_worker_of_dask_is_lost_is_given_to_another_one(scheduler, tmp_path):
     address, worker, started = scheduler
     worker("--no-nanny")
@@ -113,12 +110,6 @@ def test_an_item_whose_worker_of_dask_is_lost_is_given_to_another_one(scheduler,
     next(found)
     started[1].kill()
     assert [one.result for one in found] == [None] * 19
-
-
-def test_more_items_than_fit_at_the_scheduler_come_back_once_each(scheduler):
-    address, worker, _ = scheduler
-    worker()
-    assert sorted(one.result for one in results(abs, iter(range(1500)), Place(scheduler=address))) == list(range(1500))
 
 
 def test_a_scheduler_that_is_lost_is_a_sentence_and_what_is_done_was_given(scheduler, capfd, monkeypatch):

@@ -8,7 +8,6 @@ import subprocess
 import sys
 import tempfile
 import threading
-import time
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +22,7 @@ from clutchid.recordings.formats.opening import opened_here
 from clutchid.recordings.guard import process as guard
 from clutchid.recordings.look.look import look
 from clutchid.recordings.opening import open_source
+from fixtures.commands import wait_for
 
 TEXT = "time [s],position [m],duty_supply [1],duty_exhaust [1]\n" + "".join(
     f"{i / 1000},{i}e-06,{i % 2},0\n" for i in range(3000)
@@ -213,7 +213,5 @@ def test_the_process_does_not_outlive_clutchid(packed):
         "read(sys.argv[1]); print(reader(sys.argv[1]).worker.pid, flush=True); os.kill(os.getpid(), signal.SIGKILL)"
     )
     done = subprocess.run([sys.executable, "-c", script, str(packed)], capture_output=True, text=True, check=False)
-    deadline = time.monotonic() + 10.0
-    while psutil.pid_exists(int(done.stdout)) and psutil.Process(int(done.stdout)).status() != psutil.STATUS_ZOMBIE:
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
+    pid = int(done.stdout)
+    wait_for(lambda: not psutil.pid_exists(pid) or psutil.Process(pid).status() == psutil.STATUS_ZOMBIE, 10.0)

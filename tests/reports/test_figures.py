@@ -15,27 +15,18 @@ numbers = st.floats(-1e6, 1e6) | st.just(float("nan"))
 
 
 @given(arrays(np.float64, st.integers(1, 400), elements=numbers), st.integers(1, 60))
-def test_thinning_keeps_the_extremes_and_the_order_of_time(y, bins):
+def test_thinning_a_curve_or_a_band_keeps_the_extremes_and_the_order_of_time(y, bins):
     x = np.arange(y.size, dtype=np.float64)
     x_thin, y_thin = thinned(x, y, bins)
+    _, low, high = thinned_band(x, y - 1.0, y + 1.0, bins)
     assert x_thin.size <= max(2 * bins, 1)
+    assert low.size <= 2 * bins
     assert y.size > 2 * bins or y_thin is y
     assert np.all(np.diff(x_thin) >= 0)
-    assert np.isnan(y).all() == np.isnan(y_thin).all()
+    assert np.isnan(y).all() == np.isnan(y_thin).all() == np.isnan(low).all()
     if not np.isnan(y).all():
-        assert np.nanmin(y_thin) == np.nanmin(y)
-        assert np.nanmax(y_thin) == np.nanmax(y)
-
-
-@given(arrays(np.float64, st.integers(1, 400), elements=numbers), st.integers(1, 60))
-def test_a_thinned_band_keeps_its_lowest_and_its_highest(y, bins):
-    x = np.arange(y.size, dtype=np.float64)
-    _, low, high = thinned_band(x, y - 1.0, y + 1.0, bins)
-    assert low.size <= 2 * bins
-    assert np.isnan(y).all() == np.isnan(low).all()
-    if not np.isnan(y).all():
-        assert np.nanmin(low) == np.nanmin(y - 1.0)
-        assert np.nanmax(high) == np.nanmax(y + 1.0)
+        assert (np.nanmin(y_thin), np.nanmax(y_thin)) == (np.nanmin(y), np.nanmax(y))
+        assert (np.nanmin(low), np.nanmax(high)) == (np.nanmin(y - 1.0), np.nanmax(y + 1.0))
 
 
 def _picture() -> bytes:

@@ -49,8 +49,7 @@ def test_friction_and_start_are_found_from_a_recording_without_noise(tribometer,
     found = fit_lugre(tribometer(start=5e-5))
     assert found.status == "ok"
     # the search ends where a step would gain 1e-10 of the cost, so within its square root of the scale
-    for name, value in block.items():
-        assert found.values[name] == pytest.approx(value, rel=1e-4)
+    assert dict(found.values) == pytest.approx(block, rel=1e-4)
     assert found.starts[0] == pytest.approx(5e-5, rel=1e-3)
     assert found.fit_percent > 99.99
 
@@ -123,9 +122,8 @@ def test_a_hole_ends_a_piece_and_the_next_one_has_a_start_of_its_own(tribometer,
     columns = {name: np.delete(values, slice(1500, 1900)) for name, values in log.columns.items()}
     found = fit_lugre(Log(np.delete(log.time, slice(1500, 1900)), columns, "hole"))
     assert len(found.starts) == 2
-    for name, value in block.items():
-        # at the hole the velocity is one-sided over two samples: a share of 1e-3 of the samples, off by 1e-2
-        assert found.values[name] == pytest.approx(value, rel=1e-2)
+    # at the hole the velocity is one-sided over two samples: a share of 1e-3 of the samples, off by 1e-2
+    assert dict(found.values) == pytest.approx(block, rel=1e-2)
 
 
 def test_missing_forces_are_left_out_and_missing_positions_end_a_piece(tribometer, block):
@@ -205,8 +203,7 @@ def test_a_contact_that_hardly_yields_is_found_from_a_recording_without_noise(tr
     log, values = rigid(tribometer, share)
     found = fit_lugre(log)
     assert found.warnings == ()
-    for name, value in values.items():
-        assert found.values[name] == pytest.approx(value, rel=1e-3)
+    assert dict(found.values) == pytest.approx(values, rel=1e-3)
 
 
 @pytest.mark.slow

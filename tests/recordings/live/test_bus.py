@@ -13,6 +13,7 @@ from clutchid.recordings.live import bus as module
 from clutchid.recordings.live.bus import BusName, bus_blocks, from_bus, opened_bus, sender
 from clutchid.recordings.map.channel_map import Channel, ChannelMap
 from fixtures.bus import CLUTCH, DBC, VALVES, frames_of, message, sending
+from fixtures.commands import wait_for
 
 NAME = BusName("virtual", "test")
 NEEDED = ("time", "position", "duty_supply", "duty_exhaust")
@@ -145,9 +146,7 @@ def test_a_bus_that_blocks_holds_nothing_up_and_gets_what_comes_when_it_goes_on(
         assert reasons[0] == ""
         assert reasons[-1] == "it took none for 0.2 s"
         blocked.set()
-        until = time.monotonic() + 10.0
-        while send([(VALVES, b"\xff")]) and time.monotonic() < until:
-            time.sleep(0.01)
+        wait_for(lambda: not send([(VALVES, b"\xff")]), 10.0)
     assert sent[:2] == [0, 1]
     assert sent[-1] == 0xFF
     begin = time.monotonic()

@@ -242,10 +242,9 @@ def test_the_calibration_is_unchanged_and_the_worn_recordings_are_changed_all_to
 
 
 def test_an_unknown_family_or_change_ends_before_anything_runs(tmp_path):
-    with pytest.raises(ParameterError, match="must be A or B"):
-        proving.prove("paper", [0], tmp_path / "out", proving.Conditions("C"))
-    with pytest.raises(ParameterError, match="did you mean 'cold'"):
-        proving.prove("paper", [0], tmp_path / "out", proving.Conditions(changes=("colt",)))
+    for family, change, words in (("C", "cold", "must be A or B"), ("A", "colt", "did you mean 'cold'")):
+        with pytest.raises(ParameterError, match=words):
+            proving.prove("paper", [0], tmp_path / "out", proving.Conditions(family, (change,)))
     assert not (tmp_path / "out").exists()
 
 
