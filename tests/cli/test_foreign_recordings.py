@@ -16,17 +16,8 @@ import pytest
 from clutchid import truck as virtual
 from clutchid.log import INPUTS, Log
 from clutchid.recordings import read, write
+from fixtures.air_on_the_bus import CLUTCH, DBC
 from fixtures.commands import called
-
-DBC = """VERSION ""
-BU_: TCU
-BO_ 256 ClutchActuator: 6 TCU
- SG_ ClutchPosition : 0|16@1+ (0.001,-10) [-10|55] "mm" TCU
- SG_ ValveSupplyDuty : 16|16@1+ (0.002,0) [0|100] "%" TCU
- SG_ ValveExhaustDuty : 32|16@1+ (0.002,0) [0|100] "%" TCU
-BO_ 512 Vehicle: 8 TCU
- SG_ EngineSpeed : 0|16@1+ (0.125,0) [0|8000] "rpm" TCU
-"""
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +74,7 @@ def test_a_bus_log_is_decoded_and_fitted(tmp_path, log, peak, capsys):
         columns = [log["position"] * 1e6 + 1e4, *(log[name] * 5e4 for name in INPUTS)]
         payloads = np.rint(np.column_stack(columns)).astype("<u2")
         for t, row in zip(1.7e9 + log.time, payloads, strict=True):
-            for stamp, identifier, data in ((t, 256, row.tobytes()), (t + 2e-4, 512, bytes(8))):
+            for stamp, identifier, data in ((t, CLUTCH, row.tobytes() + bytes(2)), (t + 2e-4, 512, bytes(8))):
                 bus.on_message_received(can.Message(stamp, identifier, is_extended_id=False, data=data))
     assert called("look", tmp_path / "bus.blf") == 2
     assert "of 2 identifiers; give the DBC with --dbc FILE." in capsys.readouterr().out

@@ -1,7 +1,7 @@
 """CAN logs: frames of all three containers, sorted into messages and decoded."""
 
-import builtins
 import random
+import sys
 from datetime import datetime
 
 import numpy as np
@@ -268,14 +268,7 @@ def test_formats_are_told_by_content(logged, tmp_path):
 @pytest.mark.parametrize(("suffix", "module"), [("blf", "can"), ("asc", "can"), ("blf", "cantools.database")])
 def test_a_missing_library_is_named_with_the_command_that_installs_it(logged, dbc, monkeypatch, suffix, module):
     path = logged(suffix, mixture(3))
-    whole = builtins.__import__
-
-    def without(name, *rest, **named):
-        if name == module:
-            raise ImportError(name)
-        return whole(name, *rest, **named)
-
-    monkeypatch.setattr(builtins, "__import__", without)
+    monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(MissingExtra, match=r"which is not installed; .*\"python-can>="):
         open_file(path, [dbc])
 

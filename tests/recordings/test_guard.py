@@ -182,6 +182,7 @@ BAD = b"time [s],position [m],duty_supply [1],duty_exhaust [1]\n0,x,0,0\n1,1e-3,
         (gzip.compress(BAD), ".*position"),
         (gzip.compress(gzip.compress(TEXT.encode())), "is packed twice"),
     ],
+    ids=["cut off", "no number", "packed twice"],
 )
 def test_a_packed_file_that_cannot_be_read_is_named_in_one_sentence(packed, content, words):
     packed.write_bytes(content)

@@ -1,6 +1,7 @@
 """MATLAB 7.3 files, made with h5py in the form that MATLAB writes."""
 
 import sys
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -190,25 +191,15 @@ def test_damaged_samples_are_an_error_that_names_the_file(made):
 
 
 def test_a_large_channel_is_read_in_bounded_memory(made, monkeypatch):
-    asked = []
-    source = mat_file.open_file(made({"t": T, "y": Y}))
-    plain = mat_hdf5.opened
+    asked, plain = [], mat_hdf5.opened
 
+    @contextmanager
     def watched(path):
-        reading = plain(path)
-
-        class Watch:
-            def __enter__(self):
-                read = reading.__enter__()
-                return lambda numbers, channel, a, b: asked.append(b - a) or read(numbers, channel, a, b)
-
-            def __exit__(self, *error):
-                return reading.__exit__(*error)
-
-        return Watch()
+        with plain(path) as read:
+            yield lambda numbers, channel, a, b: asked.append(b - a) or read(numbers, channel, a, b)
 
     monkeypatch.setattr(mat_file, "_V73", mat_file._V73.__class__("MATLAB 7.3", mat_hdf5.contents, watched))
-    source = mat_file.open_file(source.path)
+    source = mat_file.open_file(made({"t": T, "y": Y}))
     asked.clear()
     assert sum(table.size for table in source.tables(0, [0, 1], 100)) == N
     assert max(asked) == 100

@@ -6,8 +6,9 @@ import re
 
 import pytest
 
+from clutchid.reports import Column, ReportTable
 from clutchid.reports.html import Bullets, Details, Notice, Page, PageSection, Picture, Sortable, Text, escape, render
-from clutchid.reports.tables import Column, Link, ReportTable
+from clutchid.reports.tables import Link
 
 HOSTILE = '<script src="http://evil.example/x.js">alert("1")</script>'
 PAGE = Page(

@@ -5,9 +5,7 @@ import pytest
 
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.log import Log
-from clutchid.observer.by_stroke import known
-from clutchid.observer.observer import observer
-from clutchid.observer.recording import observe_recording
+from clutchid.observer import known, observe_recording, observer
 from clutchid.reports.figures import BINS, thinned
 from clutchid.reports.html import render
 from clutchid.reports.observe_page import (

@@ -9,8 +9,7 @@ import pytest
 from clutchid.estimation.assess.evidence import evidence
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.inference.uncertainty.estimates import LoadCurve
-from clutchid.observer.observer import observer
-from clutchid.observer.recording import observe_recording
+from clutchid.observer import observe_recording, observer
 from clutchid.reports import observe_page, wear_page
 from clutchid.reports.comparison_page import comparison_figure
 from clutchid.reports.diagnosis_page import colour_figure, region_figure

@@ -5,7 +5,8 @@ from io import StringIO
 
 import pytest
 
-from clutchid.reports.tables import Column, Link, ReportTable, scientific, to_csv, to_html, to_text
+from clutchid.reports import Column, ReportTable
+from clutchid.reports.tables import Link, scientific, to_csv, to_html, to_text
 
 COLUMNS = (
     Column("method", "method"),

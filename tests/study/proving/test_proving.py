@@ -14,9 +14,9 @@ from clutchid.cli.prove import prove as command
 from clutchid.errors import ExportError, ParameterError
 from clutchid.fleets.cluster import Place
 from clutchid.reports.tables import to_text
+from clutchid.study.proving import Answer, score, scores, standings, workflows
 from clutchid.study.proving import ground as proving
-from clutchid.study.proving import scores, workflows
-from clutchid.study.proving.scores import Answer, coverage, every_recording, score, standings
+from clutchid.study.proving.scores import coverage, every_recording
 from clutchid.study.proving.workflows import workflow
 from clutchid.truck import GRID
 
