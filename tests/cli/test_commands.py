@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import subprocess
 import sys
@@ -14,21 +13,14 @@ import numpy as np
 import pytest
 
 import clutchid
-from clutchid.cli import main
 from clutchid.cli.common import guarded
-from clutchid.estimation.assess import evidence, verdict
+from clutchid.estimation.assess import evidence
+from fixtures.commands import called, process
 
 pytestmark = pytest.mark.slow
 
 KEYS = {"status", "message", "parameters", "load_curve", "errors", "logs", "warnings"}
 EXAMPLE = Path(clutchid.__file__).parent / "study/paper/data/truck1_calibration.csv"
-
-
-def call(
-    *arguments: str | Path, cwd: Path | None = None, env: dict[str, str] | None = None
-) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "clutchid", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, env=env, timeout=300, check=False)
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +41,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_fit_finds_the_load_and_prints_one_json_object(recording: Path) -> None:
-    done = call("fit", recording, "--json")
+    done = process("fit", recording, "--json")
     assert done.returncode == 0, done.stderr
     answer = json.loads(done.stdout)
     assert answer.keys() >= KEYS
@@ -57,11 +49,9 @@ def test_fit_finds_the_load_and_prints_one_json_object(recording: Path) -> None:
     assert theta["unit"] == "N/m"
     assert theta["low"] <= 8.5e5 <= theta["high"]
     curve = answer["load_curve"]
-    assert {key: len(value) for key, value in curve.items()} == dict.fromkeys(
-        ("position_m", "force_N", "low_N", "high_N"), 101
-    )
-    assert curve["position_m"][0] == 0
-    assert curve["position_m"][-1] == pytest.approx(0.025)
+    assert curve.keys() == {"position_m", "force_N", "low_N", "high_N"}
+    assert {len(value) for value in curve.values()} == {101}
+    assert (curve["position_m"][0], curve["position_m"][-1]) == (0, pytest.approx(0.025))
     assert answer["errors"]["position_rms_m"] == pytest.approx(3e-5, rel=0.05)
     assert answer["errors"]["pressure_a_rms_Pa"] is None
     assert answer["logs"].keys() == {"strokes"}
@@ -69,13 +59,13 @@ def test_fit_finds_the_load_and_prints_one_json_object(recording: Path) -> None:
 
 def test_a_saved_fit_starts_a_fit_and_a_simulation(recording: Path, tmp_path: Path) -> None:
     saved, out = tmp_path / "fit.toml", tmp_path / "sim.parquet"
-    assert call("fit", recording, "--save", saved).returncode == 0
-    again = call("fit", recording, "--start", saved, "--json")
+    assert process("fit", recording, "--save", saved).returncode == 0
+    again = process("fit", recording, "--start", saved, "--json")
     assert again.returncode == 0, again.stderr
     first = clutchid.read_parameters(saved).actuator
     for name, estimate in json.loads(again.stdout)["parameters"].items():
         assert abs(estimate["value"] - first.value(name)) < 1e-2 * estimate["std"]
-    done = call("simulate", recording, "--parameters", saved, "--out", out)
+    done = process("simulate", recording, "--parameters", saved, "--out", out)
     assert done.returncode == 0, done.stderr
     simulated = clutchid.read(out)
     assert set(simulated.columns) == {
@@ -87,7 +77,7 @@ def test_a_saved_fit_starts_a_fit_and_a_simulation(recording: Path, tmp_path: Pa
 
 def test_verify_report_and_partition_work_together(recording: Path, tmp_path: Path) -> None:
     page = tmp_path / "page.html"
-    done = call("fit", recording, "--parts", "4", "--carry", "q", "--verify", recording, "--report", page, "--json")
+    done = process("fit", recording, "--parts", "4", "--carry", "q", "--verify", recording, "--report", page, "--json")
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["verify"].keys() == {"strokes"}
     assert page.read_text(encoding="utf-8").lstrip().lower().startswith("<!doctype html>")
@@ -96,15 +86,11 @@ def test_verify_report_and_partition_work_together(recording: Path, tmp_path: Pa
 def test_what_a_verdict_rests_on_is_computed_once(
     recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    calls, plain = [], evidence.evidence
-    # clutchid.reports offers a function by the name of its module
-    for module in (evidence, verdict):
-        monkeypatch.setattr(module, "evidence", lambda fit: calls.append(fit) or plain(fit))
+    calls, plain = [], evidence.diagnosed
+    monkeypatch.setattr(evidence, "diagnosed", lambda *fit: calls.append(fit) or plain(*fit))
     for option in (["--json"], []):
         page = tmp_path / f"page{len(option)}.html"
-        with pytest.raises(SystemExit) as end:
-            main(["fit", str(recording), "--report", str(page), *option])
-        assert end.value.code == 0
+        assert called("fit", recording, "--report", page, *option) == 0
         assert "trust" in capsys.readouterr().out
         assert page.exists()
     assert len(calls) == 2
@@ -112,18 +98,11 @@ def test_what_a_verdict_rests_on_is_computed_once(
 
 def test_pressure_and_named_parameters_can_be_fitted() -> None:
     arguments = ("--measure", "position,pressure_a", "--free", "load,C_vs,C_ve", "--bounds", "C_vs=1e-8:4e-8")
-    done = call("fit", EXAMPLE, *arguments, "--json")
+    done = process("fit", EXAMPLE, *arguments, "--json")
     assert done.returncode == 0, done.stderr
     answer = json.loads(done.stdout)
     assert answer["parameters"].keys() == {"theta_1", "theta_2", "theta_3", "C_vs", "C_ve"}
     assert answer["errors"]["pressure_a_rms_Pa"] > 0
-
-
-def test_look_lists_columns_units_and_ranges(recording: Path) -> None:
-    done = call("look", recording)
-    assert done.returncode == 0
-    for text in ("position [m]", "duty_supply [1]", "6,000 samples", "1000 Hz"):
-        assert text in done.stdout
 
 
 @pytest.mark.parametrize(
@@ -145,10 +124,7 @@ def test_look_lists_columns_units_and_ranges(recording: Path) -> None:
         (["fit", "LOG", "--ambient", "3"], ["--ambient", "between"]),
         (["fit", "LOG", "--start", "missing.toml"], ["missing.toml"]),
         (["fit", "LOG", "--nonsense"], ["--nonsense"]),
-        (
-            ["fit", "--verify", "LOG", "LOG"],
-            ["no recording", "put the recordings first"],
-        ),
+        (["fit", "--verify", "LOG", "LOG"], ["no recording", "put the recordings first"]),
         (["fit", "--bounds", "theta_1=0:1e6", "LOG"], ["no recording", "put the recordings first"]),
         (["fit", "LOG", "--carry", "p"], ["--carry p", "there are no resets; give --every N or --parts N"]),
         (["fit", "LOG", "--save", "LOG"], ["--save", "is a recording that is fitted"]),
@@ -168,7 +144,7 @@ def test_bad_input_is_one_sentence_and_exit_code_two(
 ) -> None:
     before = recording.read_bytes()
     words_given = [word.replace("NAME", tmp_path.name) for word in arguments]
-    done = call(*(recording if word == "LOG" else word for word in words_given), cwd=tmp_path)
+    done = process(*(recording if word == "LOG" else word for word in words_given), cwd=tmp_path)
     assert recording.read_bytes() == before
     assert done.returncode == 2, done.stderr
     assert "Traceback" not in done.stderr
@@ -177,19 +153,10 @@ def test_bad_input_is_one_sentence_and_exit_code_two(
     assert not list(tmp_path.iterdir())
 
 
-def test_bad_input_is_one_json_object_too(recording: Path) -> None:
-    for arguments in (["--free", "C_sv"], ["--nonsense"]):
-        done = call("fit", recording, "--json", *arguments)
-        answer = json.loads(done.stdout)
-        assert done.returncode == 2
-        assert answer["status"] == "bad_input"
-        assert answer.keys() >= KEYS
-
-
 def test_start_values_that_blow_up_the_simulation_fail_with_time_and_state(recording: Path, tmp_path: Path) -> None:
     start = tmp_path / "start.toml"
     start.write_text("[parameters]\ntheta_2 = -1e9\n")
-    done = call("fit", recording, "--start", start, "--json")
+    done = process("fit", recording, "--start", start, "--json")
     answer = json.loads(done.stdout)
     assert (done.returncode, answer["status"]) == (1, "failed")
     assert " s in " in answer["message"]
@@ -200,14 +167,14 @@ def test_start_values_that_blow_up_the_simulation_fail_with_time_and_state(recor
 def test_debug_shows_the_traceback_and_keeps_the_exit_code_and_the_object(
     recording: Path, arguments: list[str]
 ) -> None:
-    done = call("fit", recording, *arguments, "--debug")
-    assert done.returncode == 2
-    assert "Traceback" in done.stderr
-    assert done.stderr.splitlines()[-1].startswith("clutchid: ")
-    done = call("fit", recording, *arguments, "--debug", "--json")
-    assert done.returncode == 2
-    assert "Traceback" in done.stderr
-    assert json.loads(done.stdout)["status"] == "bad_input"
+    for options in (["--debug"], ["--debug", "--json"], ["--json"]):
+        done = process("fit", recording, *arguments, *options)
+        assert (done.returncode, "Traceback" in done.stderr) == (2, "--debug" in options)
+        if "--json" in options:
+            answer = json.loads(done.stdout)
+            assert (answer["status"], answer.keys() >= KEYS) == ("bad_input", True)
+        else:
+            assert done.stderr.splitlines()[-1].startswith("clutchid: ")
 
 
 def test_an_error_that_was_not_expected_is_told_in_every_way(capsys: pytest.CaptureFixture[str]) -> None:
@@ -225,25 +192,13 @@ def test_an_error_that_was_not_expected_is_told_in_every_way(capsys: pytest.Capt
 def test_results_are_printed_whatever_the_encoding_of_the_terminal(recording: Path, tmp_path: Path) -> None:
     odd = tmp_path / "strøm \u2192.csv"
     odd.write_bytes(recording.read_bytes())
-    ascii_only = {**os.environ, "PYTHONIOENCODING": "ascii:strict", "PYTHONUTF8": "0"}
-    done = call("fit", odd, "--verbose", env=ascii_only)
+    ascii_only = {"PYTHONIOENCODING": "ascii:strict", "PYTHONUTF8": "0"}
+    done = process("fit", odd, "--verbose", env=ascii_only)
     assert done.returncode == 0, done.stderr
     assert "fitted str?m ?: position" in done.stdout
-    done = call("fit", odd, "--json", env=ascii_only)
+    done = process("fit", odd, "--json", env=ascii_only)
     assert json.loads(done.stdout)["logs"].keys() == {odd.stem}
     assert done.stdout.isascii()
-
-
-@pytest.mark.skipif(not hasattr(os, "pipe2"), reason="pipes of POSIX are needed.")
-@pytest.mark.parametrize("arguments", [["look", "LOG"], ["fit", "LOG", "--json"], ["fit", "LOG"], ["--help"]])
-def test_a_reader_that_has_seen_enough_ends_the_output_quietly(recording: Path, arguments: list[str]) -> None:
-    reader, writer = os.pipe()
-    os.close(reader)
-    command = [sys.executable, "-m", "clutchid", *(str(recording) if word == "LOG" else word for word in arguments)]
-    done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True, timeout=300, check=False)
-    os.close(writer)
-    assert done.stderr == ""
-    assert done.returncode == 1
 
 
 def test_a_simulation_tells_the_warnings_of_the_recording(recording: Path, tmp_path: Path) -> None:
@@ -252,13 +207,13 @@ def test_a_simulation_tells_the_warnings_of_the_recording(recording: Path, tmp_p
     holed.write_text("\n".join([lines[0], *lines[1:3000], *lines[3100:]]) + "\n")
     start.write_text("[parameters]\ntheta_1 = 8.5e5\ntheta_2 = -2e4\ntheta_3 = 1e5\n")
     arguments = ("simulate", holed, "--parameters", start, "--out", tmp_path / "s.csv")
-    done = call(*arguments, "--json")
+    done = process(*arguments, "--json")
     answer = json.loads(done.stdout)
     assert (done.returncode, answer["status"]) == (0, "warning")
     assert clutchid.read(holed).warnings
     assert set(clutchid.read(holed).warnings) <= set(answer["warnings"])
     assert len(set(answer["warnings"])) == len(answer["warnings"])
-    done = call(*arguments)
+    done = process(*arguments)
     assert done.stderr.splitlines() == [f"warning: {warning}" for warning in answer["warnings"]]
     said, written = done.stdout.splitlines()
     assert said.startswith("simulated holed: position ")
@@ -269,34 +224,32 @@ def test_starts_are_used_for_the_very_recording_that_they_were_estimated_from(re
     lines = recording.read_text().splitlines()
     moving, saved, out = tmp_path / "moving.csv", tmp_path / "fit.toml", tmp_path / "s.csv"
     moving.write_text("\n".join([lines[0], *lines[200:]]) + "\n")
-    assert call("fit", moving, "--save", saved).returncode == 0
+    assert process("fit", moving, "--save", saved).returncode == 0
     arguments = ("simulate", moving, "--parameters", saved, "--out", out, "--json")
     content = clutchid.read_parameters(saved)
     shifted = replace(content, starts={"moving": tuple((y + 1e-3, p) for y, p in content.starts["moving"])})
     clutchid.write_parameters(shifted, saved)
-    assert json.loads(call(*arguments).stdout)["warnings"] == []
+    assert json.loads(process(*arguments).stdout)["warnings"] == []
     assert clutchid.read(out)["position"][0] == pytest.approx(shifted.starts["moving"][0][0], abs=1e-9)
     moving.write_text("\n".join([lines[0], *lines[200:-1]]) + "\n")
-    answer = json.loads(call(*arguments).stdout)
+    answer = json.loads(process(*arguments).stdout)
     assert answer["status"] == "warning"
     assert "estimated again" in answer["warnings"][0]
     assert clutchid.read(out)["position"][0] == pytest.approx(content.starts["moving"][0][0], abs=1e-4)
 
 
 def test_the_peak_of_the_load_is_looked_for_where_was_driven(recording: Path) -> None:
-    done = call("fit", recording)
+    done = process("fit", recording)
     driven = float(np.nanmax(clutchid.read(recording)["position"])) * 1e3
     found = re.search(r"^load +greatest .* N at ([\d.]+) mm of the recorded ([\d.]+)", done.stdout, re.MULTILINE)
-    assert found is not None
     peak, reach = found.groups()
     assert reach == f"{driven:.1f}"
-    assert driven < 24
-    assert float(peak) <= driven
+    assert float(peak) <= driven < 24
 
 
 def test_the_noise_scales_stand_in_the_object_and_in_the_saved_file(recording: Path, tmp_path: Path) -> None:
     saved = tmp_path / "fit.toml"
-    answer = json.loads(call("fit", recording, "--json", "--save", saved).stdout)
+    answer = json.loads(process("fit", recording, "--json", "--save", saved).stdout)
     assert answer["noise_scales"].keys() == {"position"}
     assert answer["noise_scales"]["position"] == pytest.approx(3e-5, rel=0.1)
     assert clutchid.read_parameters(saved).fit["noise_scales"] == pytest.approx(answer["noise_scales"])
@@ -305,7 +258,7 @@ def test_the_noise_scales_stand_in_the_object_and_in_the_saved_file(recording: P
 def test_a_failed_save_leaves_the_old_file_as_it_was(recording: Path, tmp_path: Path) -> None:
     kept = tmp_path / "fit.toml"
     kept.write_text("# mine\n")
-    assert call("fit", recording, "--save", kept, "--free", "C_sv").returncode == 2
+    assert process("fit", recording, "--save", kept, "--free", "C_sv").returncode == 2
     assert kept.read_text() == "# mine\n"
 
 
@@ -313,11 +266,7 @@ def test_a_failed_save_leaves_the_old_file_as_it_was(recording: Path, tmp_path: 
     ("text", "words"),
     [
         ("[parameters]\nC_vs = -1.9e-8\n", ["C_vs = -1.9e-08", "at least 0", "Appendix A"]),
-        ("[parameters]\nC_sv = 1.9e-8\n", ["C_sv", "C_vs"]),
         ("[parameter]\nC_vs = 1.9e-8\n", ["parameter", "parameters"]),
-        ("[model]\nknots = [0.0, 0.003, 0.002, 0.01]\n", ["knots", "increasing"]),
-        ("[model]\nvariant = 'adiabatic'\n", ["adiabatic", "isothermal"]),
-        ("[parameters]\nM = 2e-5\n", ["too stiff", "mass"]),
         ("[parameters]\nM = 1e-9\n", ["M = 1e-09 kg", "at least"]),
         ("[parameters\n", ["no TOML"]),
         ("[parameters]\nC_vs = 'much'\nP_S = -1.0\n", ["C_vs", "P_S"]),
@@ -326,7 +275,7 @@ def test_a_failed_save_leaves_the_old_file_as_it_was(recording: Path, tmp_path: 
 def test_a_bad_parameter_file_names_every_problem(text: str, words: list[str], recording: Path, tmp_path: Path) -> None:
     path = tmp_path / "start.toml"
     path.write_text(text)
-    done = call("fit", recording, "--start", path)
+    done = process("fit", recording, "--start", path)
     assert done.returncode == 2, done.stderr
     for word in words:
         assert word in done.stderr
@@ -335,7 +284,7 @@ def test_a_bad_parameter_file_names_every_problem(text: str, words: list[str], r
 def test_the_files_model_wins_over_another_one(recording: Path, tmp_path: Path) -> None:
     path = tmp_path / "start.toml"
     path.write_text("[model]\nvariant = 'isothermal'\n")
-    done = call("fit", recording, "--start", path, "--model", "energy-balance")
+    done = process("fit", recording, "--start", path, "--model", "energy-balance")
     assert done.returncode == 2
     assert "leave --model out" in done.stderr
 
@@ -347,8 +296,7 @@ def test_a_warm_fit_neither_imports_sympy_nor_matplotlib(recording: Path) -> Non
         "except SystemExit as end: assert end.code == 0\n"
         "heavy = {'sympy', 'matplotlib', 'jinja2', 'polars'} & set(sys.modules); assert not heavy, heavy"
     )
-    call("fit", recording)
-    done = subprocess.run(
-        [sys.executable, "-c", code, str(recording)], capture_output=True, text=True, timeout=300, check=False
-    )
+    process("fit", recording)
+    command = [sys.executable, "-c", code, str(recording)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr

@@ -5,8 +5,9 @@ import json
 import pytest
 
 from clutchid import write
-from clutchid.cli import app, main
+from clutchid.cli import app
 from clutchid.truck import Truck, drive
+from fixtures.commands import called
 
 #: Options whose defaults are a verb's own.
 OWN = {"--measure", "--free", "--start"}
@@ -16,13 +17,7 @@ OWN = {"--measure", "--free", "--start"}
 def call(tmp_path, monkeypatch, capsys):
     """Run a command in a folder of its own; exit code, output and errors."""
     monkeypatch.chdir(tmp_path)
-
-    def run(*arguments):
-        with pytest.raises(SystemExit) as ended:
-            main(arguments)
-        return ended.value.code, *capsys.readouterr()
-
-    return run
+    return lambda *arguments: (called(*arguments), *capsys.readouterr())
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,6 @@ import json
 import os
 import re
 import shlex
-import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -25,18 +24,12 @@ from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.reports.next_step import Command
 from clutchid.truck import Truck, drive
 from fixtures.baselines import with_baseline
+from fixtures.commands import process
 
 pytestmark = pytest.mark.slow
 
 COMMAND = Command(("fit", "worn.csv", "--start", "CAL.toml"), (Path("worn.csv"),), Path("CAL.toml"))
 ESCAPE = "\x1b"
-
-
-def call(*arguments: str | Path, cwd: Path, **env: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "clutchid", *map(str, arguments)]
-    return subprocess.run(
-        command, capture_output=True, text=True, cwd=cwd, env={**os.environ, **env}, timeout=300, check=False
-    )
 
 
 def _all_from(parent: int) -> str:
@@ -87,17 +80,12 @@ def fitted(drive, with_noise):
 def truck(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder where a virtual truck has been calibrated from 10 s, CAL.toml, and has a worn recording."""
     folder = tmp_path_factory.mktemp("my truck")
-    made = drive_log(1)
-    write(made, folder / "my cal.csv")
-    write(drive_log(2).without("pressure_a"), folder / "my worn.csv")
-    done = call("calibrate", "my cal.csv", "--save", "my CAL.toml", cwd=folder)
+    write(drive(Truck(), seconds=10.0, seed=1).log, folder / "my cal.csv")
+    write(drive(Truck(), seconds=10.0, seed=2, pressure=False).log, folder / "my worn.csv")
+    done = process("calibrate", "my cal.csv", "--save", "my CAL.toml", cwd=folder)
     assert done.returncode == 0, done.stderr
     (folder / "calibrated.txt").write_text(done.stdout, encoding="utf-8")
     return folder
-
-
-def drive_log(seed: int):
-    return drive(Truck(), seconds=10.0, seed=seed).log
 
 
 def shown(fitted, capsys, *, verbose=False, command=COMMAND, writers=None):
@@ -155,10 +143,7 @@ def test_few_warnings_are_shown_and_all_in_verbose(fitted, capsys):
     _, _, err = shown(warned, capsys, verbose=True)
     assert err.count("warning: ") == 7
     assert "more" not in err
-
-
-def test_one_warning_more_is_one_warning(fitted, capsys):
-    warned = replace(fitted, warnings=tuple(f"number {i}" for i in range(MOST_WARNINGS + 1)))
+    warned = replace(fitted, warnings=warned.warnings[: MOST_WARNINGS + 1])
     assert shown(warned, capsys)[2].splitlines()[-1] == "1 more warning: --verbose"
 
 
@@ -220,14 +205,14 @@ def test_each_next_command_runs_as_it_is_printed(truck):
     assert len(rows(calibrated)) <= 14
     words = shlex.split(calibrated.splitlines()[-1])
     assert words == ["clutchid", "estimate", "WORN.csv", "--start", "my CAL.toml"]
-    read = call(*words[1:2], "my worn.csv", *words[3:], "--save=my worn.toml", "--report=my worn.html", cwd=truck)
+    read = process(*words[1:2], "my worn.csv", *words[3:], "--save=my worn.toml", "--report=my worn.html", cwd=truck)
     assert read.returncode == 0, read.stderr
     assert "half-load position" in read.stdout
     assert max(map(len, rows(read.stdout))) <= 80
     assert "New against worn" in (truck / "my worn.html").read_text(encoding="utf-8")
     words = shlex.split(read.stdout.splitlines()[-1])
     assert words[:3] == ["clutchid", "simulate", "my worn.csv"]
-    done = call(*words[1:], cwd=truck)
+    done = process(*words[1:], cwd=truck)
     assert done.returncode == 0, done.stderr
     assert (truck / "my worn-pressure.csv").exists()
 
@@ -255,7 +240,7 @@ def test_recordings_of_one_wear_are_of_one_state_and_of_another_wear_of_two(truc
 def test_recordings_read_together_are_read_alone_too_without_parameters_of_the_others(truck):
     (truck / "other.csv").write_bytes((truck / "my worn.csv").read_bytes())
     own = ("--free", "load,P_S@other", "--prior", "P_S@other=9e5±1e4")
-    done = call("fit", "my worn.csv", "other.csv", "--start", "my CAL.toml", *own, "--json", cwd=truck)
+    done = process("fit", "my worn.csv", "other.csv", "--start", "my CAL.toml", *own, "--json", cwd=truck)
     assert done.returncode == 0, done.stdout
     found = json.loads(done.stdout)
     assert set(found["readings"]) == {"my worn", "other"}

@@ -11,8 +11,8 @@ import polars as pl
 import pytest
 
 import clutchid
-from clutchid.cli import main
 from clutchid.truck import drive, truck
+from fixtures.commands import called
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
 
@@ -53,9 +53,7 @@ def arguments(folder, out, *options):
 
 
 def run(folder, out, *options):
-    with pytest.raises(SystemExit) as end:
-        main(arguments(folder, out, *options))
-    return end.value.code
+    return called(*arguments(folder, out, *options))
 
 
 def content(out):
@@ -111,9 +109,9 @@ def test_a_run_that_is_killed_goes_on_and_ends_with_the_same_bytes(folder, track
     command = [sys.executable, "-m", "clutchid", *arguments(folder, out, "--verb", "track", "--limit", "0.2")]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     store, end = out / "run.sqlite", time.monotonic() + 120.0
-    while (
-        process.poll() is None and time.monotonic() < end and not (store.exists() and b"r0_again" in store.read_bytes())
-    ):
+    while process.poll() is None and time.monotonic() < end:
+        if store.exists() and b"r0_again" in store.read_bytes():
+            break
         time.sleep(0.02)
     process.send_signal(signal.SIGKILL)
     process.wait()
@@ -152,14 +150,10 @@ def test_what_is_done_is_not_done_again_and_what_has_changed_is(folder, tracked,
 
 def test_the_observer_reads_a_fleet_too(folder, tracked):
     assert run(folder, folder / "observed", "--verb", "observe") == 0
-    rows = {
-        row["recording"]: row for row in pl.read_parquet(folder / "observed" / "results.parquet").iter_rows(named=True)
-    }
-    by_fit = pl.read_parquet(folder / "one" / "results.parquet").row(
-        by_predicate=pl.col("recording") == "r1", named=True
-    )
-    assert "strokes" in rows["r1"]["message"]
-    assert rows["r1"]["peak_N"] == pytest.approx(by_fit["peak_N"], rel=0.05)
+    results = (pl.read_parquet(folder / name / "results.parquet") for name in ("observed", "one"))
+    observed, fitted = (rows.row(by_predicate=pl.col("recording") == "r1", named=True) for rows in results)
+    assert "strokes" in observed["message"]
+    assert observed["peak_N"] == pytest.approx(fitted["peak_N"], rel=0.05)
 
 
 @pytest.mark.parametrize(

@@ -7,12 +7,12 @@ from xml.sax.saxutils import escape
 
 import pytest
 
-from clutchid.cli import main
 from clutchid.estimation.parameter_file import read_parameters
 from clutchid.parameters import Parameters
 from clutchid.recordings import read, write
 from clutchid.recordings.look import look
 from clutchid.truck import drive, truck
+from fixtures.commands import called
 
 ESCAPE, TURN = "\x1b[31m", "\u202e"
 
@@ -26,10 +26,8 @@ def log():
 
 
 def ran(capsys, *arguments):
-    with pytest.raises(SystemExit) as ended:
-        main(list(map(str, arguments)))
-    said = capsys.readouterr()
-    return ended.value.code, said.out + said.err
+    code, said = called(*arguments), capsys.readouterr()
+    return code, said.out + said.err
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names of files that are not UTF-8 are those of Linux")
@@ -48,9 +46,7 @@ def test_a_recording_whose_name_is_no_text_is_fitted_saved_and_reported(log, tmp
 def test_a_name_that_turns_the_direction_of_writing_is_plain_in_the_page(log, tmp_path, capsys):
     path = tmp_path / f"run{TURN}gpj.parquet"
     write(log, path)
-    code, _ = ran(capsys, "fit", path, "--report", tmp_path / "page.html")
-    assert code == 0
-    assert TURN not in (tmp_path / "page.html").read_text(encoding="utf-8")
+    reported(capsys, tmp_path, path)
 
 
 def test_control_characters_of_headings_units_and_file_names_are_not_printed(tmp_path, capsys):
@@ -69,8 +65,13 @@ def test_control_characters_of_headings_units_and_file_names_are_not_printed(tmp
 HOSTILE = f'<script>alert(1)</script> & "x" {TURN}gpj'
 
 
-def assert_plain(text):
-    assert not {"\x1b", "\x07", TURN} & set(text)
+def reported(capsys, tmp_path, *arguments):
+    """Fit with a page, in which as on the terminal nothing from a file is markup or a control character."""
+    code, said = ran(capsys, "fit", *arguments, "--report", tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert code == 0
+    assert not {"\x1b", "\x07", TURN} & set(said + page)
+    assert "<script>alert" not in page
 
 
 def test_comments_of_an_mdf_file_reach_neither_terminal_nor_page_as_markup(log, tmp_path, capsys):
@@ -86,12 +87,8 @@ def test_comments_of_an_mdf_file_reach_neither_terminal_nor_page_as_markup(log, 
         mdf.header.comment = heading
         mdf.save(tmp_path / "run.mf4")
     assert HOSTILE in read(tmp_path / "run.mf4").metadata["comment"]  # the comment is read, so the page could have it
-    assert_plain(ran(capsys, "look", tmp_path / "run.mf4")[1])
-    code, said = ran(capsys, "fit", tmp_path / "run.mf4", "--report", tmp_path / "page.html")
-    page = (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert code == 0
-    assert_plain(said + page)
-    assert "<script>alert" not in page
+    assert not {"\x1b", "\x07", TURN} & set(ran(capsys, "look", tmp_path / "run.mf4")[1])
+    reported(capsys, tmp_path, tmp_path / "run.mf4")
 
 
 def test_comments_and_texts_of_a_start_file_reach_neither_terminal_nor_page_as_markup(log, tmp_path, capsys):
@@ -102,20 +99,6 @@ def test_comments_and_texts_of_a_start_file_reach_neither_terminal_nor_page_as_m
     (tmp_path / "start.toml").write_text(
         f"# {HOSTILE}\n[actuator]\n{texts}[parameters]\n{drawing}  # {HOSTILE}\n{other}", encoding="utf-8"
     )
-    files = tmp_path / "page.html", tmp_path / "fit.toml"
-    code, said = ran(
-        capsys,
-        "fit",
-        tmp_path / "run.csv",
-        "--start",
-        tmp_path / "start.toml",
-        "--report",
-        files[0],
-        "--save",
-        files[1],
-    )
-    page = files[0].read_text(encoding="utf-8")
-    assert code == 0
-    assert_plain(said + page)
-    assert "<script>alert" not in page
-    assert read_parameters(files[1]).actuator.equipment.description == HOSTILE  # what is saved is what was read
+    saved = tmp_path / "fit.toml"
+    reported(capsys, tmp_path, tmp_path / "run.csv", "--start", tmp_path / "start.toml", "--save", saved)
+    assert read_parameters(saved).actuator.equipment.description == HOSTILE  # what is saved is what was read

@@ -7,38 +7,16 @@ import numpy as np
 import polars as pl
 import pytest
 
-from clutchid.cli import main
 from clutchid.estimation.parameter_file import ParameterFile, write_parameters
 from clutchid.log import Log
 from clutchid.observer.health import FLAGS
 from clutchid.recordings import write
 
-CUT = 2345
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory, plant, recorded_by):
-    """A calibration, and a recording of a worn clutch: whole, and in two parts."""
-    made = tmp_path_factory.mktemp("observe")
-    write_parameters(ParameterFile(plant), made / "cal.toml")
-    worn = plant.replace({name: 1.1 * plant.value(name) for name in plant.load.names})
-    log = recorded_by(worn, seconds=6.0, name="worn")
-    for name, part in (("worn", log), ("first", log.slice(0, CUT)), ("rest", log.slice(CUT, len(log)))):
-        write(part, made / f"{name}.parquet")
-    return made
-
 
 @pytest.fixture
-def call(folder, tmp_path, monkeypatch, capsys):
-    """Run the command in a folder of its own; exit code, standard output and standard error."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(log, *options, start=None, out="est.parquet"):
-        with pytest.raises(SystemExit) as ended:
-            main(["observe", str(folder / log), "--start", str(start or folder / "cal.toml"), "--out", out, *options])
-        return ended.value.code, *capsys.readouterr()
-
-    return run
+def call(folder, observe):
+    """Observe a recording of the folder."""
+    return lambda log, *options, **others: observe(folder / log, *options, **others)
 
 
 def test_it_writes_samples_and_strokes_and_says_what_was_found_with_the_load_and_its_trust_at_the_end(
@@ -57,15 +35,8 @@ def test_it_writes_samples_and_strokes_and_says_what_was_found_with_the_load_and
     assert "the supply pressure was not recorded" in " ".join(" ".join(trust).split())
     samples, strokes = pl.read_parquet(tmp_path / "est.parquet"), pl.read_parquet(tmp_path / "est.load.parquet")
     states = {f"{row.column} [{row.unit}]" for row in plant.state_rows.values()}
-    bands = {
-        "pressure_a low [Pa]",
-        "pressure_a high [Pa]",
-        "innovation [m]",
-        "innovation std [m]",
-        "used [1]",
-        "nis_ratio [1]",
-        "rest_shift [m]",
-    }
+    bands = {"pressure_a low [Pa]", "pressure_a high [Pa]", "innovation [m]", "innovation std [m]", "used [1]"}
+    bands |= {"nis_ratio [1]", "rest_shift [m]"}
     recorded = {"time [s]", "duty_supply [1]", "duty_exhaust [1]", "position_measured [m]", "pressure_a_measured [Pa]"}
     assert set(samples.columns) == states | bands | recorded
     assert samples.height == 6000
@@ -73,37 +44,29 @@ def test_it_writes_samples_and_strokes_and_says_what_was_found_with_the_load_and
     assert f"{strokes.height} strokes" in first
 
 
-def test_a_resumed_run_gives_the_numbers_of_one_run(call, tmp_path):
-    assert call("worn.parquet", "--save", "whole.toml")[0] == 0
+def test_a_resumed_run_gives_the_numbers_of_one_run(call, same):
     assert call("first.parquet", "--save", "state.toml", out="one.parquet")[0] == 0
     assert call("rest.parquet", "--resume", "state.toml", "--save", "state.toml", out="two.parquet")[0] == 0
-    for suffix in (".parquet", ".load.parquet"):
-        parts = [pl.read_parquet(tmp_path / f"{name}{suffix}") for name in ("one", "two")]
-        whole = pl.read_parquet(tmp_path / f"est{suffix}")
-        assert pl.concat([part for part in parts if part.height]).equals(whole, null_equal=True)
-    assert (tmp_path / "state.toml").read_text() == (tmp_path / "whole.toml").read_text()
+    same("one", "two")
 
 
 def test_the_json_object_has_the_load_at_the_end_and_the_health(call, plant, tmp_path):
     code, said, _ = call("worn.parquet", "--json")
     answer = json.loads(said)
-    assert code == 0
-    assert answer["status"] == "ok"
+    shown = {"status": "ok", "method": "joint", "trust": "with care"}
+    assert (code, {name: answer[name] for name in shown}) == (0, shown)
     assert set(answer["health"]) == set(FLAGS)
     curve = answer["load_curve"]
     assert {len(values) for values in curve.values()} == {101}
     assert curve["position_m"][-1] == pytest.approx(plant.parameters.y_max)
-    assert answer["calibrated_load_curve"]["force_N"][50] == pytest.approx(
-        float(plant.load.force(np.array([0.0125]))[0])
-    )
+    (at_half_stroke,) = plant.load.force(np.array([0.0125]))
+    assert answer["calibrated_load_curve"]["force_N"][50] == pytest.approx(at_half_stroke)
     last = pl.read_parquet(tmp_path / "est.load.parquet").tail(1)
     assert set(answer["parameters"]["theta_3"]) == {"value", "std", "low", "high", "unit"}
     assert answer["parameters"]["theta_3"]["value"] == pytest.approx(last["theta_3 [N]"][0], rel=0.05)
     assert set(answer["parameters"]) == {*plant.load.names, "F_C", "V_0A", "y_max", "D_v", "tau_y", "C_A0"}
     assert 0.0 < answer["errors"]["pressure_a_rms_Pa"] < 2e4
     assert answer["calibration"]["name"] == "cal.toml"
-    assert answer["method"] == "joint"
-    assert answer["trust"] == "with care"
     assert "the supply pressure was not recorded" in answer["reasons"][0]
 
 
@@ -124,25 +87,27 @@ def test_with_the_method_states_nothing_adapts(call):
     assert answer["trust"] == "none"
 
 
-def spoiled(log, name):
-    bad = log["duty_supply"].copy()
-    bad[500] = 1.3
-    return {
-        "a duty above 1": log.with_columns(duty_supply=bad),
-        "no finite position": log.with_columns(position=np.full(len(log), np.nan)),
-        "no finite duty": log.with_columns(duty_supply=np.full(len(log), np.nan)),
-        "infinite positions": log.with_columns(position=np.full(len(log), np.inf)),
-    }[name]
+def with_sample(values, value):
+    """A column with another value at one sample."""
+    return np.where(np.arange(values.size) == 500, value, values)
 
 
-@pytest.mark.parametrize("name", ["a duty above 1", "no finite position", "no finite duty", "infinite positions"])
+SPOILED = {
+    "a duty above 1": lambda log: {"duty_supply": with_sample(log["duty_supply"], 1.3)},
+    "no finite position": lambda log: {"position": np.full(len(log), np.nan)},
+    "no finite duty": lambda log: {"duty_supply": np.full(len(log), np.nan)},
+    "infinite positions": lambda log: {"position": np.full(len(log), np.inf)},
+}
+
+
+@pytest.mark.parametrize("name", SPOILED)
 @pytest.mark.parametrize("option", [[], ["--force"]])
 def test_a_spoiled_recording_is_bad_input_and_nothing_is_written(call, tmp_path, recorded_by, plant, name, option):
-    write(spoiled(recorded_by(plant, seconds=2.0), name), tmp_path / "bad.parquet")
+    log = recorded_by(plant, seconds=2.0)
+    write(log.with_columns(**SPOILED[name](log)), tmp_path / "bad.parquet")
     code, said, errors = call(tmp_path / "bad.parquet", "--save", "state.toml", "--report", "page.html", *option)
     assert (code, said) == (2, "")
     assert errors.startswith("clutchid: ")
-    assert "Traceback" not in errors
     assert [path.name for path in tmp_path.iterdir()] == ["bad.parquet"]
 
 
@@ -156,7 +121,7 @@ def test_time_that_goes_back_is_bad_input(call, tmp_path, folder):
     kept = (tmp_path / "state.toml").read_text()
     code, _, errors = call("worn.parquet", "--resume", "state.toml", "--save", "state.toml")
     assert code == 2
-    assert "begins at 0 s, but the observer is at 2.344 s; time must go on." in " ".join(errors.split())
+    assert "begins at 0 s, but the observer is at 2.344 s; time must go on." in errors
     assert (tmp_path / "state.toml").read_text() == kept
 
 
@@ -175,12 +140,10 @@ def test_a_recording_too_slow_for_its_duty_cycles_is_refused_unless_forced(call,
     log = recorded_by(plant, seconds=8.0)
     slow = Log(log.time[::10], {name: values[::10] for name, values in log.columns.items()})
     write(slow, tmp_path / "slow.parquet")
-    code, _, errors = call(tmp_path / "slow.parquet", start=tmp_path / "carrier.toml")
-    assert code == 2
-    assert "a sample every 10 ms does not show every change of the duty cycles" in " ".join(errors.split())
-    code, _, errors = call(tmp_path / "slow.parquet", "--force", start=tmp_path / "carrier.toml")
-    assert code == 0
-    assert "a sample every 10 ms does not show every change of the duty cycles" in " ".join(errors.split())
+    for options, expected in (([], 2), (["--force"], 0)):
+        code, _, errors = call(tmp_path / "slow.parquet", *options, start=tmp_path / "carrier.toml")
+        assert code == expected
+        assert "a sample every 10 ms does not show every change of the duty cycles" in errors
 
 
 @pytest.mark.parametrize(
@@ -195,21 +158,21 @@ def test_a_recording_too_slow_for_its_duty_cycles_is_refused_unless_forced(call,
 def test_a_wrong_option_is_one_sentence(call, tmp_path, options, words):
     code, said, errors = call("worn.parquet", *options)
     assert (code, said) == (2, "")
-    assert words in " ".join(errors.split())
+    assert words in errors
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_recording_or_calibration_that_is_not_there_is_named(call, tmp_path):
     for code, _, errors in (call("-"), call("worn.parquet", start=tmp_path / "none.toml")):
         assert code == 2
-        assert "there is no such file" in " ".join(errors.split())
+        assert "there is no such file" in errors
 
 
 def test_a_calibration_without_a_load_says_how_to_make_one(call, tmp_path):
     (tmp_path / "cal.toml").write_text("[parameters]\nP_S = 9e5\n")
     code, _, errors = call("worn.parquet", start=tmp_path / "cal.toml")
     assert code == 2
-    assert "has no load weights (theta_1, ...) in [parameters]" in " ".join(errors.split())
+    assert "has no load weights (theta_1, ...) in [parameters]" in errors
 
 
 def test_a_state_of_another_calibration_is_refused(call, tmp_path, plant):
@@ -217,7 +180,7 @@ def test_a_state_of_another_calibration_is_refused(call, tmp_path, plant):
     write_parameters(ParameterFile(plant.replace({"F_C": 150.0})), tmp_path / "other.toml")
     code, _, errors = call("rest.parquet", "--resume", "state.toml", start=tmp_path / "other.toml")
     assert code == 2
-    assert "of another calibration or method" in " ".join(errors.split())
+    assert "of another calibration or method" in errors
 
 
 def test_the_samples_may_be_text(call, tmp_path):

@@ -18,49 +18,34 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from clutchid.cli import main
-from clutchid.estimation.parameter_file import ParameterFile, write_parameters
 from clutchid.observer.health import FLAGS, LIVE_FLAGS
-from clutchid.recordings import write
+from fixtures.commands import called, meanwhile, wait_for
 
 OUTPUTS = ("est.parquet", "est.load.parquet", "state.toml")
+HEADER = b"time [s],position [m],duty_supply [1],duty_exhaust [1]\n"
 
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory, plant, recorded_by):
-    """A calibration, a recording of a worn clutch as CSV and as JSON lines, and what is observed in the file."""
-    made = tmp_path_factory.mktemp("live")
-    write_parameters(ParameterFile(plant), made / "cal.toml")
-    worn = plant.replace({name: 1.1 * plant.value(name) for name in plant.load.names})
-    write(recorded_by(worn, seconds=6.0, name="worn"), made / "worn.csv")
-    frame = pl.read_csv(made / "worn.csv")
-    (made / "worn.jsonl").write_text("".join(json.dumps(row) + "\n" for row in frame.iter_rows(named=True)))
-    (made / "file").mkdir()
-    outputs = ["--out", str(made / "file" / "est.parquet"), "--save", str(made / "file" / "state.toml")]
-    with pytest.raises(SystemExit) as ended:
-        main(["observe", str(made / "worn.csv"), "--start", str(made / "cal.toml"), *outputs])
-    assert ended.value.code == 0
-    return made
+#: Samples before a state is saved.
+CUT = 2345
 
 
 @pytest.fixture
-def call(folder, tmp_path, monkeypatch, capsys):
-    """Run the command in a folder of its own with some text on standard input; exit code, output and errors."""
-    monkeypatch.chdir(tmp_path)
+def call(observe, monkeypatch):
+    """Observe some text on standard input; exit code, output and errors."""
 
     def run(sent, *options, out="est.parquet", end=os.close):
         reading, writing = os.pipe()
         pieces = [sent] if isinstance(sent, bytes) else sent
-        sender = threading.Thread(target=_send, args=(writing, pieces, end))
-        with os.fdopen(reading) as stream:
+        with meanwhile(lambda: _send(writing, pieces, end)), os.fdopen(reading) as stream:
             monkeypatch.setattr("sys.stdin", stream)
-            sender.start()
-            with pytest.raises(SystemExit) as ended:
-                main(["observe", "-", "--start", str(folder / "cal.toml"), "--out", out, *options])
-        sender.join()
-        return ended.value.code, *capsys.readouterr()
+            return observe("-", *options, out=out)
 
     return run
+
+
+@pytest.fixture
+def lines(folder):
+    """Header and samples of the recording as lines of text."""
+    return (folder / "worn.csv").read_bytes().splitlines(keepends=True)
 
 
 def _send(writing, pieces, end):
@@ -94,16 +79,6 @@ def stop(number):
     return end
 
 
-def same(folder, tmp_path, rows=None):
-    for name in OUTPUTS[:2]:
-        live, file = pl.read_parquet(tmp_path / name), pl.read_parquet(folder / "file" / name)
-        if rows is not None:
-            live, file = (frame.filter(pl.col("time [s]") < rows / 1000) for frame in (live, file))
-        assert live.equals(file, null_equal=True), name
-    if rows is None:
-        assert (tmp_path / "state.toml").read_text() == (folder / "file" / "state.toml").read_text()
-
-
 def cut(text, sizes):
     edges = [0]
     while edges[-1] < len(text):
@@ -113,28 +88,27 @@ def cut(text, sizes):
 
 @pytest.mark.parametrize("kind", ["csv", "jsonl"])
 @pytest.mark.parametrize("sizes", [[10**7], [1, 7000, 3]])
-def test_live_and_file_give_the_same_numbers_bit_for_bit(call, folder, tmp_path, kind, sizes):
+def test_live_and_file_give_the_same_numbers_bit_for_bit(call, folder, same, tmp_path, kind, sizes):
     text = (folder / f"worn.{kind}").read_bytes()
     code, said, errors = call(cut(text, sizes), "--save", "state.toml")
     assert (code, errors) == (0, "")
     assert said.startswith("observed stdin: load at 12.5 mm ")
     assert "no flags" in said.splitlines()[0]
-    same(folder, tmp_path)
+    same()
     assert {path.name for path in tmp_path.iterdir()} == set(OUTPUTS)
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
-def test_a_signal_in_mid_line_leaves_whole_files_of_all_whole_lines(call, folder, tmp_path, number):
-    text = b"".join((folder / "worn.csv").read_bytes().splitlines(keepends=True)[:4001])
-    code, _, errors = call([text, b"4.000,0.0"], "--save", "state.toml", end=stop(number))
+def test_a_signal_in_mid_line_leaves_whole_files_of_all_whole_lines(call, lines, same, tmp_path, number):
+    code, _, errors = call([*lines[:4001], b"4.000,0.0"], "--save", "state.toml", end=stop(number))
     assert (code, errors) == (0, "")
     assert {path.name for path in tmp_path.iterdir()} == set(OUTPUTS)
     assert pl.read_parquet(tmp_path / "est.parquet").height == 4000
-    same(folder, tmp_path, rows=4000)
+    same(rows=4000)
     assert signal.getsignal(number) is not None
 
 
-def test_a_terminal_that_is_closed_sends_its_signal_twice_and_one_that_ignores_it_goes_on(call, folder, tmp_path):
+def test_a_terminal_that_is_closed_sends_its_signal_twice_and_one_that_ignores_it_goes_on(call, folder, same):
     def twice(writing):
         drained(writing)
         os.kill(os.getpid(), signal.SIGHUP)
@@ -143,13 +117,13 @@ def test_a_terminal_that_is_closed_sends_its_signal_twice_and_one_that_ignores_i
 
     text = (folder / "worn.csv").read_bytes()
     assert call(text, "--save", "state.toml", end=twice)[0] == 0
-    same(folder, tmp_path)
+    same()
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         assert call([text[:100_000], text[100_000:]], end=stop(signal.SIGHUP))[0] == 0
     finally:
         signal.signal(signal.SIGHUP, before)
-    same(folder, tmp_path, rows=5900)
+    same(rows=5900)
 
 
 @pytest.mark.parametrize("as_json", [False, True])
@@ -192,7 +166,7 @@ def test_a_full_disk_costs_what_comes_later_and_the_right_file_is_named(call, fo
     assert code == 1
     assert said.startswith("observed stdin: ")
     words = "est.parquet: cannot be written any further (File too large). What came before is kept"
-    assert words in " ".join(errors.split())
+    assert words in errors
     live, file = pl.read_parquet(tmp_path / "est.parquet"), pl.read_parquet(folder / "file" / "est.parquet")
     assert 500 < live.height < 6000
     assert live.equals(file.head(live.height), null_equal=True)
@@ -201,23 +175,20 @@ def test_a_full_disk_costs_what_comes_later_and_the_right_file_is_named(call, fo
 
 
 @pytest.mark.slow
-def test_a_run_that_is_killed_leaves_its_results_and_a_state_to_go_on_from(call, folder, tmp_path):
+def test_a_run_that_is_killed_leaves_its_results_and_a_state_to_go_on_from(call, folder, lines, tmp_path):
     script = "from clutchid.cli import main, observe_live; observe_live.MINUTE = 0.0; main()"
     options = ["--start", str(folder / "cal.toml"), "--out", "est.parquet", "--save", "state.toml"]
-    head, *lines = (folder / "worn.csv").read_bytes().splitlines(keepends=True)
+    head, *lines = lines
     command = [sys.executable, "-c", script, "observe", "-", *options]
     with subprocess.Popen(command, cwd=tmp_path, stdin=subprocess.PIPE) as killed:
         killed.stdin.write(head + b"".join(lines[:4000]))
         killed.stdin.flush()
-        deadline = time.monotonic() + 60.0
-        while not (tmp_path / "state.toml").exists():
-            assert time.monotonic() < deadline
-            time.sleep(0.05)
+        wait_for((tmp_path / "state.toml").exists)
         time.sleep(1.0)
         killed.kill()
     assert not (tmp_path / "est.parquet").exists()
     _, _, errors = call(b"", "--save", "state.toml")
-    said = " ".join(errors.split())
+    said = errors
     assert "an earlier run ended before it wrote est.parquet: what it had observed is in" in said
     assert "go on from it with --resume state.toml" in said
     kept = pl.read_parquet(tmp_path / "est.recovered.parquet")
@@ -230,47 +201,35 @@ def test_a_run_that_is_killed_leaves_its_results_and_a_state_to_go_on_from(call,
     assert (tmp_path / "state.toml").read_text() == (folder / "file" / "state.toml").read_text()
 
 
-def test_a_live_run_goes_on_from_a_state_and_gives_the_numbers_of_one_run(call, folder, tmp_path):
-    head, *lines = (folder / "worn.csv").read_bytes().splitlines(keepends=True)
-    assert call(head + b"".join(lines[:2345]), "--save", "state.toml", out="one.parquet")[0] == 0
-    rest = head + b"".join(lines[2345:])
-    assert call(rest, "--save", "state.toml", "--resume", "state.toml", out="est.parquet")[0] == 0
-    for suffix in (".parquet", ".load.parquet"):
-        both = [pl.read_parquet(tmp_path / f"{name}{suffix}") for name in ("one", "est")]
-        assert pl.concat(both).equals(pl.read_parquet(folder / "file" / f"est{suffix}"), null_equal=True)
-    assert (tmp_path / "state.toml").read_text() == (folder / "file" / "state.toml").read_text()
-    kept = (tmp_path / "state.toml").read_text()
+def test_a_live_run_goes_on_from_a_state_and_gives_the_numbers_of_one_run(call, lines, same, tmp_path):
+    assert call(lines[: CUT + 1], "--save", "state.toml", out="one.parquet")[0] == 0
+    rest = [lines[0], *lines[CUT + 1 :]]
+    assert call(rest, "--save", "state.toml", "--resume", "state.toml")[0] == 0
+    same("one", "est")
     code, _, errors = call(rest, "--save", "state.toml", "--resume", "state.toml", out="again.parquet")
     assert code == 2
-    assert "time must go on" in " ".join(errors.split())
-    assert (tmp_path / "state.toml").read_text() == kept
+    assert "time must go on" in errors
+    same("one", "est")
     assert not (tmp_path / "again.parquet").exists()
 
 
 def test_what_a_killed_run_left_loses_what_comes_again_so_that_each_sample_is_there_once(
-    call, folder, tmp_path, monkeypatch
+    call, folder, lines, tmp_path, monkeypatch
 ):
-    head, *lines = (folder / "worn.csv").read_bytes().splitlines(keepends=True)
-    assert call(head + b"".join(lines[:2345]), "--save", "state.toml", out="one.parquet")[0] == 0
+    assert call(lines[: CUT + 1], "--save", "state.toml", out="one.parquet")[0] == 0
     file = {name: pl.read_parquet(folder / "file" / name) for name in OUTPUTS[:2]}
     for name, frame in file.items():  # samples after the state was saved, and before the run was killed
         frame.filter(pl.col("time [s]") < 3.0).write_parquet(tmp_path / f"left.{name}")
     monkeypatch.setattr("clutchid.recordings.spool.recovered", lambda path: [tmp_path / f"left.{path.name}"])
-    rest = head + b"".join(lines[2345:])
-    assert call(rest, "--save", "state.toml", "--resume", "state.toml")[0] == 0
+    assert call([lines[0], *lines[CUT + 1 :]], "--save", "state.toml", "--resume", "state.toml")[0] == 0
     for name, frame in file.items():
         both = [pl.read_parquet(path) for path in (tmp_path / f"left.{name}", tmp_path / name) if path.exists()]
         assert pl.concat(both).equals(frame, null_equal=True), name
 
 
-def test_a_file_that_grows_is_followed_on_from_a_state_and_another_one_is_refused(
-    folder, tmp_path, monkeypatch, capsys
-):
-    monkeypatch.chdir(tmp_path)
-    head, *lines = (folder / "worn.csv").read_bytes().splitlines(keepends=True)
-
+def test_a_file_that_grows_is_followed_on_from_a_state_and_another_one_is_refused(observe, lines, same, tmp_path):
     def follow(text, out, *options):
-        (tmp_path / "log.csv").write_bytes(text)
+        (tmp_path / "log.csv").write_bytes(b"".join(text))
         over = threading.Event()
 
         def stop_it():
@@ -279,100 +238,79 @@ def test_a_file_that_grows_is_followed_on_from_a_state_and_another_one_is_refuse
             os.kill(os.getpid(), signal.SIGTERM)
 
         before = signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        other = threading.Thread(target=stop_it)
-        other.start()
-        try:
-            with pytest.raises(SystemExit) as ended:
-                main(["observe", "log.csv", "--follow", "--start", str(folder / "cal.toml"), "--out", out,
-                      "--save", "state.toml", *options])  # fmt: skip
-        finally:
-            over.set()
-            other.join()
-            signal.signal(signal.SIGTERM, before)
-        return ended.value.code, " ".join(capsys.readouterr().err.split())
+        with meanwhile(stop_it):
+            try:
+                code, _, errors = observe("log.csv", "--follow", "--save", "state.toml", *options, out=out)
+            finally:
+                over.set()
+        signal.signal(signal.SIGTERM, before)
+        return code, errors
 
-    assert follow(head + b"".join(lines[:2345]), "one.parquet") == (0, "")
+    assert follow(lines[: CUT + 1], "one.parquet") == (0, "")
     kept = (tmp_path / "state.toml").read_text()
-    code, said = follow(head + b"".join(lines[:2345]), "two.parquet", "--resume", "state.toml")
+    code, said = follow(lines[: CUT + 1], "two.parquet", "--resume", "state.toml")
     assert code == 2
     assert "log: has no sample behind 2.344 s, where state.toml is" in said
-    shifted = head + b"".join(lines[i].split(b",")[0] + b"," + lines[i + 9].split(b",", 1)[1] for i in range(5000))
-    code, said = follow(shifted.replace(b"2.340,", b"2.3401,"), "two.parquet", "--resume", "state.toml")
+    shifted = [
+        own.split(b",")[0] + b"," + later.split(b",", 1)[1]
+        for own, later in zip(lines[1:5001], lines[10:5010], strict=True)
+    ]
+    shifted[2340] = shifted[2340].replace(b"2.340,", b"2.3401,")
+    code, said = follow([lines[0], *shifted], "two.parquet", "--resume", "state.toml")
     assert code == 2
     assert "log: has other samples up to 2.344 s than the recording that state.toml comes from" in said
     assert not (tmp_path / "two.parquet").exists()
     assert (tmp_path / "state.toml").read_text() == kept
-    assert follow(head + b"".join(lines), "est.parquet", "--resume", "state.toml") == (0, "")
-    for suffix in (".parquet", ".load.parquet"):
-        both = [pl.read_parquet(tmp_path / f"{name}{suffix}") for name in ("one", "est")]
-        assert pl.concat(both).equals(pl.read_parquet(folder / "file" / f"est{suffix}"), null_equal=True)
-    assert (tmp_path / "state.toml").read_text() == (folder / "file" / "state.toml").read_text()
+    assert follow(lines, "est.parquet", "--resume", "state.toml") == (0, "")
+    same("one", "est")
 
 
-def spoiled(lines, kind):
-    """The lines of a recording with a fault, and the flag that it raises."""
-    cells = [line.split(b",") for line in lines]
-    head = cells[0].index
-    place = {name: head(f"{name} [{unit}]".encode()) for name, unit in (("position", "m"), ("duty_supply", "1"))}
-    if kind == "a missing position":
-        cells[3000][place["position"]] = b"nan"
-    if kind == "an infinite position":
-        cells[3000][place["position"]] = b"inf"
-    if kind == "a time far ahead":
-        cells[3000][0] = cells[3000][0].replace(b".", b"")
-    if kind == "a first time far ahead":
-        cells[1][0] = b"1e9"
-    if kind == "a duty cycle above 1":
-        cells[3000][place["duty_supply"]] = b"1.5"
-    lines = [b",".join(row) for row in cells]
-    if kind == "a time that goes back":
-        lines.insert(3200, lines.pop(3000))
-    if kind == "a line that is cut":
-        lines[3000] = lines[3000][:9] + b"\n"
-    if kind == "a line that comes twice":
-        lines.insert(3000, lines[3000])
-    if kind == "a line that is lost":
-        del lines[3000]
-    if kind == "a cell that is no number":
-        lines[3000] = b"x" + lines[3000]
-    return b"".join(lines)
+def with_cell(row, column, value):
+    """Another value in a row and column."""
+
+    def change(lines):
+        cells = lines[row].split(b",")
+        cells[lines[0].split(b",").index(column)] = value
+        return [*lines[:row], b",".join(cells), *lines[row + 1 :]]
+
+    return change
 
 
-@pytest.mark.parametrize(
-    ("kind", "flag"),
-    [
-        ("a missing position", "position_missing"),
-        ("an infinite position", "invalid"),
-        ("a duty cycle above 1", "invalid"),
-        ("a time that goes back", "late"),
-        ("a time far ahead", "invalid"),
-        ("a first time far ahead", "invalid"),
-        ("a line that is cut", "unreadable"),
-        ("a line that comes twice", "repeated"),
-        ("a line that is lost", "lost"),
-        ("a cell that is no number", "unreadable"),
-    ],
-)
-def test_a_fault_is_survived_and_flagged(call, folder, tmp_path, kind, flag):
-    text = spoiled((folder / "worn.csv").read_bytes().splitlines(keepends=True), kind)
-    code, said, _ = call(text, "--json")
+#: Faults of line 3000 and thereabouts, and the flag that each raises.
+FAULTS = {
+    "a missing position": (with_cell(3000, b"position [m]", b"nan"), "position_missing"),
+    "an infinite position": (with_cell(3000, b"position [m]", b"inf"), "invalid"),
+    "a duty cycle above 1": (with_cell(3000, b"duty_supply [1]", b"1.5"), "invalid"),
+    "a time far ahead": (with_cell(3000, b"time [s]", b"2999"), "invalid"),
+    "a first time far ahead": (with_cell(1, b"time [s]", b"1e9"), "invalid"),
+    "a time that goes back": (lambda t: [*t[:3000], *t[3001:3201], t[3000], *t[3201:]], "late"),
+    "a line that is cut": (lambda t: [*t[:3000], t[3000][:9] + b"\n", *t[3001:]], "unreadable"),
+    "a line that comes twice": (lambda t: [*t[:3000], *t[2999:]], "repeated"),
+    "a line that is lost": (lambda t: [*t[:3000], *t[3001:]], "lost"),
+    "a cell that is no number": (lambda t: [*t[:3000], b"x" + t[3000], *t[3001:]], "unreadable"),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_fault_is_survived_and_flagged(call, folder, lines, name):
+    change, flag = FAULTS[name]
+    code, said, _ = call(change(lines), "--json")
     answer = json.loads(said)
     assert (code, answer["status"]) == (0, "warning")
     assert set(answer["health"]) == {*FLAGS, *LIVE_FLAGS}
     assert answer["health"][flag] == pytest.approx(1e-3)
-    file = pl.read_parquet(folder / "file" / "est.load.parquet")
-    assert answer["strokes"] == file.height
+    assert answer["strokes"] == pl.read_parquet(folder / "file" / "est.load.parquet").height
 
 
-def test_a_clock_that_is_set_back_ends_the_recording_and_what_came_before_is_written(call, folder, tmp_path):
-    head, *lines = (folder / "worn.csv").read_bytes().splitlines(keepends=True)
-    code, said, errors = call(head + b"".join([*lines[:4000], *lines]), "--save", "state.toml", "--report", "page.html")
+def test_a_clock_that_is_set_back_ends_the_recording_and_what_came_before_is_written(call, lines, tmp_path):
+    text = [*lines[:4001], *lines[1:]]
+    code, said, errors = call(text, "--save", "state.toml", "--report", "page.html")
     assert code == 2
-    assert "stdin: the time goes back from 3.999 to" in " ".join(errors.split())
+    assert "stdin: the time goes back from 3.999 to" in errors
     assert {path.name for path in tmp_path.iterdir()} == {*OUTPUTS, "page.html"}
     assert pl.read_parquet(tmp_path / "est.parquet").height == 4000
     assert "flags: late" in said
-    code, said, _ = call(head + b"".join([*lines[:4000], *lines]), "--json", out="json.parquet")
+    code, said, _ = call(text, "--json", out="json.parquet")
     answer = json.loads(said)
     assert (code, answer["status"]) == (2, "bad_input")
     assert "the time goes back" in answer["message"]
@@ -384,21 +322,16 @@ def test_a_clock_that_is_set_back_ends_the_recording_and_what_came_before_is_wri
     [
         (b"", "ended before the first sample"),
         (b"time [s],weg [mm]\n0,1\n", "give a channel map with --map"),
-        (b"time [s],position [m],duty_supply [1],duty_exhaust [1]\n", "ended before the first sample"),
-        (b"time [s],position [m],duty_supply [1],duty_exhaust [1]\n0,0,0,0\n", "an observer needs two at least"),
+        (HEADER, "ended before the first sample"),
+        (HEADER + b"0,0,0,0\n", "an observer needs two at least"),
         (b"\0\1\2\3" * 999, "stdin:"),
-        (
-            b"time [s],position [m],duty_supply [1],duty_exhaust [1]\n"
-            + b"".join(b"%d,nan,0,0\n" % i for i in range(300)),
-            "no sample has a position and both duty cycles",
-        ),
+        (HEADER + b"".join(b"%d,nan,0,0\n" % i for i in range(300)), "no sample has a position and both duty cycles"),
     ],
 )
 def test_what_cannot_be_observed_is_one_sentence_and_nothing_is_written(call, tmp_path, text, words):
     code, said, errors = call(text, "--save", "state.toml", "--report", "page.html")
     assert (code, said) == (2, "")
-    assert words in " ".join(errors.split())
-    assert "Traceback" not in errors
+    assert words in errors
     assert list(tmp_path.iterdir()) == []
 
 
@@ -413,14 +346,11 @@ def test_checks_of_the_recording_are_warnings_while_live(call, folder, tmp_path)
 def test_other_formats_of_the_output_are_refused(call, folder, tmp_path):
     code, _, errors = call(b"", out="est.mf4")
     assert code == 2
-    assert "a live recording is written as .parquet or .csv" in " ".join(errors.split())
+    assert "a live recording is written as .parquet or .csv" in errors
     assert call((folder / "worn.csv").read_bytes(), out="est.csv")[0] == 0
     assert {path.name for path in tmp_path.iterdir()} == {"est.csv", "est.load.csv"}
 
 
-def test_a_mistyped_option_is_not_taken_for_the_recording(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as ended:
-        main(["observe", "--forec", "--start", "cal.toml", "--out", "est.parquet"])
-    assert ended.value.code == 2
+def test_a_mistyped_option_is_not_taken_for_the_recording(capsys):
+    assert called("observe", "--forec", "--start", "cal.toml", "--out", "est.parquet") == 2
     assert "Unknown option: --forec" in capsys.readouterr().err

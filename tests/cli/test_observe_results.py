@@ -6,44 +6,14 @@ import os
 import pty
 import re
 import signal
-import threading
 import time
+from contextlib import suppress
 
 import numpy as np
 import polars as pl
 import pytest
 
-from clutchid.cli import main
-from clutchid.estimation.parameter_file import ParameterFile, write_parameters
-from clutchid.recordings import write
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory, plant, recorded_by):
-    """A calibration, a recording of a worn clutch, and what is observed in the file."""
-    made = tmp_path_factory.mktemp("results")
-    write_parameters(ParameterFile(plant), made / "cal.toml")
-    worn = plant.replace({name: 1.1 * plant.value(name) for name in plant.load.names})
-    write(recorded_by(worn, seconds=6.0, name="worn"), made / "worn.csv")
-    (made / "file").mkdir()
-    outputs = ["--out", str(made / "file" / "est.parquet"), "--save", str(made / "file" / "state.toml")]
-    with pytest.raises(SystemExit) as ended:
-        main(["observe", str(made / "worn.csv"), "--start", str(made / "cal.toml"), *outputs])
-    assert ended.value.code == 0
-    return made
-
-
-@pytest.fixture
-def call(folder, tmp_path, monkeypatch, capsys):
-    """Run the command in a folder of its own; exit code, output and errors."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(log, *options):
-        with pytest.raises(SystemExit) as ended:
-            main(["observe", log, "--start", str(folder / "cal.toml"), "--out", "est.parquet", *options])
-        return ended.value.code, *capsys.readouterr()
-
-    return run
+from fixtures.commands import meanwhile
 
 
 @pytest.fixture
@@ -60,13 +30,8 @@ def ready(number, before):
         time.sleep(0.01)
 
 
-def same(folder, tmp_path):
-    for name in ("est.parquet", "est.load.parquet"):
-        assert pl.read_parquet(tmp_path / name).equals(pl.read_parquet(folder / "file" / name), null_equal=True), name
-
-
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_file_that_grows_gives_the_numbers_of_the_whole_file(call, folder, tmp_path, number):
+def test_a_file_that_grows_gives_the_numbers_of_the_whole_file(observe, folder, same, tmp_path, number):
     text = (folder / "worn.csv").read_bytes()
     (tmp_path / "worn.csv").write_bytes(text[:50_007])
     before = signal.getsignal(number)
@@ -80,31 +45,11 @@ def test_a_file_that_grows_gives_the_numbers_of_the_whole_file(call, folder, tmp
                 time.sleep(0.02)
         os.kill(os.getpid(), number)
 
-    grower = threading.Thread(target=grow)
-    grower.start()
-    code, said, errors = call("worn.csv", "--follow", "--save", "state.toml")
-    grower.join()
+    with meanwhile(grow):
+        code, said, errors = observe("worn.csv", "--follow", "--save", "state.toml")
     assert (code, errors) == (0, "")
     assert said.startswith("observed worn: load at 12.5 mm ")
-    same(folder, tmp_path)
-    assert (tmp_path / "state.toml").read_text() == (folder / "file" / "state.toml").read_text()
-
-
-def test_a_file_that_becomes_shorter_ends_the_recording_and_what_came_before_is_written(call, folder, tmp_path):
-    (tmp_path / "worn.csv").write_bytes((folder / "worn.csv").read_bytes())
-
-    def shorten():
-        while not list(tmp_path.glob(".*")):  # the outputs are begun
-            time.sleep(0.01)
-        os.truncate(tmp_path / "worn.csv", 1000)
-
-    other = threading.Thread(target=shorten)
-    other.start()
-    code, _, errors = call("worn.csv", "--follow")
-    other.join()
-    assert code == 2
-    assert "worn.csv: has become shorter; samples can only be appended" in " ".join(errors.split())
-    same(folder, tmp_path)
+    same()
 
 
 def published(said):
@@ -113,8 +58,8 @@ def published(said):
     return [line for line in lines if "position [m]" in line], strokes, lines
 
 
-def test_published_lines_have_the_numbers_of_the_files_bit_for_bit(call, folder, tmp_path, piped):
-    code, said, errors = call("-", "--publish", "-")
+def test_published_lines_have_the_numbers_of_the_files_bit_for_bit(observe, folder, same, tmp_path, piped):
+    code, said, errors = observe("-", "--publish", "-")
     assert code == 0
     assert errors.startswith("observed stdin: ")
     samples, strokes, lines = published(said)
@@ -131,34 +76,29 @@ def test_published_lines_have_the_numbers_of_the_files_bit_for_bit(call, folder,
     assert lines[lines.index(strokes[0]) - 1]["time [s]"] == strokes[0]["time [s]"]
 
 
-def test_fewer_samples_are_published_at_equal_times(call, folder, piped):
-    code, said, _ = call("-", "--publish", "-", "--publish-every", "20")
+def test_fewer_samples_are_published_at_equal_times(observe, folder, piped):
+    code, said, _ = observe("-", "--publish", "-", "--publish-every", "20")
     samples, strokes, _ = published(said)
     assert code == 0
     assert [line["time [s]"] for line in samples] == pytest.approx(np.arange(300) * 0.02)
     assert strokes
 
 
-def test_faults_are_published_when_they_occur(call, folder, monkeypatch, tmp_path):
+def test_faults_are_published_when_they_occur(observe, folder, monkeypatch, tmp_path):
     lines = (folder / "worn.csv").read_text().splitlines(keepends=True)
     del lines[3000]
     (tmp_path / "torn.csv").write_text("".join(lines))
     with (tmp_path / "torn.csv").open() as stream:
         monkeypatch.setattr("sys.stdin", stream)
-        _, said, _ = call("-", "--publish", "-", "--publish-every", "1000")
+        _, said, _ = observe("-", "--publish", "-", "--publish-every", "1000")
     faults = [line for line in published(said)[2] if "health" in line]
     assert [line["health"]["lost"] for line in faults] == pytest.approx([1e-3])
 
 
-def test_where_nobody_reads_the_lines_any_more_the_recording_goes_on(call, folder, tmp_path, monkeypatch, piped):
+def closed():
     reading, writing = os.pipe()
     os.close(reading)
-    with os.fdopen(writing, "w") as stream:
-        monkeypatch.setattr("sys.stdout", stream)
-        code, _, errors = call("-", "--publish", "-")
-    assert code == 0
-    assert "warning: standard output was closed: nothing is published any more" in errors
-    same(folder, tmp_path)
+    return writing
 
 
 def full():
@@ -171,22 +111,28 @@ def hung_up():
     return follower
 
 
-@pytest.mark.parametrize("lost", [full, hung_up])
-def test_where_standard_output_is_lost_the_recording_goes_on(call, folder, tmp_path, monkeypatch, piped, lost):
+@pytest.mark.parametrize(
+    ("lost", "words"),
+    [
+        (closed, "warning: standard output was closed: nothing is published any more"),
+        (full, "warning: standard output was lost ("),
+        (hung_up, "warning: standard output was lost ("),
+    ],
+)
+def test_where_standard_output_is_lost_the_recording_goes_on(observe, same, monkeypatch, piped, lost, words):
     with os.fdopen(lost(), "w") as stream:
         monkeypatch.setattr("sys.stdout", stream)
-        code, _, errors = call("-", "--publish", "-", "--save", "state.toml")
+        code, _, errors = observe("-", "--publish", "-", "--save", "state.toml")
     assert code == 0
-    assert "warning: standard output was lost (" in errors
+    assert words in errors
     assert errors.count("warning") == 1
-    same(folder, tmp_path)
-    assert (tmp_path / "state.toml").read_text() == (folder / "file" / "state.toml").read_text()
+    same()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("stall", [0.05, 1e3])
 def test_a_reader_that_stalls_costs_its_lines_and_the_first_signal_writes_the_files(
-    call, folder, tmp_path, monkeypatch, stall
+    observe, folder, same, tmp_path, monkeypatch, stall
 ):
     monkeypatch.setattr("clutchid.cli.observe_sinks.STALL", stall)
     (tmp_path / "worn.csv").write_bytes((folder / "worn.csv").read_bytes())
@@ -198,23 +144,20 @@ def test_a_reader_that_stalls_costs_its_lines_and_the_first_signal_writes_the_fi
         time.sleep(1.5)
         os.kill(os.getpid(), signal.SIGTERM)
 
-    other = threading.Thread(target=stop)
-    other.start()
-    with os.fdopen(writing, "w") as stream:
+    with meanwhile(stop), os.fdopen(writing, "w") as stream:
         monkeypatch.setattr("sys.stdout", stream)
-        code, _, errors = call("worn.csv", "--follow", "--publish", "-")
-    other.join()
+        code, _, errors = observe("worn.csv", "--follow", "--publish", "-")
     with os.fdopen(reading) as lines:
         whole = lines.read().rpartition("\n")[0].splitlines()
     assert code == 0
     assert ("warning: standard output is not read" in errors) is (stall < 1.0)
     samples, *_ = published("\n".join(whole))
     assert 0 < len(samples) < 6000
-    same(folder, tmp_path)
+    same()
 
 
 @pytest.mark.slow
-def test_lines_go_on_whole_once_they_are_read_again(call, folder, tmp_path, monkeypatch):
+def test_lines_go_on_whole_once_they_are_read_again(observe, folder, same, tmp_path, monkeypatch):
     monkeypatch.setattr("clutchid.cli.observe_sinks.STALL", 0.05)
     text = (folder / "worn.csv").read_bytes()
     (tmp_path / "worn.csv").write_bytes(text[:200_000])
@@ -224,11 +167,8 @@ def test_lines_go_on_whole_once_they_are_read_again(call, folder, tmp_path, monk
     def read():
         ready(signal.SIGTERM, before)
         time.sleep(1.0)
-        with os.fdopen(reading, "rb") as lines:
-            rest = threading.Thread(target=grow)
-            rest.start()
+        with os.fdopen(reading, "rb") as lines, meanwhile(grow):
             said.append(lines.read())
-            rest.join()
 
     def grow():
         for begin in range(200_000, len(text), 50_000):
@@ -237,37 +177,29 @@ def test_lines_go_on_whole_once_they_are_read_again(call, folder, tmp_path, monk
             time.sleep(0.2)
         os.kill(os.getpid(), signal.SIGTERM)
 
-    reader = threading.Thread(target=read)
-    reader.start()
-    with os.fdopen(writing, "w") as stream:
+    with meanwhile(read), os.fdopen(writing, "w") as stream:
         monkeypatch.setattr("sys.stdout", stream)
-        code, _, _ = call("worn.csv", "--follow", "--publish", "-")
-    reader.join()
+        code, _, _ = observe("worn.csv", "--follow", "--publish", "-")
     assert code == 0
     samples, *_ = published(b"".join(said).decode())
     assert samples[-1]["time [s]"] == pytest.approx(5.999)
-    same(folder, tmp_path)
+    same()
 
 
-def test_a_view_on_a_terminal_shows_load_pressure_and_flags(call, folder, tmp_path, monkeypatch, piped):
+def test_a_view_on_a_terminal_shows_load_pressure_and_flags(observe, folder, same, tmp_path, monkeypatch, piped):
     leader, follower = pty.openpty()
     shown = []
 
     def read():
-        try:
+        with suppress(OSError):  # the other end was closed
             while part := os.read(leader, 1 << 16):
                 shown.append(part)
-        except OSError:  # the other end was closed
-            pass
 
-    reader = threading.Thread(target=read)
-    reader.start()
     monkeypatch.setenv("COLUMNS", "70")
     monkeypatch.setenv("TERM", "xterm")
-    with os.fdopen(follower, "w") as stream:
+    with meanwhile(read), os.fdopen(follower, "w") as stream:
         monkeypatch.setattr("sys.stderr", stream)
-        code, said, _ = call("-", "--view")
-    reader.join()
+        code, said, _ = observe("-", "--view")
     os.close(leader)
     assert code == 0
     assert said.startswith("observed stdin: ")
@@ -285,7 +217,7 @@ def test_a_view_on_a_terminal_shows_load_pressure_and_flags(call, folder, tmp_pa
 
 @pytest.mark.parametrize("hangs_up", [True, False])
 def test_a_terminal_of_the_view_that_hangs_up_or_is_stopped_holds_nothing_up(
-    call, folder, tmp_path, monkeypatch, piped, hangs_up
+    observe, folder, same, tmp_path, monkeypatch, piped, hangs_up
 ):
     monkeypatch.setattr("clutchid.cli.observe_sinks.FRAME", 0.0)
     leader, follower = pty.openpty()
@@ -296,47 +228,46 @@ def test_a_terminal_of_the_view_that_hangs_up_or_is_stopped_holds_nothing_up(
     with os.fdopen(follower, "w") as stream:
         monkeypatch.setattr(stream, "isatty", lambda: True, raising=False)
         monkeypatch.setattr("sys.stderr", stream)
-        code, said, _ = call("-", "--view", "--save", "state.toml")
+        code, said, _ = observe("-", "--view", "--save", "state.toml")
         if not hangs_up:
             os.close(leader)
     assert code == 0
     assert time.monotonic() - begin < 30.0
     assert said.startswith("observed stdin: ")
-    same(folder, tmp_path)
+    same()
 
 
-def test_one_reader_of_results_and_messages_that_stalls_holds_nothing_up(call, folder, tmp_path, monkeypatch, piped):
+def test_one_reader_of_results_and_messages_that_stalls_holds_nothing_up(
+    observe, folder, same, tmp_path, monkeypatch, piped
+):
     monkeypatch.setattr("clutchid.cli.observe_sinks.STALL", 0.05)
     reading, writing = os.pipe()
     with os.fdopen(writing, "w") as stream, monkeypatch.context() as both:
         both.setattr("sys.stdout", stream)
         both.setattr("sys.stderr", stream)
-        code, *_ = call("-", "--publish", "-", "--save", "state.toml")
+        code, *_ = observe("-", "--publish", "-", "--save", "state.toml")
         os.close(reading)
     assert code == 0
-    same(folder, tmp_path)
+    same()
 
 
-def test_a_bus_that_cannot_be_opened_leaves_no_file(call, folder, tmp_path, piped):
-    code, said, errors = call("-", "--publish", "can:nosuchif:x")
+def test_a_bus_that_cannot_be_opened_leaves_no_file(observe, folder, same, tmp_path, piped):
+    code, said, errors = observe("-", "--publish", "can:nosuchif:x")
     assert (code, said) == (2, "")
-    assert "can:nosuchif:x: cannot be opened" in " ".join(errors.split())
+    assert "can:nosuchif:x: cannot be opened" in errors
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_view_is_nothing_where_there_is_no_terminal(call, folder, tmp_path, piped):
-    code, _, errors = call("-", "--view")
+def test_a_view_is_nothing_where_there_is_no_terminal(observe, folder, same, tmp_path, piped):
+    code, _, errors = observe("-", "--view")
     assert (code, errors) == (0, "")
-    same(folder, tmp_path)
+    same()
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (
-            ["worn.csv", "--publish", "-"],
-            "--publish -: is for a live recording; give -, can:CHANNEL, or --follow worn.csv",
-        ),
+        (["worn.csv", "--publish", "-"], "is for a live recording; give -, can:CHANNEL, or --follow worn.csv"),
         (["worn.csv", "--view"], "--view: is for a live recording"),
         (["-", "--publish", "results.jsonl"], "--publish results.jsonl: results go to -"),
         (["-", "--publish", "-", "--json"], "leave one of them out"),
@@ -345,9 +276,9 @@ def test_a_view_is_nothing_where_there_is_no_terminal(call, folder, tmp_path, pi
         (["none.csv", "--follow"], "none.csv"),
     ],
 )
-def test_options_that_do_not_go_together_are_said_in_a_sentence(call, tmp_path, monkeypatch, options, words):
+def test_options_that_do_not_go_together_are_said_in_a_sentence(observe, tmp_path, monkeypatch, options, words):
     monkeypatch.setattr("sys.stdin", io.StringIO())
-    code, said, errors = call(*options)
+    code, said, errors = observe(*options)
     assert code == 2
     assert words in " ".join((json.loads(said)["message"] if "--json" in options else errors).split())
     assert list(tmp_path.iterdir()) == []

@@ -9,8 +9,8 @@ import polars as pl
 import pytest
 
 import clutchid
-from clutchid.cli import main
 from clutchid.truck import drive, truck
+from fixtures.commands import called
 
 pytestmark = pytest.mark.slow
 
@@ -22,11 +22,9 @@ WEAR = (0.4, 1.2, 2.0, 2.8, 0.1, 0.15)
 def folder(tmp_path_factory):
     """A calibration, and recordings of a clutch that wears and is replaced: one cut off, one sent twice."""
     out = tmp_path_factory.mktemp("track")
-    both = ("position", "pressure_a")
     log = drive(truck(0), seconds=10, seed=1, name="cal", conditions=True).log
-    clutchid.write_parameters(
-        clutchid.parameter_file(clutchid.fit(log, measure=both, free=("auto",))), out / "cal.toml"
-    )
+    calibration = clutchid.fit(log, measure=("position", "pressure_a"), free=("auto",))
+    clutchid.write_parameters(clutchid.parameter_file(calibration), out / "cal.toml")
     (out / "V1").mkdir()
     rows = []
     for k, wear in enumerate(WEAR):
@@ -44,10 +42,8 @@ def folder(tmp_path_factory):
     return out
 
 
-def run(folder, *options):
-    with pytest.raises(SystemExit) as end:
-        main(["track", str(folder / "V1"), "--start", str(folder / "cal.toml"), *map(str, options)])
-    return end.value.code
+def run(folder, *options, recordings="V1"):
+    return called("track", folder / recordings, "--start", folder / "cal.toml", *options)
 
 
 def test_the_life_of_a_clutch_is_tracked(folder, capsys, monkeypatch):
@@ -81,15 +77,14 @@ def test_the_life_of_a_clutch_is_tracked(folder, capsys, monkeypatch):
 
 
 def test_the_object_has_the_keys_of_every_result(folder, capsys):
-    assert (
-        run(folder, "--out", folder / "again.parquet", "--table", folder / "table.csv", "--json", "--workers", 2) == 0
-    )
+    table = ("--table", folder / "table.csv")
+    assert run(folder, "--out", folder / "again.parquet", *table, "--json", "--workers", 2) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["status"] == "warning"
     assert found["wear"]["vehicle"] == "V1"
     assert found["wear"]["alarms"][0]["kind"] == "replaced"
     assert found["logs"]["r9"]["status"] == "bad_input"
-    assert run(folder, "--out", folder / "alone.parquet", "--table", folder / "table.csv") == 0
+    assert run(folder, "--out", folder / "alone.parquet", *table) == 0
     assert (folder / "again.parquet").read_bytes() == (folder / "alone.parquet").read_bytes()
 
 
@@ -97,31 +92,21 @@ def test_the_object_has_the_keys_of_every_result(folder, capsys):
     ("options", "sentence"),
     [
         (("--out", "x.csv"), "is written as .parquet"),
-        *(
-            (
-                ("--out", "x.parquet", "--limit", limit),
-                f"--limit {limit}: a shift in mm is needed, not 0 and at most 100",
-            )
-            for limit in ("nan", "inf", "0")
-        ),
-        (
-            ("--out", "x.parquet", "--table", "two.csv"),
-            "the recordings are of 2 vehicles (V1, V2, ...); track follows one",
-        ),
-        (("--out", "x.parquet", "--table", "none.csv"), "names none of the 8 recordings"),
+        *((("--limit", limit), f"--limit {limit}: a shift in mm is needed") for limit in ("nan", "inf", "0")),
+        (("--table", "two.csv"), "the recordings are of 2 vehicles (V1, V2, ...); track follows one"),
+        (("--table", "none.csv"), "names none of the 8 recordings"),
     ],
 )
 def test_bad_input_is_one_sentence_and_nothing_is_written(folder, tmp_path, monkeypatch, capsys, options, sentence):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "two.csv").write_text("recording,vehicle\nr0,V1\nr1,V2\n")
     (tmp_path / "none.csv").write_text("recording,vehicle\nother,V1\n")
-    assert run(folder, *options) == 2
+    output = () if "--out" in options else ("--out", "x.parquet")
+    assert run(folder, *output, *options) == 2
     assert sentence in " ".join(capsys.readouterr().err.split())
     assert not list(tmp_path.glob("*.parquet"))
 
 
 def test_an_empty_folder_is_bad_input(folder, tmp_path, capsys):
-    with pytest.raises(SystemExit) as end:
-        main(["track", str(tmp_path), "--start", str(folder / "cal.toml"), "--out", str(tmp_path / "x.parquet")])
-    assert end.value.code == 2
+    assert run(folder, "--out", tmp_path / "x.parquet", recordings=tmp_path) == 2
     assert "has no recordings; they are files with .parquet" in capsys.readouterr().err

@@ -28,9 +28,8 @@ def section(page: str, heading: str) -> str:
 
 def messages(text: str) -> list[str]:
     """What the first column of a table quotes."""
-    return [
-        quoted for cell in re.findall(r"^\| (`.*?) \|", text, re.MULTILINE) for quoted in re.findall(r"`([^`]+)`", cell)
-    ]
+    cells = re.findall(r"^\| (`.*?) \|", text, re.MULTILINE)
+    return [quoted for cell in cells for quoted in re.findall(r"`([^`]+)`", cell)]
 
 
 def first_arguments(file: str, function: str) -> list[str]:
@@ -70,9 +69,8 @@ def test_every_message_that_the_pages_quote_is_one_of_the_program():
 def test_every_reason_that_a_verdict_can_give_is_explained():
     tree = ast.parse((SOURCE / "estimation" / "assess" / "reasons.py").read_text(encoding="utf-8"))
     explained = {piece for message in messages(section(PAGES["result"], "Reasons")) for piece in pieces(message)}
-    reasons = [
-        reason for function in tree.body if isinstance(function, ast.FunctionDef) for reason in made_by(function)
-    ]
+    functions = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
+    reasons = [reason for function in functions for reason in made_by(function)]
     assert len(reasons) >= 13
     assert [reason for reason in reasons if not any(piece in reason for piece in explained)] == []
 

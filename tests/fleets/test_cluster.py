@@ -26,11 +26,8 @@ GOOD = [("good", n) for n in range(30)]
 def test_a_scheduler_that_does_not_answer_is_a_sentence_within_10_s():
     with socket.create_server(("127.0.0.1", 0)) as silent:  # takes connections, and says nothing
         for address in ("tcp://127.0.0.1:9", "nowhere at all", f"tcp://127.0.0.1:{silent.getsockname()[1]}"):
-            begin = time.monotonic()
-            with (
-                pytest.raises(ParameterError, match=f"--scheduler {address}: does not answer"),
-                connected(Workers(scheduler=address)),
-            ):
+            begin, words = time.monotonic(), f"--scheduler {address}: does not answer"
+            with pytest.raises(ParameterError, match=words), connected(Workers(scheduler=address)):
                 pass
             assert time.monotonic() - begin < 10.0
 
@@ -75,11 +72,15 @@ def _started(folder, *options):
             process.wait()
 
 
-def test_the_workers_of_a_scheduler_do_the_same_work(scheduler):
+def test_the_workers_of_a_scheduler_do_the_same_work_once_each_and_raise_sentences_for_the_user(scheduler):
     address, worker, _ = scheduler
     worker()
     for place in (Workers(scheduler=address), Workers(2)):
         assert sorted((one.item, one.result) for one in results(abs, range(50), place)) == [(n, n) for n in range(50)]
+        with pytest.raises(DataError, match="it is so"):
+            list(results(own_error, [1], place))
+    many = results(abs, iter(range(1500)), Workers(scheduler=address))  # more than fit at the scheduler
+    assert sorted(one.result for one in many) == list(range(1500))
 
 
 def test_a_scheduler_without_workers_is_a_sentence(scheduler, monkeypatch):
@@ -101,13 +102,6 @@ def test_what_ends_its_process_on_a_scheduler_is_named_and_the_workers_of_dask_l
     assert not [one for one in left if "clutchid.processes" in " ".join(one.cmdline())], "they rest when all is done"
 
 
-def test_a_sentence_for_the_user_is_raised_on_a_scheduler_too(scheduler):
-    address, worker, _ = scheduler
-    worker()
-    with pytest.raises(DataError, match="it is so"):
-        list(results(own_error, [1], Workers(scheduler=address)))
-
-
 def test_an_item_whose_worker_of_dask_is_lost_is_given_to_another_one(scheduler, tmp_path):
     address, worker, started = scheduler
     worker("--no-nanny")
@@ -116,14 +110,6 @@ def test_an_item_whose_worker_of_dask_is_lost_is_given_to_another_one(scheduler,
     next(found)
     started[1].kill()
     assert [one.result for one in found] == [None] * 19
-
-
-def test_more_items_than_fit_at_the_scheduler_come_back_once_each(scheduler):
-    address, worker, _ = scheduler
-    worker()
-    assert sorted(one.result for one in results(abs, iter(range(1500)), Workers(scheduler=address))) == list(
-        range(1500)
-    )
 
 
 def test_a_scheduler_that_is_lost_is_a_sentence_and_what_is_done_was_given(scheduler, capfd, monkeypatch):
@@ -179,18 +165,15 @@ def test_a_scheduler_with_certificates_does_the_work_of_who_has_one(tmp_path, ce
 def test_certificates_that_do_not_fit_are_a_sentence(tmp_path, certificates):
     address, text = "tls://127.0.0.1:9", tmp_path / "text.pem"
     text.write_text("no certificate")
-    for where, files, error, said in (
-        (address, None, ParameterError, "a connection by TLS needs certificates; give --tls-ca, --tls-cert and"),
-        ("tcp://127.0.0.1:9", certificates, ParameterError, "is not secured by TLS"),
-        (address, certificates._replace(authority=text), ParameterError, "--tls-ca .*text.pem: is no certificate"),
-        (address, certificates._replace(certificate=text), ParameterError, "are no certificate and its key"),
-        (
-            address,
-            certificates._replace(key=certificates.certificate),
-            ParameterError,
-            "are no certificate and its key",
-        ),
-        (address, certificates._replace(key=tmp_path / "no.pem"), DataError, "no.pem: there is no such file"),
+    with pytest.raises(ParameterError, match="a connection by TLS needs certificates; give --tls-ca, --tls-cert and"):
+        security_of(address, None)
+    with pytest.raises(ParameterError, match="is not secured by TLS"):
+        security_of("tcp://127.0.0.1:9", certificates)
+    for other, error, said in (
+        ({"authority": text}, ParameterError, "--tls-ca .*text.pem: is no certificate"),
+        ({"certificate": text}, ParameterError, "are no certificate and its key"),
+        ({"key": certificates.certificate}, ParameterError, "are no certificate and its key"),
+        ({"key": tmp_path / "no.pem"}, DataError, "no.pem: there is no such file"),
     ):
         with pytest.raises(error, match=said):
-            security_of(where, files)
+            security_of(address, certificates._replace(**other))

@@ -58,9 +58,8 @@ def test_what_a_result_was_made_from_is_read_again_when_it_changes(tmp_path, mon
             """Whether the recording is read now; then it is done."""
             todo = tasks(fleet, options, one, **retry)
             for task in todo:
-                read = RecordingResult(
-                    recording, WearReading("killed", "lost", "none", None), sha256=checksum_of(recording)
-                )
+                lost = WearReading("killed", "lost", "none", None)
+                read = RecordingResult(recording, lost, sha256=checksum_of(recording))
                 one.put(StoredResult("V1", "r", task.inputs, task.file, read, 0.0))
             return bool(todo)
 
@@ -87,9 +86,8 @@ def test_a_file_that_could_not_be_read_is_tried_again_without_a_change(tmp_path)
     with store(tmp_path / "out", {}) as one:
         (task,) = tasks(fleet, ReadingOptions(), one)
         for checksum, again in (("", 1), (checksum_of(recording), 0)):
-            read = RecordingResult(
-                recording, WearReading("bad_input", "cannot be read.", "none", None), sha256=checksum
-            )
+            failed = WearReading("bad_input", "cannot be read.", "none", None)
+            read = RecordingResult(recording, failed, sha256=checksum)
             one.put(StoredResult("V1", "r", task.inputs, task.file, read, 0.0))
             assert len(tasks(fleet, ReadingOptions(), one)) == again
 

@@ -50,25 +50,17 @@ def test_a_result_comes_back_as_it_was(tmp_path):
 def test_a_folder_of_something_else_is_refused_unchanged(tmp_path):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "letter.txt").write_text("dear")
-    with pytest.raises(ExportError, match="is not empty and has no run of a fleet"), store(tmp_path / "mine", ABOUT):
-        pass
+    refused(tmp_path / "mine", "is not empty and has no run of a fleet")
     assert [path.name for path in (tmp_path / "mine").iterdir()] == ["letter.txt"]
     with store(tmp_path / "out", ABOUT) as one:
         one.put(kept("r1"))
-    with (
-        pytest.raises(ExportError, match="has a run whose verb is fit, not track; name another folder"),
-        store(tmp_path / "out", {**ABOUT, "verb": "track"}),
-    ):
-        pass
+    words = "has a run whose verb is fit, not track; name another folder"
+    refused(tmp_path / "out", words, {**ABOUT, "verb": "track"})
 
 
 def test_only_one_run_at_a_time_works_in_a_folder(tmp_path):
-    with (
-        store(tmp_path, ABOUT),
-        pytest.raises(ExportError, match="another run is going on in this folder"),
-        store(tmp_path, ABOUT),
-    ):
-        pass
+    with store(tmp_path, ABOUT):
+        refused(tmp_path, "another run is going on in this folder")
 
 
 def test_a_full_disk_is_a_sentence_and_what_was_written_before_is_whole(tmp_path):
@@ -98,13 +90,10 @@ def test_a_full_disk_is_a_sentence_and_what_was_written_before_is_whole(tmp_path
 def test_a_file_that_is_no_store_of_this_version_is_refused(tmp_path):
     (tmp_path / "text").mkdir()
     (tmp_path / "text" / "run.sqlite").write_text("no database, but a text that is long enough to be told from one")
-    with pytest.raises(ExportError, match="is not the file of a run, or was damaged"), store(tmp_path / "text", ABOUT):
-        pass
+    refused(tmp_path / "text", "is not the file of a run, or was damaged")
     (tmp_path / "other").mkdir()
-    with closing(sqlite3.connect(tmp_path / "other" / "run.sqlite")) as base:
-        base.execute("CREATE TABLE done (vehicle TEXT, name TEXT)")
-    with pytest.raises(ExportError, match="is not from this version of clutchid"), store(tmp_path / "other", ABOUT):
-        pass
+    edited(tmp_path / "other" / "run.sqlite", "CREATE TABLE done (vehicle TEXT, name TEXT)")
+    refused(tmp_path / "other", "is not from this version of clutchid")
 
 
 def test_a_run_that_has_done_nothing_may_become_another(tmp_path):
@@ -112,8 +101,21 @@ def test_a_run_that_has_done_nothing_may_become_another(tmp_path):
         pass
     with store(tmp_path, {**ABOUT, "verb": "track"}) as one:
         one.put(kept("r1"))
-    with pytest.raises(ExportError, match="has a run whose verb is track, not fit"), store(tmp_path, ABOUT):
+    refused(tmp_path, "has a run whose verb is track, not fit")
+
+
+def refused(folder, words, about=ABOUT):
+    """A store that cannot be opened, with the sentence."""
+    with pytest.raises(ExportError, match=words), store(folder, about):
         pass
+
+
+def edited(path, *statements):
+    """What somebody does to the file of a run."""
+    with closing(sqlite3.connect(path)) as base:
+        for statement in statements:
+            base.execute(statement)
+        base.commit()
 
 
 def filled(folder, count=60):
@@ -149,17 +151,13 @@ def resumed(folder, before):
 )  # fmt: skip
 def test_a_row_that_was_spoiled_is_read_again(tmp_path, edit):
     path, before = filled(tmp_path / "out", 3)
-    with closing(sqlite3.connect(path)) as base:
-        base.execute(f"UPDATE done SET {edit} WHERE recording = 'r01'")
-        base.commit()
+    edited(path, f"UPDATE done SET {edit} WHERE recording = 'r01'")
     assert resumed(tmp_path / "out", before) == {"r01"}
 
 
 def test_what_a_run_is_about_may_be_spoiled_too(tmp_path):
     path, before = filled(tmp_path / "out", 3)
-    with closing(sqlite3.connect(path)) as base:
-        base.execute("UPDATE about SET value = 'fjt' WHERE what = 'verb'")
-        base.commit()
+    edited(path, "UPDATE about SET value = 'fjt' WHERE what = 'verb'")
     assert not resumed(tmp_path / "out", before)
 
 
@@ -201,12 +199,8 @@ def test_a_damage_of_the_first_page_is_a_sentence_or_is_mended(tmp_path):
 
 def test_a_store_of_an_earlier_version_is_gone_on_with(tmp_path):
     path, before = filled(tmp_path / "out", 3)
-    with closing(sqlite3.connect(path)) as base:
-        base.execute("ALTER TABLE done DROP COLUMN checksum")
-        base.execute("DELETE FROM about WHERE what = 'checksum'")
-        base.commit()
-    with pytest.raises(ExportError, match="whose verb is fit, not track"), store(path.parent, {"verb": "track"}):
-        pass
+    edited(path, "ALTER TABLE done DROP COLUMN checksum", "DELETE FROM about WHERE what = 'checksum'")
+    refused(path.parent, "whose verb is fit, not track", {"verb": "track"})
     assert resumed(tmp_path / "out", before) == before.keys()
 
 
@@ -220,5 +214,4 @@ def test_a_folder_that_cannot_be_made_or_written_is_a_sentence(tmp_path):
         (tmp_path / "loop", "the folder cannot be created"),
         (tmp_path / "closed", "cannot be written .unable to open database file.; allow writing in it"),
     ):
-        with pytest.raises(ExportError, match=f"^--out .*{said}"), store(out, ABOUT):
-            pass
+        refused(out, f"^--out .*{said}")

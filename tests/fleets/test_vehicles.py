@@ -22,9 +22,8 @@ def written(out, fleet, read):
             one.put(StoredResult(job.vehicle, job.recording, "", "", read(job), 0.0))
         write_results(fleet, one, out)
         write_vehicles(vehicles_of(fleet, one, {"": LifeLimits()}), "clutchid fleet", out, trends=True)
-    return pl.read_parquet(out / "vehicles.parquet")["vehicle"].to_list(), [
-        path.name for path in (out / "vehicles").iterdir()
-    ]
+    rows = pl.read_parquet(out / "vehicles.parquet")["vehicle"].to_list()
+    return rows, [path.name for path in (out / "vehicles").iterdir()]
 
 
 @pytest.mark.parametrize(

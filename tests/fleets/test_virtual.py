@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import clutchid
-from clutchid.cli import main
 from clutchid.errors import DataError, ExportError
 from clutchid.fleets.virtual import POSITIONS, true_load, write_fleet
 from clutchid.truck import aged, truck
 from clutchid.truck.service import visits
+from fixtures.commands import called
 
 
 def rows(path):
@@ -85,12 +85,8 @@ def test_a_folder_with_files_is_left_alone(plan, tmp_path):
 
 
 def test_the_command_drives_a_fleet(tmp_path, capsys):
-    def run(*options):
-        with pytest.raises(SystemExit) as end:
-            main(["drive", "--fleet", "1", "--months", "0.6", "--seconds", "1", *options])
-        return end.value.code
-
-    assert run("--out", str(tmp_path / "fleet")) == 0
+    options = ("--fleet", "1", "--months", "0.6", "--seconds", "1")
+    assert called("drive", *options, "--out", tmp_path / "fleet") == 0
     assert len(rows(tmp_path / "fleet" / "truth.csv")) in (2, 3)
-    assert run("--out", str(tmp_path / "other"), "--wear", "1") == 2
+    assert called("drive", *options, "--out", tmp_path / "other", "--wear", "1") == 2
     assert "--wear: belongs to a single recording" in capsys.readouterr().err

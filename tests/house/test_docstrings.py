@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import clutchid
@@ -22,20 +23,29 @@ ONE_LINE = {
 }
 
 
+def parsed(folder: Path) -> Iterator[tuple[str, ast.Module]]:
+    for file in sorted(folder.rglob("*.py")):
+        yield file.relative_to(folder).as_posix(), ast.parse(file.read_text(encoding="utf-8"))
+
+
 def documented(tree: ast.Module) -> Iterator[tuple[str, str | None]]:
     """Public classes, functions and methods of a module, and their docstrings."""
     for node in tree.body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
             yield node.name, ast.get_docstring(node)
-        if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-            for item in node.body:
+            for item in node.body if isinstance(node, ast.ClassDef) else ():
                 if isinstance(item, ast.FunctionDef) and not item.name.startswith("_"):
                     yield f"{node.name}.{item.name}", ast.get_docstring(item)
 
 
-def parsed(folder: Path) -> Iterator[tuple[str, ast.Module]]:
-    for file in sorted(folder.rglob("*.py")):
-        yield file.relative_to(folder).as_posix(), ast.parse(file.read_text(encoding="utf-8"))
+@cache
+def docstrings(folder: Path) -> dict[str, str | None]:
+    """Docstrings of all modules and public names of a folder by ``file:name``."""
+    found = {}
+    for file, tree in parsed(folder):
+        found[file] = ast.get_docstring(tree)
+        found |= {f"{file}:{name}": text for name, text in documented(tree)}
+    return found
 
 
 def equations_in(text: str) -> set[int]:
@@ -49,22 +59,12 @@ def equations_in(text: str) -> set[int]:
 
 
 def test_every_module_and_every_public_name_is_documented(source):
-    missing = []
-    for name, tree in parsed(source):
-        if ast.get_docstring(tree) is None:
-            missing.append(name)
-        missing += [f"{name}:{what}" for what, text in documented(tree) if not text]
-    assert missing == []
+    assert [name for name, text in docstrings(source).items() if not text] == []
 
 
 def test_a_docstring_begins_with_one_line_that_ends_with_a_full_stop(source):
-    odd = []
-    for name, tree in parsed(source):
-        for what, text in [(name, ast.get_docstring(tree)), *documented(tree)]:
-            first = (text or "").strip().splitlines()[:1]
-            if first and not first[0].rstrip().endswith((".", ":", "?", "!", ";")):
-                odd.append(f"{name}:{what}: {first[0]}")
-    assert odd == []
+    first = {name: (text or ".").strip().splitlines()[0] for name, text in docstrings(source).items()}
+    assert {name: line for name, line in first.items() if not line.rstrip().endswith((".", ":", "?", "!", ";"))} == {}
 
 
 def test_public_functions_of_the_model_have_parameters_returns_and_examples(source):
@@ -81,37 +81,27 @@ def test_public_functions_of_the_model_have_parameters_returns_and_examples(sour
 
 
 def test_no_docstring_says_that_nothing_is_raised(source):
-    said = [
-        f"{name}:{what}"
-        for name, tree in parsed(source)
-        for what, text in documented(tree)
-        if re.search(r"Raises\n-+\n\s*Nothing", text or "")
-    ]
+    said = [name for name, text in docstrings(source).items() if re.search(r"Raises\n-+\n\s*Nothing", text or "")]
     assert said == []
 
 
 def test_every_equation_of_the_paper_is_named_where_it_stands(source):
-    index: dict[int, list[str]] = {}
-    for name, tree in parsed(source / "model"):
-        for what, text in [(name, ast.get_docstring(tree)), *documented(tree)]:
-            for number in equations_in(text or ""):
-                index.setdefault(number, []).append(f"{name}:{what}")
+    named = set().union(*(equations_in(text or "") for text in docstrings(source / "model").values()))
     # the paper has no Eq. (22): (21) is followed by (23)
-    assert sorted(index) == [number for number in range(1, 27) if number != 22]
+    assert sorted(named) == [number for number in range(1, 27) if number != 22]
 
 
 def test_single_equations_lead_to_their_functions(source):
-    names = {(file, what): text for file, tree in parsed(source / "model") for what, text in documented(tree) if text}
+    found = docstrings(source / "model")
     expected = {
-        1: ("motion.py", "acceleration"), 2: ("friction.py", "friction_force"), 3: ("friction.py", "deflection_rate"),
-        4: ("chambers.py", "pressure_rate"), 5: ("chambers.py", "pressure_rate"), 6: ("valves.py", "psi"),
-        9: ("valves.py", "psi"), 10: ("valves.py", "orifice_flow"), 11: ("opening.py", "opening"),
-        12: ("valves.py", "breathing_flow"), 13: ("valves.py", "breathing_flow"), 14: ("weighted_load.py", "Load"),
-        15: ("load.py", "phi_1"), 16: ("load.py", "phi_2"), 17: ("load.py", "phi_3"), 18: ("load.py", "xi_1"),
-        23: ("isothermal.py", "isothermal"), 25: ("static.py", "static_load"), 26: ("static.py", "static_pressure"),
+        1: "motion.py:acceleration", 2: "friction.py:friction_force", 3: "friction.py:deflection_rate",
+        4: "chambers.py:pressure_rate", 5: "chambers.py:pressure_rate", 6: "valves.py:psi", 9: "valves.py:psi",
+        10: "valves.py:orifice_flow", 11: "opening.py:opening", 12: "valves.py:breathing_flow",
+        13: "valves.py:breathing_flow", 14: "weighted_load.py:Load", 15: "load.py:phi_1", 16: "load.py:phi_2",
+        17: "load.py:phi_3", 18: "load.py:xi_1", 23: "isothermal.py:isothermal", 25: "static.py:static_load",
+        26: "static.py:static_pressure",
     }  # fmt: skip
-    for number, place in expected.items():
-        assert number in equations_in(names[place]), (number, place)
+    assert {n: place for n, place in expected.items() if n not in equations_in(found[place] or "")} == {}
 
 
 def test_every_name_that_the_package_offers_exists_and_is_documented():

@@ -4,6 +4,7 @@ import importlib.util
 import re
 from pathlib import Path
 
+from clutchid.cli import app
 from clutchid.inference.uncertainty.change_prior import directions
 from clutchid.log.states import STATES
 from clutchid.parameters import GROUPS, Parameters
@@ -28,17 +29,10 @@ def test_the_python_example_of_the_readme_runs(tmp_path, monkeypatch, capsys):
 
 
 def test_the_readme_names_every_verb_of_the_command_line():
-    verbs = {path.stem for path in (ROOT / "src" / "clutchid" / "cli").glob("*.py")} - {
-        "__init__",
-        "common",
-        "observe_live",
-        "observe_output",
-        "observe_sinks",
-        "terminal",
-        "completion",
-    }
+    verbs = [name for name in app() if not name.startswith("-")]
+    assert len(verbs) > 10
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert {verb for verb in verbs if f"clutchid {verb}" not in readme} == set()
+    assert [verb for verb in verbs if f"clutchid {verb}" not in readme] == []
 
 
 def test_every_python_file_that_the_documentation_names_exists():

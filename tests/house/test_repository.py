@@ -8,18 +8,8 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = {".py", ".j2", ".toml", ".md", ".txt", ".cfg", ".yml", ".yaml", ".json", ".sh", ".html", ".css", ".rst", ""}
-SKIPPED = {
-    ".git",
-    ".mypy_cache",
-    ".ruff_cache",
-    ".pytest_cache",
-    ".hypothesis",
-    "__pycache__",
-    ".venv",
-    "venv",
-    "build",
-    "dist",
-}
+SKIPPED = {".git", ".mypy_cache", ".ruff_cache", ".pytest_cache", ".hypothesis", "__pycache__"}
+SKIPPED |= {".venv", "venv", "build", "dist"}
 
 
 def texts() -> list[Path]:
@@ -36,14 +26,14 @@ def _skipped(parts: tuple[str, ...]) -> bool:
 
 def test_no_file_names_a_folder_of_somebodys_machine():
     # written in pieces, because this file is looked at too
-    own = re.compile(
-        "|".join(["/" + "work/", "/" + "root/", "/" + "home/[a-z]", "/" + "Users/[A-Za-z]", "/" + "tmp/w/"])
-    )
-    found = []
-    for path in texts():
-        for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
-            if own.search(line):
-                found.append(f"{path.relative_to(ROOT)}:{number}: {line.strip()[:80]}")
+    folders = ["/" + "work/", "/" + "root/", "/" + "home/[a-z]", "/" + "Users/[A-Za-z]", "/" + "tmp/w/"]
+    own = re.compile("|".join(folders))
+    found = [
+        f"{path.relative_to(ROOT)}:{number}: {line.strip()[:80]}"
+        for path in texts()
+        for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1)
+        if own.search(line)
+    ]
     assert found == []
 
 

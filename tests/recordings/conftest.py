@@ -66,11 +66,40 @@ def source() -> Callable[..., Source]:
     return _source
 
 
+@pytest.fixture(scope="session")
+def data(shared: Path) -> Callable[[str], Path]:
+    """Find a folder or file of shared/data by its path there."""
+
+    def find(name: str) -> Path:
+        if not (shared / "data" / name).exists():
+            pytest.skip(f"no {shared.name}/data/{name} beside the repository: what is in it is needed.")
+        return shared / "data" / name
+
+    return find
+
+
+@pytest.fixture(scope="session")
+def bus_logs(data: Callable[[str], Path]) -> Path:
+    """Folder with logs of real buses."""
+    return data("mf4_can_logs")
+
+
 @pytest.fixture(params=["numpy", "polars", "text"])
-def parser(request, monkeypatch):
-    """Each way of reading numbers, by force."""
-    if request.param == "polars":
-        monkeypatch.setattr(csv_file, "_SMALL", 0)
-    if request.param == "text":
-        monkeypatch.setattr(csv_file, "read_fast", lambda *_, **__: None)
+def parser(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Each way of reading the numbers of a CSV file, by force."""
+    _force(request.param, monkeypatch)
     return request.param
+
+
+def _force(way: str, patch: pytest.MonkeyPatch) -> None:
+    """Let one of the ways read every CSV file, whatever its size."""
+    if way == "polars":
+        patch.setattr(csv_file, "_SMALL", 0)
+    if way == "text":
+        patch.setattr(csv_file, "read_fast", lambda *_, **__: None)
+
+
+@pytest.fixture(scope="session")
+def force() -> Callable[[str, pytest.MonkeyPatch], None]:
+    """Let "numpy", "polars" or the reader of "text" read the numbers of a CSV file."""
+    return _force

@@ -1,7 +1,7 @@
 """CAN logs: frames of all three containers, sorted into messages and decoded."""
 
-import builtins
 import random
+import sys
 from datetime import datetime
 
 import numpy as np
@@ -12,6 +12,7 @@ from clutchid.recordings.formats.can import file as can_file
 from clutchid.recordings.formats.can import mf4
 from clutchid.recordings.formats.can.file import frame_log, open_file
 from clutchid.recordings.formats.can.frames import Frames, as_payload, merged
+from fixtures.sources import numbers_of, spoiled
 
 can = pytest.importorskip("can", reason="python-can, of the extra can, writes the logs")
 cantools = pytest.importorskip("cantools", reason="cantools, of the extra can, is the oracle")
@@ -82,15 +83,6 @@ def logged(tmp_path):
     return make
 
 
-@pytest.fixture
-def logs(shared):
-    """Folder with logs of real buses."""
-    folder = shared / "data" / "mf4_can_logs"
-    if not folder.is_dir():
-        pytest.skip("no shared/data/mf4_can_logs beside the repository: the bus logs of real trucks are needed.")
-    return folder
-
-
 def message(stamp, identifier, payload=bytes(8), bus=0):
     long = len(payload) > 8
     extended = identifier > 0x7FF
@@ -109,32 +101,25 @@ def mixture(count=500, seed=0):
     return [(i * 0.01, picked[i], payloads[i], generator.choice([0, 1])) for i in range(count)]
 
 
-def values(source, raster, rows=None):
-    """All numbers of a raster by the texts of their headings."""
-    headings = source.rasters[raster].headings
-    tables = list(source.tables(raster, range(len(headings)), rows))
-    return {heading.text: np.concatenate([table.numbers[heading.index] for table in tables]) for heading in headings}
+def frames_of(path):
+    """All frames of a log, an array a field."""
+    blocks = list(frame_log(path).blocks())
+    names = ("stamp", "bus", "identifier", "extended", "length", "data")
+    return {name: np.concatenate([getattr(block, name) for block in blocks]) for name in names}
 
 
 def by_name(source):
-    return {raster.name: values(source, index) for index, raster in enumerate(source.rasters)}
+    return {raster.name: numbers_of(source, index) for index, raster in enumerate(source.rasters)}
 
 
 @pytest.mark.parametrize("suffix", WRITERS)
 def test_frames_are_read_as_they_were_written(logged, suffix):
     frames = mixture()
-    log = frame_log(logged(suffix, frames))
-    blocks = list(log.blocks())
-    assert sum(map(len, blocks)) == len(frames)
-    stamp = np.concatenate([block.stamp for block in blocks])
-    np.testing.assert_allclose(stamp - stamp[0], [frame[0] for frame in frames], rtol=0, atol=2 * RESOLUTION[suffix])
-    read = [
-        (int(identifier), bool(extended), bytes(row[:length]), int(bus))
-        for block in blocks
-        for identifier, extended, row, length, bus in zip(
-            block.identifier, block.extended, block.data, block.length, block.bus, strict=True
-        )
-    ]
+    found = frames_of(logged(suffix, frames))
+    stamps = [frame[0] for frame in frames]
+    np.testing.assert_allclose(found["stamp"] - found["stamp"][0], stamps, rtol=0, atol=2 * RESOLUTION[suffix])
+    columns = (found[name].tolist() for name in ("identifier", "extended", "length", "bus"))
+    read = [(i, long, bytes(row[:n]), bus) for row, i, long, n, bus in zip(found["data"], *columns, strict=True)]
     first = 0 if suffix == "mf4" else 1  # BLF and ASC count buses from 1
     assert read == [(i, i > 0x7FF, payload, bus + first) for _, i, payload, bus in frames]
 
@@ -181,7 +166,7 @@ def test_the_start_of_the_log_is_the_time_of_its_first_frame(logged, dbc, suffix
     source = open_file(logged(suffix, [(0.25, 0x100, bytes(8), 0), (1.25, 0x100, bytes(8), 0)]), [dbc])
     written = datetime.fromisoformat(source.metadata["start"])
     assert abs((written - start).total_seconds()) <= 1e-3
-    np.testing.assert_allclose(values(source, 0)["time"], [0, 1], rtol=0, atol=2 * RESOLUTION[suffix])
+    np.testing.assert_allclose(numbers_of(source, 0)["time"], [0, 1], rtol=0, atol=2 * RESOLUTION[suffix])
     assert source.metadata["dbc"] == "bus.dbc"
 
 
@@ -227,7 +212,7 @@ def test_error_and_remote_frames_and_short_ones_are_told(logged, dbc, tmp_path):
         "1 remote frame is left out.",
         "some frames are shorter than the DBC says (1 of EEC1): the signals that they lack are missing.",
     )
-    np.testing.assert_array_equal(values(source, 0)["EngineSpeed"], [np.nan, 0.0])
+    np.testing.assert_array_equal(numbers_of(source, 0)["EngineSpeed"], [np.nan, 0.0])
 
 
 @pytest.mark.parametrize("suffix", WRITERS)
@@ -243,7 +228,7 @@ def test_blocks_of_any_size_and_frames_that_are_not_kept_give_the_same_numbers(l
     away.rename(path)
     assert whole.rasters == again.rasters
     for index, raster in enumerate(whole.rasters):
-        one = values(whole, index)
+        one = numbers_of(whole, index)
         for rows in (1, 7, raster.size, None):
             tables = list(again.tables(index, [0, 1], rows))
             assert [table.size for table in tables[:-1]] == [rows] * (len(tables) - 1)
@@ -287,14 +272,7 @@ def test_formats_are_told_by_content(logged, tmp_path):
 @pytest.mark.parametrize(("suffix", "module"), [("blf", "can"), ("asc", "can"), ("blf", "cantools.database")])
 def test_a_missing_library_is_named_with_the_command_that_installs_it(logged, dbc, monkeypatch, suffix, module):
     path = logged(suffix, mixture(3))
-    whole = builtins.__import__
-
-    def without(name, *rest, **named):
-        if name == module:
-            raise ImportError(name)
-        return whole(name, *rest, **named)
-
-    monkeypatch.setattr(builtins, "__import__", without)
+    monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(MissingExtra, match=r"which is not installed; .*\"python-can>="):
         open_file(path, [dbc])
 
@@ -316,7 +294,7 @@ internal events logged
 def test_an_asc_log_counts_stamps_from_its_start_and_passes_over_lines_that_cannot_be_read(save, dbc, kind, stamps):
     source = open_file(save(ASC.format(kind=kind), "run.asc"), [dbc])
     assert [raster.name for raster in source.rasters] == ["EEC1 (CAN1)", "EEC1 (CAN2)"]
-    found = values(source, 0)
+    found = numbers_of(source, 0)
     np.testing.assert_array_equal(found["EngineSpeed"], [900.0, 904.0])
     np.testing.assert_allclose(found["time"], stamps, rtol=0, atol=1e-9)
     assert source.warnings == ("1 unreadable line is left out.",)
@@ -333,12 +311,12 @@ def test_an_asc_log_without_a_date_says_that_it_has_no_absolute_time(save, dbc):
 @pytest.mark.parametrize("kind", ["absolute", "relative"])
 def test_an_asc_log_whose_header_does_not_speak_of_internal_events_keeps_its_first_frame(save, dbc, kind):
     lines = ASC.format(kind=kind).splitlines(keepends=True)
-    whole = values(open_file(save("".join(lines), "run.asc"), [dbc]), 0)
-    without = values(open_file(save("".join([*lines[:2], *lines[5:]]), "run.asc"), [dbc]), 0)
+    whole = numbers_of(open_file(save("".join(lines), "run.asc"), [dbc]), 0)
+    without = numbers_of(open_file(save("".join([*lines[:2], *lines[5:]]), "run.asc"), [dbc]), 0)
     np.testing.assert_allclose(without["time"], whole["time"], rtol=0, atol=1e-9)
     np.testing.assert_array_equal(without["EngineSpeed"], whole["EngineSpeed"])
     one = open_file(save("".join([*lines[:2], lines[5]]), "run.asc"), [dbc])
-    assert values(one, 0)["EngineSpeed"].tolist() == [900.0]
+    assert numbers_of(one, 0)["EngineSpeed"].tolist() == [900.0]
 
 
 TRC = """;$FILEVERSION=1.1
@@ -357,7 +335,7 @@ def test_a_trc_log_counts_from_its_first_frame_and_passes_over_lines_that_cannot
     source = open_file(save(TRC, "run.trc"), [dbc])
     assert (source.format, source.metadata["start"]) == ("TRC", "2023-03-15T12:00:00.100100")
     assert source.warnings[0] == "1 unreadable line is left out."
-    found = values(source, 0)
+    found = numbers_of(source, 0)
     np.testing.assert_array_equal(found["EngineSpeed"], [900.0, 904.0])
     np.testing.assert_allclose(found["time"], [0.0, 0.2002], rtol=0, atol=1e-12)
 
@@ -367,22 +345,13 @@ def test_a_trc_log_without_columns_ends_with_a_sentence(save, dbc):
     assert source.problems == ("holds no data frames of a CAN bus; record it again.",)
 
 
-@pytest.fixture
-def foreign(shared):
-    """Folder of the files of other projects."""
-    folder = shared / "data" / "foreign_files"
-    if not folder.is_dir():
-        pytest.skip("no shared/data/foreign_files beside the repository: files of other programs are needed.")
-    return folder
-
-
-def test_logs_of_other_programs_have_the_frames_that_python_can_reads(foreign):
-    paths = sorted(path for path in (foreign / "can").iterdir() if path.suffix in {".asc", ".blf", ".trc"})
+def test_logs_of_other_programs_have_the_frames_that_python_can_reads(data):
+    paths = sorted(path for path in data("foreign_files/can").iterdir() if path.suffix in {".asc", ".blf", ".trc"})
     assert len(paths) == 24
     for path in paths:
         with can.LogReader(path) as reader:
             theirs = [m for m in reader if not (m.is_error_frame or m.is_remote_frame)]
-        ours = joined(path) if theirs else {"stamp": np.zeros(0)}
+        ours = frames_of(path) if theirs else {"stamp": np.zeros(0)}
         assert ours["stamp"].size == len(theirs), path
         if not theirs:
             continue
@@ -393,12 +362,12 @@ def test_logs_of_other_programs_have_the_frames_that_python_can_reads(foreign):
         assert [bytes(row[:n]) for row, n in zip(ours["data"], ours["length"], strict=True)] == [m.data for m in theirs]
 
 
-def test_logs_whose_first_line_python_can_takes_for_a_header_are_read_completely(foreign):
-    paths = sorted((foreign / "asc_css").glob("*.asc"))
+def test_logs_whose_first_line_python_can_takes_for_a_header_are_read_completely(data):
+    paths = sorted(data("foreign_files/asc_css").glob("*.asc"))
     assert len(paths) == 20
     for path in paths:
         lines = [line for line in path.read_text().splitlines()[2:] if line.strip()]
-        assert joined(path)["stamp"].tolist() == [float(line.split()[0]) for line in lines]
+        assert frames_of(path)["stamp"].tolist() == [float(line.split()[0]) for line in lines]
 
 
 def test_a_log_that_is_cut_off_is_read_up_to_there(logged, dbc):
@@ -423,50 +392,27 @@ def test_a_damaged_block_ends_the_reading_with_a_warning(logged, dbc):
 
 @pytest.mark.parametrize("suffix", WRITERS)
 def test_spoiled_logs_give_numbers_or_a_sentence(logged, dbc, suffix, tmp_path):
-    good = logged(suffix, mixture(100)).read_bytes()
-    generator = random.Random(7)
-    for case in range(150):
-        content = bytearray(good)
-        if case % 3 == 0:
-            del content[generator.randrange(len(content)) :]
-        elif case % 3 == 1:
-            for _ in range(generator.choice([1, 3, 30])):
-                content[generator.randrange(len(content))] ^= 1 << generator.randrange(8)
-        else:
-            place = generator.randrange(len(content) - 8)
-            content[place : place + 8] = generator.choice([b"\xff" * 8, b"\xff" * 4 + bytes(4), bytes(8)])
-        path = tmp_path / "spoiled"
-        path.write_bytes(content)
+    good, path = logged(suffix, mixture(100)).read_bytes(), tmp_path / "spoiled"
+    for seed in range(150):
+        path.write_bytes(spoiled(good, seed))
         source = open_file(path, [dbc])
         assert bool(source.rasters) != bool(source.problems)
         assert all("\n" not in text for text in (*source.problems, *source.warnings))
         for index, raster in enumerate(source.rasters):
-            assert all(column.shape == (raster.size,) for column in values(source, index, 16).values())
-
-
-def joined(path):
-    """All frames of a log, an array a field."""
-    blocks = list(frame_log(path).blocks())
-    names = ("stamp", "bus", "identifier", "extended", "length", "data")
-    return {name: np.concatenate([getattr(block, name) for block in blocks]) for name in names}
+            assert all(column.shape == (raster.size,) for column in numbers_of(source, index, 16).values())
 
 
 @pytest.mark.parametrize("compression", [0, 1, 2])
-def test_an_mf4_log_that_asammdf_sorts_and_packs_has_the_same_frames(logged, tmp_path, compression):
-    path, again = logged("mf4", mixture()), tmp_path / "again.mf4"
+@pytest.mark.parametrize("real", [False, True])
+def test_an_mf4_log_that_asammdf_sorts_packs_and_stores_apart_has_the_same_frames(
+    logged, request, tmp_path, compression, real
+):
     asammdf = pytest.importorskip("asammdf", reason="asammdf packs the log")
+    real_log = "css_FCBF0606_J1939_small.MF4"
+    path = request.getfixturevalue("bus_logs") / real_log if real else logged("mf4", mixture())
     with asammdf.MDF(path) as mdf:
-        mdf.save(again, compression=compression)
-    np.testing.assert_equal(joined(path), joined(again))
-
-
-@pytest.mark.parametrize("compression", [0, 2])
-def test_a_real_log_whose_payloads_asammdf_stores_apart_has_the_same_frames(logs, tmp_path, compression):
-    path, again = logs / "css_FCBF0606_J1939_small.MF4", tmp_path / "again.mf4"
-    asammdf = pytest.importorskip("asammdf", reason="asammdf packs the log")
-    with asammdf.MDF(path) as mdf:
-        mdf.save(again, compression=compression)
-    np.testing.assert_equal(joined(path), joined(again))
+        mdf.save(tmp_path / "again.mf4", compression=compression)
+    np.testing.assert_equal(frames_of(path), frames_of(tmp_path / "again.mf4"))
 
 
 def test_groups_are_merged_by_their_stamps_and_a_clock_that_jumps_back_keeps_its_place():
@@ -486,54 +432,38 @@ def test_groups_are_merged_by_their_stamps_and_a_clock_that_jumps_back_keeps_its
     ("name", "frames"),
     [("css_truck_stationary_J1939", 150_411), ("css_FCBF0606_J1939_small", 1_815), ("css_94C49784_nmea", 9_600)],
 )
-def test_the_frames_of_real_logs_are_those_that_asammdf_reads(logs, name, frames):
+def test_the_frames_of_real_logs_are_those_that_asammdf_reads(bus_logs, name, frames):
     asammdf = pytest.importorskip("asammdf", reason="asammdf is the oracle here")
-    log = frame_log(logs / f"{name}.MF4")
-    ours = list(log.blocks())
-    found = np.concatenate([block.stamp for block in ours]), np.concatenate([block.identifier for block in ours])
-    payload = np.concatenate([block.data for block in ours])
-    theirs = []
-    with asammdf.MDF(logs / f"{name}.MF4") as mdf:
-        assert log.start == mdf.header.start_time
+    path, theirs = bus_logs / f"{name}.MF4", []
+    ours = frames_of(path)
+    with asammdf.MDF(path) as mdf:
+        assert frame_log(path).start == mdf.header.start_time
         for index, group in enumerate(mdf.groups):
             if group.channel_group.cycles_nr:
                 identifier = mdf.get("CAN_DataFrame.ID", index)
                 data = mdf.get("CAN_DataFrame.DataBytes", index)
                 theirs.append((identifier.timestamps, identifier.samples.astype(np.int64), data.samples))
     expected = [np.concatenate(columns) for columns in zip(*theirs, strict=True)]
+    found = [ours[name] for name in ("stamp", "identifier", "data")]
     assert found[0].size == expected[0].size == frames
-    order, other = np.lexsort(found[::-1]), np.lexsort((expected[1], expected[0]))
-    np.testing.assert_array_equal(found[0][order], expected[0][other])
-    np.testing.assert_array_equal(found[1][order], expected[1][other])
-    np.testing.assert_array_equal(payload[order], expected[2][other])
+    order, other = np.lexsort(found[1::-1]), np.lexsort(expected[1::-1])
+    for one, reference in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(one[order], reference[other])
 
 
 @pytest.mark.parametrize(("name", "size"), [("css_truck_stationary_J1939", 3993), ("css_FCBF0606_J1939_small", 577)])
-def test_engine_and_wheel_speed_of_real_logs_are_those_of_cantools(logs, name, size):
-    file, dbc = logs / f"{name}.MF4", logs / "CSS-Electronics-SAE-J1939-DEMO.dbc"
-    source = open_file(file, [dbc])
-    assert source.problems == ()
+def test_real_logs_have_an_engine_and_a_wheel_speed(bus_logs, name, size):
+    source = open_file(bus_logs / f"{name}.MF4", [bus_logs / "CSS-Electronics-SAE-J1939-DEMO.dbc"])
+    assert (source.problems, source.rasters[0].size) == ((), size)
     assert [raster.name for raster in source.rasters] == ["EEC1", "CCVS1"]
-    assert source.rasters[0].size == size
-    database = cantools.database.load_file(dbc)
-    for index, (group, signal) in enumerate([(0xF004, "EngineSpeed"), (0xFEF1, "WheelBasedVehicleSpeed")]):
-        theirs = database.get_message_by_name(source.rasters[index].name)
-        expected, stamps = [], []
-        for block in frame_log(file).blocks():
-            for row in np.flatnonzero(block.extended & (block.identifier >> 8 & 0xFFFF == group)):
-                payload = bytes(block.data[row, : block.length[row]])
-                raw = theirs.decode(payload, scaling=False)[signal]
-                expected.append(np.nan if raw >= 0xFE00 else theirs.decode(payload)[signal])
-                stamps.append(block.stamp[row])
-        found = values(source, index)
-        np.testing.assert_array_equal(found[signal], expected)
-        np.testing.assert_allclose(np.diff(found["time"]), np.diff(stamps), rtol=0, atol=1e-12)
+    for index, signal in enumerate(["EngineSpeed", "WheelBasedVehicleSpeed"]):
+        found = numbers_of(source, index)
         assert np.all(np.diff(found["time"]) > 0)
         assert np.isfinite(found[signal]).any()
 
 
-def test_a_transport_protocol_log_says_that_its_messages_come_in_pieces(logs):
-    source = open_file(logs / "css_94C49784_nmea.MF4", [logs / "tp_nmea.dbc"])
+def test_a_transport_protocol_log_says_that_its_messages_come_in_pieces(bus_logs):
+    source = open_file(bus_logs / "css_94C49784_nmea.MF4", [bus_logs / "tp_nmea.dbc"])
     (problem,) = source.problems
     assert problem.startswith("none of its 9,600 frames (the commonest: 0x09F11202 (2,399), ")
     assert "are pieces of longer messages, which are not put together" in problem

@@ -26,9 +26,8 @@ def proposal_of(source, columns):
 
 
 def chosen(proposal):
-    return {
-        n: e.channel for n, e in proposal.channels.channels.items() if n in ("pressure_supply", "temperature_ambient")
-    }
+    entries = proposal.channels.channels
+    return {name: entries[name].channel for name in ("pressure_supply", "temperature_ambient") if name in entries}
 
 
 @pytest.mark.parametrize("write", [asc_of, blf_of, mdf_of])
@@ -76,17 +75,11 @@ def test_a_parameter_of_the_bus_is_known_by_its_place_whatever_its_name(tmp_path
     assert "pressure_supply" not in look(file, dbc=[tmp_path / "truck.dbc"]).proposal.channels.channels
 
 
-@pytest.mark.parametrize(
-    "names",
-    [
-        ("Vorratsdruck", "Außentemperatur"),
-        ("Versorgungsdruck", "Umgebungstemperatur"),
-        ("P_Luft", "T_Aussen"),
-        ("SupplyPressure", "AmbientTemp"),
-        ("Kreisdruck_4", "Lufttemperatur"),
-        ("reservoir_press", "OutsideAirTemp"),
-    ],
-)
+SUPPLY = "Vorratsdruck Versorgungsdruck P_Luft SupplyPressure Kreisdruck_4 reservoir_press"
+AIR = "Außentemperatur Umgebungstemperatur T_Aussen AmbientTemp Lufttemperatur OutsideAirTemp"
+
+
+@pytest.mark.parametrize("names", [*zip(SUPPLY.split(), AIR.split(), strict=True)])
 @pytest.mark.parametrize(("bar", "celsius"), [("bar", "degC"), ("BAR", "°C"), ("Bar", "C")])
 def test_conditions_that_never_change_are_proposed_by_german_and_english_names(source, names, bar, celsius):
     found = proposal_of(source, {names[0]: (bar, always(9.4)), names[1]: (celsius, always(17.0))})

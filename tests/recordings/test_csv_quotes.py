@@ -1,7 +1,6 @@
 """Quoted cells with separators, quotes and line breaks, against the csv module of Python; columns of one name."""
 
 import csv
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,17 +12,14 @@ from clutchid.recordings.formats.csv import file as csv_file
 from clutchid.recordings.formats.csv.file import open_file
 from clutchid.recordings.map.channel_map import Channel, ChannelMap
 from clutchid.recordings.recording import pieces
-
-SPECTRUM = Path(__file__).parents[2].parent / "shared" / "data" / "foreign_files" / "csv"
+from fixtures.sources import everything
 
 
 def columns_of(path, rows=None):
     """Headings, values by column, and lines of the samples."""
-    source = open_file(path)
-    headings = source.rasters[0].headings
-    tables = list(source.tables(0, range(len(headings)), rows))
-    values = [np.concatenate([table.numbers[heading.index] for table in tables]) for heading in headings]
-    return [heading.text for heading in headings], values, [t.places.number(i) for t in tables for i in range(t.size)]
+    source, tables, columns = everything(open_file(path), rows)
+    texts = [heading.text for heading in source.rasters[0].headings]
+    return texts, columns, [t.places.number(i) for t in tables for i in range(t.size)]
 
 
 def number(cell):
@@ -33,18 +29,14 @@ def number(cell):
         return np.nan
 
 
-def test_the_files_of_csv_spectrum_are_read_as_the_csv_module_reads_them():
-    files = sorted(SPECTRUM.glob("csv-spectrum_*.csv"))
-    if not files:
-        pytest.skip("the test files of other readers are not here")
-    for path in files:
+def test_the_files_of_csv_spectrum_are_read_as_the_csv_module_reads_them(data):
+    for path in sorted(data("foreign_files/csv").glob("csv-spectrum_*.csv")):
         with path.open(newline="", encoding="utf-8") as file:
             header, *rows = csv.reader(file)
         texts, values, _ = columns_of(path)
         assert texts == [" ".join(cell.split()) for cell in header], path.name
-        np.testing.assert_array_equal(
-            values, [[number(cell) for cell in column] for column in zip(*rows, strict=True)], err_msg=path.name
-        )
+        expected = [[number(cell) for cell in column] for column in zip(*rows, strict=True)]
+        np.testing.assert_array_equal(values, expected, err_msg=path.name)
 
 
 cells = st.text(alphabet='ab1.,;|"\n', max_size=6)

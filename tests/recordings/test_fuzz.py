@@ -13,25 +13,23 @@ pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def driver():
+@pytest.fixture(scope="module")
+def fuzz():
+    """The driver of broken files."""
     spec = importlib.util.spec_from_file_location("fuzz", ROOT / "benchmarks" / "fuzz.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
 
 
-@pytest.mark.parametrize("kind", ["csv", "gz", "parquet", "mf4", "mat", "mat73", "blf", "asc"])
-def test_a_broken_file_is_answered_in_words(kind, tmp_path):
-    fuzz = driver()
-    answers = {seed: fuzz.answered(path, channels) for seed, path, channels in fuzz.cases(kind, range(60), tmp_path)}
-    expected = ("read", "refused", *fuzz.ENDS)
-    assert {seed: answer for seed, answer in answers.items() if answer not in expected} == {}
-    assert answers[0] == "refused"  # the empty file
+def unexpected(fuzz, answers):
+    """Answers that are no words; the first case is an empty file."""
+    assert answers[0] == "refused"
+    return {seed: answer for seed, answer in answers.items() if answer not in ("read", "refused", *fuzz.ENDS)}
 
 
 @pytest.mark.parametrize("kind", ["csv", "gz", "parquet", "mf4", "mat", "mat73", "blf", "asc"])
-def test_the_file_before_it_was_broken_is_read(kind, tmp_path):
-    fuzz = driver()
+def test_a_file_is_read_and_answered_in_words_once_it_is_broken(fuzz, kind, tmp_path):
     path, channels = fuzz.good_file(kind, tmp_path)
     made, known = fuzz.read(path, channels=channels), fuzz.example()
     assert list(made.columns) == list(known.columns)
@@ -39,17 +37,16 @@ def test_the_file_before_it_was_broken_is_read(kind, tmp_path):
         assert np.array_equal(made.time, known.time)
         for name, values in known.columns.items():
             assert np.array_equal(made[name], values, equal_nan=True)
+    answers = {seed: fuzz.answered(path, channels) for seed, path, channels in fuzz.cases(kind, range(60), tmp_path)}
+    assert unexpected(fuzz, answers) == {}
 
 
-def test_a_log_of_can_with_a_broken_database_is_answered_in_words(tmp_path):
-    fuzz = driver()
+def test_a_log_of_can_with_a_broken_database_is_answered_in_words(fuzz, tmp_path):
     answers = {seed: fuzz.answered(path, channels) for seed, path, channels in fuzz.cases("dbc", range(120), tmp_path)}
-    assert {seed: answer for seed, answer in answers.items() if answer not in ("read", "refused", *fuzz.ENDS)} == {}
-    assert answers[0] == "refused"  # the empty database
+    assert unexpected(fuzz, answers) == {}
     assert {"read", "refused"} <= set(answers.values())
 
 
-def test_a_parquet_file_that_promises_samples_and_has_none_is_refused(tmp_path):
-    fuzz = driver()
+def test_a_parquet_file_that_promises_samples_and_has_none_is_refused(fuzz, tmp_path):
     for _, path, channels in fuzz.cases("parquet", [7167, 7428], tmp_path):
         assert fuzz.answered(path, channels) == "refused"

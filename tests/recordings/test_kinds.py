@@ -2,8 +2,6 @@
 
 import gzip
 import io
-import subprocess
-import sys
 import tarfile
 import zipfile
 
@@ -16,11 +14,8 @@ from clutchid.recordings.opening import open_source
 
 DBC = 'VERSION "1.0"\n\nNS_ :\n\nBU_: ECU\nBO_ 256 Clutch: 8 ECU\n SG_ Pos : 0|16@1+ (0.01,0) [0|100] "mm" ECU\n'
 FOREIGN = {
-    "lfs.mf4": (
-        b"version https://git-lfs.github.com/spec/v1\noid sha256:12\n",
-        "Git LFS pointer.*git lfs pull",
-    ),
-    "bus.dbc": (DBC.encode(), "DBC database.*--dbc"),
+    "lfs.mf4": (b"version https://git-lfs.github.com/spec/v1\noid sha256:12\n", "Git LFS pointer.*git lfs pull"),
+    "bus.dbc": (DBC.encode(), "DBC database; name the recording of the bus, and give this file with --dbc"),
     "remarks.dbc": (b"// made by hand\n" + DBC.partition("\n")[2].encode(), "DBC database.*--dbc"),
     "bus.arxml": (b'<?xml version="1.0"?>\n<AUTOSAR xmlns="http://autosar.org/4.0">', "ARXML database.*--dbc"),
     "bus.kcd": (b'<NetworkDefinition xmlns="http://kayak.2codeornot2code.org/1.0">', "KCD database.*--dbc"),
@@ -95,23 +90,7 @@ def test_a_table_of_text_is_never_refused_for_its_beginning(text, tmp_path):
     assert kind_of(text.encode()) == "csv"
 
 
-def test_databases_of_other_projects_are_refused_as_recordings(shared):
-    folder = shared / "data" / "foreign_files" / "dbc"
-    if not folder.is_dir():
-        pytest.skip("no shared/data/foreign_files/dbc beside the repository: its databases are needed.")
-    files = [path for path in sorted(folder.iterdir()) if path.is_file()]
-    accepted = [path.name for path in files if not refusal(path.read_bytes()[:ENOUGH], path)]
+def test_databases_of_other_projects_are_refused_as_recordings(data):
+    files = [path for path in sorted(data("foreign_files/dbc").iterdir()) if path.is_file()]
     assert files
-    assert accepted == []
-
-
-def test_the_command_says_it_in_one_line_with_exit_code_2(tmp_path):
-    path = tmp_path / "bus.dbc"
-    path.write_text(DBC)
-    command = [sys.executable, "-c", "from clutchid.cli import main; main()", "look", str(path)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert done.stderr.strip() == (
-        f"clutchid: {path}: is a DBC database; name the recording of the bus, and give this file with --dbc."
-    )
+    assert [path.name for path in files if not refusal(path.read_bytes()[:ENOUGH], path)] == []

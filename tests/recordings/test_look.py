@@ -16,12 +16,8 @@ def test_columns_are_shown_as_written_and_in_si(recording, save):
     text = recording(4, {(1, 4): "", (2, 4): "7.905"}).replace("[Pa]", "[bar(g)]").replace("150000.0", "0")
     seen = look(save(text))
     pressure = seen.rasters[0].columns[4]
-    assert (pressure.heading, pressure.name, pressure.unit, pressure.si) == (
-        "pressure_a [bar(g)]",
-        "pressure_a",
-        "bar(g)",
-        "Pa",
-    )
+    named = (pressure.heading, pressure.name, pressure.unit, pressure.si)
+    assert named == ("pressure_a [bar(g)]", "pressure_a", "bar(g)", "Pa")
     assert (pressure.low, pressure.high, pressure.low_si, pressure.high_si) == (0.0, 7.905, 1.095e5, 9e5)
     assert pressure.missing == 1
     assert look(save(text), 1e5).rasters[0].columns[4].low_si == 1e5
@@ -32,15 +28,10 @@ def test_columns_are_shown_as_written_and_in_si(recording, save):
 def test_the_time_axis_is_measured(recording, save):
     seen = look(save(recording(10, {(8, 0): "0.500", (9, 0): "0.5015"})))
     time = seen.rasters[0].time
-    assert time is not None
-    assert (time.first, time.last, time.duration) == (0.0, 0.5015, 0.5015)
-    assert time.rate == pytest.approx(1000)
-    assert time.longest == pytest.approx(0.493)
-    assert time.shortest == pytest.approx(0.001)
-    assert time.hole_count == 1
+    assert (time.first, time.last, time.duration, time.hole_count) == (0.0, 0.5015, 0.5015, 1)
+    assert (time.rate, time.longest, time.shortest) == pytest.approx((1000, 0.493, 0.001))
     (hole,) = time.holes
-    assert (hole.place, hole.start) == (9, 0.007)
-    assert hole.length == pytest.approx(0.493)
+    assert (hole.place, hole.start, hole.length) == (9, 0.007, pytest.approx(0.493))
     assert "Holes: 0.493 s after line 9" in str(seen)
 
 
@@ -63,11 +54,8 @@ def test_problems_and_warnings_are_listed_not_raised(save):
     assert len(seen.warnings) == 1
     assert seen.rasters[0].columns[1].si is None
     assert seen.rasters[0].columns[1].high == 1.0
-    assert seen.rasters[0].time is not None
     assert seen.rasters[0].time.shortest == -1.0
-    text = seen.table()
-    assert "Problems:" in text
-    assert all(sentence in text for sentence in (*seen.problems, *seen.warnings))
+    assert all(text in seen.table() for text in ("Problems:", *seen.problems, *seen.warnings))
 
 
 @pytest.mark.parametrize(
@@ -89,10 +77,8 @@ def test_a_file_without_samples_is_a_list_of_problems(save, content, problem):
 def test_a_file_without_names_says_so_and_shows_its_columns(save):
     seen = look(save("1,2.5\n3,4.5\n"))
     assert any("the first line contains numbers" in sentence for sentence in seen.problems)
-    assert [(column.heading, column.high) for column in seen.rasters[0].columns] == [
-        ("column 1", 3.0),
-        ("column 2", 4.5),
-    ]
+    shown = [(column.heading, column.high) for column in seen.rasters[0].columns]
+    assert shown == [("column 1", 3.0), ("column 2", 4.5)]
 
 
 def test_blank_lines_in_a_file_of_one_column_are_no_samples(save):
@@ -102,7 +88,6 @@ def test_blank_lines_in_a_file_of_one_column_are_no_samples(save):
 
 def test_one_sample_has_no_rate(recording, save):
     seen = look(save(recording(1)))
-    assert seen.rasters[0].time is not None
     assert seen.rasters[0].time.rate == 0.0
     assert str(seen).splitlines()[0].endswith("1 sample at 0 s")
 
@@ -115,8 +100,7 @@ def test_parquet_is_looked_at_by_row(tmp_path):
     path = tmp_path / "run.parquet"
     pl.DataFrame({"time [s]": [0, 1, 2, 30], "gear": ["a", "b", "c", "d"]}).write_parquet(path)
     seen = look(path)
-    assert "28 s after row 3" in str(seen)
-    assert "gear" in str(seen)
+    assert all(words in str(seen) for words in ("28 s after row 3", "gear"))
 
 
 def test_the_table_is_aligned(recording, save):
@@ -161,12 +145,8 @@ def test_a_map_without_time_still_shows_its_channels(save):
 
 def test_the_repairs_of_read_are_shown_with_a_map(save):
     path = save("n,Weg,A,B\n" + "".join(f"{i - (i == 7)},{i / 10},{i % 2},0\n" for i in range(100)))
-    entries = {
-        "time": Channel("n", unit="ms"),
-        "position": Channel("Weg", unit="mm"),
-        "duty_supply": Channel("A", unit="1"),
-        "duty_exhaust": Channel("B", unit="1"),
-    }
+    entries = {"time": Channel("n", unit="ms"), "position": Channel("Weg", unit="mm")}
+    entries |= {"duty_supply": Channel("A", unit="1"), "duty_exhaust": Channel("B", unit="1")}
     seen = look(path, channels=ChannelMap(entries))
     assert seen.problems == ()
     assert any("repeats the time stamp of another" in warning for warning in seen.warnings)
@@ -178,11 +158,6 @@ def test_the_repairs_of_read_are_shown_with_a_map(save):
 def test_a_map_of_a_test_rig_needs_no_duty_cycles(save):
     entries = {"position": Channel("Weg", unit="mm"), "force": Channel("n", unit="N")}
     assert look(save(PLAIN), channels=ChannelMap(entries, rate=100.0)).problems == ()
-
-
-def test_a_guessed_time_is_a_warning(save):
-    (warning,) = look(save("t,Weg [mm]\n0,1\n0.1,2\n0.2,3\n")).proposal.open[:1]
-    assert warning == "time: 't' has no unit; [s] is guessed from its intervals."
 
 
 def test_channels_without_numbers_are_listed(save, monkeypatch):

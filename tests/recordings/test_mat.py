@@ -1,6 +1,5 @@
 """MATLAB files of versions 4 to 7, as engineers save them, and those that we write."""
 
-import io
 import json
 import struct
 import zlib
@@ -17,6 +16,7 @@ from clutchid.log import COLUMNS, Log
 from clutchid.recordings.formats.mat import file as mat_file
 from clutchid.recordings.formats.mat import loaded as mat_loaded
 from clutchid.recordings.formats.mat import rasters as mat_rasters
+from fixtures.sources import called, joined, numbers_of, tables_of
 
 N = 40
 T = np.arange(N) / 1000
@@ -35,22 +35,10 @@ def opened(tmp_path):
     return make
 
 
-def called(source):
-    """Names by raster, the clock first."""
-    return [
-        [r.headings[r.clock].text if r.clock is not None else None, *(h.text for h in r.headings if h.index != r.clock)]
-        for r in source.rasters
-    ]
-
-
 def values(source, text):
     """The numbers of the channel that is called `text`."""
-    for index, raster in enumerate(source.rasters):
-        for heading in raster.headings:
-            if heading.text == text:
-                (table,) = source.tables(index, [heading.index])
-                return table.numbers[heading.index]
-    raise AssertionError(f"no channel '{text}'")
+    (raster,) = [i for i, raster in enumerate(source.rasters) if text in [h.text for h in raster.headings]]
+    return numbers_of(source, raster)[text]
 
 
 def heading(source, text):
@@ -274,30 +262,22 @@ def test_the_files_that_come_with_scipy_hold_what_scipy_reads():
     if not files:
         pytest.skip("SciPy is installed without the files of its tests.")
     compared = 0
-    for path in files:
-        source = mat_file.open_file(path)
+    for source in map(mat_file.open_file, files):
         if source.format == "MATLAB 7.3":
             continue
-        expected = loadmat(path)
-        for index, raster in enumerate(source.rasters):
-            (table,) = source.tables(index, range(len(raster.headings)))
-            for channel in raster.headings:
-                name, _, place = channel.text.partition("(")
-                if name not in expected or expected[name].dtype == object:
-                    continue
-                array = expected[name].ravel() if not place else expected[name]
-                row, column = place.strip(")").split(",") if place else ("", "")
-                array = array[int(row) - 1] if row not in ("", ":") else array
-                array = array[:, int(column) - 1] if column not in ("", ":") else array
-                np.testing.assert_array_equal(table.numbers[channel.index], array)
-                compared += 1
+        expected = loadmat(source.path)
+        for index in range(len(source.rasters)):
+            for text, numbers in numbers_of(source, index).items():
+                name, _, place = text.partition("(")
+                if name in expected and expected[name].dtype != object:
+                    at = [slice(None) if i == ":" else int(i) - 1 for i in place.strip(")").split(",")] if place else []
+                    np.testing.assert_array_equal(numbers, expected[name][tuple(at)].ravel())
+                    compared += 1
     assert compared > 50
 
 
-def test_the_pneumatic_cylinder():
-    path = Path(__file__).resolve().parents[3] / "shared" / "data" / "wbident_pneumatic_cylinder" / "data.mat"
-    if not path.is_file():
-        pytest.skip("no shared/data/wbident_pneumatic_cylinder beside the repository: its recording is needed.")
+def test_the_pneumatic_cylinder(data):
+    path = data("wbident_pneumatic_cylinder/data.mat")
     source = mat_file.open_file(path)
     assert called(source) == [["t", "desl", "press"]]
     assert (source.format, source.rasters[0].size, source.problems, source.warnings) == ("MATLAB 5", 10_000, (), ())
@@ -327,8 +307,8 @@ def test_what_is_written_is_read_back_exactly(tmp_path_factory, log):
     source = mat_file.open_file(path)
     assert (source.problems, source.warnings, source.metadata) == ((), (), log.metadata)
     (raster,) = source.rasters
-    (table,) = source.tables(0, range(len(raster.headings)))
-    back = {heading.name: table.numbers[heading.index] for heading in raster.headings}
+    numbers = joined(tables_of(source))
+    back = {heading.name: numbers[heading.index] for heading in raster.headings}
     assert raster.headings[raster.clock].name == "time"
     assert set(back) == {"time", *log.columns}
     for name, written in {"time": log.time, **log.columns}.items():
@@ -359,13 +339,9 @@ def test_a_variable_of_our_name_from_another_program_does_no_harm(opened, text):
     assert list(source.metadata) == ["mat_header"]
 
 
-def test_files_are_told_by_their_content():
-    written = io.BytesIO()
-    savemat(written, {"t": T})
-    assert mat_file.is_mat(written.getvalue()[: mat_file.HEAD])
-    old = io.BytesIO()
-    savemat(old, {"t": T}, format="4")
-    assert mat_file.is_mat(old.getvalue())
+def test_files_are_told_by_their_content(opened):
+    for form in ("5", "4"):
+        assert mat_file.is_mat(opened({"t": T}, format=form).path.read_bytes()[: mat_file.HEAD])
     assert mat_file.is_mat(b"\x89HDF\r\n\x1a\n")
     for head in (b"", b"PAR1", b"time [s],position [m]\n0,1\n", b"MDF     4.10", bytes(1024), b"\xff" * 1024):
         assert not mat_file.is_mat(head)

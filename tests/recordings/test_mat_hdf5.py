@@ -1,6 +1,7 @@
 """MATLAB 7.3 files, made with h5py in the form that MATLAB writes."""
 
 import sys
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from clutchid.errors import DataError, MissingExtra
 from clutchid.recordings.formats.mat import file as mat_file
 from clutchid.recordings.formats.mat import hdf5 as mat_hdf5
+from fixtures.sources import called, numbers_of
 
 h5py = pytest.importorskip("h5py", reason="h5py is needed, of the extra 'mat'.")
 
@@ -76,13 +78,6 @@ def made(tmp_path):
     return make
 
 
-def called(source):
-    return [
-        [r.headings[r.clock].text if r.clock is not None else None, *(h.text for h in r.headings if h.index != r.clock)]
-        for r in source.rasters
-    ]
-
-
 @pytest.mark.parametrize("userblock", [0, 512])
 def test_vectors_and_structs(made, userblock):
     path = made({"t": T, "y": Y, "on": T > 1, "rec": {"time": T[:9], "p": Y[:9], "unit": "bar"}}, userblock=userblock)
@@ -92,12 +87,10 @@ def test_vectors_and_structs(made, userblock):
     assert sorted(map(sorted, called(source))) == [["on", "t", "y"], ["rec.p", "rec.time"]]
     assert {h.text: h.unit for r in source.rasters for h in r.headings}["rec.p"] == "bar"
     index = next(i for i, raster in enumerate(source.rasters) if raster.size == N)
-    names = [heading.text for heading in source.rasters[index].headings]
-    tables = list(source.tables(index, [0, 1, 2], 700))
-    assert [table.size for table in tables] == [700, 700, 700, 700, 200]
+    assert [table.size for table in source.tables(index, [0], 700)] == [700, 700, 700, 700, 200]
+    numbers = numbers_of(source, index, 700)
     for name, expected in {"t": T, "y": Y, "on": T > 1}.items():
-        read = np.concatenate([table.numbers[names.index(name)] for table in tables])
-        np.testing.assert_array_equal(read, expected)
+        np.testing.assert_array_equal(numbers[name], expected)
 
 
 def test_matrices_have_their_samples_in_columns_or_rows(made):
@@ -108,9 +101,8 @@ def test_matrices_have_their_samples_in_columns_or_rows(made):
         ["tall(:,1)", "tall(:,2)"],
         ["wide(1,:)", "wide(2,:)", "wide(3,:)"],
     ]
-    for raster, column, expected in [(0, 1, -Y[:20]), (1, 1, Y[:50]), (2, 2, -Y[:30])]:
-        tables = list(source.tables(raster, [column], 11))
-        np.testing.assert_array_equal(np.concatenate([table.numbers[column] for table in tables]), expected)
+    for raster, name, expected in [(0, "cube(2,:)", -Y[:20]), (1, "tall(:,2)", Y[:50]), (2, "wide(3,:)", -Y[:30])]:
+        np.testing.assert_array_equal(numbers_of(source, raster, 11)[name], expected)
 
 
 @pytest.mark.parametrize("size", [1, 5])
@@ -193,32 +185,21 @@ def test_damaged_samples_are_an_error_that_names_the_file(made):
     data[len(data) // 2 : len(data) // 2 + 2000] = bytes(2000)
     path.write_bytes(data)
     source = mat_file.open_file(path)
-    with pytest.raises(
-        DataError, match=r"run\.mat: is no whole MATLAB 7\.3 \(HDF5\) file \(.*\); copy or save it again\."
-    ):
+    words = r"run\.mat: is no whole MATLAB 7\.3 \(HDF5\) file \(.*\); copy or save it again\."
+    with pytest.raises(DataError, match=words):
         list(source.tables(0, [0]))
 
 
 def test_a_large_channel_is_read_in_bounded_memory(made, monkeypatch):
-    asked = []
-    source = mat_file.open_file(made({"t": T, "y": Y}))
-    plain = mat_hdf5.opened
+    asked, plain = [], mat_hdf5.opened
 
+    @contextmanager
     def watched(path):
-        reading = plain(path)
-
-        class Watch:
-            def __enter__(self):
-                read = reading.__enter__()
-                return lambda numbers, channel, a, b: asked.append(b - a) or read(numbers, channel, a, b)
-
-            def __exit__(self, *error):
-                return reading.__exit__(*error)
-
-        return Watch()
+        with plain(path) as read:
+            yield lambda numbers, channel, a, b: asked.append(b - a) or read(numbers, channel, a, b)
 
     monkeypatch.setattr(mat_file, "_V73", mat_file._V73.__class__("MATLAB 7.3", mat_hdf5.contents, watched))
-    source = mat_file.open_file(source.path)
+    source = mat_file.open_file(made({"t": T, "y": Y}))
     asked.clear()
     assert sum(table.size for table in source.tables(0, [0, 1], 100)) == N
     assert max(asked) == 100

@@ -10,6 +10,7 @@ from scipy.io.matlab import MatlabOpaque
 
 from clutchid.recordings.formats.mat import file as mat_file
 from clutchid.recordings.formats.mat.loaded import class_object, node
+from fixtures.sources import called, numbers_of
 
 N = 40
 T = np.arange(N) / 1000
@@ -70,11 +71,8 @@ def timetable(times, **columns):
 
 def read(source):
     """Names, units and samples of every channel, by raster."""
-    found = []
-    for index, raster in enumerate(source.rasters):
-        (table,) = source.tables(index, range(len(raster.headings)))
-        found.append({h.text: (h.unit, table.numbers[h.index]) for h in raster.headings})
-    return found
+    numbers = [numbers_of(source, index) for index in range(len(source.rasters))]
+    return [{h.text: (h.unit, n[h.text]) for h in r.headings} for r, n in zip(source.rasters, numbers, strict=True)]
 
 
 @pytest.mark.parametrize("version", ["v7", "v7.3"])
@@ -84,11 +82,8 @@ def test_a_timetable_is_a_struct_of_its_columns_and_times(saved, version):
     source = saved(version, rec=timetable(duration(T), stroke=Y, pressure=-Y), z=column(Y))
     assert (source.problems, source.warnings) == ((), ())
     named, plain = read(source)
-    assert {name: unit for name, (unit, _) in named.items()} == {
-        "rec.Time": "s",
-        "rec.stroke": "mm",
-        "rec.pressure": "mm",
-    }
+    units = {name: unit for name, (unit, _) in named.items()}
+    assert units == {"rec.Time": "s", "rec.stroke": "mm", "rec.pressure": "mm"}
     assert source.rasters[0].headings[source.rasters[0].clock].text == "rec.Time"
     np.testing.assert_allclose(named["rec.Time"][1], T, rtol=1e-15)
     np.testing.assert_array_equal(named["rec.pressure"][1], -Y)
@@ -124,13 +119,8 @@ def test_a_table_is_a_struct_with_its_units(saved):
 @pytest.mark.parametrize("regular", [True, False])
 def test_a_timeseries_is_a_struct_of_time_and_data(saved, regular):
     times = column([]) if regular else column(T)
-    about = made(
-        "tsdata.timemetadata",
-        Units=np.array(["seconds"]),
-        Start_=column([0.5]),
-        Increment_=column([1e-3]),
-        Length=column([N]),
-    )
+    grid = {"Start_": column([0.5]), "Increment_": column([1e-3]), "Length": column([N])}
+    about = made("tsdata.timemetadata", Units=np.array(["seconds"]), **grid)
     info = made("tsdata.datametadata", Units=np.array(["mm"]))
     (named,) = read(saved(ts=made("timeseries", Data_=column(Y), Time_=times, TimeInfo=about, DataInfo=info)))
     assert {name: unit for name, (unit, _) in named.items()} == {"ts.time": "s", "ts.data": "mm"}
@@ -179,9 +169,6 @@ def test_simulinks_dataset_and_timeseries_as_structs(tmp_path):
     savemat(tmp_path / "run.mat", {"ts": series, "logsout": cell})
     source = mat_file.open_file(tmp_path / "run.mat")
     assert source.problems == ()
-    assert [[heading.text for heading in raster.headings] for raster in source.rasters] == [
-        ["ts.Time", "ts.Data"],
-        ["logsout{1}.Values.Time", "logsout{1}.Values.Data"],
-    ]
+    assert called(source) == [["ts.Time", "ts.Data"], ["logsout{1}.Values.Time", "logsout{1}.Values.Data"]]
     assert source.rasters[0].headings[1].unit == "mm"
     np.testing.assert_array_equal(read(source)[1]["logsout{1}.Values.Data"][1], Y[:20])

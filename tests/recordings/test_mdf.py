@@ -2,7 +2,6 @@
 
 import contextlib
 import gc
-import random
 import struct
 import sys
 import zipfile
@@ -18,6 +17,7 @@ from clutchid.recordings.formats.can.mf4 import frame_log
 from clutchid.recordings.formats.mdf.file import open_file, save
 from clutchid.recordings.formats.mdf.numbers import formula
 from clutchid.recordings.source import BLOCK
+from fixtures.sources import joined, spoiled, tables_of
 
 pytest.importorskip("asammdf", reason="reading MDF needs asammdf: pip install '.[mdf]'")
 
@@ -51,22 +51,12 @@ class Bytes:
         links = (following, channel, self.text(name) if name else 0, 0, 0, 0)
         return self.add(b"##CG", links, struct.pack("<QQHHIII", number, cycles, flags, 0, 0, size, invalid))
 
-    def finish(self, group, records, *, id_size=0):
-        """The file with one data group, and its data block last."""
+    def finish(self, group, records, *, id_size=0, lost=False):
+        """The file with one data group, data last; without its length and count where the logger lost its power."""
         dg = self.add(b"##DG", (0, group, 0, 0), struct.pack("<B7x", id_size))
         struct.pack_into("<Q", self.data, dg + 40, len(self.data))
-        self.add(b"##DT", body=records)
-        return self.header(dg)
-
-    def lost(self, group, records, *, id_size=0):
-        """The file of a logger that lost its power: data last, without length or count."""
-        dg = self.add(b"##DG", (0, group, 0, 0), struct.pack("<B7x", id_size))
-        data = self.add(b"##DT")
-        struct.pack_into("<Q", self.data, dg + 40, data)
-        self.data += records
-        return self.header(dg)
-
-    def header(self, dg):
+        self.add(b"##DT", body=b"" if lost else records)
+        self.data += records if lost else b""
         head = struct.pack("<4s4xQQ6Q", b"##HD", 104, 6, dg, 0, 0, 0, 0, 0)
         self.data[64:168] = head + struct.pack("<QhhBBBBdd", 0, 0, 0, 0, 0, 0, 0, 0, 0)
         return bytes(self.data)
@@ -87,8 +77,7 @@ def every(path, raster=0, rows=None):
     """All channels of a raster as one array each."""
     source = open_file(path)
     assert source.problems == ()
-    parts = list(source.tables(raster, range(len(source.rasters[raster].headings)), rows))
-    return [np.concatenate([part.numbers[i] for part in parts]) for i in parts[0].numbers]
+    return list(joined(tables_of(source, rows, raster)).values())
 
 
 @pytest.fixture
@@ -96,15 +85,6 @@ def small(save):
     """A sound file of 9 samples."""
     file = Bytes()
     return save(file.finish(file.group(two_channels(file), 9, 10, name="motion"), records_of(9)), "run.mf4")
-
-
-@pytest.fixture(scope="module")
-def logs(shared):
-    """Folder of the real CAN logs."""
-    folder = shared / "data" / "mf4_can_logs"
-    if not folder.is_dir():
-        pytest.skip("no shared/data/mf4_can_logs beside the repository: real CAN logs are needed.")
-    return folder
 
 
 values = st.floats(allow_nan=True, allow_infinity=True, width=64)
@@ -148,9 +128,8 @@ def test_a_long_log_is_written_and_read_in_blocks_that_count_on(tmp_path):
 def test_the_start_of_the_measurement_is_in_the_header_for_other_programs(tmp_path):
     import asammdf
 
-    save(
-        Log(np.zeros(1), {"position": np.zeros(1)}, metadata={"start": "2024-05-01T12:00:00+02:00"}), tmp_path / "a.mf4"
-    )
+    start = {"start": "2024-05-01T12:00:00+02:00"}
+    save(Log(np.zeros(1), {"position": np.zeros(1)}, metadata=start), tmp_path / "a.mf4")
     with asammdf.MDF(tmp_path / "a.mf4") as mdf:
         assert mdf.header.start_time.isoformat() == "2024-05-01T12:00:00+02:00"
 
@@ -162,9 +141,8 @@ def test_a_log_without_a_column_is_not_written(tmp_path):
 
 def test_without_asammdf_the_way_to_install_it_is_told(small, monkeypatch):
     monkeypatch.setitem(sys.modules, "asammdf", None)
-    with pytest.raises(
-        MissingExtra, match=r"needs asammdf, which is not installed.* -m pip install \"asammdf<9,>=8.8\""
-    ):
+    words = r"needs asammdf, which is not installed.* -m pip install \"asammdf<9,>=8.8\""
+    with pytest.raises(MissingExtra, match=words):
         open_file(small)
 
 
@@ -218,7 +196,7 @@ def test_a_file_whose_logger_lost_power_keeps_its_whole_records(save, mixed):
     file = Bytes(b"UnFinMF ", flags=5)
     group = file.group(two_channels(file), 0, 10, number=1 if mixed else 0)
     records = records_of(7, b"\x01" if mixed else b"")
-    path = save(file.lost(group, records[:-3], id_size=int(mixed)), "run.mf4")
+    path = save(file.finish(group, records[:-3], id_size=int(mixed), lost=True), "run.mf4")
     before = path.read_bytes()
     time, position = every(path)
     assert path.read_bytes() == before
@@ -319,45 +297,33 @@ def test_files_of_asammdf_give_what_its_own_conversion_gives(tmp_path, version, 
             np.testing.assert_allclose(columns[name], mdf.get(name).samples, rtol=8 * np.finfo(float).eps)
 
 
-def foreign_files(folder, scratch):
-    """asammdf's own test files, those in its archive unpacked."""
-    with zipfile.ZipFile(folder / "v0_test.demo.zip") as archive:
-        archive.extractall(scratch)
-    stored = [path for path in folder.iterdir() if path.read_bytes()[:3] == b"MDF"]
-    return sorted([*stored, *scratch.iterdir()])
+def numeric(mdf, group):
+    """The channels of a group that asammdf gives as one number a sample, by their names."""
+    channels = enumerate(mdf.groups[group].channels)
+    samples = {channel.name: mdf.get(None, group, i).samples for i, channel in channels}
+    return {name: values for name, values in samples.items() if values.ndim == 1 and values.dtype.kind in "uif"}
 
 
-def test_files_of_many_versions_give_in_pieces_what_asammdf_gives_as_a_whole(shared, tmp_path):
+def test_files_of_many_versions_give_in_pieces_what_asammdf_gives_as_a_whole(data, tmp_path):
     import asammdf
 
-    folder = shared / "data" / "foreign_files" / "asammdf_old"
-    if not folder.is_dir():
-        pytest.skip(
-            "no shared/data/foreign_files/asammdf_old beside the repository: files of other programs are needed."
-        )
-    paths = foreign_files(folder, tmp_path)
+    folder = data("foreign_files/asammdf_old")
+    with zipfile.ZipFile(folder / "v0_test.demo.zip") as archive:
+        archive.extractall(tmp_path)
+    paths = [*(path for path in folder.iterdir() if path.read_bytes()[:3] == b"MDF"), *tmp_path.iterdir()]
     assert len(paths) == 16
     for path in paths:
         source = open_file(path)
         with asammdf.MDF(path) as mdf:
             groups = [mdf.virtual_groups_map[i] for i, group in enumerate(mdf.groups) if group.channel_group.cycles_nr]
             for number, (raster, group) in enumerate(zip(source.rasters, groups, strict=True)):
-                theirs = {
-                    mdf.groups[group].channels[i].name: mdf.get(None, group, i).samples for i in numeric(mdf, group)
-                }
+                theirs = numeric(mdf, group)
                 ours = dict(zip([h.text for h in raster.headings], every(path, number, rows=100), strict=True))
                 assert {name for name, _ in raster.others}.isdisjoint(ours)
-                for name in ours.keys() & theirs.keys():
-                    np.testing.assert_allclose(
-                        ours[name], theirs[name].astype(float), rtol=1e-6, err_msg=f"{path} {name}"
-                    )
-                assert len(theirs) <= len(ours.keys() & theirs.keys())
-
-
-def numeric(mdf, group):
-    """The channels of a group that asammdf gives as one number a sample."""
-    channels = range(len(mdf.groups[group].channels))
-    return [i for i in channels if (s := mdf.get(None, group, i).samples).ndim == 1 and s.dtype.kind in "uif"]
+                assert theirs.keys() <= ours.keys()
+                for name, values in theirs.items():
+                    place = f"{path} {name}"
+                    np.testing.assert_allclose(ours[name], values.astype(float), rtol=1e-6, err_msg=place)
 
 
 def texts_for_values(file, texts, default=0):
@@ -417,15 +383,10 @@ def test_switches_texts_and_arrays_of_files_of_asammdf_are_told_apart(tmp_path, 
     time = np.arange(3) / 10
     numbers = np.array([0, 1, 2], dtype="u1")
     rules = {"Valve": [b"Off", b"On", b"Fault"], "Mode": [b"eco", b"sport", b"snow"]}
-    signals = [
-        asammdf.Signal(
-            numbers,
-            time,
-            name=name,
-            conversion={f"val_{i}": i for i in range(3)} | {f"text_{i}": t for i, t in enumerate(texts)},
-        )
-        for name, texts in rules.items()
-    ]
+    signals = []
+    for name, texts in rules.items():
+        rule = {f"val_{i}": i for i in range(3)} | {f"text_{i}": text for i, text in enumerate(texts)}
+        signals.append(asammdf.Signal(numbers, time, name=name, conversion=rule))
     signals.append(asammdf.Signal(np.array([b"a", b"b", b"c"]), time, name="Note", encoding="utf-8"))
     with asammdf.MDF(version=version) as mdf:
         mdf.append(signals, common_timebase=True)
@@ -482,10 +443,9 @@ def test_a_file_that_is_cut_anywhere_is_refused_in_one_sentence(small):
     for end in (*range(0, len(whole) - 6, 9), len(whole) - 7):  # the last 6 bytes only fill up to a multiple of 8
         small.write_bytes(whole[:end])
         source = open_file(small)
+        (problem,) = source.problems
         assert source.rasters == ()
-        assert len(source.problems) == 1
-        assert source.problems[0].count(". ") == 0
-        assert source.problems[0].endswith(".")
+        assert (problem.count(". "), problem[-1]) == (0, ".")
 
 
 def test_what_asammdf_leaves_half_made_is_not_heard_of(small, monkeypatch, capfd):
@@ -527,9 +487,9 @@ def test_a_packed_block_that_cannot_be_unpacked_gives_no_numbers(tmp_path):
         assert all(np.isfinite(table.numbers[1]).all() for table in tables)
 
 
-def test_every_real_log_opens_and_says_that_it_holds_frames(logs):
+def test_every_real_log_opens_and_says_that_it_holds_frames(bus_logs):
     told = {}
-    for path in sorted(logs.glob("*.MF4")):
+    for path in sorted(bus_logs.glob("*.MF4")):
         source = open_file(path)
         assert (source.problems, source.rasters) == ((), ())
         assert frame_log(path) is not None
@@ -542,25 +502,14 @@ def test_every_real_log_opens_and_says_that_it_holds_frames(logs):
     assert told["css_94C49784_nmea"][0][0] == "7 groups without samples are left out."
 
 
-@pytest.mark.parametrize("kind", ["cut", "bits"])
-def test_spoiled_files_end_in_sentences(small, tmp_path, capfd, kind):
+def test_spoiled_files_end_in_sentences(small, tmp_path, capfd):
     save(Log(np.arange(50) / 1000, {"position": np.arange(50.0)}), tmp_path / "packed.mf4")
     originals = [small.read_bytes(), (tmp_path / "packed.mf4").read_bytes()]
-    for case in range(100):
-        small.write_bytes(spoiled(originals[case % 2], kind, random.Random(case)))
+    for seed in range(200):
+        small.write_bytes(spoiled(originals[seed // 4 % 2], seed))
         source = open_file(small)
         assert all("\n" not in problem and len(problem) < 300 for problem in source.problems)
         for number, raster in enumerate(source.rasters):
             with contextlib.suppress(DataError):
-                assert sum(table.size for table in source.tables(number, range(len(raster.headings)))) == raster.size
+                assert sum(table.size for table in tables_of(source, 16, number)) == raster.size
     assert capfd.readouterr() == ("", "")
-
-
-def spoiled(data, kind, dice):
-    data = bytearray(data)
-    if kind == "cut":
-        return bytes(data[: dice.randrange(len(data))])
-    for _ in range(dice.choice((1, 2, 10))):
-        place = dice.randrange(len(data) - 8)
-        data[place] ^= 1 << dice.randrange(8)
-    return bytes(data)

@@ -2,7 +2,6 @@
 
 import datetime
 import sys
-from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -14,6 +13,7 @@ import clutchid.recordings as cio
 from clutchid.errors import DataError, install_command
 from clutchid.recordings.formats.parquet import file as parquet_file
 from clutchid.recordings.formats.parquet.footer import damage
+from fixtures.sources import everything
 
 GOOD = {
     "time [ms]": [0, 1, 2],
@@ -58,10 +58,8 @@ def test_problems_are_located_by_row(parquet):
     columns = GOOD | {"time [ms]": [0.0, None, 0.0], "duty_exhaust [1]": [0.0, -1.0, 0.0]}
     with pytest.raises(DataError) as caught:
         cio.read(parquet(columns))
-    text = str(caught.value)
-    assert "'time [ms]' is missing in row 2;" in text
-    assert "row 3 has 0 ms after 0 ms;" in text
-    assert "row 2 has -1;" in text
+    for part in ("'time [ms]' is missing in row 2;", "row 3 has 0 ms after 0 ms;", "row 2 has -1;"):
+        assert part in str(caught.value)
 
 
 def test_holes_are_located_by_row(parquet):
@@ -72,22 +70,23 @@ def test_holes_are_located_by_row(parquet):
 
 @pytest.mark.parametrize("values", [["a", "b", "c"], [True, False, True], [datetime.date(2024, 1, 1)] * 3])
 def test_a_column_that_holds_no_numbers(parquet, values):
-    with pytest.raises(
-        DataError, match=r"column 'position \[mm\]' holds (text|truth values|dates); write numbers \(Float64\)"
-    ):
+    words = r"column 'position \[mm\]' holds (text|truth values|dates); write numbers \(Float64\)"
+    with pytest.raises(DataError, match=words):
         cio.read(parquet(GOOD | {"position [mm]": values}))
     log = cio.read(parquet(GOOD | {"comment": values}))
     assert any("'comment'" in warning and "left out" in warning for warning in log.warnings)
 
 
-def test_a_table_without_samples(parquet):
-    with pytest.raises(DataError, match="there are columns, but no samples;"):
-        cio.read(parquet({name: pl.Series([], dtype=pl.Float64) for name in GOOD}))
-
-
-def test_a_table_without_columns(parquet):
-    with pytest.raises(DataError, match="no columns 'time'"):
-        cio.read(parquet({"a": [1.0]}))
+@pytest.mark.parametrize(
+    ("columns", "words"),
+    [
+        ({name: pl.Series([], dtype=pl.Float64) for name in GOOD}, "there are columns, but no samples;"),
+        ({"a": [1.0]}, "no columns 'time'"),
+    ],
+)
+def test_a_table_without_samples_or_columns(parquet, columns, words):
+    with pytest.raises(DataError, match=words):
+        cio.read(parquet(columns))
 
 
 @pytest.mark.parametrize("kept", [0.02, 0.5, 0.9, 0.99])
@@ -113,10 +112,7 @@ def test_metadata_of_other_programs_do_no_harm(tmp_path, text, expected):
 
 def read(path, rows=None):
     """The source, its tables, and the numbers of every column."""
-    source = parquet_file.open_file(path)
-    tables = list(source.tables(0, range(len(source.rasters[0].headings)), rows))
-    columns = [np.concatenate([table.numbers[index] for table in tables]) for index in tables[0].numbers]
-    return source, tables, columns
+    return everything(parquet_file.open_file(path), rows)
 
 
 @pytest.mark.parametrize("rows", [None, 1, 7, 100, 1000])
@@ -160,14 +156,14 @@ def test_a_whole_file_is_not_taken_for_a_damaged_one(tmp_path, compression):
 
 
 @settings(max_examples=150, deadline=None)
-@given(data=st.data())
-def test_a_damaged_file_is_read_or_refused_in_a_sentence(tmp_path_factory, data):
+@given(drawn=st.data())
+def test_a_damaged_file_is_read_or_refused_in_a_sentence(tmp_path_factory, drawn):
     path = tmp_path_factory.mktemp("damaged") / "run.parquet"
     pl.DataFrame(GOOD).write_parquet(path)
     content = bytearray(path.read_bytes())
-    for place in data.draw(st.lists(st.integers(4, len(content) - 1), max_size=4)):
-        content[place] ^= 1 << data.draw(st.integers(0, 7))
-    path.write_bytes(content[: data.draw(st.integers(4, len(content)))])
+    for place in drawn.draw(st.lists(st.integers(4, len(content) - 1), max_size=4)):
+        content[place] ^= 1 << drawn.draw(st.integers(0, 7))
+    path.write_bytes(content[: drawn.draw(st.integers(4, len(content)))])
     source = parquet_file.open_file(path)
     assert source.problems or all(table.size >= 0 for table in source.tables(0, [0, 1], 2))
 
@@ -181,15 +177,6 @@ def test_a_page_that_claims_more_samples_than_the_file_is_refused_before_it_is_r
     path.write_bytes(content.replace(header, bytes([0x15, 0xFF, 127]), 1))
     (problem,) = parquet_file.open_file(path).problems
     assert problem.startswith("is no complete Parquet file (the page before byte")
-
-
-FOREIGN = Path(__file__).resolve().parents[3] / "shared" / "data" / "foreign_files" / "parquet"
-
-
-def foreign(name):
-    if not (FOREIGN / name).is_file():
-        pytest.skip("no shared/data/foreign_files/parquet beside the repository: its files are needed.")
-    return FOREIGN / name
 
 
 def test_columns_without_numbers_are_named_with_what_they_hold_and_not_loaded(tmp_path):
@@ -214,8 +201,8 @@ def test_a_file_without_numbers_says_what_it_holds(parquet):
     )
 
 
-def test_damaged_pages_of_a_text_column_do_not_matter():
-    source, tables, columns = read(foreign("data_nation.dict-malformed.parquet"))
+def test_damaged_pages_of_a_text_column_do_not_matter(data):
+    source, tables, columns = read(data("foreign_files/parquet/data_nation.dict-malformed.parquet"))
     assert (source.problems, [table.problems for table in tables]) == ((), [()])
     np.testing.assert_array_equal(columns[0], np.arange(25))
 
@@ -228,8 +215,8 @@ def test_damaged_pages_of_a_text_column_do_not_matter():
         "data_uniform_encryption.parquet.encrypted",
     ],
 )
-def test_an_encrypted_file_is_refused_as_such(name):
-    assert parquet_file.open_file(foreign(name)).problems == (
+def test_an_encrypted_file_is_refused_as_such(data, name):
+    assert parquet_file.open_file(data(f"foreign_files/parquet/{name}")).problems == (
         "is encrypted; decrypt it with the program that wrote it, or write it again without encryption.",
     )
 
@@ -242,9 +229,9 @@ def test_an_encrypted_file_is_refused_as_such(name):
         ("data_dict-page-offset-zero.parquet", {"l_partkey": [1552] * 39}),
     ],
 )
-def test_what_polars_refuses_is_read_with_pyarrow(name, numbers):
+def test_what_polars_refuses_is_read_with_pyarrow(data, name, numbers):
     pytest.importorskip("pyarrow", reason="PyArrow is needed, of the extra 'parquet'.")
-    source, _, columns = read(foreign(name))
+    source, _, columns = read(data(f"foreign_files/parquet/{name}"))
     assert [heading.text for heading in source.rasters[0].headings] == list(numbers)
     for values, expected in zip(columns, numbers.values(), strict=True):
         np.testing.assert_array_equal(values, expected)
@@ -265,16 +252,16 @@ def test_columns_of_one_name_are_told_apart(tmp_path):
     np.testing.assert_array_equal(table.numbers[2], [4, 5, 6])
 
 
-def test_without_pyarrow_what_polars_refuses_names_the_extra(monkeypatch):
-    path = foreign("shredded_variant_case-001.parquet")
+def test_without_pyarrow_what_polars_refuses_names_the_extra(data, monkeypatch):
+    path = data("foreign_files/parquet/shredded_variant_case-001.parquet")
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
     (problem,) = parquet_file.open_file(path).problems
     assert f"PyArrow may read it: {install_command('parquet')}" in problem
 
 
-def test_a_panic_of_polars_reaches_neither_the_sentence_nor_the_standard_error(monkeypatch, capfd):
-    path = foreign("bad_data_ARROW-GH-41317.parquet")
+def test_a_panic_of_polars_reaches_neither_the_sentence_nor_the_standard_error(data, monkeypatch, capfd):
+    path = data("foreign_files/parquet/bad_data_ARROW-GH-41317.parquet")
     monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
     (problem,) = parquet_file.open_file(path).problems
     assert "unwrap" not in problem

@@ -18,6 +18,11 @@ def proposed(source, *names, units=("s", "mm", "%", "%", "bar(g)"), scale=(1, 20
     return propose(source(columns, clock=False))
 
 
+def chosen(proposal):
+    """The channel of each quantity."""
+    return {name: entry.channel for name, entry in proposal.channels.channels.items()}
+
+
 @pytest.mark.parametrize(
     "names",
     [
@@ -34,8 +39,9 @@ def proposed(source, *names, units=("s", "mm", "%", "%", "bar(g)"), scale=(1, 20
 )
 def test_english_and_german_names_are_known(source, names):
     found = proposed(source, *names)
-    told = {name: entry.channel for name, entry in found.channels.channels.items()}
-    assert told == dict(zip(("time", "position", "duty_supply", "duty_exhaust", "pressure_a"), names, strict=True))
+    assert chosen(found) == dict(
+        zip(("time", "position", "duty_supply", "duty_exhaust", "pressure_a"), names, strict=True)
+    )
     assert found.complete, found.open
 
 
@@ -43,10 +49,7 @@ def test_other_pressures_and_positions_are_left_alone(source):
     names = ("time", "ThrottlePosition", "BrakePressure", "EngineOilPress", "Kupplungsweg", "Steering_Pos")
     columns = {name: ("bar" if "ress" in name else "s" if name == "time" else "mm", TIME) for name in names}
     found = propose(source(columns, clock=False))
-    assert {name: entry.channel for name, entry in found.channels.channels.items()} == {
-        "time": "time",
-        "position": "Kupplungsweg",
-    }
+    assert chosen(found) == {"time": "time", "position": "Kupplungsweg"}
     assert found.open == (
         "duty_supply: no channel name matches; add it to the map.",
         "duty_exhaust: no channel name matches; add it to the map.",
@@ -56,9 +59,7 @@ def test_other_pressures_and_positions_are_left_alone(source):
 def test_a_j1939_reservoir_is_the_supply_and_a_circuit_is_no_chamber(source):
     columns = {"time": ("s", TIME), "PneumaticSupplyPress": ("kPa", 900 + TIME), "Clutch_Pos": ("%", TIME)}
     found = propose(source(columns))
-    assert {name: entry.channel for name, entry in found.channels.channels.items()} == {
-        "pressure_supply": "PneumaticSupplyPress"
-    }
+    assert chosen(found) == {"pressure_supply": "PneumaticSupplyPress"}
 
 
 def test_a_unit_is_guessed_from_the_range_and_has_to_be_confirmed(source):
@@ -71,10 +72,8 @@ def test_a_unit_is_guessed_from_the_range_and_has_to_be_confirmed(source):
 
 
 def test_two_that_fit_as_well_are_told(source):
-    found = proposed(
-        source, "t", "Weg", "duty_fill", "duty_vent", "p", units=("s", "mm", "1", "1", "bar(g)"), scale=(1,) * 5
-    )
-    assert found.complete
+    names, units = ("t", "Weg", "duty_fill", "duty_vent", "p"), ("s", "mm", "1", "1", "bar(g)")
+    assert proposed(source, *names, units=units, scale=(1,) * 5).complete
     columns = {"t": ("s", TIME), "Weg 1": ("mm", TIME), "Weg 2": ("mm", TIME)}
     both = propose(source(columns, clock=False))
     assert "position: 'Weg 1' is proposed, but 'Weg 2' would match as well." in both.open
@@ -90,11 +89,9 @@ def test_a_constant_channel_is_proposed_for_nothing(source):
     still = np.full(100, 3.3)
     columns = {"t": ("s", TIME), "ClutchPos": ("mm", still), "Weg": ("mm", TIME), "pCyl": ("bar", still)}
     found = propose(source(columns, clock=False), (*REQUIRED, "pressure_a"))
-    assert {name: entry.channel for name, entry in found.channels.channels.items()} == {"time": "t", "position": "Weg"}
-    assert (
-        "pressure_a: only constant channels match by name, 'pCyl' (always 3.3); add the right one to the map."
-        in found.open
-    )
+    assert chosen(found) == {"time": "t", "position": "Weg"}
+    said = "pressure_a: only constant channels match by name, 'pCyl' (always 3.3); add the right one to the map."
+    assert said in found.open
 
 
 def test_a_channel_that_rests_for_its_first_samples_only_is_not_constant(source):

@@ -1,5 +1,6 @@
-"""Records as tables of a TOML file: what is written is read, and what is wrong is said with its place."""
+"""Records as tables of a TOML file: what is written is read, and whatever people give is one sentence, at once."""
 
+import time
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -9,9 +10,10 @@ import numpy as np
 import pytest
 import tomli_w
 
-from clutchid.errors import ParameterError
+from clutchid.errors import DataError, ParameterError
+from clutchid.estimation.parameter_file import read_parameters
 from clutchid.log import FloatArray
-from clutchid.recordings.records import Rule, collected, plain, read, table
+from clutchid.recordings.records import Rule, collected, plain, read, read_toml, table
 
 
 class Span(NamedTuple):
@@ -35,6 +37,7 @@ FULL = Sensor(
     "s", "rod", {"a": Span(1.0, 2.0)}, 3, False, ((1.0, 2.0),), np.array([[1.0, 0.1], [0.0, 1e-300]]), Span(3.0)
 )
 PLAIN = {"name": "s", "kind": "rod", "spans": {}}
+ROWS = "a list of numbers, in rows of equal length, is needed."
 
 
 def test_a_record_in_a_file_is_read_bit_by_bit():
@@ -55,11 +58,8 @@ def test_chosen_fields_are_written_in_the_order_of_the_choice():
 
 
 def test_numbers_and_arrays_of_numpy_become_those_of_toml():
-    assert plain({"a": np.float64(0.1), "b": np.arange(2), "c": (np.int64(3), "x")}) == {
-        "a": 0.1,
-        "b": [0, 1],
-        "c": [3, "x"],
-    }
+    of_numpy = {"a": np.float64(0.1), "b": np.arange(2), "c": (np.int64(3), "x")}
+    assert plain(of_numpy) == {"a": 0.1, "b": [0, 1], "c": [3, "x"]}
 
 
 def test_a_record_may_stand_as_the_list_of_its_fields():
@@ -78,15 +78,9 @@ def test_a_record_may_stand_as_the_list_of_its_fields():
         ({"pairs": 1}, "[sensor] pairs = 1: a list of the right length is needed."),
         ({"pairs": [[1.0]]}, "[sensor] pairs = [1.0]: a list of the right length is needed."),
         ({"pairs": [[1.0, "x"]]}, "[sensor] pairs = 'x': a number is needed."),
-        (
-            {"root": [[1.0], [1.0, 2.0]]},
-            "[sensor] root = [[1.0], [1.0, 2.0]]: a list of numbers, in rows of equal length, is needed.",
-        ),
-        ({"root": ["1.0"]}, "[sensor] root = ['1.0']: a list of numbers, in rows of equal length, is needed."),
-        (
-            {"root": [10**400]},
-            f"[sensor] root = [1{58 * '0'}...: a list of numbers, in rows of equal length, is needed.",
-        ),
+        ({"root": [[1.0], [1.0, 2.0]]}, f"[sensor] root = [[1.0], [1.0, 2.0]]: {ROWS}"),
+        ({"root": ["1.0"]}, f"[sensor] root = ['1.0']: {ROWS}"),
+        ({"root": [10**400]}, f"[sensor] root = [1{58 * '0'}...: {ROWS}"),
         ({"rest": 5}, "[sensor.rest]: a section is needed."),
         ({"rest": [1.0]}, "[sensor.rest]: a section is needed."),
         ({"rest": {"low": True}}, "[sensor.rest] low = True: a number is needed."),
@@ -128,3 +122,49 @@ def test_a_rule_speaks_for_an_entry_and_for_all_in_a_section(entries, sentence):
     with pytest.raises(ParameterError) as caught:
         read(Sensor, {**PLAIN, **entries}, "[sensor]", RULES)
     assert str(caught.value) == sentence
+
+
+STRANGE = {
+    "an integer beyond floats": (f"[parameters]\nM = 1{'0' * 400}\n", r"M = 10+…: a number in kg is needed"),
+    "an integer of 5001 digits": (f"[parameters]\nM = 1{'0' * 5000}\n", "a number has too many digits"),
+    "lists in lists": (f"[parameters]\nM = {'[' * 5000}{']' * 5000}\n", "nested too deeply"),
+    "too many knots": (
+        f"[model]\nload_basis = 'b-spline'\nknots = [{', '.join(f'{i}e-6' for i in range(20_000))}]\n",
+        "20,000 positions; at most 500 are allowed",
+    ),
+    "a letter too small": ("[parameters]\nF_c = 1.0\n", "no parameter 'F_c'; did you mean 'F_C'"),
+    "no TOML": ("M: 1\n", r"is no TOML file \("),
+    "bytes of another encoding": ("[model]\n# \udcfc\n", r"is no TOML file \("),
+}
+
+
+@pytest.mark.parametrize("name", STRANGE)
+def test_strange_content_is_one_sentence(name, tmp_path):
+    text, sentence = STRANGE[name]
+    path = tmp_path / "fit.toml"
+    path.write_bytes(text.encode("utf-8", "surrogateescape"))
+    with pytest.raises(ParameterError, match=rf"fit\.toml: .*{sentence}"):
+        read_parameters(path)
+
+
+def test_of_many_unknown_names_the_first_few_are_listed_in_a_second(tmp_path):
+    path = tmp_path / "fit.toml"
+    path.write_text("[parameters]\n" + "".join(f"k{i} = 1\n" for i in range(50_000)))
+    begun = time.process_time()
+    with pytest.raises(ParameterError, match=r"(?s)no parameter 'k0'.*'k4'.*and 49,995 more") as caught:
+        read_parameters(path)
+    assert time.process_time() - begun < 2.0
+    assert str(caught.value).count("Known are") == 1
+
+
+def test_a_file_that_is_too_large_for_what_it_should_be_is_not_parsed(tmp_path):
+    path = tmp_path / "fit.toml"
+    path.write_text("[parameters]\n" + "# nothing\n" * 500_000)
+    with pytest.raises(DataError, match="has more than 4 MB"):
+        read_parameters(path)
+
+
+def test_a_byte_order_mark_is_no_part_of_the_file(tmp_path):
+    path = tmp_path / "fit.toml"
+    path.write_bytes(b"\xef\xbb\xbf[parameters]\nM = 12.5\n")
+    assert read_toml(path, "parameter file") == {"parameters": {"M": 12.5}}

@@ -27,7 +27,15 @@ def log():
     return Log(np.arange(1000) * 1e-3, {"position": position, **duty}, "run", {"source": "here"})
 
 
-@pytest.mark.parametrize("suffix", [".parquet", ".csv"])
+@pytest.fixture(params=[".parquet", ".csv"])
+def suffix(request):
+    return request.param
+
+
+def read_frame(path):
+    return pl.read_csv(path) if path.suffix == ".csv" else pl.read_parquet(path)
+
+
 @pytest.mark.parametrize(("piece", "blocks"), [(100, 64), (1 << 16, 64), (1 << 16, 2), (1600, 3)])
 def test_it_is_the_file_that_is_written_at_once(tmp_path, log, suffix, piece, blocks, monkeypatch):
     monkeypatch.setattr(module, "PIECE", piece)
@@ -39,7 +47,7 @@ def test_it_is_the_file_that_is_written_at_once(tmp_path, log, suffix, piece, bl
             assert not (tmp_path / f"live{suffix}").exists()
     if suffix == ".csv":
         assert (tmp_path / "live.csv").read_bytes() == (tmp_path / "whole.csv").read_bytes()
-    frames = [getattr(pl, f"read_{suffix[1:]}")(tmp_path / f"{name}{suffix}") for name in ("live", "whole")]
+    frames = [read_frame(tmp_path / f"{name}{suffix}") for name in ("live", "whole")]
     assert frames[0].equals(frames[1], null_equal=True)
     assert len(list(tmp_path.iterdir())) == 2
     if suffix == ".parquet":
@@ -53,7 +61,6 @@ def test_a_recording_without_samples_has_its_columns(tmp_path, log):
     assert pl.read_parquet(tmp_path / "none.parquet").columns[0] == "time [s]"
 
 
-@pytest.mark.parametrize("suffix", [".parquet", ".csv"])
 @pytest.mark.parametrize("cut", ["", "data", "footer"])
 def test_what_a_killed_run_left_is_recovered_once_in_a_file_of_its_own(tmp_path, log, suffix, cut, monkeypatch):
     monkeypatch.setattr(module, "PIECE", 400)
@@ -75,7 +82,7 @@ def test_what_a_killed_run_left_is_recovered_once_in_a_file_of_its_own(tmp_path,
     assert recovered(tmp_path / "killed" / f"other{suffix}") == []
     (found,) = recovered(path)
     assert found.name == f"live.recovered{suffix}"
-    frame = getattr(pl, f"read_{suffix[1:]}")(found)
+    frame = read_frame(found)
     assert frame["time [s]"].to_list() == log.time[: 450 if cut and suffix == ".parquet" else 900].tolist()
     assert recovered(path) == []
     assert [one.name for one in path.parent.iterdir()] == [found.name]
@@ -106,9 +113,7 @@ def filled(path, log):
     return ""
 
 
-@pytest.mark.parametrize("suffix", [".parquet", ".csv"])
 def test_what_comes_again_is_cut_from_a_file_and_the_rest_is_the_same(tmp_path, log, suffix):
-    read_frame = getattr(pl, f"read_{suffix[1:]}")
     path = tmp_path / f"live{suffix}"
     write(log, path)
     before, metadata = read_frame(path), path.read_bytes()
@@ -125,14 +130,13 @@ def test_what_comes_again_is_cut_from_a_file_and_the_rest_is_the_same(tmp_path, 
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("suffix", [".parquet", ".csv"])
 def test_a_full_disk_costs_what_comes_later(tmp_path, log, suffix, monkeypatch):
     monkeypatch.setattr(module, "PIECE", 400)
     noise = {name: np.random.default_rng(1).standard_normal(1000) for name in log.columns}
     log = Log(log.time, noise, "run")
     path = tmp_path / f"live{suffix}"
     assert filled(path, log) == f"{path}: cannot be written any further (File too large)."
-    frame = getattr(pl, f"read_{suffix[1:]}")(path)
+    frame = read_frame(path)
     assert 200 <= frame.height < 1000
     assert frame["time [s]"].to_list() == log.time[: frame.height].tolist()
     assert [one.name for one in tmp_path.iterdir()] == [path.name]
@@ -163,7 +167,6 @@ def stopped(path, log, error):
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
-@pytest.mark.parametrize("suffix", [".parquet", ".csv"])
 def test_after_an_error_what_was_there_is_unchanged_and_nothing_is_left(tmp_path, log, suffix, error):
     (tmp_path / f"live{suffix}").write_text("before")
     with pytest.raises(error):

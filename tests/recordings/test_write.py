@@ -70,15 +70,6 @@ def test_a_folder_that_does_not_exist(tmp_path, log, suffix):
         cio.write(log, tmp_path / "no" / f"run{suffix}")
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
-def test_an_older_recording_is_replaced(tmp_path, log, suffix):
-    path = tmp_path / f"run{suffix}"
-    path.write_text("old")
-    cio.write(log, path)
-    assert b"old" not in path.read_bytes()
-    assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
-
-
 @pytest.fixture
 def edged():
     """A log whose supply valve opens between two samples."""

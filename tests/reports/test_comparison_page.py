@@ -14,19 +14,13 @@ from clutchid.reports.comparison_page import change_table, comparison_figure, co
 from clutchid.reports.figures import svg
 from clutchid.reports.fit_page import page_of
 from clutchid.reports.html import Page, render
-from fixtures.baselines import ORIGIN, calibration_like, with_baseline
+from fixtures.baselines import ORIGIN, calibration_like, reaching, with_baseline
 
 HOSTILE = "<script>alert('x')</script>[red]\x1b[31m"
 
 
 def html_of(fit):
     return render(Page("t", "s", tuple(comparison_sections(fit))))
-
-
-def reaching(fit, share):
-    name, one = next(iter(fit.recordings.items()))
-    low = one.measured.with_columns(position=share * one.measured["position"])
-    return replace(fit, recordings={name: replace(one, measured=low)})
 
 
 def test_the_section_has_name_date_hash_and_trust_of_the_calibration(fitted):
@@ -59,9 +53,8 @@ def test_the_table_has_both_loads_and_their_difference_at_every_millimetre(fitte
     table = change_table(found)
     positions = np.array(table.column("position"))
     assert positions == pytest.approx(1e-3 * np.arange(1, 1 + int(found.reach * 1e3)))
-    np.testing.assert_allclose(
-        np.array(table.column("change")), np.array(table.column("present")) - table.column("calibrated"), atol=1e-6
-    )
+    expected = np.subtract(table.column("present"), table.column("calibrated"))
+    np.testing.assert_allclose(table.column("change"), expected, atol=1e-6)
     assert table.column("share") == pytest.approx([0.25] * positions.size)
 
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.errors import ExportError
 from clutchid.estimation import LoadCurve
 from clutchid.log import Log
 from clutchid.reports import fit_page
 from clutchid.reports.fit_page import MAX_DRAWN, error_table, page_of, parameter_table
 from clutchid.reports.html import render
+from fixtures.baselines import reaching
 
 pytestmark = pytest.mark.slow
 
@@ -55,14 +55,8 @@ def test_several_recordings_get_a_row_for_all_together(fitted):
 
 
 def test_the_page_says_where_it_comes_from(html):
-    for part in (
-        "abc123",
-        "SHA-256 of first.csv",
-        "clutchid fit first.csv --verify &#39;my log.csv&#39;",
-        "numba",
-        "Python",
-    ):
-        assert part in html
+    command = "clutchid fit first.csv --verify &#39;my log.csv&#39;"
+    assert all(part in html for part in ("abc123", "SHA-256 of first.csv", command, "numba", "Python"))
 
 
 def test_fixed_parameters_stand_on_the_page_and_free_ones_are_not_called_fixed(html):
@@ -71,9 +65,13 @@ def test_fixed_parameters_stand_on_the_page_and_free_ones_are_not_called_fixed(h
     assert "theta" not in fixed
 
 
-def test_warnings_are_shown_in_words(fitted):
-    html = render(page_of(replace(fitted, status="warning", warnings=("mind < this",)), COMMAND))
+def test_warnings_and_what_the_data_determine_are_shown_in_words(fitted):
+    noted = replace(
+        fitted, status="warning", warnings=("mind < this",), notes=("determined by the data: C_vs < C_ve.",)
+    )
+    html = render(page_of(noted, COMMAND))
     assert '<p class="notice warning">mind &lt; this</p>' in html
+    assert "<li>Determined by the data: C_vs &lt; C_ve.</li>" in html
 
 
 def test_the_peak_is_looked_for_only_where_the_recordings_have_been(fitted):
@@ -124,20 +122,19 @@ def test_a_recording_with_missing_samples_is_drawn(fitted):
 
 def test_the_verdict_stands_above_everything_else(fitted, html):
     assert html.index("Trust: ") < html.index("The search converged") < html.index("<img ")
-    bad = replace(fitted, converged=False)
-    assert "<li>The search did not converge; continue from its result, or free fewer parameters.</li>" in render(
-        page_of(bad, COMMAND)
-    )
+    bad = render(page_of(replace(fitted, converged=False), COMMAND))
+    assert "<li>The search did not converge; continue from its result, or free fewer parameters.</li>" in bad
 
 
 def test_by_shooting_a_verified_recording_is_drawn_as_its_sensors_see_it(fitted, monkeypatch):
     module, drawn = sys.modules["clutchid.reports.fit_page"], {}
     plain = module.recording_figure
-    monkeypatch.setattr(
-        module,
-        "recording_figure",
-        lambda as_measured, *more: drawn.update({as_measured.measured.name: as_measured}) or plain(as_measured, *more),
-    )
+
+    def figure(as_measured, *more):
+        drawn[as_measured.measured.name] = as_measured
+        return plain(as_measured, *more)
+
+    monkeypatch.setattr(module, "recording_figure", figure)
     page_of(replace(fitted, method="shooting", actuator=fitted.actuator.replace({"e_y": 1e-4})), COMMAND)
     for name, one in {**fitted.recordings, **fitted.verification}.items():
         difference = drawn[name].simulated["position"] - one.simulated["position"]
@@ -170,44 +167,21 @@ def test_a_long_recording_is_thinned_and_its_worst_half_minute_drawn_closer(fitt
 
 
 def test_a_load_beyond_the_reach_where_the_clutch_engages_is_not_stated(fitted):
-    one = fitted.recordings["first"]
-    low = replace(one, measured=one.measured.with_columns(position=0.3 * one.measured["position"]))
-    html = render(page_of(replace(fitted, recordings={"first": low}, verification={}), COMMAND))
+    html = render(page_of(replace(reaching(fitted, 0.3), verification={}), COMMAND))
     assert "The 8 mm to where the clutch engages were not reached." in html
     assert "Where the clutch engages it goes" not in html
 
 
-def test_what_the_data_determine_is_on_the_page(fitted):
-    html = render(page_of(replace(fitted, notes=("determined by the data: C_vs < C_ve.",)), COMMAND))
-    assert "<li>Determined by the data: C_vs &lt; C_ve.</li>" in html
-
-
-def test_by_shooting_the_page_says_what_its_errors_are(fitted):
-    html = render(page_of(replace(fitted, method="shooting"), COMMAND))
-    assert "fitted by multiple shooting" in html
-    assert "within windows of 0.1 s" in html
-    assert "Limits of the verdict" in html
-
-
-def test_by_prediction_error_the_page_says_what_its_errors_are(fitted):
-    html = render(page_of(replace(fitted, method="prediction-error"), COMMAND))
-    assert "fitted by prediction error" in html
-    assert "one-sample prediction errors" in html
-    assert "Limits of the verdict" in html
-
-
-def test_the_file_is_replaced_in_one_step(fitted, tmp_path):
-    page = tmp_path / "page.html"
-    page.write_text("old")
-    fit_page(fitted, COMMAND, page)
-    assert page.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
-    assert list(tmp_path.iterdir()) == [page]
-
-
-def test_a_page_that_cannot_be_written_is_one_sentence_and_leaves_nothing(fitted, tmp_path):
-    with pytest.raises(ExportError, match="does not exist"):
-        fit_page(fitted, COMMAND, tmp_path / "missing" / "page.html")
-    assert list(tmp_path.iterdir()) == []
+@pytest.mark.parametrize(
+    ("method", "words"),
+    [
+        ("shooting", ("fitted by multiple shooting", "within windows of 0.1 s")),
+        ("prediction-error", ("fitted by prediction error", "one-sample prediction errors")),
+    ],
+)
+def test_the_page_says_what_the_errors_of_a_method_are(fitted, method, words):
+    html = render(page_of(replace(fitted, method=method), COMMAND))
+    assert all(each in html for each in (*words, "Limits of the verdict"))
 
 
 def test_an_error_while_drawing_leaves_the_old_page(fitted, tmp_path):

@@ -5,6 +5,8 @@ import hashlib
 import re
 from html import escape
 
+import pytest
+
 from clutchid.reports.html import Bullets, Details, Notice, Page, PageSection, Picture, Sortable, Text, render
 from clutchid.reports.tables import Column, Link, ReportTable
 
@@ -36,31 +38,25 @@ def test_hostile_names_are_shown_and_never_run():
     assert html.count("&lt;script") == 21  # every place of the page that shows a text
 
 
-def test_our_own_markup_stays():
-    html = render(PAGE)
-    assert "<b>ours</b>" in html
-    assert "<li><i>second</i></li>" in html
-    assert '<p class="notice failed">' in html
+@pytest.mark.parametrize(
+    "part",
+    [
+        "<b>ours</b>",
+        "<li><i>second</i></li>",
+        '<p class="notice failed">',
+        '<div class="notice warning"><strong>',
+        "data:image/png;base64,iVBORw==",
+        *('<html lang="en">', '<meta charset="utf-8">', 'name="viewport"', "@media print"),
+    ],
+)
+def test_our_own_markup_pictures_language_and_width_for_phones_are_on_the_page(part):
+    assert part in render(PAGE)
 
 
 def test_what_is_folded_is_on_the_page_and_may_be_folded_again():
     html = render(PAGE)
     assert html.count("<details>") == html.count("</details>") == 2
     assert html.index("<summary>") < html.index("<p>inner</p>") < html.rindex("</details>")
-
-
-def test_a_notice_with_a_list_keeps_its_kind():
-    assert '<div class="notice warning"><strong>' in render(PAGE)
-
-
-def test_pictures_are_inside_the_page():
-    assert "data:image/png;base64,iVBORw==" in render(PAGE)
-
-
-def test_a_page_has_a_language_a_character_set_and_a_width_for_phones():
-    html = render(PAGE)
-    for part in ('<html lang="en">', '<meta charset="utf-8">', 'name="viewport"', "@media print"):
-        assert part in html
 
 
 def test_a_page_without_provenance_has_no_footer():

@@ -25,8 +25,10 @@ from fixtures.matlab_text import struct_in
 
 
 def loaded(path: Path) -> dict:
-    """What `load` gives, structs as dictionaries."""
-    return loadmat(path, simplify_cells=True)["clutchid"]
+    """The struct in a file, as dictionaries."""
+    if path.suffix == ".mat":
+        return loadmat(path, simplify_cells=True)["clutchid"]
+    return struct_in(path.read_text(encoding="ascii"))
 
 
 @pytest.fixture
@@ -47,8 +49,7 @@ def test_the_table_is_the_load_curve_and_the_parameters_are_those_of_the_fit(
     fitted: Fit, tmp_path: Path, name: str
 ) -> None:
     write_matlab(fitted, tmp_path / name)
-    read = loaded if name.endswith(".mat") else lambda path: struct_in(path.read_text(encoding="ascii"))
-    found, curve = read(tmp_path / name), fitted.load_curve
+    found, curve = loaded(tmp_path / name), fitted.load_curve
     columns = {"position_m": curve.position, "force_N": curve.force, "low_N": curve.low, "high_N": curve.high}
     for key, values in columns.items():
         assert np.array_equal(found["load"][key], values)
@@ -68,7 +69,7 @@ def test_the_table_is_the_load_curve_and_the_parameters_are_those_of_the_fit(
 
 def test_recordings_have_their_hash_initial_states_and_own_parameters(odd: Fit, tmp_path: Path) -> None:
     write_matlab(odd, tmp_path / "odd.m")
-    one, other = struct_in((tmp_path / "odd.m").read_text(encoding="ascii"))["recordings"]
+    one, other = loaded(tmp_path / "odd.m")["recordings"]
     assert (one["name"], one["sha256"]) == ("a", "abc123")
     assert other["name"] == "Bar's '); x"
     assert (other["position_start_m"], other["pressure_a_start_Pa"]) == ([0.001, 0.0021], [2e5, 3e5])
@@ -105,7 +106,7 @@ def test_a_result_carries_its_verdict_the_calibrated_load_and_what_has_changed(c
 
 def test_without_a_calibration_nothing_is_compared(fitted: Fit, tmp_path: Path) -> None:
     write_matlab(fitted, tmp_path / "fit.m")
-    found = struct_in((tmp_path / "fit.m").read_text(encoding="ascii"))
+    found = loaded(tmp_path / "fit.m")
     assert found["changes"] == []
     assert not {"calibration", "calibrated_load_curve", "load_change"} & found.keys()
 
@@ -115,7 +116,7 @@ def test_both_files_have_the_same_struct(odd: Fit, compared: Fit, tmp_path: Path
     for name in ("odd.m", "odd.mat"):
         write_matlab(odd, tmp_path / name)
     assert loaded(tmp_path / "odd.mat")["message"] == "it's 90 % done; end"
-    flat = dict(flattened(struct_in((tmp_path / "odd.m").read_text(encoding="ascii"))))
+    flat = dict(flattened(loaded(tmp_path / "odd.m")))
     other = dict(flattened(loaded(tmp_path / "odd.mat")))
     assert flat.keys() == other.keys()
     for key, value in flat.items():
@@ -152,7 +153,7 @@ def test_a_parameter_of_a_valve_that_does_not_exist_is_left_out(fitted: Fit, tmp
 
 def test_weights_of_b_splines_come_with_their_knots(fitted: Fit, tmp_path: Path) -> None:
     write_matlab(replace(fitted, actuator=Actuator(load=Load.on_b_splines())), tmp_path / "b.m")
-    load = struct_in((tmp_path / "b.m").read_text(encoding="ascii"))["load"]
+    load = loaded(tmp_path / "b.m")["load"]
     assert (load["basis"], load["weights_unit"], len(load["weights"])) == ("b-spline", "N", len(load["knots_m"]) + 2)
     assert "phi2_slope" not in load
 

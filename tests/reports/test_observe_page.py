@@ -5,9 +5,7 @@ import pytest
 
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.log import Log
-from clutchid.observer.by_stroke import known
-from clutchid.observer.observer import observer
-from clutchid.observer.recording import observe_recording
+from clutchid.observer import known, observe_recording, observer
 from clutchid.reports.figures import BINS, thinned
 from clutchid.reports.html import render
 from clutchid.reports.observe_page import (
@@ -96,9 +94,8 @@ def test_faults_are_on_the_page_in_words_with_their_seconds(plant, log):
     position[1000:1200] = np.nan
     torn = observe_recording(observer(plant), log.with_columns(position=position))
     assert "the position is missing: 0.2 s" in render(page_of(torn, ORIGIN, "c"))
-    assert (
-        dict(zip(health_table(torn).column("flag"), health_table(torn).column("seconds"), strict=True)) == torn.health
-    )
+    table = health_table(torn)
+    assert dict(zip(table.column("flag"), table.column("seconds"), strict=True)) == torn.health
     assert observe_sentence(torn).endswith("flags: position_missing 0.2 s; supply pressure assumed")
     assert observe_json(torn, ORIGIN)["status"] == "warning"
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from clutchid.observer import observer, start
 from clutchid.observer.health import LIVE_FLAGS
 from clutchid.observer.live import after_block, live_run
-from clutchid.observer.observer import observer, start
 from clutchid.reports.observe_view import observe_view
 
 NONE = dict.fromkeys(LIVE_FLAGS, 0)

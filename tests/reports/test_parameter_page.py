@@ -7,9 +7,9 @@ import pytest
 
 from clutchid.estimation import Estimate
 from clutchid.model import Load
+from clutchid.reports import ReportTable
 from clutchid.reports.fit_page import parameter_blocks, parameter_table
 from clutchid.reports.html import Details
-from clutchid.reports.tables import ReportTable
 
 
 @pytest.fixture

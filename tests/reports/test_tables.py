@@ -5,7 +5,8 @@ from io import StringIO
 
 import pytest
 
-from clutchid.reports.tables import Column, Link, ReportTable, scientific, to_csv, to_html, to_text
+from clutchid.reports import Column, ReportTable
+from clutchid.reports.tables import Link, scientific, to_csv, to_html, to_text
 
 COLUMNS = (
     Column("method", "method"),
@@ -34,37 +35,25 @@ def test_what_is_missing_is_an_empty_cell_in_csv_and_a_dash_for_people():
     assert to_html(TABLE).count("–") == 2
 
 
-def test_people_see_the_scaled_number():
-    assert "0.333" in to_html(TABLE)
-    assert ">0.25<" in to_html(TABLE)
-    assert "1.23·10⁻³" in to_html(TABLE)
-
-
-def test_outside_text_is_escaped_everywhere():
-    html = to_html(TABLE)
-    assert "Errors &lt;of&gt; two" in html
-    assert "parts &amp; co" in html
-    assert "a &lt; b" in html
-
-
-def test_a_group_spans_its_columns():
-    assert '<th colspan="2" class="group first" scope=colgroup>position</th>' in to_html(TABLE)
-
-
-def test_numbers_are_right_aligned_and_words_are_not():
-    html = to_html(TABLE)
-    assert '<td class="n first">0.333</td>' in html
-    assert "<th scope=row>ballistic</th>" in html
+@pytest.mark.parametrize(
+    "part",
+    [
+        *("0.333", ">0.25<", "1.23·10⁻³"),  # scaled
+        *("Errors &lt;of&gt; two", "parts &amp; co", "a &lt; b"),  # escaped
+        '<th colspan="2" class="group first" scope=colgroup>position</th>',
+        *('<td class="n first">0.333</td>', "<th scope=row>ballistic</th>"),  # numbers to the right, words not
+    ],
+)
+def test_people_see_scaled_numbers_to_the_right_escaped_texts_and_groups_over_their_columns(part):
+    assert part in to_html(TABLE)
 
 
 def test_text_has_numbers_under_each_other():
     title, *heads, rule, first, second = to_text(TABLE, 80).splitlines()
     assert title == "Errors <of> two"
-    assert [head.split() for head in heads] == [
-        ["position", "pressure"],
-        ["rms", "Σe²"],
-        ["method", "[mm]", "[m²]", "rms", "[bar]"],
-    ]
+    assert [*map(str.split, heads)] == [
+        ["position", "pressure"], ["rms", "Σe²"], ["method", "[mm]", "[m²]", "rms", "[bar]"]
+    ]  # fmt: skip
     assert first.index("0.333") + 5 == second.index("2.000") + 5
     assert len(rule) >= len(first)
 
@@ -84,11 +73,8 @@ def test_a_column_is_found_with_and_without_its_unit():
         TABLE.column("nothing")
 
 
-def test_a_number_that_rounds_to_zero_has_no_sign():
+def test_a_number_that_rounds_to_zero_has_no_sign_and_infinity_is_a_sign():
     assert Column("x", "x", decimals=2).shown(-0.001) == "0.00"
-
-
-def test_infinite_bounds_are_shown_as_such():
     assert Column("x", "x").shown(float("-inf")) == "−∞"
 
 

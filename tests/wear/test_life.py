@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from clutchid.estimation.assess.comparison import Measurement
 from clutchid.reports.wear_text import alarm_words
-from clutchid.wear.history import Leak, Listed, WearReading, arranged
-from clutchid.wear.life import remaining, wear_of
+from clutchid.wear.history import Leak
+from clutchid.wear.life import remaining
 from clutchid.wear.trend import FALSE_ALARMS, LEAKING, LEAKS, WearTable
+from fixtures.lives import life, reading
 
 #: 1 mm of shift in 1e7 strokes.
 RATE = 1e-10
@@ -15,14 +15,8 @@ RATE = 1e-10
 
 def life_of(shifts, table=None, limit=None, loads=None):
     """Wear from shifts at every 10,000 strokes, with readings of 30 um."""
-    names = [f"r{k:02d}" for k in range(len(shifts))]
-    listed = {name: Listed(name, strokes=1e4 * k) for k, name in enumerate(names)}
-    loads = 0.0 * np.asarray(shifts) if loads is None else loads
-    readings = [
-        WearReading("ok", "", "good", None if np.isnan(shift) else Measurement(shift, 30e-6, load, 0.01, np.nan))
-        for shift, load in zip(shifts, loads, strict=True)
-    ]
-    return wear_of("V1", arranged(names, [""] * len(names), listed), readings, table, limit)
+    loads = np.zeros(len(shifts)) if loads is None else loads
+    return life(list(map(reading, shifts, loads)), table=table, limit=limit)
 
 
 def test_a_steady_clutch_is_forecast():
@@ -45,15 +39,9 @@ def test_a_replaced_clutch_is_an_alarm_and_a_new_trend():
 
 def alarmed(leaks=(), departs=(), missing=(), leak=2e-11):
     """Alarms of 12 recordings: those that read a leak, depart from the calibration, or cannot be read."""
-    names = [f"r{k:02d}" for k in range(12)]
-    readings = [
-        WearReading(
-            "failed" if k in missing else "ok", "", "good", Measurement(0.0, 3e-5, 0.0, 0.01, np.nan),
-            Leak(leak, 1e-12, 0.99) if k in leaks else None, k in departs,
-        )
-        for k in range(12)
-    ]  # fmt: skip
-    return wear_of("V1", arranged(names, [""] * 12, {}), readings).alarms
+    found = {k: Leak(leak, 1e-12, 0.99) for k in leaks}
+    shifts = [np.nan if k in missing else 0.0 for k in range(12)]
+    return life([reading(s, leak=found.get(k), departs=k in departs) for k, s in enumerate(shifts)], stride=0).alarms
 
 
 def test_a_leak_is_an_alarm_where_two_readings_in_a_row_have_it():

@@ -7,9 +7,8 @@ from clutchid.estimation.assess.comparison import Measurement
 from clutchid.recordings.strokes.vented_rest import RestShift
 from clutchid.reports.wear_text import alarm_words, left_words, wear_lines
 from clutchid.wear.alarms import rest_moves
-from clutchid.wear.history import Listed, WearReading, arranged
-from clutchid.wear.life import wear_of
 from clutchid.wear.trend import WearTable
+from fixtures.lives import life, reading
 
 #: Strokes of a life, and from a recording to the next; fall of the rest in m from one to the next.
 LIFE, WEEK, FALL = 1e6, 7e3, 7.4e-6
@@ -65,19 +64,14 @@ def test_a_new_clutch_lifts_a_rest_that_had_fallen():
     assert causes(values, replaced={60})[60] == "new clutch"
 
 
-def life(shifts, rests, *, loads=None, table=None, limit=1e-3):
-    names = [f"r{k:02d}" for k in range(len(shifts))]
-    listed = {name: Listed(name, strokes=WEEK * k) for k, name in enumerate(names)}
+def life_of(shifts, rests, *, loads=None, table=None, limit=1e-3):
     loads = 20.0 * np.asarray(shifts) if loads is None else loads
-    readings = [
-        WearReading("ok", "", "good", Measurement(shift, 3e-5, load, 0.01, np.nan), rest=rest(r))
-        for shift, load, r in zip(shifts, loads, rests, strict=True)
-    ]
-    return wear_of("V1", arranged(names, [""] * len(names), listed), readings, table, limit)
+    readings = [reading(s, load, rest=rest(r)) for s, load, r in zip(shifts, loads, rests, strict=True)]
+    return life(readings, stride=WEEK, table=table, limit=limit)
 
 
 def test_a_sensor_that_moves_is_an_alarm_of_its_own_and_no_wear():
-    found = life(1e-6 * np.arange(30), np.where(np.arange(30) < 15, 0.0, 3e-4))
+    found = life_of(1e-6 * np.arange(30), np.where(np.arange(30) < 15, 0.0, 3e-4))
     (alarm,) = found.alarms
     assert (alarm.kind, alarm.after, alarm.before) == ("sensor moved", "r14", "r15")
     assert alarm.rest == pytest.approx(3e-4)
@@ -88,7 +82,7 @@ def test_a_sensor_that_moves_is_an_alarm_of_its_own_and_no_wear():
 
 def test_what_is_left_is_unknown_after_a_sudden_change():
     shifts = 1e-6 * np.arange(40) + 3e-4 * (np.arange(40) >= 20)
-    found = life(shifts, np.zeros(40))
+    found = life_of(shifts, np.zeros(40))
     assert [alarm.kind for alarm in found.alarms] == ["sudden"]
     assert found.left is None
     assert left_words(found) == "unknown after the load changed suddenly before r20: find the cause"
@@ -99,7 +93,7 @@ def test_no_wear_is_given_beyond_the_end_of_its_table():
     wear = np.linspace(0.0, 3.5e-3, 8)
     table = WearTable(wear, 0.05 * wear, 20.0 * wear)
     true = 1e-4 * np.arange(60)
-    found = life(0.05 * true, np.zeros(60), loads=20.0 * true, table=table, limit=None)
+    found = life_of(0.05 * true, np.zeros(60), loads=20.0 * true, table=table, limit=None)
     for band in (found.then["wear"], found.now["wear"]):
         assert max(side.max() for side in band) == 3.5e-3
     (line,) = [line for line in wear_lines(found) if line.startswith("now")]

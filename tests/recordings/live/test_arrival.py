@@ -6,11 +6,10 @@ import pytest
 from clutchid.errors import DataError
 from clutchid.recordings.columns import channel
 from clutchid.recordings.live.arrival import ArrivedBatch, live_blocks
-from clutchid.recordings.live.order import ArrivedSamples, arrived, picked_streams
+from clutchid.recordings.live.order import arrived, picked_streams
 from clutchid.recordings.live.text import text_blocks
 from clutchid.recordings.map.channel_map import Channel, ChannelMap
 from clutchid.recordings.source import Raster, Table
-from clutchid.recordings.time_axis import SampleBlock
 
 NEEDED = ("time", "position", "duty_supply", "duty_exhaust")
 RASTERS = (
@@ -30,6 +29,7 @@ def bus(seconds=1.0, valves=10e-3):
 
 
 def blocks_of(rows, size, channels=MAP):
+    """Blocks, as they become whole, of samples that come `size` at a time."""
     picks = picked_streams("bus", RASTERS, channels, NEEDED)
 
     def pieces():
@@ -45,7 +45,7 @@ def blocks_of(rows, size, channels=MAP):
                 each.append(arrived(i, chosen, Table(RASTERS[chosen.raster].headings, numbers, len(own)), 1e5, at))
             yield ArrivedBatch(each)
 
-    return list(live_blocks(pieces(), picks, "bus", {}))
+    return live_blocks(pieces(), picks, "bus", {})
 
 
 def whole(blocks):
@@ -84,32 +84,16 @@ def test_a_duty_cycle_that_stays_away_is_missing_after_five_intervals():
 
 
 def test_the_first_block_waits_for_as_many_samples_as_give_the_interval():
-    found = blocks_of(bus(), 3)
+    found = list(blocks_of(bus(), 3))
     assert len(found[0].log) >= 101
     assert max(len(block.log) for block in found[1:-1]) < 10
 
 
 def test_a_lost_clock_ends_the_recording_after_what_came_before():
-    rows = [*bus(1.4), *bus(1.4)]
-    picks = picked_streams("bus", RASTERS, MAP, NEEDED)
-    assert picks[0].columns["position"][0].text == "Travel"
     logs = []
     with pytest.raises(DataError, match=r"bus: the time goes back from 1\.399 to .* s and stays there"):
-        logs.extend(block.log for block in _lazily(rows))
+        logs.extend(block.log for block in blocks_of([*bus(1.4), *bus(1.4)], 1))
     assert sum(map(len, logs)) == 1400
-
-
-def _lazily(rows):
-    picks = picked_streams("bus", RASTERS, MAP, NEEDED)
-    one = [ArrivedSamples(int(which == 1), np.array([i]), SampleBlock(np.array([t]), _columns(which, values)))
-           for i, (which, t, values) in enumerate(rows)]  # fmt: skip
-    return live_blocks((ArrivedBatch([each]) for each in one), picks, "bus", {})
-
-
-def _columns(which, values):
-    if which == 0:
-        return {"position": np.array([1e-3 * values[0]])}
-    return {"duty_supply": np.array(values[:1]), "duty_exhaust": np.array(values[1:])}
 
 
 def text(rows):

@@ -3,6 +3,7 @@
 import os
 import threading
 import time
+from pathlib import Path
 
 import pytest
 
@@ -10,61 +11,48 @@ from clutchid.errors import DataError
 from clutchid.recordings.live.feed import MOST, from_descriptor, from_growing_file
 
 
-class Stop:
-    """Says that it is stopped once `after` pieces were taken."""
-
-    def __init__(self):
-        self.now = False
-
-    def __call__(self):
-        return self.now
-
-
 def test_a_file_is_read_from_its_start_and_then_what_is_appended(tmp_path):
-    path, stop, found = tmp_path / "log.csv", Stop(), []
+    path, stop, found = tmp_path / "log.csv", threading.Event(), []
     path.write_bytes(b"first\n")
-    for piece in from_growing_file(path, stop):
+    for piece in from_growing_file(path, stop.is_set):
         found.append(piece)
         if len(found) < 4:
             with path.open("ab") as file:
                 file.write(b"row %d\nha" % len(found))
         else:
-            stop.now = True
+            stop.set()
     assert found == [b"first\n", b"row 1\nha", b"row 2\nha", b"row 3\nha"]
 
 
 def test_what_the_file_holds_when_it_is_stopped_is_read(tmp_path):
-    path, stop = tmp_path / "log.csv", Stop()
+    path, stop = tmp_path / "log.csv", threading.Event()
     path.write_bytes(b"x" * (MOST + 7))
-    pieces = from_growing_file(path, stop)
+    pieces = from_growing_file(path, stop.is_set)
     first = next(pieces)
-    stop.now = True
+    stop.set()
     assert [len(first), *map(len, pieces)] == [MOST, 7]
 
 
-def test_a_file_that_becomes_shorter_is_said(tmp_path):
+def replaced(path):
+    path.with_name("new.csv").write_bytes(b"one\ntwo\n")
+    path.with_name("new.csv").replace(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda path: os.truncate(path, 3), "has become shorter; samples can only be appended"),
+        (replaced, "is another file now"),
+        (Path.unlink, r"cannot be read any more \(No such file"),
+    ],
+)
+def test_a_file_that_becomes_shorter_is_replaced_or_removed_is_said(tmp_path, change, words):
     path = tmp_path / "log.csv"
     path.write_bytes(b"one\ntwo\n")
     pieces = from_growing_file(path, lambda: False)
     next(pieces)
-    os.truncate(path, 3)
-    with pytest.raises(DataError, match=r"log\.csv: has become shorter; samples can only be appended"):
-        next(pieces)
-
-
-def test_a_file_that_is_replaced_or_removed_is_said(tmp_path):
-    path = tmp_path / "log.csv"
-    path.write_bytes(b"one\n")
-    pieces = from_growing_file(path, lambda: False)
-    next(pieces)
-    (tmp_path / "new.csv").write_bytes(b"one\ntwo\n")
-    (tmp_path / "new.csv").replace(path)
-    with pytest.raises(DataError, match=r"log\.csv: is another file now"):
-        next(pieces)
-    pieces = from_growing_file(path, lambda: False)
-    next(pieces)
-    path.unlink()
-    with pytest.raises(DataError, match=r"log\.csv: cannot be read any more \(No such file"):
+    change(path)
+    with pytest.raises(DataError, match=rf"log\.csv: {words}"):
         next(pieces)
 
 

@@ -59,16 +59,20 @@ def test_the_order_and_what_is_left_out_do_not_depend_on_how_the_samples_come(cu
         assert (np.diff(time) > 0).all()
 
 
-def test_of_equal_stamps_the_last_counts():
-    found, counts, _ = fed([0.0, 0.001, 0.001, 0.001, 0.002], [2])
-    assert found[0] == [(0.0, 0.0), (0.001, 3.0), (0.002, 4.0)]
-    assert counts == [0, 2, 0]
-
-
-def test_a_sample_within_the_window_is_sorted_in_and_a_later_one_left_out():
-    found, counts, _ = fed([0.0, 0.1, 0.1 - 0.9 * WINDOW, 0.1 - WINDOW, 0.2], [])
-    assert [t for t, _ in found[0]] == [0.0, pytest.approx(0.1 - 0.9 * WINDOW), 0.1, 0.2]
-    assert counts == [1, 0, 0]
+@pytest.mark.parametrize(
+    ("stamps", "cuts", "kept", "counts"),
+    [
+        ([0.0, 0.001, 0.001, 0.001, 0.002], [2], [0, 3, 4], [0, 2, 0]),  # of equal stamps the last counts
+        ([0.0, 0.1, 0.1 - 0.9 * WINDOW, 0.1 - WINDOW, 0.2], [], [0, 2, 1, 4], [1, 0, 0]),  # too late for the window
+        ([0.0, 0.001, 9.0, 9.001, 9.002, 4000.0, 4000.001], [3, 6], range(7), [0, 0, 0]),  # two confirm a pause
+        (np.arange(20) * 2.0 * JUMP, range(1, 20), range(19), [0, 0, 1]),  # a slow stream goes on
+        ([1e9], [], [0], [0, 0, 0]),
+    ],
+)
+def test_samples_are_sorted_in_confirmed_or_left_out(stamps, cuts, kept, counts):
+    found, out, _ = fed(stamps, list(cuts))
+    assert found[0] == [(stamps[i], float(i)) for i in kept]
+    assert out == counts
 
 
 @pytest.mark.parametrize("cuts", [[], [7, 700, 701, 702, 1999], list(range(1, 2000))])
@@ -84,16 +88,6 @@ def test_a_spoiled_stamp_far_ahead_costs_one_sample_wherever_it_stands(cuts, str
     assert sorted(x for one in found for _, x in one) == np.delete(np.arange(2000.0), places).tolist()
 
 
-def test_two_stamps_in_a_row_confirm_a_pause_and_a_slow_stream_goes_on():
-    found, counts, _ = fed([0.0, 0.001, 9.0, 9.001, 9.002, 4000.0, 4000.001], [3, 6])
-    assert [t for t, _ in found[0]] == [0.0, 0.001, 9.0, 9.001, 9.002, 4000.0, 4000.001]
-    assert counts == [0, 0, 0]
-    slow = np.arange(20) * 2.0 * JUMP
-    found, counts, _ = fed(slow, list(range(1, 20)))
-    assert [t for t, _ in found[0]] == slow[:-1].tolist()
-    assert counts == [0, 0, 1]
-
-
 @pytest.mark.parametrize("cuts", [[], [1], [1, 2, 3, 10]])
 def test_a_first_stamp_far_below_the_others_costs_one_sample(cuts):
     stamps = np.arange(2000) * 1e-3
@@ -101,11 +95,6 @@ def test_a_first_stamp_far_below_the_others_costs_one_sample(cuts):
     found, counts, _ = fed(stamps, cuts)
     assert [t for t, _ in found[0]] == stamps[1:].tolist()
     assert counts == [0, 0, 1]
-
-
-def test_a_single_sample_needs_no_other():
-    found, counts, _ = fed([1e9], [])
-    assert (found[0], counts) == ([(1e9, 0.0)], [0, 0, 0])
 
 
 @pytest.mark.parametrize("cuts", [[], list(range(1, 1300)), [150, 260]])

@@ -83,15 +83,16 @@ def test_only_a_number_of_json_is_a_number(value):
     assert unreadable == 1
 
 
-def test_an_unfinished_line_at_the_end_is_dropped():
-    (time, *_), unreadable = read([lines_of(200)[:-4]])
-    assert (time.size, unreadable) == (199, 0)
-
-
-def test_line_ends_a_mark_and_windows_characters_do_not_matter():
-    text = lines_of(200).replace(b"note", b"L\xe4nge").replace(b"\n", b"\r\n")
-    (time, *_), unreadable = read(cut(b"\xef\xbb\xbf" + text, [1, 1, 5000]))
-    assert (time.size, unreadable) == (200, 0)
+@pytest.mark.parametrize(
+    ("text", "sizes", "count"),
+    [
+        (lines_of(200)[:-4], [], 199),  # an unfinished line at the end is dropped
+        (b"\xef\xbb\xbf" + lines_of(200).replace(b"note", b"L\xe4nge").replace(b"\n", b"\r\n"), [1, 1, 5000], 200),
+    ],
+)
+def test_line_ends_a_mark_and_windows_characters_do_not_matter_and_only_whole_lines_count(text, sizes, count):
+    (time, *_), unreadable = read(cut(text, sizes))
+    assert (time.size, unreadable) == (count, 0)
 
 
 def test_the_dialect_is_that_of_the_first_lines_whatever_comes_with_them():

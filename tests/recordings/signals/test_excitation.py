@@ -14,7 +14,7 @@ from clutchid.model import Actuator, Load
 from clutchid.numerics.least_squares import Linearisation
 from clutchid.parameters import Parameters
 from clutchid.recordings.signals.excitation import FAST_WINDOW, SLOW_WINDOW, excitation, joined, region_of
-from clutchid.recordings.signals.sampled import runs, velocity
+from clutchid.recordings.signals.sampled import velocity
 from clutchid.simulation.noise import Noise
 from clutchid.simulation.plan import plan
 from clutchid.simulation.stiffness import stiffness
@@ -100,11 +100,6 @@ def test_regions_begin_at_their_lower_edge():
     assert region_of(np.array([-1e-4, 0.0, 2e-3, 4.9e-3, 20e-3, 30e-3])).tolist() == [0, 0, 1, 1, 6, 6]
 
 
-def test_runs_are_found_at_both_ends():
-    assert runs(np.array([True, True, False, True])) == [(0, 2), (3, 4)]
-    assert runs(np.zeros(3, dtype=bool)) == []
-
-
 def test_a_vibration_is_a_hold_and_the_slowest_ramp_of_the_protocol_is_not():
     t = np.arange(0.0, 4.0, 1e-3)
     shaking = Log(t, {"position": 0.010 + 1e-4 * np.sin(2 * np.pi * 25 * t)})
@@ -138,30 +133,26 @@ def test_a_recording_with_everything_misses_nothing(truth, driven):
 
 def test_a_short_reach_is_reported_with_the_correlation_that_it_causes(truth, driven):
     log = driven(reach=0.0086)
-    R = information(truth, log, truth.load.names)
-    sentences = missing(excitation(log), truth, R)
-    reach = excitation(log).reach * 1e3
-    assert sentences[0].startswith(
-        f"this log reaches {reach:.1f} mm; the correlation of theta_2 and theta_3 is -0.99: reach 11.5 mm"
+    found = excitation(log)
+    words = (
+        f"this log reaches {found.reach * 1e3:.1f} mm; the correlation of theta_2 and theta_3 is -0.99: reach 11.5 mm"
     )
+    assert missing(found, truth, information(truth, log, truth.load.names))[0].startswith(words)
 
 
-def test_load_weights_beyond_the_reach_are_reported_together(driven):
-    actuator = Actuator(load=Load.on_b_splines())
-    log = driven(reach=0.0086)
-    sentences = missing(excitation(log), actuator, information(actuator, log, actuator.load.names))
-    assert "contains no information about theta_1" in sentences[0]
-    assert "and theta_22, which act from" in sentences[0]
-    assert "reach 25.0 mm or more" in sentences[0]
-
-
-def test_sentences_agree_in_number_with_their_recordings_and_weights(driven):
+def test_load_weights_beyond_the_reach_are_reported_together_in_sentences_that_agree_in_number(driven):
     actuator, log = Actuator(load=Load.on_b_splines()), driven(reach=0.0086)
     R = information(actuator, log, actuator.load.names)
+    for words in (
+        "this log reaches ",
+        "contains no information about theta_1",
+        "and theta_22, which act from",
+        "reach 25.0 mm or more",
+    ):
+        assert words in missing(excitation(log), actuator, R)[0]
     two = joined([excitation(log), excitation(log)])
-    sentences = missing(two, actuator, R)
-    assert sentences[0].startswith("these 2 logs reach ")
-    assert " and contain no information about theta_1" in sentences[0]
+    assert missing(two, actuator, R)[0].startswith("these 2 logs reach ")
+    assert " and contain no information about theta_1" in missing(two, actuator, R)[0]
     assert " and contain no information about the load beyond" in missing(two, actuator)[0]
     one = actuator.load.names[-1:]
     (alone, *_) = missing(excitation(log), actuator, Information(one, R.columns(one)))
@@ -192,12 +183,6 @@ def test_one_direction_only_and_a_missing_rest_are_reported():
     assert sentences[-1].startswith(
         "this log has no vented rest (lowest position 4.0 mm), so the pressure is unknown without"
     )
-
-
-def test_two_logs_are_spoken_of_as_two():
-    low = excitation(course().slice(0, 1020))
-    sentences = missing(joined([low, low]), Actuator())
-    assert sentences[0].startswith("these 2 logs reach 4.2 mm of 25.0 mm and contain no information")
 
 
 def test_the_stroke_and_the_ambient_pressure_are_those_of_the_actuator():

@@ -1,11 +1,13 @@
 """Noise, quantum and runs of a sampled column."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from clutchid.recordings.signals.sampled import constant_runs, noise, quantum, run_ends
+from clutchid.recordings.signals.sampled import constant_runs, noise, quantum, runs
 
 
 @given(st.lists(st.sampled_from([0.0, 1.0, float("nan")]), min_size=1, max_size=40))
@@ -23,11 +25,12 @@ def test_runs_are_what_a_plain_loop_finds(values):
 
 
 @given(st.lists(st.booleans(), max_size=30))
-def test_stretches_cover_what_holds_and_nothing_else(mask):
-    covered = np.zeros(len(mask), dtype=bool)
-    for start, stop in zip(*run_ends(np.array(mask, dtype=bool)), strict=True):
+def test_runs_cover_what_holds_and_nothing_else_and_do_not_touch(mask):
+    covered, found = np.zeros(len(mask), dtype=bool), runs(np.array(mask, dtype=bool))
+    for start, stop in found:
         covered[start:stop] = True
     assert covered.tolist() == mask
+    assert all(stop < start for (_, stop), (start, _) in pairwise(found))
 
 
 @pytest.mark.parametrize("step", [10e-6, 12.207e-6, 50e-6, 2e-4])

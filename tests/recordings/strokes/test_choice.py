@@ -1,4 +1,4 @@
-"""`choose` selects strokes that complement each other, and never unusable ones."""
+"""`choose` selects strokes that complement each other, and never unusable ones: where, which way and how fast."""
 
 from dataclasses import replace
 
@@ -9,10 +9,13 @@ from hypothesis import strategies as st
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.log import Log
-from clutchid.recordings.strokes import choice, choose, cut, joined, sections_table
-from clutchid.recordings.strokes.choice import SIZE, gram, information
+from clutchid.recordings.strokes import Section, SectionSummary, choice, choose, cut, joined
+from clutchid.recordings.strokes.choice import HATS, SIZE, gram, information
 
 REACH = 0.022
+
+#: Reach of the strokes whose Gram matrix is known by hand.
+WAY = 0.02
 
 
 def information_of(sections, reach=REACH):
@@ -40,14 +43,6 @@ def test_a_stroke_to_a_new_place_comes_before_a_repetition(made, full_strokes):
     low = full_strokes([2.0, 5.0, 8.0, 11.0], 13.0, 0.4 * REACH)
     log = made([*low, *full_strokes([14.0], 17.0)[1:]])
     assert any(section.summary.highest > 0.9 * REACH for section in choose(cut(log), 3.6))
-
-
-def test_a_stroke_with_a_vented_rest_before_it_has_more_information(made):
-    log = made([(0.0, 0.0), (1.0, 0.0), (1.15, REACH), (1.9, REACH), (2.2, 0.0), (4.0, 0.0)])
-    _, anchored, _ = cut(log)
-    cold = next(cut(log.slice(1005, len(log))))
-    assert cold.summary.vented_rest == 0.0
-    assert information_of([anchored]) > information_of([cold])
 
 
 def test_rests_and_strokes_that_miss_most_of_their_positions_are_never_chosen(made, full_strokes):
@@ -106,16 +101,6 @@ def test_a_length_that_is_none_is_refused():
         choose([], 0.0)
 
 
-def test_sections_that_touch_are_joined_without_a_hole_and_others_with_one(made, full_strokes):
-    log = made(full_strokes([2.0, 6.0], 10.0))
-    sections = list(cut(log))
-    whole = joined(reversed(sections))
-    assert np.array_equal(whole.time, log.time)
-    assert all(np.array_equal(whole[name], log[name]) for name in log.columns)
-    apart = joined([sections[1], sections[3]])
-    assert np.count_nonzero(np.diff(apart.time) > 5.1e-3) == 1
-
-
 def test_a_missing_input_of_one_sample_stays_a_border(made, full_strokes):
     log = made(full_strokes([2.0], 6.0))
     duty = log["duty_supply"].copy()
@@ -136,20 +121,65 @@ def test_what_cannot_be_joined_is_refused(made, full_strokes):
         joined([sections[1], sections[1]])
 
 
-def test_the_table_has_a_line_for_every_section_but_one_for_the_parts_of_a_rest(made, full_strokes):
-    log = made(full_strokes([1100.0], 1105.0))
-    sections = list(cut(log))
-    lines = sections_table(sections).splitlines()
-    assert len(sections) > 3
-    assert len(lines) == 4
-    assert lines[1].split()[:4] == [f"1-{len(sections) - 2}", "rest", "vented", "rest"]
-    assert "full stroke" in lines[2]
-    assert all(line == line.rstrip() for line in lines)
+def moved(speed: float, start: float, stop: float, vented_rest: float = 1.0, level: float = 0.0) -> Section:
+    """A stroke that goes straight from a start to a stop in m above the level, at a speed in m/s."""
+    t = np.arange(10 * round(abs(stop - start) / speed * 1e2)) * 1e-3  # whole bins of 10 ms
+    log = Log(t, {"position": level + start + np.sign(stop - start) * speed * t})
+    low, high = sorted((start, stop))
+    found = SectionSummary(level + low, level + high, level, WAY, speed, 0.0, vented_rest, 0, 0, 0, 0.0, False)
+    return Section("stroke", "ramp", log, 0.0, float(t[-1]), 0.0, 0, found)
 
 
-def test_the_table_says_a_dash_where_nothing_is_known():
-    log = Log(np.arange(100) * 1e-3, {"position": np.full(100, np.nan)})
-    line = sections_table(cut(log)).splitlines()[1]
-    assert "no position" in line
-    assert "100.0 %" in line
-    assert " - " in line
+def blocks(G: np.ndarray) -> np.ndarray:
+    """Seconds in each block: the hats add up to one everywhere, so a block's entries add up to the time in it."""
+    return np.array([G[HATS * k : HATS * (k + 1), HATS * k : HATS * (k + 1)].sum() for k in range(4)])
+
+
+@pytest.mark.parametrize(
+    ("speed", "start", "stop", "block"),
+    [
+        (0.01, 0.0, WAY, 0),
+        (0.10, 0.0, WAY, 1),
+        (0.01, WAY, 0.0, 2),
+        (0.10, WAY, 0.0, 3),
+        (0.019, 0.0, WAY, 0),  # a reach a second divides slow from fast
+        (0.021, 0.0, WAY, 1),
+    ],
+)
+def test_time_counts_in_the_block_of_its_direction_and_pace(speed, start, stop, block):
+    seconds = abs(stop - start) / speed
+    found = blocks(gram(moved(speed, start, stop), WAY))
+    # a speed needs 20 ms before and after, the last bin ends with its last sample
+    assert found[block] == pytest.approx(seconds - 0.04, abs=0.006)
+    assert found.sum() == pytest.approx(found[block], rel=1e-12)
+
+
+def test_a_piston_that_creeps_slower_than_a_twentieth_of_its_reach_a_second_counts_as_standing():
+    assert blocks(gram(moved(0.9e-3, 0.005, 0.006), WAY)).sum() == 0.0
+    assert blocks(gram(moved(1.1e-3, 0.005, 0.006), WAY)).sum() > 0.8
+
+
+def test_time_is_shared_between_the_two_hats_around_the_position_above_the_level():
+    # from hat 2 to hat 3 of eleven: at u of the way the two get (1 - u)^2, u (1 - u) and u^2
+    section = moved(0.002, 0.2 * WAY, 0.3 * WAY, level=5e-3)
+    G = gram(section, WAY)
+    used = np.flatnonzero(G[:-1, :-1].any(axis=1)).tolist()
+    assert used == [2, 3]
+    seconds = G[2:4, 2:4].sum()
+    # each mean over an even way, but for the 20 ms at its ends and the bins of 10 ms: 3 % of a second
+    np.testing.assert_allclose(G[2:4, 2:4] / seconds, [[1 / 3, 1 / 6], [1 / 6, 1 / 3]], atol=0.01)
+
+
+def test_without_a_vented_rest_before_it_a_stroke_counts_by_half_and_has_no_anchor():
+    anchored, cold = (gram(moved(0.01, 0.0, WAY, vented), WAY) for vented in (0.3, 0.0))
+    np.testing.assert_allclose(cold[:-1, :-1], 0.5 * anchored[:-1, :-1], rtol=1e-12)
+    assert (anchored[-1, -1], cold[-1, -1]) == (0.3, 0.0)
+    assert gram(moved(0.01, 0.0, WAY, 100.0), WAY)[-1, -1] == 0.5
+
+
+def test_the_matrix_is_one_of_a_quadratic_form():
+    G = gram(moved(0.013, 0.0, WAY), WAY)
+    assert G.shape == (SIZE, SIZE)
+    assert np.array_equal(G, G.T)
+    # its least eigenvalue is 0 but for the rounding of a matrix of 45 rows of size 1
+    assert np.linalg.eigvalsh(G).min() > -45 * 2.3e-16 * 2

@@ -1,9 +1,20 @@
-"""What is learnt of the rest, the noise and the reach, block by block."""
+"""Bins of samples, and what is learnt of the rest, the noise and the reach, block by block."""
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from clutchid.recordings.strokes.rest_level import RestLevel, quantum_of, updated, windows_of
+from clutchid.recordings.strokes.rest_level import (
+    RestLevel,
+    quantum_of,
+    raw_bins,
+    relative_to_rest,
+    samples_in_bin,
+    updated,
+    windows_of,
+)
+from clutchid.recordings.strokes.stream import Samples
 
 WIDTH = 15
 REACH = 22e-3
@@ -103,15 +114,20 @@ def test_a_rest_while_the_supply_is_open_is_no_vented_one():
     assert found.level == position.min()
 
 
-def test_the_band_of_the_rest_is_as_wide_as_noise_quantum_or_reach_need():
-    assert RestLevel(0.0, np.nan, 1e-4, 0.0).band == pytest.approx(2e-4, rel=1e-12)
-    assert RestLevel(0.0, 1e-3, 1e-6, 1e-4).band == pytest.approx(1.5e-4, rel=1e-12)
-    assert RestLevel(0.0, 20e-3, 1e-6, 1e-6).band == pytest.approx(4e-4, rel=1e-12)
-    assert RestLevel(0.0, 20e-3, 1e-6, 1e-6).near == pytest.approx(1.2e-6, rel=1e-12)
-    assert RestLevel(0.0, 20e-3, 1e-7, 1e-6).near == pytest.approx(1.01e-6, rel=1e-12)
-    assert RestLevel(0.0, np.nan, 1e-4, 0.0).near == pytest.approx(1.2e-4, rel=1e-12)
-    assert RestLevel(0.0, 20e-3, 1e-6, 1e-6).creep == pytest.approx(2e-4, rel=1e-12)
-    assert RestLevel(0.0, np.nan, 1e-6, 1e-4).creep == pytest.approx(2e-4, rel=1e-12)
+@pytest.mark.parametrize(
+    ("reach", "noise", "quantum", "width", "value"),
+    [
+        (np.nan, 1e-4, 0.0, "band", 2e-4),
+        (1e-3, 1e-6, 1e-4, "band", 1.5e-4),
+        (20e-3, 1e-6, 1e-6, "band", 4e-4),
+        (20e-3, 1e-6, 1e-6, "near", 1.2e-6),
+        (20e-3, 1e-7, 1e-6, "near", 1.01e-6),
+        (20e-3, 1e-6, 1e-6, "creep", 2e-4),
+        (np.nan, 1e-6, 1e-4, "creep", 2e-4),
+    ],
+)
+def test_the_band_of_the_rest_is_as_wide_as_noise_quantum_or_reach_need(reach, noise, quantum, width, value):
+    assert getattr(RestLevel(0.0, reach, noise, quantum), width) == pytest.approx(value, rel=1e-12)
 
 
 def test_the_quantum_is_the_smallest_change_that_is_no_rounding():
@@ -123,3 +139,59 @@ def test_the_quantum_is_the_smallest_change_that_is_no_rounding():
 @pytest.mark.parametrize(("seconds", "bins"), [(0.01, 15), (0.05, 3), (0.1, 3)])
 def test_still_means_for_0_15_s_and_three_bins_at_least(seconds, bins):
     assert windows_of(seconds) == bins
+
+
+def samples(position, first: int = 0, **columns) -> Samples:
+    position = np.array(position, dtype=float)
+    time = (first + np.arange(position.size)) * 1e-3
+    return Samples(first, time, {"position": position, **{k: np.array(v, float) for k, v in columns.items()}})
+
+
+@given(st.lists(st.sampled_from([1.0, 2.0, 4.0, 8.0, 16.0, float("nan")]), min_size=1, max_size=40), st.integers(1, 12))
+def test_the_position_of_a_bin_is_the_median_of_what_is_finite_in_it(values, width):
+    found = raw_bins(samples(values), width, np.nan)
+    for number, first in enumerate(range(0, len(values), width)):
+        part = np.array(values[first : first + width])
+        known = part[np.isfinite(part)]
+        expected = np.median(known) if known.size else np.nan
+        np.testing.assert_equal(found.position[number], expected)
+        assert (found.first[number], found.count[number]) == (first, part.size)
+
+
+def test_where_no_position_is_known_the_last_known_one_stands_and_at_the_beginning_the_first():
+    gone = [np.nan, np.nan]
+    bins = raw_bins(samples([*gone, 1.0, 1.0, *gone, *gone, 2.0, 2.0, *gone]), 2, np.nan)
+    np.testing.assert_array_equal(bins.position, [np.nan, 1, np.nan, np.nan, 2, np.nan])
+    assert bins.filled.tolist() == [1, 1, 1, 1, 2, 2]
+    assert raw_bins(samples([*gone, 1.0, 1.0]), 2, 7.0).filled.tolist() == [7, 1]
+    assert raw_bins(samples(gone), 2, 7.0).filled.tolist() == [7]
+
+
+def test_the_supply_is_closed_in_a_bin_where_no_sample_opens_it():
+    supply = [0.0, 0.02, 0.0, 0.021, 0.0, 0.0]
+    assert raw_bins(samples(np.zeros(6), duty_supply=supply), 2, np.nan).closed.tolist() == [True, False, True]
+    assert raw_bins(samples(np.zeros(6)), 2, np.nan).closed.all()
+
+
+def test_bins_are_numbered_and_timed_as_the_samples_of_the_recording():
+    bins = raw_bins(samples(np.zeros(25), first=100, pressure_a=np.arange(25)), 10, np.nan)
+    assert bins.first.tolist() == [100, 110, 120]
+    assert bins.time.tolist() == [0.1, 0.11, 0.12]
+    assert bins.count.tolist() == [10, 10, 5]
+    assert bins.pressure.tolist() == [4.5, 14.5, 22.0]
+
+
+@pytest.mark.parametrize(("interval", "expected"), [(1e-3, 10), (1e-4, 100), (0.01, 1), (0.1, 1), (7e-3, 1), (0.0, 1)])
+def test_a_bin_is_ten_milliseconds_or_one_sample(interval, expected):
+    assert samples_in_bin(interval) == expected
+
+
+def test_a_bin_is_at_rest_within_the_band_on_either_side_of_the_level_and_still_where_it_creeps_no_more():
+    known = RestLevel(level=1e-3, reach=20e-3, noise=0.0, quantum=0.0)
+    assert (known.band, known.creep) == (0.4e-3, 0.2e-3)
+    steps = [0.55e-3, 0.65e-3, 1e-3, 1.35e-3, 1.45e-3]
+    found = relative_to_rest(raw_bins(samples(np.repeat(steps, 30)), 10, np.nan), known, 3)
+    assert found.inside.tolist() == np.repeat([False, True, True, True, False], 3).tolist()
+    # the steps are 0.1, 0.35, 0.35 and 0.1 mm high
+    moving = [(1, 2), (2, 0), (2, 2), (3, 0)]
+    assert [(i // 3, i % 3) for i in np.flatnonzero(~found.still)] == moving

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from clutchid.log import Log
-from clutchid.recordings.strokes import Section, SectionSummary, sections_table
+from clutchid.recordings.strokes import Section, SectionSummary, cut, sections_table
 
 
 def rest(first: int, n: int, label: str = "vented rest", **found: float) -> Section:
@@ -53,3 +53,10 @@ def test_rests_that_do_not_touch_or_have_another_label_are_lines_of_their_own():
     one = rest(0, 1000)
     for other in (rest(1001, 1000), rest(1000, 1000, "held")):
         assert [row[0] for row in cells(one, other)] == ["1", "2"]
+
+
+def test_the_table_says_a_dash_where_nothing_is_known():
+    log = Log(np.arange(100) * 1e-3, {"position": np.full(100, np.nan)})
+    table = sections_table(cut(log)).splitlines()
+    assert all(word in table[1] for word in ("no position", "100.0 %", " - "))
+    assert all(line == line.rstrip() for line in table)

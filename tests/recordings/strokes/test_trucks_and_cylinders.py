@@ -39,12 +39,11 @@ def test_a_stroke_leaves_the_rest_when_the_supply_opens(recorder):
         assert section.departure == pytest.approx(wanted, abs=0.05)
 
 
-def test_a_cylinder_that_cycles_without_a_rest_is_bang_bang(shared):
-    file = shared / "data" / "wbident_pneumatic_cylinder" / "cylinder_1kHz.csv"
-    if not file.is_file():
-        pytest.skip(f"no {file.parent.name} beside the repository: the recording of a real cylinder is needed.")
-    data = np.genfromtxt(file, delimiter=",", skip_header=1)
-    log = Log(data[:, 0], {"position": 1e-3 * data[:, 1], "pressure_a": data[:, 3]})
+def test_a_cylinder_that_cycles_without_a_rest_is_bang_bang(data):
+    time, position, _, pressure, *_ = np.genfromtxt(
+        data("wbident_pneumatic_cylinder/cylinder_1kHz.csv"), delimiter=",", skip_header=1, unpack=True
+    )
+    log = Log(time, {"position": 1e-3 * position, "pressure_a": pressure})
     (section,) = cut(log)
     found = section.summary
     assert section.label == "bang-bang"

@@ -71,9 +71,8 @@ def test_errors_are_rms_against_the_measured_pressure_and_missing_samples_are_le
 
 def test_equations_25_and_26_are_inverse_to_each_other():
     f_l = np.linspace(0, 6000, 7)
-    np.testing.assert_allclose(
-        static_load(static_pressure(f_l, P.P_0, P.A_A), P.P_0, P.A_A), f_l, rtol=1e-12, atol=1e-9
-    )
+    back = static_load(static_pressure(f_l, P.P_0, P.A_A), P.P_0, P.A_A)
+    np.testing.assert_allclose(back, f_l, rtol=1e-12, atol=1e-9)
 
 
 @pytest.mark.parametrize("speed", [0.1, -0.1])

@@ -12,12 +12,11 @@ import pytest
 from clutchid import processes
 from clutchid.cli.prove import prove as command
 from clutchid.errors import ExportError, ParameterError
-from clutchid.estimation.assess.comparison import half_load
 from clutchid.fleets.cluster import Workers
 from clutchid.reports.tables import to_text
+from clutchid.study.proving import Answer, score, scores, standings, workflows
 from clutchid.study.proving import ground as proving
-from clutchid.study.proving import scores, workflows
-from clutchid.study.proving.scores import Answer, coverage, every_recording, score, standings
+from clutchid.study.proving.scores import coverage, every_recording
 from clutchid.study.proving.workflows import workflow
 from clutchid.truck import GRID
 
@@ -74,12 +73,6 @@ def test_an_answer_that_is_not_finite_or_too_short_is_refused(ground):
     ):
         with pytest.raises(ValueError, match="finite from"):
             score(broken, driven.truth, driven.log.time)
-
-
-def test_half_load_is_on_the_rising_side():
-    y = np.linspace(0, 20, 201)
-    assert half_load(y, np.sin(np.pi * y / 20)) == pytest.approx(20 / 6, rel=1e-3)
-    assert np.isnan(half_load(y, 1 - y / 100))
 
 
 def test_the_worn_recordings_have_no_pressure_and_another_load(ground):
@@ -249,10 +242,9 @@ def test_the_calibration_is_unchanged_and_the_worn_recordings_are_changed_all_to
 
 
 def test_an_unknown_family_or_change_ends_before_anything_runs(tmp_path):
-    with pytest.raises(ParameterError, match="must be A or B"):
-        proving.prove("paper", [0], tmp_path / "out", proving.Conditions("C"))
-    with pytest.raises(ParameterError, match="did you mean 'cold'"):
-        proving.prove("paper", [0], tmp_path / "out", proving.Conditions(changes=("colt",)))
+    for family, change, words in (("C", "cold", "must be A or B"), ("A", "colt", "did you mean 'cold'")):
+        with pytest.raises(ParameterError, match=words):
+            proving.prove("paper", [0], tmp_path / "out", proving.Conditions(family, (change,)))
     assert not (tmp_path / "out").exists()
 
 

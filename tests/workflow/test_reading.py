@@ -1,24 +1,15 @@
-"""Options of the command line that serve other actuators."""
+"""Recordings of other actuators, as every verb reads them."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from clutchid.cli.common import partition_of
-from clutchid.errors import DataError, ParameterError
+from clutchid.errors import DataError
 from clutchid.log import Log
 from clutchid.model.equipment import Equipment
 from clutchid.recordings import write
-from clutchid.simulation import Partition
 from clutchid.workflow import FileOptions, read_recordings
-
-
-def test_what_a_reset_takes_needs_a_reset():
-    with pytest.raises(ParameterError, match="--take position: there are no resets; give --every N or --parts N"):
-        partition_of(None, None, None, "position")
-    assert partition_of(1, None, "q", "position") == Partition(every=1, carry="q", take="position")
-    assert partition_of(1, None, None).take == "all"
 
 
 def test_a_recording_of_a_three_way_valve_is_read_with_its_one_column(tmp_path):

@@ -1,27 +1,24 @@
-"""Progress of work on many items: a line a minute where standard error is no terminal."""
+"""What commands have in common: progress a line a minute where standard error is no terminal, and resets."""
+
+from unittest.mock import Mock
 
 import pytest
 
-from clutchid.cli.common import EVERY, progress_of, progress_words
+from clutchid.cli.common import EVERY, partition_of, progress_of, progress_words
+from clutchid.errors import ParameterError
+from clutchid.simulation import Partition
 
 
 @pytest.fixture
 def passing():
     """A clock in s that a test sets forward."""
-
-    class Clock:
-        now = 1000.0
-
-        def __call__(self):
-            return self.now
-
-    return Clock()
+    return Mock(return_value=1000.0)
 
 
 def test_a_line_a_minute_says_what_is_done_the_rate_and_the_time_left(passing, capsys):
     with progress_of("fleet", clock=passing) as progress:
         for done in range(1, 31):
-            passing.now += 10.0
+            passing.return_value += 10.0
             progress(done, 120)
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 30 * 10.0 / EVERY
@@ -32,7 +29,7 @@ def test_a_line_a_minute_says_what_is_done_the_rate_and_the_time_left(passing, c
 def test_work_of_less_than_a_minute_says_nothing(passing, capsys):
     with progress_of("track", clock=passing) as progress:
         for done in range(1, 60):
-            passing.now += 1.0
+            passing.return_value += 1.0
             progress(done, 60)
     assert capsys.readouterr() == ("", "")
 
@@ -40,7 +37,7 @@ def test_work_of_less_than_a_minute_says_nothing(passing, capsys):
 def test_on_a_terminal_there_is_a_bar_and_no_line(passing, capsys, monkeypatch):
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     with progress_of("track", clock=passing) as progress:
-        passing.now += 61.0
+        passing.return_value += 61.0
         progress(1, 2)
     assert "\ntrack: 1 of 2 recordings" not in capsys.readouterr().err
 
@@ -55,3 +52,10 @@ def test_on_a_terminal_there_is_a_bar_and_no_line(passing, capsys, monkeypatch):
 )
 def test_a_rate_is_in_the_unit_of_time_in_which_it_is_one_or_more(done, seconds, words):
     assert progress_words(done, 1000, "trucks", seconds) == words
+
+
+def test_what_a_reset_takes_needs_a_reset():
+    with pytest.raises(ParameterError, match="--take position: there are no resets; give --every N or --parts N"):
+        partition_of(None, None, None, "position")
+    assert partition_of(1, None, "q", "position") == Partition(every=1, carry="q", take="position")
+    assert partition_of(1, None, None).take == "all"
