@@ -17,12 +17,12 @@ from clutchid.estimation.automatic import (
 )
 from clutchid.model import Actuator, Load
 from clutchid.model.variants import VARIANTS
-from clutchid.parameters import Parameters
 from clutchid.preparation.carrier import centred
 from clutchid.recordings.signals.duty_cycle import duty_grid
 from clutchid.simulation import simulate
 from clutchid.simulation.sensors import lagged
 from clutchid.truck import drive, truck
+from fixtures.changed_logs import spoiled, thinned
 
 PAPER = (
     "C_vs", "C_ve", "R_0vs", "R_0ve", "R_1vs", "R_1ve", "V_0A", "P_S", "P_0", "F_C", "D_v", "K_z", "D_zdot", "C_r",
@@ -51,6 +51,7 @@ def test_each_variant_frees_what_it_knows(drive_log, model):
     assert free[:22] == begin.load.names, "the load is free on B-splines"
     assert len(free) == len(set(free))
     assert begin.model == model
+    assert (begin.value("tau_y"), begin.value("tau_p")) == (LAG, LAG), "what sensors have"
 
 
 def test_the_load_starts_as_near_as_splines_come_to_the_one_given(drive_log):
@@ -78,13 +79,9 @@ def test_a_recording_that_starts_in_a_stroke_reads_the_ambient_pressure_off_its_
 def test_a_calibration_sees_whether_duty_cycles_are_latched(family, number, period):
     log = drive(truck(number, family), seconds=8, seed=5, name="log").log
     assert automatic([log], Actuator())[0].duty_period == pytest.approx(period)
-    slow = replace(log, time=log.time[::10], columns={name: values[::10] for name, values in log.columns.items()})
+    slow = thinned(log, 10)
     assert automatic([slow], Actuator())[0].duty_period is None, "a slow recording does not show it"
     assert automatic([slow], Actuator(duty_period=0.02))[0].duty_period == 0.02
-
-
-def test_whatever_may_be_freed_has_a_spread():
-    assert [name for name, row in Parameters.rows().items() if row.freed and not row.spread] == []
 
 
 def test_the_ambient_pressure_is_read_off_the_vented_rest(drive_log, plant):
@@ -106,18 +103,8 @@ def test_the_ambient_pressure_is_the_median_of_several_recordings(drive_log, pla
 
 
 def test_missing_pressure_at_the_rest_is_left_out(drive_log, plant):
-    pressure = drive_log["pressure_a"].copy()
-    pressure[:40:2] = np.nan
-    _, _, priors = automatic([drive_log.with_columns(pressure_a=pressure)], plant)
+    _, _, priors = automatic([spoiled(drive_log, "pressure_a", slice(0, 40, 2))], plant)
     assert priors["P_0"].mean == pytest.approx(109500.0, abs=1e3)
-
-
-def test_without_a_carrier_the_valves_are_averaged(drive_log, plant):
-    begin, free, _ = automatic([drive_log], plant)
-    assert begin.value("T_pwm") == 0.0
-    assert not set(CARRIER) & set(free)
-    assert set(EXPONENTS) <= set(free)
-    assert (begin.value("n_vs"), begin.value("n_ve")) == (1.0, 1.0)
 
 
 def test_the_default_model_follows_the_valves(drive_log, plant, recorded_by):
@@ -195,13 +182,6 @@ def test_an_on_off_unit_whose_commands_change_at_any_time_has_no_carrier(drive_l
     begin, free, _ = automatic([bang], plant)
     assert begin.value("T_pwm") == 0.0
     assert not set(CARRIER) & set(free)
-
-
-@pytest.mark.parametrize("model", VARIANTS)
-def test_the_lags_of_the_sensors_begin_at_what_sensors_have(drive_log, model):
-    begin, free, _ = automatic([drive_log], Actuator(model=model))
-    assert (begin.value("tau_y"), begin.value("tau_p")) == (LAG, LAG)
-    assert {"tau_y", "tau_p"} <= set(free)
 
 
 def test_a_recording_without_pressure_is_one_sentence_that_says_what_to_do(drive_log, plant):

@@ -12,6 +12,7 @@ from clutchid.observer.observer import observer, start
 from clutchid.observer.prior import ASSUMED, load_deviation
 from clutchid.observer.state import FROZEN
 from clutchid.observer.state_file import read_state, write_state
+from fixtures.changed_logs import spoiled
 
 STROKE = np.linspace(2e-3, 9e-3, 30)
 
@@ -104,14 +105,6 @@ def test_a_file_that_is_no_state_is_refused_with_its_name(joint, tmp_path, text)
         read_state(joint, tmp_path / "state.toml")
 
 
-def test_a_damaged_state_is_refused(joint, tmp_path):
-    write_state(joint, start(joint), tmp_path / "state.toml")
-    text = (tmp_path / "state.toml").read_text()
-    (tmp_path / "state.toml").write_text(text.replace("[tail]", "[tails]"))
-    with pytest.raises(ParameterError, match="is damaged"):
-        read_state(joint, tmp_path / "state.toml")
-
-
 def test_with_the_method_states_the_load_stays_as_calibrated(plant, log):
     one = observer(plant, "states")
     state, found = observe(one, start(one), log.slice(0, 1500))
@@ -122,10 +115,7 @@ def test_with_the_method_states_the_load_stays_as_calibrated(plant, log):
 
 
 def test_a_hole_ends_a_stretch_and_what_is_known_of_the_load_stays(joint, plant, worn, log):
-    hole = log.slice(0, len(log))
-    duty = hole["duty_supply"].copy()
-    duty[2500:2700] = np.nan
-    state, found = observe(joint, start(joint), hole.with_columns(duty_supply=duty))
+    state, found = observe(joint, start(joint), spoiled(log, "duty_supply", slice(2500, 2700)))
     assert np.isnan(found.states[2500:2700]).all()
     assert np.isfinite(found.states[:2500]).all()
     assert np.isfinite(found.states[2700:]).all()
@@ -133,19 +123,16 @@ def test_a_hole_ends_a_stretch_and_what_is_known_of_the_load_stays(joint, plant,
 
 
 def test_the_samples_of_a_frozen_sensor_are_left_out(joint, plant, worn, log):
-    position = log["position"].copy()
-    moving = int(np.argmax(np.abs(np.gradient(position, log.time)) > 0.1))
-    position[moving : moving + 500] = position[moving]
-    state, found = observe(joint, start(joint), log.with_columns(position=position))
+    moving = int(np.argmax(np.abs(np.gradient(log["position"], log.time)) > 0.1))
+    frozen = spoiled(log, "position", slice(moving, moving + 500), log["position"][moving])
+    state, found = observe(joint, start(joint), frozen)
     assert not found.used[moving + FROZEN : moving + 500].any()
     assert found.used[moving + 500 :].all()
     assert apart(joint, plant, state, worn) < 0.3
 
 
 def test_missing_positions_are_predicted(joint, log):
-    position = log["position"].copy()
-    position[800:900] = np.nan
-    _, found = observe(joint, start(joint), log.with_columns(position=position).slice(0, 1500))
+    _, found = observe(joint, start(joint), spoiled(log, "position", slice(800, 900)).slice(0, 1500))
     assert np.isfinite(found.states).all()
     assert np.isnan(found.innovations[800:900]).all()
 
@@ -153,12 +140,10 @@ def test_missing_positions_are_predicted(joint, log):
 @pytest.mark.parametrize("lengths", [[2500], [1, 99, 2400], [1000, 1, 1499]])
 def test_a_stretch_that_begins_without_a_position_starts_with_the_first_one(joint, plant, log, lengths):
     inside = int(np.argmax(log["position"] > 5e-3))
-    part = log.slice(inside, inside + 2500)
-    position = part["position"].copy()
-    position[:50] = np.nan
+    part = spoiled(log.slice(inside, inside + 2500), "position", slice(50))
     state, found, at = start(joint), [], 0
     for length in lengths:
-        state, some = observe(joint, state, part.with_columns(position=position).slice(at, at + length))
+        state, some = observe(joint, state, part.slice(at, at + length))
         found.append(some.states)
         at += length
     _, expected = observe(joint, start(joint), part.slice(50, 2500))
@@ -176,10 +161,8 @@ def test_time_that_goes_back_is_refused_and_the_state_is_kept(joint, log):
 
 @pytest.mark.parametrize("wrong", [-0.1, 1.5, np.inf])
 def test_a_duty_cycle_outside_0_to_1_is_refused_with_its_time(joint, log, wrong):
-    duty = log["duty_exhaust"].copy()
-    duty[120] = wrong
     with pytest.raises(DataError, match=r"duty_exhaust is (-0\.1|1\.5|inf) at 0\.12 s; a duty cycle is from 0 to 1"):
-        observe(joint, start(joint), log.with_columns(duty_exhaust=duty))
+        observe(joint, start(joint), spoiled(log, "duty_exhaust", 120, wrong))
 
 
 def test_a_log_without_a_duty_cycle_is_refused(joint, log):

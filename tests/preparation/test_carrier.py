@@ -6,7 +6,6 @@ import pytest
 from clutchid import truck as virtual
 from clutchid.errors import DataError
 from clutchid.estimation.automatic import AUTOMATIC
-from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.preparation.carrier import (
     PERIODS,
@@ -16,6 +15,7 @@ from clutchid.preparation.carrier import (
 )
 from clutchid.preparation.pulses import find_phase, pulsed
 from clutchid.study.proving.ground import proof
+from fixtures.changed_logs import spoiled, thinned
 from fixtures.duty_cycles import commanded
 
 pytestmark = pytest.mark.slow
@@ -70,16 +70,14 @@ def test_a_recording_without_a_carrier_has_none(plant, drive_log):
 
 
 def test_a_recording_slower_than_the_carrier_has_none(plant, log):
-    bus = Log(log.time[::10], {name: values[::10] for name, values in log.columns.items()}, "bus")
+    bus = thinned(log, 10)
     assert find_carrier(bus, plant)[0] != PERIOD
     assert find_carrier(bus, plant, tuple(period for period in PERIODS if period < 0.025)) == (0.0, 0.0)
 
 
 def test_missing_pressure_does_not_hide_the_carrier(plant, log):
-    pressure = log["pressure_a"].copy()
-    pressure[500:560] = np.nan
-    pressure[::50] = np.nan
-    period, phase = find_carrier(log.with_columns(pressure_a=pressure), plant)
+    torn = spoiled(log, "pressure_a", [*range(500, 560), *range(0, len(log), 50)])
+    period, phase = find_carrier(torn, plant)
     assert period == PERIOD
     assert apart(phase, PHASE) <= 0.05
 

@@ -12,6 +12,7 @@ from clutchid.numerics.failure import Failure
 from clutchid.simulation import Partition
 from clutchid.simulation.noise import Noise
 from clutchid.simulation.plan import plan
+from fixtures.changed_logs import spoiled
 
 SCALES = {"position": 1e-4, "pressure_a": 1e4}
 NAMES = ("theta_1", "theta_2", "theta_3", "A_A", "V_0A", "V_0B", "P_0", "P_S", "C_vs", "C_ve", "K_z", "F_C", "y_max")
@@ -40,9 +41,7 @@ def stacked(problem, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def cut(driven, with_noise) -> Log:
     """3 s of which 0.2 s of an input are missing: a vented start and one under pressure, with measured pressure."""
     log = with_noise(driven(seconds=3.0), 21)
-    supply = log["duty_supply"].copy()
-    supply[1100:1300] = np.nan
-    return log.with_columns(duty_supply=supply)
+    return spoiled(log, "duty_supply", slice(1100, 1300))
 
 
 @pytest.mark.parametrize("measure", [("position",), ("position", "pressure_a")], ids=["position", "both"])

@@ -19,6 +19,7 @@ from clutchid.model.variants import VARIANTS
 from clutchid.numerics.failure import Failure
 from clutchid.simulation.noise import Noise
 from clutchid.simulation.windows import units
+from fixtures.changed_logs import spoiled
 
 BOTH = ("position", "pressure_a")
 NAMES = (
@@ -158,10 +159,8 @@ def test_missing_samples_are_left_out_element_by_element(problem, busy, uncompre
     x = np.zeros(len(NAMES))
     whole = rows_at(problem, busy, x, start).rows
     n = whole.shape[0] // 2
-    position, pressure = track.measured["position"].copy(), track.measured["pressure_a"].copy()
-    position[window.start + np.array([3, 40])] = np.nan
-    pressure[window.start + np.array([0, 7, 50])] = np.nan
-    holed = replace(track, measured=track.measured.with_columns(position=position, pressure_a=pressure))
+    torn = spoiled(track.measured, "position", window.start + np.array([3, 40]))
+    holed = replace(track, measured=spoiled(torn, "pressure_a", window.start + np.array([0, 7, 50])))
     rows = rows_at(problem, (holed, window, start), x, start).rows
     assert np.array_equal(rows, np.delete(whole, [3, 40, n, n + 7, n + 50], axis=0))
 

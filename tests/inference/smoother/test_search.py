@@ -13,6 +13,7 @@ from clutchid.inference.smoother.search import STAGES_FROM_CALIBRATION, STAGES_F
 from clutchid.inference.smoother.trial import evaluate_step, shifted_states
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Solution
+from fixtures.changed_logs import spoiled
 
 
 @pytest.fixture(scope="module")
@@ -259,10 +260,8 @@ def test_without_a_stage_there_is_nothing_to_find(problem, start):
 def test_missing_samples_change_the_load_by_less_than_the_noise_allows(
     plant, worn_log, problem_of, starts_of, solution, problem
 ):
-    position = worn_log["position"].copy()
-    position[1000:1060] = np.nan
-    position[::7] = np.nan
-    holed = problem_of([worn_log.with_columns(position=position)], plant, plant.load.names, ("position",))
+    torn = spoiled(worn_log, "position", [*range(1000, 1060), *range(0, len(worn_log), 7)])
+    holed = problem_of([torn], plant, plant.load.names, ("position",))
     answer = search(holed, np.zeros(22), starts_of(holed), STAGES_FROM_CALIBRATION)
     y = np.linspace(0.5e-3, 20e-3, 40)
     assert answer.status == "converged"
