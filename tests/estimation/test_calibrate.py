@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 
 from clutchid.errors import DataError, ParameterError
-from clutchid.estimation import shooting as module
 from clutchid.estimation.calibrate import calibration_of, fit_with
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.shooting import SHOOTING
 from clutchid.inference.uncertainty.calibration import drift
 from clutchid.inference.uncertainty.change_prior import changeable
 from clutchid.inference.uncertainty.coordinates import Prior
-from clutchid.numerics.failure import Failure
 
 pytestmark = pytest.mark.slow
 
@@ -133,12 +131,6 @@ def test_a_prior_for_what_is_not_free_is_one_sentence_with_what_is(plant, short)
         fit_with(SHOOTING, [short], plant, request)
 
 
-def test_crossed_bounds_are_one_sentence(plant, short):
-    request = FitRequest(("position",), ("C_vs",), bounds={"C_vs": (2e-8, 1e-8)})
-    with pytest.raises(ParameterError, match=r"^C_vs: lower bound 2e-08 is not below upper bound 1e-08\.$"):
-        fit_with(SHOOTING, [short], plant, request)
-
-
 def test_too_many_numbers_for_a_short_recording_are_refused_with_both_counts(plant, short):
     with pytest.raises(DataError, match=r"^log: 100 measured samples for 22 free parameters; at least ten for each"):
         fit_with(SHOOTING, [short.slice(0, 100)], plant, FitRequest(("position",), ("load",)))
@@ -147,10 +139,3 @@ def test_too_many_numbers_for_a_short_recording_are_refused_with_both_counts(pla
 def test_nothing_free_is_refused(plant, short):
     with pytest.raises(ParameterError, match=r"^no parameter is free"):
         fit_with(SHOOTING, [short], plant, FitRequest(("position",), ()))
-
-
-def test_a_start_that_cannot_be_simulated_is_a_result_that_says_so(plant, short, monkeypatch):
-    monkeypatch.setattr(module, "initial_states", lambda *_: Failure("v is not finite at 0.2 s."))
-    result = fit_with(SHOOTING, [short], plant, FitRequest(("position",), ("load",)))
-    assert result.status == "failed"
-    assert result.message == "the start values cannot be simulated. v is not finite at 0.2 s."

@@ -68,17 +68,6 @@ def test_without_static_friction_and_pressed_seals_stribeck_is_the_plain_frictio
         assert np.all(np.abs(one - other).max(axis=0) <= 12 * 2.3e-16 * np.abs(one).max(axis=0))
 
 
-@pytest.mark.parametrize("gas", GAS)
-def test_a_simulation_without_static_friction_and_pressed_seals_is_the_plain_one(gas, drive):
-    parameters = Parameters(R_S=1.0, c_F=0.0)
-    plain = simulate(Actuator(parameters, Load(THETA), gas), drive).log
-    stribeck = simulate(Actuator(parameters, Load(THETA), f"{gas}-stribeck"), drive).log
-    for state in VARIANTS[gas]:
-        # 10000 steps of some hundred roundings each, of the largest value
-        name = STATES[state].column
-        np.testing.assert_allclose(stribeck[name], plain[name], rtol=0, atol=1e6 * 2.3e-16 * np.abs(plain[name]).max())
-
-
 def test_air_at_the_temperature_of_the_walls_and_full_of_heat_has_the_rates_of_the_isothermal_model(points):
     # With gamma towards 1 the heat of compression vanishes: p_dot = R T_0 w / V - p V_dot / V, Eq. (4), at T = T_0.
     x, u = points[0][:, :10].copy(), points[1]
@@ -124,7 +113,7 @@ def test_a_vented_actuator_at_rest_stays_at_rest_in_every_variant(variant):
     assert np.abs(rates).max() <= 10 * 2.3e-16 * 1.35e3 / 10
 
 
-@pytest.mark.parametrize("variant", list(VARIANTS)[1:])
+@pytest.mark.parametrize("variant", VARIANTS)
 def test_the_jacobian_of_every_variant_is_the_derivative_of_its_rates(points, variant):
     states = VARIANTS[variant]
     x, u = points[0][:, : len(states)].copy(), points[1]
@@ -137,22 +126,11 @@ def test_the_jacobian_of_every_variant_is_the_derivative_of_its_rates(points, va
             h[column] = step * scales[state]
             slope = (linearised(variant, x + h, u)[0] - linearised(variant, x - h, u)[0]) / (2 * h[column])
             errors.append(np.abs(slope - jacobian[:, :, column]))
-        # as tests/model/test_kernels.py for the paper's model: curvature and rounding, a kink in one point of a hundred
+        # rounding of the rates over the step, and the curvature over it, at the better of the steps, point by point;
+        # a kink between the two sides (knot, stop, |v|, r_lam) may spoil one point in a hundred
         size, rate = np.abs(jacobian[:, :, column]).max(axis=0), np.abs(rates).max(axis=0)
         good = (np.min(errors, axis=0) <= 1e-5 * size + 1e-14 * rate / (1e-6 * scales[state])).all(axis=1)
         assert good.mean() > 0.99, state
-
-
-@pytest.mark.parametrize("gas", GAS)
-def test_in_steady_sliding_the_bristle_carries_the_friction_of_the_pressed_seals(gas):
-    t = np.arange(0, 0.3, 1e-3)
-    log = Log(t, {"duty_supply": np.where(t > 0.02, 0.12, 0.0), "duty_exhaust": np.zeros(t.size)})
-    actuator = Actuator(load=Load((1e3, 0.0, 0.0)), model=f"{gas}-stribeck")
-    last = simulate(actuator, log).log.slice(t.size - 1, t.size)
-    (v,), (p_A,), (p_B,), (z,) = (last[name] for name in ("velocity", "pressure_a", "pressure_b", "deflection"))
-    assert v > 4 * actuator.parameters.v_S  # static friction is gone, exp(-16)
-    # The pressures change by some bar a second, 1.5e-4 m2 of it; the bristle follows in F / (K_z v) = 4 ms: 0.1 N
-    assert abs(1e6 * z - (200 + 1.5e-4 * (p_A - p_B))) < 0.1
 
 
 @pytest.mark.parametrize("variant", [*GAS[1:], "energy-balance-stribeck"])

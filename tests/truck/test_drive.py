@@ -8,7 +8,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-import clutchid
 from clutchid.errors import ExportError, ParameterError, SolveError
 from clutchid.truck import GRID, MANOEUVRES, Truck, aged, drive, life, respond, truck, write_truth
 from clutchid.truck.running import Course, run
@@ -140,16 +139,6 @@ def test_the_truth_has_the_load_in_the_zero_of_the_sensor():
     assert done.truth.states["position"][0] == pytest.approx(3e-5, abs=1e-9)
 
 
-def test_the_static_balance_of_the_recorded_pressure_shows_the_true_load():
-    t = Truck(F_C=1.0, c_F=0.0, R_S=1.0, K_z=1e4, D_z=0.0, K_h=1e4, mu_h=0.0, F_h=1.0)
-    done = drive(t, manoeuvre="ramps", seconds=7, seed=2)
-    x = done.truth.states
-    slow = (np.abs(x["velocity"]) < 2e-3) & (x["position"] > 1e-3) & (done.truth.time > 0.5)
-    balance = t.A_A * (x["pressure_a"] - t.P_0) - t.A_B * (x["pressure_b"] - t.P_0)
-    # what is left: D_v v = 4000 * 2e-3 = 8 N, friction of 2 N, and M a of a piston that just stops
-    assert np.median(np.abs(balance - done.truth.load(x["position"]))[slow]) < 10
-
-
 def test_a_truth_file_has_the_form_of_the_shared_data(tmp_path, shift, shared):
     known = json.loads((shared / "data" / "trucks" / "truck1" / "truth.json").read_text())
     worn = drive(Truck(), seconds=1, wear=2e-3)
@@ -168,37 +157,6 @@ def test_a_truth_file_has_the_form_of_the_shared_data(tmp_path, shift, shared):
 def test_a_truth_that_cannot_be_written_is_one_sentence(tmp_path, shift):
     with pytest.raises(ExportError, match="does not exist"):
         shift.write_truth(tmp_path / "nowhere" / "truth.json")
-
-
-def test_a_recording_survives_being_written_and_read(tmp_path, shift):
-    clutchid.write(shift.log, tmp_path / "drive.parquet")
-    back = clutchid.read(tmp_path / "drive.parquet")
-    assert back.warnings == ()
-    assert np.array_equal(back["position"], shift.log["position"])
-
-
-def test_the_bus_log_is_a_tenth_with_a_clock_of_its_own(shift):
-    bus = drive(Truck(), manoeuvre="gear-shift", seconds=10, seed=4, recorder="bus").log
-    assert len(bus) == pytest.approx(len(shift.log) / 10, abs=2)
-    gaps = np.diff(bus.time)
-    assert gaps.mean() == pytest.approx(0.01, rel=1e-3)
-    assert 0 < gaps.std() < 2 * Truck().j_clock
-    index = np.round(bus.time * 1000 - 0.5 * Truck().j_clock * 1000).astype(int)
-    near = [shift.log["position"][np.clip(index + k, 0, 9999)] == bus["position"] for k in (-1, 0, 1)]
-    assert np.all(np.any(near, axis=0))
-
-
-def test_a_bus_clock_that_runs_fast_stamps_late():
-    one, other = (drive(Truck(e_clock=e), seconds=10, recorder="bus").log.time for e in (0.0, 1e-3))
-    assert other - one == pytest.approx(1e-3 * one, abs=1e-3 * Truck().j_clock + 1e-7)
-
-
-def test_drop_outs_take_measurements_but_not_the_inputs():
-    log = drive(Truck(), seconds=5, dropouts=4).log
-    gone = ~np.isfinite(log["position"])
-    assert 15 < gone.sum() < 250
-    assert np.array_equal(gone, ~np.isfinite(log["pressure_a"]))
-    assert np.all(np.isfinite(log["duty_supply"]))
 
 
 def test_a_stuck_sensor_shows_one_value_and_misleads_the_controller():

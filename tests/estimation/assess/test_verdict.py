@@ -8,7 +8,7 @@ import pytest
 
 from clutchid import fit
 from clutchid.estimation import Estimate, LoadCurve
-from clutchid.estimation.assess.evidence import actuator_of, as_recorded, evidence, information, predicted_fit, reach
+from clutchid.estimation.assess.evidence import actuator_of, as_recorded, evidence, predicted_fit, reach
 from clutchid.estimation.assess.verdict import verdict
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.log import Log
@@ -200,21 +200,6 @@ def test_what_the_sensors_record_lags_and_is_offset(fitted):
     recorded = as_recorded(shot, "drive", one)
     np.testing.assert_allclose(recorded["position"], lagged(one["position"], 2e-3, 1e-3) + 1e-4, atol=1e-15)
     assert as_recorded(fitted, "drive", one) is one
-
-
-def test_the_information_is_the_inverse_of_the_covariance(fitted):
-    found = information(fitted)
-    size = 1e5  # N/m, the natural size of a load weight
-    np.testing.assert_allclose(found.R.T @ found.R, np.linalg.inv(fitted.covariance) * size**2, rtol=1e-6)
-
-
-def test_what_has_an_infinite_variance_has_no_information(fitted):
-    covariance = fitted.covariance.copy()
-    covariance[2] = covariance[:, 2] = 0.0
-    covariance[2, 2] = np.inf
-    found = information(replace(fitted, covariance=covariance))
-    assert found.names == ("theta_1", "theta_2", "theta_3")
-    assert found.known == ("theta_1", "theta_2")
 
 
 def test_the_verdict_as_json_has_plain_values_only(fitted):

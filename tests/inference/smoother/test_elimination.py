@@ -41,18 +41,6 @@ def without_residuals(chain):
 
 
 @LENGTHS
-def test_theta_and_states_are_those_of_the_dense_problem(length):
-    parts = chain_of(length)
-    matrix = dense(*parts)
-    whole = np.linalg.lstsq(matrix[:, :-1], -matrix[:, -1], rcond=None)[0]
-    chain = eliminate(*parts)
-    theta = np.linalg.lstsq(chain.rows[:, :-1], -chain.rows[:, -1], rcond=None)[0]
-    assert theta == pytest.approx(whole[length * STATES :], rel=1e-9, abs=1e-9)
-    states = recover(chain, theta[:, None])[:, :, 0]
-    assert states.ravel() == pytest.approx(whole[: length * STATES], rel=1e-9, abs=1e-9)
-
-
-@LENGTHS
 def test_states_at_another_theta_are_the_best_ones_there(length):
     parts = chain_of(length)
     matrix, theta = dense(*parts), np.array([0.3, -1.0, 2.0, 0.1])
