@@ -13,6 +13,7 @@ from clutchid.observer.prior import ASSUMED, load_deviation
 from clutchid.observer.state import FROZEN
 from clutchid.observer.state_file import read_state, write_state
 from fixtures.changed_logs import spoiled
+from fixtures.observing import in_blocks
 
 STROKE = np.linspace(2e-3, 9e-3, 30)
 
@@ -21,22 +22,6 @@ def apart(one, actuator, state, worn):
     """Largest error of the load at 2 to 9 mm over the largest change."""
     truth = worn.load.force(STROKE)
     return np.abs(one.load(state).force(STROKE) - truth).max() / np.abs(actuator.load.force(STROKE) - truth).max()
-
-
-def equal(one, other):
-    arrays = [(one.theta, other.theta), (one.T, other.T), *zip(one.tail, other.tail, strict=True)]
-    arrays += [*zip(one.filter, other.filter, strict=True), (one.deviations, other.deviations)]
-    counted = (one.number, one.strokes) == (other.number, other.strokes)
-    return counted and all(np.array_equal(a, b, equal_nan=True) for a, b in arrays)
-
-
-def test_a_load_that_has_grown_is_followed(joint, plant, worn, log):
-    state, found = observe(joint, start(joint), log)
-    assert apart(joint, plant, start(joint), worn) == pytest.approx(1.0)
-    assert apart(joint, plant, state, worn) < 0.15
-    late = slice(len(log) // 2, None)
-    pressure = found.states[late, plant.states.index("p_A")]
-    assert np.sqrt(np.mean((pressure - log["pressure_a"][late]) ** 2)) < 10e3
 
 
 def test_the_band_of_the_load_shrinks_and_holds_the_truth(joint, worn, log):
@@ -54,41 +39,6 @@ def test_the_band_of_the_pressure_narrows_and_holds_the_truth(joint, plant, log)
     late = slice(off.size // 2, None)
     assert np.mean(off[late] <= band[late]) > 0.9
     assert np.median(band[late]) < 20e3
-
-
-def test_blocks_of_any_length_give_the_same_numbers(joint, log):
-    part = log.slice(0, 1500)
-    state, found = observe(joint, start(joint), part)
-    for lengths in ([1] * 40 + [700, 3, 757], [1499, 1], [500, 500, 500]):
-        now, states, deviations, innovations, at = start(joint), [], [], [], 0
-        for length in lengths:
-            now, some = observe(joint, now, part.slice(at, at + length))
-            states.append(some.states)
-            deviations.append(some.deviations)
-            innovations.append(some.innovations)
-            at += length
-        assert np.array_equal(np.vstack(states), found.states)
-        assert np.array_equal(np.vstack(deviations), found.deviations, equal_nan=True)
-        assert np.array_equal(np.vstack(innovations), found.innovations, equal_nan=True)
-        assert equal(now, state)
-
-
-def test_a_run_that_is_resumed_from_its_file_gives_the_same_numbers(joint, log, tmp_path):
-    first, _ = observe(joint, start(joint), log.slice(0, 1234))
-    write_state(joint, first, tmp_path / "state.toml")
-    again = read_state(joint, tmp_path / "state.toml")
-    assert equal(again, first)
-    rest = log.slice(1234, 2500)
-    (one, found), (other, resumed) = observe(joint, first, rest), observe(joint, again, rest)
-    assert np.array_equal(found.states, resumed.states)
-    assert equal(one, other)
-
-
-def test_a_state_before_the_first_sample_is_written_as_well(joint, tmp_path):
-    write_state(joint, start(joint), tmp_path / "state.toml")
-    again = read_state(joint, tmp_path / "state.toml")
-    assert again.filter is None
-    assert np.array_equal(again.T, start(joint).T)
 
 
 def test_a_state_of_another_calibration_or_method_is_refused(joint, plant, log, tmp_path):
@@ -141,15 +91,10 @@ def test_missing_positions_are_predicted(joint, log):
 def test_a_stretch_that_begins_without_a_position_starts_with_the_first_one(joint, plant, log, lengths):
     inside = int(np.argmax(log["position"] > 5e-3))
     part = spoiled(log.slice(inside, inside + 2500), "position", slice(50))
-    state, found, at = start(joint), [], 0
-    for length in lengths:
-        state, some = observe(joint, state, part.slice(at, at + length))
-        found.append(some.states)
-        at += length
+    _, found = in_blocks(joint, part, lengths)
     _, expected = observe(joint, start(joint), part.slice(50, 2500))
-    states = np.vstack(found)
-    assert np.isnan(states[:50]).all()
-    assert np.array_equal(states[50:], expected.states)
+    assert np.isnan(found.states[:50]).all()
+    assert np.array_equal(found.states[50:], expected.states)
 
 
 def test_time_that_goes_back_is_refused_and_the_state_is_kept(joint, log):
