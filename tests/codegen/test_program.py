@@ -68,13 +68,6 @@ def test_a_lowered_expression_has_the_value_of_the_expression(expression, one, t
     )
 
 
-def test_absolute_value_and_extremes_become_branches():
-    (branch,) = [s for s in lower(out, sp.Max(x, 2) + sp.Abs(a)) if isinstance(s, Branch) and len(s.arms) == 2][:1]
-    assert isinstance(branch, Branch)
-    assert execute(lower(out, sp.Max(x, 2) + sp.Abs(a)), {x: 1.0, a: -3.0})["out"] == 5.0
-    assert execute(lower(out, sp.Min(x, 2, a)), {x: 1.0, a: -3.0})["out"] == -3.0
-
-
 def test_a_piecewise_expression_without_a_last_branch_is_refused():
     with pytest.raises(ValueError, match="every other case"):
         lower(out, sp.Piecewise((x, x > 0)))

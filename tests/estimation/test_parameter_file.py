@@ -14,6 +14,7 @@ from clutchid.model import Actuator, Load
 from clutchid.model.variants import VARIANTS
 from clutchid.model.weighted_load import DEFAULT_KNOTS
 from clutchid.parameters import Parameters
+from fixtures.sentences import one_sentence
 
 #: A load on two knots, the four weights that it needs, and an actuator of another drawing without them.
 SPLINE = "[model]\nload_basis = 'b-spline'\nknots = [0.0, 0.02]\n"
@@ -126,11 +127,8 @@ def test_a_file_with_few_knots_and_many_weights_has_one_problem(tmp_path):
 def test_a_wrong_entry_is_one_sentence_with_the_file(text, words, tmp_path):
     path = tmp_path / "start.toml"
     path.write_text(text)
-    with pytest.raises(ParameterError) as caught:
-        read_parameters(path)
-    message = str(caught.value)
+    message = one_sentence(ParameterError, read_parameters, path)
     assert message.startswith(f"{path}: ")
-    assert len(message.splitlines()) == 1
     for word in words:
         assert word in message
 

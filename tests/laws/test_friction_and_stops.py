@@ -1,16 +1,11 @@
 """Laws of the forces: friction takes energy, its bristle stays bounded, an end stop only pushes."""
 
-import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from clutchid.log import Log
-from clutchid.model import Actuator, Load
 from clutchid.model.friction import bearing_force, coulomb_force, deflection_rate, friction_force, stribeck_force
 from clutchid.model.motion import acceleration, stop_force
 from clutchid.parameters import Parameters
-from clutchid.simulation import simulate
 
 P = Parameters()
 REACH = P.F_C / P.K_z
@@ -86,28 +81,6 @@ def test_a_bearing_never_gives_more_power_than_its_deflection_stores(v, part, f_
     # what is left is heat: K_h z_h^2 K_h / g |v|
     assert power - stored >= -1e-15 * (abs(power) + abs(stored))
     assert power - stored <= held * abs(v) * (1 + 1e-14)
-
-
-def test_between_pressing_and_releasing_a_load_the_bearing_makes_twice_its_share_of_hysteresis():
-    # so slow that gas, load and bearing balance: there and back over 5 mm, where the load rises, in three seconds each
-    t = np.arange(0, 6.0, 1e-3)
-    duty = {"duty_supply": np.where((t > 0.1) & (t < 3), 0.09, 0.0), "duty_exhaust": np.where(t > 3.2, 0.09, 0.0)}
-    load = Load((9e5, 0.0, 0.0))
-
-    def width(mu_h: float) -> float:
-        parameters = Parameters(D_v=0.0, D_zdot=100.0, F_C=1.0, K_z=1e5, mu_h=mu_h, K_h=2e6)
-        log = simulate(Actuator(parameters, load, "energy-balance"), Log(t, duty)).log
-        gas = parameters.A_A * log["pressure_a"] - parameters.A_B * log["pressure_b"]
-        y, v = log["position"], log["velocity"]
-        assert y.max() > 7e-3
-        up, down = (np.flatnonzero((way * v > 0) & (np.abs(y - 5e-3) < 0.5e-3)) for way in (1, -1))
-        # a parabola, as the load is one, through either way around 5 mm: what the piston still swings averages out
-        at = [np.polyval(np.polyfit(y[k], gas[k], 2), 5e-3) for k in (up, down)]
-        return at[0] - at[1]
-
-    force = float(load.force(np.array([5e-3]))[0])
-    # the deflection lags a changing load by g / K_h = 0.1 mm: alike on both ways but for (g' / K_h)^2 = (24e3 / 2e6)^2
-    assert width(0.05) - width(0.0) == pytest.approx(2 * 0.05 * force, rel=1e-3)
 
 
 @given(depths, st.floats(-2, 2))

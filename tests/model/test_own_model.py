@@ -16,6 +16,7 @@ from clutchid.model.variants import VARIANTS
 from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
 from fixtures.differences import assert_exact
+from fixtures.sentences import one_sentence
 
 pytestmark = pytest.mark.slow
 
@@ -225,10 +226,7 @@ def test_values_outside_their_range_are_refused_with_the_range():
     ],
 )  # fmt: skip
 def test_what_does_not_fit_is_refused_in_one_sentence(make, sentence):
-    with pytest.raises(ParameterError) as caught:
-        make()
-    assert str(caught.value).startswith(sentence)
-    assert len(str(caught.value).splitlines()) == 1
+    assert one_sentence(ParameterError, make).startswith(sentence)
 
 
 def test_all_problems_are_named_at_once():

@@ -9,7 +9,6 @@ from clutchid import Actuator
 from clutchid.errors import DataError, ParameterError
 from clutchid.observer.following import observe
 from clutchid.observer.observer import observer, start
-from clutchid.observer.prior import ASSUMED, load_deviation
 from clutchid.observer.state import FROZEN
 from clutchid.observer.state_file import read_state, write_state
 from fixtures.changed_logs import spoiled
@@ -53,15 +52,6 @@ def test_a_file_that_is_no_state_is_refused_with_its_name(joint, tmp_path, text)
     (tmp_path / "state.toml").write_text(text)
     with pytest.raises(ParameterError, match=r"state\.toml: is no "):
         read_state(joint, tmp_path / "state.toml")
-
-
-def test_with_the_method_states_the_load_stays_as_calibrated(plant, log):
-    one = observer(plant, "states")
-    state, found = observe(one, start(one), log.slice(0, 1500))
-    assert one.load(state) == plant.load
-    assumed = load_deviation(ASSUMED, plant, plant.load, STROKE)
-    assert one.load_deviation(state, STROKE) == pytest.approx(assumed), "only the supply is not known"
-    assert np.isfinite(found.states).all()
 
 
 def test_a_hole_ends_a_stretch_and_what_is_known_of_the_load_stays(joint, plant, worn, log):

@@ -64,36 +64,6 @@ def test_partitions_need_a_position(truth, drive):
         simulate(truth, drive.without("position"), partition=Partition(every=10))
 
 
-def test_a_recording_that_starts_under_pressure_starts_at_rest_against_the_load(truth, drive):
-    later = drive.slice(1000, 2000)
-    done = simulate(truth, later).log
-    y = later["position"][0]
-    assert y > 14e-3
-    assert done["position"][0] == y
-    assert done["pressure_a"][0] == pytest.approx(1.095e5 + truth.load.force(np.array([y]))[0] / 12.3e-3, rel=1e-12)
-
-
-def test_given_starts_are_taken_and_counted(truth, drive):
-    later = drive.slice(1000, 2000)
-    done = simulate(truth, later, starts=[(14e-3, 4.7e5)]).log
-    assert (done["position"][0], done["pressure_a"][0]) == (14e-3, 4.7e5)
-    with pytest.raises(ParameterError, match="2 given, the recording has 1"):
-        simulate(truth, later, starts=[(0, 1e5), (0, 1e5)])
-
-
-@pytest.mark.parametrize("column", ["duty_supply", "duty_exhaust"])
-def test_a_missing_input_ends_a_segment_and_the_next_starts_at_the_measurement(truth, drive, column):
-    done = simulate(truth, spoiled(drive, column, slice(4200, 4230)))
-    position = done.log["position"]
-    assert np.isnan(position[4200:4230]).all()
-    assert np.isfinite(position[:4200]).all()
-    assert np.isfinite(position[4230:]).all()
-    assert position[4230] == drive["position"][4230]
-    assert done.status == "ok"
-    assert "2 segments" in done.warnings[0]
-    assert "4.230 s" in done.warnings[0]
-
-
 def test_a_hole_in_time_ends_a_segment(truth, drive):
     done = simulate(truth, picked(drive, np.r_[0:4200, 4260:10000]))
     assert np.isfinite(done.log["position"]).all()
@@ -323,6 +293,8 @@ def test_each_segment_has_the_start_that_is_given_for_it(truth, drive):
     log = spoiled(drive.slice(1000, 2000), "duty_supply", slice(500, 510))
     done = simulate(truth, log, starts=[(14e-3, 4.7e5), (12e-3, 4.1e5)]).log
     assert [(done["position"][k], done["pressure_a"][k]) for k in (0, 510)] == [(14e-3, 4.7e5), (12e-3, 4.1e5)]
+    with pytest.raises(ParameterError, match="1 given, the recording has 2"):
+        simulate(truth, log, starts=[(0, 1e5)])
 
 
 def test_of_several_failures_the_first_is_reported():

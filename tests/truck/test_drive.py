@@ -192,23 +192,6 @@ def test_a_warm_process_drives_without_the_library_of_formulas():
     assert done.returncode == 0
 
 
-def test_a_colder_truck_is_stiffer():
-    stroke = np.ones(150), np.zeros(150)
-    cold, warm = (respond(Truck(T_0=T, dT_w=0.0), *stroke).truth.states for T in (243.15, 353.15))
-    assert cold["velocity"].max() < warm["velocity"].max()
-    assert drive(Truck(), seconds=1, temperature=250.0).truth.truck.T_0 == 250.0
-
-
-def test_a_shorter_wait_of_the_valves_makes_less_ripple():
-    ripple = {}
-    for period in (0.02, 0.005):
-        done = respond(Truck(T_pwm=period), np.full(1000, 0.3) * (np.arange(1000) < 250), np.zeros(1000))
-        p = done.truth.states["pressure_a"][100:240]
-        smooth = np.convolve(p, np.full(20, 1 / 20), "same")
-        ripple[period] = np.abs(p - smooth)[20:-20].max()
-    assert ripple[0.005] < 0.5 * ripple[0.02]
-
-
 @pytest.mark.parametrize(
     ("options", "words"),
     [

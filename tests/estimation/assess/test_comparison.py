@@ -10,7 +10,6 @@ from clutchid.estimation import LoadCurve
 from clutchid.estimation.assess.comparison import SMALLEST_SHARE, comparison
 from clutchid.estimation.assess.evidence import reach
 from clutchid.estimation.result import QUANTILE
-from clutchid.inference.uncertainty.calibration import Origin
 from fixtures.baselines import calibration_like, with_baseline
 
 
@@ -110,9 +109,3 @@ def test_nothing_is_compared_without_a_calibration_or_its_load_or_a_fitted_load(
     assert comparison(replace(fitted, baseline=older)) is None
     splines = replace(known.baseline, theta=(1.0,) * 9, theta_covariance=np.eye(9))
     assert comparison(replace(fitted, baseline=splines)) is None
-
-
-def test_the_origin_does_not_matter_to_the_numbers(fitted):
-    found = comparison(with_baseline(fitted, origin=None))
-    np.testing.assert_array_equal(found.difference.force, comparison(with_baseline(fitted)).difference.force)
-    assert comparison(with_baseline(fitted, origin=Origin())) is not None

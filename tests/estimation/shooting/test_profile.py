@@ -264,25 +264,6 @@ def test_where_neither_side_can_be_simulated_there_is_no_interval(ends):
     assert len([u for u in tried if abs(u) > 1e-9]) <= 2 * MAX_EVALUATIONS
 
 
-def test_no_search_leaves_the_bounds_of_the_other_numbers_or_moves_the_fixed_one(
-    problem, solution, uncertain, monkeypatch
-):
-    asked = []
-
-    def watched(problem, x, X, tell):
-        there = project(problem, x, X, tell)
-        asked.append((problem, x, there))
-        return there
-
-    monkeypatch.setattr(module, "project", watched)
-    profile_interval(problem, solution, uncertain, "tau_y")
-    assert len({float(x[1]) for _, x, _ in asked}) >= 3
-    for problem, x, there in asked:
-        low, high = problem.bounds()
-        assert np.all((low <= there.x) & (there.x <= high))
-        assert low[1] == high[1] == x[1] == there.x[1]
-
-
 def test_the_covariance_misleads_where_an_end_is_off_by_a_fifth_of_the_half_width():
     assert not is_nonquadratic((150.0, 250.0), (150.0 + 50 * NONQUADRATIC_SHARE * 0.99, 250.0))
     assert is_nonquadratic((150.0, 250.0), (150.0 + 50 * NONQUADRATIC_SHARE * 1.01, 250.0))

@@ -86,15 +86,6 @@ def test_a_state_without_rows_of_its_own_is_determined_by_its_neighbours():
     assert states.ravel() == pytest.approx(whole[: 4 * STATES], rel=1e-8, abs=1e-8)
 
 
-def test_several_theta_are_recovered_side_by_side():
-    chain = eliminate(*chain_of(5))
-    theta = np.random.default_rng(1).standard_normal((K, 3))
-    together = recover(chain, theta)
-    assert together.shape == (5, STATES, 3)
-    for column in range(3):
-        assert together[:, :, column] == pytest.approx(recover(chain, theta[:, [column]])[:, :, 0], rel=1e-12)
-
-
 def test_a_chain_that_does_not_determine_its_states_is_refused():
     first, own, links = chain_of(4)
     own[3], links[2] = 0.0, 0.0

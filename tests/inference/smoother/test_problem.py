@@ -14,7 +14,7 @@ from clutchid.model.variants import VARIANTS
 from clutchid.numerics.failure import Failure
 from clutchid.preparation.prepare import prepare
 from clutchid.simulation.noise import Noise
-from clutchid.simulation.windows import initial_states, tracks, units
+from clutchid.simulation.windows import tracks, units
 
 NAMES = ("theta_5", "theta_9", "theta_14", "C_vs", "P_S", "F_C", "T_w", "P_0", "tau_y", "tau_p", "e_y")
 #: Number of states.
@@ -116,16 +116,6 @@ def test_the_condensed_gradient_is_that_of_the_cost_with_states_that_follow(prob
     assert linearised(d, at[1]) < linearised(d, at[0]), "states that follow cost less than states that stay"
 
 
-def test_damping_shortens_the_step_of_the_states(problem, point):
-    x, X = point
-    linear = linearise(problem, x, X)
-    sizes = []
-    for damping in (0.0, 1.0, 100.0):
-        _, chains = condense(problem, linear, [np.full(len(problem.tracks[0].windows), damping)])
-        sizes.append(np.linalg.norm(recover(chains[0], np.zeros((x.size, 1)))))
-    assert sizes[0] > sizes[1] > sizes[2]
-
-
 @pytest.fixture(scope="module")
 def pair(plant, recorded_by):
     """Two recordings of one plant, the second on a supply pressure of 8.2 bar."""
@@ -152,19 +142,6 @@ def test_each_recording_says_something_about_its_own_numbers_only(pair, plant, p
         largest = np.max(influence, axis=0)
         assert largest[number] > 0.0
         assert largest[1 - number] == 0.0
-
-
-def test_the_true_pressure_of_the_second_recording_costs_less_than_the_shared_one(pair, plant, problem_of, cost_at):
-    problem = inflated(problem_of(pair, plant, ("P_S@one", "P_S@two")), 8.0)
-    right = np.array([0.0, problem.coordinates[1].of(8.2e5)])
-
-    def cost(x):
-        # the pressure at the governor is a state: each recording starts at its own
-        own = (problem.actuator_of(x, problem.stems[track.log]) for track in problem.tracks)
-        return cost_at(problem, x, [initial_states(t, a, True) for t, a in zip(problem.tracks, own, strict=True)])
-
-    assert cost(right) < cost(np.zeros(2))
-    assert cost(right) < cost(right[::-1].copy())
 
 
 def test_bounds_of_x_lead_to_the_bounds_in_si(plant, recorded_by, problem_of):
@@ -205,13 +182,6 @@ def test_what_is_remembered_of_a_point_is_that_of_its_values(problem):
     assert np.array_equal(prior_rows(problem, x)[: x.size, -1], x)
     with pytest.raises(ValueError, match="read-only"):
         rows[0, 0] = 2.0
-
-
-def test_a_curvature_twice_as_wide_costs_a_quarter(problem):
-    x = np.zeros(len(NAMES))
-    x[1] = 1.0
-    sums = [np.sum(prior_rows(replace(problem, curvature=c), x)[x.size :, -1] ** 2) for c in (1e8, 2e8)]
-    assert sums[0] == pytest.approx(4 * sums[1])
 
 
 def test_the_papers_splines_have_no_smoothness_to_pay(drive_log, problem_of):

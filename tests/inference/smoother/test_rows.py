@@ -132,16 +132,6 @@ def test_rows_and_end_have_the_derivatives_to_the_start_that_differences_have(pr
     assert here.to_start[:, place] / unit == pytest.approx(end / unit, abs=1e-3 * np.abs(end / unit).max())
 
 
-def test_compressed_rows_say_the_same_as_all_of_them(problem, busy, monkeypatch):
-    x = np.zeros(len(NAMES))
-    compressed = rows_at(problem, busy, x, busy[2]).rows
-    monkeypatch.setattr(module, "triangular", lambda rows: rows)
-    whole = rows_at(problem, busy, x, busy[2]).rows
-    assert compressed.shape[0] < whole.shape[0]
-    scale = np.sqrt(np.sum(whole**2, axis=0))
-    assert compressed.T @ compressed == pytest.approx(whole.T @ whole, abs=1e-10 * np.outer(scale, scale).max())
-
-
 def test_residuals_are_simulated_less_measured_over_the_noise(problem, busy, uncompressed):
     track, window, start = busy
     rows = rows_at(problem, busy, np.zeros(len(NAMES)), start).rows

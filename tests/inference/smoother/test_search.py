@@ -13,7 +13,6 @@ from clutchid.inference.smoother.search import STAGES_FROM_CALIBRATION, STAGES_F
 from clutchid.inference.smoother.trial import evaluate_step, shifted_states
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Solution
-from fixtures.changed_logs import spoiled
 
 
 @pytest.fixture(scope="module")
@@ -255,17 +254,6 @@ def test_progress_is_reported_with_a_growing_number_and_the_name_of_the_stage(pr
 
 def test_without_a_stage_there_is_nothing_to_find(problem, start):
     assert isinstance(search(problem, *start, ()), Failure)
-
-
-def test_missing_samples_change_the_load_by_less_than_the_noise_allows(
-    plant, worn_log, problem_of, starts_of, solution, problem
-):
-    torn = spoiled(worn_log, "position", [*range(1000, 1060), *range(0, len(worn_log), 7)])
-    holed = problem_of([torn], plant, plant.load.names, ("position",))
-    answer = search(holed, np.zeros(22), starts_of(holed), STAGES_FROM_CALIBRATION)
-    y = np.linspace(0.5e-3, 20e-3, 40)
-    assert answer.status == "converged"
-    assert forces(problem, answer.x, y) == pytest.approx(forces(problem, solution.x, y), abs=0.01 * 5000)
 
 
 def test_pressure_that_is_not_asked_for_is_not_used(plant, worn, recorded_by, problem_of, starts_of, solution):

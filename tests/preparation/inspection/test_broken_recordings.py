@@ -147,13 +147,6 @@ def test_steps_count_where_the_noise_does_not_smear_them(recorded, found):
     assert found(coarse, check, Actuator(load=Load.on_b_splines())).grade == "bad"
 
 
-def test_steps_of_the_pressure_count_too(recorded, found):
-    log = recorded(5)
-    for step, verdict in ((500.0, "good"), (15e3, "suspect"), (50e3, "bad")):
-        coarse = log.with_columns(pressure_a=step * np.round(log["pressure_a"] / step))
-        assert found(coarse, "quantisation of pressure_a").grade == verdict
-
-
 def test_steps_that_hide_the_noise_leave_saturation_undetermined(recorded, found):
     log = recorded(5)
     coarse = log.with_columns(position=2e-4 * np.round(log["position"] / 2e-4))
