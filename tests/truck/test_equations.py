@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from clutchid.truck import Truck, drive, truck
+from clutchid.truck import Truck
 from clutchid.truck.first import at_rest
 from clutchid.truck.flow import orifice_flow, valve_flow
 from clutchid.truck.friction import bearing_force, coulomb_force, seal_force, stribeck_force, viscous_friction
@@ -75,15 +75,3 @@ def test_the_governor_saws_between_its_two_pressures():
     assert p_G.min() == pytest.approx(t.P_S - t.dP_G, abs=1e-3 * t.r_up)
     slopes = np.unique(np.round(np.diff(p_G) / 1e-3))
     assert set(slopes) == {-t.r_down, t.r_up}
-
-
-@pytest.mark.parametrize("number", [0, 4, 8, 13, 14])
-def test_a_tick_is_fine_enough_for_every_truck(number):
-    done = drive(truck(number), seconds=6, seed=number, wear=1e-3)
-    t = done.truth.truck
-    nothing = np.zeros(len(done.log))
-    course = Course(nothing, np.column_stack([done.log["duty_supply"], done.log["duty_exhaust"]]), nothing)
-    rough, fine = (run(t, course, substeps=k).states[:, 0] for k in (1, 4))
-    assert np.ptp(fine) > 15e-3
-    # a twelfth of the quantum of the position sensor
-    assert np.abs(rough - fine).max() < 1e-6

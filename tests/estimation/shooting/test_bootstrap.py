@@ -11,6 +11,7 @@ from clutchid.inference.smoother.search import CONVERGED_GAIN, STAGES_FROM_CALIB
 from clutchid.log import Log
 from clutchid.numerics.least_squares import Solution
 from clutchid.simulation.noise import Noise
+from fixtures.dense import dense_blocks, window_rows
 
 STATES = 10
 
@@ -52,32 +53,16 @@ def resting(problem_of, plant, excursions, low=0.0, missing=(), name="log"):
     return problem_of([log], plant, ("F_C",), ("position",))
 
 
-def whole(chain):
-    """Rows ``[state | theta | r]`` of every window of a chain."""
-    linearised = chain.windows.linearised
-    return np.concatenate([linearised.jacobian, linearised.r[:, :, None]], axis=2)
-
-
 def dense_moves(linear, numbers):
     """The pull of each stroke and of what is known before, each moved by the dense inverse; pulls; information."""
-    chain, k = linear.chains[0], linear.prior.shape[1] - 1
-    own = whole(chain)
-    n = STATES * len(own)
-    placed = [(0, 0, linear.prior), (0, STATES, chain.first)]
-    kinds = [0, 0]
-    for i, (rows, stroke) in enumerate(zip(own, numbers[0], strict=True)):
-        placed.append((i, STATES, rows))
-        kinds.append(stroke + 1)
-        if i < len(chain.links):
-            placed.append((i, 2 * STATES, chain.links[i]))
-            kinds.append(stroke + 1)
-    contributions, H = np.zeros((n + k, 2 + numbers[0].max())), np.zeros((n + k, n + k))
-    for (at, width, rows), kind in zip(placed, kinds, strict=True):
-        full = np.zeros((rows.shape[0], n + k))
-        full[:, STATES * at : STATES * at + width] = rows[:, :width]
-        full[:, n:] = rows[:, width:-1]
-        H += full.T @ full
-        contributions[:, kind] += full.T @ rows[:, -1]
+    chain, k, strokes = linear.chains[0], linear.prior.shape[1] - 1, numbers[0] + 1
+    blocks = list(dense_blocks(chain.first, window_rows(chain), chain.links, STATES))
+    n = STATES * len(strokes)
+    blocks.append(np.hstack([np.zeros((len(linear.prior), n)), linear.prior]))
+    contributions, H = np.zeros((n + k, 1 + strokes.max())), np.zeros((n + k, n + k))
+    for rows, kind in zip(blocks, [0, *strokes, *strokes[:-1], 0], strict=True):
+        H += rows[:, :-1].T @ rows[:, :-1]
+        contributions[:, kind] += rows[:, :-1].T @ rows[:, -1]
     return -np.linalg.solve(H, contributions)[n:], np.linalg.inv(H)[n:, n:]
 
 

@@ -15,6 +15,7 @@ from clutchid.inference.uncertainty.change_prior import drift
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Solution
 from clutchid.parameters import Parameters, in_order
+from fixtures.dense import dense_blocks, window_rows
 
 NAMES = ("C_vs", "P_S", "F_C")
 
@@ -71,17 +72,8 @@ def dense_rows(uncertain, x, X):
     linear = linearise(wide, np.concatenate([x, np.zeros(m)]), X)
     chain, smooth = linear.chains[0], linear.prior[k + m :, :-1]
     prior = [np.eye(k, n + k + m, n), np.column_stack([np.zeros((smooth.shape[0], n)), smooth])]
-    rows = []
-    linearised = chain.windows.linearised
-    own = np.concatenate([linearised.jacobian, linearised.r[:, :, None]], axis=2)
-    placed = [(chain.first, 0, s), *((each, i, s) for i, each in enumerate(own))]
-    placed += [(link, i, 2 * s) for i, link in enumerate(chain.links)]
-    for block, at, width in placed:
-        full = np.zeros((block.shape[0], n + k + m))
-        full[:, s * at : s * at + width] = block[:, :width]
-        full[:, n:] = block[:, width:-1]
-        rows.append(full)
-    return np.vstack(prior), np.vstack(rows)
+    data = np.vstack(list(dense_blocks(chain.first, window_rows(chain), chain.links, s)))
+    return np.vstack(prior), data[:, :-1]
 
 
 def dense_gain(uncertain, x, X):
@@ -110,17 +102,12 @@ def dense_covariance(uncertain, x, X, scatter):
     )
 
 
-def shortened(problem, solution):
-    """Twelve windows of the problem, so that a dense matrix holds them, and the solution there."""
-    few = replace(problem, tracks=(replace(problem.tracks[0], windows=problem.tracks[0].windows[6:18]),))
-    X = (solution.at.X[0][6:18],)
-    return few, Solution(solution.x, linearise(few, solution.x, X), "converged", 1)
-
-
 @pytest.fixture(scope="module")
 def small(problem, solution):
-    """The shortened problem with an unsure calibration, its states, and the dispersion of its data."""
-    few, shot = shortened(problem, solution)
+    """Twelve windows, which a dense matrix holds, with an unsure calibration; their states and the dispersion."""
+    few = replace(problem, tracks=(replace(problem.tracks[0], windows=problem.tracks[0].windows[6:18]),))
+    X = (solution.at.X[0][6:18],)
+    shot = Solution(solution.x, linearise(few, solution.x, X), "converged", 1)
     return parameter_uncertainty(few, shot, calibration(10.0)), shot.at.X, dispersion(few, shot.at)
 
 

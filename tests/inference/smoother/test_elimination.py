@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from clutchid.inference.smoother.rows import Eliminated, eliminate, recover
+from fixtures.dense import dense_blocks
 
 STATES, K = 3, 4
 LENGTHS = pytest.mark.parametrize("length", [1, 2, 3, 12])
@@ -20,18 +21,7 @@ def chain_of(length, seed=0, measured=5):
 
 def dense(first, own, links):
     """All rows in one matrix over x_0 ... x_n and theta, with the residual last."""
-    n = len(own)
-
-    def placed(rows, at, width):
-        full = np.zeros((rows.shape[0], n * STATES + K + 1))
-        full[:, at * STATES : at * STATES + width] = rows[:, :width]
-        full[:, n * STATES :] = rows[:, width:]
-        return full
-
-    blocks = [placed(first, 0, STATES)]
-    blocks += [placed(rows, i, STATES) for i, rows in enumerate(own)]
-    blocks += [placed(rows, i, 2 * STATES) for i, rows in enumerate(links)]
-    return np.vstack(blocks)
+    return np.vstack(list(dense_blocks(first, own, links, STATES)))
 
 
 def without_residuals(chain):

@@ -15,6 +15,7 @@ from clutchid.numerics.failure import Failure
 from clutchid.preparation.prepare import prepare
 from clutchid.simulation.noise import Noise
 from clutchid.simulation.windows import tracks, units
+from fixtures.dense import window_rows
 
 NAMES = ("theta_5", "theta_9", "theta_14", "C_vs", "P_S", "F_C", "T_w", "P_0", "tau_y", "tau_p", "e_y")
 #: Number of states.
@@ -43,19 +44,13 @@ def test_the_cost_of_the_linearised_problem_is_the_cost_without_derivatives(prob
     assert linearise(soft, *point).cost == pytest.approx(cost_at(soft, *point), rel=1e-9)
 
 
-def whole(chain):
-    """Rows ``[state | theta | r]`` of every window of a chain."""
-    windows = chain.windows.linearised
-    return np.concatenate([windows.jacobian, windows.r[:, :, None]], axis=2)
-
-
 def own_gradient(linear, size, n):
     """Derivative of the cost with respect to theta with fixed states, from the rows before any state is eliminated."""
     total = 2 * linear.prior[:, :-1].T @ linear.prior[:, -1]
     for chain in linear.chains:
         blocks = [
             (chain.first, n),
-            *((rows, n) for rows in whole(chain)),
+            *((rows, n) for rows in window_rows(chain)),
             *((link, 2 * n) for link in chain.links),
         ]
         total = total + sum(2 * rows[:, skip:-1].T @ rows[:, -1] for rows, skip in blocks)
@@ -81,7 +76,7 @@ def test_the_gradient_to_the_states_is_that_of_differences(problem, point, cost_
     soft = inflated(problem, 8.0)
     linear, unit, h = linearise(soft, x, X), units(problem.actuator), 1e-6
     chain, number = linear.chains[0], 12
-    own, before, after = whole(chain)[number], chain.links[number - 1], chain.links[number]
+    own, before, after = window_rows(chain)[number], chain.links[number - 1], chain.links[number]
     gradient = 2 * (own[:, :N].T @ own[:, -1] + before[:, N : 2 * N].T @ before[:, -1] + after[:, :N].T @ after[:, -1])
     for state in range(N):
         costs = []
@@ -106,7 +101,7 @@ def test_the_condensed_gradient_is_that_of_the_cost_with_states_that_follow(prob
         rows = [linear.prior @ np.append(step, 1.0)]
         for chain, moved in zip(linear.chains, states, strict=True):
             rows.append(chain.first @ np.concatenate([moved[0], step, [1.0]]))
-            rows += [own @ np.concatenate([u, step, [1.0]]) for own, u in zip(whole(chain), moved, strict=True)]
+            rows += [own @ np.concatenate([u, step, [1.0]]) for own, u in zip(window_rows(chain), moved, strict=True)]
             pairs = zip(chain.links, moved[:-1], moved[1:], strict=True)
             rows += [link @ np.concatenate([u, v, step, [1.0]]) for link, u, v in pairs]
         return float(np.sum(np.concatenate(rows) ** 2))
@@ -137,7 +132,7 @@ def test_each_recording_says_something_about_its_own_numbers_only(pair, plant, p
     problem = problem_of(pair, plant, ("P_S@one", "P_S@two"))
     linear = linearise(problem, np.zeros(2), starts_of(problem))
     for number, chain in enumerate(linear.chains):
-        influence = [np.abs(rows[:, N:-1]).max(axis=0) for rows in whole(chain)]
+        influence = [np.abs(rows[:, N:-1]).max(axis=0) for rows in window_rows(chain)]
         influence += [np.abs(link[:, 2 * N : -1]).max(axis=0) for link in chain.links]
         largest = np.max(influence, axis=0)
         assert largest[number] > 0.0

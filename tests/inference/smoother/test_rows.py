@@ -75,14 +75,18 @@ def rows_at(problem, busy, x, start, noise=ALL_IN):
     return window_rows(track, window, start, problem.parameter_map(x, "log"), problem.measure, noise)
 
 
+def differences(problem, window, x, name, h=1e-4):
+    """Rows of a window, and by central differences what a number changes in its residuals and its end."""
+    e = h * np.eye(len(NAMES))[NAMES.index(name)]
+    here, up, down = (rows_at(problem, window, x + step, window[2]) for step in (0.0, e, -e))
+    return here, (up.rows[:, -1] - down.rows[:, -1]) / (2 * h), (up.end - down.end) / (2 * h)
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_rows_and_end_have_the_derivatives_to_a_number_that_differences_have(problem, telling, uncompressed, name):
-    place, x, h = NAMES.index(name), np.zeros(len(NAMES)), 1e-4
-    e, window, start = h * np.eye(len(NAMES))[place], telling[name], telling[name][2]
-    here = rows_at(problem, window, x, start)
-    up, down = (rows_at(problem, window, x + step, start) for step in (e, -e))
-    residual = (up.rows[:, -1] - down.rows[:, -1]) / (2 * h)
-    end = (up.end - down.end) / (2 * h) / units(problem.actuator)
+    place = NAMES.index(name)
+    here, residual, end = differences(problem, telling[name], np.zeros(len(NAMES)), name)
+    end = end / units(problem.actuator)
     assert np.abs(residual).max() > 0.01, "the window must tell this number, or nothing is tested"
     # the model has kinks (openings, friction): a sample in which one moves is off by the step
     assert here.rows[:, len(STATES) + place] == pytest.approx(residual, abs=1e-3 * np.abs(residual).max())
@@ -93,13 +97,9 @@ def test_rows_and_end_have_the_derivatives_to_a_number_that_differences_have(pro
 @pytest.mark.parametrize("name", ["tau_y", "tau_p"])
 @pytest.mark.parametrize("lag", [2e-6, 0.3e-3, 5e-3])
 def test_rows_have_the_derivatives_to_any_lag_that_differences_have(problem, telling, uncompressed, name, lag):
-    place, h = NAMES.index(name), 1e-4
-    x = np.zeros(len(NAMES))
+    place, x = NAMES.index(name), np.zeros(len(NAMES))
     x[place] = problem.coordinates[place].of(lag)
-    e, start = h * np.eye(len(NAMES))[place], telling[name][2]
-    here = rows_at(problem, telling[name], x, start)
-    up, down = (rows_at(problem, telling[name], x + step, start).rows[:, -1] for step in (e, -e))
-    residual = (up - down) / (2 * h)
+    here, residual, _ = differences(problem, telling[name], x, name)
     assert np.abs(residual).max() > 0.1, "the window must tell the lag, or nothing is tested"
     # states do not depend on the lag of a sensor: no kink moves
     assert here.rows[:, len(STATES) + place] == pytest.approx(residual, abs=1e-5 * np.abs(residual).max())
@@ -108,14 +108,11 @@ def test_rows_have_the_derivatives_to_any_lag_that_differences_have(problem, tel
 
 @pytest.mark.parametrize("name", ["theta_9", "C_vs", "P_S"])
 def test_a_lag_is_put_on_the_derivatives_to_other_numbers_too(problem, telling, uncompressed, name):
-    place, x, h = NAMES.index(name), np.zeros(len(NAMES)), 1e-4
+    x = np.zeros(len(NAMES))
     for lag in ("tau_y", "tau_p"):
         x[NAMES.index(lag)] = problem.coordinates[NAMES.index(lag)].of(8e-3)
-    e, start = h * np.eye(len(NAMES))[place], telling[name][2]
-    here = rows_at(problem, telling[name], x, start).rows[:, len(STATES) + place]
-    up, down = (rows_at(problem, telling[name], x + step, start).rows[:, -1] for step in (e, -e))
-    residual = (up - down) / (2 * h)
-    assert here == pytest.approx(residual, abs=1e-3 * np.abs(residual).max())
+    here, residual, _ = differences(problem, telling[name], x, name)
+    assert here.rows[:, len(STATES) + NAMES.index(name)] == pytest.approx(residual, abs=1e-3 * np.abs(residual).max())
 
 
 @pytest.mark.parametrize("state", STATES)
