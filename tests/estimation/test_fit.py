@@ -349,15 +349,6 @@ def test_start_values_that_cannot_be_simulated_raise_or_return_as_asked(drive):
     assert result.recordings == {}
 
 
-def test_progress_counts_every_simulation_of_both_stages(drive):
-    reported = []
-    result = fit(drive, progress=lambda stage, count: reported.append((stage, count)))
-    assert [count for _, count in reported] == list(range(1, result.evaluations + 1))
-    stages = [stage for stage, _ in reported]
-    assert set(stages) == {"coarse", "fine"}
-    assert stages == sorted(stages)
-
-
 def test_the_load_curve_has_101_points_over_the_stroke_and_the_fitted_force(drive):
     result = fit(drive)
     curve = result.load_curve

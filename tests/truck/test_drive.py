@@ -209,6 +209,12 @@ def test_a_warm_process_drives_without_the_library_of_formulas():
         ({"stuck": (3.0, 2.0)}, "start before end"),
         ({"recorder": "tape"}, "controller or bus"),
         ({"temperature": 20.0}, "at least 213.15"),
+        ({"offset": 0.3}, "offset = 300 mm: at most 5 mm"),
+        ({"offset": float("nan")}, "offset = nan mm"),
+        ({"zero": "moved"}, "zero = 'moved': must be learned or kept"),
+        ({"late": 0.5e-3}, "late = 0.5 ms: must be a whole number of ms"),
+        ({"late": -1e-3}, "late = -1 ms"),
+        ({"late": float("nan")}, "late = nan ms"),
     ],
 )
 def test_a_drive_that_cannot_be_is_refused_in_one_sentence(options, words):

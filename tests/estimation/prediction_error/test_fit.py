@@ -9,7 +9,7 @@ import pytest
 
 from clutchid.estimation import prediction_error as module
 from clutchid.estimation.calibrate import fit_with
-from clutchid.estimation.prediction_error import PREDICTION_ERROR, predict
+from clutchid.estimation.prediction_error import PREDICTION_ERROR
 from clutchid.estimation.problem import fit_problem
 from clutchid.estimation.request import FitRequest, FreeParameters
 from clutchid.inference.uncertainty.calibration import Calibration, PositionOnlyErrors
@@ -111,16 +111,6 @@ def test_the_bias_of_a_calibration_is_taken_off(plant, worn_log, adapted):
     found = fit_with(PREDICTION_ERROR, [worn_log], plant, replace(LOAD, calibration=calibration))
     lower = adapted.load_curve.force - found.load_curve.force
     assert lower == pytest.approx(plant.load.phi(found.load_curve.position) @ off, rel=1e-6)
-
-
-def test_the_search_reports_its_stages_and_all_evaluations(plant, worn_log):
-    reported = []
-    wanted = FreeParameters(("theta_5",), ("position",))
-    log = worn_log.slice(0, 800)
-    found = predict([log], plant, wanted, EXACT, lambda stage, count: reported.append((stage, count))).solution
-    assert [stage for stage, _ in reported] == sorted([stage for stage, _ in reported])
-    assert [count for _, count in reported] == [*range(1, len(reported) + 1)]
-    assert found.evaluations == len(reported)
 
 
 def test_rounds_that_swing_make_only_a_share_of_their_moves(plant, worn_log, monkeypatch):
