@@ -159,12 +159,16 @@ def test_on_a_grid_the_search_begins_with_the_delay_of_the_valves_that_the_press
     assert set(CARRIER) <= set(free)
 
 
-def test_an_on_off_unit_has_the_grid_of_its_commands_as_carrier(drive_log, plant):
-    command = np.repeat(np.random.default_rng(2).integers(0, 3, len(drive_log) // 2), 2)
+def on_off(log, hold):
+    """`log` with commands fully on or off that change every so many samples, or stay."""
+    command = np.repeat(np.random.default_rng(2).integers(0, 3, len(log) // hold), hold)
     # the chamber vents at the start, as it was recorded
     command[:50] = 0
-    bang = drive_log.with_columns(duty_supply=1.0 * (command == 1), duty_exhaust=1.0 * (command == 2))
-    begin, free, _ = automatic([bang], plant)
+    return log.with_columns(duty_supply=1.0 * (command == 1), duty_exhaust=1.0 * (command == 2))
+
+
+def test_an_on_off_unit_has_the_grid_of_its_commands_as_carrier(drive_log, plant):
+    begin, free, _ = automatic([on_off(drive_log, 2)], plant)
     assert begin.value("T_pwm") == pytest.approx(2e-3)
     assert (begin.value("s_vs"), begin.value("s_ve")) == (ON_OFF_DELAY, ON_OFF_DELAY)
     assert (begin.value("a_0vs"), begin.value("a_0ve")) == (plant.value("a_0vs"), plant.value("a_0ve"))
@@ -172,9 +176,7 @@ def test_an_on_off_unit_has_the_grid_of_its_commands_as_carrier(drive_log, plant
 
 
 def test_an_on_off_unit_whose_commands_change_at_any_time_has_no_carrier(drive_log, plant):
-    command = np.random.default_rng(2).integers(0, 3, len(drive_log))
-    bang = drive_log.with_columns(duty_supply=1.0 * (command == 1), duty_exhaust=1.0 * (command == 2))
-    begin, free, _ = automatic([bang], plant)
+    begin, free, _ = automatic([on_off(drive_log, 1)], plant)
     assert begin.value("T_pwm") == 0.0
     assert not set(CARRIER) & set(free)
 

@@ -9,8 +9,7 @@ import clutchid
 from clutchid import fit
 from clutchid.estimation.verification import starts_of as estimated_starts
 from clutchid.inference.uncertainty.calibration import Calibration
-from clutchid.observer.observer import observer
-from clutchid.observer.recording import observe_recording
+from clutchid.observer import observe_recording, observer
 from clutchid.simulation import Partition
 from fixtures.changed_logs import spoiled, thinned
 

@@ -63,8 +63,7 @@ def explanations(problem, x=(0.0, 0.0, 0.0, 0.0), scatter=1.0):
 
 
 def calibration(**errors):
-    known = PositionOnlyErrors(**errors) if errors else None
-    return Calibration((), np.zeros((0, 0)), position_only=known)
+    return Calibration((), np.zeros((0, 0)), position_only=PositionOnlyErrors(**errors) if errors else None)
 
 
 def gaussians(problem, hypotheses=HYPOTHESES):
@@ -135,9 +134,8 @@ def test_the_mean_is_that_of_the_weighted_gaussians(problem):
 def test_the_covariance_is_about_that_mean_with_the_flattened_evidence_of_all_hypotheses(problem):
     known = explanations(problem)
     weights = band_weights(gaussians(problem, ALL)[0])
-    assert list(
-        flattened({h: known[NONE].under(h) for h in ALL}, calibration(), BAND.evidence).values()
-    ) == pytest.approx(weights, abs=1e-10)
+    flat = flattened({h: known[NONE].under(h) for h in ALL}, calibration(), BAND.evidence)
+    assert list(flat.values()) == pytest.approx(weights, abs=1e-10)
     found = mixture(known, calibration())
     inside, between = inside_and_between(problem, found.x)
     np.testing.assert_allclose(found.covariance, inside + between, atol=1e-10)

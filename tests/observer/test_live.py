@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from clutchid.observer import live as module
+from clutchid.observer import observe_recording, start
 from clutchid.observer.health import FLAGS, LIVE_FLAGS
 from clutchid.observer.live import checked, gone_on, live_run
-from clutchid.observer.observer import start
-from clutchid.observer.recording import observe_recording
 from fixtures.changed_logs import picked, spoiled
 
 NONE = dict.fromkeys(LIVE_FLAGS, 0)

@@ -5,11 +5,8 @@ import pytest
 
 from clutchid.errors import ParameterError
 from clutchid.model import Actuator
-from clutchid.observer.following import observe
+from clutchid.observer import observe, observe_recording, observer, read_state, start, write_state
 from clutchid.observer.methods import METHODS
-from clutchid.observer.observer import observer, start
-from clutchid.observer.recording import observe_recording
-from clutchid.observer.state_file import read_state, write_state
 from clutchid.reports.observe_page import samples_figure
 from fixtures.changed_logs import spoiled
 from fixtures.observing import assert_same, in_blocks

@@ -9,13 +9,10 @@ import pytest
 from clutchid.inference.filter.joint_filter import Diverged
 from clutchid.inference.uncertainty.calibration import Calibration, Origin
 from clutchid.model import Actuator
-from clutchid.observer.by_stroke import known
-from clutchid.observer.following import observe
+from clutchid.observer import known, observe, observe_recording, observer, read_state, start, write_state
 from clutchid.observer.health import health
 from clutchid.observer.mismatch import MEMORY, UNLIKE, normalised
-from clutchid.observer.observer import observer, start
-from clutchid.observer.recording import observe_recording, usual_nis
-from clutchid.observer.state_file import read_state, write_state
+from clutchid.observer.recording import usual_nis
 from clutchid.reports.observe_text import observe_json
 from fixtures.observing import assert_same, in_blocks
 

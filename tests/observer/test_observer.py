@@ -7,10 +7,8 @@ import pytest
 
 from clutchid import Actuator
 from clutchid.errors import DataError, ParameterError
-from clutchid.observer.following import observe
-from clutchid.observer.observer import observer, start
+from clutchid.observer import observe, observer, read_state, start, write_state
 from clutchid.observer.state import FROZEN
-from clutchid.observer.state_file import read_state, write_state
 from fixtures.changed_logs import spoiled
 from fixtures.observing import in_blocks
 

@@ -7,12 +7,11 @@ import pytest
 
 from clutchid.errors import DataError
 from clutchid.log import Log
-from clutchid.observer.by_stroke import curve, known, positions
-from clutchid.observer.following import observe
+from clutchid.observer import curve, known, observe, observe_recording, observer, start
+from clutchid.observer.by_stroke import positions
 from clutchid.observer.health import FLAGS
-from clutchid.observer.observer import observer, start
 from clutchid.observer.prior import ASSUMED
-from clutchid.observer.recording import observe_recording, spacing
+from clutchid.observer.recording import spacing
 from clutchid.observer.state import FROZEN
 from fixtures.changed_logs import picked, thinned
 

@@ -6,7 +6,7 @@ import pytest
 from clutchid import truck as virtual
 from clutchid.errors import DataError
 from clutchid.estimation.automatic import AUTOMATIC
-from clutchid.model.actuator import Actuator
+from clutchid.model import Actuator
 from clutchid.preparation.carrier import (
     PERIODS,
     centred,

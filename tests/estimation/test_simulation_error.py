@@ -92,20 +92,18 @@ def test_the_linearisation_is_the_compressed_stack_of_all_segments_and_recording
     np.testing.assert_allclose(there.R.T @ there.q, J.T @ r, atol=1e-11 * np.linalg.norm(J) * np.linalg.norm(r))
 
 
-def test_contradicting_parameters_are_an_answer_not_an_exception(truth, drive):
+@pytest.mark.parametrize(
+    ("name", "value", "sentence"),
+    [("C_vs", -1e-9, "a conductance is at least 0"), ("theta_2", -1e12, "diverged at")],
+    ids=["contradicting parameters", "a simulation that blows up"],
+)
+def test_a_point_that_cannot_be_simulated_is_an_answer_not_an_exception(truth, drive, name, value, sentence):
     problem, x = problem_of(truth, [drive], None, ("position",))
-    x[NAMES.index("C_vs")] = -1.0
+    at = NAMES.index(name)
+    x[at] = problem.coordinates[at].of(value)
     answer = linearise(problem, x)
     assert isinstance(answer, Failure)
-    assert "a conductance is at least 0" in answer.message
-
-
-def test_a_simulation_that_blows_up_is_an_answer_not_an_exception(truth, drive):
-    problem, x = problem_of(truth, [drive], None, ("position",))
-    x[1] = problem.coordinates[1].of(-1e12)
-    answer = linearise(problem, x)
-    assert isinstance(answer, Failure)
-    assert "diverged at" in answer.message
+    assert sentence in answer.message
 
 
 def test_numbers_of_a_fit_are_of_order_one_and_go_back_to_si(truth, cut):
