@@ -2,6 +2,7 @@
 
 import errno
 import hashlib
+import importlib.util
 import os
 import pickle
 import subprocess
@@ -82,8 +83,6 @@ def test_the_order_of_the_sources_does_not_matter(source):
 
 
 def test_the_module_is_known_by_name_so_that_its_kernels_can_be_cached(source):
-    import sys
-
     module = load_module("numbers", [source], lambda: "value = 1\n")
     assert sys.modules[module.__name__] is module
 
@@ -95,23 +94,21 @@ def test_where_the_cache_folder_cannot_be_made_a_temporary_folder_serves(source,
 
 
 @owned
-def test_a_cache_folder_that_others_can_write_to_is_refused_with_a_sentence(source, tmp_path, monkeypatch):
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    (tmp_path / "cache").mkdir()
-    (tmp_path / "cache").chmod(0o770)
-    with pytest.warns(RuntimeWarning, match="others may write to it; chmod 700"):
+@pytest.mark.parametrize(
+    ("mode", "stranger", "sentence"),
+    [(0o770, 0, "others may write to it; chmod 700"), (0o700, 1, "is not used")],
+    ids=["others can write", "somebody else's"],
+)
+def test_a_cache_folder_that_is_not_mine_alone_is_refused(source, temporary, monkeypatch, mode, stranger, sentence):
+    folder = temporary.parent / "cache"
+    monkeypatch.setenv("CLUTCHID_CACHE", str(folder))
+    monkeypatch.setattr(os, "getuid", lambda: temporary.stat().st_uid + stranger)
+    folder.mkdir()
+    folder.chmod(mode)
+    with pytest.warns(RuntimeWarning, match=sentence):
         module = load_module("numbers", [source], lambda: "value = 1\n")
-    assert not Path(module.__file__).is_relative_to(tmp_path / "cache")
-    assert list((tmp_path / "cache").iterdir()) == []
-
-
-@owned
-def test_a_cache_folder_of_somebody_else_is_refused(source, tmp_path, monkeypatch):
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    monkeypatch.setattr(os, "getuid", lambda: tmp_path.stat().st_uid + 1)
-    with pytest.warns(RuntimeWarning, match="is not used"):
-        module = load_module("numbers", [source], lambda: "value = 1\n")
-    assert not Path(module.__file__).is_relative_to(tmp_path / "cache")
+    assert Path(module.__file__).is_relative_to(temporary)
+    assert list(folder.iterdir()) == []
 
 
 @owned
@@ -190,9 +187,6 @@ def test_a_damaged_module_is_built_once_more(source, damage):
 
 @pytest.mark.parametrize("rest", [0, 8, 20])
 def test_a_damaged_compiled_file_of_python_is_made_again(source, rest, monkeypatch):
-    import importlib.util
-    import sys
-
     monkeypatch.setattr(sys, "dont_write_bytecode", False)
     path = Path(load_module("numbers", [source], lambda: "value = 42\n").__file__)
     compiled = Path(importlib.util.cache_from_source(str(path)))

@@ -8,7 +8,9 @@ import pytest
 from clutchid.model.variants import VARIANTS
 from clutchid.simulation.noise import Noise, process_noise
 
-PRESSURE = VARIANTS["energy-balance-stribeck"].index("p_A")
+STATES = VARIANTS["energy-balance-stribeck"]
+PRESSURE = STATES.index("p_A")
+SILENT = replace(Noise(), states=dict.fromkeys(STATES, 0.0))
 
 
 @pytest.fixture
@@ -35,8 +37,7 @@ def test_closed_valves_leave_what_the_states_do_by_themselves_and_it_adds_up_to_
 
 
 def test_an_open_valve_adds_its_share_of_the_air_that_comes_in_over_the_span(plant, still):
-    silent = replace(Noise(), states=dict.fromkeys(VARIANTS[plant.model], 0.0))
-    total = np.sqrt(np.sum(process_noise(still(1.0, 0.0), plant, silent) ** 2, axis=0))
+    total = np.sqrt(np.sum(process_noise(still(1.0, 0.0), plant, SILENT) ** 2, axis=0))
     # 1.185 kg/m³ * 19e-9 m³/(Pa·s) * 9 bar let 20.26 g/s in; 2 % of it for 0.1 s are 40.53 mg. At half the stroke the
     # chamber holds 148 + 123 cm² * 1.25 cm = 301.75 cm³, in which 1 mg at 293 K makes 279.65 Pa (288 J/(kg·K))
     assert total[PRESSURE] == pytest.approx(40.53 * 279.65, rel=1e-4)
@@ -44,18 +45,16 @@ def test_an_open_valve_adds_its_share_of_the_air_that_comes_in_over_the_span(pla
 
 
 def test_changes_of_a_duty_cycle_that_are_not_recorded_let_in_unknown_air(plant, still):
-    silent = replace(Noise(), states=dict.fromkeys(VARIANTS[plant.model], 0.0))
     closed = still(0.0, 0.0)
-    total = process_noise(replace(closed, open_std=np.full(100, 1e-4)), plant, silent)
+    total = process_noise(replace(closed, open_std=np.full(100, 1e-4)), plant, SILENT)
     # 20.26 g/s through the open supply valve for 0.1 ms, and 279.65 Pa/mg, as above
     assert total[:, PRESSURE] == pytest.approx(2.026 * 279.65, rel=1e-3)
     assert np.delete(total, PRESSURE, axis=1) == pytest.approx(0.0)
     opened = replace(still(1.0, 0.0), open_std=np.full(100, 1e-4))
-    flow = process_noise(still(1.0, 0.0), plant, silent)[:, PRESSURE]
-    assert process_noise(opened, plant, silent)[:, PRESSURE] == pytest.approx(np.hypot(flow, total[:, PRESSURE]))
+    flow = process_noise(still(1.0, 0.0), plant, SILENT)[:, PRESSURE]
+    assert process_noise(opened, plant, SILENT)[:, PRESSURE] == pytest.approx(np.hypot(flow, total[:, PRESSURE]))
 
 
 def test_both_valves_open_misjudge_twice_the_air(plant, still):
-    silent = replace(Noise(), states=dict.fromkeys(VARIANTS[plant.model], 0.0))
-    one, both = (process_noise(still(1.0, exhaust), plant, silent)[:, PRESSURE] for exhaust in (0.0, 1.0))
+    one, both = (process_noise(still(1.0, exhaust), plant, SILENT)[:, PRESSURE] for exhaust in (0.0, 1.0))
     assert both == pytest.approx(2 * one)

@@ -39,29 +39,18 @@ def test_a_stroke_with_the_papers_parameters_takes_about_the_times_of_the_specif
     assert 0.15 < done.truth.states["velocity"].max() < 0.3
 
 
-def test_a_recording_has_the_columns_of_the_contract_and_nothing_of_the_truth(shift):
-    assert list(shift.log.columns) == ["position", "duty_supply", "duty_exhaust", "pressure_a"]
+def test_duty_cycles_are_between_0_and_1_and_never_of_both_valves_at_once(shift):
     assert shift.log.time[:3].tolist() == [0.0, 0.001, 0.002]
     duties = np.column_stack([shift.log["duty_supply"], shift.log["duty_exhaust"]])
     assert duties.min() == 0
     assert duties.max() == 1
-    assert not np.any(np.all(duties > 0, axis=1))  # never both at once
-    assert "pressure_a" not in drive(Truck(), seconds=1, pressure=False).log
+    assert not np.any(np.all(duties > 0, axis=1))
 
 
 def test_a_duty_cycle_is_held_for_a_period(shift):
     changes = np.flatnonzero(np.diff(shift.log["duty_supply"]) != 0) + 1
     assert changes.size > 10
     assert np.all(changes % 10 == 0)
-
-
-def test_the_same_seed_gives_the_same_bytes_and_another_one_does_not():
-    def content(seed: int) -> bytes:
-        done = drive(truck(3), seconds=3, seed=seed, wear=1e-3, recorder="bus", dropouts=3)
-        return b"".join([done.log.time.tobytes(), *(v.tobytes() for v in done.log.columns.values())])
-
-    assert content(5) == content(5)
-    assert content(5) != content(6)
 
 
 def test_options_of_the_recorder_do_not_change_the_drive(shift):
