@@ -57,6 +57,8 @@ def test_the_usual_innovation_is_the_mean_while_the_piston_moves(plant, calibrat
     assert np.isfinite(normalised(one, found.states, found.innovations)).sum() == moving.sum() > 50
     squared = np.minimum(e[moving] ** 2 / variance[moving], one.joint.noise.outlier**2)
     assert calibration.nis == pytest.approx(np.mean(squared))
+    wild = normalised(one, found.states, found.innovations * [1e3, 1.0])
+    assert np.nanmax(wild) == pytest.approx(one.joint.noise.outlier**2), "an outlier counts as one at the gate"
 
 
 def test_a_recording_without_position_has_no_usual_innovation(plant, calibration, log):
