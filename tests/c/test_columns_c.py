@@ -106,25 +106,6 @@ def test_the_pendulum_swings_alike_with_its_derivatives(build, swing, real, subs
         np.testing.assert_allclose(found[1], exact[1], rtol=0, atol=bound * np.abs(exact[1]).max(initial=1.0))
 
 
-def test_a_step_in_c_carries_exactly_what_a_column_belongs_to(build):
-    """Columns are told apart: one parameter's, one weight's and one start's, each against central differences."""
-    breakpoints, basis = SPRING
-    module = build(pendulum(), derivatives=FREE["pendulum"])
-    values = np.array([9.0, 0.3, 2.0, 1.5, 0.7, -0.4])  # g_l, d, theta_1, theta_2, phi, omega
-
-    def after(at):
-        table = (breakpoints, np.tensordot(at[2:4], basis, 1), basis)
-        return module.step(at[4:], np.column_stack([np.zeros((2, 4)), np.eye(2)]), [0.5], at[:2], 0.05, 1, table)
-
-    _, S = after(values)
-    for column in range(6):
-        up, down = values.copy(), values.copy()
-        up[column], down[column] = up[column] + 1e-5, down[column] - 1e-5
-        difference = (after(up)[0] - after(down)[0]) / 2e-5
-        # rounding of x over the step, and the third derivative, of order one, times its square
-        np.testing.assert_allclose(S[:, column], difference, rtol=0, atol=4 * EPS["double"] / 1e-5 + 1e-9)
-
-
 #: Largest terms in the rates of the paper's model, in its states: m/s, m/s², Pa/s, Pa/s, m/s. Forces are 8 bar on
 #: 123 cm² and a bristle of 1e-4 m under 1e7 N/m over 10 kg; the pressure in an empty chamber rises by 12 MPa/s.
 LARGEST = np.array([0.3, 1200.0, 2e7, 5e6, 0.3])

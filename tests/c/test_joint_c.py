@@ -358,20 +358,15 @@ def assert_close(found, expected, eps):
         )
 
 
+@pytest.mark.parametrize(("real", "flags", "eps"), [("double", EXACT, 2.0**-52), ("float", ("-O2",), 2.0**-23)])
 @pytest.mark.parametrize("name", FUNCTIONS)
-def test_in_double_c_is_its_compiled_kernel_up_to_the_order_of_sums(joint_of, kernels, calls, name):
-    c = joint_of(SIZE)
+def test_c_is_its_compiled_kernel_up_to_rounding_and_the_order_of_sums(
+    joint_of, kernels, calls, name, real, flags, eps
+):
+    c = joint_of(SIZE, real, flags)
     for seed in range(24):
         g = drawn(seed)
-        assert_close(in_c(c, g, name), in_python(kernels, calls, g, name), 2.0**-52)
-
-
-@pytest.mark.parametrize("name", FUNCTIONS)
-def test_in_float_c_is_its_kernel_up_to_rounding(joint_of, kernels, calls, name):
-    c = joint_of(SIZE, "float", ("-O2",))
-    for seed in range(24):
-        g = drawn(seed)
-        assert_close(in_c(c, g, name), in_python(kernels, calls, g, name), 2.0**-23)
+        assert_close(in_c(c, g, name), in_python(kernels, calls, g, name), eps)
 
 
 @pytest.mark.parametrize("real", ["double", "float"])

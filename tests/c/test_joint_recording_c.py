@@ -110,7 +110,7 @@ def test_in_double_a_recording_is_followed_bit_by_bit_as_the_text_says(case, fil
 
 
 #: Roundings of a state: 4 stages of some 100, over 1800 steps, in which the slowest state forgets, see
-#: `test_energy_balance_c`.
+#: `test_models_c`.
 ROUNDINGS = 4 * 100 * 1800
 
 

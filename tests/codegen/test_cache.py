@@ -2,6 +2,7 @@
 
 import errno
 import hashlib
+import importlib.util
 import os
 import pickle
 import subprocess
@@ -16,6 +17,8 @@ import pytest
 
 from clutchid.codegen.cache import load_module, when_compiling
 
+owned = pytest.mark.skipif(not hasattr(os, "getuid"), reason="this system knows no owners of folders")
+
 
 @pytest.fixture
 def source(tmp_path, monkeypatch):
@@ -24,6 +27,17 @@ def source(tmp_path, monkeypatch):
     path = tmp_path / "equations.py"
     path.write_text("x = 1")
     return path
+
+
+@pytest.fixture
+def temporary(tmp_path, monkeypatch):
+    """The folder for temporary files, where no cache folder can be made."""
+    (tmp_path / "file").write_text("")
+    # below a file: cannot exist, for root either
+    monkeypatch.setenv("CLUTCHID_CACHE", str(tmp_path / "file" / "cache"))
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    return tmp_path / "temporary"
 
 
 def _never():
@@ -69,58 +83,35 @@ def test_the_order_of_the_sources_does_not_matter(source):
 
 
 def test_the_module_is_known_by_name_so_that_its_kernels_can_be_cached(source):
-    import sys
-
     module = load_module("numbers", [source], lambda: "value = 1\n")
     assert sys.modules[module.__name__] is module
 
 
-def test_where_the_cache_folder_cannot_be_made_a_temporary_folder_serves(source, tmp_path, monkeypatch):
-    (tmp_path / "file").write_text("")
-    monkeypatch.setenv(
-        "CLUTCHID_CACHE", str(tmp_path / "file" / "cache")
-    )  # below a file: cannot exist, for root either
-    (tmp_path / "temporary").mkdir()
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+def test_where_the_cache_folder_cannot_be_made_a_temporary_folder_serves(source, temporary):
     module = load_module("numbers", [source], lambda: "value = 1\n")
-    assert Path(module.__file__).is_relative_to(tmp_path / "temporary")
+    assert Path(module.__file__).is_relative_to(temporary)
     assert load_module("numbers", [source], _never).value == 1
 
 
-@pytest.mark.skipif(not hasattr(os, "getuid"), reason="this system knows no owners of folders")
-def test_a_temporary_folder_that_others_can_write_to_is_not_trusted(source, tmp_path, monkeypatch):
-    (tmp_path / "file").write_text("")
-    monkeypatch.setenv("CLUTCHID_CACHE", str(tmp_path / "file" / "cache"))
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    planted = tmp_path / f"clutchid-{os.getuid()}"
-    planted.mkdir()
-    planted.chmod(0o777)
-    with pytest.warns(RuntimeWarning, match=f"{planted.name} is not used"):
+@owned
+@pytest.mark.parametrize(
+    ("mode", "stranger", "sentence"),
+    [(0o770, 0, "others may write to it; chmod 700"), (0o700, 1, "is not used")],
+    ids=["others can write", "somebody else's"],
+)
+def test_a_cache_folder_that_is_not_mine_alone_is_refused(source, temporary, monkeypatch, mode, stranger, sentence):
+    folder = temporary.parent / "cache"
+    monkeypatch.setenv("CLUTCHID_CACHE", str(folder))
+    monkeypatch.setattr(os, "getuid", lambda: temporary.stat().st_uid + stranger)
+    folder.mkdir()
+    folder.chmod(mode)
+    with pytest.warns(RuntimeWarning, match=sentence):
         module = load_module("numbers", [source], lambda: "value = 1\n")
-    assert not Path(module.__file__).is_relative_to(planted)
+    assert Path(module.__file__).is_relative_to(temporary)
+    assert list(folder.iterdir()) == []
 
 
-@pytest.mark.skipif(not hasattr(os, "getuid"), reason="this system knows no owners of folders")
-def test_a_cache_folder_that_others_can_write_to_is_refused_with_a_sentence(source, tmp_path, monkeypatch):
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    (tmp_path / "cache").mkdir()
-    (tmp_path / "cache").chmod(0o770)
-    with pytest.warns(RuntimeWarning, match="others may write to it; chmod 700"):
-        module = load_module("numbers", [source], lambda: "value = 1\n")
-    assert not Path(module.__file__).is_relative_to(tmp_path / "cache")
-    assert list((tmp_path / "cache").iterdir()) == []
-
-
-@pytest.mark.skipif(not hasattr(os, "getuid"), reason="this system knows no owners of folders")
-def test_a_cache_folder_of_somebody_else_is_refused(source, tmp_path, monkeypatch):
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    monkeypatch.setattr(os, "getuid", lambda: tmp_path.stat().st_uid + 1)
-    with pytest.warns(RuntimeWarning, match="is not used"):
-        module = load_module("numbers", [source], lambda: "value = 1\n")
-    assert not Path(module.__file__).is_relative_to(tmp_path / "cache")
-
-
-@pytest.mark.skipif(not hasattr(os, "getuid"), reason="this system knows no owners of folders")
+@owned
 def test_a_new_cache_folder_is_the_users_alone(source):
     load_module("numbers", [source], lambda: "value = 1\n")
     assert (source.parent / "cache").stat().st_mode & 0o777 == 0o700
@@ -196,9 +187,6 @@ def test_a_damaged_module_is_built_once_more(source, damage):
 
 @pytest.mark.parametrize("rest", [0, 8, 20])
 def test_a_damaged_compiled_file_of_python_is_made_again(source, rest, monkeypatch):
-    import importlib.util
-    import sys
-
     monkeypatch.setattr(sys, "dont_write_bytecode", False)
     path = Path(load_module("numbers", [source], lambda: "value = 42\n").__file__)
     compiled = Path(importlib.util.cache_from_source(str(path)))
@@ -211,19 +199,14 @@ def test_an_error_in_a_module_is_raised_as_it_is(source):
         load_module("numbers", [source], lambda: "raise ValueError('as the module has it')\n")
 
 
-@pytest.mark.skipif(not hasattr(os, "getuid"), reason="this system knows no owners of folders")
+@owned
 @pytest.mark.parametrize(
     ("mode", "trusted"),
-    [(0o720, False), (0o702, False), (0o755, True), (0o700, True)],
-    ids=["the group writes", "others write", "all read", "mine alone"],
+    [(0o777, False), (0o720, False), (0o702, False), (0o755, True), (0o700, True)],
+    ids=["anyone writes", "the group writes", "others write", "all read", "mine alone"],
 )
-def test_a_temporary_folder_is_trusted_where_neither_the_group_nor_others_write(
-    source, tmp_path, monkeypatch, mode, trusted
-):
-    (tmp_path / "file").write_text("")
-    monkeypatch.setenv("CLUTCHID_CACHE", str(tmp_path / "file" / "cache"))
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    there = tmp_path / f"clutchid-{os.getuid()}"
+def test_a_temporary_folder_is_trusted_where_neither_the_group_nor_others_write(source, temporary, mode, trusted):
+    there = temporary / f"clutchid-{os.getuid()}"
     there.mkdir()
     there.chmod(mode)
     with nullcontext() if trusted else pytest.warns(RuntimeWarning, match="others may write to it"):
@@ -371,7 +354,7 @@ for name in ("one", "two"):
 """
 
 
-@pytest.mark.skipif(not hasattr(os, "getuid"), reason="this system knows no owners of folders")
+@owned
 def test_where_others_can_write_to_every_folder_a_process_has_one_of_its_own_and_takes_it_away(source, tmp_path):
     planted = [tmp_path / "cache", tmp_path / "temporary" / f"clutchid-{os.getuid()}"]
     for folder in planted:

@@ -17,12 +17,12 @@ from clutchid.estimation.automatic import (
 )
 from clutchid.model import Actuator, Load
 from clutchid.model.variants import VARIANTS
-from clutchid.parameters import Parameters
 from clutchid.preparation.pulses import centred
 from clutchid.recordings.signals.duty_cycle import duty_grid
 from clutchid.simulation import simulate
 from clutchid.simulation.sensors import lagged
 from clutchid.truck import drive, truck
+from fixtures.changed_logs import spoiled, thinned
 
 PAPER = (
     "C_vs", "C_ve", "R_0vs", "R_0ve", "R_1vs", "R_1ve", "V_0A", "P_S", "P_0", "F_C", "D_v", "K_z", "D_zdot", "C_r",
@@ -51,6 +51,7 @@ def test_each_variant_frees_what_it_knows(drive_log, model):
     assert free[:22] == begin.load.names, "the load is free on B-splines"
     assert len(free) == len(set(free))
     assert begin.model == model
+    assert (begin.value("tau_y"), begin.value("tau_p")) == (LAG, LAG), "what sensors have"
 
 
 def test_the_load_starts_as_near_as_splines_come_to_the_one_given(drive_log):
@@ -78,13 +79,9 @@ def test_a_recording_that_starts_in_a_stroke_reads_the_ambient_pressure_off_its_
 def test_a_calibration_sees_whether_duty_cycles_are_latched(family, number, period):
     log = drive(truck(number, family), seconds=8, seed=5, name="log").log
     assert automatic([log], Actuator())[0].duty_period == pytest.approx(period)
-    slow = replace(log, time=log.time[::10], columns={name: values[::10] for name, values in log.columns.items()})
+    slow = thinned(log, 10)
     assert automatic([slow], Actuator())[0].duty_period is None, "a slow recording does not show it"
     assert automatic([slow], Actuator(duty_period=0.02))[0].duty_period == 0.02
-
-
-def test_whatever_may_be_freed_has_a_spread():
-    assert [name for name, row in Parameters.rows().items() if row.freed and not row.spread] == []
 
 
 def test_the_ambient_pressure_is_read_off_the_vented_rest(drive_log, plant):
@@ -106,41 +103,26 @@ def test_the_ambient_pressure_is_the_median_of_several_recordings(drive_log, pla
 
 
 def test_missing_pressure_at_the_rest_is_left_out(drive_log, plant):
-    pressure = drive_log["pressure_a"].copy()
-    pressure[:40:2] = np.nan
-    _, _, priors = automatic([drive_log.with_columns(pressure_a=pressure)], plant)
+    _, _, priors = automatic([spoiled(drive_log, "pressure_a", slice(0, 40, 2))], plant)
     assert priors["P_0"].mean == pytest.approx(109500.0, abs=1e3)
 
 
-def test_without_a_carrier_the_valves_are_averaged(drive_log, plant):
-    begin, free, _ = automatic([drive_log], plant)
-    assert begin.value("T_pwm") == 0.0
-    assert not set(CARRIER) & set(free)
-    assert set(EXPONENTS) <= set(free)
-    assert (begin.value("n_vs"), begin.value("n_ve")) == (1.0, 1.0)
-
-
-def test_the_default_model_follows_the_valves(drive_log, plant, recorded_by):
+def test_the_default_model_is_proportional_where_there_is_no_carrier(drive_log):
     begin, free, _ = automatic([drive_log], Actuator(model=AUTOMATIC))
     assert begin.model == AUTOMATIC == "energy-balance-stribeck-proportional"
     assert set(AVERAGED) <= set(free)
-    log = recorded_by(plant.replace({"T_pwm": 0.01, "s_vs": 0.07, "s_ve": 0.07}), seconds=6.0)
-    begin, free, _ = automatic([log], Actuator(model=AUTOMATIC))
-    assert begin.model == WITH_CARRIER == "energy-balance-stribeck"
-    assert set(CARRIER) <= set(free)
-    assert not set(AVERAGED) & set(free)
 
 
 def test_with_a_carrier_the_valves_are_switched_and_their_phases_free(plant, recorded_by):
-    log = recorded_by(
-        plant.replace({"T_pwm": 0.01, "s_pwm": 0.3, "s_vs": 0.07, "s_ve": 0.07, "tau_p": 0.0}), seconds=6.0
-    )
-    begin, free, _ = automatic([log], plant)
-    assert begin.value("T_pwm") == 0.01
-    assert (begin.value("s_vs"), begin.value("s_ve")) == (0.07, 0.07)
-    assert (begin.value("a_0vs"), begin.value("a_0ve")) == (DECAY, DECAY)
-    assert set(CARRIER) <= set(free)
-    assert not set(AVERAGED) & set(free), "an exponent bends the mean over a period only"
+    switched = {"T_pwm": 0.01, "s_pwm": 0.3, "s_vs": 0.07, "s_ve": 0.07, "tau_p": 0.0}
+    log = recorded_by(plant.replace(switched), seconds=6.0)
+    for start in (plant, Actuator(model=AUTOMATIC)):
+        begin, free, _ = automatic([log], start)
+        assert begin.model == WITH_CARRIER == "energy-balance-stribeck"
+        assert [begin.value(name) for name in ("T_pwm", "s_vs", "s_ve")] == [0.01, 0.07, 0.07]
+        assert (begin.value("a_0vs"), begin.value("a_0ve")) == (DECAY, DECAY)
+        assert set(CARRIER) <= set(free)
+        assert not set(AVERAGED) & set(free), "an exponent bends the mean over a period only"
     # the paper's valves know no carrier, so nothing of it is freed
     isothermal, free, _ = automatic([log], replace(plant, model="isothermal"))
     assert isothermal.value("T_pwm") == 0.0
@@ -177,12 +159,16 @@ def test_on_a_grid_the_search_begins_with_the_delay_of_the_valves_that_the_press
     assert set(CARRIER) <= set(free)
 
 
-def test_an_on_off_unit_has_the_grid_of_its_commands_as_carrier(drive_log, plant):
-    command = np.repeat(np.random.default_rng(2).integers(0, 3, len(drive_log) // 2), 2)
+def on_off(log, hold):
+    """`log` with commands fully on or off that change every so many samples, or stay."""
+    command = np.repeat(np.random.default_rng(2).integers(0, 3, len(log) // hold), hold)
     # the chamber vents at the start, as it was recorded
     command[:50] = 0
-    bang = drive_log.with_columns(duty_supply=1.0 * (command == 1), duty_exhaust=1.0 * (command == 2))
-    begin, free, _ = automatic([bang], plant)
+    return log.with_columns(duty_supply=1.0 * (command == 1), duty_exhaust=1.0 * (command == 2))
+
+
+def test_an_on_off_unit_has_the_grid_of_its_commands_as_carrier(drive_log, plant):
+    begin, free, _ = automatic([on_off(drive_log, 2)], plant)
     assert begin.value("T_pwm") == pytest.approx(2e-3)
     assert (begin.value("s_vs"), begin.value("s_ve")) == (ON_OFF_DELAY, ON_OFF_DELAY)
     assert (begin.value("a_0vs"), begin.value("a_0ve")) == (plant.value("a_0vs"), plant.value("a_0ve"))
@@ -190,18 +176,9 @@ def test_an_on_off_unit_has_the_grid_of_its_commands_as_carrier(drive_log, plant
 
 
 def test_an_on_off_unit_whose_commands_change_at_any_time_has_no_carrier(drive_log, plant):
-    command = np.random.default_rng(2).integers(0, 3, len(drive_log))
-    bang = drive_log.with_columns(duty_supply=1.0 * (command == 1), duty_exhaust=1.0 * (command == 2))
-    begin, free, _ = automatic([bang], plant)
+    begin, free, _ = automatic([on_off(drive_log, 1)], plant)
     assert begin.value("T_pwm") == 0.0
     assert not set(CARRIER) & set(free)
-
-
-@pytest.mark.parametrize("model", VARIANTS)
-def test_the_lags_of_the_sensors_begin_at_what_sensors_have(drive_log, model):
-    begin, free, _ = automatic([drive_log], Actuator(model=model))
-    assert (begin.value("tau_y"), begin.value("tau_p")) == (LAG, LAG)
-    assert {"tau_y", "tau_p"} <= set(free)
 
 
 def test_a_recording_without_pressure_is_one_sentence_that_says_what_to_do(drive_log, plant):

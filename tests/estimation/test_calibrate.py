@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 
 from clutchid.errors import DataError, ParameterError
-from clutchid.estimation import shooting as module
 from clutchid.estimation.calibrate import calibration_of, fit_with
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.shooting import SHOOTING
 from clutchid.inference.uncertainty.calibration import drift
 from clutchid.inference.uncertainty.change_prior import changeable
 from clutchid.inference.uncertainty.coordinates import Prior
-from clutchid.numerics.failure import Failure
 
 pytestmark = pytest.mark.slow
 
@@ -84,14 +82,9 @@ def test_a_parameter_that_is_freed_again_starts_from_its_calibration(calibrated,
     request = FitRequest(("position",), ("P_S",), calibration=calibrated.calibration)
     fit = fit_with(SHOOTING, [worn_log.slice(0, 1500)], calibrated.actuator, request)
     variance = calibrated.parameters["P_S"].std ** 2 + drift(calibrated.actuator, "P_S") ** 2
-    own = FitRequest(
-        ("position",), ("P_S",), priors={"P_S": Prior(calibrated.actuator.value("P_S"), np.sqrt(variance))},
-        calibration=calibrated.calibration,
-    )  # fmt: skip
-    one, other = (
-        fit.parameters["P_S"],
-        fit_with(SHOOTING, [worn_log.slice(0, 1500)], calibrated.actuator, own).parameters["P_S"],
-    )
+    own = replace(request, priors={"P_S": Prior(calibrated.actuator.value("P_S"), np.sqrt(variance))})
+    told = fit_with(SHOOTING, [worn_log.slice(0, 1500)], calibrated.actuator, own)
+    one, other = fit.parameters["P_S"], told.parameters["P_S"]
     assert (one.value, one.std) == pytest.approx((other.value, other.std), rel=1e-6)
 
 
@@ -120,37 +113,21 @@ def test_own_numbers_are_not_left_to_other_recordings(plant, short):
     assert fit.calibration.names == ("C_vs",)
 
 
-def test_auto_without_pressure_in_use_is_one_sentence(plant, short):
-    with pytest.raises(
-        DataError, match=r"^'auto' needs a recording with pressure, and --measure position,pressure_a\."
-    ):
-        fit_with(SHOOTING, [short], plant, FitRequest(("position",), ("auto",)))
-
-
-def test_a_prior_for_what_is_not_free_is_one_sentence_with_what_is(plant, short):
-    request = FitRequest(("position",), ("load",), priors={"P_S": Prior(9e5, 1e3)})
-    with pytest.raises(ParameterError, match=r"^prior for P_S, which is not free; free are theta_1, theta_2"):
-        fit_with(SHOOTING, [short], plant, request)
-
-
-def test_crossed_bounds_are_one_sentence(plant, short):
-    request = FitRequest(("position",), ("C_vs",), bounds={"C_vs": (2e-8, 1e-8)})
-    with pytest.raises(ParameterError, match=r"^C_vs: lower bound 2e-08 is not below upper bound 1e-08\.$"):
-        fit_with(SHOOTING, [short], plant, request)
-
-
-def test_too_many_numbers_for_a_short_recording_are_refused_with_both_counts(plant, short):
-    with pytest.raises(DataError, match=r"^log: 100 measured samples for 22 free parameters; at least ten for each"):
-        fit_with(SHOOTING, [short.slice(0, 100)], plant, FitRequest(("position",), ("load",)))
-
-
-def test_nothing_free_is_refused(plant, short):
-    with pytest.raises(ParameterError, match=r"^no parameter is free"):
-        fit_with(SHOOTING, [short], plant, FitRequest(("position",), ()))
-
-
-def test_a_start_that_cannot_be_simulated_is_a_result_that_says_so(plant, short, monkeypatch):
-    monkeypatch.setattr(module, "initial_states", lambda *_: Failure("v is not finite at 0.2 s."))
-    result = fit_with(SHOOTING, [short], plant, FitRequest(("position",), ("load",)))
-    assert result.status == "failed"
-    assert result.message == "the start values cannot be simulated. v is not finite at 0.2 s."
+@pytest.mark.parametrize(
+    ("samples", "free", "options", "error", "sentence"),
+    [
+        (2500, ("auto",), {}, DataError, "'auto' needs a recording with pressure, and --measure position,pressure_a"),
+        (
+            2500,
+            ("load",),
+            {"priors": {"P_S": Prior(9e5, 1e3)}},
+            ParameterError,
+            "prior for P_S, .*; free are theta_1, theta_2",
+        ),
+        (100, ("load",), {}, DataError, "log: 100 measured samples for 22 free parameters; at least ten for each"),
+        (2500, (), {}, ParameterError, "no parameter is free"),
+    ],
+)
+def test_what_cannot_be_fitted_is_refused_before_the_search(plant, short, samples, free, options, error, sentence):
+    with pytest.raises(error, match=f"^{sentence}"):
+        fit_with(SHOOTING, [short.slice(0, samples)], plant, FitRequest(("position",), free, **options))

@@ -67,9 +67,11 @@ def test_the_end_of_a_search_has_one_wording_in_python_files_and_messages(stoppe
 
 
 def test_a_continued_search_has_the_original_priors_and_ends_where_a_single_one_does(recording, stopped, whole):
-    _, path = stopped
+    fit, path = stopped
     continued = fitted(recording, path)
     assert continued.converged
+    assert continued.baseline is None, "no new calibration on top of the old one"
+    assert continued.evaluations < fit.evaluations
     assert continued.search.priors.keys() == whole.search.priors.keys()
     for name, prior in whole.search.priors.items():
         assert astuple(continued.search.priors[name]) == pytest.approx(astuple(prior), rel=1e-9)
@@ -77,13 +79,6 @@ def test_a_continued_search_has_the_original_priors_and_ends_where_a_single_one_
     for name, estimate in whole.parameters.items():
         assert abs(continued.parameters[name].value - estimate.value) < 0.2 * estimate.std
         assert continued.parameters[name].std == pytest.approx(estimate.std, rel=0.05)
-
-
-def test_a_continued_search_is_not_a_new_calibration_on_top_of_the_old_one(recording, stopped):
-    fit, path = stopped
-    continued = fitted(recording, path)
-    assert continued.baseline is None
-    assert continued.evaluations < fit.evaluations
 
 
 def test_a_converged_search_that_is_continued_stays_where_it_was(recording, whole, tmp_path):

@@ -12,7 +12,10 @@ from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.parameters import Parameters
 from clutchid.simulation import Partition, simulate
+from fixtures.changed_logs import spoiled
 
+#: Weights of the load of `truth` in N/m.
+TRUTH = (9.0e5, -0.3e5, 0.6e5)
 AFAR = Actuator(load=Load((6e5, 1e5, 0.0)))
 
 
@@ -20,17 +23,22 @@ def weights(result) -> np.ndarray:
     return np.array([result.parameters[f"theta_{i}"].value for i in (1, 2, 3)])
 
 
-def spoiled(log: Log, column: str, where, value: float = np.nan) -> Log:
-    values = log[column].copy()
-    values[where] = value
-    return log.with_columns(**{column: values})
-
-
-@pytest.mark.parametrize("start", [None, AFAR], ids=["default start", "from afar"])
-def test_the_load_is_found_again_without_noise(truth, drive, start):
-    result = fit(drive, start)
+@pytest.mark.parametrize(
+    ("theta", "start"),
+    [
+        (TRUTH, None),
+        (TRUTH, AFAR),
+        # five multiples of the start are tried; 1.6 times a load that just about holds is beyond what can be simulated
+        (TRUTH, Actuator(load=Load((9e5, -5e5, 0.0)))),
+        (TRUTH, Actuator(load=Load((9e5, 0.0, -1e5)))),
+        ((9e5, 0.4e5, 0.2e5), None),
+    ],
+    ids=["default start", "from afar", "trial points that blow up", "start beyond a bound", "second weight above 0"],
+)
+def test_the_load_is_found_again_without_noise(driven, theta, start):
+    result = fit(driven(Actuator(load=Load(theta))), start)
     # the search stops at a relative cost change of 1e-9 above a noise floor of 0.1 um against strokes of 15 mm
-    np.testing.assert_allclose(weights(result), truth.load.theta, rtol=1e-6)
+    np.testing.assert_allclose(weights(result), theta, rtol=1e-5)
     assert result.status == "ok"
     assert result.warnings == ()
     assert result.errors.position_rms < 1e-7
@@ -66,12 +74,9 @@ def test_the_published_basis_is_kept_in_the_result(driven):
     np.testing.assert_allclose(weights(result), published.load.theta, rtol=1e-6)
 
 
-def covered(truth: Actuator, drive: Log, with_noise, trials: int, first: int) -> tuple[np.ndarray, float]:
-    """How many intervals of the three weights, and which part of the load band, contain the truth.
-
-    The first samples, `first` of them, are without noise.
-    """
-    hits, band = np.zeros(3), 0.0
+@pytest.mark.parametrize("first", [0, 1], ids=["noise on every sample", "none on the first"])
+def test_with_white_noise_the_truth_lies_in_nineteen_of_twenty_intervals(truth, drive, with_noise, first):
+    trials, hits, band = 40, np.zeros(3), 0.0
     for seed in range(trials):
         noisy = with_noise(drive, seed)
         position = np.concatenate([drive["position"][:first], noisy["position"][first:]])
@@ -80,22 +85,9 @@ def covered(truth: Actuator, drive: Log, with_noise, trials: int, first: int) ->
         hits += [e.low <= value <= e.high for e, value in zip(estimates, truth.load.theta, strict=True)]
         curve, force = result.load_curve, truth.load.force(result.load_curve.position)
         band += ((curve.low <= force) & (force <= curve.high))[4:65].mean() / trials  # 1 to 16 mm: it has been there
-    return hits, band
-
-
-def test_with_white_noise_the_truth_lies_in_nineteen_of_twenty_intervals(truth, drive, with_noise):
-    trials = 40
-    hits, band = covered(truth, drive, with_noise, trials, first=1)
-    low = binom.ppf(0.001, trials, 0.95)
-    assert np.all(hits >= low)
+    assert np.all(hits >= binom.ppf(0.001, trials, 0.95)), hits / trials
     # the band is three numbers wide, so its coverage scatters like that of a third of the trials
     assert band >= binom.ppf(0.001, trials // 3, 0.95) / (trials // 3)
-
-
-def test_noise_on_the_first_sample_does_not_spoil_the_intervals(truth, drive, with_noise):
-    trials = 40
-    hits, _ = covered(truth, drive, with_noise, trials, first=0)
-    assert np.all(hits >= binom.ppf(0.001, trials, 0.95)), hits / trials
 
 
 def test_the_noise_scale_is_that_of_the_noise(drive, with_noise):
@@ -120,9 +112,9 @@ def test_pressure_alone_is_enough_for_the_load(truth, drive):
 
 
 def test_several_recordings_share_the_load_and_have_names_of_their_own(truth, driven, with_noise):
-    one, two = driven(), driven(reach=0.010)
-    result = fit([with_noise(one, 1), with_noise(two, 2)])
-    assert list(result.recordings) == ["drive", "drive (2)"]
+    one, two, three = driven(), driven(reach=0.010), driven(name="drive (2)")
+    result = fit([with_noise(one, 1), with_noise(two, 2), with_noise(three, 3)])
+    assert list(result.recordings) == ["drive", "drive (3)", "drive (2)"]
     assert result.errors.position_sse == pytest.approx(sum(r.errors.position_sse for r in result.recordings.values()))
     for name, value in zip(("theta_1", "theta_2", "theta_3"), truth.load.theta, strict=True):
         estimate = result.parameters[name]
@@ -135,20 +127,6 @@ def test_two_equal_recordings_halve_the_variance(drive, with_noise):
     np.testing.assert_allclose(weights(twice), weights(once), rtol=1e-6)
     # white residuals: the bandwidth may change by a lag or two, each worth a few percent
     np.testing.assert_allclose(twice.covariance, once.covariance / 2, rtol=0.3, atol=0.05 * once.covariance.max())
-
-
-def test_missing_measurements_are_left_out_element_by_element(truth, drive):
-    wrong = spoiled(drive, "position", slice(3000, 3400), 0.020)
-    assert abs(fit(wrong).parameters["theta_1"].value / 9e5 - 1) > 1e-3
-    result = fit(spoiled(wrong, "position", slice(3000, 3400)))
-    np.testing.assert_allclose(weights(result), truth.load.theta, rtol=1e-6)
-    assert result.errors.position_sse < 1e-10
-
-
-def test_missing_pressures_do_not_cost_the_position_beside_them(truth, drive):
-    holed = spoiled(spoiled(drive, "pressure_a", slice(0, 5000)), "position", slice(5000, 5500))
-    result = fit(holed, measure=("position", "pressure_a"))
-    np.testing.assert_allclose(weights(result), truth.load.theta, rtol=1e-6)
 
 
 def test_a_missing_input_ends_a_segment_and_the_next_start_is_found(truth, drive):
@@ -170,7 +148,7 @@ def test_a_start_under_pressure_at_rest_is_found_but_for_friction(truth, drive):
     shut = (drive.time > 1.0) & (drive.time < 3.0)
     duties = {name: np.where(shut, 0.0, drive[name]) for name in ("duty_supply", "duty_exhaust")}
     made = simulate(truth, drive.with_columns(**duties)).log.slice(2900, 10000)
-    result = fit(Log(made.time, {k: made[k] for k in ("position", "duty_supply", "duty_exhaust")}, "later"))
+    result = fit(replace(made.without("pressure_a"), name="later"))
     (y, p_A) = result.recordings["later"].starts[0]
     # the bristle holds up to F_C = 200 N there, 0.16 bar, but is taken as relaxed: the start lies a few of its lengths
     # of F_C / K_z = 0.2 mm away, with the same air in 26 mm of chamber
@@ -182,19 +160,11 @@ def test_a_start_under_pressure_at_rest_is_found_but_for_friction(truth, drive):
 def test_a_start_made_by_the_rules_of_the_model_is_found_to_rounding(truth, drive):
     later = drive.slice(1100, 8000)
     made = simulate(truth, later, starts=[(9.1e-3, 4.9e5)]).log
-    log = Log(made.time, {k: made[k] for k in ("position", "duty_supply", "duty_exhaust")}, "later")
-    result = fit(log)
+    result = fit(replace(made.without("pressure_a"), name="later"))
     (y, p_A) = result.recordings["later"].starts[0]
     assert y == pytest.approx(9.1e-3, rel=1e-6)
     assert p_A == pytest.approx(4.9e5, rel=1e-6)
     np.testing.assert_allclose(weights(result), truth.load.theta, rtol=1e-5)
-
-
-def test_a_hole_in_time_is_no_worse_than_a_missing_input(truth, drive):
-    keep = np.r_[0:4300, 4500:10000]
-    holed = Log(drive.time[keep], {name: values[keep] for name, values in drive.columns.items()}, "holed")
-    by_time, by_input = fit(holed), fit(spoiled(drive, "duty_exhaust", slice(4300, 4500)))
-    np.testing.assert_allclose(weights(by_time), weights(by_input), rtol=1e-6)
 
 
 def test_verification_simulates_and_fits_nothing(truth, drive, driven):
@@ -226,11 +196,6 @@ def test_a_bound_that_the_data_press_against_is_met_exactly_and_said(driven):
     np.testing.assert_allclose(weights(free), worn.load.theta, rtol=1e-6)
 
 
-def test_the_second_weight_may_change_its_sign(driven):
-    worn = Actuator(load=Load((9e5, 0.4e5, 0.2e5)))
-    assert fit(driven(worn)).parameters["theta_2"].value == pytest.approx(0.4e5, rel=1e-6)
-
-
 def test_bounds_of_the_user_are_kept_exactly(drive):
     result = fit(drive, bounds={"theta_1": (9.2e5, 1e6), "theta_2": (-1e5, -0.5e5)})
     assert 9.2e5 <= result.parameters["theta_1"].value <= 1e6
@@ -239,20 +204,25 @@ def test_bounds_of_the_user_are_kept_exactly(drive):
     assert any("bound" in warning for warning in result.warnings)
 
 
-@pytest.mark.parametrize("limits", [(2.0, 1.0), (1.0, 1.0), (np.nan, 1.0)])
-def test_crossed_bounds_are_refused(drive, limits):
-    with pytest.raises(ParameterError, match="theta_1: lower bound"):
-        fit(drive, bounds={"theta_1": limits})
-
-
-def test_bounds_for_what_is_not_free_are_refused(drive):
-    with pytest.raises(ParameterError, match="bounds for M, which is not free"):
-        fit(drive, bounds={"M": (5.0, 20.0)})
-
-
-def test_bounds_outside_the_admissible_range_are_refused(drive):
-    with pytest.raises(ParameterError, match=r"C_vs: bound -1e-08 is not admissible, it is at least 0"):
-        fit(drive, free=("C_vs",), bounds={"C_vs": (-1e-8, 4e-8)})
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({"bounds": {"theta_1": (2.0, 1.0)}}, "theta_1: lower bound"),
+        ({"bounds": {"theta_1": (1.0, 1.0)}}, "theta_1: lower bound"),
+        ({"bounds": {"theta_1": (np.nan, 1.0)}}, "theta_1: lower bound"),
+        ({"bounds": {"M": (5.0, 20.0)}}, "bounds for M, which is not free"),
+        (
+            {"free": ("C_vs",), "bounds": {"C_vs": (-1e-8, 4e-8)}},
+            "C_vs: bound -1e-08 is not admissible, .* 0",
+        ),
+        ({"free": ("C_sv",)}, "did you mean 'C_vs'"),
+        ({"measure": ("pressure",)}, "pressure_a"),
+        ({"measure": ()}, "nothing to compare"),
+    ],
+)
+def test_options_that_contradict_the_model_are_refused(drive, options, sentence):
+    with pytest.raises(ParameterError, match=sentence):
+        fit(drive, **options)
 
 
 def test_verification_reports_problems_and_loses_nothing(drive):
@@ -262,10 +232,7 @@ def test_verification_reports_problems_and_loses_nothing(drive):
     assert any(w.startswith("verification: wrong zero") and "zero" in w for w in result.warnings)
     assert result.verification["drive"].errors.position_rms < 1e-7
     with pytest.raises(DataError, match="position"):
-        fit(
-            drive,
-            verify=[Log(drive.time, {"duty_supply": drive["duty_supply"], "duty_exhaust": drive["duty_exhaust"]})],
-        )
+        fit(drive, verify=[drive.without("position", "pressure_a")])
 
 
 @pytest.mark.parametrize(("scale", "zero"), [(1e3, 0.0), (-1.0, 0.0), (1.0, -8e-3), (1.0, 2e-2)])
@@ -281,32 +248,14 @@ def test_three_parameters_of_which_only_a_product_is_known_are_named_together(dr
     assert "T_0, R and rho_0" in warning or "R, T_0 and rho_0" in warning
 
 
-def test_three_recordings_of_one_name_are_three_results(drive):
-    second = replace(drive, name="drive (2)")
-    result = fit([drive, drive, second])
-    assert list(result.recordings) == ["drive", "drive (3)", "drive (2)"]
-
-
 def test_a_piston_that_moves_only_in_the_recording_is_a_warning(truth, drive):
     weak = truth.replace({"P_S": 1.12e5})  # bar typed as Pa, or the valves swapped: nothing can lift the piston
     result = fit(drive, weak)
     assert any("swapped" in w and "P_S" in w for w in result.warnings), result.warnings
 
 
-def test_an_unknown_free_name_is_refused_with_the_nearest(drive):
-    with pytest.raises(ParameterError, match="did you mean 'C_vs'"):
-        fit(drive, free=("C_sv",))
-
-
-def test_an_unknown_measured_column_is_refused(drive):
-    with pytest.raises(ParameterError, match="pressure_a"):
-        fit(drive, measure=("pressure",))
-    with pytest.raises(ParameterError, match="nothing to compare"):
-        fit(drive, measure=())
-
-
 def test_a_recording_without_what_is_measured_is_refused(drive):
-    bare = Log(drive.time, {k: drive[k] for k in ("position", "duty_supply", "duty_exhaust")}, "bare")
+    bare = replace(drive.without("pressure_a"), name="bare")
     with pytest.raises(DataError, match="bare: no column 'pressure_a'"):
         fit(bare, measure=("position", "pressure_a"))
     with pytest.raises(DataError, match="no finite sample"):
@@ -384,21 +333,6 @@ def test_start_values_that_cannot_be_simulated_raise_or_return_as_asked(drive):
     assert result.recordings == {}
 
 
-def test_a_trial_point_that_blows_up_does_not_end_the_search(truth, drive):
-    # five multiples of the start are tried; 1.6 times a load that just about holds is beyond what can be simulated
-    result = fit(drive, Actuator(load=Load((9e5, -5e5, 0.0))))
-    np.testing.assert_allclose(weights(result), truth.load.theta, rtol=1e-5)
-
-
-def test_progress_counts_every_simulation_of_both_stages(drive):
-    reported = []
-    result = fit(drive, progress=lambda stage, count: reported.append((stage, count)))
-    assert [count for _, count in reported] == list(range(1, result.evaluations + 1))
-    stages = [stage for stage, _ in reported]
-    assert set(stages) == {"coarse", "fine"}
-    assert stages == sorted(stages)
-
-
 def test_the_load_curve_has_101_points_over_the_stroke_and_the_fitted_force(drive):
     result = fit(drive)
     curve = result.load_curve
@@ -419,17 +353,6 @@ def test_estimates_carry_units_and_intervals_around_the_value(drive, with_noise)
         assert (estimate.high - estimate.value) / estimate.std == pytest.approx(1.96, abs=0.05)
 
 
-def test_a_start_outside_the_bounds_begins_at_the_bound(drive):
-    result = fit(drive, Actuator(load=Load((9e5, 0.0, -1e5))))
-    assert result.parameters["theta_3"].value == pytest.approx(0.6e5, rel=1e-5)
-
-
 def test_fixed_parameters_stay(drive):
     actuator = Actuator(Parameters(M=12.0))
     assert fit(drive, actuator).actuator.parameters == actuator.parameters
-
-
-def test_names_may_be_one_text_with_commas(drive):
-    one, other = fit(drive, free="load, P_S", measure="position"), fit(drive, free=("load", "P_S"))
-    assert list(one.parameters) == ["theta_1", "theta_2", "theta_3", "P_S"]
-    assert one.actuator == other.actuator

@@ -14,8 +14,6 @@ import pytest
 
 import clutchid
 from clutchid.errors import DataError, SolveError
-from clutchid.estimation.assess.evidence import evidence
-from clutchid.estimation.assess.verdict import verdict
 from clutchid.inference.uncertainty.estimates import Estimate
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
@@ -107,12 +105,6 @@ def test_the_table_of_a_fit_has_a_row_for_every_free_parameter(fitted):
     estimate = fitted.parameters["theta_2"]
     assert (row["value"], row["unit"], row["high"]) == (estimate.value, "N/m", estimate.high)
     assert replace(fitted, parameters={}).to_frame().schema == frame.schema
-
-
-def test_the_verdict_of_a_fit_is_that_of_its_evidence_and_is_computed_once(fitted):
-    assert fitted.verdict is verdict(fitted)
-    assert fitted.evidence is evidence(fitted)
-    assert fitted.verdict is fitted.verdict
 
 
 def test_the_page_of_a_fit_has_its_verdict_and_says_where_it_comes_from(fitted, tmp_path):

@@ -9,10 +9,9 @@ import clutchid
 from clutchid import fit
 from clutchid.estimation.verification import starts_of as estimated_starts
 from clutchid.inference.uncertainty.calibration import Calibration
-from clutchid.log import INPUTS, Log
-from clutchid.observer.observer import observer
-from clutchid.observer.recording import observe_recording
+from clutchid.observer import observe_recording, observer
 from clutchid.simulation import Partition
+from fixtures.changed_logs import spoiled, thinned
 
 EXACT = Calibration((), np.zeros((0, 0)))
 FIRST, LAST = 2, 3
@@ -21,20 +20,12 @@ INSIDE = slice(FIRST, -LAST)
 
 def late(log):
     """`log` with duty cycles that begin some samples later, and end earlier."""
-    columns = {name: log[name].copy() for name in INPUTS}
-    columns["duty_supply"][:FIRST] = np.nan
-    columns["duty_exhaust"][-LAST:] = np.nan
-    return log.with_columns(**columns)
+    return spoiled(spoiled(log, "duty_supply", slice(FIRST)), "duty_exhaust", slice(-LAST, None))
 
 
 def ends_cut(log):
     """`log` without the samples that lack a duty cycle in `late`."""
     return log.slice(FIRST, len(log) - LAST)
-
-
-def thinned(log, every):
-    """Every n-th sample."""
-    return Log(log.time[::every], {name: values[::every] for name, values in log.columns.items()}, log.name)
 
 
 def assert_same(one, other, log):

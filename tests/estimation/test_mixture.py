@@ -63,8 +63,7 @@ def explanations(problem, x=(0.0, 0.0, 0.0, 0.0), scatter=1.0):
 
 
 def calibration(**errors):
-    known = PositionOnlyErrors(**errors) if errors else None
-    return Calibration((), np.zeros((0, 0)), position_only=known)
+    return Calibration((), np.zeros((0, 0)), position_only=PositionOnlyErrors(**errors) if errors else None)
 
 
 def gaussians(problem, hypotheses=HYPOTHESES):
@@ -135,9 +134,8 @@ def test_the_mean_is_that_of_the_weighted_gaussians(problem):
 def test_the_covariance_is_about_that_mean_with_the_flattened_evidence_of_all_hypotheses(problem):
     known = explanations(problem)
     weights = band_weights(gaussians(problem, ALL)[0])
-    assert list(
-        flattened({h: known[NONE].under(h) for h in ALL}, calibration(), BAND.evidence).values()
-    ) == pytest.approx(weights, abs=1e-10)
+    flat = flattened({h: known[NONE].under(h) for h in ALL}, calibration(), BAND.evidence)
+    assert list(flat.values()) == pytest.approx(weights, abs=1e-10)
     found = mixture(known, calibration())
     inside, between = inside_and_between(problem, found.x)
     np.testing.assert_allclose(found.covariance, inside + between, atol=1e-10)
@@ -152,38 +150,6 @@ def test_a_misfit_widens_what_each_hypothesis_leaves_open_and_a_good_fit_narrows
     inside, between = inside_and_between(problem, worse.x)
     np.testing.assert_allclose(worse.covariance, 2.0 * inside + between, atol=1e-9)
     np.testing.assert_array_equal(worse.x, as_usual.x)
-
-
-def test_evidence_mean_and_covariance_agree_with_brute_force_sampling(problem):
-    rng, draws = np.random.default_rng(7), 400_000
-    found = mixture(explanations(problem), calibration())
-    evidence, means, covariances, effective = [], [], [], []
-    for hypothesis in ALL:
-        root = with_hypothesis(problem, hypothesis).prior_root
-        x = rng.standard_normal((draws, 4)) @ np.linalg.inv(root).T
-        likelihood = np.exp(-0.5 * np.sum((x @ DATA[:, :-1].T + DATA[:, -1]) ** 2, axis=1))
-        weights = likelihood / likelihood.sum()
-        evidence.append(likelihood.mean())
-        means.append(weights @ x)
-        covariances.append((weights[:, None] * (x - means[-1])).T @ (x - means[-1]))
-        effective.append(1.0 / np.sum(weights**2))
-    error = 1.0 / np.sqrt(min(effective))  # relative standard error of a mean of so many independent draws
-    assert error < 0.01
-    of_known = [ALL.index(hypothesis) for hypothesis in HYPOTHESES]
-    expected = weights_of(np.array(evidence)[of_known])
-    for place, hypothesis in enumerate(HYPOTHESES):
-        assert found.probability[hypothesis] == pytest.approx(expected[place], rel=5.0 * error)
-    mean = expected @ np.array(means)[of_known]
-    deviation = np.sqrt(np.diag(found.covariance))
-    assert np.all(np.abs(found.x - mean) < 5.0 * error * deviation)
-    apart = np.array(means) - mean
-    inside = [c + missed(problem, m) for m, c in zip(means, covariances, strict=True)]
-    covariance = np.einsum(
-        "h,hij->ij", band_weights(np.array(evidence)), inside + apart[:, :, None] * apart[:, None, :]
-    )
-    assert found.covariance / np.outer(deviation, deviation) == pytest.approx(
-        covariance / np.outer(deviation, deviation), abs=10.0 * error
-    )
 
 
 def test_data_that_scatter_less_than_assumed_change_the_covariance_only(problem):

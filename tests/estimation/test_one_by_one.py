@@ -5,17 +5,10 @@ from dataclasses import replace
 
 import pytest
 
-from clutchid import fit
 from clutchid.errors import DataError
 from clutchid.estimation.fit import fit_request
 from clutchid.estimation.request import FitRequest
 from fixtures.baselines import with_baseline
-
-
-@pytest.fixture(scope="module")
-def fitted(drive, with_noise):
-    """A fit of 4 s by the model that made them."""
-    return fit(with_noise(drive, 1).slice(0, 4000))
 
 
 @pytest.fixture
@@ -46,16 +39,16 @@ def read(monkeypatch):
     return run
 
 
-def test_a_recording_that_cannot_be_read_alone_does_not_cost_the_fit_of_all(logs, fitted, read):
-    together, requests = read(logs, with_baseline(fitted), bootstrap=20, profile=("theta_1",))
+def test_a_recording_that_cannot_be_read_alone_does_not_cost_the_fit_of_all(logs, short_fit, read):
+    together, requests = read(logs, with_baseline(short_fit), bootstrap=20, profile=("theta_1",))
     assert together.status == "ok"
     assert list(together.readings) == ["long"]
     assert requests[("long", "short", "lost")].checks
     assert not requests[("long",)].checks
 
 
-def test_recordings_are_read_alone_only_if_there_are_several_and_a_load_to_compare_with(logs, fitted, read):
-    assert read(logs[:1], with_baseline(fitted))[0].readings == {}
-    together, requests = read(logs, fitted)
+def test_recordings_are_read_alone_only_if_there_are_several_and_a_load_to_compare_with(logs, short_fit, read):
+    assert read(logs[:1], with_baseline(short_fit))[0].readings == {}
+    together, requests = read(logs, short_fit)
     assert together.readings == {}
     assert list(requests) == [("long", "short", "lost")]

@@ -12,6 +12,7 @@ from clutchid.estimation.request import FitRequest
 from clutchid.inference.uncertainty.calibration import drift
 from clutchid.inference.uncertainty.coordinates import coordinates
 from clutchid.model import Actuator, OwnModel, OwnParameter
+from fixtures.sentences import one_sentence
 
 y, f_s, c_r, F_r = symbols("y f_s c_r F_r")
 PARAMETERS = {
@@ -67,10 +68,8 @@ def test_a_file_without_a_model_has_values_for_every_model(tmp_path):
 )  # fmt: skip
 def test_a_file_for_another_model_is_refused_in_one_sentence(saved, old, new, model, sentence):
     path = saved(old, new)
-    with pytest.raises(ParameterError) as caught:
-        read_parameters(path, model)
-    assert str(caught.value).startswith(f"{path}: {sentence}")
-    assert len(str(caught.value).splitlines()) == 1
+    message = one_sentence(ParameterError, read_parameters, path, model)
+    assert message.startswith(f"{path}: {sentence}")
 
 
 def test_a_fit_starts_from_a_file_only_with_its_model(saved):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.estimation.automatic import AUTOMATIC, automatic
+from clutchid.estimation.automatic import AUTOMATIC
 from clutchid.estimation.calibrate import fit_with
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.shooting import SHOOTING
@@ -28,11 +28,6 @@ def found(proportional, log):
     """A calibration that starts from lines and the usual lag, as without knowledge of the valves."""
     start = proportional.replace({"n_vs": 1.0, "n_ve": 1.0, "tau_vs": 2e-3, "tau_ve": 2e-3})
     return fit_with(SHOOTING, [log], start, FitRequest(("position", "pressure_a"), ("auto",)))
-
-
-def test_exponents_and_lags_are_free_in_its_calibration(proportional, log):
-    _, free, _ = automatic([log], proportional)
-    assert {"n_vs", "n_ve", *LAGS} <= set(free)
 
 
 def test_the_calibration_finds_exponents_lags_and_supply_pressure(found, proportional):

@@ -1,13 +1,12 @@
 """Loads read from recordings at 100 Hz: their interval, and the trust in them."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 import clutchid
 from clutchid.estimation.result import QUANTILE
 from clutchid.estimation.verification import MISSED, with_slow_logs
+from fixtures.changed_logs import thinned
 
 Y = np.linspace(0.5e-3, 15e-3, 40)
 
@@ -16,7 +15,7 @@ pytestmark = pytest.mark.slow
 
 def at_100_hz(log):
     """Each tenth sample of a recording at 1 kHz, as a recorder on the bus keeps it."""
-    return replace(log, time=log.time[3::10], columns={name: values[3::10] for name, values in log.columns.items()})
+    return thinned(log, 10, first=3)
 
 
 def half_width(fit):

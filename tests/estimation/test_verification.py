@@ -1,7 +1,5 @@
 """Verification of a fit by shooting: simulated with the recording's own phase, compared as its sensors see it."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -9,6 +7,7 @@ import clutchid
 from clutchid.estimation.verification import verification
 from clutchid.parameters import Parameters
 from clutchid.simulation.sensors import with_sensors, without_sensors
+from fixtures.changed_logs import thinned
 
 BOTH = ("position", "pressure_a")
 
@@ -46,7 +45,7 @@ def test_without_sensors_and_phase_the_errors_would_be_theirs(known, other):
 
 def test_a_bus_log_is_verified_with_the_pulses_between_its_samples(known, recorded_by):
     fast = recorded_by(known.replace({"s_pwm": 0.0}), seconds=6.0, seed=7, name="bus", driven=1)
-    slow = replace(fast, time=fast.time[4::10], columns={name: v[4::10] for name, v in fast.columns.items()})
+    slow = thinned(fast, 10, first=4)
     done, warnings = verification(known, [slow], None, BOTH, True)
     assert warnings == []
     one = done["bus"]

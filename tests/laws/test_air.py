@@ -94,12 +94,6 @@ def test_of_the_iso_flow_a_smaller_drop_never_gives_more_and_a_larger_index_neve
     assert iso_shape(one, b, 1.2 * m, 0.999) <= iso_shape(one, b, m, 0.999) + 1e-13
 
 
-@given(st.floats(0, 0.998), choking)
-def test_an_index_of_one_half_is_the_quarter_ellipse_of_the_older_standard(r, b):
-    value = iso_shape(r, b, 0.5, 0.999)
-    assert value**2 + (max(0.0, r - b) / (1 - b)) ** 2 == pytest.approx(1, abs=1e-14)
-
-
 @given(st.floats(0, 1.2), critical, st.floats(0.91, 0.99999))
 def test_the_papers_flow_function_of_shape_1_is_the_iso_one_of_index_one_half(r, b, r_lam):
     # 1 - x^2 near x = 1 loses what 1 - r_lam = 1e-5 leaves of sixteen digits; the paper adds and takes an ellipse

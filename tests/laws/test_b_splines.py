@@ -97,19 +97,6 @@ def test_the_curvature_is_the_second_derivative_of_the_basis(t, part):
     assert np.abs(slope_twice - exact).max() <= 4 * EPS / h**2 + 50 * h / smallest**3
 
 
-@given(knots, st.data())
-def test_the_load_is_affine_in_its_weights_and_its_curvature_too(t, data):
-    n = len(t) + 2
-    numbers = st.lists(st.floats(-1e4, 1e4), min_size=n, max_size=n)
-    one, other = (np.array(data.draw(numbers)) for _ in range(2))
-    y = np.linspace(t[0] - 1e-3, t[-1] + 1e-3, 30)
-    load = blank(t)
-    for matrix in (load.phi(y), load.curvature(y)):
-        whole, size = matrix @ (one - 2 * other), np.abs(matrix) @ (np.abs(one) + 2 * np.abs(other))
-        assert np.all(np.abs(whole - (matrix @ one - 2 * (matrix @ other))) <= 10 * EPS * size + 1e-300)
-    np.testing.assert_array_equal(Load(tuple(one), t, basis="b-spline").force(y), load.phi(y) @ one)
-
-
 @given(knots, st.floats(-1e6, 1e6), st.floats(-1e4, 1e4))
 def test_a_straight_load_has_its_weights_at_the_means_of_three_knots(t, slope, height):
     clamped = np.array([t[0]] * 3 + list(t) + [t[-1]] * 3)

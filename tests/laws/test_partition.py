@@ -18,6 +18,7 @@ def test_every_nth_sample_is_a_reset_but_the_first(every, n):
 @given(st.integers(1, 200), st.integers(1, 5000))
 def test_parts_are_equal_to_a_sample_and_their_number_is_kept(parts, n):
     resets = Partition(parts=parts).resets(n)
+    assert np.abs(resets - np.arange(1, resets.size + 1) * n / min(parts, n)).max(initial=0.0) <= 0.5 * (1 + 1e-12)
     lengths = np.diff([0, *resets, n])
     assert lengths.sum() == n
     assert resets.size == min(parts, n) - 1
@@ -25,16 +26,19 @@ def test_parts_are_equal_to_a_sample_and_their_number_is_kept(parts, n):
         assert lengths.max() - lengths.min() <= 1
 
 
-@given(st.integers(1, 5000))
-def test_one_part_has_no_reset(n):
-    assert Partition(parts=1).resets(n).size == 0
-
-
 @pytest.mark.parametrize(
-    "wrong", [{}, {"every": 2, "parts": 2}, {"every": 0}, {"parts": -1}, {"every": 3, "carry": "m"}]
+    ("wrong", "words"),
+    [
+        ({}, "give exactly one of the two"),
+        ({"every": 2, "parts": 2}, "give exactly one of the two"),
+        ({"every": 0}, "every = 0: a number of samples is at least 1"),
+        ({"parts": -1}, "parts = -1: a number of parts is at least 1"),
+        ({"parts": 2, "carry": "r"}, "carry = 'r'"),
+        ({"every": 1, "take": "pressure"}, "take = 'pressure': 'all' compared measurements"),
+    ],
 )
-def test_a_partition_that_makes_no_sense_is_refused(wrong):
-    with pytest.raises(ParameterError):
+def test_a_partition_that_is_none_is_refused_in_words(wrong, words):
+    with pytest.raises(ParameterError, match=words):
         Partition(**wrong)
 
 

@@ -5,6 +5,7 @@ import pytest
 from clutchid.errors import ParameterError
 from clutchid.model import own_model
 from clutchid.model.own.file import model_named
+from fixtures.sentences import one_sentence
 
 SPRING = """
 from sympy import symbols
@@ -73,10 +74,9 @@ def test_a_name_that_is_no_model_is_refused_with_the_names_that_are(file, text, 
     ],
 )
 def test_a_file_that_raises_is_named_with_its_line(file, text, line, sentence):
-    with pytest.raises(ParameterError) as caught:
-        own_model(path := file(text), "spring")
-    assert str(caught.value).startswith(f"{path}, line {line}: {sentence}")
-    assert len(str(caught.value).splitlines()) == 1
+    path = file(text)
+    message = one_sentence(ParameterError, own_model, path, "spring")
+    assert message.startswith(f"{path}, line {line}: {sentence}")
 
 
 def test_an_option_that_names_no_model_says_what_is_known(tmp_path):

@@ -21,8 +21,6 @@ LARGEST = "energy-balance-stribeck-proportional"
 
 #: Where both gas models have the same valves: the older quarter ellipse is the paper's psi of B = 1.
 SAME_VALVES = {"B_vs": 1.0, "B_ve": 1.0, "b_vs": 0.582, "m_vs": 0.5, "b_ve": 0.582, "m_ve": 0.5}
-#: A bearing without hysteresis that slips at 1 mN.
-FREE_BEARING = {"F_h": 1e-3, "mu_h": 0.0, "K_h": 10.0}
 
 
 def linearised(variant: str, x: np.ndarray, u: np.ndarray, **changes: float) -> tuple[np.ndarray, np.ndarray]:
@@ -68,17 +66,6 @@ def test_without_static_friction_and_pressed_seals_stribeck_is_the_plain_frictio
         assert np.all(np.abs(one - other).max(axis=0) <= 12 * 2.3e-16 * np.abs(one).max(axis=0))
 
 
-@pytest.mark.parametrize("gas", GAS)
-def test_a_simulation_without_static_friction_and_pressed_seals_is_the_plain_one(gas, drive):
-    parameters = Parameters(R_S=1.0, c_F=0.0)
-    plain = simulate(Actuator(parameters, Load(THETA), gas), drive).log
-    stribeck = simulate(Actuator(parameters, Load(THETA), f"{gas}-stribeck"), drive).log
-    for state in VARIANTS[gas]:
-        # 10000 steps of some hundred roundings each, of the largest value
-        name = STATES[state].column
-        np.testing.assert_allclose(stribeck[name], plain[name], rtol=0, atol=1e6 * 2.3e-16 * np.abs(plain[name]).max())
-
-
 def test_air_at_the_temperature_of_the_walls_and_full_of_heat_has_the_rates_of_the_isothermal_model(points):
     # With gamma towards 1 the heat of compression vanishes: p_dot = R T_0 w / V - p V_dot / V, Eq. (4), at T = T_0.
     x, u = points[0][:, :10].copy(), points[1]
@@ -90,31 +77,6 @@ def test_air_at_the_temperature_of_the_walls_and_full_of_heat_has_the_rates_of_t
     assert np.all(np.abs(rich[:, :5] - plain) <= 1e-5 * np.abs(plain).max(axis=0))
 
 
-def test_with_ever_better_heat_transfer_a_simulation_becomes_the_isothermal_one(drive):
-    log = drive.slice(0, 3000)
-    same = {"V_S": 1e3, **SAME_VALVES, **FREE_BEARING}
-    plain = simulate(Actuator(Parameters(**same), Load(THETA)), log).log["position"]
-    apart = []
-    for h in (1e3, 1e4, 1e5):
-        warm = Actuator(Parameters(h_A=h, h_B=h, **same), Load(THETA), "energy-balance")
-        apart.append(float(np.sqrt(np.mean((simulate(warm, log).log["position"] - plain) ** 2))))
-    # What is left of the difference is in proportion to 1 / h; the best must be far below the 1 mm of h = 50.
-    assert apart[1] < apart[0] / 3
-    assert apart[2] < apart[1] / 3
-    assert apart[2] < 2e-5
-
-
-def test_a_huge_reservoir_does_not_sag(drive):
-    small, huge = (
-        simulate(Actuator(Parameters(V_S=V_S), Load(THETA), "energy-balance"), drive).log["pressure_supply"]
-        for V_S in (10e-3, 10e3)
-    )
-    assert small.min() < 9e5 - 1e4
-    # A million times the volume sags a millionth as much; and it starts full.
-    assert huge.min() > 9e5 - 2e-6 * (9e5 - small.min())
-    assert huge[0] == small[0] == 9e5
-
-
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_a_vented_actuator_at_rest_stays_at_rest_in_every_variant(variant):
     x = np.array([[0.0, 0.0, 1.095e5, 1.095e5, 0.0, 293.0, 293.0, 9e5, 9e5, 0.0, 0.0, 0.0]])
@@ -124,7 +86,7 @@ def test_a_vented_actuator_at_rest_stays_at_rest_in_every_variant(variant):
     assert np.abs(rates).max() <= 10 * 2.3e-16 * 1.35e3 / 10
 
 
-@pytest.mark.parametrize("variant", list(VARIANTS)[1:])
+@pytest.mark.parametrize("variant", VARIANTS)
 def test_the_jacobian_of_every_variant_is_the_derivative_of_its_rates(points, variant):
     states = VARIANTS[variant]
     x, u = points[0][:, : len(states)].copy(), points[1]
@@ -137,36 +99,11 @@ def test_the_jacobian_of_every_variant_is_the_derivative_of_its_rates(points, va
             h[column] = step * scales[state]
             slope = (linearised(variant, x + h, u)[0] - linearised(variant, x - h, u)[0]) / (2 * h[column])
             errors.append(np.abs(slope - jacobian[:, :, column]))
-        # as tests/model/test_kernels.py for the paper's model: curvature and rounding, a kink in one point of a hundred
+        # rounding of the rates over the step, and the curvature over it, at the better of the steps, point by point;
+        # a kink between the two sides (knot, stop, |v|, r_lam) may spoil one point in a hundred
         size, rate = np.abs(jacobian[:, :, column]).max(axis=0), np.abs(rates).max(axis=0)
         good = (np.min(errors, axis=0) <= 1e-5 * size + 1e-14 * rate / (1e-6 * scales[state])).all(axis=1)
         assert good.mean() > 0.99, state
-
-
-@pytest.mark.parametrize("gas", GAS)
-def test_in_steady_sliding_the_bristle_carries_the_friction_of_the_pressed_seals(gas):
-    t = np.arange(0, 0.3, 1e-3)
-    log = Log(t, {"duty_supply": np.where(t > 0.02, 0.12, 0.0), "duty_exhaust": np.zeros(t.size)})
-    actuator = Actuator(load=Load((1e3, 0.0, 0.0)), model=f"{gas}-stribeck")
-    last = simulate(actuator, log).log.slice(t.size - 1, t.size)
-    (v,), (p_A,), (p_B,), (z,) = (last[name] for name in ("velocity", "pressure_a", "pressure_b", "deflection"))
-    assert v > 4 * actuator.parameters.v_S  # static friction is gone, exp(-16)
-    # The pressures change by some bar a second, 1.5e-4 m2 of it; the bristle follows in F / (K_z v) = 4 ms: 0.1 N
-    assert abs(1e6 * z - (200 + 1.5e-4 * (p_A - p_B))) < 0.1
-
-
-@pytest.mark.parametrize("variant", [*GAS[1:], "energy-balance-stribeck"])
-def test_a_bearing_that_slips_at_once_leaves_the_motion_alone_and_a_stiff_one_takes_its_share(variant, drive):
-    log = drive.slice(0, 3000)
-
-    def moved(**changes: float) -> np.ndarray:
-        return simulate(Actuator(Parameters(**changes), Load(THETA), variant), log).log["position"]
-
-    free, lighter = moved(**FREE_BEARING), moved(**{**FREE_BEARING, "F_h": 1e-6, "K_h": 1e-2})
-    # a millinewton on springs of 1e5 N/m at least; less than that where friction holds
-    assert np.abs(free - lighter).max() < 2 * 1e-3 / 1e5
-    # the default bearing holds 25 N and 3 % of some 4 kN, a quarter of a millimetre of a load that rises by 5e5 N/m
-    assert 0.05e-3 < np.abs(moved() - free).max() < 2e-3
 
 
 @pytest.mark.parametrize("variant", VARIANTS)

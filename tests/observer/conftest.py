@@ -2,7 +2,7 @@
 
 import pytest
 
-from clutchid.observer.observer import observer
+from clutchid.observer import observer
 
 
 @pytest.fixture(scope="package")

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from clutchid.observer import live as module
+from clutchid.observer import observe_recording, start
 from clutchid.observer.health import FLAGS, LIVE_FLAGS
 from clutchid.observer.live import after_block, checked, live_run
-from clutchid.observer.observer import start
-from clutchid.observer.recording import observe_recording
+from fixtures.changed_logs import picked, spoiled
 
 NONE = dict.fromkeys(LIVE_FLAGS, 0)
 
@@ -53,11 +53,8 @@ def test_what_is_kept_does_not_grow(joint, log, monkeypatch):
 
 
 def test_faults_are_added_up_block_by_block(joint, log):
-    position = log["position"].copy()
-    position[2000:2100] = np.nan
     keep = np.setdiff1d(np.arange(len(log)), [500, 777, 778])
-    torn = log.with_columns(position=position)
-    torn = type(log)(torn.time[keep], {name: values[keep] for name, values in torn.columns.items()})
+    torn = picked(spoiled(log, "position", slice(2000, 2100)), keep)
     run, _ = followed(joint, torn, [250], {**NONE, "late": 2, "unreadable": 1})
     assert run.health["position_missing"] == pytest.approx(0.1)
     assert run.health["lost"] == pytest.approx(3e-3)

@@ -9,14 +9,12 @@ import pytest
 from clutchid.inference.filter.joint_filter import Diverged
 from clutchid.inference.uncertainty.calibration import Calibration, Origin
 from clutchid.model import Actuator
-from clutchid.observer.by_stroke import known
-from clutchid.observer.following import observe
+from clutchid.observer import known, observe, observe_recording, observer, read_state, start, write_state
 from clutchid.observer.health import health
 from clutchid.observer.mismatch import MEMORY, UNLIKE, normalised
-from clutchid.observer.observer import observer, start
-from clutchid.observer.recording import observe_recording, usual_nis
-from clutchid.observer.state_file import read_state, write_state
+from clutchid.observer.recording import usual_nis
 from clutchid.reports.observe_text import observe_json
+from fixtures.observing import assert_same, in_blocks
 
 module = import_module("clutchid.observer.following")
 
@@ -59,6 +57,8 @@ def test_the_usual_innovation_is_the_mean_while_the_piston_moves(plant, calibrat
     assert np.isfinite(normalised(one, found.states, found.innovations)).sum() == moving.sum() > 50
     squared = np.minimum(e[moving] ** 2 / variance[moving], one.joint.noise.outlier**2)
     assert calibration.nis == pytest.approx(np.mean(squared))
+    wild = normalised(one, found.states, found.innovations * [1e3, 1.0])
+    assert np.nanmax(wild) == pytest.approx(one.joint.noise.outlier**2), "an outlier counts as one at the gate"
 
 
 def test_a_recording_without_position_has_no_usual_innovation(plant, calibration, log):
@@ -109,8 +109,7 @@ def test_a_leak_is_flagged_from_the_end_of_a_stroke_on_in_blocks_of_any_length(c
     first = int(np.argmax(whole))
     assert leaking.log.time[first - 1] in [row.time for row in leaking.strokes]
     assert whole[first:].all()
-    _, parts = in_parts(calibrated, leaking.log, [20] * 400)
-    assert np.array_equal(np.concatenate([part.leaking for part in parts]), whole)
+    assert np.array_equal(in_blocks(calibrated, leaking.log, [20] * 400)[1].leaking, whole)
 
 
 def test_a_leak_is_not_below_0_and_only_a_model_with_the_energy_balance_has_one(calibrated, sound):
@@ -133,15 +132,6 @@ def test_without_usual_innovations_nothing_is_compared(joint, log):
     assert found.after.mismatch == 1.0
     assert np.isnan(found.samples.mismatch).all()
     assert found.health["unlike_calibration"] == 0.0
-
-
-def in_parts(one, log, lengths):
-    state, parts, at = start(one), [], 0
-    for length in lengths:
-        state, found = observe(one, state, log.slice(at, at + length))
-        parts.append(found)
-        at += length
-    return state, parts
 
 
 def followed_by(monkeypatch, changed):
@@ -194,22 +184,18 @@ def test_blocks_of_any_length_give_the_same_numbers_also_where_the_filter_diverg
     diverging(monkeypatch, log.time[[1200, 1201, 3500]])
     state, found = observe(joint, start(joint), log)
     for lengths in ([20] * 300, [1201, 1, 4798], [3500, 2500]):
-        other, parts = in_parts(joint, log, lengths)
-        for name in ("states", "deviations", "innovations", "used"):
-            together = np.concatenate([getattr(part, name) for part in parts])
-            assert np.array_equal(together, getattr(found, name), equal_nan=name != "used"), name
-        assert np.array_equal(other.theta, state.theta)
+        other, blocks = in_blocks(joint, log, lengths)
+        np.testing.assert_equal(blocks, found)
+        assert_same(other, state)
 
 
 def test_the_running_mean_is_the_same_in_blocks_and_from_a_file(calibrated, sound, log, tmp_path):
-    state, parts = in_parts(calibrated, log, [700] * 8 + [400])
-    together = np.concatenate([part.mismatch for part in parts])
-    assert np.array_equal(together, sound.samples.mismatch, equal_nan=True)
+    state, found = in_blocks(calibrated, log, [700] * 8 + [400])
+    np.testing.assert_equal(found.mismatch, sound.samples.mismatch)
     first, _ = observe(calibrated, start(calibrated), log.slice(0, 2500))
     write_state(calibrated, first, tmp_path / "state.toml")
     again = read_state(calibrated, tmp_path / "state.toml")
-    assert (again.mismatch, again.leaking) == (first.mismatch, first.leaking)
-    assert all(np.array_equal(a, b) for a, b in zip(again.sound, first.sound, strict=True))
+    assert_same(again, first)
     assert observe(calibrated, again, log.slice(2500, len(log)))[0].mismatch == state.mismatch
 
 

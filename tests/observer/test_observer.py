@@ -7,11 +7,10 @@ import pytest
 
 from clutchid import Actuator
 from clutchid.errors import DataError, ParameterError
-from clutchid.observer.following import observe
-from clutchid.observer.observer import observer, start
-from clutchid.observer.prior import ASSUMED, load_deviation
+from clutchid.observer import observe, observer, read_state, start, write_state
 from clutchid.observer.state import FROZEN
-from clutchid.observer.state_file import read_state, write_state
+from fixtures.changed_logs import spoiled
+from fixtures.observing import in_blocks
 
 STROKE = np.linspace(2e-3, 9e-3, 30)
 
@@ -20,22 +19,6 @@ def apart(one, actuator, state, worn):
     """Largest error of the load at 2 to 9 mm over the largest change."""
     truth = worn.load.force(STROKE)
     return np.abs(one.load(state).force(STROKE) - truth).max() / np.abs(actuator.load.force(STROKE) - truth).max()
-
-
-def equal(one, other):
-    arrays = [(one.theta, other.theta), (one.T, other.T), *zip(one.tail, other.tail, strict=True)]
-    arrays += [*zip(one.filter, other.filter, strict=True), (one.deviations, other.deviations)]
-    counted = (one.number, one.strokes) == (other.number, other.strokes)
-    return counted and all(np.array_equal(a, b, equal_nan=True) for a, b in arrays)
-
-
-def test_a_load_that_has_grown_is_followed(joint, plant, worn, log):
-    state, found = observe(joint, start(joint), log)
-    assert apart(joint, plant, start(joint), worn) == pytest.approx(1.0)
-    assert apart(joint, plant, state, worn) < 0.15
-    late = slice(len(log) // 2, None)
-    pressure = found.states[late, plant.states.index("p_A")]
-    assert np.sqrt(np.mean((pressure - log["pressure_a"][late]) ** 2)) < 10e3
 
 
 def test_the_band_of_the_load_shrinks_and_holds_the_truth(joint, worn, log):
@@ -55,41 +38,6 @@ def test_the_band_of_the_pressure_narrows_and_holds_the_truth(joint, plant, log)
     assert np.median(band[late]) < 20e3
 
 
-def test_blocks_of_any_length_give_the_same_numbers(joint, log):
-    part = log.slice(0, 1500)
-    state, found = observe(joint, start(joint), part)
-    for lengths in ([1] * 40 + [700, 3, 757], [1499, 1], [500, 500, 500]):
-        now, states, deviations, innovations, at = start(joint), [], [], [], 0
-        for length in lengths:
-            now, some = observe(joint, now, part.slice(at, at + length))
-            states.append(some.states)
-            deviations.append(some.deviations)
-            innovations.append(some.innovations)
-            at += length
-        assert np.array_equal(np.vstack(states), found.states)
-        assert np.array_equal(np.vstack(deviations), found.deviations, equal_nan=True)
-        assert np.array_equal(np.vstack(innovations), found.innovations, equal_nan=True)
-        assert equal(now, state)
-
-
-def test_a_run_that_is_resumed_from_its_file_gives_the_same_numbers(joint, log, tmp_path):
-    first, _ = observe(joint, start(joint), log.slice(0, 1234))
-    write_state(joint, first, tmp_path / "state.toml")
-    again = read_state(joint, tmp_path / "state.toml")
-    assert equal(again, first)
-    rest = log.slice(1234, 2500)
-    (one, found), (other, resumed) = observe(joint, first, rest), observe(joint, again, rest)
-    assert np.array_equal(found.states, resumed.states)
-    assert equal(one, other)
-
-
-def test_a_state_before_the_first_sample_is_written_as_well(joint, tmp_path):
-    write_state(joint, start(joint), tmp_path / "state.toml")
-    again = read_state(joint, tmp_path / "state.toml")
-    assert again.filter is None
-    assert np.array_equal(again.T, start(joint).T)
-
-
 def test_a_state_of_another_calibration_or_method_is_refused(joint, plant, log, tmp_path):
     write_state(joint, start(joint), tmp_path / "state.toml")
     for other in (observer(plant.replace({"F_C": 150.0})), observer(plant, "states")):
@@ -104,28 +52,8 @@ def test_a_file_that_is_no_state_is_refused_with_its_name(joint, tmp_path, text)
         read_state(joint, tmp_path / "state.toml")
 
 
-def test_a_damaged_state_is_refused(joint, tmp_path):
-    write_state(joint, start(joint), tmp_path / "state.toml")
-    text = (tmp_path / "state.toml").read_text()
-    (tmp_path / "state.toml").write_text(text.replace("[tail]", "[tails]"))
-    with pytest.raises(ParameterError, match="is damaged"):
-        read_state(joint, tmp_path / "state.toml")
-
-
-def test_with_the_method_states_the_load_stays_as_calibrated(plant, log):
-    one = observer(plant, "states")
-    state, found = observe(one, start(one), log.slice(0, 1500))
-    assert one.load(state) == plant.load
-    assumed = load_deviation(ASSUMED, plant, plant.load, STROKE)
-    assert one.load_deviation(state, STROKE) == pytest.approx(assumed), "only the supply is not known"
-    assert np.isfinite(found.states).all()
-
-
 def test_a_hole_ends_a_stretch_and_what_is_known_of_the_load_stays(joint, plant, worn, log):
-    hole = log.slice(0, len(log))
-    duty = hole["duty_supply"].copy()
-    duty[2500:2700] = np.nan
-    state, found = observe(joint, start(joint), hole.with_columns(duty_supply=duty))
+    state, found = observe(joint, start(joint), spoiled(log, "duty_supply", slice(2500, 2700)))
     assert np.isnan(found.states[2500:2700]).all()
     assert np.isfinite(found.states[:2500]).all()
     assert np.isfinite(found.states[2700:]).all()
@@ -133,19 +61,16 @@ def test_a_hole_ends_a_stretch_and_what_is_known_of_the_load_stays(joint, plant,
 
 
 def test_the_samples_of_a_frozen_sensor_are_left_out(joint, plant, worn, log):
-    position = log["position"].copy()
-    moving = int(np.argmax(np.abs(np.gradient(position, log.time)) > 0.1))
-    position[moving : moving + 500] = position[moving]
-    state, found = observe(joint, start(joint), log.with_columns(position=position))
+    moving = int(np.argmax(np.abs(np.gradient(log["position"], log.time)) > 0.1))
+    frozen = spoiled(log, "position", slice(moving, moving + 500), log["position"][moving])
+    state, found = observe(joint, start(joint), frozen)
     assert not found.used[moving + FROZEN : moving + 500].any()
     assert found.used[moving + 500 :].all()
     assert apart(joint, plant, state, worn) < 0.3
 
 
 def test_missing_positions_are_predicted(joint, log):
-    position = log["position"].copy()
-    position[800:900] = np.nan
-    _, found = observe(joint, start(joint), log.with_columns(position=position).slice(0, 1500))
+    _, found = observe(joint, start(joint), spoiled(log, "position", slice(800, 900)).slice(0, 1500))
     assert np.isfinite(found.states).all()
     assert np.isnan(found.innovations[800:900]).all()
 
@@ -153,18 +78,11 @@ def test_missing_positions_are_predicted(joint, log):
 @pytest.mark.parametrize("lengths", [[2500], [1, 99, 2400], [1000, 1, 1499]])
 def test_a_stretch_that_begins_without_a_position_starts_with_the_first_one(joint, plant, log, lengths):
     inside = int(np.argmax(log["position"] > 5e-3))
-    part = log.slice(inside, inside + 2500)
-    position = part["position"].copy()
-    position[:50] = np.nan
-    state, found, at = start(joint), [], 0
-    for length in lengths:
-        state, some = observe(joint, state, part.with_columns(position=position).slice(at, at + length))
-        found.append(some.states)
-        at += length
+    part = spoiled(log.slice(inside, inside + 2500), "position", slice(50))
+    _, found = in_blocks(joint, part, lengths)
     _, expected = observe(joint, start(joint), part.slice(50, 2500))
-    states = np.vstack(found)
-    assert np.isnan(states[:50]).all()
-    assert np.array_equal(states[50:], expected.states)
+    assert np.isnan(found.states[:50]).all()
+    assert np.array_equal(found.states[50:], expected.states)
 
 
 def test_time_that_goes_back_is_refused_and_the_state_is_kept(joint, log):
@@ -176,10 +94,8 @@ def test_time_that_goes_back_is_refused_and_the_state_is_kept(joint, log):
 
 @pytest.mark.parametrize("wrong", [-0.1, 1.5, np.inf])
 def test_a_duty_cycle_outside_0_to_1_is_refused_with_its_time(joint, log, wrong):
-    duty = log["duty_exhaust"].copy()
-    duty[120] = wrong
     with pytest.raises(DataError, match=r"duty_exhaust is (-0\.1|1\.5|inf) at 0\.12 s; a duty cycle is from 0 to 1"):
-        observe(joint, start(joint), log.with_columns(duty_exhaust=duty))
+        observe(joint, start(joint), spoiled(log, "duty_exhaust", 120, wrong))
 
 
 def test_a_log_without_a_duty_cycle_is_refused(joint, log):

@@ -1,17 +1,19 @@
 """A whole recording: samples and strokes as logs, and the health of its signals."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from clutchid.errors import DataError
 from clutchid.log import Log
-from clutchid.observer.by_stroke import curve, known, positions
-from clutchid.observer.following import observe
+from clutchid.observer import curve, known, observe, observe_recording, observer, start
+from clutchid.observer.by_stroke import positions
 from clutchid.observer.health import FLAGS
-from clutchid.observer.observer import observer, start
 from clutchid.observer.prior import ASSUMED
-from clutchid.observer.recording import observe_recording, spacing
+from clutchid.observer.recording import spacing
 from clutchid.observer.state import FROZEN
+from fixtures.changed_logs import picked, thinned
 
 
 @pytest.fixture(scope="module")
@@ -123,8 +125,7 @@ def test_a_hole_in_time_is_flagged_also_between_two_parts(joint, log):
     first = observe_recording(joint, log.slice(0, 2000))
     rest = observe_recording(joint, log.slice(2500, len(log)), first.after)
     assert rest.health["time_missing"] == pytest.approx(0.5)
-    keep = np.r_[0:2000, 2500 : len(log)]
-    whole = Log(log.time[keep], {name: values[keep] for name, values in log.columns.items()})
+    whole = picked(log, np.r_[0:2000, 2500 : len(log)])
     assert observe_recording(joint, whole).health["time_missing"] == pytest.approx(0.5)
 
 
@@ -135,7 +136,7 @@ def test_a_recording_without_one_usable_sample_is_refused(joint, log, name, valu
 
 
 def test_a_part_at_another_rate_is_refused(joint, log):
-    slow = Log(log.time[::10], {name: values[::10] for name, values in log.columns.items()}, "slow")
+    slow = replace(thinned(log, 10), name="slow")
     with pytest.raises(
         DataError, match=r"slow: a sample every 10 ms, but the observer was started with one every 1 ms"
     ):

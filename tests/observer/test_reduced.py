@@ -5,10 +5,9 @@ import pytest
 
 from clutchid.codegen.kernels import kernels_in
 from clutchid.inference.uncertainty.calibration import Origin
-from clutchid.observer import curve, known, observe, observer, read_state, start, write_state
+from clutchid.observer import curve, known, observe, observe_recording, observer, start
 from clutchid.observer.methods import MODES
 from clutchid.observer.observer import DRIFT
-from clutchid.observer.recording import observe_recording
 from clutchid.reports.observe_text import observe_json
 
 ORIGIN = Origin("cal.toml", "0" * 64, "0")
@@ -74,13 +73,3 @@ def test_the_load_is_reported_in_the_basis_of_the_calibration(run, reduced, join
     assert not [name for name in run.load_by_stroke().columns if name.startswith("mode")]
     filtered = reduced.joint.actuator(run.after.theta).load
     assert curve(reduced, run.after, STROKE).force == pytest.approx(filtered.force(STROKE), rel=1e-9)
-
-
-def test_a_run_that_is_resumed_from_its_file_gives_the_same_numbers(reduced, log, tmp_path):
-    first, _ = observe(reduced, start(reduced), log.slice(0, 1234))
-    write_state(reduced, first, tmp_path / "state.toml")
-    rest = log.slice(1234, 2500)
-    ends = [observe(reduced, state, rest) for state in (first, read_state(reduced, tmp_path / "state.toml"))]
-    for one, other in zip(*(state.filter for state, _ in ends), strict=True):
-        assert np.array_equal(one, other)
-    assert np.array_equal(ends[0][1].states, ends[1][1].states)

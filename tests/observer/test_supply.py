@@ -5,12 +5,10 @@ import pytest
 
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import ACCURACY, RecordedConditions
-from clutchid.observer.following import observe
+from clutchid.observer import observe, observer, read_state, start, write_state
 from clutchid.observer.health import LIVE_FLAGS
 from clutchid.observer.live import after_block, checked, live_run
-from clutchid.observer.observer import observer, start
 from clutchid.observer.prior import load_deviation, supply_of, unused_supply
-from clutchid.observer.state_file import read_state, write_state
 from clutchid.simulation import simulate
 
 STROKE = np.linspace(2e-3, 9e-3, 30)

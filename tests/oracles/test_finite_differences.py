@@ -75,12 +75,23 @@ def test_ballistic_sensitivities_to_every_parameter_are_exact_even_through_the_e
 
 @pytest.fixture(params=list(VARIANTS)[1:])
 def rich(request) -> Actuator:
-    """Every variant beyond the paper, with two chambers, two valves that are not alike, and a small reservoir."""
+    """Every variant beyond the paper, see `richly`."""
+    return richly(request.param)
+
+
+@pytest.fixture(params=[None, *list(VARIANTS)[1:]], ids=str)
+def every(request, truth) -> Actuator:
+    """The paper's model with its own load, and every variant beyond it."""
+    return truth if request.param is None else richly(request.param)
+
+
+def richly(variant: str) -> Actuator:
+    """Two chambers and two valves that are not alike, and a small reservoir."""
     parameters = Parameters(
         h_A=80.0, h_B=30.0, T_w=300.0, V_S=4e-3, tau_S=0.4, b_vs=0.35, m_vs=0.6, b_ve=0.25, m_ve=0.7, n_vs=1.2, n_ve=0.9
     )
     load = Load.on_b_splines(Load((9.0e5, -0.3e5, 0.6e5)), knots=(0.0, 2e-3, 6e-3, 12e-3, 25e-3))
-    return Actuator(parameters, load, request.param)
+    return Actuator(parameters, load, variant)
 
 
 def used_by(variant: str) -> set[str]:
@@ -115,38 +126,14 @@ def test_sensitivities_of_every_variant_are_exact_through_valves_stop_and_both_k
 
 @pytest.mark.parametrize("carry", ["p", "q"])
 @pytest.mark.parametrize("size", [{"every": 50}, {"parts": 7}], ids=["every", "parts"])
-def test_partitioned_sensitivities_of_every_variant_are_exact(rich, off, size, carry):
-    worst = mistaken(rich, off, partition=Partition(**size, carry=carry))
+def test_partitioned_sensitivities_of_every_variant_are_exact(every, off, size, carry):
+    worst = mistaken(every, off, partition=Partition(**size, carry=carry))
     assert {name: error for name, error in worst.items() if error > 1} == {}
 
 
-def test_sensitivities_of_a_start_under_pressure_are_exact_in_every_variant(rich, driven):
+def test_sensitivities_of_a_start_under_pressure_are_exact_in_every_variant(every, driven):
     log = driven(seconds=3.0).slice(1000, 3000)
-    worst = mistaken(rich, log)
+    worst = mistaken(every, log)
     assert {name: error for name, error in worst.items() if error > 1} == {}
-    worst = mistaken(replace(rich, load=Load((9.0e5, -0.3e5, 0.6e5))), log, starts=[(14.2e-3, 4.6e5)])
-    assert {name: error for name, error in worst.items() if error > 1} == {}
-
-
-@pytest.mark.parametrize("partition", [Partition(every=50), Partition(parts=7)], ids=["every", "parts"])
-def test_partitioned_sensitivities_that_carry_the_pressures_are_exact(truth, off, partition):
-    worst = mistaken(truth, off, partition=partition)
-    assert {name: error for name, error in worst.items() if error > 1} == {}
-
-
-@pytest.mark.parametrize("partition", [Partition(every=50, carry="q"), Partition(parts=7, carry="q")])
-def test_partitioned_sensitivities_that_carry_the_masses_of_air_are_exact(truth, off, partition):
-    worst = mistaken(truth, off, partition=partition)
-    assert {name: error for name, error in worst.items() if error > 1} == {}
-
-
-def test_sensitivities_of_a_start_under_a_known_pressure_are_exact(truth, driven):
-    log = driven(seconds=3.0).slice(1000, 3000)
-    worst = mistaken(truth, log, starts=[(14.2e-3, 4.6e5)])
-    assert {name: error for name, error in worst.items() if error > 1} == {}
-
-
-def test_sensitivities_of_a_start_under_pressure_include_the_load_that_the_start_rests_on(truth, driven):
-    log = driven(seconds=3.0).slice(1000, 3000)
-    worst = mistaken(truth, log)
+    worst = mistaken(replace(every, load=Load((9.0e5, -0.3e5, 0.6e5))), log, starts=[(14.2e-3, 4.6e5)])
     assert {name: error for name, error in worst.items() if error > 1} == {}

@@ -17,6 +17,18 @@ def linearised(residuals, jacobian):
     return evaluate
 
 
+def searched(evaluate, start, low=-np.inf, high=np.inf, **options):
+    """The end of a search from `start` with these bounds."""
+    start = np.array(start, dtype=float)
+    low, high = (np.broadcast_to(np.asarray(bound, dtype=float), start.shape) for bound in (low, high))
+    return minimise(evaluate, (start, evaluate(start)), low, high, **{"tolerance": 1e-12, **options})
+
+
+def expected(start, residuals=None, slopes=None, bounds=(-np.inf, np.inf)):
+    """The end of SciPy's search, by default for `decay`."""
+    return least_squares(residuals or decay, start, slopes or decay_slopes, bounds, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+
+
 def rosenbrock(x):
     return np.array([10 * (x[1] - x[0] ** 2), 1 - x[0]])
 
@@ -51,68 +63,47 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 def test_the_search_ends_where_scipy_ends(case):
     residuals, slopes, start, low, high = CASES[case]
-    start, low, high = (np.array(values, dtype=float) for values in (start, low, high))
-    evaluate = linearised(residuals, slopes)
-    found = minimise(evaluate, (start, evaluate(start)), low, high, tolerance=1e-14)
-    inside = np.clip(start, low + 1e-6, high - 1e-6)
-    expected = least_squares(residuals, inside, slopes, (low, high), xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    found = searched(linearised(residuals, slopes), start, low, high, tolerance=1e-14)
+    there = expected(np.clip(start, np.array(low) + 1e-6, np.array(high) - 1e-6), residuals, slopes, (low, high))
     assert found.status == "converged"
     # both stop when the cost changes by some 1e-14; it is quadratic in x, so x is good to about 1e-7
-    np.testing.assert_allclose(found.x, expected.x, rtol=0, atol=1e-6)
-    assert found.at.cost <= expected.cost * (1 + 1e-9) + 1e-20
+    np.testing.assert_allclose(found.x, there.x, rtol=0, atol=1e-6)
+    assert found.at.cost <= there.cost * (1 + 1e-9) + 1e-20
 
 
 def test_an_active_bound_is_met_exactly():
-    evaluate = linearised(decay, decay_slopes)
-    start, low, high = np.array([1.0, 1.0, 0.0]), np.array([0.0, 0.0, -1.0]), np.array([5.0, 5.0, 0.45])
-    assert minimise(evaluate, (start, evaluate(start)), low, high, tolerance=1e-10).x[2] == 0.45
+    assert searched(linearised(decay, decay_slopes), [1, 1, 0], [0, 0, -1], [5, 5, 0.45]).x[2] == 0.45
 
 
 def test_a_bound_is_left_again_when_the_data_ask_for_it():
-    evaluate = linearised(decay, decay_slopes)
-    start, low, high = np.array([1.0, 1.0, 0.45]), np.array([0.0, 0.0, 0.45]), np.array([5.0, 5.0, 2.0])
-    found = minimise(evaluate, (start, evaluate(start)), low, high, tolerance=1e-12)
-    expected = least_squares(decay, [1, 1, 1], decay_slopes, xtol=1e-15, ftol=1e-15, gtol=1e-15)
-    assert expected.x[2] > 0.46
-    np.testing.assert_allclose(found.x, expected.x, atol=1e-6)
+    found = searched(linearised(decay, decay_slopes), [1, 1, 0.45], [0, 0, 0.45], [5, 5, 2])
+    there = expected([1, 1, 1])
+    assert there.x[2] > 0.46
+    np.testing.assert_allclose(found.x, there.x, atol=1e-6)
 
 
 def test_a_failing_trial_point_only_shortens_the_step():
     evaluate = linearised(decay, decay_slopes)
-
-    def fragile(x: np.ndarray) -> Linearisation | Failure:
-        return Failure("too fast") if x[1] > 1.4 else evaluate(x)
-
-    start = np.array([1.0, 0.1, 0.0])
-    free = np.full(3, np.inf)
-    found = minimise(fragile, (start, evaluate(start)), -free, free, tolerance=1e-12)
-    expected = least_squares(decay, start, decay_slopes, xtol=1e-15, ftol=1e-15, gtol=1e-15)
-    np.testing.assert_allclose(found.x, expected.x, atol=1e-6)
+    found = searched(lambda x: Failure("too fast") if x[1] > 1.4 else evaluate(x), [1, 0.1, 0])
+    np.testing.assert_allclose(found.x, expected([1, 0.1, 0]).x, atol=1e-6)
 
 
 def test_a_search_that_fails_everywhere_stalls_at_its_start():
-    evaluate = linearised(decay, decay_slopes)
-    start, free = np.array([1.0, 1.0, 0.0]), np.full(3, np.inf)
-    found = minimise(lambda x: Failure("never"), (start, evaluate(start)), -free, free, tolerance=1e-12)
+    start, free = np.ones(3), np.full(3, np.inf)
+    there = linearised(decay, decay_slopes)(start)
+    found = minimise(lambda x: Failure("never"), (start, there), -free, free, tolerance=1e-12)
     assert found.status == "stalled"
     assert np.array_equal(found.x, start)
 
 
 def test_a_search_that_may_not_evaluate_any_more_says_so():
-    evaluate = linearised(rosenbrock, rosenbrock_slopes)
-    start, free = np.array([-1.2, 1.0]), np.full(2, np.inf)
-    found = minimise(evaluate, (start, evaluate(start)), -free, free, tolerance=1e-14, max_evaluations=3)
+    found = searched(linearised(rosenbrock, rosenbrock_slopes), [-1.2, 1.0], tolerance=1e-14, max_evaluations=3)
     assert (found.status, found.evaluations) == ("limit", 3)
 
 
 def test_a_silent_column_stays_at_its_start():
-    def residuals(x):
-        return np.array([x[0] - 3.0, 2 * (x[0] - 3.0)])
-
-    evaluate = linearised(residuals, lambda x: np.array([[1.0, 0.0], [2.0, 0.0]]))
-    start, free = np.array([1.0, 7.0]), np.full(2, np.inf)
-    found = minimise(evaluate, (start, evaluate(start)), -free, free, tolerance=1e-12)
-    np.testing.assert_allclose(found.x, [3.0, 7.0], rtol=1e-6)
+    evaluate = linearised(lambda x: np.array([1.0, 2.0]) * (x[0] - 3), lambda x: np.array([[1.0, 0.0], [2.0, 0.0]]))
+    np.testing.assert_allclose(searched(evaluate, [1, 7]).x, [3.0, 7.0], rtol=1e-6)
 
 
 @pytest.mark.parametrize("rows", [7, 64, 1 << 16])

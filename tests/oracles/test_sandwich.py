@@ -75,19 +75,6 @@ def test_two_segments_are_independent_their_lag_sums_add_up():
     np.testing.assert_allclose(apart, together, atol=0.1 * np.abs(together).max())
 
 
-def test_white_residuals_give_the_textbook_covariance():
-    generator = np.random.default_rng(6)
-    n, sigma = 4000, 0.3
-    J = generator.standard_normal((n, 3)) @ np.array([[1, 0.5, 0], [0, 1, 0.2], [0, 0, 1]])
-    computed = sandwich(factor_of(J), [J * (sigma * generator.standard_normal(n))[:, None]]).matrix
-    expected = sigma**2 * np.linalg.inv(J.T @ J)
-    std = np.sqrt(np.diag(expected))
-    # each entry is a mean of n products of two chi-square-like numbers (relative variance about 3) over lags with
-    # weights that add up to about 2 b / 3 <= 3: five of its standard deviations
-    tolerance = 5 * np.sqrt(3 * 3 / n)
-    np.testing.assert_allclose(computed / np.outer(std, std), expected / np.outer(std, std), atol=tolerance)
-
-
 def test_long_recordings_are_summed_in_blocks_and_still_see_slow_colours():
     generator = np.random.default_rng(7)
     n, rho, trials = 20000, 0.98, 20

@@ -66,7 +66,3 @@ def test_as_sums_of_squares_over_some_thousand_samples_they_are_tenths_of_a_bar(
 def test_in_the_print_ballistic_is_best_in_position_and_n_32_in_pressure():
     assert min(TABLE_2, key=lambda n: TABLE_2[n][0]) is None
     assert min(TABLE_2, key=lambda n: TABLE_2[n][1]) == 32
-
-
-def test_three_printed_weights_lie_exactly_at_a_bound():
-    assert [number for number, theta in TABLE_1.items() if theta[2] == 0.0] == [4, 16, 32]

@@ -1,4 +1,4 @@
-"""Table 1, typed again from the page, and what can be computed from it and from two rows of Table 2 by hand."""
+"""Table 1, and what can be computed from it and from two rows of Table 2 by hand; the page: `test_printed_tables`."""
 
 import numpy as np
 import pytest
@@ -9,20 +9,13 @@ from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.model.static import static_pressure
 from clutchid.parameters import Parameters
+from clutchid.study.paper.tables import TABLE_1
 
-TABLE_1 = {
-    "ballistic": (9.3850e5, -0.5817e5, 0.3909e5),
-    "N=2": (8.4554e5, -0.1678e5, 0.0971e5),
-    "N=4": (8.5581e5, -0.2233e5, 0.0),
-    "N=8": (9.8251e5, -0.3468e5, 0.5386e5),
-    "N=16": (8.9178e5, -0.3527e5, 0.0),
-    "N=32": (8.8767e5, -0.5476e5, 0.0),
-}
 Y = np.linspace(0, 25e-3, 2501)
 
 
 def test_the_first_weight_is_worth_4927_newton_4_bar_on_the_piston():
-    theta_1 = TABLE_1["ballistic"][0]
+    theta_1 = TABLE_1[None][0]
     height = Load().phi(np.array([8.5e-3]))[0, 0]
     assert theta_1 * height == pytest.approx(4927, abs=0.5)
     assert theta_1 * height / Parameters().A_A == pytest.approx(4.0e5, abs=0.05e5)
@@ -49,13 +42,13 @@ def test_the_two_readings_of_phi_2_differ_by_55_to_189_newton_up_to_the_third_kn
 
 def test_the_peak_is_a_kink_at_8_5_mm_as_published_and_before_it_with_the_stated_conditions():
     corrected, published = [], []
-    for name in ("N=2", "N=4", "N=16", "N=32"):  # theta_3 of the others lifts the load beyond
+    for name in (2, 4, 16, 32):  # theta_3 of the others lifts the load beyond
         theta = (*TABLE_1[name][:2], 0.0)
         corrected.append(Y[np.argmax(Load(theta).force(Y))])
         published.append(Y[np.argmax(Load(theta, phi2_slope=0.001).force(Y))])
     assert np.allclose(published, 8.5e-3, atol=1e-5)
     # theta_1 phi_1' + theta_2 phi_2' = 0 at t_3 - 6.5 mm * k / (1 + k) with k = -theta_2 / theta_1
-    k = np.array([-TABLE_1[name][1] / TABLE_1[name][0] for name in ("N=2", "N=4", "N=16", "N=32")])
+    k = np.array([-TABLE_1[name][1] / TABLE_1[name][0] for name in (2, 4, 16, 32)])
     assert np.allclose(corrected, 8.5e-3 - 6.5e-3 * k / (1 + k), atol=1.1e-5)
     assert min(corrected) > 8.0e-3
 
@@ -65,7 +58,7 @@ def test_table_1_lies_in_the_default_bounds_of_a_fit_and_three_rows_of_it_on_the
     for theta in TABLE_1.values():
         assert all(low <= value <= high for value, (low, high) in zip(theta, bounds.values(), strict=True))
     low, high = bounds["theta_3"]
-    assert [name for name, theta in TABLE_1.items() if theta[2] in (low, high)] == ["N=4", "N=16", "N=32"]
+    assert [name for name, theta in TABLE_1.items() if theta[2] in (low, high)] == [4, 16, 32]
     # every row has a theta_2 below 0, which is no bound: a worn clutch turns its sign
     assert bounds["theta_2"] == (-np.inf, np.inf)
 

@@ -10,6 +10,7 @@ from clutchid.preparation.prepare import MAX_STEP, SPEED_MARGIN, with_steps
 from clutchid.simulation.noise import Noise
 from clutchid.simulation.run import KernelArrays, run
 from clutchid.simulation.stiffness import STABLE_STEP, local_stiffness, stiffness
+from fixtures.changed_logs import spoiled
 
 
 @pytest.fixture(scope="module")
@@ -69,9 +70,7 @@ def _rest(actuator):
 
 
 def test_a_window_without_position_keeps_its_steps(track, stiff):
-    position = track.measured["position"].copy()
-    position[2500:2510] = np.nan
-    holed = with_steps(replace(track, measured=track.measured.with_columns(position=position)), stiff, 1.05)
+    holed = with_steps(replace(track, measured=spoiled(track.measured, "position", slice(2500, 2510))), stiff, 1.05)
     number = next(i for i, window in enumerate(track.windows) if window.start <= 2505 < window.stop)
     assert np.array_equal(holed.windows[number].substeps, track.windows[number].substeps)
 
@@ -86,9 +85,7 @@ def test_windows_of_a_slow_recording_take_the_steps_of_the_same_at_1_khz(track, 
 
 
 def test_a_window_of_a_slow_recording_that_lacks_samples_keeps_its_steps(track, sparse, stiff):
-    position = sparse.measured["position"].copy()
-    position[2500] = np.nan
-    holed = with_steps(replace(sparse, measured=sparse.measured.with_columns(position=position)), stiff, 1.05)
+    holed = with_steps(replace(sparse, measured=spoiled(sparse.measured, "position", 2500)), stiff, 1.05)
     number = next(i for i, window in enumerate(track.windows) if window.start <= 2495 < window.stop)
     assert np.array_equal(holed.windows[number].substeps, track.windows[number].substeps)
 

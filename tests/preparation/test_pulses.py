@@ -23,14 +23,10 @@ from clutchid.preparation.pulses import (
     pulsed,
 )
 from clutchid.simulation.sensors import lagged
+from fixtures.changed_logs import thinned
 
 #: The carrier of the drives in these tests: a new duty cycle every 10 ms.
 PERIOD = 0.01
-
-
-def every(log, n, first=0):
-    """Each n-th sample of a recording, as a slow recorder keeps it."""
-    return replace(log, time=log.time[first::n], columns={name: v[first::n] for name, v in log.columns.items()})
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +40,7 @@ def bus(switched, recorded_by):
     """6 s of the plant with a load that is 8 % higher, at 100 Hz, position only."""
     load = switched.load
     worn = switched.replace({name: 1.08 * value for name, value in zip(load.names, load.theta, strict=True)})
-    return every(recorded_by(worn, seconds=6.0, name="bus", driven=1), 10, first=4).without("pressure_a")
+    return thinned(recorded_by(worn, seconds=6.0, name="bus", driven=1), 10, first=4).without("pressure_a")
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +55,7 @@ def between(worn, driven):
     log = driven(worn, name="between")
     position = lagged(log["position"], worn.parameters.tau_y, 1e-3)
     noise = 3e-5 * np.random.default_rng(4).standard_normal(len(log))
-    return every(log.with_columns(position=position + noise), 10, first=3).without("pressure_a")
+    return thinned(log.with_columns(position=position + noise), 10, first=3).without("pressure_a")
 
 
 def test_a_recorder_of_1_khz_needs_nothing(switched, drive_log):
@@ -129,6 +125,6 @@ def test_a_recording_without_the_edges_of_on_off_valves_is_refused_in_one_senten
 def test_a_simulation_on_a_finer_raster_is_given_at_the_samples(adapted, worn_log):
     one = adapted.recordings["worn"]
     assert on_samples(one, worn_log) is one
-    coarse = on_samples(one, every(worn_log, 7))
+    coarse = on_samples(one, thinned(worn_log, 7))
     assert np.array_equal(coarse.simulated["pressure_a"], one.simulated["pressure_a"][::7])
     assert len(coarse.measured) == len(coarse.simulated)

@@ -1,5 +1,6 @@
 """The message of a failed simulation: state, time, and the term of the equations that went first."""
 
+import re
 import subprocess
 import sys
 
@@ -68,19 +69,15 @@ def test_the_first_term_that_is_not_finite_is_named_with_its_parameters(variant,
         assert word in message
 
 
-def test_where_all_terms_are_finite_the_fastest_state_is_named_with_what_drives_it():
-    message = at(Actuator().replace({"theta_1": -1e9}))
-    # 5 mm of -1e9 N/m, flattened by the spline: an acceleration of some 1e5 m/s² of 10 kg
-    assert message.startswith("all terms are finite and v changes fastest, by ")
-    assert "f_l = -" in message
-    assert message.endswith("M = 10 kg")
+@pytest.mark.parametrize(("theta", "by", "force"), [(-1e9, "", "-"), (1e9, "-", "")], ids=["rises", "falls"])
+def test_where_all_terms_are_finite_the_fastest_state_is_named_with_what_drives_it(theta, by, force):
+    message = at(Actuator().replace({"theta_1": theta}))
+    # 5 mm of 1e9 N/m, flattened by the spline: an acceleration of some 1e5 m/s² of 10 kg
+    assert re.match(rf"all terms are finite and v changes fastest, by {by}\d.* f_l = {force}\d.* M = 10 kg$", message)
+
+
+def test_a_pressure_in_next_to_no_volume_changes_fastest():
     assert at(Actuator().replace({"V_0A": 1e-9}), y=0.0).startswith("all terms are finite and p_A changes fastest")
-
-
-def test_a_state_that_falls_fast_counts_as_one_that_rises_fast():
-    # 5 mm of 1e9 N/m push back: -1e5 m/s² and more, beside which everything else is slow
-    message = at(Actuator().replace({"theta_1": 1e9}))
-    assert message.startswith("all terms are finite and v changes fastest, by -")
 
 
 def test_a_failed_simulation_says_state_time_term_and_parameters_in_one_sentence():

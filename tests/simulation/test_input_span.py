@@ -7,6 +7,7 @@ from clutchid.errors import DataError
 from clutchid.log import INPUTS, Log
 from clutchid.simulation import Partition, simulate
 from clutchid.simulation.inputs import LONG, input_span, with_inputs
+from fixtures.changed_logs import spoiled
 
 FIRST, LAST = 3, 5
 
@@ -19,10 +20,9 @@ def late(drive):
 
 def without(log, **gaps):
     """`log` with missing samples."""
-    columns = {name: log[name].copy() for name in gaps}
     for name, at in gaps.items():
-        columns[name][at] = np.nan
-    return log.with_columns(**columns)
+        log = spoiled(log, name, at)
+    return log
 
 
 def test_only_the_ends_without_inputs_are_cut_off(drive, late):

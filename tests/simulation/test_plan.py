@@ -10,6 +10,7 @@ from clutchid.model import Actuator
 from clutchid.simulation import Partition
 from clutchid.simulation.inputs import carrier_clock
 from clutchid.simulation.plan import OUTSIDE, REST_WINDOW, SHORTEST, Segment, outside_stroke, plan
+from fixtures.changed_logs import spoiled
 
 N = 1000
 #: Stiffness in 1/s, here of no interest.
@@ -65,10 +66,8 @@ def test_samples_of_a_period_and_longer_see_no_carrier():
 
 @pytest.mark.parametrize(("known", "kept"), [(SHORTEST - 1, False), (SHORTEST, True)])
 def test_a_stretch_between_holes_counts_from_ten_samples_on(truth, known, kept):
-    log = shut(100, position=np.zeros(100))
-    supply = log["duty_supply"].copy()
-    supply[[50, 51 + known]] = np.nan
-    starts = [segment.start for segment in plan(log.with_columns(duty_supply=supply), truth, RATE).segments]
+    log = spoiled(shut(100, position=np.zeros(100)), "duty_supply", [50, 51 + known])
+    starts = [segment.start for segment in plan(log, truth, RATE).segments]
     assert starts == ([0, 51, 52 + known] if kept else [0, 52 + known])
 
 
@@ -104,10 +103,8 @@ def test_starts_and_resets_stay_in_the_stroke_where_the_measured_position_does_n
 
 
 def test_only_the_start_of_a_recording_can_be_vented(truth):
-    log = shut(200, position=np.zeros(200))
-    supply = log["duty_supply"].copy()
-    supply[100] = np.nan
-    segments = plan(log.with_columns(duty_supply=supply), truth, RATE).segments
+    log = spoiled(shut(200, position=np.zeros(200)), "duty_supply", 100)
+    segments = plan(log, truth, RATE).segments
     assert [segment.vented for segment in segments] == [True, False]
 
 
@@ -123,10 +120,8 @@ def test_a_vented_recording_starts_at_the_middle_of_its_rest_until_the_supply_op
 
 
 def test_no_segment_is_reset_at_its_own_start(truth):
-    log = shut(400, position=np.zeros(400))
-    supply = log["duty_supply"].copy()
-    supply[150:200] = np.nan
-    first, second = plan(log.with_columns(duty_supply=supply), truth, RATE, Partition(every=100)).segments
+    log = spoiled(shut(400, position=np.zeros(400)), "duty_supply", slice(150, 200))
+    first, second = plan(log, truth, RATE, Partition(every=100)).segments
     assert np.flatnonzero(first.jump).tolist() == [100]
     assert (second.start, np.flatnonzero(second.jump).tolist()) == (200, [100])
 

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from clutchid import fit
-from clutchid.errors import ParameterError
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.parameters import Parameters
@@ -50,11 +48,6 @@ def test_a_fit_finds_the_conductance_without_knowing_the_load(truth, drive):
     result = fit(drive, start, measure=("pressure_a",), free=("C_vs",), partition=INPUT)
     # a flow follows its pressure
     assert abs(result.parameters["C_vs"].value / truth.value("C_vs") - 1) < within_a_sample(truth)
-
-
-def test_another_thing_to_take_is_refused():
-    with pytest.raises(ParameterError, match="take = 'pressure': 'all' compared measurements"):
-        Partition(every=1, take="pressure")
 
 
 def test_the_steps_follow_a_piston_that_makes_a_long_stroke_in_a_tenth_of_a_second():

@@ -1,20 +1,15 @@
-"""How recordings are cut into windows, where they start, and the robust cost of their residuals."""
+"""How recordings are cut into windows, and where they start."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from clutchid.inference.smoother.rows import downweight_outliers, first_rows
 from clutchid.log import Log
 from clutchid.model import Actuator
-from clutchid.model.variants import VARIANTS
 from clutchid.parameters import Parameters
 from clutchid.preparation.prepare import prepare
-from clutchid.simulation.noise import Noise
 from clutchid.simulation.windows import initial_states, tracks
-
-BOTH = ("position", "pressure_a")
 
 
 def rest(n, step, hole=None):
@@ -80,61 +75,3 @@ def test_the_first_guess_takes_position_velocity_and_pressure_from_what_was_meas
     assert np.corrcoef(guess[:, 1], velocity[at])[0, 1] > 0.95
     blind = initial_states(track, plant.replace({"C_vs": 25e-9}), False)
     assert np.abs(blind[:, 2] - guess[:, 2]).max() > 1e4, "without pressure its guess is the simulated one"
-
-
-@pytest.mark.parametrize("name", ["P_0", "T_w", "P_S", "theta_11", "C_vs"])
-def test_the_first_rows_move_with_what_the_start_depends_on(plant, drive_log, problem_of, name):
-    names = ("P_0", "T_w", "P_S", "theta_11", "C_vs")
-    # from the middle of a stroke, without pressure: the start rests against the load, Eq. (26)
-    middle = int(np.argmax(drive_log["position"] > 8e-3))
-    for log in (drive_log, drive_log.slice(middle, middle + 500)):
-        problem = problem_of([log], plant, names, ("position",))
-        track, x, h = problem.tracks[0], np.zeros(5), 1e-4
-        start = np.array([1e-4, 0.0, 1.2e5, 1.1e5, 1e-5, 295.0, 290.0, 8.9e5, 9.1e5, 2e-5])
-        e = h * np.eye(5)[names.index(name)]
-        rows, cost = first_rows(track, start, problem.parameter_map(x, "log"), False, Noise())
-        up, down = (
-            first_rows(track, start, problem.parameter_map(x + s * e, "log"), False, Noise())[0] for s in (1, -1)
-        )
-        difference = (up[:, -1] - down[:, -1]) / (2 * h)
-        assert rows[:, start.size + names.index(name)] == pytest.approx(
-            difference, abs=1e-5 * max(1.0, np.abs(difference).max())
-        )
-        assert cost == pytest.approx(np.sum(rows[:, -1] ** 2))
-    assert (np.abs(difference).max() > 0) == (name != "C_vs")
-
-
-def test_a_measured_start_is_known_as_well_as_its_sensor(plant, drive_log, problem_of):
-    middle = int(np.argmax(drive_log["position"] > 8e-3))
-    log = drive_log.slice(middle, middle + 500)
-    start, noise = np.zeros(len(VARIANTS[plant.model])), Noise()
-    start[2] = 3e5
-    slopes = []
-    for measure in (BOTH, ("position",)):
-        problem = problem_of([log], plant, ("C_vs",), measure)
-        rows, _ = first_rows(
-            problem.tracks[0], start, problem.parameter_map(np.zeros(1), "log"), "pressure_a" in measure, noise
-        )
-        slopes.append(rows[2, 2])
-    assert slopes == pytest.approx([1e5 / 3e3, 1e5 / 1e5]), "3 kPa by the sensor, 1 bar without it"
-
-
-@given(st.floats(0, 100), st.floats(0.5, 10), st.booleans())
-def test_the_robust_cost_is_hubers_loss_and_scaled_rows_have_its_gradient(size, outlier, negative):
-    r = -size if negative else size
-    rows = np.array([[3.0, r]])
-    cost = downweight_outliers(rows, outlier)
-    huber = r**2 if size <= outlier else 2 * outlier * size - outlier**2
-    slope = 2 * r if size <= outlier else 2 * outlier * np.sign(r)
-    assert cost == pytest.approx(huber, rel=1e-12)
-    assert 2 * rows[0, 0] * rows[0, 1] == pytest.approx(3.0 * slope, rel=1e-12)
-
-
-def test_the_robust_cost_has_neither_a_jump_nor_a_kink_at_the_threshold():
-    def cost(r):
-        return downweight_outliers(np.array([[r]]), 4.0)
-
-    h = 1e-6
-    assert cost(4.0 + h) - cost(4.0 - h) == pytest.approx(2 * h * 8.0, rel=1e-5)
-    assert cost(4.0) == 16.0
-    assert cost(8.0) == 48.0

@@ -74,16 +74,6 @@ def test_entropy_never_falls_in_closed_insulated_chambers(lab, leak):
         assert abs(total[0][-1] - total[0][0]) < error
 
 
-def test_walls_that_take_heat_bring_the_air_to_their_temperature(lab):
-    truck = Truck(C_AB=0.0, C_A0=0.0, h_A=150.0)
-    states = lab.states(truck, lab.forced(6000, ((10, 100, 1.0, 0.0),)))
-    T_A = (truck.gamma - 1) * states[:, 3] / (states[:, 2] * truck.R)
-    wall = truck.T_0 + truck.dT_w
-    assert T_A.max() > wall + 30
-    # time constant m c_v / (h S sqrt(p/p_N)) < 1.5e-3 * 718 / (150 * 0.04 * 2) = 0.1 s; nothing is left after 5.9 s
-    assert T_A[-1] == pytest.approx(wall, abs=0.1)
-
-
 _r, _b, _m, _l, _p, _q, _C, _T = sp.symbols("r b m l p q C T", positive=True)
 psi = sp.lambdify((_r, _b, _m, _l), flow_function(_r, _b, _m, _l), "math")
 valve = sp.lambdify((_p, _q, _T, _C), valve_flow(_p, _q, _T, _C, 0.3, 0.55, 0.995), "math")

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from clutchid.truck import Truck, respond
 from clutchid.truck.law import (
     SAMPLE,
     TICK,
@@ -54,15 +53,6 @@ def test_a_lift_stays_between_closed_and_open_and_ends_closed(on, pull, opening,
     lift = lifts(on, (pull, max(opening, TICK), drop, max(closing, TICK)), 400)
     assert np.all((lift >= 0) & (lift <= 1))
     assert lift[-1] == 0
-
-
-def test_the_compiled_valve_moves_as_the_plain_one_does():
-    truck = Truck(t_1s=0.7e-3, t_2s=1.1e-3, t_3s=0.8e-3, t_4s=1.3e-3)
-    done = respond(truck, np.full(40, 0.4), np.zeros(40))
-    times = (truck.t_1s, truck.t_2s, truck.t_3s, truck.t_4s)
-    plain = lifts(40, times)[::10][:10]
-    assert done.truth.states["lift_supply"][:10] == pytest.approx(plain, abs=1e-9)
-    assert done.truth.states["lift_supply"][10:20] == pytest.approx(plain, abs=1e-9)
 
 
 @given(st.floats(-1e-3, 30e-3), st.floats(1e-6, 1e-4))

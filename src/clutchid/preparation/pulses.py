@@ -296,8 +296,8 @@ def _slow(log: Log, actuator: Actuator, known: Duties, find: FindPhase) -> Pulse
 def on_time_grid(log: Log, actuator: Actuator, delay: float = 0.0) -> tuple[Log, FloatArray | None]:
     """A slow recording on a time grid that resolves the pulses with the phase of `actuator`, and `Pulsed.open_std`.
 
-    Others stay as they are, also with edges: `clutchid.simulation.inputs.held_inputs` has their means where the valves are
-    averaged; with a carrier the pulses begin where its phase says, which the edges determine. `delay` of the duty
+    Others stay as they are, also with edges: `clutchid.simulation.inputs.held_inputs` has their means where the valves
+    are averaged; with a carrier the pulses begin where its phase says, which the edges determine. `delay` of the duty
     cycles in s matches a position that is recorded late.
 
     Raises

@@ -5,43 +5,37 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid import fit
 from clutchid.estimation import LoadCurve
 from clutchid.estimation.assess.comparison import SMALLEST_SHARE, comparison
 from clutchid.estimation.assess.evidence import reach
 from clutchid.estimation.result import QUANTILE
-from clutchid.inference.uncertainty.calibration import Origin
 from fixtures.baselines import calibration_like, with_baseline
 
 
-@pytest.fixture(scope="module")
-def fitted(drive, with_noise):
-    """A fit of 4 s by the model that made them."""
-    return fit(with_noise(drive, 1).slice(0, 4000))
-
-
-def test_a_load_a_quarter_above_the_calibrated_one_is_25_percent_at_the_same_position(fitted):
-    found = comparison(with_baseline(fitted, share=0.8))
-    np.testing.assert_allclose(found.difference.force, 0.2 * fitted.load_curve.force, rtol=1e-9, atol=1e-9)
+def test_a_load_a_quarter_above_the_calibrated_one_is_25_percent_at_the_same_position(short_fit):
+    found = comparison(with_baseline(short_fit, share=0.8))
+    np.testing.assert_allclose(found.difference.force, 0.2 * short_fit.load_curve.force, rtol=1e-9, atol=1e-9)
     assert found.at(6e-3).share == pytest.approx(0.25, rel=1e-9)
-    assert found.at(6e-3).force == pytest.approx(0.2 * float(fitted.actuator.load.force(np.array([6e-3]))[0]), rel=1e-3)
+    assert found.at(6e-3).force == pytest.approx(
+        0.2 * float(short_fit.actuator.load.force(np.array([6e-3]))[0]), rel=1e-3
+    )
     assert found.shift.position == pytest.approx(0.0, abs=1e-12)
-    assert found.reach == reach(fitted)
+    assert found.reach == reach(short_fit)
 
 
-def test_the_interval_of_the_difference_adds_both_variances(fitted):
+def test_the_interval_of_the_difference_adds_both_variances(short_fit):
     std = 2e4
-    found = comparison(with_baseline(fitted, std=std))
-    own = (fitted.load_curve.high - fitted.load_curve.low) / 2
-    before = QUANTILE * std * np.sqrt(np.sum(fitted.actuator.load.phi(fitted.load_curve.position) ** 2, axis=1))
+    found = comparison(with_baseline(short_fit, std=std))
+    own = (short_fit.load_curve.high - short_fit.load_curve.low) / 2
+    before = QUANTILE * std * np.sqrt(np.sum(short_fit.actuator.load.phi(short_fit.load_curve.position) ** 2, axis=1))
     half = (found.difference.high - found.difference.low) / 2
     np.testing.assert_allclose(half, np.sqrt(own**2 + before**2), rtol=1e-9, atol=1e-6)
     change = found.at(6e-3)
     assert change.low < change.force < change.high
 
 
-def test_a_load_that_moved_by_half_a_millimetre_has_this_shift_with_the_interval_of_both(fitted):
-    known = with_baseline(fitted, share=1.0, std=1e4)
+def test_a_load_that_moved_by_half_a_millimetre_has_this_shift_with_the_interval_of_both(short_fit):
+    known = with_baseline(short_fit, share=1.0, std=1e4)
     before = comparison(known).calibrated
     force = np.interp(before.position - 0.5e-3, before.position, before.force, left=0.0)
     moved = comparison(replace(known, load_curve=LoadCurve(before.position, force, force - 50.0, force + 50.0)))
@@ -56,26 +50,26 @@ def test_a_load_that_moved_by_half_a_millimetre_has_this_shift_with_the_interval
     )
 
 
-def test_no_share_is_given_where_the_calibrated_load_is_next_to_nothing(fitted):
-    found = comparison(with_baseline(fitted))
+def test_no_share_is_given_where_the_calibrated_load_is_next_to_nothing(short_fit):
+    found = comparison(with_baseline(short_fit))
     small = found.calibrated.force <= SMALLEST_SHARE * found.calibrated.force.max()
     assert small[0]
     np.testing.assert_array_equal(np.isnan(found.difference.share), small)
 
 
 @pytest.mark.parametrize("share", [0.0, -1.0])
-def test_a_calibrated_load_that_is_nowhere_above_0_has_differences_and_no_share(fitted, share):
-    found = comparison(with_baseline(fitted, share=share))
-    np.testing.assert_allclose(found.difference.force, (1.0 - share) * fitted.load_curve.force, atol=1e-9)
+def test_a_calibrated_load_that_is_nowhere_above_0_has_differences_and_no_share(short_fit, share):
+    found = comparison(with_baseline(short_fit, share=share))
+    np.testing.assert_allclose(found.difference.force, (1.0 - share) * short_fit.load_curve.force, atol=1e-9)
     assert np.isnan(found.difference.share[found.calibrated.force <= 0.0]).all()
     assert np.isnan(found.shift.position)
 
 
 @pytest.mark.parametrize("without", [np.inf, np.nan])
-def test_an_interval_without_an_end_makes_that_of_the_difference_one_too(fitted, without):
+def test_an_interval_without_an_end_makes_that_of_the_difference_one_too(short_fit, without):
     nowhere = np.full(101, without)
-    curve = fitted.load_curve
-    lost = replace(with_baseline(fitted), load_curve=LoadCurve(curve.position, curve.force, -nowhere, nowhere))
+    curve = short_fit.load_curve
+    lost = replace(with_baseline(short_fit), load_curve=LoadCurve(curve.position, curve.force, -nowhere, nowhere))
     change = comparison(lost).at(6e-3)
     assert np.isfinite(change.force)
     assert not np.isfinite(change.low)
@@ -83,36 +77,30 @@ def test_an_interval_without_an_end_makes_that_of_the_difference_one_too(fitted,
     assert not np.isfinite(comparison(lost).shift.high)
 
 
-def test_a_weight_of_the_calibration_that_is_unknown_has_an_infinite_interval(fitted):
+def test_a_weight_of_the_calibration_that_is_unknown_has_an_infinite_interval(short_fit):
     covariance = np.diag([1e8, 1e8, np.inf])
-    found = comparison(with_baseline(fitted, theta_covariance=covariance))
+    found = comparison(with_baseline(short_fit, theta_covariance=covariance))
     assert np.isfinite(found.difference.force).all()
-    acts = fitted.actuator.load.phi(found.calibrated.position)[:, 2] != 0.0
+    acts = short_fit.actuator.load.phi(found.calibrated.position)[:, 2] != 0.0
     assert acts.any()
     assert np.isinf(found.difference.high[acts]).all()
 
 
-def test_a_recording_that_stays_below_5_mm_is_compared_up_to_there(fitted):
-    (one,) = fitted.recordings.values()
+def test_a_recording_that_stays_below_5_mm_is_compared_up_to_there(short_fit):
+    (one,) = short_fit.recordings.values()
     low = one.measured.with_columns(position=0.25 * one.measured["position"])
-    found = comparison(replace(with_baseline(fitted), recordings={"low": replace(one, measured=low)}))
+    found = comparison(replace(with_baseline(short_fit), recordings={"low": replace(one, measured=low)}))
     assert found.reach < 5e-3
     assert not found.half_now.position > found.reach
 
 
-def test_nothing_is_compared_without_a_calibration_or_its_load_or_a_fitted_load(fitted):
-    known = with_baseline(fitted)
+def test_nothing_is_compared_without_a_calibration_or_its_load_or_a_fitted_load(short_fit):
+    known = with_baseline(short_fit)
     assert comparison(known) is not None
-    assert comparison(fitted) is None
+    assert comparison(short_fit) is None
     assert comparison(replace(known, status="failed")) is None
     assert comparison(replace(known, parameters={})) is None
-    older = calibration_like(fitted, theta=(), theta_covariance=np.zeros((0, 0)))
-    assert comparison(replace(fitted, baseline=older)) is None
+    older = calibration_like(short_fit, theta=(), theta_covariance=np.zeros((0, 0)))
+    assert comparison(replace(short_fit, baseline=older)) is None
     splines = replace(known.baseline, theta=(1.0,) * 9, theta_covariance=np.eye(9))
-    assert comparison(replace(fitted, baseline=splines)) is None
-
-
-def test_the_origin_does_not_matter_to_the_numbers(fitted):
-    found = comparison(with_baseline(fitted, origin=None))
-    np.testing.assert_array_equal(found.difference.force, comparison(with_baseline(fitted)).difference.force)
-    assert comparison(with_baseline(fitted, origin=Origin())) is not None
+    assert comparison(replace(short_fit, baseline=splines)) is None

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from clutchid.estimation.assess.observed import FLAGGED, Indicators, indicators, observed_verdict
+from clutchid.observer import observe_recording, observer
 from clutchid.observer.health import FLAGS
-from clutchid.observer.observer import observer
-from clutchid.observer.recording import observe_recording
 
 #: Indicators of a load without any fault.
 GOOD = Indicators(True, 12, 0.03, 1.1, dict.fromkeys(FLAGS, 0.0), False)

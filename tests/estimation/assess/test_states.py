@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from clutchid import fit
 from clutchid.estimation import LoadCurve
 from clutchid.estimation.assess.comparison import SHARES, WORTH, measured
 from clutchid.estimation.assess.verdict import FALSE_ALARM, UNKNOWN_DIFFERENCE, states_of_wear
@@ -16,25 +15,19 @@ from fixtures.baselines import ORIGIN, with_baseline
 HALF = 0.03
 
 
-@pytest.fixture(scope="module")
-def fitted(drive, with_noise):
-    """A fit of 4 s by the model that made them."""
-    return fit(with_noise(drive, 1).slice(0, 4000))
-
-
 @pytest.fixture
-def reading(fitted):
+def reading(short_fit):
     """A reading from a calibration: its load is `factor` times that of the calibration."""
 
     def make(name, factor=1.0, temperature=None, trust="good"):
-        (one,) = fitted.recordings.values()
+        (one,) = short_fit.recordings.values()
         log = replace(one.measured, name=name)
         if temperature is not None:
             log = log.with_columns(temperature_ambient=np.full(len(log), temperature))
-        curve = fitted.load_curve
+        curve = short_fit.load_curve
         loads = (factor * curve.force * (1.0 + side * HALF) for side in (0, -1, 1))
         read = replace(
-            fitted, load_curve=LoadCurve(curve.position, *loads), recordings={name: replace(one, measured=log)}
+            short_fit, load_curve=LoadCurve(curve.position, *loads), recordings={name: replace(one, measured=log)}
         )
         return with_baseline(read, share=1.0, origin=ORIGIN._replace(trust=trust))
 
@@ -88,8 +81,8 @@ def test_a_reading_that_is_not_to_be_used_is_of_no_state(reading):
     assert states_of_wear(together(reading("new"), worn)) is None
 
 
-def test_one_reading_and_none_have_no_states(fitted, reading):
-    assert states_of_wear(fitted) is None
+def test_one_reading_and_none_have_no_states(short_fit, reading):
+    assert states_of_wear(short_fit) is None
     assert states_of_wear(together(reading("new"))) is None
 
 

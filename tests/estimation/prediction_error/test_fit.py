@@ -7,11 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from clutchid.errors import DataError, ParameterError
 from clutchid.estimation import prediction_error as module
 from clutchid.estimation.calibrate import fit_with
-from clutchid.estimation.position_only import position_only_errors
-from clutchid.estimation.prediction_error import PREDICTION_ERROR, predict
+from clutchid.estimation.prediction_error import PREDICTION_ERROR
 from clutchid.estimation.problem import fit_problem
 from clutchid.estimation.request import FitRequest, FreeParameters
 from clutchid.inference.uncertainty.calibration import Calibration, PositionOnlyErrors
@@ -115,16 +113,6 @@ def test_the_bias_of_a_calibration_is_taken_off(plant, worn_log, adapted):
     assert lower == pytest.approx(plant.load.phi(found.load_curve.position) @ off, rel=1e-6)
 
 
-def test_the_search_reports_its_stages_and_all_evaluations(plant, worn_log):
-    reported = []
-    wanted = FreeParameters(("theta_5",), ("position",))
-    log = worn_log.slice(0, 800)
-    found = predict([log], plant, wanted, EXACT, lambda stage, count: reported.append((stage, count))).solution
-    assert [stage for stage, _ in reported] == sorted([stage for stage, _ in reported])
-    assert [count for _, count in reported] == [*range(1, len(reported) + 1)]
-    assert found.evaluations == len(reported)
-
-
 def test_rounds_that_swing_make_only_a_share_of_their_moves(plant, worn_log, monkeypatch):
     problem = fit_problem([worn_log.slice(0, 500)], plant, FreeParameters(("theta_5",), ("position",)), EXACT)
     evaluated = []
@@ -140,26 +128,6 @@ def test_rounds_that_swing_make_only_a_share_of_their_moves(plant, worn_log, mon
     assert found.status == "limit"
     # a whole move; it is taken back: half a move; again: a quarter; it goes on: half
     assert evaluated == pytest.approx([0.0, 0.03, 0.0, 0.0075])
-
-
-def test_a_start_that_cannot_be_filtered_is_a_failed_fit_with_a_reason(plant, worn_log, monkeypatch):
-    monkeypatch.setattr(module, "predict_errors", lambda *_: Failure("y is not finite at 0.1 s."))
-    found = fit_with(PREDICTION_ERROR, [worn_log], plant, LOAD)
-    assert found.status == "failed"
-    assert found.method == "prediction-error"
-    assert "0.1 s" in found.message
-
-
-def test_a_recording_whose_search_fails_says_nothing_of_position_alone(plant, worn_log, monkeypatch):
-    monkeypatch.setattr(module, "predict_errors", lambda *_: Failure("no"))
-    assert position_only_errors(PREDICTION_ERROR, [worn_log], plant, EXACT) is None
-
-
-def test_a_short_recording_and_nothing_free_are_refused(plant, worn_log):
-    with pytest.raises(DataError, match="at least ten"):
-        fit_with(PREDICTION_ERROR, [worn_log.slice(0, 50)], plant, LOAD)
-    with pytest.raises(ParameterError, match="no parameter is free"):
-        fit_with(PREDICTION_ERROR, [worn_log], plant, replace(LOAD, free=()))
 
 
 def test_a_round_whose_first_steps_are_all_rejected_goes_on_with_shorter_ones():

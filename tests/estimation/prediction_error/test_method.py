@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from clutchid import fit, parameter_file, read_parameters, write_parameters
-from clutchid.codegen.kernels import kernels_in
 from clutchid.errors import ParameterError, SolveError
 from clutchid.estimation import prediction_error as module
 from clutchid.estimation.calibrate import fit_with
@@ -95,7 +94,3 @@ def test_a_segment_that_was_planned_for_another_model_is_refused(plant, recordin
         filtering.filtered(
             problem.tracks[0], replace(problem, actuator=foreign).parameter_map(np.zeros(1), "log"), BOTH, Noise()
         )
-
-
-def test_the_machine_code_of_the_filter_lies_in_the_cache_folder():
-    assert "prediction_error" not in str(kernels_in(filtering._KERNELS).__file__)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from clutchid.inference.smoother.rows import Eliminated, eliminate, recover
+from fixtures.dense import dense_blocks
 
 STATES, K = 3, 4
 LENGTHS = pytest.mark.parametrize("length", [1, 2, 3, 12])
@@ -20,36 +21,13 @@ def chain_of(length, seed=0, measured=5):
 
 def dense(first, own, links):
     """All rows in one matrix over x_0 ... x_n and theta, with the residual last."""
-    n = len(own)
-
-    def placed(rows, at, width):
-        full = np.zeros((rows.shape[0], n * STATES + K + 1))
-        full[:, at * STATES : at * STATES + width] = rows[:, :width]
-        full[:, n * STATES :] = rows[:, width:]
-        return full
-
-    blocks = [placed(first, 0, STATES)]
-    blocks += [placed(rows, i, STATES) for i, rows in enumerate(own)]
-    blocks += [placed(rows, i, 2 * STATES) for i, rows in enumerate(links)]
-    return np.vstack(blocks)
+    return np.vstack(list(dense_blocks(first, own, links, STATES)))
 
 
 def without_residuals(chain):
     state_rows = chain.state_rows.copy()
     state_rows[:, :, -1] = 0.0
     return Eliminated(chain.rows, state_rows)
-
-
-@LENGTHS
-def test_theta_and_states_are_those_of_the_dense_problem(length):
-    parts = chain_of(length)
-    matrix = dense(*parts)
-    whole = np.linalg.lstsq(matrix[:, :-1], -matrix[:, -1], rcond=None)[0]
-    chain = eliminate(*parts)
-    theta = np.linalg.lstsq(chain.rows[:, :-1], -chain.rows[:, -1], rcond=None)[0]
-    assert theta == pytest.approx(whole[length * STATES :], rel=1e-9, abs=1e-9)
-    states = recover(chain, theta[:, None])[:, :, 0]
-    assert states.ravel() == pytest.approx(whole[: length * STATES], rel=1e-9, abs=1e-9)
 
 
 @LENGTHS
@@ -96,15 +74,6 @@ def test_a_state_without_rows_of_its_own_is_determined_by_its_neighbours():
     chain = eliminate(first, own, links)
     states = recover(chain, whole[4 * STATES :, None])[:, :, 0]
     assert states.ravel() == pytest.approx(whole[: 4 * STATES], rel=1e-8, abs=1e-8)
-
-
-def test_several_theta_are_recovered_side_by_side():
-    chain = eliminate(*chain_of(5))
-    theta = np.random.default_rng(1).standard_normal((K, 3))
-    together = recover(chain, theta)
-    assert together.shape == (5, STATES, 3)
-    for column in range(3):
-        assert together[:, :, column] == pytest.approx(recover(chain, theta[:, [column]])[:, :, 0], rel=1e-12)
 
 
 def test_a_chain_that_does_not_determine_its_states_is_refused():

@@ -14,7 +14,8 @@ from clutchid.model.variants import VARIANTS
 from clutchid.numerics.failure import Failure
 from clutchid.preparation.prepare import prepare
 from clutchid.simulation.noise import Noise
-from clutchid.simulation.windows import initial_states, tracks, units
+from clutchid.simulation.windows import tracks, units
+from fixtures.dense import window_rows
 
 NAMES = ("theta_5", "theta_9", "theta_14", "C_vs", "P_S", "F_C", "T_w", "P_0", "tau_y", "tau_p", "e_y")
 #: Number of states.
@@ -43,19 +44,13 @@ def test_the_cost_of_the_linearised_problem_is_the_cost_without_derivatives(prob
     assert linearise(soft, *point).cost == pytest.approx(cost_at(soft, *point), rel=1e-9)
 
 
-def whole(chain):
-    """Rows ``[state | theta | r]`` of every window of a chain."""
-    windows = chain.windows.linearised
-    return np.concatenate([windows.jacobian, windows.r[:, :, None]], axis=2)
-
-
 def own_gradient(linear, size, n):
     """Derivative of the cost with respect to theta with fixed states, from the rows before any state is eliminated."""
     total = 2 * linear.prior[:, :-1].T @ linear.prior[:, -1]
     for chain in linear.chains:
         blocks = [
             (chain.first, n),
-            *((rows, n) for rows in whole(chain)),
+            *((rows, n) for rows in window_rows(chain)),
             *((link, 2 * n) for link in chain.links),
         ]
         total = total + sum(2 * rows[:, skip:-1].T @ rows[:, -1] for rows, skip in blocks)
@@ -81,7 +76,7 @@ def test_the_gradient_to_the_states_is_that_of_differences(problem, point, cost_
     soft = inflated(problem, 8.0)
     linear, unit, h = linearise(soft, x, X), units(problem.actuator), 1e-6
     chain, number = linear.chains[0], 12
-    own, before, after = whole(chain)[number], chain.links[number - 1], chain.links[number]
+    own, before, after = window_rows(chain)[number], chain.links[number - 1], chain.links[number]
     gradient = 2 * (own[:, :N].T @ own[:, -1] + before[:, N : 2 * N].T @ before[:, -1] + after[:, :N].T @ after[:, -1])
     for state in range(N):
         costs = []
@@ -106,7 +101,7 @@ def test_the_condensed_gradient_is_that_of_the_cost_with_states_that_follow(prob
         rows = [linear.prior @ np.append(step, 1.0)]
         for chain, moved in zip(linear.chains, states, strict=True):
             rows.append(chain.first @ np.concatenate([moved[0], step, [1.0]]))
-            rows += [own @ np.concatenate([u, step, [1.0]]) for own, u in zip(whole(chain), moved, strict=True)]
+            rows += [own @ np.concatenate([u, step, [1.0]]) for own, u in zip(window_rows(chain), moved, strict=True)]
             pairs = zip(chain.links, moved[:-1], moved[1:], strict=True)
             rows += [link @ np.concatenate([u, v, step, [1.0]]) for link, u, v in pairs]
         return float(np.sum(np.concatenate(rows) ** 2))
@@ -114,16 +109,6 @@ def test_the_condensed_gradient_is_that_of_the_cost_with_states_that_follow(prob
     at = [[recover(chain, step[:, None])[:, :, 0] for chain in chains] for step in (np.zeros(x.size), d)]
     assert linearised(d, at[1]) - linearised(np.zeros(x.size), at[0]) == pytest.approx(change, rel=1e-6)
     assert linearised(d, at[1]) < linearised(d, at[0]), "states that follow cost less than states that stay"
-
-
-def test_damping_shortens_the_step_of_the_states(problem, point):
-    x, X = point
-    linear = linearise(problem, x, X)
-    sizes = []
-    for damping in (0.0, 1.0, 100.0):
-        _, chains = condense(problem, linear, [np.full(len(problem.tracks[0].windows), damping)])
-        sizes.append(np.linalg.norm(recover(chains[0], np.zeros((x.size, 1)))))
-    assert sizes[0] > sizes[1] > sizes[2]
 
 
 @pytest.fixture(scope="module")
@@ -147,24 +132,11 @@ def test_each_recording_says_something_about_its_own_numbers_only(pair, plant, p
     problem = problem_of(pair, plant, ("P_S@one", "P_S@two"))
     linear = linearise(problem, np.zeros(2), starts_of(problem))
     for number, chain in enumerate(linear.chains):
-        influence = [np.abs(rows[:, N:-1]).max(axis=0) for rows in whole(chain)]
+        influence = [np.abs(rows[:, N:-1]).max(axis=0) for rows in window_rows(chain)]
         influence += [np.abs(link[:, 2 * N : -1]).max(axis=0) for link in chain.links]
         largest = np.max(influence, axis=0)
         assert largest[number] > 0.0
         assert largest[1 - number] == 0.0
-
-
-def test_the_true_pressure_of_the_second_recording_costs_less_than_the_shared_one(pair, plant, problem_of, cost_at):
-    problem = inflated(problem_of(pair, plant, ("P_S@one", "P_S@two")), 8.0)
-    right = np.array([0.0, problem.coordinates[1].of(8.2e5)])
-
-    def cost(x):
-        # the pressure at the governor is a state: each recording starts at its own
-        own = (problem.actuator_of(x, problem.stems[track.log]) for track in problem.tracks)
-        return cost_at(problem, x, [initial_states(t, a, True) for t, a in zip(problem.tracks, own, strict=True)])
-
-    assert cost(right) < cost(np.zeros(2))
-    assert cost(right) < cost(right[::-1].copy())
 
 
 def test_bounds_of_x_lead_to_the_bounds_in_si(plant, recorded_by, problem_of):
@@ -205,13 +177,6 @@ def test_what_is_remembered_of_a_point_is_that_of_its_values(problem):
     assert np.array_equal(prior_rows(problem, x)[: x.size, -1], x)
     with pytest.raises(ValueError, match="read-only"):
         rows[0, 0] = 2.0
-
-
-def test_a_curvature_twice_as_wide_costs_a_quarter(problem):
-    x = np.zeros(len(NAMES))
-    x[1] = 1.0
-    sums = [np.sum(prior_rows(replace(problem, curvature=c), x)[x.size :, -1] ** 2) for c in (1e8, 2e8)]
-    assert sums[0] == pytest.approx(4 * sums[1])
 
 
 def test_the_papers_splines_have_no_smoothness_to_pay(drive_log, problem_of):

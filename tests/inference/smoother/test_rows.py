@@ -4,10 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from clutchid.inference.smoother import rows as module
 from clutchid.inference.smoother.rows import (
     LinearisedWindows,
+    downweight_outliers,
+    first_rows,
     link_costs,
     link_rows,
     link_sigma,
@@ -19,6 +23,7 @@ from clutchid.model.variants import VARIANTS
 from clutchid.numerics.failure import Failure
 from clutchid.simulation.noise import Noise
 from clutchid.simulation.windows import units
+from fixtures.changed_logs import spoiled
 
 BOTH = ("position", "pressure_a")
 NAMES = (
@@ -74,14 +79,18 @@ def rows_at(problem, busy, x, start, noise=ALL_IN):
     return window_rows(track, window, start, problem.parameter_map(x, "log"), problem.measure, noise)
 
 
+def differences(problem, window, x, name, h=1e-4):
+    """Rows of a window, and by central differences what a number changes in its residuals and its end."""
+    e = h * np.eye(len(NAMES))[NAMES.index(name)]
+    here, up, down = (rows_at(problem, window, x + step, window[2]) for step in (0.0, e, -e))
+    return here, (up.rows[:, -1] - down.rows[:, -1]) / (2 * h), (up.end - down.end) / (2 * h)
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_rows_and_end_have_the_derivatives_to_a_number_that_differences_have(problem, telling, uncompressed, name):
-    place, x, h = NAMES.index(name), np.zeros(len(NAMES)), 1e-4
-    e, window, start = h * np.eye(len(NAMES))[place], telling[name], telling[name][2]
-    here = rows_at(problem, window, x, start)
-    up, down = (rows_at(problem, window, x + step, start) for step in (e, -e))
-    residual = (up.rows[:, -1] - down.rows[:, -1]) / (2 * h)
-    end = (up.end - down.end) / (2 * h) / units(problem.actuator)
+    place = NAMES.index(name)
+    here, residual, end = differences(problem, telling[name], np.zeros(len(NAMES)), name)
+    end = end / units(problem.actuator)
     assert np.abs(residual).max() > 0.01, "the window must tell this number, or nothing is tested"
     # the model has kinks (openings, friction): a sample in which one moves is off by the step
     assert here.rows[:, len(STATES) + place] == pytest.approx(residual, abs=1e-3 * np.abs(residual).max())
@@ -92,13 +101,9 @@ def test_rows_and_end_have_the_derivatives_to_a_number_that_differences_have(pro
 @pytest.mark.parametrize("name", ["tau_y", "tau_p"])
 @pytest.mark.parametrize("lag", [2e-6, 0.3e-3, 5e-3])
 def test_rows_have_the_derivatives_to_any_lag_that_differences_have(problem, telling, uncompressed, name, lag):
-    place, h = NAMES.index(name), 1e-4
-    x = np.zeros(len(NAMES))
+    place, x = NAMES.index(name), np.zeros(len(NAMES))
     x[place] = problem.coordinates[place].of(lag)
-    e, start = h * np.eye(len(NAMES))[place], telling[name][2]
-    here = rows_at(problem, telling[name], x, start)
-    up, down = (rows_at(problem, telling[name], x + step, start).rows[:, -1] for step in (e, -e))
-    residual = (up - down) / (2 * h)
+    here, residual, _ = differences(problem, telling[name], x, name)
     assert np.abs(residual).max() > 0.1, "the window must tell the lag, or nothing is tested"
     # states do not depend on the lag of a sensor: no kink moves
     assert here.rows[:, len(STATES) + place] == pytest.approx(residual, abs=1e-5 * np.abs(residual).max())
@@ -107,14 +112,11 @@ def test_rows_have_the_derivatives_to_any_lag_that_differences_have(problem, tel
 
 @pytest.mark.parametrize("name", ["theta_9", "C_vs", "P_S"])
 def test_a_lag_is_put_on_the_derivatives_to_other_numbers_too(problem, telling, uncompressed, name):
-    place, x, h = NAMES.index(name), np.zeros(len(NAMES)), 1e-4
+    x = np.zeros(len(NAMES))
     for lag in ("tau_y", "tau_p"):
         x[NAMES.index(lag)] = problem.coordinates[NAMES.index(lag)].of(8e-3)
-    e, start = h * np.eye(len(NAMES))[place], telling[name][2]
-    here = rows_at(problem, telling[name], x, start).rows[:, len(STATES) + place]
-    up, down = (rows_at(problem, telling[name], x + step, start).rows[:, -1] for step in (e, -e))
-    residual = (up - down) / (2 * h)
-    assert here == pytest.approx(residual, abs=1e-3 * np.abs(residual).max())
+    here, residual, _ = differences(problem, telling[name], x, name)
+    assert here.rows[:, len(STATES) + NAMES.index(name)] == pytest.approx(residual, abs=1e-3 * np.abs(residual).max())
 
 
 @pytest.mark.parametrize("state", STATES)
@@ -129,16 +131,6 @@ def test_rows_and_end_have_the_derivatives_to_the_start_that_differences_have(pr
     assert np.abs(residual).max() > 1e-6
     assert here.rows[:, place] == pytest.approx(residual, abs=1e-3 * np.abs(residual).max())
     assert here.to_start[:, place] / unit == pytest.approx(end / unit, abs=1e-3 * np.abs(end / unit).max())
-
-
-def test_compressed_rows_say_the_same_as_all_of_them(problem, busy, monkeypatch):
-    x = np.zeros(len(NAMES))
-    compressed = rows_at(problem, busy, x, busy[2]).rows
-    monkeypatch.setattr(module, "triangular", lambda rows: rows)
-    whole = rows_at(problem, busy, x, busy[2]).rows
-    assert compressed.shape[0] < whole.shape[0]
-    scale = np.sqrt(np.sum(whole**2, axis=0))
-    assert compressed.T @ compressed == pytest.approx(whole.T @ whole, abs=1e-10 * np.outer(scale, scale).max())
 
 
 def test_residuals_are_simulated_less_measured_over_the_noise(problem, busy, uncompressed):
@@ -158,10 +150,8 @@ def test_missing_samples_are_left_out_element_by_element(problem, busy, uncompre
     x = np.zeros(len(NAMES))
     whole = rows_at(problem, busy, x, start).rows
     n = whole.shape[0] // 2
-    position, pressure = track.measured["position"].copy(), track.measured["pressure_a"].copy()
-    position[window.start + np.array([3, 40])] = np.nan
-    pressure[window.start + np.array([0, 7, 50])] = np.nan
-    holed = replace(track, measured=track.measured.with_columns(position=position, pressure_a=pressure))
+    torn = spoiled(track.measured, "position", window.start + np.array([3, 40]))
+    holed = replace(track, measured=spoiled(torn, "pressure_a", window.start + np.array([0, 7, 50])))
     rows = rows_at(problem, (holed, window, start), x, start).rows
     assert np.array_equal(rows, np.delete(whole, [3, 40, n, n + 7, n + 50], axis=0))
 
@@ -293,3 +283,51 @@ def test_a_memory_of_ten_samples_weighs_each_a_tenth(problem, busy):
     ] == pytest.approx(tenth.cost)
     information = [one.rows.T @ one.rows for one in (every, tenth)]
     assert information[1] == pytest.approx(information[0] / 10.0, rel=1e-6, abs=1e-9 * information[0].max())
+
+
+@pytest.mark.parametrize("name", ["P_0", "T_w", "P_S", "theta_11", "C_vs"])
+def test_the_first_rows_move_with_what_the_start_depends_on(plant, drive_log, problem_of, name):
+    names = ("P_0", "T_w", "P_S", "theta_11", "C_vs")
+    # from the middle of a stroke, without pressure: the start rests against the load, Eq. (26)
+    middle = int(np.argmax(drive_log["position"] > 8e-3))
+    for log in (drive_log, drive_log.slice(middle, middle + 500)):
+        problem = problem_of([log], plant, names, ("position",))
+        track, x, h = problem.tracks[0], np.zeros(5), 1e-4
+        start = np.array([1e-4, 0.0, 1.2e5, 1.1e5, 1e-5, 295.0, 290.0, 8.9e5, 9.1e5, 2e-5])
+        e = h * np.eye(5)[names.index(name)]
+        rows, cost = first_rows(track, start, problem.parameter_map(x, "log"), False, Noise())
+        up, down = (
+            first_rows(track, start, problem.parameter_map(x + s * e, "log"), False, Noise())[0] for s in (1, -1)
+        )
+        difference = (up[:, -1] - down[:, -1]) / (2 * h)
+        assert rows[:, start.size + names.index(name)] == pytest.approx(
+            difference, abs=1e-5 * max(1.0, np.abs(difference).max())
+        )
+        assert cost == pytest.approx(np.sum(rows[:, -1] ** 2))
+    assert (np.abs(difference).max() > 0) == (name != "C_vs")
+
+
+def test_a_measured_start_is_known_as_well_as_its_sensor(plant, drive_log, problem_of):
+    middle = int(np.argmax(drive_log["position"] > 8e-3))
+    log = drive_log.slice(middle, middle + 500)
+    start, noise = np.zeros(len(STATES)), Noise()
+    start[2] = 3e5
+    slopes = []
+    for measure in (BOTH, ("position",)):
+        problem = problem_of([log], plant, ("C_vs",), measure)
+        rows, _ = first_rows(
+            problem.tracks[0], start, problem.parameter_map(np.zeros(1), "log"), "pressure_a" in measure, noise
+        )
+        slopes.append(rows[2, 2])
+    assert slopes == pytest.approx([1e5 / 3e3, 1e5 / 1e5]), "3 kPa by the sensor, 1 bar without it"
+
+
+@given(st.floats(0, 100), st.floats(0.5, 10), st.booleans())
+def test_the_robust_cost_is_hubers_loss_and_scaled_rows_have_its_gradient(size, outlier, negative):
+    r = -size if negative else size
+    rows = np.array([[3.0, r]])
+    cost = downweight_outliers(rows, outlier)
+    huber = r**2 if size <= outlier else 2 * outlier * size - outlier**2
+    slope = 2 * r if size <= outlier else 2 * outlier * np.sign(r)
+    assert cost == pytest.approx(huber, rel=1e-12)
+    assert 2 * rows[0, 0] * rows[0, 1] == pytest.approx(3.0 * slope, rel=1e-12)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from clutchid.inference.uncertainty.gaussian import Information, natural_sizes
-from clutchid.model.actuator import Actuator, Load
+from clutchid.model import Actuator, Load
 
 NAMES = ("theta_1", "theta_2", "P_S", "C_vs", "F_C")
 

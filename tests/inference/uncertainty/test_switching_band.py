@@ -8,6 +8,7 @@ import pytest
 from clutchid.errors import DataError
 from clutchid.inference.uncertainty.switching_band import quantile, switching_band
 from clutchid.log import Log
+from fixtures.changed_logs import spoiled
 
 
 def pulses(n: int, seconds: float = 0.4, name: str = "run") -> Log:
@@ -51,9 +52,8 @@ def test_the_width_is_that_of_the_next_error_of_its_kind():
 def test_a_group_without_samples_is_as_uncertain_as_the_worst():
     known = pulses(3, seconds=0.18)  # begins switched on, and is switched again before a tenth of a second is over
     measured = known.with_columns(pressure_a=known["pressure_a"] + 500.0)
-    spoiled = measured["pressure_a"].copy()
-    spoiled[50] += 7e3
-    banded = switching_band(pulses(1, seconds=1.0), [(measured.with_columns(pressure_a=spoiled), known)])
+    worse = spoiled(measured, "pressure_a", 50, measured["pressure_a"][50] + 7e3)
+    banded = switching_band(pulses(1, seconds=1.0), [(worse, known)])
     half = banded["pressure_a high"] - banded["pressure_a"]
     assert half[0] == pytest.approx(7500.0, rel=1e-12)
 
@@ -82,7 +82,7 @@ def test_valves_that_are_not_on_or_off_are_refused():
 
 def test_without_a_measured_pressure_there_is_no_band():
     log = pulses(3)
-    blind = Log(log.time, {k: v for k, v in log.columns.items() if k != "pressure_a"})
+    blind = log.without("pressure_a")
     for known in ([], [(blind, log)]):
         with pytest.raises(DataError, match="no recording with a measured pressure"):
             switching_band(log, known)

@@ -12,6 +12,7 @@ from clutchid.log import Log
 from clutchid.model import Actuator
 from clutchid.preparation.inspection import Check, inspect
 from clutchid.truck import drive, truck
+from fixtures.changed_logs import spoiled
 
 
 @cache
@@ -50,16 +51,6 @@ def shifted() -> Callable[[Log, float], Log]:
 
 
 @pytest.fixture(scope="session")
-def thinned() -> Callable[[Log, int], Log]:
-    """Every so manieth sample."""
-
-    def thin(log: Log, every: int) -> Log:
-        return Log(log.time[::every], {name: v[::every] for name, v in log.columns.items()}, log.name)
-
-    return thin
-
-
-@pytest.fixture(scope="session")
 def frozen() -> Callable[[Log, str], Log]:
     """Let a column keep its value for 2 s from 50 ms after a supply pulse."""
 
@@ -67,8 +58,6 @@ def frozen() -> Callable[[Log, str], Log]:
         step = float(np.median(np.diff(log.time)))
         pulse = int(np.flatnonzero((log["duty_supply"] > supply) & (log.time > 8))[0])
         start, length = pulse + round(0.05 / step), round(2 / step)
-        values = log[name].copy()
-        values[start : start + length] = values[start]
-        return log.with_columns(**{name: values})
+        return spoiled(log, name, slice(start, start + length), log[name][start])
 
     return freeze

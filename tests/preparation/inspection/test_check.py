@@ -1,7 +1,5 @@
 """The table and the warnings of an inspection."""
 
-import pytest
-
 from clutchid.preparation.inspection import Check, Inspection, inspect
 
 
@@ -36,8 +34,3 @@ def test_the_table_of_a_recording_is_plain_text_in_one_order(recorded):
     ]  # fmt: skip
     assert seen.table().isascii()
     assert max(map(len, seen.table().splitlines()[:14])) < 100
-
-
-def test_checks_are_frozen():
-    with pytest.raises(AttributeError):
-        result("good").grade = "bad"

@@ -8,6 +8,7 @@ from clutchid.model import Actuator, Load
 from clutchid.preparation.inspection.reading import InspectedRecording
 from clutchid.preparation.inspection.timing import starts
 from clutchid.simulation import simulate
+from fixtures.changed_logs import spoiled
 
 ACTUATOR = Actuator(load=Load((9e5, -0.3e5, 0.6e5)))
 
@@ -87,19 +88,18 @@ def test_each_wide_start_from_the_rest_is_a_stroke_whose_simulated_motion_is_the
 )
 def test_a_start_that_tells_no_time_is_left_out(strokes, name, begin, end, value):
     log = strokes()
-    changed = log[name].copy()
     # the position keeps its noise
-    changed[begin:end] = changed[begin:end] + value if name == "position" else value
-    assert starts(InspectedRecording(log.with_columns(**{name: changed}), ACTUATOR)).measured.size == 5
+    changed = log[name][begin:end] + value if name == "position" else value
+    log = spoiled(log, name, slice(begin, end), changed)
+    assert starts(InspectedRecording(log, ACTUATOR)).measured.size == 5
 
 
 @pytest.mark.parametrize(("still", "grade"), [(3, "good"), (4, "bad")])
 def test_where_most_strokes_show_no_motion_the_channels_do_not_belong_together(strokes, found, still, grade):
     log = strokes()
-    position = log["position"].copy()
     end = 1000 * (still + 1)
-    position[:end] = 2e-6 * np.random.default_rng(1).standard_normal(end)
-    seen = found(log.with_columns(position=position), "time shift", ACTUATOR)
+    noise = 2e-6 * np.random.default_rng(1).standard_normal(end)
+    seen = found(spoiled(log, "position", slice(end), noise), "time shift", ACTUATOR)
     assert seen.grade == grade
     assert ("no motion in 4 of 6" in seen.value) == (grade == "bad")
 

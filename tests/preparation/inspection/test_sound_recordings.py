@@ -11,6 +11,7 @@ from clutchid.log import Log
 from clutchid.preparation.inspection import inspect
 from clutchid.recordings import read
 from clutchid.truck import MANOEUVRES, truck
+from fixtures.changed_logs import thinned
 
 
 def not_good(log, actuator=None):
@@ -68,7 +69,7 @@ def test_ten_times_the_rate_changes_no_verdict(recorded):
     assert not_good(fast) == {"supply pressure": "undetermined"}
 
 
-def test_jitter_of_the_stamps_changes_no_verdict(recorded, thinned):
+def test_jitter_of_the_stamps_changes_no_verdict(recorded):
     log = thinned(recorded(7), 5)
     late = log.time + np.random.default_rng(0).uniform(0, 1.5e-3, len(log))
     assert not_good(Log(late, dict(log.columns))) == not_good(log)

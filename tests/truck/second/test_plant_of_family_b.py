@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clutchid.truck import TruckB, drive, truck
+from clutchid.truck import TruckB
 from clutchid.truck.compiled import compiled
 from clutchid.truck.load_table import LoadTable
 from clutchid.truck.parameters import LEDGER
@@ -152,14 +152,3 @@ def test_halving_the_step_makes_the_error_sixteen_times_smaller(lab):
         slope = -np.polyfit(np.log(np.array([1, 2, 4])[kept]), np.log(errors[kept]), 1)[0]
         # the next term is h lambda of the first, 0.1 ms times 2000 / s at most: it bends the slope by 0.2
         assert slope == pytest.approx(4, abs=0.3), name
-
-
-@pytest.mark.parametrize("number", range(6))
-def test_half_the_step_leaves_a_recording_as_it_is(lab, number):
-    t = truck(number, family="B")
-    log = drive(t, seconds=3, seed=number).log
-    duties = np.column_stack([log["duty_supply"], log["duty_exhaust"]])
-    coarse, fine = (by_name(lab.states(t, duties, k)) for k in (1, 4))
-    # a tenth of the noise of the sensors
-    assert np.sqrt(np.mean((coarse["y"] - fine["y"]) ** 2)) < 2e-6
-    assert np.sqrt(np.mean((coarse["p_A"] - fine["p_A"]) ** 2)) < 300

@@ -12,6 +12,7 @@ from clutchid.numerics.failure import Failure
 from clutchid.simulation import Partition
 from clutchid.simulation.noise import Noise
 from clutchid.simulation.plan import plan
+from fixtures.changed_logs import spoiled
 
 SCALES = {"position": 1e-4, "pressure_a": 1e4}
 NAMES = ("theta_1", "theta_2", "theta_3", "A_A", "V_0A", "V_0B", "P_0", "P_S", "C_vs", "C_ve", "K_z", "F_C", "y_max")
@@ -40,9 +41,7 @@ def stacked(problem, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def cut(driven, with_noise) -> Log:
     """3 s of which 0.2 s of an input are missing: a vented start and one under pressure, with measured pressure."""
     log = with_noise(driven(seconds=3.0), 21)
-    supply = log["duty_supply"].copy()
-    supply[1100:1300] = np.nan
-    return log.with_columns(duty_supply=supply)
+    return spoiled(log, "duty_supply", slice(1100, 1300))
 
 
 @pytest.mark.parametrize("measure", [("position",), ("position", "pressure_a")], ids=["position", "both"])
@@ -93,20 +92,18 @@ def test_the_linearisation_is_the_compressed_stack_of_all_segments_and_recording
     np.testing.assert_allclose(there.R.T @ there.q, J.T @ r, atol=1e-11 * np.linalg.norm(J) * np.linalg.norm(r))
 
 
-def test_contradicting_parameters_are_an_answer_not_an_exception(truth, drive):
+@pytest.mark.parametrize(
+    ("name", "value", "sentence"),
+    [("C_vs", -1e-9, "a conductance is at least 0"), ("theta_2", -1e12, "diverged at")],
+    ids=["contradicting parameters", "a simulation that blows up"],
+)
+def test_a_point_that_cannot_be_simulated_is_an_answer_not_an_exception(truth, drive, name, value, sentence):
     problem, x = problem_of(truth, [drive], None, ("position",))
-    x[NAMES.index("C_vs")] = -1.0
+    at = NAMES.index(name)
+    x[at] = problem.coordinates[at].of(value)
     answer = linearise(problem, x)
     assert isinstance(answer, Failure)
-    assert "a conductance is at least 0" in answer.message
-
-
-def test_a_simulation_that_blows_up_is_an_answer_not_an_exception(truth, drive):
-    problem, x = problem_of(truth, [drive], None, ("position",))
-    x[1] = problem.coordinates[1].of(-1e12)
-    answer = linearise(problem, x)
-    assert isinstance(answer, Failure)
-    assert "diverged at" in answer.message
+    assert sentence in answer.message
 
 
 def test_numbers_of_a_fit_are_of_order_one_and_go_back_to_si(truth, cut):

@@ -15,6 +15,7 @@ from clutchid.inference.uncertainty.change_prior import drift
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Solution
 from clutchid.parameters import Parameters, in_order
+from fixtures.dense import dense_blocks, window_rows
 
 NAMES = ("C_vs", "P_S", "F_C")
 
@@ -71,17 +72,8 @@ def dense_rows(uncertain, x, X):
     linear = linearise(wide, np.concatenate([x, np.zeros(m)]), X)
     chain, smooth = linear.chains[0], linear.prior[k + m :, :-1]
     prior = [np.eye(k, n + k + m, n), np.column_stack([np.zeros((smooth.shape[0], n)), smooth])]
-    rows = []
-    linearised = chain.windows.linearised
-    own = np.concatenate([linearised.jacobian, linearised.r[:, :, None]], axis=2)
-    placed = [(chain.first, 0, s), *((each, i, s) for i, each in enumerate(own))]
-    placed += [(link, i, 2 * s) for i, link in enumerate(chain.links)]
-    for block, at, width in placed:
-        full = np.zeros((block.shape[0], n + k + m))
-        full[:, s * at : s * at + width] = block[:, :width]
-        full[:, n:] = block[:, width:-1]
-        rows.append(full)
-    return np.vstack(prior), np.vstack(rows)
+    data = np.vstack(list(dense_blocks(chain.first, window_rows(chain), chain.links, s)))
+    return np.vstack(prior), data[:, :-1]
 
 
 def dense_gain(uncertain, x, X):
@@ -110,17 +102,12 @@ def dense_covariance(uncertain, x, X, scatter):
     )
 
 
-def shortened(problem, solution):
-    """Twelve windows of the problem, so that a dense matrix holds them, and the solution there."""
-    few = replace(problem, tracks=(replace(problem.tracks[0], windows=problem.tracks[0].windows[6:18]),))
-    X = (solution.at.X[0][6:18],)
-    return few, Solution(solution.x, linearise(few, solution.x, X), "converged", 1)
-
-
 @pytest.fixture(scope="module")
 def small(problem, solution):
-    """The shortened problem with an unsure calibration, its states, and the dispersion of its data."""
-    few, shot = shortened(problem, solution)
+    """Twelve windows, which a dense matrix holds, with an unsure calibration; their states and the dispersion."""
+    few = replace(problem, tracks=(replace(problem.tracks[0], windows=problem.tracks[0].windows[6:18]),))
+    X = (solution.at.X[0][6:18],)
+    shot = Solution(solution.x, linearise(few, solution.x, X), "converged", 1)
     return parameter_uncertainty(few, shot, calibration(10.0)), shot.at.X, dispersion(few, shot.at)
 
 
@@ -159,31 +146,6 @@ def test_the_estimate_moves_with_a_considered_number_as_the_covariance_says(prob
     assert happened == pytest.approx(predicted, abs=tolerance + 0.1 * np.abs(predicted).max())
 
 
-def test_intervals_grow_with_the_covariance_of_the_calibration(problem, solution):
-    none, some, much = (
-        parameter_uncertainty(problem, solution, c).matrix for c in (None, calibration(), calibration(3.0))
-    )
-    assert np.all(np.diag(some) > np.diag(none))
-    # what three times the deviations add is nine times what they add once
-    added = some - none
-    assert (much - none) == pytest.approx(9 * added, abs=1e-6 * np.abs(added).max())
-
-
-def test_what_the_noise_leaves_does_not_depend_on_the_calibration(problem, solution):
-    none, some = parameter_uncertainty(problem, solution, None), parameter_uncertainty(problem, solution, calibration())
-    assert none.noise_root @ none.noise_root.T == pytest.approx(some.noise_root @ some.noise_root.T, rel=1e-6)
-
-
-def test_the_band_of_the_pressure_is_finite_and_grows_with_the_calibration(problem, solution):
-    narrow, wide = (pressure_deviations(parameter_uncertainty(problem, solution, c)) for c in (None, calibration(3.0)))
-    assert [band.shape for band in narrow] == [(len(track.windows),) for track in problem.tracks]
-    assert np.all(np.isfinite(narrow[0]))
-    assert np.all(narrow[0] > 0.0)
-    # 48 draws know a deviation to 10 %
-    assert np.median(wide[0] / narrow[0]) > 1.1
-    assert np.median(narrow[0]) < 5e4, "the position determines the pressure to half a bar"
-
-
 def test_the_band_of_the_pressure_is_the_same_on_every_run(problem, solution):
     uncertain = parameter_uncertainty(problem, solution, None)
     assert np.array_equal(pressure_deviations(uncertain)[0], pressure_deviations(uncertain)[0])
@@ -205,24 +167,3 @@ def test_states_that_cannot_be_simulated_are_a_failure(problem, solution):
     assert isinstance(
         parameter_uncertainty(problem, Solution(solution.x, replace(solution.at, X=X), "converged", 1), None), Failure
     )
-
-
-def test_correlations_of_a_calibration_move_the_estimate_as_they_move_that_of_the_dense_problem(
-    problem, solution, plant
-):
-    # three times as uncertain as they drift, and all together too high or too low
-    names = DRIFTING
-    width = np.array([drift(plant, name) for name in names])
-    covariance = np.outer(3 * width, 3 * width) * (0.1 * np.eye(width.size) + 0.9)
-    known = Calibration(names, covariance)
-    few, shot = shortened(problem, solution)
-    uncertain, k = parameter_uncertainty(few, shot, known), solution.x.size
-    # the covariance of what is considered is written down, not multiplied from the root that is under test
-    numbers = uncertain.problem.coordinates[k:]
-    assert [c.base for c in numbers] == list(names)
-    widths = np.array([c.width for c in numbers])
-    gain = dense_gain(uncertain, solution.x, shot.at.X)[-k:]
-    expected = gain @ ((covariance + np.diag(width**2)) / np.outer(widths, widths)) @ gain.T
-    scale = np.sqrt(np.diag(expected))
-    added = uncertain.matrix - uncertain.noise_root @ uncertain.noise_root.T
-    assert added / np.outer(scale, scale) == pytest.approx(expected / np.outer(scale, scale), abs=1e-6)

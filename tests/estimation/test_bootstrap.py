@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from clutchid.estimation.bootstrap import MIN_STROKES, bootstrap, gauss_newton_steps, scatter_ratio, strokes
-from clutchid.inference.smoother.problem import Chain, LinearisedProblem, SimulatedWindows, condense, linearise
-from clutchid.inference.smoother.rows import LinearisedWindows
+from clutchid.inference.smoother.problem import condense, linearise
 from clutchid.inference.smoother.search import CONVERGED_GAIN, STAGES_FROM_CALIBRATION, search
 from clutchid.log import Log
-from clutchid.numerics.least_squares import Solution, triangular
+from clutchid.numerics.least_squares import Solution
 from clutchid.simulation.noise import Noise
+from fixtures.dense import dense_blocks, window_rows
 
 STATES = 10
 
@@ -53,49 +53,17 @@ def resting(problem_of, plant, excursions, low=0.0, missing=(), name="log"):
     return problem_of([log], plant, ("F_C",), ("position",))
 
 
-def whole(chain):
-    """Rows ``[state | theta | r]`` of every window of a chain."""
-    linearised = chain.windows.linearised
-    return np.concatenate([linearised.jacobian, linearised.r[:, :, None]], axis=2)
-
-
 def dense_moves(linear, numbers):
     """The pull of each stroke and of what is known before, each moved by the dense inverse; pulls; information."""
-    chain, k = linear.chains[0], linear.prior.shape[1] - 1
-    own = whole(chain)
-    n = STATES * len(own)
-    placed = [(0, 0, linear.prior), (0, STATES, chain.first)]
-    kinds = [0, 0]
-    for i, (rows, stroke) in enumerate(zip(own, numbers[0], strict=True)):
-        placed.append((i, STATES, rows))
-        kinds.append(stroke + 1)
-        if i < len(chain.links):
-            placed.append((i, 2 * STATES, chain.links[i]))
-            kinds.append(stroke + 1)
-    contributions, H = np.zeros((n + k, 2 + numbers[0].max())), np.zeros((n + k, n + k))
-    for (at, width, rows), kind in zip(placed, kinds, strict=True):
-        full = np.zeros((rows.shape[0], n + k))
-        full[:, STATES * at : STATES * at + width] = rows[:, :width]
-        full[:, n:] = rows[:, width:-1]
-        H += full.T @ full
-        contributions[:, kind] += full.T @ rows[:, -1]
+    chain, k, strokes = linear.chains[0], linear.prior.shape[1] - 1, numbers[0] + 1
+    blocks = list(dense_blocks(chain.first, window_rows(chain), chain.links, STATES))
+    n = STATES * len(strokes)
+    blocks.append(np.hstack([np.zeros((len(linear.prior), n)), linear.prior]))
+    contributions, H = np.zeros((n + k, 1 + strokes.max())), np.zeros((n + k, n + k))
+    for rows, kind in zip(blocks, [0, *strokes, *strokes[:-1], 0], strict=True):
+        H += rows[:, :-1].T @ rows[:, :-1]
+        contributions[:, kind] += rows[:, :-1].T @ rows[:, -1]
     return -np.linalg.solve(H, contributions)[n:], np.linalg.inv(H)[n:, n:]
-
-
-def white(rng, count, k):
-    """A random linear problem with standard normal residuals, two windows a stroke and nothing known before."""
-    windows = 2 * count
-    width = STATES + k + 1
-    own = np.array([triangular(rng.standard_normal((30, width))) for _ in range(windows)])
-    links = rng.standard_normal((windows - 1, STATES, STATES + width))
-    first = rng.standard_normal((STATES, width))
-    nothing, end = np.zeros(windows), np.zeros((windows, STATES))
-    to_start, to_theta = np.zeros((windows, STATES, STATES)), np.zeros((windows, STATES, k))
-    linearised = LinearisedWindows(own[:, :, :-1], own[:, :, -1], end, to_start, to_theta, nothing)
-    chain = Chain(first, SimulatedWindows(linearised, end, nothing, nothing), links)
-    return LinearisedProblem(np.zeros(k), (end,), np.zeros((0, k + 1)), (chain,), 0.0), (
-        np.repeat(np.arange(count), 2),
-    )
 
 
 def test_the_step_of_each_stroke_is_that_of_the_dense_problem(small):
@@ -128,13 +96,6 @@ def test_the_steps_of_all_strokes_add_up_to_the_step_of_the_whole_problem(proble
     assert known + moves.sum(axis=1) == pytest.approx(-np.linalg.solve(factor[:-1, :-1], factor[:-1, -1]), abs=1e-8)
 
 
-def test_with_every_stroke_once_nothing_moves_because_the_search_has_ended_there(problem, solution, root):
-    assert solution.status == "converged"
-    known, moves = gauss_newton_steps(solution.at, strokes(problem))
-    # in deviations; the square of its length is what the cost would still fall by
-    assert np.sum(np.linalg.solve(root, known + moves.sum(axis=1)) ** 2) < CONVERGED_GAIN
-
-
 def test_draws_are_the_same_on_every_run_with_the_same_seed(problem, solution):
     first = bootstrap(problem, solution, draws=20, seed=1)
     assert first.shape == (20, 22)
@@ -147,26 +108,6 @@ def test_many_draws_are_spread_around_what_was_found(problem, solution, root):
     # the mean of 2000 draws is known to a 45th of their deviation; the search may have stopped short of the minimum
     stopped = np.sqrt(CONVERGED_GAIN) * np.linalg.norm(root, axis=1)
     assert np.all(np.abs(x.mean(axis=0) - solution.x) < 4 * np.std(x, axis=0) / np.sqrt(2000) + stopped)
-
-
-def test_white_residuals_scatter_as_the_covariance_says(problem):
-    rng, k, count = np.random.default_rng(0), 5, 120
-    linear, numbers = white(rng, count, k)
-    moves = gauss_newton_steps(linear, numbers)[1]
-    factor = condense(problem, linear)[0][:k, :k]
-    apart = moves - moves.mean(axis=1, keepdims=True)
-    # mean over k directions of chi-square with 119 degrees of freedom: 1 with a deviation of sqrt(2 / (119 k)) = 6 %
-    assert np.sum((factor @ apart) ** 2) / k == pytest.approx(1.0, abs=0.18)
-
-
-def test_residuals_that_come_four_times_each_are_counted_once():
-    linear, numbers = white(np.random.default_rng(1), 12, 5)
-    chain = linear.chains[0]
-    linearised = chain.windows.linearised
-    twice = replace(chain.windows, linearised=replace(linearised, jacobian=2 * linearised.jacobian, r=2 * linearised.r))
-    fourfold = Chain(2 * chain.first, twice, 2 * chain.links)
-    once, again = (gauss_newton_steps(replace(linear, chains=(c,)), numbers)[1] for c in (chain, fourfold))
-    assert again == pytest.approx(once, abs=1e-9)
 
 
 def test_the_load_of_a_recording_with_white_noise_scatters_about_as_without_colour(problem, solution, root):

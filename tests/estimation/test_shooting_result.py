@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.estimation.posterior import QUANTILE, corrected
+from clutchid.estimation.posterior import QUANTILE
 from clutchid.estimation.request import FreeParameters
 from clutchid.estimation.result import failed_fit
 from clutchid.estimation.shooting import result, shoot
@@ -68,14 +68,6 @@ def test_estimates_have_the_value_the_error_and_the_interval_of_their_number(fit
     assert units == {"theta_5": "N", "y_max@worn": "m", "P_S@worn": "Pa", "R_0vs@worn": "1"}
 
 
-def test_intervals_are_wider_with_a_calibration_that_is_less_sure(fit, shot):
-    unsure = result(shot, Calibration(NAMES, np.diag((3 * STD) ** 2)))
-    reached = slice(2, 80)
-    widths = [(curve.high - curve.low)[reached] for curve in (fit.load_curve, unsure.load_curve)]
-    assert np.all(widths[1] > widths[0])
-    assert unsure.load_curve.force == pytest.approx(fit.load_curve.force), "the estimate is the same"
-
-
 def test_the_bias_of_the_calibration_is_taken_off_and_widens_the_band(fit, shot, known):
     bias = np.linspace(-30.0, 60.0, 22)
     errors = PositionOnlyErrors(((),), fit.actuator.load.names, bias[None], np.zeros(1))
@@ -91,14 +83,6 @@ def test_the_bias_of_the_calibration_is_taken_off_and_widens_the_band(fit, shot,
         assert (estimate.value, estimate.low, estimate.high) == pytest.approx(
             (before.value - bias[number], before.low - bias[number], before.high - bias[number])
         )
-
-
-def test_a_corrected_actuator_differs_by_the_bias_only(plant):
-    bias = np.arange(22.0)
-    other = corrected(plant, bias)
-    assert np.asarray(plant.load.theta) - np.asarray(other.load.theta) == pytest.approx(bias)
-    assert other.parameters == plant.parameters
-    assert other.load.knots == plant.load.knots
 
 
 def test_the_pressure_has_a_finite_band_that_holds_the_true_pressure(fit, worn, recorded_by):

@@ -5,7 +5,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from clutchid.errors import DataError
 from clutchid.estimation import shooting as module
 from clutchid.estimation.request import FreeParameters
 from clutchid.estimation.shooting import MEMORY, shoot
@@ -13,7 +12,6 @@ from clutchid.inference.smoother.search import UNLIMITED
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.change_prior import changeable
 from clutchid.inference.uncertainty.coordinates import Prior
-from clutchid.log import Log
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Solution
 from clutchid.preparation.prepare import prepare
@@ -46,15 +44,6 @@ def test_noise_scales_are_those_of_the_recording(plant, recorded_by):
     assert set(shot.problem.noise.measured) == {"position"}
 
 
-def test_evaluations_of_all_stages_are_counted(plant, drive_log):
-    reported = []
-    log = drive_log.slice(0, 2000).without("pressure_a")
-    wanted = FreeParameters(plant.load.names, ("position",))
-    shot = shoot([log], plant, wanted, EXACT, lambda stage, count: reported.append(stage))
-    assert set(reported) == {"coarse", "fine"}
-    assert shot.solution.evaluations >= len(reported)
-
-
 def test_the_reference_of_the_shape_is_the_calibrated_load_or_none(plant, drive_log):
     log = drive_log.slice(0, 1000).without("pressure_a")
     wanted = FreeParameters(("theta_5",), ("position",))
@@ -84,12 +73,6 @@ def test_a_narrow_prior_far_from_the_start_value_is_reached(plant, drive_log):
     )
 
 
-def test_a_recording_without_inputs_is_refused(plant):
-    time = np.arange(100) * 1e-3
-    with pytest.raises(DataError, match="no column 'duty_supply'"):
-        shoot([Log(time, {"position": np.zeros(100)})], plant, FreeParameters(("theta_5",), ("position",)))
-
-
 @pytest.mark.parametrize("calibration", [EXACT, None], ids=["calibrated", "plain"])
 @pytest.mark.parametrize("measure", [("position",), ("position", "pressure_a")], ids=["position", "both"])
 def test_residuals_have_a_memory_in_every_fit(plant, drive_log, measure, calibration):
@@ -102,14 +85,6 @@ def test_the_plan_follows_a_stiffness_above_that_of_the_start(plant, drive_log):
     steps = plan.segments[0].substeps.max()
     assert steps >= 1.3 * stiffness(plant) * 1e-3 / 2.5
     assert np.flatnonzero(plan.segments[0].jump)[:3].tolist() == [20, 40, 60], "the first guess starts anew every 20 ms"
-
-
-def test_the_phase_of_a_recording_is_found_with_and_without_pressure(switched, carried):
-    for log, true in zip(carried, (0.3, -0.2), strict=True):
-        identified = pulsed(log, switched.replace({"s_pwm": 0.0}), True).actuator
-        blind = pulsed(log.without("pressure_a"), switched.replace({"s_pwm": 0.0}), False).actuator
-        assert identified.value("s_pwm") == pytest.approx(true, abs=0.05)
-        assert blind.value("s_pwm") == pytest.approx(true, abs=0.06)
 
 
 def test_without_a_carrier_the_actuator_stays(plant, drive_log):

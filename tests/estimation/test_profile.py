@@ -90,7 +90,7 @@ def costs(problem, solution, profiled):
 
         def cost(value, start):
             without = replace(problem, coordinates=left, actuator=problem.actuator.replace({name: value}))
-            there = project(without, start.x, start.X, lambda _: None)
+            there = project(without, start.x, start.at.X, lambda _: None)
             # what the prior says of the number that is not free here
             return there, there.at.cost + c.of(value) ** 2
 
@@ -231,9 +231,26 @@ def test_a_bent_cost_is_followed_on_both_sides_in_a_bracket(ends, root, end):
             assert u < min((v for v in side[:i] if root(v) > 1), default=np.inf)
 
 
-def test_the_sides_are_searched_one_by_one(ends):
-    solution, _ = ends(lambda u: -4 * u if u < 0 else 0.5 * u)
-    assert solution == pytest.approx([-0.25, 2.0], rel=2 * ROOT_TOLERANCE)
+TOO_LONG = Failure("the step is too long.")
+
+
+@pytest.mark.parametrize(
+    ("root", "wanted"),
+    [
+        (lambda u: -4 * u if u < 0 else 0.5 * u, [-0.25, 2.0]),
+        (lambda u: -0.3 if 0.5 < u < 1.5 else abs(u) / 2, [-2.0, 2.0]),
+        (lambda u: TOO_LONG if u > 0.9 else abs(u) / 0.6, [-0.6, 0.6]),
+        (lambda u: TOO_LONG if u > 0.01 else 2 * abs(u), [-0.5, 1.0]),
+    ],
+    ids=[
+        "side by side",
+        "cheaper than the estimate",
+        "failing counts as too far",
+        "failing side as the covariance says",
+    ],
+)
+def test_ends_are_found_where_the_cost_is_no_parabola(ends, root, wanted):
+    assert ends(root)[0] == pytest.approx(wanted, rel=2 * ROOT_TOLERANCE)
 
 
 def test_what_never_costs_enough_ends_after_four_half_widths(ends):
@@ -242,45 +259,10 @@ def test_what_never_costs_enough_ends_after_four_half_widths(ends):
     assert max(map(abs, tried)) == pytest.approx(MAX_HALF_WIDTHS)
 
 
-def test_a_cost_below_that_of_the_estimate_sends_the_end_further_out(ends):
-    solution, _ = ends(lambda u: -0.3 if 0.5 < u < 1.5 else abs(u) / 2)
-    assert solution == pytest.approx([-2.0, 2.0], rel=2 * ROOT_TOLERANCE)
-
-
-def test_what_cannot_be_simulated_counts_as_too_far(ends):
-    solution, _ = ends(lambda u: Failure("the step is too long.") if u > 0.9 else abs(u) / 0.6)
-    assert solution == pytest.approx([-0.6, 0.6], rel=2 * ROOT_TOLERANCE)
-
-
-def test_where_one_side_cannot_be_simulated_the_covariance_stands_there(ends):
-    solution, _ = ends(lambda u: Failure("the step is too long.") if u > 0.01 else 2 * abs(u))
-    assert solution == pytest.approx([-0.5, 1.0], rel=2 * ROOT_TOLERANCE)
-
-
 def test_where_neither_side_can_be_simulated_there_is_no_interval(ends):
-    answer, tried = ends(lambda u: Failure("the step is too long."))
-    assert isinstance(answer, Failure)
-    assert answer.message == "the step is too long."
+    answer, tried = ends(lambda u: TOO_LONG)
+    assert answer is TOO_LONG
     assert len([u for u in tried if abs(u) > 1e-9]) <= 2 * MAX_EVALUATIONS
-
-
-def test_no_search_leaves_the_bounds_of_the_other_numbers_or_moves_the_fixed_one(
-    problem, solution, uncertain, monkeypatch
-):
-    asked = []
-
-    def watched(problem, x, X, tell):
-        there = project(problem, x, X, tell)
-        asked.append((problem, x, there))
-        return there
-
-    monkeypatch.setattr(module, "project", watched)
-    profile_interval(problem, solution, uncertain, "tau_y")
-    assert len({float(x[1]) for _, x, _ in asked}) >= 3
-    for problem, x, there in asked:
-        low, high = problem.bounds()
-        assert np.all((low <= there.x) & (there.x <= high))
-        assert low[1] == high[1] == x[1] == there.x[1]
 
 
 def test_the_covariance_misleads_where_an_end_is_off_by_a_fifth_of_the_half_width():
