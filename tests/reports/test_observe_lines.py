@@ -14,7 +14,7 @@ def test_the_dbc_has_the_signals_that_are_sent():
         (one.name, one.identifier, LENGTH) for one in MESSAGES
     ]
     for one, sent in zip(read, MESSAGES, strict=True):
-        assert {(s.name, s.begin, s.length, s.scale, s.offset, s.unit) for s in one.pages[0].signals} == {
+        assert {(s.name, s.begin, s.length, s.scale, s.offset, s.unit) for s in one.groups[0].signals} == {
             (s.name, s.begin, s.length, s.scale, s.offset, s.unit) for s in sent.signals
         }
     assert {*FLAGS, *LIVE_FLAGS} <= {signal.name for signal in MESSAGES[-1].signals}
