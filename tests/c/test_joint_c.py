@@ -27,6 +27,7 @@ from clutchid.inference.filter.setup import (
     JointState,
     ModelArrays,
     SettingsArrays,
+    Window,
     scratch,
 )
 from fixtures.joint_c import JointC, as_written
@@ -34,14 +35,20 @@ from fixtures.joint_c import JointC, as_written
 pytestmark = pytest.mark.slow
 
 EXACT = ("-O2", "-ffp-contract=off")
-SIZE = JointSize(states=4, sensors=2, parameters=6, drifts=3, weights=3, pieces=4)
-N, M, K, ROWS = 4, 2, 6, 6
+SIZE = JointSize(
+    states=4, sensors=2, parameters=6, of_model=2, of_sensors=2, drifts=3, model_parameters=4, weights=3, pieces=4,
+    window=1,
+)  # fmt: skip
+N, M, K, ROWS, RESPONSES = 4, 2, 6, 6, 5
 DT = 1e-3
 
 #: Outputs and states of two sensors; the first has a free lag, the second a free offset.
-SENSORS = np.array([[4, 0, 4, -1], [5, 2, -1, 5]])
-PLACES = np.array([[0, -1, -1, -1], [2, -1, -1, -1], [-1, 0, -1, -1], [-1, 1, -1, -1], [-1, 2, 0, -1], [-1, 3, -1, 1]])
-PIECES = np.array([[0, 2], [1, 3], [2, 3]])
+SENSORS = np.array([[4, 0, 3, -1], [5, 2, -1, 5]])
+PLACES = np.array([[-1, 0, -1, -1], [-1, 1, -1, -1], [1, -1, -1, -1], [2, -1, -1, -1], [-1, 2, 0, -1], [-1, 3, -1, 1]])
+PIECES, BREAKPOINTS = np.array([[0, 2], [0, 1], [2, 3]]), np.array([-0.5, -0.1, 0.4])
+
+#: Positions that the window is for, before a function that may place it.
+WITHIN = -0.4, 0.5
 
 
 @dataclass
@@ -60,8 +67,11 @@ class Drawn:
     step: np.ndarray
     h: np.ndarray
     values: np.ndarray
+    seed: int
     sensor: int
     settings: tuple
+
+    breakpoints = BREAKPOINTS
 
     @property
     def free(self):
@@ -76,7 +86,7 @@ class Drawn:
     @property
     def model(self):
         none = np.zeros(0, np.int64)
-        fixed = np.zeros(3), self.basis.copy()
+        fixed = BREAKPOINTS.copy(), self.basis.copy()
         for array in fixed:
             array.flags.writeable = False
         return ModelArrays(self.p, fixed[0], self.load, fixed[1], *[none] * 5, np.zeros(N))
@@ -99,7 +109,7 @@ def drawn(seed):
     return Drawn(
         state=JointState(
             single(ROWS), np.hstack([single(ROWS, K), L]), single(K), T, np.abs(single(ROWS)), np.array([seed % 2]),
-            np.eye(ROWS), np.zeros(1, np.int64),
+            single(ROWS, RESPONSES + ROWS), np.array([seed % 2]),
         ),
         numbers=numbers,
         derived=Derived(single(3), np.array([numbers[4, MEAN], 2.0**-11]), 1.0 + np.abs(single(M, 2)), single(K)),
@@ -112,6 +122,7 @@ def drawn(seed):
         step=2.0 * single(K),
         h=single(K + ROWS),
         values=np.array([20.0 * single(1)[0], np.nan if seed % 4 == 0 else 1.0]),
+        seed=seed,
         sensor=seed % 2,
         settings=SettingsArrays(1, outlier, speed, 1, 0, None),
     )  # fmt: skip
@@ -132,25 +143,36 @@ class InPython:
     def __init__(self, m, calls, g):
         self.m, self.g, self.room, self.model = m, g, g.room, g.model
         self.step, self.prepare = calls
-        self.x, self.S, self.theta, self.T, _, self.stroke, _, _ = self.state = g.state
+        self.x, self.S, self.theta, self.T, _, self.stroke, self.moved, _ = self.state = g.state
+        columns, at_weights = np.array([0, 1, 2 + g.seed % 2, 4, 5]), np.array([2, 3])
+        self.window = Window(np.ones(1, np.int64), columns, columns[2:3], np.array([1, 2]), at_weights,
+                             np.array(WITHIN), np.zeros((ROWS, K + ROWS)))  # fmt: skip
         self.weights, self.lags, self.of_sensor, self.slopes = self.derived = g.derived
 
     def after(self, extra):
         """All that a function may change, and what it returns."""
-        return flat(self.state[:6], self.derived, self.g.p, self.g.load, self.g.W, extra)
+        within = np.clip(self.window.within, -1e30, 1e30)
+        return flat(self.state, self.derived, self.g.p, self.g.load, within, self.g.W, extra)
+
+    def bring_up(self):
+        self.m.bring_up(self.state, self.window, PIECES, BREAKPOINTS, self.x[self.g.settings.at_position])
 
 
 class InC:
     """The same arguments as C takes them."""
 
     def __init__(self, c, g):
-        names = ("p", "load", "basis", "W", "sigma", "step", "h", "values")
-        self.p, self.load, self.basis, self.W, self.sigma, self.step, self.h, self.values = (
+        names = ("breakpoints", "basis", "W", "sigma", "step", "h", "values")
+        self.breakpoints, self.basis, self.W, self.sigma, self.step, self.h, self.values = (
             c.array(getattr(g, name)) for name in names
         )
         self.c, self.call, self.g, self.room = c, c.call, g, c.scratch
-        self.state, self.derived = c.state(g.state), c.derived(g.derived, self.p, self.load)
-        self.fixed = c.filter(g.free, SENSORS, self.basis, g.drifts, g.settings)
+        self.state, self.derived = c.state(g.state), c.derived(g.derived, g.p, g.load)
+        self.p, self.load, within = (
+            np.ctypeslib.as_array(getattr(self.derived, name)) for name in ("p", "load", "within")
+        )
+        within[:] = WITHIN
+        self.fixed = c.filter(g.free, SENSORS, self.breakpoints, self.basis, g.drifts, g.settings)
         self.weights, _, _, self.slopes = map(c.array, g.derived)
 
     def zeros(self, *shape):
@@ -159,11 +181,11 @@ class InC:
     def after(self, extra):
         d = self.derived
         derived = d.weights, d.lags, np.column_stack([d.offsets, d.sigmas]), d.slopes
-        return flat(self.c.arrays(self.state), derived, self.p, self.load, self.W, extra)
+        return flat(self.c.arrays(self.state), derived, self.p, self.load, np.array(d.within), self.W, extra)
 
 
-def flat(state, derived, p, load, W, extra):
-    return [np.array(part, dtype=np.float64).ravel() for part in (*state, *derived, p, load, W, extra)]
+def flat(state, derived, p, load, within, W, extra):
+    return [np.array(part, dtype=np.float64).ravel() for part in (*state, *derived, p, load, within, W, extra)]
 
 
 def filled(array, function, *arguments):
@@ -178,7 +200,9 @@ def lag_in_python(a, tau):
 
 def predicted_in_python(a):
     interval = np.zeros(1), np.array([DT]), 1, a.g.sigma, np.vstack([lag_in_python(a, tau) for tau in a.lags])
-    a.m.move_columns(a.step, a.x, a.S, a.state[4], a.model, interval, a.lags, SENSORS, a.room.before)
+    if a.m.leaves(a.x, a.g.settings, DT, a.window.within):
+        a.bring_up()
+    a.m.move_columns(a.step, a.x, a.moved, a.state.waiting, a.model, interval, a.lags, SENSORS, a.room.before)
 
 
 def predicted_in_c(c):
@@ -194,10 +218,16 @@ def corrected_in_python(a):
 
 def sample_in_python(a):
     errors = np.zeros((M, 2))
+    a.bring_up()
     a.m.correct_sample_jointly(
         a.prepare, a.state, a.model, a.g.free, a.derived, SENSORS, a.g.values, a.g.settings, errors, a.room
     )
     return errors
+
+
+def refreshed_in_python(a):
+    a.m.refresh(a.prepare, a.theta, a.g.free, a.derived, a.model)
+    a.m.place_window(a.state.first[0], a.window, PIECES, BREAKPOINTS)
 
 
 def strokes_in_c(c):
@@ -225,9 +255,10 @@ FUNCTIONS = {
         lambda c: c.call("combine_load", c.load, c.fixed, c.weights),
     ),
     "refresh": (
-        lambda a: a.m.refresh(a.prepare, a.theta, a.g.free, a.derived, a.model),
+        refreshed_in_python,
         lambda c: c.call("refresh", c.state, c.fixed, c.derived),
     ),
+    "bring_up": (lambda a: a.bring_up(), lambda c: c.call("bring_up", c.state, c.fixed, c.derived, c.room)),
     "move_parameters": (
         lambda a: a.m.move_parameters(a.x, a.S, a.theta, a.g.free, a.g.step),
         lambda c: c.call("move_parameters", c.state, c.fixed, c.step),
@@ -281,12 +312,14 @@ FUNCTIONS = {
     ),
     "state_deviations": (
         lambda a: filled(found := np.zeros(N), a.m.state_deviations, a.S, a.T, a.slopes, found, a.room.w),
-        lambda c: filled(found := c.zeros(N), c.call, "state_deviations", c.state, c.derived, found, c.room),
+        lambda c: [c.call("state_deviation", c.state, c.derived, row, c.room) for row in range(N)],
     ),
 }  # fmt: skip
 
 #: Those whose result in C is a number or nothing, but no result of theirs.
-PROCEDURES = {"combine_load", "refresh", "move_parameters", "triangularise", "add_waiting_noise", "drift"}
+PROCEDURES = {
+    "combine_load", "refresh", "bring_up", "move_parameters", "triangularise", "add_waiting_noise", "drift",
+}  # fmt: skip
 
 
 def in_python(m, calls, g, name):
@@ -338,7 +371,7 @@ def test_in_double_c_computes_bit_by_bit_what_the_text_of_a_kernel_says(joint_of
     for seed in range(24):
         g = drawn(seed)
         expected = in_python(plain, (rest, nothing), g, name)
-        before = flat(g.state, g.derived, g.p, g.load, g.W, np.zeros_like(expected[-1]))
+        before = flat(g.state, g.derived, g.p, g.load, WITHIN, g.W, np.zeros_like(expected[-1]))
         for found, one in zip(in_c(c, g, name), expected, strict=True):
             np.testing.assert_array_equal(found, one)
         changed |= any(not np.array_equal(*both) for both in zip(before, expected, strict=True))
@@ -371,24 +404,27 @@ def test_c_is_its_compiled_kernel_up_to_rounding_and_the_order_of_sums(
 
 @pytest.mark.parametrize("real", ["double", "float"])
 def test_a_filter_of_the_states_alone_compiles_strictly_and_corrects_them(joint_of, plain, real):
-    size = JointSize(N, M, 0, 0, 3, 4)
+    size = JointSize(N, M, 0, 0, 0, 0, 4, 3, 4, 0)
     c, g = joint_of(size, real, EXACT), drawn(1)
     x, S, _, _, waiting, stroke, moved, first = deepcopy(g.state)
-    S, empty = np.ascontiguousarray(S[:, K:]), np.zeros((0, 0))
-    state = JointState(x, S, np.zeros(0), empty, waiting, stroke, moved, first)
+    S, moved, empty = np.ascontiguousarray(S[:, K:]), np.ascontiguousarray(moved[:, RESPONSES:]), np.zeros((0, 0))
+    state = JointState(x, S, np.zeros(0), empty, waiting, stroke, moved, 0 * first)
+    nowhere = np.zeros(0, np.int64)
+    window = Window(nowhere, nowhere, nowhere, nowhere, nowhere, np.zeros(2), np.zeros_like(S))
     sensors = SENSORS * [1, 1, 0, 0] - [0, 0, 1, 1]
     free, basis = FreeArrays(np.zeros((0, 7)), np.zeros((0, 4), np.int64), PIECES), c.array(g.basis)
-    derived, p, load = g.derived._replace(slopes=np.zeros(0)), c.array(g.p), c.array(g.load)
+    derived, breakpoints = g.derived._replace(slopes=np.zeros(0)), c.array(g.breakpoints)
     in_c, errors, expected = c.state(state), c.array(np.zeros((M, 2))), np.zeros((M, 2))
-    fixed = c.filter(free, sensors, basis, np.zeros((0, 0)), g.settings)
-    c.call("correct_sample", in_c, fixed, c.derived(derived, p, load), c.array(g.values), errors, c.scratch)
+    fixed = c.filter(free, sensors, breakpoints, basis, np.zeros((0, 0)), g.settings)
+    c.call("correct_sample", in_c, fixed, c.derived(derived, g.p, g.load), c.array(g.values), errors, c.scratch)
     c.call("drift", in_c, fixed, c.scratch)
     room = JointScratch(*scratch(ROWS, N, ROWS, M), np.zeros(ROWS + 1), np.zeros(0), np.zeros(0), empty)
+    plain.bring_up(state, window, PIECES, BREAKPOINTS, x[g.settings.at_position])
     plain.correct_sample_jointly(nothing, state, g.model, free, derived, sensors, g.values, g.settings, expected, room)
-    for one, other in zip((*c.arrays(in_c), errors), (*state[:6], expected), strict=True):
+    for one, other in zip((*c.arrays(in_c), errors), (*state, expected), strict=True):
         if real == "double":
             np.testing.assert_array_equal(one, other)
-    assert_close((*c.arrays(in_c), errors), (*state[:6], expected), 2.0**-52 if real == "double" else 2.0**-23)
+    assert_close((*c.arrays(in_c), errors), (*state, expected), 2.0**-52 if real == "double" else 2.0**-23)
 
 
 def test_what_is_neither_a_number_nor_finite_is_left_out(joint_of):
@@ -398,6 +434,7 @@ def test_what_is_neither_a_number_nor_finite_is_left_out(joint_of):
         given, quiet = InC(c, g), InC(c, g)
         errors = given.zeros(M, 2)
         assert c.call("correct_sample", given.state, given.fixed, given.derived, given.values, errors, c.scratch) == 0
+        c.call("bring_up", quiet.state, quiet.fixed, quiet.derived, c.scratch)
         c.call("add_waiting_noise", quiet.state, quiet.fixed, c.scratch)
         assert np.isnan(errors).all()
         for one, other in zip(given.after([]), quiet.after([]), strict=True):

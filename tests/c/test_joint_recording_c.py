@@ -1,11 +1,13 @@
 """A recording followed by the joint filter in C, prediction and correction, against the filter in Python."""
 
+from dataclasses import replace
 from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
+from clutchid.inference.filter import joint_filter as joint_module
 from clutchid.inference.filter.joint_c99 import joint_c99
 from clutchid.inference.filter.joint_filter import JointSettings, follow, init, inputs, joint_filter
 from clutchid.inference.filter.setup import STROKE_ENDS
@@ -16,7 +18,7 @@ from clutchid.observer.prior import online_prior
 from clutchid.preparation.prepare import prepare
 from clutchid.simulation.noise import Noise
 from clutchid.simulation.windows import tracks
-from fixtures.joint_c import FilterC, JointC, as_written, derived_of, size_of
+from fixtures.joint_c import FilterC, JointC, as_written, size_of
 
 pytestmark = pytest.mark.slow
 
@@ -69,42 +71,30 @@ def filter_of(case, model_of, compiled):
     return lambda real: FilterC(JointC(library_of(real), size, real), model_of(real), made)
 
 
-def plainly_followed(case, c, count):
+def plainly_followed(case, c, count, patch):
     """As `follow`, by the text of the kernels in plain Python, with the model's step and constants in C."""
-    made, (x, S, *others), carry = case.made, case.state.copy(), np.zeros(c.c.size.states)
+    carry, written = np.zeros(c.c.size.states), as_written()
 
-    def step(x, S, u, p, h, substeps, *_):
-        c.p[:] = p
-        c.step((x.ctypes.data, carry.ctypes.data, S.ctypes.data), u, h, substeps)
+    def step(x, moved, u, p, h, substeps, _, load, basis, window, *__):
+        c.p[:], c.load[:] = p, load.ravel()
+        c.place(basis[window[0] :].ctypes.data)
+        c.step((x.ctypes.data, carry.ctypes.data, moved.ctypes.data), moved.shape[1], u, h, substeps)
         return bool(np.isfinite(x).all())
 
     def constants(p, *_):
         c.p[:] = p
         c.prepare()
 
-    written, actuator, settings = as_written(), made.mapped.actuator, made.settings
-    load, none = actuator.load, np.zeros(0, np.int64)
-    model = actuator.array(), load.breakpoints, c.load, load.coefficients, *[none] * 5, np.zeros(1)
-    rows = actuator.states.index("v"), actuator.states.index("y")
-    k, size, width, n = len(case.state.theta), x.size, S.shape[1], len(actuator.states)
-    both = np.zeros((1, 1 + width)), np.zeros((size, size + n)), np.zeros(width)
-    room = both, np.zeros(size + 1), np.zeros(k), np.zeros(k), np.zeros((k, k + made.drifts.shape[1]))
-    output = np.zeros((count, 1, 2)), np.zeros((count, n)), np.zeros((count, n))
-    fixed = settings.every, made.noise.outlier, settings.least_speed, rows
-    failed = written.follow_jointly(
-        step, constants, (x, S, *others), model, made.free, derived_of(made), case.given.intervals, made.sensors,
-        case.given.values, fixed, made.drifts, made.pace, output, room, (0, count, 0),
-    )  # fmt: skip
-    assert failed == -1
-    return (x, S, *others), output
+    patch.setattr(joint_module, "kernels_in", lambda _: written)
+    return follow(replace(case.made, calls=(step, constants)), case.state, case.given, (0, count))
 
 
-def test_in_double_a_recording_is_followed_bit_by_bit_as_the_text_says(case, filter_of):
+def test_in_double_a_recording_is_followed_bit_by_bit_as_the_text_says(case, filter_of, monkeypatch):
     count, engaged = 2500, case.found.states[:, 0] < STROKE_ENDS
     ends = np.flatnonzero(engaged[1:] & ~engaged[:-1])
     assert ends.min() < count - 500, "a stroke ends, and the parameters drift, while it is compared"
     state, outputs = filter_of("double").follow(tuple(case.state), case.given, count)
-    expected, others = plainly_followed(case, filter_of("double"), count)
+    expected, *others = plainly_followed(case, filter_of("double"), count, monkeypatch)
     for one, other in zip((*state, *outputs), (*expected, *others), strict=True):
         np.testing.assert_array_equal(one, other)
 

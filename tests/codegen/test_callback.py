@@ -12,7 +12,7 @@ CODE = """
 from pathlib import Path
 from numba import types
 from clutchid.codegen.cache import load_module
-from clutchid.codegen.kernels import Callback
+from clutchid.codegen.linked import Callback
 
 text = '''
 from clutchid.codegen.kernels import kernel

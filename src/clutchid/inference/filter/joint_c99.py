@@ -8,6 +8,7 @@ from clutchid.codegen.c99 import CSource
 from clutchid.codegen.language import C_DOUBLE, C_FLOAT
 from clutchid.codegen.templates import template
 from clutchid.inference.filter.setup import STROKE_BEGINS, STROKE_ENDS
+from clutchid.inference.filter.transition import AHEAD, MARGIN
 from clutchid.simulation.comparison import SHORTEST_LAG
 
 
@@ -19,28 +20,36 @@ class JointSize:
     ----------
     states, sensors
         States of the model, and measured columns, at least 1.
-    parameters, drifts
-        Free parameters (k,), and columns of the root (k, d) of what theta gains in a stroke.
-    weights, pieces
-        Weights of the load, free or not, and pieces of its table.
+    parameters, of_model, of_sensors
+        Free parameters k, and how many of them are the model's and the sensors'; the rest are load weights.
+    drifts
+        Columns of the root (k, d) of what theta gains in a stroke.
+    model_parameters
+        Parameters of the model, free or not.
+    weights, pieces, window
+        Weights of the load, free or not; pieces of its table; weights whose columns move at a time.
     """
 
     states: int
     sensors: int
     parameters: int
+    of_model: int
+    of_sensors: int
     drifts: int
+    model_parameters: int
     weights: int
     pieces: int
+    window: int
 
     @property
     def room(self) -> int:
-        """Numbers in the larger of the matrices that are made triangular."""
-        size = self.states + self.sensors
-        return max(size * (size + self.states), self.parameters * (self.parameters + self.drifts))
+        """Numbers in the largest of S and the matrices that are made triangular."""
+        size, k = self.states + self.sensors, self.parameters
+        return max(size * (size + k), size * (size + self.states), k * (k + self.drifts))
 
 
 def joint_c99(size: JointSize, real: str = "double") -> CSource:
-    """The joint filter in C99, ``joint.h`` and ``joint.c``; the model's ``NAME_step_columns`` moves x and S.
+    """The joint filter in C99, ``joint.h`` and ``joint.c``: the model's ``NAME_step_columns`` moves x, Gamma and Phi.
 
     Compiled without contraction of sums and products (``-ffp-contract=off``), double has bit by bit the numbers of the
     kernels in `joint` where they are computed in the order in which they are written. The compiled kernels may reorder
@@ -66,5 +75,7 @@ def joint_c99(size: JointSize, real: str = "double") -> CSource:
         "stroke_begins": STROKE_BEGINS,
         "stroke_ends": STROKE_ENDS,
         "shortest_lag": SHORTEST_LAG,
+        "margin": MARGIN,
+        "ahead": AHEAD,
     }
     return CSource(template("joint.h.j2").render(values), template("joint.c.j2").render(values))

@@ -12,8 +12,11 @@ from clutchid.codegen.kernels import kernels_in
 from clutchid.errors import ParameterError
 from clutchid.inference.filter.rules import KALMAN, CorrectionRule
 from clutchid.inference.filter.setup import (
+    BESIDE,
     LAG,
-    WEIGHTS,
+    LAG_OF,
+    OFFSET_OF,
+    WEIGHT,
     Derived,
     FreeArrays,
     IntArray,
@@ -66,40 +69,48 @@ class JointSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MovingColumns:
-    """The columns that move between corrections: Phi, the parameters, and a window of load weights, see `transition`.
+    """The columns that move between corrections, [Gamma | Phi], see `transition`.
 
-    `parameters` are the columns in S of the free parameters that are no load weights; `weight_bases` and
-    `weight_columns` the basis functions and columns in S of the free load weights, by their place in the stroke, of
-    which `window` move at a time. `which` are the columns of the parameters, for the generated step.
+    `of_model` and `of_sensors` are the columns in S of the free parameters of the model and of the sensors, which have
+    the first and the last responses; between them are `window` load weights of those that are free, whose basis
+    functions and columns in S are `weight_bases` and `weight_columns`, by their place in the stroke. `which` are the
+    columns of the parameters, for the generated step.
     """
 
-    size: int
-    parameters: IntArray
+    of_model: IntArray
+    of_sensors: IntArray
     weight_bases: IntArray
     weight_columns: IntArray
     window: int
     which: Columns
 
     @property
-    def width(self) -> int:
-        """Number of columns that move."""
-        return self.size + self.parameters.size + self.window
+    def responses(self) -> int:
+        """Number of columns of Gamma."""
+        return self.of_model.size + self.window + self.of_sensors.size
 
     def columns(self) -> Columns:
         """Columns of the generated step, with a window of its own, which is not placed."""
-        weights = np.arange(self.width - self.window, self.width)
+        weights = self.of_model.size + np.arange(self.window)
         return replace(self.which, table_basis=self.weight_bases[: self.window].copy(), table_column=weights)
 
+    def response(self, column: int) -> int:
+        """The column of Gamma of a parameter of a sensor with this column in S; -1 for none."""
+        at = np.flatnonzero(self.of_sensors == column)
+        return self.of_model.size + self.window + int(at[0]) if at.size else -1
 
-def _moving_columns(which: Columns, k: int, size: int, pieces: IntArray) -> MovingColumns:
-    """The columns that move of a filter with k free parameters, `which` in S, and x of `size`."""
-    order = np.lexsort(pieces[which.table_basis].T[::-1])
-    parameters = np.array([j for j in range(k) if j not in which.table_column], dtype=np.int64)
-    place = {j: size + c for c, j in enumerate(parameters.tolist())}
-    fill = np.array([place[j] for j in which.fill_column.tolist()], dtype=np.int64)
+
+def _moving_columns(which: Columns, free: FreeArrays) -> MovingColumns:
+    """The columns that move of a filter whose free parameters are `which` in S."""
+    places, order = free.places, np.lexsort(free.pieces[which.table_basis].T[::-1])
+    no_weight, sensors = places[:, WEIGHT] < 0, np.maximum(places[:, LAG_OF], places[:, OFFSET_OF]) >= 0
+    of_model, of_sensors = np.flatnonzero(no_weight & ~sensors), np.flatnonzero(no_weight & sensors)
+    bases, at = which.table_basis[order], np.arange(free.pieces.max(initial=0) + 1)
+    first, last = free.pieces[bases].T[:, :, None]
+    acting = int(((first <= at) & (at <= last)).sum(axis=0).max(initial=0))
     return MovingColumns(
-        size, parameters, which.table_basis[order], which.table_column[order], min(WEIGHTS, order.size),
-        replace(which, fill_column=fill),
+        of_model, of_sensors, bases, which.table_column[order], min(acting + BESIDE, bases.size),
+        replace(which, fill_column=np.searchsorted(of_model, which.fill_column)),
     )  # fmt: skip
 
 
@@ -178,10 +189,8 @@ def joint_filter(
     mean = actuator.replace({c.base: c.si(0.0) for c in coordinates})
     mapped = parameter_map(mean, names, range(k), np.ones(k), k)
     which, free = columns(mean, names if rule.columns else ()), _free_arrays(mean, coordinates, bounds, measure)
-    moving = _moving_columns(which, k if rule.columns else 0, len(mean.states) + len(measure), free.pieces)
-    sensors = sensor_rows(mapped, measure)
-    place = {j: moving.size + c for c, j in enumerate(moving.parameters.tolist())}
-    sensors[:, LAG] = [place.get(j, -1) for j in sensors[:, LAG].tolist()]
+    moving, sensors = _moving_columns(which, free), sensor_rows(mapped, measure)
+    sensors[:, LAG] = [moving.response(j) for j in sensors[:, LAG].tolist()]
     return JointFilter(
         mapped=mapped,
         which=which,
@@ -275,7 +284,8 @@ def init(joint: JointFilter, segment: Segment, theta: FloatArray, T: FloatArray)
     waiting = np.zeros(x.size + joint.rule.memory)
     T = np.array(T, order="C")
     stroke, first = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64)
-    moved = np.eye(x.size, joint.moving.width if joint.rule.columns else 0)
+    none = np.zeros((x.size, joint.moving.responses))
+    moved = np.hstack([none, np.eye(x.size)]) if joint.rule.columns else none[:, :0].copy()
     return JointState(x, np.ascontiguousarray(S), theta.copy(), T, waiting, stroke, moved, first)
 
 
@@ -345,13 +355,11 @@ def _filtered(
 
 def covariance(joint: JointFilter, state: JointState) -> FloatArray:
     """Covariance of x and theta, shape (size + k, size + k)."""
-    k = state.theta.size
+    k, moving, first = state.theta.size, joint.moving, int(state.first[0])
     slopes = np.array([c.slope(value) for c, value in zip(joint.coordinates, state.theta.tolist(), strict=True)])
-    size, moving = state.x.size, joint.moving
-    S = state.moved[:, :size] @ state.S
-    S[:, moving.parameters] += state.moved[:, size : size + moving.parameters.size]
-    at = slice(int(state.first[0]), int(state.first[0]) + moving.window)
-    S[:, moving.weight_columns[at]] += state.moved[:, size + moving.parameters.size :]
+    weights = moving.weight_columns[first : first + moving.window]
+    S = state.moved[:, moving.responses :] @ state.S
+    S[:, np.concatenate([moving.of_model, weights, moving.of_sensors])] += state.moved[:, : moving.responses]
     root = np.block([[S[:, :k] * slopes @ state.T, S[:, k:]], [state.T, np.zeros((k, state.x.size))]])
     result: FloatArray = root @ root.T
     return result
@@ -374,8 +382,10 @@ def _settings(joint: JointFilter) -> SettingsArrays:
 def _window(joint: JointFilter, model: ModelArrays, state: JointState) -> Window:
     """The window of load weights of `model`, before it is placed."""
     m = joint.moving
+    columns = np.concatenate([m.of_model, m.weight_columns[: m.window], m.of_sensors])
+    placed = columns[m.of_model.size : m.of_model.size + m.window]
     return Window(
-        model.table_basis, m.parameters, m.weight_bases, m.weight_columns, np.zeros(2), np.empty_like(state.S)
+        model.table_basis, columns, placed, m.weight_bases, m.weight_columns, np.zeros(2), np.empty_like(state.S)
     )
 
 

@@ -107,9 +107,10 @@ OUTPUT, STATE, LAG, OFFSET = 0, 1, 2, 3
 #: does not count.
 STROKE_BEGINS, STROKE_ENDS = 2e-3, 1.5e-3
 
-#: Load weights whose columns move, see `transition`. Four act at any position; eight are those of 6 mm with knots at
-#: 1.25 mm, which the piston passes in the 10 ms between corrections at 0.5 m/s.
-WEIGHTS = 8
+#: Free load weights whose columns move beside those that act at one position, see `transition`. With cubic B-splines,
+#: of which four act, eight are those of 6 mm with knots at 1.25 mm, which the piston passes in the 10 ms between
+#: corrections at 0.5 m/s.
+BESIDE = 4
 
 #: Columns of `numbers`, one row a free parameter: mean, width, whether it is positive, bounds in SI, bounds of theta;
 #: see `clutchid.inference.uncertainty.coordinates.Coordinate`.
@@ -150,9 +151,9 @@ class JointState(NamedTuple):
     x are the states of the model, then the output of each sensor, in SI; theta the free parameters as coordinates. See
     `joint` for D, L and T. `waiting` (n + sensors,) is the process noise since the last correction: variances of the
     states, and the share of a measured state's noise in its sensor's output; `stroke` (1,) is 1 while one lasts. S is
-    that after the last correction: since then it has moved by `moved` = [Phi | Gamma] (size, size + p + w), with Gamma
-    for the p free parameters that are no load weights and a window of w load weights, of which number `first` (1,) is
-    the first; see `transition`. To write it, write its arrays: a filter goes on from them bit by bit.
+    that after the last correction: since then it has moved by `moved` = [Gamma | Phi] (size, p + w + size), with Gamma
+    for the free parameters of the model, for a window of w load weights, of which number `first` (1,) is the first, and
+    for those of the sensors; see `transition`. To write it, write its arrays: a filter goes on from them bit by bit.
     """
 
     x: FloatArray
@@ -175,13 +176,14 @@ class JointState(NamedTuple):
 class Window(NamedTuple):
     """Window of load weights whose columns move, see `transition`.
 
-    Their basis functions (w,); columns in S of the free parameters that are no load weights; basis functions and
-    columns in S of all free load weights, by their place in the stroke; positions in m that the window is for (2,);
-    scratch of the shape of S.
+    Their basis functions (w,); columns in S of all responses Gamma (p + w,), of which `placed` (w,) are those of the
+    window; basis functions and columns in S of all free load weights, by their place in the stroke; positions in m that
+    the window is for (2,); scratch of the shape of S.
     """
 
     bases: IntArray
-    parameters: IntArray
+    columns: IntArray
+    placed: IntArray
     weight_bases: IntArray
     weight_columns: IntArray
     within: FloatArray

@@ -20,12 +20,13 @@ MARGIN, AHEAD = 2e-4, 2.0
 @kernel
 def place_window(first: int, window: Window, pieces: IntArray, breakpoints: FloatArray) -> None:
     """The window of load weights from the free one number `first`, and the positions in m that it is for."""
-    bases, weight_bases = window.bases, window.weight_bases
+    bases, placed, weight_bases = window.bases, window.placed, window.weight_bases
     low, high = 0, breakpoints.size
     for q in range(weight_bases.size):
         b = weight_bases[q]
         if first <= q < first + bases.size:
             bases[q - first] = b
+            placed[q - first] = window.weight_columns[q]
         elif q < first:
             low = max(low, pieces[b, 1] + 1)
         else:
@@ -55,7 +56,7 @@ def bring_up(state: JointState, window: Window, pieces: IntArray, breakpoints: F
 
     The window is put around a `position` in m.
     """
-    S, moved, first, before = state.S, state.moved, state.first, window.before
+    S, moved, before, responses = state.S, state.moved, window.before, window.columns.size
     size, columns = S.shape
     for i in range(size):
         for j in range(columns):
@@ -63,17 +64,12 @@ def bring_up(state: JointState, window: Window, pieces: IntArray, breakpoints: F
             S[i, j] = 0.0
     for i in range(size):
         for q in range(size):
-            share = moved[i, q]
+            share = moved[i, responses + q]
             for j in range(columns):
                 S[i, j] += share * before[q, j]
-            moved[i, q] = 1.0 if i == q else 0.0
-        at = size
-        for j in window.parameters:
-            S[i, j] += moved[i, at]
-            moved[i, at] = 0.0
-            at += 1
-        for q in range(at, moved.shape[1]):
-            S[i, window.weight_columns[first[0] + q - at]] += moved[i, q]
-            moved[i, q] = 0.0
-    first[0] = centred_window(position, window, pieces, breakpoints)
-    place_window(first[0], window, pieces, breakpoints)
+            moved[i, responses + q] = 1.0 if i == q else 0.0
+        for c in range(responses):
+            S[i, window.columns[c]] += moved[i, c]
+            moved[i, c] = 0.0
+    state.first[0] = centred_window(position, window, pieces, breakpoints)
+    place_window(state.first[0], window, pieces, breakpoints)
