@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from clutchid.export.filter import filter_c99
 from clutchid.inference.filter import joint_filter as joint_module
-from clutchid.inference.filter.joint_c99 import joint_c99
 from clutchid.inference.filter.joint_filter import JointSettings, follow, init, inputs, joint_filter
 from clutchid.inference.filter.setup import STROKE_ENDS
 from clutchid.log import Log
@@ -18,7 +18,7 @@ from clutchid.observer.prior import online_prior
 from clutchid.preparation.prepare import prepare
 from clutchid.simulation.noise import Noise
 from clutchid.simulation.windows import tracks
-from fixtures.joint_c import FilterC, JointC, as_written, size_of
+from fixtures.filter_c import FilterC, JointC, as_written, size_of
 
 pytestmark = pytest.mark.slow
 
@@ -67,7 +67,7 @@ def model_of(plant, build):
 def filter_of(case, model_of, compiled):
     """The filter of the case in C: filter_of(real)."""
     made, size = case.made, size_of(case.made)
-    library_of = cache(lambda real: compiled(joint_c99(size, real), "joint", EXACT))
+    library_of = cache(lambda real: compiled(filter_c99(size, real), "joint", EXACT))
     return lambda real: FilterC(JointC(library_of(real), size, real), model_of(real), made)
 
 

@@ -15,7 +15,7 @@ from numba import njit, types
 
 from clutchid.codegen.kernels import kernels_in
 from clutchid.codegen.linked import Callback
-from clutchid.inference.filter.joint_c99 import JointSize, joint_c99
+from clutchid.export.filter import FilterSize, filter_c99
 from clutchid.inference.filter.setup import (
     LEAST,
     LOW,
@@ -30,12 +30,12 @@ from clutchid.inference.filter.setup import (
     Window,
     scratch,
 )
-from fixtures.joint_c import JointC, as_written
+from fixtures.filter_c import JointC, as_written
 
 pytestmark = pytest.mark.slow
 
 EXACT = ("-O2", "-ffp-contract=off")
-SIZE = JointSize(
+SIZE = FilterSize(
     states=4, sensors=2, parameters=6, of_model=2, of_sensors=2, drifts=3, model_parameters=4, weights=3, pieces=4,
     window=1,
 )  # fmt: skip
@@ -168,12 +168,15 @@ class InC:
         )
         self.c, self.call, self.g, self.room = c, c.call, g, c.scratch
         self.state, self.derived = c.state(g.state), c.derived(g.derived, g.p, g.load)
-        self.p, self.load, within = (
-            np.ctypeslib.as_array(getattr(self.derived, name)) for name in ("p", "load", "within")
-        )
-        within[:] = WITHIN
+        self.motion, self.belief = self.state
+        self.p, self.load = (np.ctypeslib.as_array(getattr(self.derived, name)) for name in ("p", "load"))
+        np.ctypeslib.as_array(self.motion.within)[:] = WITHIN
         self.fixed = c.filter(g.free, SENSORS, self.breakpoints, self.basis, g.drifts, g.settings)
         self.weights, _, _, self.slopes = map(c.array, g.derived)
+
+    def corrected(self, errors):
+        arguments = self.belief, self.motion, self.fixed, self.derived, self.values, errors, self.room
+        return self.call("correct_sample", *arguments)
 
     def zeros(self, *shape):
         return self.c.array(np.zeros(shape))
@@ -181,7 +184,7 @@ class InC:
     def after(self, extra):
         d = self.derived
         derived = d.weights, d.lags, np.column_stack([d.offsets, d.sigmas]), d.slopes
-        return flat(self.c.arrays(self.state), derived, self.p, self.load, np.array(d.within), self.W, extra)
+        return flat(self.c.arrays(self.state), derived, self.p, self.load, np.array(self.motion.within), self.W, extra)
 
 
 def flat(state, derived, p, load, within, W, extra):
@@ -206,8 +209,10 @@ def predicted_in_python(a):
 
 
 def predicted_in_c(c):
-    c.call("begin_interval", c.state, c.fixed, c.derived, c.sigma, DT, c.room)
-    c.call("end_interval", c.state, c.fixed, c.room)
+    if c.call("leaves", c.motion, c.fixed, DT):
+        c.call("bring_up", c.belief, c.motion, c.fixed, c.room)
+    c.call("begin_interval", c.motion, c.fixed, c.derived, c.sigma, DT, c.room)
+    c.call("end_interval", c.motion, c.fixed, c.room)
 
 
 def corrected_in_python(a):
@@ -231,10 +236,10 @@ def refreshed_in_python(a):
 
 
 def strokes_in_c(c):
-    ends, at = [], c.state.x[0]
-    for c.state.x[0] in STROKE:
-        ends.append(c.call("stroke_ends", c.state, c.fixed))
-    c.state.x[0] = at
+    ends, at = [], c.motion.x[0]
+    for c.motion.x[0] in STROKE:
+        ends.append(c.call("stroke_ends", c.motion, c.fixed))
+    c.motion.x[0] = at
     return ends
 
 
@@ -256,12 +261,12 @@ FUNCTIONS = {
     ),
     "refresh": (
         refreshed_in_python,
-        lambda c: c.call("refresh", c.state, c.fixed, c.derived),
+        lambda c: (c.call("refresh", c.belief, c.fixed, c.derived), c.call("place_window", c.motion, c.fixed)),
     ),
-    "bring_up": (lambda a: a.bring_up(), lambda c: c.call("bring_up", c.state, c.fixed, c.derived, c.room)),
+    "bring_up": (lambda a: a.bring_up(), lambda c: c.call("bring_up", c.belief, c.motion, c.fixed, c.room)),
     "move_parameters": (
         lambda a: a.m.move_parameters(a.x, a.S, a.theta, a.g.free, a.g.step),
-        lambda c: c.call("move_parameters", c.state, c.fixed, c.step),
+        lambda c: c.call("move_parameters", c.belief, c.motion, c.fixed, c.step),
     ),
     "lag_coefficients": (
         lambda a: lag_in_python(a, a.lags[0]),
@@ -273,46 +278,45 @@ FUNCTIONS = {
     ),
     "add_waiting_noise": (
         lambda a: a.m.add_waiting_noise(a.state, SENSORS, a.room),
-        lambda c: c.call("add_waiting_noise", c.state, c.fixed, c.room),
+        lambda c: c.call("add_waiting_noise", c.belief, c.motion, c.fixed, c.room),
     ),
     "predict": (predicted_in_python, predicted_in_c),
     "project_parameters": (
         lambda a: [a.m.project_parameters(a.T, a.g.h, a.slopes, a.room.w), *a.room.w],
-        lambda c: [c.call("project_parameters", c.state, c.h, c.slopes, w := c.zeros(K)), *w],
+        lambda c: [c.call("project_parameters", c.belief, c.h, c.slopes, w := c.zeros(K)), *w],
     ),
     "update_parameters": (
         lambda a: filled(
             a.room.step, a.m.update_parameters, a.T, a.g.h[:K], a.g.step[0], WEIGHTED, PREDICTED, a.room.step
         ),
         lambda c: filled(
-            step := c.zeros(K), c.call, "update_parameters", c.state, c.h, float(c.g.step[0]), WEIGHTED, PREDICTED, step
+            step := c.zeros(K), c.call, "update_parameters", c.belief, c.h, float(c.g.step[0]), WEIGHTED, PREDICTED,
+            step,
         ),
     ),
     "update_root": (
         lambda a: filled(a.room.gain[:ROWS], a.m.update_root, a.S, a.g.h, PREDICTED, WEIGHTED, a.room.gain),
-        lambda c: filled(gain := c.zeros(ROWS), c.call, "update_root", c.state, c.h, PREDICTED, WEIGHTED, gain),
+        lambda c: filled(gain := c.zeros(ROWS), c.call, "update_root", c.belief, c.h, PREDICTED, WEIGHTED, gain),
     ),
     "correct": (
         corrected_in_python,
         lambda c: filled(
-            error := c.zeros(2), c.call, "correct", c.state, c.fixed, c.derived, c.g.sensor, float(c.g.values[0]), 1,
-            error, c.room,
+            error := c.zeros(2), c.call, "correct", c.belief, c.motion, c.fixed, c.derived, c.g.sensor,
+            float(c.g.values[0]), 1, error, c.room,
         ),
     ),
     "correct_sample": (
         sample_in_python,
-        lambda c: filled(
-            errors := c.zeros(M, 2), c.call, "correct_sample", c.state, c.fixed, c.derived, c.values, errors, c.room
-        ),
+        lambda c: filled(errors := c.zeros(M, 2), c.corrected, errors),
     ),
     "stroke_ends": (lambda a: [a.m.stroke_ends(a.stroke, at) for at in STROKE], strokes_in_c),
     "drift": (
         lambda a: a.m.drift(a.T, a.g.drifts, a.room.room),
-        lambda c: c.call("drift", c.state, c.fixed, c.room),
+        lambda c: c.call("drift", c.belief, c.fixed, c.room),
     ),
     "state_deviations": (
         lambda a: filled(found := np.zeros(N), a.m.state_deviations, a.S, a.T, a.slopes, found, a.room.w),
-        lambda c: [c.call("state_deviation", c.state, c.derived, row, c.room) for row in range(N)],
+        lambda c: [c.call("state_deviation", c.belief, c.derived, row, c.room) for row in range(N)],
     ),
 }  # fmt: skip
 
@@ -360,7 +364,7 @@ def joint_of(compiled):
 
     @cache
     def make(size, real="double", flags=EXACT):
-        return JointC(compiled(joint_c99(size, real), "joint", flags), size, real)
+        return JointC(compiled(filter_c99(size, real), "joint", flags), size, real)
 
     return make
 
@@ -404,7 +408,7 @@ def test_c_is_its_compiled_kernel_up_to_rounding_and_the_order_of_sums(
 
 @pytest.mark.parametrize("real", ["double", "float"])
 def test_a_filter_of_the_states_alone_compiles_strictly_and_corrects_them(joint_of, plain, real):
-    size = JointSize(N, M, 0, 0, 0, 0, 4, 3, 4, 0)
+    size = FilterSize(N, M, 0, 0, 0, 0, 4, 3, 4, 0)
     c, g = joint_of(size, real, EXACT), drawn(1)
     x, S, _, _, waiting, stroke, moved, first = deepcopy(g.state)
     S, moved, empty = np.ascontiguousarray(S[:, K:]), np.ascontiguousarray(moved[:, RESPONSES:]), np.zeros((0, 0))
@@ -416,8 +420,9 @@ def test_a_filter_of_the_states_alone_compiles_strictly_and_corrects_them(joint_
     derived, breakpoints = g.derived._replace(slopes=np.zeros(0)), c.array(g.breakpoints)
     in_c, errors, expected = c.state(state), c.array(np.zeros((M, 2))), np.zeros((M, 2))
     fixed = c.filter(free, sensors, breakpoints, basis, np.zeros((0, 0)), g.settings)
-    c.call("correct_sample", in_c, fixed, c.derived(derived, g.p, g.load), c.array(g.values), errors, c.scratch)
-    c.call("drift", in_c, fixed, c.scratch)
+    c.call("correct_sample", in_c.belief, in_c.motion, fixed, c.derived(derived, g.p, g.load), c.array(g.values),
+           errors, c.scratch)  # fmt: skip
+    c.call("drift", in_c.belief, fixed, c.scratch)
     room = JointScratch(*scratch(ROWS, N, ROWS, M), np.zeros(ROWS + 1), np.zeros(0), np.zeros(0), empty)
     plain.bring_up(state, window, PIECES, BREAKPOINTS, x[g.settings.at_position])
     plain.correct_sample_jointly(nothing, state, g.model, free, derived, sensors, g.values, g.settings, expected, room)
@@ -433,9 +438,9 @@ def test_what_is_neither_a_number_nor_finite_is_left_out(joint_of):
         g.values[:] = value
         given, quiet = InC(c, g), InC(c, g)
         errors = given.zeros(M, 2)
-        assert c.call("correct_sample", given.state, given.fixed, given.derived, given.values, errors, c.scratch) == 0
-        c.call("bring_up", quiet.state, quiet.fixed, quiet.derived, c.scratch)
-        c.call("add_waiting_noise", quiet.state, quiet.fixed, c.scratch)
+        assert given.corrected(errors) == 0
+        c.call("bring_up", quiet.belief, quiet.motion, quiet.fixed, c.scratch)
+        c.call("add_waiting_noise", quiet.belief, quiet.motion, quiet.fixed, c.scratch)
         assert np.isnan(errors).all()
         for one, other in zip(given.after([]), quiet.after([]), strict=True):
             np.testing.assert_array_equal(one, other)
@@ -447,14 +452,14 @@ def test_parameters_move_only_while_the_piston_is_fast(joint_of):
         g.state[0][1] = speed
         given = InC(c, g)
         errors = given.zeros(M, 2)
-        moved = c.call("correct_sample", given.state, given.fixed, given.derived, given.values, errors, c.scratch)
+        moved = given.corrected(errors)
         assert moved == moves
         assert np.array_equal(c.arrays(given.state)[2], g.state[2]) is not bool(moves)
 
 
 @pytest.mark.parametrize("real", ["double", "float"])
 def test_the_compiled_filter_needs_nothing_but_mathematics_and_float_knows_no_double(compiled, real):
-    code = joint_c99(SIZE, real)
+    code = filter_c99(SIZE, real)
     file = compiled(code, "joint", ("-O2",)).with_name("c.o")
     asked = subprocess.run(["nm", "-u", str(file)], capture_output=True, text=True, check=True).stdout.split()
     allowed = {"double": {"sqrt", "exp"}, "float": {"sqrtf", "expf"}}[real]
@@ -466,4 +471,4 @@ def test_the_compiled_filter_needs_nothing_but_mathematics_and_float_knows_no_do
 
 def test_another_type_of_numbers_is_refused():
     with pytest.raises(ValueError, match=r"real = 'half': known are double, float\."):
-        joint_c99(SIZE, "half")
+        filter_c99(SIZE, "half")

@@ -13,7 +13,7 @@ from clutchid.simulation.comparison import SHORTEST_LAG
 
 
 @dataclass(frozen=True, slots=True)
-class JointSize:
+class FilterSize:
     """Dimensions of a joint filter.
 
     Parameters
@@ -48,8 +48,8 @@ class JointSize:
         return max(size * (size + k), size * (size + self.states), k * (k + self.drifts))
 
 
-def joint_c99(size: JointSize, real: str = "double") -> CSource:
-    """The joint filter in C99, ``joint.h`` and ``joint.c``: the model's ``NAME_step_columns`` moves x, Gamma and Phi.
+def filter_c99(size: FilterSize, real: str = "double", name: str = "joint") -> CSource:
+    """The joint filter in C99, ``NAME.h`` and ``NAME.c``: the model's ``step_columns`` moves x, Gamma and Phi.
 
     Compiled without contraction of sums and products (``-ffp-contract=off``), double has bit by bit the numbers of the
     kernels in `joint` where they are computed in the order in which they are written. The compiled kernels may reorder
@@ -59,6 +59,8 @@ def joint_c99(size: JointSize, real: str = "double") -> CSource:
     ----------
     real : 'double' or 'float'
         Type of every number.
+    name
+        Before every name in C, a C identifier.
 
     Raises
     ------
@@ -69,6 +71,7 @@ def joint_c99(size: JointSize, real: str = "double") -> CSource:
     if real not in languages:
         raise ValueError(f"real = {real!r}: known are {', '.join(languages)}.")
     values = {
+        "name": name,
         "size": size,
         "real": real,
         "number": languages[real].print,
@@ -78,4 +81,4 @@ def joint_c99(size: JointSize, real: str = "double") -> CSource:
         "margin": MARGIN,
         "ahead": AHEAD,
     }
-    return CSource(template("joint.h.j2").render(values), template("joint.c.j2").render(values))
+    return CSource(*(template(f"filter.{suffix}.j2", "clutchid.export").render(values) for suffix in "hc"))
