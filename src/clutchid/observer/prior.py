@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from math import sqrt
 from typing import NamedTuple
 
@@ -26,6 +27,7 @@ from clutchid.inference.uncertainty.coordinates import (
     smoothness,
 )
 from clutchid.log import FloatArray, Log
+from clutchid.log.states import SENSOR_PARAMETERS
 from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
 from clutchid.numerics.least_squares import triangular
@@ -83,7 +85,8 @@ class OnlinePrior(NamedTuple):
     """The parameters that adapt and their prior, of mean 0 in their coordinates.
 
     `actuator` is the calibrated one with the functions of the load that adapt, `root` (k, k) a lower triangular root of
-    the covariance of the coordinates `free`, and `weights` (weights, k) the derivatives of the calibrated load's
+    the covariance of the coordinates `free`, in the order of the filter in C: parameters of the model, load weights,
+    lags and offsets of sensors; and `weights` (weights, k) the derivatives of the calibrated load's
     weights with respect to them.
     """
 
@@ -114,10 +117,11 @@ def online_prior(actuator: Actuator, names: Sequence[str], modes: int | None = N
         if row.adapts and row.adapts.std is not None:
             known[name] = Prior(actuator.value(name), row.adapts.std * row.size(actuator.value(name)))
     known["y_max"] = far_stop(actuator, 0.0)
-    free = tuple(coordinates(actuator, tuple(names), {}, {n: prior for n, prior in known.items() if n in names}))
+    ordered = sorted(names, key=partial(_group, actuator.load.names))
+    free = tuple(coordinates(actuator, tuple(ordered), {}, {n: prior for n, prior in known.items() if n in names}))
     rows = [np.column_stack([np.eye(len(free)), np.zeros(len(free))])]
     if actuator.load.basis == "b-spline" and set(names) & set(actuator.load.names):
-        smooth = smoothness(actuator, names, actuator.load.theta, CURVATURE)
+        smooth = smoothness(actuator, ordered, actuator.load.theta, CURVATURE)
         smooth[:, :-1] *= [c.slope(0.0) for c in free]
         rows.append(smooth)
     weights = np.array([[c.width * (c.base == name) for c in free] for name in actuator.load.names])
@@ -126,6 +130,11 @@ def online_prior(actuator: Actuator, names: Sequence[str], modes: int | None = N
     inverse = np.linalg.inv(triangular(np.vstack(rows))[: len(free), : len(free)])
     whole = OnlinePrior(actuator, free, np.linalg.cholesky(inverse @ inverse.T), weights)
     return whole if modes is None or modes >= len(weights) or not np.any(weights) else _reduced(whole, modes)
+
+
+def _group(weights: Sequence[str], name: str) -> int:
+    """Place of a parameter's group: of the model, load weights, of sensors."""
+    return 1 if name in weights else 2 * (name in SENSOR_PARAMETERS)
 
 
 def _reduced(whole: OnlinePrior, modes: int) -> OnlinePrior:
@@ -147,7 +156,8 @@ def _reduced(whole: OnlinePrior, modes: int) -> OnlinePrior:
     in_modes = replace(actuator, load=replace(load, theta=(1.0, *[0.0] * modes), functions=functions))
     names = in_modes.load.names[1:]
     of_modes = coordinates(in_modes, names, {}, dict.fromkeys(names, Prior(0.0, 1.0)))
-    free = (*of_modes, *(c for c in whole.free if c.base not in load.names))
-    weights = np.zeros((len(load.theta), len(free)))
-    weights[:, :modes] = shapes
+    others = [c for c in whole.free if c.base not in load.names]
+    free = tuple(sorted((*others, *of_modes), key=lambda c: _group(names, c.base)))
+    weights, first = np.zeros((len(load.theta), len(free))), free.index(of_modes[0])
+    weights[:, first : first + modes] = shapes
     return OnlinePrior(in_modes, free, np.eye(len(free)), weights)

@@ -23,7 +23,7 @@ from clutchid.recordings.files import write_text
 from clutchid.recordings.records import read_toml
 from clutchid.recordings.strokes.vented_rest import FURTHEST
 
-FORMAT = 5
+FORMAT = 6
 
 
 def write_state(
