@@ -43,8 +43,8 @@ def linear_step(x, S, u, p, h, substeps, breakpoints, load, basis, b, c, slot, r
             S[i, j] = work[i]
     for i in range(3):
         work[i] = A[i, 0] * x[0] + A[i, 1] * x[1] + A[i, 2] * x[2] + B[i] * u[0] + D[0, i] * p[0] + D[1, i] * p[1]
-        S[i, 5] += D[0, i]  # behind the columns of Phi
-        S[i, 6] += D[1, i]
+        S[i, 0] += D[0, i]  # before the columns of Phi
+        S[i, 1] += D[1, i]
     for i in range(3):
         x[i] = work[i]
     return bool(abs(x[0]) < 1e6)
@@ -91,7 +91,7 @@ def drawn():
         T,
         np.zeros(SIZE),
         np.zeros(1, np.int64),
-        np.eye(SIZE, SIZE + K),
+        np.eye(SIZE, K + SIZE, K),
         np.zeros(1, np.int64),
     )
 
@@ -107,7 +107,7 @@ def arguments(every, span=(0, SAMPLES), noise=1.0, drift=0.0):
         table.flags.writeable = False
     model = ModelArrays(np.zeros(3), breakpoints, np.zeros((2, 4)), basis, *[none] * 5, np.zeros(N))
     derived = Derived(np.zeros(1), TAU.copy(), np.column_stack([OFFSETS, SIGMA]), np.ones(K))
-    window = Window(none, np.arange(K), none, none, np.zeros(2), np.empty((SIZE, K + SIZE)))
+    window = Window(none, np.arange(K), none, none, none, np.zeros(2), np.empty((SIZE, K + SIZE)))
     vectors = np.empty(SIZE + 1), np.empty(K), np.empty(K), np.empty((K, 2 * K))
     room = JointScratch(*scratch(SIZE, N, K + SIZE, 2), *vectors)
     count = span[1] - span[0]

@@ -106,7 +106,8 @@ def test_a_piston_that_leaves_the_window_of_load_weights_between_corrections_cha
     settings = JointSettings(every=400)  # the piston passes the whole stroke within
     joint, state, given, found = whole(problem, settings)
     all_weights = replace(joint, moving=replace(joint.moving, window=joint.moving.weight_bases.size))
-    start = state._replace(moved=np.eye(state.x.size, all_weights.moving.width))
+    responses, size = all_weights.moving.responses, state.x.size
+    start = state._replace(moved=np.eye(size, responses + size, responses))
     wide = follow(all_weights, start, given, (0, len(problem.tracks[0].segment)))
     assert found.state.theta == pytest.approx(wide.state.theta, abs=1e-8)
     assert np.abs(found.state.theta).max() > 0.1

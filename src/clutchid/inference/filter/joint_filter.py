@@ -284,8 +284,8 @@ def init(joint: JointFilter, segment: Segment, theta: FloatArray, T: FloatArray)
     waiting = np.zeros(x.size + joint.rule.memory)
     T = np.array(T, order="C")
     stroke, first = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64)
-    none = np.zeros((x.size, joint.moving.responses))
-    moved = np.hstack([none, np.eye(x.size)]) if joint.rule.columns else none[:, :0].copy()
+    responses = joint.moving.responses
+    moved = np.eye(x.size, responses + x.size, responses) if joint.rule.columns else np.zeros((x.size, 0))
     return JointState(x, np.ascontiguousarray(S), theta.copy(), T, waiting, stroke, moved, first)
 
 
