@@ -17,7 +17,7 @@ from clutchid.inference.filter.joint_filter import (
     joint_filter,
     predict,
 )
-from clutchid.inference.filter.setup import Intervals, JointState
+from clutchid.inference.filter.setup import LAG, Intervals, JointState
 from clutchid.numerics.failure import Failure
 from clutchid.simulation.noise import Noise
 
@@ -105,8 +105,12 @@ def test_sample_by_sample_is_the_same_as_a_block_bit_by_bit(problem):
 def test_a_piston_that_leaves_the_window_of_load_weights_between_corrections_changes_nothing(problem):
     settings = JointSettings(every=400)  # the piston passes the whole stroke within
     joint, state, given, found = whole(problem, settings)
-    all_weights = replace(joint, moving=replace(joint.moving, window=joint.moving.weight_bases.size))
-    responses, size = all_weights.moving.responses, state.x.size
+    moving = replace(joint.moving, window=joint.moving.weight_bases.size)
+    sensors = joint.sensors + (joint.sensors[:, [LAG]] >= 0) * (np.arange(4) == LAG) * (
+        moving.window - joint.moving.window
+    )
+    all_weights = replace(joint, moving=moving, sensors=sensors)
+    responses, size = moving.responses, state.x.size
     start = state._replace(moved=np.eye(size, responses + size, responses))
     wide = follow(all_weights, start, given, (0, len(problem.tracks[0].segment)))
     assert found.state.theta == pytest.approx(wide.state.theta, abs=1e-8)
