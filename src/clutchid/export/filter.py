@@ -42,6 +42,11 @@ class FilterSize:
     window: int
 
     @property
+    def free_weights(self) -> int:
+        """Load weights among the free parameters."""
+        return self.parameters - self.of_model - self.of_sensors
+
+    @property
     def room(self) -> int:
         """Numbers in the largest of S and the matrices that are made triangular."""
         size, k = self.states + self.sensors, self.parameters

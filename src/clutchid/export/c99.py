@@ -1,0 +1,164 @@
+"""An observer in C99: model, filter, data and runtime, a header and a source each."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from clutchid.codegen.c99 import CSource, c99_source
+from clutchid.codegen.language import C_WORDS
+from clutchid.codegen.templates import template
+from clutchid.errors import ParameterError
+from clutchid.export.data import carrier_us, data_of, size_of
+from clutchid.export.filter import filter_c99
+from clutchid.inference.filter.setup import STROKE_BEGINS, STROKE_ENDS
+from clutchid.log import HOLE
+from clutchid.model.compiled import kernels, system
+from clutchid.numerics.interval import QUANTILE
+from clutchid.observer import rest
+from clutchid.observer.health import BEYOND, FLAGS
+from clutchid.observer.mismatch import MEMORY, UNLIKE
+from clutchid.observer.observer import LEAK_FOUND, Observer
+from clutchid.observer.rest import rest_pace
+from clutchid.observer.state import FROZEN, SHORTEST, ObserverState
+from clutchid.recordings.signals.excitation import VENTED_POSITION
+from clutchid.recordings.strokes import rest_level, vented_rest
+from clutchid.simulation.plan import OUTSIDE
+
+Real = Literal["float", "double"]
+Rates = Literal["one", "two"]
+
+
+@dataclass(frozen=True, slots=True)
+class CStyle:
+    """How an observer is written in C: prefix of every name, type of numbers, and rates of its tasks."""
+
+    name: str = "clutch"
+    real: Real = "float"
+    rates: Rates = "one"
+
+    def __post_init__(self) -> None:
+        if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,30}", self.name) or self.name in C_WORDS:
+            raise ParameterError(
+                f"--name {self.name!r}: no C identifier; letters, digits and underscores are allowed, at most 31, the "
+                "first a letter."
+            )
+
+
+def c_number(real: Real) -> Callable[[Any], str]:
+    """The printer of numbers as literals of a type."""
+
+    def printed(value: Any) -> str:
+        number = float(value)
+        if not np.isfinite(number):
+            return "NAN" if np.isnan(number) else "-INFINITY" if number < 0.0 else "INFINITY"
+        text = repr(number) if real == "double" else f"{np.float32(number):.9g}"
+        text = text if any(mark in text for mark in ".e") else f"{text}.0"
+        return text if real == "double" else f"{text}F"
+
+    return printed
+
+
+def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title: str) -> dict[str, CSource]:
+    """The modules of an observer in C by their file stem, in the order in which they include each other.
+
+    Parameters
+    ----------
+    state
+        What is known of the parameters that adapt at the start.
+    title
+        What it was made from, for the comment at the head.
+
+    Raises
+    ------
+    ParameterError
+        If the method corrects by another rule than that of Kalman, or the load has no order.
+    """
+    joint, actuator = observer.joint, observer.joint.mapped.actuator
+    if not joint.rule.columns:
+        raise ParameterError(
+            f"--method {observer.method} has no covariance to export; joint, joint-reduced, states and paper are "
+            "exported."
+        )
+    data = data_of(observer, state)
+    derivatives = [c.base for c in joint.coordinates[: joint.moving.of_model.size]]
+    model = replace(system(actuator.model), name=f"{style.name}_model")
+    notes = {name: f"{row.meaning}, in {row.unit}" for name, row in actuator.state_rows.items()}
+    values = {
+        **data,
+        **_times(observer),
+        "name": style.name,
+        "real": style.real,
+        "two": style.rates == "two",
+        "number": c_number(style.real),
+        "title": title,
+        "size": size_of(joint),
+        "flags": FLAGS,
+        "supply": "pressure_supply" in joint.measure,
+        "inputs": _inputs(observer),
+        "carrier": carrier_us(actuator) > 0 and "c_pwm" in kernels(actuator.model).INPUTS,
+        "rest": _rest(observer),
+        "quantile": QUANTILE,
+        "leak_found": LEAK_FOUND,
+        "share": 1.0 / MEMORY,
+        "unlike": UNLIKE,
+        "outside": OUTSIDE,
+        "vented_position": VENTED_POSITION,
+        "beyond": BEYOND,
+        "frozen": FROZEN,
+        "stroke_begins": STROKE_BEGINS,
+        "stroke_ends": STROKE_ENDS,
+        "rounded_down": 1.0 - 1e-9,
+        "every": joint.settings.every,
+    }
+    texts = {part: _both(part, values) for part in ("data", "observer")}
+    return {
+        f"{style.name}_model": c99_source(model, real=style.real, notes=notes, derivatives=derivatives),
+        f"{style.name}_filter": filter_c99(size_of(joint), style.real, f"{style.name}_filter"),
+        f"{style.name}_data": texts["data"],
+        style.name: texts["observer"],
+    }
+
+
+def _both(part: str, values: dict[str, Any]) -> CSource:
+    return CSource(*(template(f"{part}.{suffix}.j2", "clutchid.export").render(values) for suffix in "hc"))
+
+
+def _times(observer: Observer) -> dict[str, Any]:
+    period, spacing = carrier_us(observer.joint.mapped.actuator), round(observer.spacing * 1e6)
+    return {
+        "carrier_us": period,
+        "period": observer.joint.mapped.actuator.parameters.T_pwm,
+        "spacing_us": spacing,
+        "hole_us": int(HOLE * spacing),
+        "shortest_us": round(SHORTEST * 1e6),
+        "past": period // spacing + 3,
+    }
+
+
+def _inputs(observer: Observer) -> dict[str, int | None]:
+    """Places of the inputs: duty cycles, then phase, step and the duty cycles a period before where there are any."""
+    names = ("supply", "exhaust", "phase", "step", "supply_before", "exhaust_before")
+    count = len(kernels(observer.joint.mapped.actuator.model).INPUTS)
+    return {name: i if i < count else None for i, name in enumerate(names)}
+
+
+def _rest(observer: Observer) -> dict[str, Any]:
+    pace = rest_pace(observer.spacing, observer.actuator.parameters.y_max)
+    return {
+        "bins": pace.bins,
+        "windows": pace.window // pace.bins,
+        "remembered": rest.REMEMBERED,
+        "low": rest.LOW,
+        "closed": rest_level.CLOSED,
+        "clearly": vented_rest.CLEARLY,
+        "held": vented_rest.HELD,
+        "friction": vented_rest.FRICTION,
+        "unlike": vented_rest.UNLIKE,
+        "higher": vented_rest.HIGHER,
+        "furthest": vented_rest.FURTHEST,
+    }

@@ -1,0 +1,191 @@
+"""What an exported observer holds of a calibration: every number of its data in C."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from clutchid.errors import ParameterError
+from clutchid.export.filter import FilterSize
+from clutchid.inference.filter.joint_filter import JointFilter
+from clutchid.inference.filter.setup import LAG, LAG_OF, OFFSET, OFFSET_OF, PARAMETER, WEIGHT
+from clutchid.log import FloatArray
+from clutchid.log.states import NOISE_SPAN, SENSORS
+from clutchid.model.actuator import Actuator
+from clutchid.numerics.interval import QUANTILE
+from clutchid.numerics.least_squares import triangular
+from clutchid.observer.following import PRESSURES
+from clutchid.observer.observer import Observer
+from clutchid.observer.prior import ASSUMED, LEAK
+from clutchid.observer.rest import rest_pace
+from clutchid.observer.state import ObserverState
+from clutchid.observer.state_file import fingerprint
+from clutchid.recordings.strokes.vented_rest import LEVEL
+from clutchid.simulation.noise import state_deviations
+
+
+def size_of(joint: JointFilter) -> FilterSize:
+    """Dimensions of a filter in C."""
+    actuator, moving, load = joint.mapped.actuator, joint.moving, joint.mapped.actuator.load
+    return FilterSize(
+        states=len(actuator.states),
+        sensors=len(joint.measure),
+        parameters=len(joint.coordinates),
+        of_model=moving.of_model.size,
+        of_sensors=moving.of_sensors.size,
+        drifts=joint.drifts.shape[1],
+        model_parameters=len(actuator.parameter_names),
+        weights=len(load.names),
+        pieces=load.breakpoints.size + 1,
+        window=moving.window,
+    )
+
+
+def check_order(joint: JointFilter) -> None:
+    """Refuse a filter whose load weights do not follow each other as C has them.
+
+    Raises
+    ------
+    ParameterError
+        If only some of them adapt, or they have no order by their place in the stroke.
+    """
+    free = [w for w in joint.free.places[:, WEIGHT].tolist() if w >= 0]
+    order = joint.moving.weight_columns.tolist()
+    if free and free != list(range(free[0], free[0] + len(free))):
+        raise ParameterError("only some of the load weights adapt: C takes those that follow each other in the load.")
+    if order != sorted(order):
+        raise ParameterError("the functions of the load have no order along the stroke; export a load of B-splines.")
+
+
+def data_of(observer: Observer, state: ObserverState) -> dict[str, Any]:
+    """Values of the data's template: an observer, and what is known in `state` of the parameters that adapt.
+
+    Raises
+    ------
+    ParameterError
+        As `check_order`.
+    """
+    joint = observer.joint
+    check_order(joint)
+    values = _filter_values(joint) | _derived_values(joint) | _start_values(observer)
+    values |= _noise_values(joint) | _band_values(observer) | _rest_values(observer)
+    T = _triangular(state.T)
+    return values | {
+        "theta": state.theta.tolist(),
+        "root": [row[: i + 1].tolist() for i, row in enumerate(T)],
+        "strokes": state.strokes.ended,
+        "mismatch": state.mismatch,
+        "shift": state.rest.shift,
+        "fingerprint": int(fingerprint(observer)[:8], 16),
+        "pace": dict(zip(("positions", "speeds", "rates"), (part.tolist() for part in joint.pace), strict=True)),
+    }
+
+
+def _triangular(T: FloatArray) -> FloatArray:
+    """The lower triangular root of the same covariance, with a diagonal not below 0."""
+    if not T.size:
+        return T
+    lower: FloatArray = triangular(T.T).T
+    return lower * np.where(np.diag(lower) < 0.0, -1.0, 1.0)
+
+
+def _filter_values(joint: JointFilter) -> dict[str, Any]:
+    free, settings, actuator = joint.free, joint.settings, joint.mapped.actuator
+    names = ("mean", "width", "positive", "low", "high", "least", "most")
+    parameters = [
+        {"name": c.base, **dict(zip(names, numbers, strict=True)), "positive": int(c.positive),
+         "weight": place[WEIGHT], "parameter": place[PARAMETER], "lag_of": place[LAG_OF], "offset_of": place[OFFSET_OF]}
+        for c, numbers, place in zip(joint.coordinates, free.numbers.tolist(), free.places.tolist(), strict=True)
+    ]  # fmt: skip
+    adapting = [p["weight"] for p in parameters if p["weight"] >= 0]
+    load = actuator.load
+    return {
+        "parameters": parameters,
+        "sensors": [
+            [output, state, row[LAG], row[OFFSET]] for row in joint.sensors.tolist() for output, state in [row[:2]]
+        ],
+        "reach": free.pieces.tolist(),
+        "breakpoints": load.breakpoints.tolist(),
+        "basis": load.coefficients.reshape(len(load.names), -1).tolist(),
+        "first_weight": min(adapting, default=0),
+        "drifts": joint.drifts.tolist(),
+        "outlier": joint.noise.outlier,
+        "least_speed": settings.least_speed,
+        "at_speed": actuator.states.index("v"),
+        "at_position": actuator.states.index("y"),
+    }
+
+
+def _derived_values(joint: JointFilter) -> dict[str, Any]:
+    actuator, spacing = joint.mapped.actuator, joint.settings.spacing * joint.settings.every
+    sensors = [SENSORS[name] for name in joint.measure]
+    return {
+        "weights": list(actuator.load.theta),
+        "load": actuator.load.combined().tolist(),
+        "lags": [actuator.value(sensor.lag) for sensor in sensors],
+        "offsets": [actuator.value(sensor.offset) for sensor in sensors],
+        "sigmas": [joint.noise.of_samples(name, spacing) for name in joint.measure],
+        "p": list(zip(actuator.parameter_names, actuator.array().tolist(), strict=True)),
+    }
+
+
+def _start_values(observer: Observer) -> dict[str, Any]:
+    actuator, names = observer.joint.mapped.actuator, observer.joint.mapped.actuator.parameter_names
+    rows = actuator.state_rows
+    return {
+        "start": [[row.start for row in rows.values()], [row.unknown_start for row in rows.values()]],
+        "starts_at": [names.index(row.starts_at) if row.starts_at else -1 for row in rows.values()],
+        "at_p_A": actuator.states.index("p_A"),
+        "at_P_0": names.index("P_0"),
+        "at_A_A": names.index("A_A"),
+        "y_max": actuator.parameters.y_max,
+        "y_max_calibrated": observer.actuator.parameters.y_max,
+        "supply_ratio": observer.supply.ratio if observer.supply else 1.0,
+        "possible": [PRESSURES[0] * observer.actuator.parameters.P_0, PRESSURES[1] * observer.actuator.parameters.P_S],
+    }
+
+
+def _noise_values(joint: JointFilter) -> dict[str, Any]:
+    actuator, p = joint.mapped.actuator, joint.mapped.actuator.parameters
+    second, still, open_ = np.ones(1), np.zeros(1), np.full(1, joint.noise.flow * np.sqrt(NOISE_SPAN))
+    noise, at = state_deviations(actuator, joint.noise, second, still)[0], actuator.states.index("p_A")
+    both = state_deviations(actuator, joint.noise, second, open_)[0]
+    return {
+        "noise": noise.tolist(),
+        "flow": float(np.sqrt(both[at] ** 2 - noise[at] ** 2)),
+        "opens": [[p.R_0vs, p.R_1vs], [p.R_0ve, p.R_1ve]],
+    }
+
+
+def _band_values(observer: Observer) -> dict[str, Any]:
+    p, names = observer.actuator.parameters, [c.base for c in observer.joint.coordinates]
+    return {
+        "usual": observer.usual if observer.compares else 0.0,
+        "missed": observer.missed**2,
+        "supply_share": observer.supply.share if observer.supply else ASSUMED,
+        "ambient_force": p.A_A * p.P_0,
+        "leak": names.index(LEAK) if LEAK in names else -1,
+    }
+
+
+def _rest_values(observer: Observer) -> dict[str, Any]:
+    rest = observer.calibration.rest if observer.calibration else None
+    pace = rest_pace(observer.spacing, observer.actuator.parameters.y_max)
+    quantum = rest.quantum if rest else 0.0
+    return {
+        "rest_data": {
+            "known": int(rest is not None),
+            "subtracted": int(observer.zero == "subtract"),
+            "vents": pace.vents,
+            "range": pace.range,
+            "lowest": rest.lowest if rest else np.nan,
+            "returned": rest.returned if rest else np.nan,
+            "level": QUANTILE * np.sqrt(2.0) * np.hypot(LEVEL, quantum / np.sqrt(12.0)),
+        }
+    }
+
+
+def carrier_us(actuator: Actuator) -> int:
+    """Period of the valves' carrier in whole microseconds; 0 without one."""
+    return round(actuator.parameters.T_pwm * 1e6)
