@@ -18,6 +18,7 @@ from clutchid.cli.completion import register_completion
 from clutchid.cli.cut import cut
 from clutchid.cli.drive import drive
 from clutchid.cli.estimate import estimate
+from clutchid.cli.export import export
 from clutchid.cli.fit import fit
 from clutchid.cli.fleet import fleet
 from clutchid.cli.friction import friction
@@ -45,6 +46,7 @@ def app() -> App:
         fit,
         simulate,
         observe,
+        export,
         track,
         fleet,
         paper,

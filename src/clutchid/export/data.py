@@ -54,7 +54,7 @@ def check_order(joint: JointFilter) -> None:
     order = joint.moving.weight_columns.tolist()
     if free and free != list(range(free[0], free[0] + len(free))):
         raise ParameterError("only some of the load weights adapt: C takes those that follow each other in the load.")
-    if order != sorted(order):
+    if joint.moving.window < len(order) and order != sorted(order):
         raise ParameterError("the functions of the load have no order along the stroke; export a load of B-splines.")
 
 

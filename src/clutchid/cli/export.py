@@ -1,0 +1,119 @@
+"""``clutchid export``: an observer for a control unit, a simulator and a measurement tool."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from clutchid.cli.common import DONE, DbcOption, Flag, MapOption, guarded, pressure, print_json, print_written
+from clutchid.cli.terminal import put, say
+from clutchid.workflow import FileOptions, read_recordings, start_file
+
+if TYPE_CHECKING:
+    from clutchid.export.c99 import CStyle
+    from clutchid.export.exporting import Export
+
+
+@guarded
+def export(
+    calibration: Path,
+    /,
+    *,
+    out: Path,
+    to: str = "c",
+    method: Literal["joint", "joint-reduced", "states", "paper"] = "joint",
+    modes: int | None = None,
+    real: Literal["float", "double"] = "float",
+    rates: Literal["one", "two"] = "one",
+    name: str = "clutch",
+    resume: Path | None = None,
+    check: Path | None = None,
+    ambient: str | None = None,
+    map_: MapOption = None,
+    dbc: DbcOption = None,
+    json: Flag = False,
+    debug: Flag = False,
+) -> int:
+    """Write the on-line observer of a calibration as C99 for a control unit, and compare it with the one in Python.
+
+    Parameters
+    ----------
+    calibration
+        Parameter file (TOML), as written by `clutchid calibrate --save`.
+    out
+        Folder to write; it is made.
+    to
+        What is written, comma-separated: c, fmu2, matlab, a2l.
+    method
+        Method of the observer, as of `clutchid observe`.
+    modes
+        Modes of the load that adapt in place of its weights.
+    real
+        Type of every number in C.
+    rates
+        one: everything in the task of a sample; two: corrections in a slower task.
+    name
+        Before every name in C.
+    resume
+        State of an observer, as written by `clutchid observe --save`: the export goes on from what it has learnt.
+    check
+        Recording on which C and Python are compared; by default a short simulated drive.
+    ambient
+        Ambient pressure for gauge units, for example 1.013bar; P_0 of the calibration by default.
+    map_
+        Channel map (TOML) of the recording, as written by `clutchid look --save`.
+    dbc
+        DBC files that decode a bus log; several may follow each other.
+    json
+        Print one JSON object on standard output.
+    debug
+        Show the traceback of an error.
+    """
+    from clutchid.export.c99 import CStyle
+    from clutchid.export.exporting import targets_of, write_export
+    from clutchid.export.parity import begun
+    from clutchid.observer.observer import observer, start
+    from clutchid.observer.state_file import read_state, saved_spacing
+
+    style, targets, content = CStyle(name, real, rates), targets_of(to), start_file(calibration, None)
+    spacing = saved_spacing(resume) if resume else 1e-3
+    made = observer(content.actuator, method, spacing, content.calibration, modes=modes)
+    state = begun(made, read_state(made, resume) if resume else start(made))
+    air = pressure(ambient, content.actuator.parameters.P_0)
+    files = FileOptions(air, map_, tuple(dbc or ()))
+    log = read_recordings([check], files, content.actuator.equipment)[0] if check else None
+    title = f"{calibration.name}, method {method}"
+    done = write_export(made, state, out, style, title, to=targets, check=log)
+    _answer(done, style, json)
+    return DONE
+
+
+def _answer(done: Export, style: CStyle, json: bool) -> None:
+    holds = done.parity.holds(style) if done.parity else None
+    if json:
+        found = done.parity
+        print_json({
+            "status": "ok" if holds else "warning",
+            "message": _sentence(done, style),
+            "files": list(done.files),
+            "parity": None if found is None else {
+                "recording": found.recording, "samples": found.samples, "holds": holds, "theta": found.theta,
+                "load": found.load, "pressure_a_rms_Pa": found.pressure,
+            },
+            "warnings": list(done.notes),
+        })  # fmt: skip
+        return
+    say(done.notes)
+    put(_sentence(done, style))
+    print_written(done.folder)
+
+
+def _sentence(done: Export, style: CStyle) -> str:
+    found = done.parity
+    if found is None:
+        return f"exported {len(done.files)} files; parity was not run."
+    words = "parity holds" if found.holds(style) else "parity does not hold"
+    return (
+        f"{words} on {found.recording}, {found.samples} samples: load {100 * found.load:.2g} % of its peak, pressure "
+        f"{found.pressure:.2g} Pa rms, theta {found.theta:.2g} prior standard deviations."
+    )

@@ -1,0 +1,124 @@
+"""The files of an export: an observer in C99, with what a control unit, a simulator and a measurement tool need."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from clutchid.codegen.c99 import CSource
+from clutchid.codegen.templates import template
+from clutchid.errors import ParameterError
+from clutchid.export.c99 import CStyle, observer_c99
+from clutchid.export.data import size_of
+from clutchid.export.parity import Parity, compiler, parity, replay, replay_source, trial_drive
+from clutchid.log import Log
+from clutchid.observer.observer import Observer
+from clutchid.observer.state import ObserverState
+from clutchid.recordings.files import write_bytes
+
+Target = Literal["c", "fmu2", "matlab", "a2l"]
+
+#: What an export writes, in this order.
+TARGETS: tuple[Target, ...] = ("c", "fmu2", "matlab", "a2l")
+
+
+@dataclass(frozen=True, slots=True)
+class Export:
+    """An export as it was written: its folder, its files in it, and C against Python.
+
+    `parity` is None where it was not run, and `notes` are sentences about what was left out.
+    """
+
+    folder: Path
+    files: tuple[str, ...]
+    parity: Parity | None
+    notes: tuple[str, ...]
+
+
+def targets_of(text: str) -> tuple[Target, ...]:
+    """Targets by their comma-separated names.
+
+    Raises
+    ------
+    ParameterError
+        If one is not known.
+    """
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    unknown = [name for name in names if name not in TARGETS]
+    if unknown or not names:
+        raise ParameterError(f"--to {text}: {unknown[0] if unknown else 'nothing'!r} is none of {', '.join(TARGETS)}.")
+    return tuple(target for target in TARGETS if target in names)
+
+
+def write_export(
+    observer: Observer,
+    state: ObserverState,
+    folder: Path,
+    style: CStyle,
+    title: str,
+    *,
+    to: Sequence[Target] = ("c",),
+    check: Log | None = None,
+) -> Export:
+    """Write an observer for a control unit into a folder, which is made; files of the same names are replaced.
+
+    Parameters
+    ----------
+    state
+        What is known of the parameters that adapt, as `parity.begun` gives it.
+    title
+        What it was made from.
+    check
+        Recording on which C and Python are compared; by default a short simulated drive.
+
+    Raises
+    ------
+    ParameterError
+        If the method cannot be exported.
+    ExportError
+        If a file cannot be written, or the C does not compile.
+    """
+    modules = observer_c99(observer, state, style, title)
+    log = check if check is not None else trial_drive(observer)
+    compared, notes = _compared(observer, state, modules, style, log)
+    files = {f"src/{stem}{suffix}": text for stem, code in modules.items() for suffix, text in _texts(code)}
+    files["test/replay.c"] = replay_source(observer, style, log)
+    files["PARITY.md"] = _page("parity.md", observer, style, title, compared, notes)
+    files["README.md"] = _page("readme.md", observer, style, title, compared, notes)
+    for name, text in files.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_bytes(text.encode() if isinstance(text, str) else text, path)
+    return Export(folder, tuple(sorted(files)), compared, notes)
+
+
+def _texts(code: CSource) -> tuple[tuple[str, str], tuple[str, str]]:
+    return (".h", code.header), (".c", code.source)
+
+
+def _compared(
+    observer: Observer, state: ObserverState, modules: Mapping[str, CSource], style: CStyle, log: Log
+) -> tuple[Parity | None, tuple[str, ...]]:
+    cc = compiler()
+    if cc is None:
+        return None, ("parity was not run: there is no C compiler (cc) on this machine.",)
+    return parity(observer, state, log, replay(observer, modules, style, log, cc)), ()
+
+
+def _page(
+    name: str, observer: Observer, style: CStyle, title: str, compared: Parity | None, notes: Sequence[str]
+) -> str:
+    values = {
+        "name": style.name,
+        "style": style,
+        "title": title,
+        "observer": observer,
+        "size": size_of(observer.joint),
+        "parity": compared,
+        "holds": compared is not None and compared.holds(style),
+        "notes": notes,
+    }
+    text: str = template(f"{name}.j2", "clutchid.export").render(values)
+    return text

@@ -1,0 +1,210 @@
+"""The observer in C against the one in Python on a recording: worst differences, each with its sample."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from clutchid.codegen.c99 import CSource
+from clutchid.codegen.templates import template
+from clutchid.errors import ExportError
+from clutchid.export.c99 import CStyle
+from clutchid.log import FloatArray, Log
+from clutchid.observer.by_stroke import curve, positions
+from clutchid.observer.following import observe
+from clutchid.observer.health import FLAGS, health
+from clutchid.observer.observer import Observer, start
+from clutchid.observer.state import ObserverState, RestWatch, Strokes
+
+#: Columns of the results of a sample in C, see ``replay.c``.
+OUTPUTS = (
+    "pressure_a", "pressure_a_std", "position", "velocity", "innovation", "innovation_std", "rest", "mismatch",
+    "strokes", "flags",
+)  # fmt: skip
+
+#: Largest differences that are rounding: of theta in prior standard deviations, of the load as a share of its peak, of
+#: the pressure in Pa, rms; by type of numbers. With two rates a correction comes late, so that only the load is alike.
+BOUNDS = {"double": (1e-6, 1e-9, 1e-3), "float": (3e-2, 2e-3, 30.0)}
+
+
+class Replayed(NamedTuple):
+    """What the C found in a recording: outputs (n, 10), load with its band (m, 3), theta (k,), samples by flag."""
+
+    outputs: FloatArray
+    load: FloatArray
+    theta: FloatArray
+    health: FloatArray
+
+
+class Difference(NamedTuple):
+    """The largest difference of a quantity, in its unit, and the sample where it is; None for one at the end."""
+
+    name: str
+    value: float
+    unit: str
+    sample: int | None
+
+
+class Parity(NamedTuple):
+    """C against Python on a recording.
+
+    `theta` is the largest difference in prior standard deviations, `load` as a share of the peak, `pressure` in Pa,
+    rms; `differences` are the largest ones by quantity, `flags` the samples by flag in Python and in C where they
+    differ.
+    """
+
+    recording: str
+    samples: int
+    theta: float
+    load: float
+    pressure: float
+    differences: tuple[Difference, ...]
+    flags: Mapping[str, tuple[int, int]]
+    strokes: tuple[int, int]
+
+    def holds(self, style: CStyle) -> bool:
+        """Whether all differences are rounding; with two rates, of the load within 1 % of its peak."""
+        if style.rates == "two":
+            return self.load < 1e-2 and self.strokes[0] == self.strokes[1]
+        theta, load, pressure = BOUNDS[style.real]
+        alike = not self.flags and self.strokes[0] == self.strokes[1]
+        return alike and self.theta <= theta and self.load <= load and self.pressure <= pressure
+
+
+def begun(observer: Observer, saved: ObserverState) -> ObserverState:
+    """The state that an export begins with: what a saved one knows of parameters, strokes and the vented rest."""
+    fresh = replace(
+        start(observer), theta=saved.theta, T=saved.T, sound=(saved.theta, saved.T),
+        strokes=Strokes(saved.strokes.ended), mismatch=saved.mismatch, rest=RestWatch(shift=saved.rest.shift),
+    )  # fmt: skip
+    return replace(fresh, leaking=observer.leaks(fresh))
+
+
+def trial_drive(observer: Observer) -> Log:
+    """Duty cycles and position of a drive of 4 s with three strokes, as the calibrated actuator makes it, in SI."""
+    from clutchid.simulation import simulate
+    from clutchid.simulation.sensors import lagged
+
+    actuator, spacing = observer.actuator, observer.spacing
+    time: FloatArray = spacing * np.arange(round(4.0 / spacing), dtype=np.float64)
+    within = time % 1.3
+    duties = {
+        "duty_supply": np.where((within > 0.1) & (within < 0.35), 1.0, 0.0),
+        "duty_exhaust": np.where((within > 0.6) & (within < 1.1), 1.0, 0.0),
+    }
+    log = Log(time, duties, "trial drive")
+    position = simulate(actuator, log).log["position"]
+    return log.with_columns(position=lagged(position, actuator.parameters.tau_y, spacing))
+
+
+def microseconds(log: Log) -> FloatArray:
+    """Time of each sample since the one before in whole microseconds, as a control unit counts it; 0 first."""
+    return np.diff(np.round(log.time * 1e6), prepend=np.round(log.time[0] * 1e6))
+
+
+def samples_of(log: Log) -> FloatArray:
+    """The samples of a recording for the C, shape (n, 5): position, duty cycles, supply pressure, microseconds."""
+    supply = log.columns.get("pressure_supply", np.full(len(log), np.nan))
+    return np.column_stack([log["position"], log["duty_supply"], log["duty_exhaust"], supply, microseconds(log)])
+
+
+def compiler() -> str | None:
+    """The C compiler of this machine; None without one."""
+    return shutil.which("cc") or shutil.which("gcc")
+
+
+def replay_source(observer: Observer, style: CStyle, log: Log) -> str:
+    """The program in C that follows a recording."""
+    values = {
+        "name": style.name,
+        "real": style.real,
+        "positions": positions(observer).tolist(),
+        "begins_us": int(np.round(log.time[0] * 1e6) % 2**31),
+    }
+    text: str = template("replay.c.j2", "clutchid.export").render(values)
+    return text
+
+
+def replay(observer: Observer, modules: Mapping[str, CSource], style: CStyle, log: Log, cc: str) -> Replayed:
+    """Compile an observer with a program that follows a recording, and run it.
+
+    Raises
+    ------
+    ExportError
+        If it does not compile or run.
+    """
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for stem, code in modules.items():
+            (folder / f"{stem}.h").write_text(code.header, encoding="utf-8")
+            (folder / f"{stem}.c").write_text(code.source, encoding="utf-8")
+        (folder / "replay.c").write_text(replay_source(observer, style, log), encoding="utf-8")
+        sources = [str(path) for path in sorted(folder.glob("*.c"))]
+        command = [cc, "-std=c99", "-O2", "-ffp-contract=off", "-o", str(folder / "replay"), *sources, "-lm"]
+        _checked(command, b"")
+        found = np.frombuffer(_checked([str(folder / "replay")], samples_of(log).tobytes()))
+    n, m = len(log) * len(OUTPUTS), 3 * positions(observer).size
+    outputs, load, rest = found[:n], found[n : n + m], found[n + m :]
+    return Replayed(outputs.reshape(-1, len(OUTPUTS)), load.reshape(-1, 3), rest[: -len(FLAGS)], rest[-len(FLAGS) :])
+
+
+def _checked(command: list[str], given: bytes) -> bytes:
+    run = subprocess.run(command, input=given, capture_output=True, check=False)
+    if run.returncode != 0:
+        words = run.stderr.decode(errors="replace").strip().splitlines()
+        raise ExportError(f"{Path(command[0]).name} failed on the exported C: {words[0] if words else run.returncode}.")
+    return run.stdout
+
+
+def parity(observer: Observer, state: ObserverState, log: Log, found: Replayed) -> Parity:
+    """Compare what the C found in a recording with what Python finds."""
+    after, expected = observe(observer, state, log)
+    names = observer.actuator.states
+    at = [names.index(name) for name in ("p_A", "y", "v")]
+    std = np.sqrt(expected.innovations[:, 1])
+    columns = {
+        "pressure_a": (expected.states[:, at[0]], "Pa"),
+        "position": (expected.states[:, at[1]], "m"),
+        "velocity": (expected.states[:, at[2]], "m/s"),
+        "innovation": (expected.innovations[:, 0], "m"),
+        "innovation_std": (std, "m"),
+        "rest": (expected.rest, "m"),
+    }
+    differences = [_worst(name, found.outputs[:, OUTPUTS.index(name)], *given) for name, given in columns.items()]
+    known = curve(observer, after, positions(observer))
+    band = np.stack([known.force, known.low, known.high], axis=1)
+    differences.append(Difference("load and band", float(np.abs(found.load - band).max()), "N", None))
+    prior = np.linalg.norm(observer.prior.root, axis=1)
+    seconds = health(observer, np.zeros(0), log, expected)
+    counts = {name: round(value / observer.spacing) for name, value in seconds.items()}
+    flags = {
+        name: (expected_count, int(count))
+        for (name, expected_count), count in zip(counts.items(), found.health, strict=True)
+        if expected_count != count
+    }
+    pressure = found.outputs[:, 0] - expected.states[:, at[0]]
+    return Parity(
+        recording=log.name,
+        samples=len(log),
+        theta=float(np.abs((found.theta - after.theta) / prior).max(initial=0.0)),
+        load=float(np.abs(found.load[:, 0] - known.force).max() / np.abs(known.force).max()),
+        pressure=float(np.sqrt(np.nanmean(pressure**2))) if np.isfinite(pressure).any() else 0.0,
+        differences=tuple(differences),
+        flags=flags,
+        strokes=(after.strokes.ended, int(found.outputs[-1, OUTPUTS.index("strokes")])),
+    )
+
+
+def _worst(name: str, found: FloatArray, expected: FloatArray, unit: str) -> Difference:
+    difference = np.abs(found - expected)
+    if not np.isfinite(difference).any():
+        return Difference(name, 0.0, unit, None)
+    at = int(np.nanargmax(difference))
+    return Difference(name, float(difference[at]), unit, at)

@@ -1,0 +1,237 @@
+"""An exported observer on recordings with everything that goes wrong, against the observer in Python."""
+
+import ctypes
+import subprocess
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from clutchid.errors import ParameterError
+from clutchid.export.c99 import CStyle, c_number, observer_c99
+from clutchid.export.parity import OUTPUTS, begun, compiler, parity, replay, samples_of, trial_drive
+from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.conditions import RecordedConditions
+from clutchid.model import Actuator, Load
+from clutchid.observer import observe, observer, start
+from clutchid.observer.health import FLAGS
+from clutchid.recordings.strokes.vented_rest import vented_rest
+from fixtures.changed_logs import picked, spoiled
+
+pytestmark = pytest.mark.slow
+
+STRICT = (
+    "-std=c99", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Wfloat-equal", "-Wundef",
+    "-pedantic", "-Werror",
+)  # fmt: skip
+METHODS = ("joint", "joint-reduced", "states")
+
+
+@pytest.fixture(scope="module")
+def switched(plant):
+    """The plant with valves that a carrier switches, not on the time grid of the samples, where rounding decides."""
+    return plant.replace({"T_pwm": 0.01, "s_pwm": 0.237})
+
+
+@pytest.fixture(scope="module")
+def log(switched, recorded_by):
+    """A worn clutch, with the supply pressure, and a position sensor that is exchanged in the middle."""
+    worn = switched.replace({n: 1.08 * v for n, v in zip(switched.load.names, switched.load.theta, strict=True)})
+    made = recorded_by(worn, driven=1)
+    supply = np.full(len(made), 9.4e5) + 2e3 * np.random.default_rng(2).standard_normal(len(made))
+    position = made["position"] + 4e-4 * (made.time > 4.0)
+    return made.without("pressure_a").with_columns(position=position, pressure_supply=supply)
+
+
+@pytest.fixture(scope="module")
+def faulty(log):
+    """The recording with missing, frozen, impossible and late samples, spikes, and duty cycles that are missing."""
+    values = log["position"]
+    made = spoiled(log, "position", slice(600, 640))
+    made = spoiled(made, "position", slice(1500, 1540), values[1500])
+    made = spoiled(made, "position", slice(2200, 2203), values[2200] + 6e-3)
+    made = spoiled(made, "position", slice(3300, 3400), -2e-3)
+    made = spoiled(made, "duty_supply", slice(2700, 2702))
+    made = spoiled(made, "duty_exhaust", 5100)
+    return picked(made, np.r_[0:1800, 1803:4500, 4530 : len(made)])
+
+
+@pytest.fixture(scope="module")
+def observer_of(switched, log):
+    """The observer of a method, with all that a calibration can tell it."""
+    known = RecordedConditions(supply=9.5e5, supply_estimated=switched.value("P_S"))
+    calibration = Calibration((), np.zeros((0, 0)), conditions=known, nis=0.05, rest=vented_rest(log.slice(0, 4000)))
+    return cache(lambda method: observer(switched, method, calibration=calibration))
+
+
+@pytest.fixture(scope="module")
+def found_by(observer_of):
+    """What C finds in a recording, and how far it is from Python: found_by(method, style, log)."""
+    cc = compiler() or pytest.skip("no C compiler on this machine")
+
+    def found(method, style, log, saved=None):
+        one = observer_of(method)
+        state = begun(one, saved or start(one))
+        replayed = replay(one, observer_c99(one, state, style, "test"), style, log, cc)
+        return replayed, parity(one, state, log, replayed)
+
+    return found
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_in_double_everything_is_alike_up_to_rounding(found_by, faulty, method):
+    replayed, compared = found_by(method, CStyle(real="double"), faulty)
+    assert compared.flags == {}
+    assert compared.holds(CStyle(real="double"))
+    assert max(d.value for d in compared.differences if d.unit == "m") < 1e-9
+    seen = {name: int(count) for name, count in zip(FLAGS, replayed.health, strict=True) if count}
+    assert {"position_missing", "position_frozen", "position_beyond_stops", "duty_missing", "time_missing"} < set(seen)
+    assert {"outlier", "rest_moved"} < set(seen)
+    assert np.nanmax(replayed.outputs[:, OUTPUTS.index("rest")]) > 3e-4
+
+
+def test_in_float_the_load_is_that_of_double_also_with_faults(found_by, log, faulty):
+    _, compared = found_by("joint", CStyle(), log)
+    assert compared.holds(CStyle()), compared
+    _, compared = found_by("joint", CStyle(), faulty)
+    assert compared.load < 5e-3, "a sample whose flag hangs on a rounding counts"
+    assert compared.strokes[0] == compared.strokes[1]
+
+
+def test_with_two_rates_what_is_learnt_is_nearly_the_same_also_with_faults(found_by, faulty):
+    for real in ("double", "float"):
+        _, compared = found_by("joint", CStyle(real=real, rates="two"), faulty)
+        assert compared.load < 5e-3
+        assert compared.theta < 0.05
+        assert compared.strokes[0] == compared.strokes[1] > 2
+
+
+def test_a_filter_that_diverges_goes_back_to_the_last_stroke_and_starts_anew(found_by, log):
+    # the position stays far from what the duty cycles say
+    driven = spoiled(log, "duty_supply", slice(3000, 3300), 1.0)
+    wild = spoiled(driven, "position", slice(3000, 3300), np.linspace(0.0, 60.0, 300))
+    replayed, compared = found_by("joint", CStyle(real="double"), wild)
+    assert compared.flags == {}
+    assert replayed.health[list(FLAGS).index("diverged")] > 0
+    assert compared.theta < 1e-6
+    _, late = found_by("joint", CStyle(rates="two"), wild)
+    assert late.load < 0.05
+
+
+def test_the_model_and_the_paper_s_load_are_exported_too(found_by, plant, recorded_by):
+    actuator = Actuator(plant.parameters, Load((9.0e5, -0.3e5, 0.6e5)), "isothermal")
+    one, log = observer(actuator, "paper"), recorded_by(actuator, driven=1)
+    state, style = start(one), CStyle(real="double")
+    replayed = replay(one, observer_c99(one, state, style, "test"), style, log, compiler())
+    compared = parity(one, state, log, replayed)
+    assert compared.holds(style), compared
+
+
+def test_an_export_goes_on_from_what_a_saved_state_has_learnt(found_by, observer_of, log):
+    one = observer_of("joint")
+    saved, _ = observe(one, start(one), log)
+    _, compared = found_by("joint", CStyle(real="double"), log, saved)
+    assert compared.holds(CStyle(real="double")), compared
+    assert compared.strokes[0] > saved.strokes.ended > 0
+
+
+MEMORY = """
+#include <stdio.h>
+#include <string.h>
+#include "clutch.h"
+static clutch_t self;
+static clutch_nvram_t stored;
+static void run(void)
+{
+    double sample[5];
+    clutch_output_t output;
+    while (fread(sample, sizeof(sample), 1u, stdin) == 1u) {
+        const clutch_input_t input = { sample[0], sample[1], sample[2], sample[3] };
+        clutch_fast(&self, &input, (uint32_t)sample[4], &output);
+    }
+}
+int main(int count, char **words)
+{
+    clutch_band_t band;
+    clutch_start(&self, NULL, 0u);
+    run();
+    clutch_load(&self, 6e-3, &band);
+    printf("%.17g %u %zu\\n", band.force, (unsigned)self.strokes, sizeof(stored));
+    clutch_store(&self, &stored);
+    if (count > 1) { ((unsigned char *)&stored)[atoi(words[1])] ^= 1u; }
+    (void)memset(&self, 7, sizeof(self));
+    clutch_start(&self, &stored, 0u);
+    clutch_load(&self, 6e-3, &band);
+    printf("%.17g %u\\n", band.force, (unsigned)self.strokes);
+    return 0;
+}
+"""
+
+
+def test_a_restart_goes_on_from_memory_and_a_damaged_one_from_the_calibration(observer_of, log, tmp_path):
+    one = observer_of("joint")
+    for stem, code in observer_c99(one, start(one), CStyle(real="double"), "test").items():
+        (tmp_path / f"{stem}.h").write_text(code.header)
+        (tmp_path / f"{stem}.c").write_text(code.source)
+    (tmp_path / "main.c").write_text("#include <stdlib.h>\n" + MEMORY)
+    program = tmp_path / "main"
+    subprocess.run(["cc", "-O2", "-o", program, *tmp_path.glob("*.c"), "-lm"], check=True)
+    given = samples_of(log.slice(0, 5000)).tobytes()
+
+    def run(*words):
+        lines = subprocess.run([program, *words], input=given, capture_output=True, check=True).stdout.split()
+        return [float(word) for word in lines]
+
+    force, strokes, size, again, strokes_again = run()
+    calibrated = float(one.actuator.load.force(np.array([6e-3]))[0])
+    assert abs(again - force) < 0.25 * abs(force - calibrated)
+    assert strokes_again == strokes > 0
+    for at in (0, 4, 8, 12, int(size) - 9, int(size) // 2):
+        *_, again, strokes_again = run(str(at))
+        assert (again, strokes_again) == (pytest.approx(calibrated), 0.0), at
+
+
+@pytest.mark.parametrize("rates", ["one", "two"])
+@pytest.mark.parametrize("real", ["float", "double"])
+@pytest.mark.parametrize("method", METHODS)
+def test_it_compiles_without_a_warning_and_float_knows_no_double(observer_of, tmp_path, method, real, rates):
+    one = observer_of(method)
+    modules = observer_c99(one, start(one), CStyle("own_name", real, rates), "test")
+    for stem, code in modules.items():
+        (tmp_path / f"{stem}.h").write_text(code.header)
+        (tmp_path / f"{stem}.c").write_text(code.source)
+    sources = sorted(tmp_path.glob("*.c"))
+    subprocess.run(["cc", *STRICT, "-c", *sources], cwd=tmp_path, check=True)
+    symbols = subprocess.run(["nm", "-g", *sorted(tmp_path.glob("*.o"))], capture_output=True, text=True, check=True)
+    defined = {line.split()[-1] for line in symbols.stdout.splitlines() if line.split()[-2:-1] in (["T"], ["R"], ["D"])}
+    assert all(name.startswith("own_name") for name in defined)
+    written = subprocess.run(["nm", *sorted(tmp_path.glob("*.o"))], capture_output=True, text=True, check=True).stdout
+    assert not [line for line in written.splitlines() if line.split()[-2:-1] in (["b"], ["B"], ["d"], ["C"])]
+    if real == "float":
+        assert not any(
+            word in code.header + code.source for code in modules.values() for word in ("double ", "(double")
+        )
+
+
+def test_what_cannot_be_exported_is_a_sentence(switched):
+    for name in ("2nd", "a b", "", "int", "x" * 40):
+        with pytest.raises(ParameterError, match="no C identifier"):
+            CStyle(name)
+    one = observer(switched, "adaptive")
+    with pytest.raises(ParameterError, match="joint, joint-reduced, states and paper are exported"):
+        observer_c99(one, start(one), CStyle(), "test")
+
+
+def test_numbers_are_literals_of_their_type():
+    double, single = c_number("double"), c_number("float")
+    assert [double(x) for x in (1, 0.1, np.inf, -np.inf, np.nan)] == ["1.0", "0.1", "INFINITY", "-INFINITY", "NAN"]
+    assert [single(x) for x in (1, 0.1, 1e-30, 16777217)] == ["1.0F", "0.100000001F", "1e-30F", "16777216.0F"]
+    assert ctypes.c_float(float(single(np.pi)[:-1])).value == np.float32(np.pi)
+
+
+def test_the_drive_of_an_export_without_a_recording_has_strokes(observer_of):
+    drive = trial_drive(observer_of("joint"))
+    assert replace(drive).time[-1] == pytest.approx(4.0, abs=2e-3)
+    assert np.nanmax(drive["position"]) > 8e-3
+    assert abs(drive["position"][-1]) < 2e-3
