@@ -130,7 +130,7 @@ def _send(writer: int, content: bytes) -> None:
 
 
 def main() -> None:
-    """Print the four ways."""
+    """Print the five ways."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--modules", action="store_true", help="list the modules too")
     options = parser.parse_args()

@@ -93,7 +93,7 @@ def triangularise(A: FloatArray, R: FloatArray) -> None:
 def eliminate(
     first: FloatArray, windows: FloatArray, links: FloatArray, state_rows: FloatArray, theta_rows: FloatArray
 ) -> None:
-    """Eliminate the states of a chain; shapes as in `elimination.eliminate`.
+    """Eliminate the states of a chain; shapes as in `clutchid.inference.smoother.rows.eliminate`.
 
     Parameters
     ----------

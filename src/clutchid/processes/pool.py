@@ -18,7 +18,7 @@ from clutchid.processes.worker import NO_LIMITS, Limits, Worker, WorkerEnd
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-#: Environment of a worker: one thread of linear algebra, `numerics.threads` and polars, and memory is given back.
+#: Environment of a worker: one thread of linear algebra, `clutchid.numerics.threads` and polars; memory is given back.
 ENVIRONMENT = {
     **dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS"), "1"),
     **{"MALLOC_ARENA_MAX": "1", "MALLOC_TRIM_THRESHOLD_": "65536"},
