@@ -41,7 +41,8 @@ def log(switched, recorded_by):
     made = recorded_by(worn, driven=1)
     supply = np.full(len(made), 9.4e5) + 2e3 * np.random.default_rng(2).standard_normal(len(made))
     position = made["position"] + 4e-4 * (made.time > 4.0)
-    return made.without("pressure_a").with_columns(position=position, pressure_supply=supply)
+    duties = {name: np.round(made[name], 4) for name in ("duty_supply", "duty_exhaust")}
+    return made.without("pressure_a").with_columns(position=position, pressure_supply=supply, **duties)
 
 
 @pytest.fixture(scope="module")
