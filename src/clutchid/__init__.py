@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from clutchid.workflow.verbs import calibrate as calibrate
     from clutchid.workflow.verbs import cut as cut
     from clutchid.workflow.verbs import estimate as estimate
+    from clutchid.workflow.verbs import export as export
     from clutchid.workflow.verbs import friction as friction
     from clutchid.workflow.verbs import observe as observe
 
@@ -80,7 +81,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "wear.life": ("Wear",),
     "workflow": ("parameter_file",),
     "workflow.attached": ("plot", "report"),
-    "workflow.verbs": ("calibrate", "cut", "estimate", "friction", "observe"),
+    "workflow.verbs": ("calibrate", "cut", "estimate", "export", "friction", "observe"),
 }
 _HOME = {name: f"clutchid.{module}" for module, names in _NAMES.items() for name in names}
 

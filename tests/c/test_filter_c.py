@@ -15,7 +15,7 @@ from numba import njit, types
 
 from clutchid.codegen.kernels import kernels_in
 from clutchid.codegen.linked import Callback
-from clutchid.export.filter import FilterSize, filter_c99
+from clutchid.exports.filter import FilterSize, filter_c99
 from clutchid.inference.filter.setup import (
     LEAST,
     LOW,

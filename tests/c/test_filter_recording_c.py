@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from clutchid.export.filter import filter_c99
+from clutchid.exports.filter import filter_c99
 from clutchid.inference.filter import joint_filter as joint_module
 from clutchid.inference.filter.joint_filter import JointSettings, follow, init, inputs, joint_filter
 from clutchid.inference.filter.setup import STROKE_ENDS

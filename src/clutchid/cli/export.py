@@ -10,8 +10,7 @@ from clutchid.cli.terminal import put, say
 from clutchid.workflow import FileOptions, read_recordings, start_file
 
 if TYPE_CHECKING:
-    from clutchid.export.c99 import CStyle
-    from clutchid.export.exporting import Export
+    from clutchid.exports.exporting import Export
 
 
 @guarded
@@ -69,50 +68,44 @@ def export(
     debug
         Show the traceback of an error.
     """
-    from clutchid.export.c99 import CStyle
-    from clutchid.export.exporting import targets_of, write_export
-    from clutchid.export.parity import begun
-    from clutchid.observer.observer import observer, start
-    from clutchid.observer.state_file import read_state, saved_spacing
+    from clutchid.exports.exporting import targets_of
+    from clutchid.workflow.verbs import export as exported
 
-    style, targets, content = CStyle(name, real, rates), targets_of(to), start_file(calibration, None)
-    spacing = saved_spacing(resume) if resume else 1e-3
-    made = observer(content.actuator, method, spacing, content.calibration, modes=modes)
-    state = begun(made, read_state(made, resume) if resume else start(made))
-    air = pressure(ambient, content.actuator.parameters.P_0)
-    files = FileOptions(air, map_, tuple(dbc or ()))
+    targets, content = targets_of(to), start_file(calibration, None)
+    files = FileOptions(pressure(ambient, content.actuator.parameters.P_0), map_, tuple(dbc or ()))
     log = read_recordings([check], files, content.actuator.equipment)[0] if check else None
-    title = f"{calibration.name}, method {method}"
-    done = write_export(made, state, out, style, title, to=targets, check=log)
-    _answer(done, style, json)
+    done = exported(
+        calibration, out, to=targets, method=method, modes=modes, real=real, rates=rates, name=name, resume=resume,
+        check=log,
+    )  # fmt: skip
+    _answer(done, json)
     return DONE
 
 
-def _answer(done: Export, style: CStyle, json: bool) -> None:
-    holds = done.parity.holds(style) if done.parity else None
+def _answer(done: Export, json: bool) -> None:
     if json:
         found = done.parity
         print_json({
-            "status": "ok" if holds else "warning",
-            "message": _sentence(done, style),
+            "status": "ok" if done.holds else "warning",
+            "message": _sentence(done),
             "files": list(done.files),
             "parity": None if found is None else {
-                "recording": found.recording, "samples": found.samples, "holds": holds, "theta": found.theta,
+                "recording": found.recording, "samples": found.samples, "holds": done.holds, "theta": found.theta,
                 "load": found.load, "pressure_a_rms_Pa": found.pressure,
             },
             "warnings": list(done.notes),
         })  # fmt: skip
         return
     say(done.notes)
-    put(_sentence(done, style))
+    put(_sentence(done))
     print_written(done.folder)
 
 
-def _sentence(done: Export, style: CStyle) -> str:
+def _sentence(done: Export) -> str:
     found = done.parity
     if found is None:
         return f"exported {len(done.files)} files; parity was not run."
-    words = "parity holds" if found.holds(style) else "parity does not hold"
+    words = "parity holds" if done.holds else "parity does not hold"
     return (
         f"{words} on {found.recording}, {found.samples} samples: load {100 * found.load:.2g} % of its peak, pressure "
         f"{found.pressure:.2g} Pa rms, theta {found.theta:.2g} prior standard deviations."

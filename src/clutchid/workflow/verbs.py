@@ -22,6 +22,8 @@ from clutchid.simulation.partition import Partition
 from clutchid.workflow import fast_enough, observed, parameter_file
 
 if TYPE_CHECKING:
+    from clutchid.exports.c99 import Rates, Real
+    from clutchid.exports.exporting import Export, Target
     from clutchid.observer.recording import ObservedRecording
     from clutchid.recordings.map.channel_map import ChannelMap
     from clutchid.rig import CoulombFriction, LugreFit
@@ -130,6 +132,67 @@ def _content(start: Fit | ParameterFile | str | PathLike[str]) -> ParameterFile:
     if isinstance(start, ParameterFile):
         return start
     return parameter_file(start) if isinstance(start, Fit) else read_parameters(start)
+
+
+def export(
+    calibration: Fit | ParameterFile | str | PathLike[str],
+    out: str | PathLike[str],
+    *,
+    to: Sequence[Target] = ("c",),
+    method: str = "joint",
+    modes: int | None = None,
+    real: Real = "float",
+    rates: Rates = "one",
+    name: str = "clutch",
+    resume: str | PathLike[str] | None = None,
+    check: LogOrPath | None = None,
+) -> Export:
+    """Write the on-line observer of a calibration as C99 for a control unit, and compare it with the one in Python.
+
+    Parameters
+    ----------
+    calibration : Fit, ParameterFile or path
+        The calibration: the result of `clutchid.calibrate`, or a file with it.
+    out
+        Folder to write; it is made.
+    to : 'c', 'fmu2', 'matlab', 'a2l'
+        What is written.
+    method, modes
+        Method of the observer, and how many modes of the load adapt in place of its weights.
+    real : 'float' or 'double'
+        Type of every number in C.
+    rates : 'one' or 'two'
+        Everything in the task of a sample, or corrections in a slower task.
+    name
+        Before every name in C, a C identifier.
+    resume
+        File with the state of an observer, from which the export goes on.
+    check : Log or path, optional
+        Recording on which C and Python are compared; by default a short simulated drive.
+
+    Returns
+    -------
+    export : Export
+        The files, and the differences of C and Python.
+
+    Raises
+    ------
+    DataError, ParameterError, ExportError
+        If an input is bad, the method has no covariance, or a file cannot be written.
+    """
+    from clutchid.exports.c99 import CStyle
+    from clutchid.exports.exporting import write_export
+    from clutchid.exports.parity import begun
+    from clutchid.observer.observer import observer, start
+    from clutchid.observer.state_file import read_state, saved_spacing
+
+    style, content = CStyle(name, real, rates), _content(calibration)
+    spacing = 1e-3 if resume is None else saved_spacing(resume)
+    one = observer(content.actuator, method, spacing, content.calibration, modes=modes)
+    state = begun(one, start(one) if resume is None else read_state(one, resume))
+    log = None if check is None else recordings_of([check], content.actuator)[0]
+    title = f"{'a fit' if isinstance(calibration, Fit | ParameterFile) else Path(calibration).name}, method {method}"
+    return write_export(one, state, Path(out), style, title, to=to, check=log)
 
 
 def observe(

@@ -9,11 +9,11 @@ from typing import Literal
 
 from clutchid.codegen.c99 import CSource
 from clutchid.codegen.templates import template
-from clutchid.errors import ParameterError
-from clutchid.export.c99 import CStyle, observer_c99
-from clutchid.export.data import size_of
-from clutchid.export.parity import Parity, compiler, parity, replay, replay_source, trial_drive
-from clutchid.log import Log
+from clutchid.errors import DataError, ParameterError
+from clutchid.exports.c99 import CStyle, observer_c99
+from clutchid.exports.data import size_of
+from clutchid.exports.parity import Parity, compiler, parity, replay, replay_source, trial_drive
+from clutchid.log import Log, sample_interval
 from clutchid.observer.observer import Observer
 from clutchid.observer.state import ObserverState
 from clutchid.recordings.files import write_bytes
@@ -22,6 +22,10 @@ Target = Literal["c", "fmu2", "matlab", "a2l"]
 
 #: What an export writes, in this order.
 TARGETS: tuple[Target, ...] = ("c", "fmu2", "matlab", "a2l")
+
+
+#: A recording may be as much faster or slower than the observer, as a share of its rate.
+RATE = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +39,12 @@ class Export:
     files: tuple[str, ...]
     parity: Parity | None
     notes: tuple[str, ...]
+    style: CStyle
+
+    @property
+    def holds(self) -> bool:
+        """Whether C and Python were compared and are alike."""
+        return self.parity is not None and self.parity.holds(self.style)
 
 
 def targets_of(text: str) -> tuple[Target, ...]:
@@ -77,11 +87,13 @@ def write_export(
     ------
     ParameterError
         If the method cannot be exported.
+    DataError
+        If the recording of `check` has another rate.
     ExportError
         If a file cannot be written, or the C does not compile.
     """
     modules = observer_c99(observer, state, style, title)
-    log = check if check is not None else trial_drive(observer)
+    log = _at_rate(check, observer) if check is not None else trial_drive(observer)
     compared, notes = _compared(observer, state, modules, style, log)
     files = {f"src/{stem}{suffix}": text for stem, code in modules.items() for suffix, text in _texts(code)}
     files["test/replay.c"] = replay_source(observer, style, log)
@@ -91,7 +103,17 @@ def write_export(
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         write_bytes(text.encode() if isinstance(text, str) else text, path)
-    return Export(folder, tuple(sorted(files)), compared, notes)
+    return Export(folder, tuple(sorted(files)), compared, notes, style)
+
+
+def _at_rate(log: Log, observer: Observer) -> Log:
+    interval = sample_interval(log.time, observer.spacing)
+    if abs(interval / observer.spacing - 1.0) > RATE:
+        raise DataError(
+            f"{log.name}: a sample every {interval * 1e3:.4g} ms, but the observer is for one every "
+            f"{observer.spacing * 1e3:.4g} ms; give a recording at its rate, or leave --check out."
+        )
+    return log
 
 
 def _texts(code: CSource) -> tuple[tuple[str, str], tuple[str, str]]:
@@ -120,5 +142,5 @@ def _page(
         "holds": compared is not None and compared.holds(style),
         "notes": notes,
     }
-    text: str = template(f"{name}.j2", "clutchid.export").render(values)
+    text: str = template(f"{name}.j2", "clutchid.exports").render(values)
     return text

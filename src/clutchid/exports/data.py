@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from clutchid.errors import ParameterError
-from clutchid.export.filter import FilterSize
+from clutchid.exports.filter import FilterSize
 from clutchid.inference.filter.joint_filter import JointFilter
 from clutchid.inference.filter.setup import LAG, LAG_OF, OFFSET, OFFSET_OF, PARAMETER, WEIGHT
 from clutchid.log import FloatArray

@@ -86,4 +86,4 @@ def filter_c99(size: FilterSize, real: str = "double", name: str = "joint") -> C
         "margin": MARGIN,
         "ahead": AHEAD,
     }
-    return CSource(*(template(f"filter.{suffix}.j2", "clutchid.export").render(values) for suffix in "hc"))
+    return CSource(*(template(f"filter.{suffix}.j2", "clutchid.exports").render(values) for suffix in "hc"))

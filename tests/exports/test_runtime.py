@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from clutchid.errors import ParameterError
-from clutchid.export.c99 import CStyle, c_number, observer_c99
-from clutchid.export.parity import OUTPUTS, begun, compiler, parity, replay, samples_of, trial_drive
+from clutchid.exports.c99 import CStyle, c_number, observer_c99
+from clutchid.exports.parity import OUTPUTS, begun, compiler, parity, replay, samples_of, trial_drive
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import RecordedConditions
 from clutchid.model import Actuator, Load

@@ -13,8 +13,8 @@ from clutchid.codegen.c99 import CSource, c99_source
 from clutchid.codegen.language import C_WORDS
 from clutchid.codegen.templates import template
 from clutchid.errors import ParameterError
-from clutchid.export.data import carrier_us, data_of, size_of
-from clutchid.export.filter import filter_c99
+from clutchid.exports.data import carrier_us, data_of, size_of
+from clutchid.exports.filter import filter_c99
 from clutchid.inference.filter.setup import STROKE_BEGINS, STROKE_ENDS
 from clutchid.log import HOLE
 from clutchid.model.compiled import kernels, system
@@ -125,7 +125,7 @@ def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title:
 
 
 def _both(part: str, values: dict[str, Any]) -> CSource:
-    return CSource(*(template(f"{part}.{suffix}.j2", "clutchid.export").render(values) for suffix in "hc"))
+    return CSource(*(template(f"{part}.{suffix}.j2", "clutchid.exports").render(values) for suffix in "hc"))
 
 
 def _times(observer: Observer) -> dict[str, Any]:

@@ -15,7 +15,7 @@ import numpy as np
 from clutchid.codegen.c99 import CSource
 from clutchid.codegen.templates import template
 from clutchid.errors import ExportError
-from clutchid.export.c99 import CStyle
+from clutchid.exports.c99 import CStyle
 from clutchid.log import FloatArray, Log
 from clutchid.observer.by_stroke import curve, positions
 from clutchid.observer.following import observe
@@ -128,7 +128,7 @@ def replay_source(observer: Observer, style: CStyle, log: Log) -> str:
         "positions": positions(observer).tolist(),
         "begins_us": int(np.round(log.time[0] * 1e6) % 2**31),
     }
-    text: str = template("replay.c.j2", "clutchid.export").render(values)
+    text: str = template("replay.c.j2", "clutchid.exports").render(values)
     return text
 
 

@@ -1,0 +1,80 @@
+"""``clutchid export``: files, parity, and one sentence for bad input."""
+
+import json
+
+import pytest
+
+import clutchid
+from clutchid.recordings import read, write
+from fixtures.changed_logs import thinned
+from fixtures.commands import called
+
+pytestmark = pytest.mark.slow
+
+
+def exported(folder, tmp_path, *options):
+    return called("export", folder / "cal.toml", "--out", tmp_path / "observer", *options)
+
+
+def test_it_writes_the_observer_and_says_that_c_and_python_are_alike(folder, tmp_path, capsys):
+    assert exported(folder, tmp_path, "--check", folder / "worn.parquet") == 0
+    said, errors = capsys.readouterr()
+    assert errors == ""
+    assert said.startswith("parity holds on worn, 6000 samples: load ")
+    names = {path.relative_to(tmp_path / "observer").as_posix() for path in (tmp_path / "observer").rglob("*.*")}
+    modules = {f"src/clutch{part}{suffix}" for part in ("", "_model", "_filter", "_data") for suffix in (".h", ".c")}
+    assert modules | {"README.md", "PARITY.md", "test/replay.c"} <= names
+    page = (tmp_path / "observer" / "PARITY.md").read_text()
+    assert "**parity holds**" in page
+    assert "Samples by flag are the same." in page
+
+
+def test_json_has_files_and_differences(folder, tmp_path, capsys):
+    assert exported(folder, tmp_path, "--json", "--real", "double", "--name", "own", "--rates", "two") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["status"] == "ok"
+    assert "src/own.c" in found["files"]
+    assert found["parity"]["holds"] is True
+    assert found["parity"]["load"] < 1e-2
+
+
+def test_it_goes_on_from_a_saved_state(folder, tmp_path, capsys, observe):
+    assert observe(folder / "first.parquet", "--save", "state.toml")[0] == 0
+    assert exported(folder, tmp_path, "--resume", tmp_path / "state.toml") == 0
+    data = (tmp_path / "observer" / "src" / "clutch_data.c").read_text()
+    assert ".strokes = 0u" not in data
+
+
+def test_without_a_compiler_the_files_are_there_and_parity_was_not_run(folder, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("clutchid.exports.parity.shutil.which", lambda _: None)
+    assert exported(folder, tmp_path) == 0
+    said, errors = capsys.readouterr()
+    assert "parity was not run: there is no C compiler (cc)" in errors
+    assert "exported" in said
+    assert (tmp_path / "observer" / "src" / "clutch.c").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--name", "2nd"), "--name '2nd': no C identifier"),
+        (("--to", "c,fmu9"), "--to c,fmu9: 'fmu9' is none of c, "),
+        (("--method", "paper"), "it takes the model 'isothermal'"),
+        (("--check", "slow.parquet"), "a sample every 20 ms, but the observer is for one every 1 ms"),
+        (("--resume", "none.toml"), "none.toml"),
+    ],
+)
+def test_bad_input_is_a_sentence_and_nothing_is_written(folder, tmp_path, capsys, monkeypatch, options, words):
+    monkeypatch.chdir(tmp_path)
+    write(thinned(read(folder / "worn.parquet"), 20), tmp_path / "slow.parquet")
+    assert exported(folder, tmp_path, *options) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert words in said
+    assert not (tmp_path / "observer").exists()
+
+
+def test_the_verb_in_python_gives_what_was_compared(folder, tmp_path):
+    done = clutchid.export(folder / "cal.toml", tmp_path / "observer", check=folder / "worn.parquet", real="double")
+    assert done.holds
+    assert done.parity.theta < 1e-6
+    assert "PARITY.md" in done.files
