@@ -171,6 +171,10 @@ def _send(bus: can.BusABC, waiting: Queue[Sequence[Payload]], reasons: list[str]
     bus.shutdown()
 
 
+#: Longest time in s that the end of a recording waits for the thread that reads the bus.
+CLOSING = 2.0
+
+
 def from_bus(name: BusName, stopped: Stopped) -> Iterator[Frames]:
     """Frames of a bus as they arrive, until it is stopped and those that came before were given.
 
@@ -197,7 +201,7 @@ def from_bus(name: BusName, stopped: Stopped) -> Iterator[Frames]:
                     reader.join(PACE)
         finally:
             closing.set()
-            reader.join()
+            reader.join(CLOSING)  # a driver may hold on to its last call; the thread ends with the process
     if failures:
         raise DataError(f"{name}: failed ({_reason(failures[0])}).") from failures[0]
 
