@@ -9,6 +9,7 @@ import numpy as np
 
 from clutchid.codegen.templates import template
 from clutchid.export.c99 import CStyle
+from clutchid.export.outputs import OUTPUTS
 from clutchid.inference.filter.joint_filter import JointFilter
 from clutchid.inference.filter.setup import PARAMETER, WEIGHT
 from clutchid.log.states import SENSOR_PARAMETERS, SENSORS
@@ -68,7 +69,8 @@ def a2l(observer: Observer, style: CStyle, title: str) -> str:
 
     Measured are the variables ``NAME_observer``, ``NAME_output``, ``NAME_load_force``, ``NAME_load_low`` and
     ``NAME_load_high`` of the application. Calibrated are the means of the parameters and load weights that adapt, and
-    the values of the other parameters that act, in ``NAME_data``.
+    the values of the other parameters that act, in ``NAME_data``. With two rates, a parameter that adapts is measured
+    as it was after one of the last two corrections.
 
     Parameters
     ----------
@@ -85,7 +87,7 @@ def a2l(observer: Observer, style: CStyle, title: str) -> str:
         title=title,
         real=style.real,
         type=real,
-        number=lambda value: f"{value:.9g}",
+        number=lambda value: f"{value:.10g}",
         measurements=measured,
         values=values,
         axis=axis,
@@ -113,22 +115,13 @@ def _item(name: str, symbol: str, meaning: str, si: str, limits: Sequence[float]
 
 
 def _outputs(observer: Observer, real: str) -> Iterator[Item]:
-    """The fields of NAME_output_t."""
     p = observer.actuator.parameters
-    pressure, stroke, error = (0.0, 2.0 * p.P_S), (-p.y_max, 2.0 * p.y_max), (-p.y_max, p.y_max)
-    for field, meaning, si, limits in (
-        ("pressure_a", "absolute pressure in chamber A", "Pa", pressure),
-        ("pressure_a_std", "its standard deviation at the last correction", "Pa", pressure),
-        ("position", "position of the piston, from the vented rest of the calibration", "m", stroke),
-        ("velocity", "velocity of the piston", "m/s", (-10.0, 10.0)),
-        ("innovation", "position as measured less predicted", "m", error),
-        ("innovation_std", "its standard deviation", "m", (0.0, p.y_max)),
-        ("rest", "move of the vented rest since the calibration", "m", error),
-        ("mismatch", "mean square of the innovations over that of the calibration recordings", "1", (0.0, 1e6)),
-    ):
-        yield _item(field, f"output.{field}", meaning, si, limits, real)
-    yield Item("strokes", "output.strokes", "strokes that have ended", COUNT, *COUNTS, "ULONG")
-    yield Item("flags", "output.flags", "flags of the sample, a bit each", COUNT, *COUNTS, "ULONG")
+    limits = {"Pa": (0.0, 2.0 * p.P_S), "m": (-2.0 * p.y_max, 2.0 * p.y_max), "m/s": (-10.0, 10.0), "1": (0.0, 1e6)}
+    for field, output in OUTPUTS.items():
+        if output.unit:
+            yield _item(field, f"output.{field}", output.meaning, output.unit, limits[output.unit], real)
+        else:
+            yield Item(field, f"output.{field}", output.meaning, COUNT, *COUNTS, "ULONG")
 
 
 def _flags() -> Iterator[Item]:
@@ -195,6 +188,4 @@ def _curves(observer: Observer, real: str) -> Iterator[Item]:
         ("low", "lower end of the 95 % interval of the load"),
         ("high", "upper end of the 95 % interval of the load"),
     ):
-        yield _item(
-            f"load_{part}", f"load_{part}", meaning, "N", (-3.0 * peak, 3.0 * peak), real, positions.size
-        )
+        yield _item(f"load_{part}", f"load_{part}", meaning, "N", (-3.0 * peak, 3.0 * peak), real, positions.size)
