@@ -11,10 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from clutchid.export.a2l import a2l
+from clutchid.export.a2l import a2l, unit_of
 from clutchid.export.c99 import CStyle
 from clutchid.model import Actuator
 from clutchid.observer import observer
+from clutchid.observer.health import FLAGS
 from clutchid.observer.observer import Observer
 from fixtures.export_c import compiled, write_sources
 
@@ -104,9 +105,7 @@ def test_every_output_is_measured_and_every_acting_parameter_stands_once(exporte
     body = re.search(r"typedef struct \{([^}]*)\} release_output_t;", header)[1]
     fields = re.findall(r"^ +\w+ (\w+);", body, re.MULTILINE)
     assert fields
-    assert [n.removeprefix("release.") for n, s in items.items() if s.startswith("release_output.")][: len(fields)] == (
-        fields
-    )
+    assert [n for n, s in items.items() if n == s.replace("_output.", ".")] == [f"release.{field}" for field in fields]
     actuator = joint.mapped.actuator
     adapting = {c.base for c in joint.coordinates}
     calibrated = [n.removeprefix("release.") for n, s in items.items() if s.startswith("release_data.")]
@@ -115,6 +114,25 @@ def test_every_output_is_measured_and_every_acting_parameter_stands_once(exporte
     assert free <= set(calibrated)
     assert set(calibrated) - free <= actuator.acting
     assert actuator.in_equations & actuator.acting <= set(calibrated)
+
+
+def test_the_mask_of_a_flag_has_the_bit_that_it_has_in_c(exported: Exported) -> None:
+    header = (exported.folder / "release.h").read_text()
+    masks = re.findall(r"MEASUREMENT release\.flag\.(\w+) .*?BIT_MASK 0x([0-9A-F]+)", exported.text, re.DOTALL)
+    assert [flag for flag, _ in masks] == list(FLAGS)
+    for flag, mask in masks:
+        assert f"release_{flag} = {int(mask, 16).bit_length() - 1}," in header
+        assert int(mask, 16).bit_count() == 1
+        assert exported.items[f"release.samples.{flag}"] == f"release_observer.health[{int(mask, 16).bit_length() - 1}]"
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "alike"),
+    [("N·s/m", "N*s/m", True), ("m³/(Pa·s)", "m^3/(Pa*s)", True), ("N·m", "N/m", False), ("1/m", "m", False)],
+)
+def test_units_share_a_conversion_only_if_they_are_the_same(one: str, other: str, alike: bool) -> None:
+    assert (unit_of(one).name == unit_of(other).name) is alike
+    assert (unit_of(one) == unit_of(other)) is alike
 
 
 def test_names_limits_and_references_are_sound(exported: Exported) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -51,16 +52,16 @@ class Item(NamedTuple):
 
 COUNT, FLAG = Unit("count", ""), Unit("flag", "")
 
-#: Units by their text in SI. Another one is shown as it is.
+#: Units by their text in SI, in ASCII. Another one is shown as it is.
 UNITS = {
     "1": Unit("ratio", ""),
     "m": Unit("mm", "mm", 1e3),
     "m/s": Unit("mm_s", "mm/s", 1e3),
-    "m²": Unit("cm2", "cm^2", 1e4),
-    "m³": Unit("cm3", "cm^3", 1e6),
+    "m^2": Unit("cm2", "cm^2", 1e4),
+    "m^3": Unit("cm3", "cm^3", 1e6),
     "s": Unit("ms", "ms", 1e3),
     "Pa": Unit("kPa", "kPa", 1e-3),
-    "m³/(Pa·s)": Unit("dm3_s_bar", "dm^3/(s*bar)", 1e8),
+    "m^3/(Pa*s)": Unit("dm3_s_bar", "dm^3/(s*bar)", 1e8),
 }
 
 
@@ -84,7 +85,7 @@ def a2l(observer: Observer, style: CStyle, title: str) -> str:
     units = dict.fromkeys(item.unit for item in (*measured, *values, axis, *curves))
     text: str = template("asap2.a2l.j2", "clutchid.export").render(
         name=style.name,
-        title=title,
+        title=" ".join(title.split()),
         real=style.real,
         type=real,
         number=lambda value: f"{value:.10g}",
@@ -103,8 +104,9 @@ def _ascii(text: str) -> str:
 
 def unit_of(si: str) -> Unit:
     """Unit that a tool shows for one in SI."""
-    name = "".join(c if c.isascii() and c.isalnum() else "_" for c in _ascii(si))
-    return UNITS.get(si, Unit(f"si_{name}", si))
+    shown = _ascii(si)
+    name = re.sub(r"\W", "_", shown.replace("^", "").replace("/", "_per_").replace("-", "minus"))
+    return UNITS.get(shown, Unit(f"si_{name}", shown))
 
 
 def _item(name: str, symbol: str, meaning: str, si: str, limits: Sequence[float], real: str, size: int = 1) -> Item:
