@@ -116,6 +116,20 @@ def test_every_output_is_measured_and_every_acting_parameter_stands_once(exporte
     assert actuator.in_equations & actuator.acting <= set(calibrated)
 
 
+def test_every_value_is_that_of_the_parameter_that_it_names(exported: Exported, tmp_path: Path) -> None:
+    shown = {n: s for n, s in exported.items.items() if "_data." in s or ".derived[0].p[" in s}
+    printed = " ".join(f'printf("{n} %.9g\\n", (double){s});' for n, s in shown.items())
+    main = exported.application(f"release_start(&release_observer, NULL, 0u); {printed}", tmp_path)
+    others = [f for f in exported.folder.glob("*.c") if f.stem != "release_data"]
+    program = compiled([main, *others], tmp_path / "application", f"-I{exported.folder}")
+    lines = subprocess.run([program], capture_output=True, text=True, check=True).stdout.splitlines()
+    actuator = exported.observer.joint.mapped.actuator
+    assert len(lines) == len(shown)
+    for name, value in map(str.split, lines):
+        parameter = name.rpartition(".")[2]
+        assert float(value) == pytest.approx(actuator.value(parameter), rel=1e-6, abs=1e-12), name
+
+
 def test_the_mask_of_a_flag_has_the_bit_that_it_has_in_c(exported: Exported) -> None:
     header = (exported.folder / "release.h").read_text()
     masks = re.findall(r"MEASUREMENT release\.flag\.(\w+) .*?BIT_MASK 0x([0-9A-F]+)", exported.text, re.DOTALL)
