@@ -1,0 +1,27 @@
+"""An exported observer for MATLAB, GNU Octave and Simulink: a MEX function and an S-function of the same C sources."""
+
+from __future__ import annotations
+
+from clutchid.codegen.templates import template
+from clutchid.export.c99 import CStyle
+from clutchid.export.outputs import OUTPUTS
+
+
+def matlab_files(style: CStyle) -> dict[str, str]:
+    """The files of the folder ``matlab`` of an export by their names; the sources in C are in ``../src``."""
+    name = style.name
+    values = {
+        "name": name,
+        "real": style.real,
+        "outputs": list(OUTPUTS),
+        "modules": [f"{name}_model", f"{name}_filter", f"{name}_data", name],
+    }
+    files = {
+        f"{name}_simulink.h": "simulink.h",
+        f"{name}_simulink.c": "simulink.c",
+        f"{name}_mex.c": "mex.c",
+        "make_mex.m": "make_mex.m",
+        "make_sfunction.m": "make_sfunction.m",
+        "README.md": "matlab.md",
+    }
+    return {file: template(f"{of}.j2", "clutchid.export").render(values) for file, of in files.items()}

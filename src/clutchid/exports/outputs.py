@@ -1,0 +1,29 @@
+"""What an exported observer returns by sample."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+
+class Output(NamedTuple):
+    """A field of NAME_output_t: meaning, and its unit in SI; an empty one is a count."""
+
+    meaning: str
+    unit: str
+
+
+#: Fields of NAME_output_t, in their order.
+OUTPUTS: Mapping[str, Output] = MappingProxyType({
+    "pressure_a": Output("absolute pressure in chamber A", "Pa"),
+    "pressure_a_std": Output("standard deviation of the pressure in chamber A at the last correction", "Pa"),
+    "position": Output("position of the piston, from the vented rest of the calibration", "m"),
+    "velocity": Output("velocity of the piston", "m/s"),
+    "innovation": Output("position as measured less predicted", "m"),
+    "innovation_std": Output("standard deviation of the innovation", "m"),
+    "rest": Output("move of the vented rest since the calibration", "m"),
+    "mismatch": Output("mean square of the innovations over that of the calibration recordings", "1"),
+    "strokes": Output("strokes that have ended", ""),
+    "flags": Output("flags of the sample, a bit each", ""),
+})  # fmt: skip
