@@ -10,7 +10,7 @@ import pytest
 
 from clutchid.errors import ParameterError
 from clutchid.exports.c99 import CStyle, c_number, observer_c99
-from clutchid.exports.parity import OUTPUTS, begun, compiler, parity, replay, samples_of, trial_drive
+from clutchid.exports.parity import COLUMNS, begun, compiler, parity, replay, samples_of, trial_drive
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import RecordedConditions
 from clutchid.model import Actuator, Load
@@ -89,7 +89,7 @@ def test_in_double_everything_is_alike_up_to_rounding(found_by, faulty, method):
     seen = {name: int(count) for name, count in zip(FLAGS, replayed.health, strict=True) if count}
     assert {"position_missing", "position_frozen", "position_beyond_stops", "duty_missing", "time_missing"} < set(seen)
     assert {"outlier", "rest_moved"} < set(seen)
-    assert np.nanmax(replayed.outputs[:, OUTPUTS.index("rest")]) > 3e-4
+    assert np.nanmax(replayed.outputs[:, COLUMNS.index("rest")]) > 3e-4
 
 
 def test_in_float_the_load_is_that_of_double_also_with_faults(found_by, log, faulty):

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid.codegen.templates import template
-from clutchid.export.c99 import CStyle
-from clutchid.export.outputs import OUTPUTS
+from clutchid.exports.c99 import CStyle
+from clutchid.exports.outputs import OUTPUTS
 from clutchid.inference.filter.joint_filter import JointFilter
 from clutchid.inference.filter.setup import PARAMETER, WEIGHT
 from clutchid.log.states import SENSOR_PARAMETERS, SENSORS
@@ -83,7 +83,7 @@ def a2l(observer: Observer, style: CStyle, title: str) -> str:
     values = [*_free(joint, real), *_fixed(joint, real)]
     axis, *curves = _curves(observer, real)
     units = dict.fromkeys(item.unit for item in (*measured, *values, axis, *curves))
-    text: str = template("asap2.a2l.j2", "clutchid.export").render(
+    text: str = template("asap2.a2l.j2", "clutchid.exports").render(
         name=style.name,
         title=" ".join(title.split()),
         real=style.real,

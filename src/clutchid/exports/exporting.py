@@ -10,8 +10,10 @@ from typing import Literal
 from clutchid.codegen.c99 import CSource
 from clutchid.codegen.templates import template
 from clutchid.errors import DataError, ParameterError
+from clutchid.exports.a2l import a2l
 from clutchid.exports.c99 import CStyle, observer_c99
 from clutchid.exports.data import size_of
+from clutchid.exports.matlab import matlab_files
 from clutchid.exports.parity import Parity, compiler, parity, replay, replay_source, trial_drive
 from clutchid.log import Log, sample_interval
 from clutchid.observer.observer import Observer
@@ -95,8 +97,14 @@ def write_export(
     modules = observer_c99(observer, state, style, title)
     log = _at_rate(check, observer) if check is not None else trial_drive(observer)
     compared, notes = _compared(observer, state, modules, style, log)
-    files = {f"src/{stem}{suffix}": text for stem, code in modules.items() for suffix, text in _texts(code)}
+    files: dict[str, str | bytes] = {
+        f"src/{stem}{suffix}": text for stem, code in modules.items() for suffix, text in _texts(code)
+    }
     files["test/replay.c"] = replay_source(observer, style, log)
+    if "matlab" in to:
+        files |= {f"matlab/{name}": text for name, text in matlab_files(style).items()}
+    if "a2l" in to:
+        files[f"a2l/{style.name}.a2l"] = a2l(observer, style, title)
     files["PARITY.md"] = _page("parity.md", observer, style, title, compared, notes)
     files["README.md"] = _page("readme.md", observer, style, title, compared, notes)
     for name, text in files.items():

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from clutchid.codegen.templates import template
-from clutchid.export.c99 import CStyle
-from clutchid.export.outputs import OUTPUTS
+from clutchid.exports.c99 import CStyle
+from clutchid.exports.outputs import OUTPUTS
 
 
 def matlab_files(style: CStyle) -> dict[str, str]:
@@ -24,4 +24,4 @@ def matlab_files(style: CStyle) -> dict[str, str]:
         "make_sfunction.m": "make_sfunction.m",
         "README.md": "matlab.md",
     }
-    return {file: template(f"{of}.j2", "clutchid.export").render(values) for file, of in files.items()}
+    return {file: template(f"{of}.j2", "clutchid.exports").render(values) for file, of in files.items()}

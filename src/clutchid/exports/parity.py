@@ -16,6 +16,7 @@ from clutchid.codegen.c99 import CSource
 from clutchid.codegen.templates import template
 from clutchid.errors import ExportError
 from clutchid.exports.c99 import CStyle
+from clutchid.exports.outputs import OUTPUTS
 from clutchid.log import FloatArray, Log
 from clutchid.observer.by_stroke import curve, positions
 from clutchid.observer.following import observe
@@ -24,10 +25,7 @@ from clutchid.observer.observer import Observer, start
 from clutchid.observer.state import ObserverState, RestWatch, Strokes
 
 #: Columns of the results of a sample in C, see ``replay.c``.
-OUTPUTS = (
-    "pressure_a", "pressure_a_std", "position", "velocity", "innovation", "innovation_std", "rest", "mismatch",
-    "strokes", "flags",
-)  # fmt: skip
+COLUMNS = tuple(OUTPUTS)
 
 #: Largest differences that are rounding: of theta in prior standard deviations, of the load as a share of its peak, of
 #: the pressure in Pa, rms; by type of numbers. With two rates a correction comes late, so that only the load is alike.
@@ -150,9 +148,9 @@ def replay(observer: Observer, modules: Mapping[str, CSource], style: CStyle, lo
         command = [cc, "-std=c99", "-O2", "-ffp-contract=off", "-o", str(folder / "replay"), *sources, "-lm"]
         _checked(command, b"")
         found = np.frombuffer(_checked([str(folder / "replay")], samples_of(log).tobytes()))
-    n, m = len(log) * len(OUTPUTS), 3 * positions(observer).size
+    n, m = len(log) * len(COLUMNS), 3 * positions(observer).size
     outputs, load, rest = found[:n], found[n : n + m], found[n + m :]
-    return Replayed(outputs.reshape(-1, len(OUTPUTS)), load.reshape(-1, 3), rest[: -len(FLAGS)], rest[-len(FLAGS) :])
+    return Replayed(outputs.reshape(-1, len(COLUMNS)), load.reshape(-1, 3), rest[: -len(FLAGS)], rest[-len(FLAGS) :])
 
 
 def _checked(command: list[str], given: bytes) -> bytes:
@@ -177,7 +175,7 @@ def parity(observer: Observer, state: ObserverState, log: Log, found: Replayed) 
         "innovation_std": (std, "m"),
         "rest": (expected.rest, "m"),
     }
-    differences = [_worst(name, found.outputs[:, OUTPUTS.index(name)], *given) for name, given in columns.items()]
+    differences = [_worst(name, found.outputs[:, COLUMNS.index(name)], *given) for name, given in columns.items()]
     known = curve(observer, after, positions(observer))
     band = np.stack([known.force, known.low, known.high], axis=1)
     differences.append(Difference("load and band", float(np.abs(found.load - band).max()), "N", None))
@@ -198,7 +196,7 @@ def parity(observer: Observer, state: ObserverState, log: Log, found: Replayed) 
         pressure=float(np.sqrt(np.nanmean(pressure**2))) if np.isfinite(pressure).any() else 0.0,
         differences=tuple(differences),
         flags=flags,
-        strokes=(after.strokes.ended, int(found.outputs[-1, OUTPUTS.index("strokes")])),
+        strokes=(after.strokes.ended, int(found.outputs[-1, COLUMNS.index("strokes")])),
     )
 
 

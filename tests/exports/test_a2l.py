@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from clutchid.export.a2l import a2l, unit_of
-from clutchid.export.c99 import CStyle
+from clutchid.exports.a2l import a2l, unit_of
+from clutchid.exports.c99 import CStyle
 from clutchid.model import Actuator
 from clutchid.observer import observer
 from clutchid.observer.health import FLAGS

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from clutchid.export.c99 import CStyle
-from clutchid.export.matlab import matlab_files
-from clutchid.export.outputs import OUTPUTS
+from clutchid.exports.c99 import CStyle
+from clutchid.exports.matlab import matlab_files
+from clutchid.exports.outputs import OUTPUTS
 from clutchid.log import FloatArray
 from clutchid.model import Actuator
 from clutchid.observer import observer
