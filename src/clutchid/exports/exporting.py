@@ -97,16 +97,13 @@ def write_export(
     modules = observer_c99(observer, state, style, title)
     log = _at_rate(check, observer) if check is not None else trial_drive(observer)
     compared, notes = _compared(observer, state, modules, style, log)
-    files: dict[str, str | bytes] = {
-        f"src/{stem}{suffix}": text for stem, code in modules.items() for suffix, text in _texts(code)
-    }
-    files["test/replay.c"] = replay_source(observer, style, log)
+    files = _sources(modules) | {"test/replay.c": replay_source(observer, style, log)}
     if "matlab" in to:
         files |= {f"matlab/{name}": text for name, text in matlab_files(style).items()}
     if "a2l" in to:
         files[f"a2l/{style.name}.a2l"] = a2l(observer, style, title)
-    files["PARITY.md"] = _page("parity.md", observer, style, title, compared, notes)
-    files["README.md"] = _page("readme.md", observer, style, title, compared, notes)
+    for page in ("parity", "readme"):
+        files[f"{page.upper()}.md"] = _page(f"{page}.md", observer, style, title, to, compared, notes)
     for name, text in files.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -124,8 +121,9 @@ def _at_rate(log: Log, observer: Observer) -> Log:
     return log
 
 
-def _texts(code: CSource) -> tuple[tuple[str, str], tuple[str, str]]:
-    return (".h", code.header), (".c", code.source)
+def _sources(modules: Mapping[str, CSource]) -> dict[str, str | bytes]:
+    headers = {f"src/{stem}.h": code.header for stem, code in modules.items()}
+    return {**headers, **{f"src/{stem}.c": code.source for stem, code in modules.items()}}
 
 
 def _compared(
@@ -138,12 +136,19 @@ def _compared(
 
 
 def _page(
-    name: str, observer: Observer, style: CStyle, title: str, compared: Parity | None, notes: Sequence[str]
+    name: str,
+    observer: Observer,
+    style: CStyle,
+    title: str,
+    to: Sequence[Target],
+    compared: Parity | None,
+    notes: Sequence[str],
 ) -> str:
     values = {
         "name": style.name,
         "style": style,
         "title": title,
+        "to": to,
         "observer": observer,
         "size": size_of(observer.joint),
         "parity": compared,
