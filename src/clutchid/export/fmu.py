@@ -51,12 +51,7 @@ LOAD_POSITION = 8.5e-3
 DATE = (1980, 1, 1, 0, 0, 0)
 
 FLAGS_OF_COMPILER = (
-    "-std=c99",
-    "-O2",
-    "-fPIC",
-    "-shared",
-    "-fvisibility=hidden",
-    "-s",
+    *("-std=c99", "-O2", "-fPIC", "-shared", "-fvisibility=hidden", "-s"),
     "-DFMI2_OVERRIDE_FUNCTION_PREFIX",
 )
 
@@ -183,37 +178,39 @@ _OBSERVED: Mapping[str, tuple[str, str]] = {
 
 
 def _of_observer(observer: Observer, state: ObserverState) -> list[Variable]:
-    actuator, joint = observer.joint.mapped.actuator, observer.joint
-    free = [c.base for c in joint.coordinates]
-    adapting = [
-        (
-            name,
-            _meaning(actuator, name),
-            actuator.unit(name),
-            *(value_in_si(row, at) for at in (theta, row[LEAST], row[MOST])),
-        )
-        for name, row, theta in zip(free, joint.free.numbers, state.theta, strict=True)
+    adapting = _adapting(observer, state)
+    outputs = [
+        Variable(name, meaning, "output", unit, variability="discrete") for name, (unit, meaning) in _OBSERVED.items()
     ]
+    counted = ("strokes", "flags")
     return [
         Variable("position_measured", "position as the sensor shows it; NaN for none", "input", "m", 0.0),
         *_duties(observer.actuator.equipment),
         Variable("supply_pressure", "supply pressure, absolute; 0 for none", "input", "Pa", 0.0),
         Variable("load_position", "position of the load that is given", "parameter", "m", LOAD_POSITION, "tunable"),
+        *(replace(v, name=f"start.{v.name}", description=f"{v.description}, at the start") for v in adapting),
+        *(Variable(v.name, v.description, "local", v.unit, variability="discrete") for v in adapting),
+        Variable("load", "load of the clutch at load_position", "output", "N", variability="discrete"),
+        Variable("load_low", "lower end of its 95 % interval", "output", "N", variability="discrete"),
+        Variable("load_high", "upper end of its 95 % interval", "output", "N", variability="discrete"),
+        *(replace(v, kind="Integer" if v.name in counted else "Real") for v in outputs),
         *(
-            Variable(f"start.{name}", f"{meaning}, at the start", "parameter", unit, start, "fixed", low, high)
-            for name, meaning, unit, start, low, high in adapting
+            Variable(f"flag.{name}", meaning, "output", variability="discrete", kind="Boolean")
+            for name, meaning in FLAGS.items()
         ),
-        *(Variable(name, meaning, "local", unit, None, "discrete") for name, meaning, unit, *_ in adapting),
-        Variable("load", "load of the clutch at load_position", "output", "N", None, "discrete"),
-        Variable("load_low", "lower end of its 95 % interval", "output", "N", None, "discrete"),
-        Variable("load_high", "upper end of its 95 % interval", "output", "N", None, "discrete"),
-        *(
-            Variable(name, meaning, "output", unit, None, "discrete",
-                     kind="Integer" if name in ("strokes", "flags") else "Real")
-            for name, (unit, meaning) in _OBSERVED.items()
-        ),
-        *(Variable(f"flag.{flag}", text, "output", variability="discrete", kind="Boolean") for flag, text in FLAGS.items()),
-    ]  # fmt: skip
+    ]
+
+
+def _adapting(observer: Observer, state: ObserverState) -> list[Variable]:
+    """Parameters that adapt, with their start values in a state."""
+    joint, actuator = observer.joint, observer.joint.mapped.actuator
+    found = []
+    for coordinate, row, theta in zip(joint.coordinates, joint.free.numbers, state.theta.tolist(), strict=True):
+        name = coordinate.base
+        start, low, high = (value_in_si(row, at) for at in (theta, row[LEAST], row[MOST]))
+        meaning, unit = _meaning(actuator, name), actuator.unit(name)
+        found.append(Variable(name, meaning, "parameter", unit, start, "fixed", low, high))
+    return found
 
 
 def _of_model(actuator: Actuator) -> list[Variable]:
