@@ -37,7 +37,7 @@ from clutchid.parameters import Row
 from clutchid.simulation.inputs import ROUNDING
 from clutchid.simulation.stiffness import MOST_SUBSTEPS, STABLE_STEP, stiffness
 
-Kind = Literal["Real", "Integer", "Boolean"]
+Kind = Literal["Real", "Integer", "Boolean", "String"]
 Causality = Literal["input", "output", "parameter", "local"]
 Variability = Literal["continuous", "discrete", "tunable", "fixed"]
 
@@ -286,7 +286,7 @@ def _fmu(
     values: Mapping[str, Any],
 ) -> bytes:
     """The content of an FMU of variables and the C modules that its wrapper calls."""
-    kinds: tuple[Kind, ...] = ("Real", "Integer", "Boolean")
+    kinds: tuple[Kind, ...] = ("Real", "Integer", "Boolean", "String")
     by_kind = {kind: [v for v in variables if v.kind == kind] for kind in kinds}
     in_order = [v for rows in by_kind.values() for v in rows]
     sources = {f"{stem}.{suffix}": text for stem, code in modules.items() for suffix, text in _texts(code)}
