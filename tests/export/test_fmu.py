@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from sympy import symbols
 
 from clutchid.codegen.c99 import CSource
 from clutchid.codegen.templates import template
@@ -24,6 +25,7 @@ from clutchid.export.fmu import model_fmu, observer_fmu, platforms
 from clutchid.log import Log
 from clutchid.model import Actuator
 from clutchid.model.equipment import Equipment
+from clutchid.model.own import OwnModel, OwnParameter, OwnState
 from clutchid.observer import observer, start
 from clutchid.simulation import simulate
 
@@ -302,6 +304,27 @@ def test_steps_of_the_model_are_those_of_a_simulation(model, plant, inputs, tmp_
         np.testing.assert_allclose(values, simulated[name], rtol=0, atol=1e-8 * np.ptp(simulated[name]))
     position = np.array(instance.get(["position"]))
     assert instance.get(["load"])[0] == pytest.approx(actuator.load.force(position)[0], rel=1e-9)
+
+
+def test_a_model_of_ones_own_is_exported_with_its_states_and_parameters(inputs, tmp_path):
+    v, z_2, K_2, s_2, f_f = symbols("v z_2 K_2 s_2 f_f")
+    element = OwnModel(
+        "isothermal",
+        parameters={
+            "K_2": OwnParameter(4e5, "N/m", "stiffness of the seal */", range=(1e3, 1e8), std=1e5),
+            "s_2": OwnParameter(50.0, "1/s", "its relaxation", range=(1, 1e3), std=10),
+        },
+        states={"z_2": OwnState("m", "deflection of the seal", scale=1e-4, noise=5e-6)},
+        rates={"z_2": v - s_2 * z_2},
+        terms={"f_f": f_f + K_2 * z_2},
+    )
+    exported, n = unpacked(model_fmu(Actuator(model=element)), tmp_path), 500
+    assert {"K_2", "z_2"} <= set(exported.variables)
+    duties = given(compiled(exported), inputs)
+    log = Log(np.arange(n) * STEP, {name: values[:n] for name, values in duties.items()})
+    simulated = simulate(Actuator(model=element), log).log
+    found = exported.instance().begin().follow(duties, ["position", "z_2"], 0, n - 1)
+    np.testing.assert_allclose(found[:, 0], simulated["position"][1:], rtol=0, atol=1e-12)
 
 
 def test_a_model_takes_other_parameters_and_another_start(modelled, plant):

@@ -26,6 +26,7 @@ from clutchid.export.c99 import CStyle
 from clutchid.export.data import carrier_us
 from clutchid.inference.filter.joint_parameters import value_in_si
 from clutchid.inference.filter.setup import LEAST, MOST
+from clutchid.log.states import State
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels, system
 from clutchid.model.equipment import Equipment
@@ -141,7 +142,7 @@ def model_fmu(actuator: Actuator, name: str = "actuator") -> bytes:
         "title": f"clutch actuator with its load, model {actuator.model}",
         "parameters": _parameters_of(actuator),
         "weights": load.names,
-        "states": [row.column for row in rows.values()],
+        "states": [_column(row) for row in rows.values()],
         "starts": {symbol: row.starts_at for symbol, row in rows.items() if row.starts_at},
         "p": list(zip(actuator.parameter_names, actuator.array().tolist(), strict=True)),
         "breakpoints": load.breakpoints.tolist(),
@@ -234,7 +235,7 @@ def _of_model(actuator: Actuator) -> list[Variable]:
             for name, value in zip(actuator.load.names, actuator.load.theta, strict=True)
         ),
         *(
-            Variable(row.column, row.meaning, "output" if row.unit in _OUTPUT or name == "y" else "local", row.unit)
+            Variable(_column(row), row.meaning, "output" if row.unit in _OUTPUT or name == "y" else "local", row.unit)
             for name, row in actuator.state_rows.items()
         ),
         Variable("load", "load of the clutch on the piston", "output", "N"),
@@ -243,6 +244,11 @@ def _of_model(actuator: Actuator) -> list[Variable]:
 
 #: Units of the states of a model that are outputs, beside the position.
 _OUTPUT = ("m/s", "Pa", "K")
+
+
+def _column(row: State) -> str:
+    """Name of a state's variable: that of its column, which has a unit behind it in own models."""
+    return row.column.partition(" ")[0]
 
 
 def _parameters_of(actuator: Actuator) -> list[str]:
