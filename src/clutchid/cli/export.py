@@ -27,6 +27,7 @@ def export(
     name: str = "clutch",
     resume: Path | None = None,
     check: Path | None = None,
+    model: Flag = False,
     ambient: str | None = None,
     map_: MapOption = None,
     dbc: DbcOption = None,
@@ -57,6 +58,8 @@ def export(
         State of an observer, as written by `clutchid observe --save`: the export goes on from what it has learnt.
     check
         Recording on which C and Python are compared; by default a short simulated drive.
+    model
+        Write the actuator with its load as an FMU too, for `--to fmu2`.
     ambient
         Ambient pressure for gauge units, for example 1.013bar; P_0 of the calibration by default.
     map_
@@ -76,7 +79,7 @@ def export(
     log = read_recordings([check], files, content.actuator.equipment)[0] if check else None
     done = exported(
         calibration, out, to=targets, method=method, modes=modes, real=real, rates=rates, name=name, resume=resume,
-        check=log,
+        check=log, model=model,
     )  # fmt: skip
     _answer(done, json)
     return DONE

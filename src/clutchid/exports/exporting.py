@@ -13,6 +13,7 @@ from clutchid.errors import DataError, ParameterError
 from clutchid.exports.a2l import a2l
 from clutchid.exports.c99 import CStyle, observer_c99
 from clutchid.exports.data import size_of
+from clutchid.exports.fmu import model_fmu, observer_fmu, platforms
 from clutchid.exports.matlab import matlab_files
 from clutchid.exports.parity import Parity, compiler, parity, replay, replay_source, trial_drive
 from clutchid.log import Log, sample_interval
@@ -73,6 +74,7 @@ def write_export(
     *,
     to: Sequence[Target] = ("c",),
     check: Log | None = None,
+    model: bool = False,
 ) -> Export:
     """Write an observer for a control unit into a folder, which is made; files of the same names are replaced.
 
@@ -84,26 +86,35 @@ def write_export(
         What it was made from.
     check
         Recording on which C and Python are compared; by default a short simulated drive.
+    model
+        Whether the actuator with its load is written as an FMU too.
 
     Raises
     ------
     ParameterError
-        If the method cannot be exported.
+        If the method cannot be exported, or a `model` is wanted without 'fmu2'.
     DataError
         If the recording of `check` has another rate.
     ExportError
         If a file cannot be written, or the C does not compile.
     """
+    if model and "fmu2" not in to:
+        raise ParameterError("--model is written as an FMU: add fmu2 to --to, for example --to c,fmu2.")
     modules = observer_c99(observer, state, style, title)
     log = _at_rate(check, observer) if check is not None else trial_drive(observer)
     compared, notes = _compared(observer, state, modules, style, log)
     files = _sources(modules) | {"test/replay.c": replay_source(observer, style, log)}
+    if "fmu2" in to:
+        fmus = {style.name: observer_fmu(observer, state, style, modules)}
+        fmus |= {f"{style.name}_model": model_fmu(observer.actuator, f"{style.name}_model")} if model else {}
+        files |= {f"fmu/{name}.fmu": fmu for name, fmu in fmus.items()}
+        notes = (*notes, *(_sources_only(name) for name, fmu in fmus.items() if not platforms(fmu)))
     if "matlab" in to:
         files |= {f"matlab/{name}": text for name, text in matlab_files(style).items()}
     if "a2l" in to:
         files[f"a2l/{style.name}.a2l"] = a2l(observer, style, title)
     for page in ("parity", "readme"):
-        files[f"{page.upper()}.md"] = _page(f"{page}.md", observer, style, title, to, compared, notes)
+        files[f"{page.upper()}.md"] = _page(f"{page}.md", observer, style, title, (to, model), compared, notes)
     for name, text in files.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -126,6 +137,10 @@ def _sources(modules: Mapping[str, CSource]) -> dict[str, str | bytes]:
     return {**headers, **{f"src/{stem}.c": code.source for stem, code in modules.items()}}
 
 
+def _sources_only(name: str) -> str:
+    return f"fmu/{name}.fmu has sources and no binary: there is no C compiler for linux64 on this machine."
+
+
 def _compared(
     observer: Observer, state: ObserverState, modules: Mapping[str, CSource], style: CStyle, log: Log
 ) -> tuple[Parity | None, tuple[str, ...]]:
@@ -140,7 +155,7 @@ def _page(
     observer: Observer,
     style: CStyle,
     title: str,
-    to: Sequence[Target],
+    written: tuple[Sequence[Target], bool],
     compared: Parity | None,
     notes: Sequence[str],
 ) -> str:
@@ -148,7 +163,8 @@ def _page(
         "name": style.name,
         "style": style,
         "title": title,
-        "to": to,
+        "to": written[0],
+        "model": written[1],
         "observer": observer,
         "size": size_of(observer.joint),
         "parity": compared,

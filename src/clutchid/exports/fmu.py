@@ -22,8 +22,8 @@ from clutchid.codegen.c99 import CSource, c99_source
 from clutchid.codegen.language import C_DOUBLE
 from clutchid.codegen.templates import template
 from clutchid.errors import ExportError
-from clutchid.export.c99 import CStyle
-from clutchid.export.data import carrier_us
+from clutchid.exports.c99 import CStyle
+from clutchid.exports.data import carrier_us
 from clutchid.inference.filter.joint_parameters import value_in_si
 from clutchid.inference.filter.setup import LEAST, MOST
 from clutchid.log.states import State
@@ -93,7 +93,7 @@ def observer_fmu(observer: Observer, state: ObserverState, style: CStyle, module
     state
         What is known of the parameters that adapt at the start.
     modules
-        The observer in C, as `clutchid.export.c99.observer_c99` makes it with this state and style.
+        The observer in C, as `clutchid.exports.c99.observer_c99` makes it with this state and style.
 
     Raises
     ------
@@ -311,7 +311,7 @@ def _fmu(
 
     def texts(guid: str) -> dict[str, str]:
         rendered = {"modelDescription.xml": "modelDescription.xml.j2", f"sources/{wrapper}": f"fmu_{part}.c.j2"}
-        made = {file: template(of, "clutchid.export").render(filled, guid=guid) for file, of in rendered.items()}
+        made = {file: template(of, "clutchid.exports").render(filled, guid=guid) for file, of in rendered.items()}
         return made | {f"sources/{file}": text for file, text in sources.items()}
 
     files = {file: text.encode() for file, text in texts(_guid(texts("").values())).items()}
@@ -356,7 +356,7 @@ def _linux_binary(sources: Mapping[str, bytes]) -> bytes | None:
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None or sys.platform != "linux" or platform.machine() != "x86_64":
         return None
-    header = template("fmi2Functions.h.j2", "clutchid.export").render()
+    header = template("fmi2Functions.h.j2", "clutchid.exports").render()
     with TemporaryDirectory() as folder:
         for name, text in {**sources, "fmi2Functions.h": header.encode()}.items():
             (Path(folder) / name).write_bytes(text)

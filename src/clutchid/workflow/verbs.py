@@ -146,6 +146,7 @@ def export(
     name: str = "clutch",
     resume: str | PathLike[str] | None = None,
     check: LogOrPath | None = None,
+    model: bool = False,
 ) -> Export:
     """Write the on-line observer of a calibration as C99 for a control unit, and compare it with the one in Python.
 
@@ -169,6 +170,8 @@ def export(
         File with the state of an observer, from which the export goes on.
     check : Log or path, optional
         Recording on which C and Python are compared; by default a short simulated drive.
+    model
+        Whether the actuator with its load is written as an FMU too.
 
     Returns
     -------
@@ -192,7 +195,7 @@ def export(
     state = begun(one, start(one) if resume is None else read_state(one, resume))
     log = None if check is None else recordings_of([check], content.actuator)[0]
     title = f"{'a fit' if isinstance(calibration, Fit | ParameterFile) else Path(calibration).name}, method {method}"
-    return write_export(one, state, Path(out), style, title, to=to, check=log)
+    return write_export(one, state, Path(out), style, title, to=to, check=log, model=model)
 
 
 def observe(

@@ -19,9 +19,9 @@ from sympy import symbols
 from clutchid.codegen.c99 import CSource
 from clutchid.codegen.templates import template
 from clutchid.errors import ExportError, ParameterError
-from clutchid.export import fmu
-from clutchid.export.c99 import CStyle, observer_c99
-from clutchid.export.fmu import model_fmu, observer_fmu, platforms
+from clutchid.exports import fmu
+from clutchid.exports.c99 import CStyle, observer_c99
+from clutchid.exports.fmu import model_fmu, observer_fmu, platforms
 from clutchid.log import Log
 from clutchid.model import Actuator
 from clutchid.model.equipment import Equipment
@@ -232,7 +232,9 @@ def test_a_name_that_c_does_not_take_is_refused(plant):
 
 
 def test_its_sources_compile_without_a_warning(runs):
-    (runs.folder / "sources" / "fmi2Functions.h").write_text(template("fmi2Functions.h.j2", "clutchid.export").render())
+    (runs.folder / "sources" / "fmi2Functions.h").write_text(
+        template("fmi2Functions.h.j2", "clutchid.exports").render()
+    )
     sources = sorted(str(file) for file in (runs.folder / "sources").glob("*_fmu.c"))
     command = ["cc", *STRICT, "-O1", "-c", "-o", str(runs.folder / "fmu.o"), *sources]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -240,7 +242,7 @@ def test_its_sources_compile_without_a_warning(runs):
 
 
 def test_its_library_has_every_function_of_the_standard_and_no_other(runs):
-    header = template("fmi2Functions.h.j2", "clutchid.export").render()
+    header = template("fmi2Functions.h.j2", "clutchid.exports").render()
     functions = set(re.findall(r"FMI2_Export [\w ]+\*?\b(fmi2\w+)\(", header))
     library = ctypes.CDLL(str(runs.folder / "binaries" / "linux64" / f"{runs.name}.so"))
     assert len(functions) == 44
@@ -251,7 +253,7 @@ def test_its_library_has_every_function_of_the_standard_and_no_other(runs):
 def test_steps_of_the_observer_are_those_of_the_replay(observing, modules, inputs):
     compiled(observing)
     n = round(SECONDS / STEP)
-    replay = template("replay.c.j2", "clutchid.export")
+    replay = template("replay.c.j2", "clutchid.exports")
     folder = observing.folder / "sources"
     (folder / "replay.c").write_text(replay.render(name="clutch", real="double", positions=[5e-3], begins_us=0))
     files = [str(folder / f"{stem}.c") for stem in ("replay", *modules)]
