@@ -26,10 +26,10 @@ OUTPUTS = (
 )  # fmt: skip
 
 #: Largest difference of an output, as a share of its largest value in the vectors: libm differs between compilers. In
-#: float, deviations and innovations of a piston that sticks are less exact (measured: 8e-3 on truck A). Strokes and flags are
-#: equal.
+#: float, standard deviations, innovations and speeds are less exact while the piston sticks (measured on truck A over
+#: 60 s between a Cortex-M4 and x86-64: 8e-2, 2e-3 and 1e-3). Strokes and flags are equal.
 TOLERANCE = {"float": 1e-3, "double": 1e-6}
-LESS_EXACT = {"pressure_a_std": 20.0, "innovation": 20.0, "innovation_std": 20.0}
+LESS_EXACT = {"pressure_a_std": 300.0, "velocity": 10.0, "innovation": 20.0, "innovation_std": 20.0}
 
 #: Clock of the mps2-an386 in Hz.
 CLOCK = 25_000_000
