@@ -161,7 +161,7 @@ static void rhs_columns(const float x[], const float p[], const pendulum_constan
  * Move a column over the four stages of a step: its rate is J z, with the derivatives of the rates to what it belongs to.
  * A column that is 0 and has no such derivatives stays 0.
  */
-static void move_column(const stage_t stages[], const pendulum_table_t *table, const pendulum_basis_t *basis, int column, int columns, float h,
+static void move_column(const stage_t stages[], const pendulum_basis_t *basis, int column, int columns, float h,
     float S[])
 {
     const float reaches[4] = {0.5F * h, 0.5F * h, h, h};
@@ -175,11 +175,15 @@ static void move_column(const stage_t stages[], const pendulum_table_t *table, c
     const int weighted = (weight >= 0) && (weight < basis->n);
     float phi[4] = {0.0F, 0.0F, 0.0F, 0.0F};
     if (weighted) {
+        const int *reach = basis->reach[weight];
         for (int k = 0; k < 4; k++) {
-            const float *a = &basis->coefficients[4 * ((weight * (table->n + 1)) + stages[k].segment)];
-            const float d = stages[k].offset;
-            phi[k] = a[0] + (d * (a[1] + (d * (a[2] + (d * a[3])))));
-            moved += fabsf(phi[k]);
+            const int segment = stages[k].segment;
+            if ((reach[0] <= segment) && (segment <= reach[1])) {
+                const float *a = &basis->coefficients[4 * (reach[2] + (segment - reach[0]))];
+                const float d = stages[k].offset;
+                phi[k] = a[0] + (d * (a[1] + (d * (a[2] + (d * a[3])))));
+                moved += fabsf(phi[k]);
+            }
         }
     }
     for (int i = 0; i < pendulum_n_states; i++) {
@@ -249,7 +253,7 @@ void pendulum_step_columns(float x[], float carry[], float S[], int columns, con
         x[i] = next;
     }
     for (int column = 0; column < columns; column++) {
-        move_column(stages, table, basis, column, columns, h, S);
+        move_column(stages, basis, column, columns, h, S);
     }
 }
 
