@@ -186,10 +186,10 @@ static void move_column(const stage_t stages[], const pendulum_basis_t *basis, i
             }
         }
     }
-    for (int i = 0; i < pendulum_n_states; i++) {
-        first[i] = S[(i * columns) + column];
-        moved += fabs(first[i]);
-    }
+    first[0] = S[column];
+    moved += fabs(first[0]);
+    first[1] = S[(1 * columns) + column];
+    moved += fabs(first[1]);
     if ((column >= pendulum_n_free) && !(moved > 0.0)) {
         return;
     }
@@ -221,9 +221,8 @@ static void move_column(const stage_t stages[], const pendulum_basis_t *basis, i
         sum[1] += weights[k] * rates[1];
         z[1] = first[1] + (reaches[k] * rates[1]);
     }
-    for (int i = 0; i < pendulum_n_states; i++) {
-        S[(i * columns) + column] = first[i] + (sixth * sum[i]);
-    }
+    S[column] = first[0] + (sixth * sum[0]);
+    S[(1 * columns) + column] = first[1] + (sixth * sum[1]);
 }
 
 void pendulum_step_columns(double x[], double carry[], double S[], int columns, const double p[],

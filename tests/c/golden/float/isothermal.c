@@ -886,10 +886,16 @@ static void move_column(const stage_t stages[], const isothermal_basis_t *basis,
             }
         }
     }
-    for (int i = 0; i < isothermal_n_states; i++) {
-        first[i] = S[(i * columns) + column];
-        moved += fabsf(first[i]);
-    }
+    first[0] = S[column];
+    moved += fabsf(first[0]);
+    first[1] = S[(1 * columns) + column];
+    moved += fabsf(first[1]);
+    first[2] = S[(2 * columns) + column];
+    moved += fabsf(first[2]);
+    first[3] = S[(3 * columns) + column];
+    moved += fabsf(first[3]);
+    first[4] = S[(4 * columns) + column];
+    moved += fabsf(first[4]);
     if ((column >= isothermal_n_free) && !(moved > 0.0F)) {
         return;
     }
@@ -940,9 +946,11 @@ static void move_column(const stage_t stages[], const isothermal_basis_t *basis,
         sum[4] += weights[k] * rates[4];
         z[4] = first[4] + (reaches[k] * rates[4]);
     }
-    for (int i = 0; i < isothermal_n_states; i++) {
-        S[(i * columns) + column] = first[i] + (sixth * sum[i]);
-    }
+    S[column] = first[0] + (sixth * sum[0]);
+    S[(1 * columns) + column] = first[1] + (sixth * sum[1]);
+    S[(2 * columns) + column] = first[2] + (sixth * sum[2]);
+    S[(3 * columns) + column] = first[3] + (sixth * sum[3]);
+    S[(4 * columns) + column] = first[4] + (sixth * sum[4]);
 }
 
 void isothermal_step_columns(float x[], float carry[], float S[], int columns, const float p[],
