@@ -28,7 +28,7 @@ class Table(ctypes.Structure):
 class Basis(ctypes.Structure):
     """NAME_basis_t."""
 
-    _fields_ = (("n", ctypes.c_int), ("coefficients", ctypes.c_void_p))
+    _fields_ = (("n", ctypes.c_int), ("coefficients", ctypes.c_void_p), ("reach", ctypes.c_void_p))
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,10 @@ class Compiled:
         kept = [self.array(part) for part in table or ()]
         tables = []
         if table:
-            basis = Basis(kept[2].shape[0], kept[2].ctypes.data)
+            functions, pieces = kept[2].shape[:2]
+            places = np.arange(functions)
+            reach = np.column_stack([0 * places, 0 * places + pieces - 1, pieces * places]).astype(np.intc)
+            basis = Basis(functions, kept[2].ctypes.data, reach.ctypes.data)
             tables = [ctypes.byref(self.table(*kept[:2])), ctypes.byref(basis), ctypes.create_string_buffer(64)]
         getattr(library, f"{self.name}_constants")(pointer(p), constants)
         getattr(library, f"{self.name}_hold")(pointer(u), pointer(p), constants, held)

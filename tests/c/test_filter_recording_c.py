@@ -77,7 +77,7 @@ def plainly_followed(case, c, count, patch):
 
     def step(x, moved, u, p, h, substeps, _, load, basis, window, *__):
         c.p[:], c.load[:] = p, load.ravel()
-        c.place(basis[window[0] :].ctypes.data)
+        c.place(int(window[0]))
         c.step((x.ctypes.data, carry.ctypes.data, moved.ctypes.data), moved.shape[1], u, h, substeps)
         return bool(np.isfinite(x).all())
 

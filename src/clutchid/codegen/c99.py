@@ -80,7 +80,7 @@ class ColumnCode:
     """The text around ``NAME_step_columns``.
 
     `jacobian`, `table` and `slots` are the results of a stage, as text. A slot is the derivative of the rate of a row
-    to the parameter of a column: (row, column, text). `rows` are the rates of a column, J z + source, a row each.
+    to the parameter of a column: (row, column, text). `rows` are the rates of a column, J z, a row each.
     """
 
     parts: Parts
@@ -90,6 +90,13 @@ class ColumnCode:
     table: tuple[tuple[int, str], ...]
     slots: tuple[tuple[int, int, str], ...]
     rows: tuple[str, ...]
+
+    @property
+    def owned(self) -> list[tuple[int, list[tuple[int, int]]]]:
+        """Columns of parameters with their slots: (column, [(row, slot), ...])."""
+        places = [(column, row, slot) for slot, (row, column, _) in enumerate(self.slots)]
+        columns = sorted({column for column, _, _ in places})
+        return [(column, [(row, slot) for other, row, slot in places if other == column]) for column in columns]
 
     @classmethod
     def of(cls, plan: DifferentiatedProgram, places: Sequence[int], language: Language) -> ColumnCode:
@@ -120,13 +127,13 @@ class ColumnCode:
 
 
 def _row(plan: DifferentiatedProgram, row: int, entries: Sequence[Entry], language: Language) -> str:
-    """The rate of a column: J z + source."""
+    """The rate of a column: J z."""
     terms = []
     for entry in plan.jacobian:
         if entry.row == row:
             number = language.print(entry.value) if entry.value.is_number else f"jacobian[{entries.index(entry)}]"
             terms.append(f"z[{entry.column}]" if entry.value == 1 else f"({number} * z[{entry.column}])")
-    return " + ".join([*terms, f"source[{row}]"])
+    return " + ".join(terms)
 
 
 _LANGUAGES = {language.real: language for language in (C_DOUBLE, C_FLOAT)}
@@ -202,6 +209,7 @@ def _values(system: System, plan: DifferentiatedProgram, parts: Parts, language:
         "held_inputs": positions(inside.inputs, parts.inputs),
         "rates": plan.rates,
         "print": language.print,
+        "absolute": "fabsf" if language.real == "float" else "fabs",
         "code": {part: "\n".join(c_lines(lines, language, defined=defined)) for part, lines in code.items()},
         "constants_from": {"p": positions(inside.parameters, read(program.constants))},
         "held_from": {

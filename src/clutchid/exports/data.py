@@ -99,15 +99,18 @@ def _filter_values(joint: JointFilter) -> dict[str, Any]:
         for c, numbers, place in zip(joint.coordinates, free.numbers.tolist(), free.places.tolist(), strict=True)
     ]  # fmt: skip
     adapting = [p["weight"] for p in parameters if p["weight"] >= 0]
-    load = actuator.load
+    load, lengths = actuator.load, free.pieces[:, 1] - free.pieces[:, 0] + 1
     return {
         "parameters": parameters,
         "sensors": [
             [output, state, row[LAG], row[OFFSET]] for row in joint.sensors.tolist() for output, state in [row[:2]]
         ],
-        "reach": free.pieces.tolist(),
+        "reach": np.column_stack([free.pieces, np.append(0, np.cumsum(lengths)[:-1])]).tolist(),
         "breakpoints": load.breakpoints.tolist(),
-        "basis": load.coefficients.reshape(len(load.names), -1).tolist(),
+        "basis": [
+            pieces[first : last + 1].ravel().tolist()
+            for pieces, (first, last) in zip(load.coefficients, free.pieces.tolist(), strict=True)
+        ],
         "first_weight": min(adapting, default=0),
         "drifts": joint.drifts.tolist(),
         "outlier": joint.noise.outlier,

@@ -857,36 +857,100 @@ static void rhs_columns(const double x[], const double p[], const isothermal_con
     stage->offset = memory->offset;
 }
 
-/* Derivatives of the rates to what a column belongs to. */
-static void source_of(const stage_t *stage, const isothermal_table_t *table, const isothermal_basis_t *basis, int column, double source[])
+/*
+ * Move a column over the four stages of a step: its rate is J z, with the derivatives of the rates to what it belongs to.
+ * A column that is 0 and has no such derivatives stays 0.
+ */
+static void move_column(const stage_t stages[], const isothermal_basis_t *basis, int column, int columns, double h,
+    double S[])
 {
-    for (int i = 0; i < isothermal_n_states; i++) {
-        source[i] = 0.0;
-    }
-    static const int rows[] = {1, 2, 2, 4};
-    static const int owners[] = {2, 0, 1, 2};
-    for (int k = 0; k < 4; k++) {
-        if (owners[k] == column) {
-            source[rows[k]] = stage->slots[k];
+    const double reaches[4] = {0.5 * h, 0.5 * h, h, h};
+    const double weights[4] = {1.0, 2.0, 2.0, 1.0};
+    const double sixth = h / 6.0;
+    double first[isothermal_n_states];
+    double z[isothermal_n_states];
+    double sum[isothermal_n_states];
+    double moved = 0.0;
+    const int weight = column - isothermal_n_free;
+    const int weighted = (weight >= 0) && (weight < basis->n);
+    double phi[4] = {0.0, 0.0, 0.0, 0.0};
+    if (weighted) {
+        const int *reach = basis->reach[weight];
+        for (int k = 0; k < 4; k++) {
+            const int segment = stages[k].segment;
+            if ((reach[0] <= segment) && (segment <= reach[1])) {
+                const double *a = &basis->coefficients[4 * (reach[2] + (segment - reach[0]))];
+                const double d = stages[k].offset;
+                phi[k] = a[0] + (d * (a[1] + (d * (a[2] + (d * a[3])))));
+                moved += fabs(phi[k]);
+            }
         }
     }
-    const int weight = column - isothermal_n_free;
-    if ((weight >= 0) && (weight < basis->n)) {
-        const double *a = &basis->coefficients[4 * ((weight * (table->n + 1)) + stage->segment)];
-        const double d = stage->offset;
-        const double phi = a[0] + (d * (a[1] + (d * (a[2] + (d * a[3])))));
-        source[1] = stage->table[0] * phi;
+    first[0] = S[column];
+    moved += fabs(first[0]);
+    first[1] = S[(1 * columns) + column];
+    moved += fabs(first[1]);
+    first[2] = S[(2 * columns) + column];
+    moved += fabs(first[2]);
+    first[3] = S[(3 * columns) + column];
+    moved += fabs(first[3]);
+    first[4] = S[(4 * columns) + column];
+    moved += fabs(first[4]);
+    if ((column >= isothermal_n_free) && !(moved > 0.0)) {
+        return;
     }
-}
-
-static void rates_of(const stage_t *stage, const double z[], const double source[], double rates[])
-{
-    const double *jacobian = stage->jacobian;
-    rates[0] = z[1] + source[0];
-    rates[1] = (jacobian[0] * z[0]) + (jacobian[1] * z[1]) + (jacobian[2] * z[2]) + (jacobian[3] * z[3]) + (jacobian[4] * z[4]) + source[1];
-    rates[2] = (jacobian[5] * z[0]) + (jacobian[6] * z[1]) + (jacobian[7] * z[2]) + source[2];
-    rates[3] = (jacobian[8] * z[0]) + (jacobian[9] * z[1]) + (jacobian[10] * z[3]) + source[3];
-    rates[4] = (jacobian[11] * z[1]) + (jacobian[12] * z[4]) + source[4];
+    z[0] = first[0];
+    sum[0] = 0.0;
+    z[1] = first[1];
+    sum[1] = 0.0;
+    z[2] = first[2];
+    sum[2] = 0.0;
+    z[3] = first[3];
+    sum[3] = 0.0;
+    z[4] = first[4];
+    sum[4] = 0.0;
+    for (int k = 0; k < 4; k++) {
+        const stage_t *stage = &stages[k];
+        const double *jacobian = stage->jacobian;
+        double rates[isothermal_n_states];
+        rates[0] = z[1];
+        rates[1] = (jacobian[0] * z[0]) + (jacobian[1] * z[1]) + (jacobian[2] * z[2]) + (jacobian[3] * z[3]) + (jacobian[4] * z[4]);
+        rates[2] = (jacobian[5] * z[0]) + (jacobian[6] * z[1]) + (jacobian[7] * z[2]);
+        rates[3] = (jacobian[8] * z[0]) + (jacobian[9] * z[1]) + (jacobian[10] * z[3]);
+        rates[4] = (jacobian[11] * z[1]) + (jacobian[12] * z[4]);
+        switch (column) {
+        case 0:
+            rates[2] += stage->slots[1];
+            break;
+        case 1:
+            rates[2] += stage->slots[2];
+            break;
+        case 2:
+            rates[1] += stage->slots[0];
+            rates[4] += stage->slots[3];
+            break;
+        default: /* of no parameter */
+            break;
+        }
+        if (weighted) {
+            rates[1] += stage->table[0] * phi[k];
+        }
+        sum[0] += weights[k] * rates[0];
+        z[0] = first[0] + (reaches[k] * rates[0]);
+        sum[1] += weights[k] * rates[1];
+        z[1] = first[1] + (reaches[k] * rates[1]);
+        sum[2] += weights[k] * rates[2];
+        z[2] = first[2] + (reaches[k] * rates[2]);
+        sum[3] += weights[k] * rates[3];
+        z[3] = first[3] + (reaches[k] * rates[3]);
+        sum[4] += weights[k] * rates[4];
+        z[4] = first[4] + (reaches[k] * rates[4]);
+    }
+    S[column] = first[0] + (sixth * sum[0]);
+    S[(1 * columns) + column] = first[1] + (sixth * sum[1]);
+    S[(2 * columns) + column] = first[2] + (sixth * sum[2]);
+    S[(3 * columns) + column] = first[3] + (sixth * sum[3]);
+    S[(4 * columns) + column] = first[4] + (sixth * sum[4]);
 }
 
 void isothermal_step_columns(double x[], double carry[], double S[], int columns, const double p[],
@@ -916,23 +980,7 @@ void isothermal_step_columns(double x[], double carry[], double S[], int columns
         x[i] = next;
     }
     for (int column = 0; column < columns; column++) {
-        double source[isothermal_n_states];
-        double rates[isothermal_n_states];
-        for (int i = 0; i < isothermal_n_states; i++) {
-            at[i] = S[(i * columns) + column];
-            sum[i] = 0.0;
-        }
-        for (int k = 0; k < 4; k++) {
-            source_of(&stages[k], table, basis, column, source);
-            rates_of(&stages[k], at, source, rates);
-            for (int i = 0; i < isothermal_n_states; i++) {
-                sum[i] += weights[k] * rates[i];
-                at[i] = S[(i * columns) + column] + (reaches[k] * rates[i]);
-            }
-        }
-        for (int i = 0; i < isothermal_n_states; i++) {
-            S[(i * columns) + column] += sixth * sum[i];
-        }
+        move_column(stages, basis, column, columns, h, S);
     }
 }
 

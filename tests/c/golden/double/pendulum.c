@@ -157,33 +157,72 @@ static void rhs_columns(const double x[], const double p[], const pendulum_const
     stage->offset = memory->offset;
 }
 
-/* Derivatives of the rates to what a column belongs to. */
-static void source_of(const stage_t *stage, const pendulum_table_t *table, const pendulum_basis_t *basis, int column, double source[])
+/*
+ * Move a column over the four stages of a step: its rate is J z, with the derivatives of the rates to what it belongs to.
+ * A column that is 0 and has no such derivatives stays 0.
+ */
+static void move_column(const stage_t stages[], const pendulum_basis_t *basis, int column, int columns, double h,
+    double S[])
 {
-    for (int i = 0; i < pendulum_n_states; i++) {
-        source[i] = 0.0;
-    }
-    static const int rows[] = {1, 1};
-    static const int owners[] = {0, 1};
-    for (int k = 0; k < 2; k++) {
-        if (owners[k] == column) {
-            source[rows[k]] = stage->slots[k];
+    const double reaches[4] = {0.5 * h, 0.5 * h, h, h};
+    const double weights[4] = {1.0, 2.0, 2.0, 1.0};
+    const double sixth = h / 6.0;
+    double first[pendulum_n_states];
+    double z[pendulum_n_states];
+    double sum[pendulum_n_states];
+    double moved = 0.0;
+    const int weight = column - pendulum_n_free;
+    const int weighted = (weight >= 0) && (weight < basis->n);
+    double phi[4] = {0.0, 0.0, 0.0, 0.0};
+    if (weighted) {
+        const int *reach = basis->reach[weight];
+        for (int k = 0; k < 4; k++) {
+            const int segment = stages[k].segment;
+            if ((reach[0] <= segment) && (segment <= reach[1])) {
+                const double *a = &basis->coefficients[4 * (reach[2] + (segment - reach[0]))];
+                const double d = stages[k].offset;
+                phi[k] = a[0] + (d * (a[1] + (d * (a[2] + (d * a[3])))));
+                moved += fabs(phi[k]);
+            }
         }
     }
-    const int weight = column - pendulum_n_free;
-    if ((weight >= 0) && (weight < basis->n)) {
-        const double *a = &basis->coefficients[4 * ((weight * (table->n + 1)) + stage->segment)];
-        const double d = stage->offset;
-        const double phi = a[0] + (d * (a[1] + (d * (a[2] + (d * a[3])))));
-        source[1] = stage->table[0] * phi;
+    first[0] = S[column];
+    moved += fabs(first[0]);
+    first[1] = S[(1 * columns) + column];
+    moved += fabs(first[1]);
+    if ((column >= pendulum_n_free) && !(moved > 0.0)) {
+        return;
     }
-}
-
-static void rates_of(const stage_t *stage, const double z[], const double source[], double rates[])
-{
-    const double *jacobian = stage->jacobian;
-    rates[0] = z[1] + source[0];
-    rates[1] = (jacobian[0] * z[0]) + (jacobian[1] * z[1]) + source[1];
+    z[0] = first[0];
+    sum[0] = 0.0;
+    z[1] = first[1];
+    sum[1] = 0.0;
+    for (int k = 0; k < 4; k++) {
+        const stage_t *stage = &stages[k];
+        const double *jacobian = stage->jacobian;
+        double rates[pendulum_n_states];
+        rates[0] = z[1];
+        rates[1] = (jacobian[0] * z[0]) + (jacobian[1] * z[1]);
+        switch (column) {
+        case 0:
+            rates[1] += stage->slots[0];
+            break;
+        case 1:
+            rates[1] += stage->slots[1];
+            break;
+        default: /* of no parameter */
+            break;
+        }
+        if (weighted) {
+            rates[1] += stage->table[0] * phi[k];
+        }
+        sum[0] += weights[k] * rates[0];
+        z[0] = first[0] + (reaches[k] * rates[0]);
+        sum[1] += weights[k] * rates[1];
+        z[1] = first[1] + (reaches[k] * rates[1]);
+    }
+    S[column] = first[0] + (sixth * sum[0]);
+    S[(1 * columns) + column] = first[1] + (sixth * sum[1]);
 }
 
 void pendulum_step_columns(double x[], double carry[], double S[], int columns, const double p[],
@@ -213,23 +252,7 @@ void pendulum_step_columns(double x[], double carry[], double S[], int columns, 
         x[i] = next;
     }
     for (int column = 0; column < columns; column++) {
-        double source[pendulum_n_states];
-        double rates[pendulum_n_states];
-        for (int i = 0; i < pendulum_n_states; i++) {
-            at[i] = S[(i * columns) + column];
-            sum[i] = 0.0;
-        }
-        for (int k = 0; k < 4; k++) {
-            source_of(&stages[k], table, basis, column, source);
-            rates_of(&stages[k], at, source, rates);
-            for (int i = 0; i < pendulum_n_states; i++) {
-                sum[i] += weights[k] * rates[i];
-                at[i] = S[(i * columns) + column] + (reaches[k] * rates[i]);
-            }
-        }
-        for (int i = 0; i < pendulum_n_states; i++) {
-            S[(i * columns) + column] += sixth * sum[i];
-        }
+        move_column(stages, basis, column, columns, h, S);
     }
 }
 

@@ -65,10 +65,11 @@ typedef struct {
     double offset; /* and how far from its left breakpoint */
 } pendulum_memory_t;
 
-/* The functions whose weighted sum the table is: 4 (breakpoints + 1) coefficients each, one function after the other. */
+/* The functions whose weighted sum the table is, where they are not 0. */
 typedef struct {
     int n; /* number of functions whose weights have a column */
-    const double *coefficients;
+    const double *coefficients; /* 4 a segment */
+    const int (*reach)[3]; /* of each function: first and last segment, and the number of the first one's coefficients */
 } pendulum_basis_t;
 
 /* Constants of the parameters p. */

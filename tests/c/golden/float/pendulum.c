@@ -157,33 +157,72 @@ static void rhs_columns(const float x[], const float p[], const pendulum_constan
     stage->offset = memory->offset;
 }
 
-/* Derivatives of the rates to what a column belongs to. */
-static void source_of(const stage_t *stage, const pendulum_table_t *table, const pendulum_basis_t *basis, int column, float source[])
+/*
+ * Move a column over the four stages of a step: its rate is J z, with the derivatives of the rates to what it belongs to.
+ * A column that is 0 and has no such derivatives stays 0.
+ */
+static void move_column(const stage_t stages[], const pendulum_basis_t *basis, int column, int columns, float h,
+    float S[])
 {
-    for (int i = 0; i < pendulum_n_states; i++) {
-        source[i] = 0.0F;
-    }
-    static const int rows[] = {1, 1};
-    static const int owners[] = {0, 1};
-    for (int k = 0; k < 2; k++) {
-        if (owners[k] == column) {
-            source[rows[k]] = stage->slots[k];
+    const float reaches[4] = {0.5F * h, 0.5F * h, h, h};
+    const float weights[4] = {1.0F, 2.0F, 2.0F, 1.0F};
+    const float sixth = h / 6.0F;
+    float first[pendulum_n_states];
+    float z[pendulum_n_states];
+    float sum[pendulum_n_states];
+    float moved = 0.0F;
+    const int weight = column - pendulum_n_free;
+    const int weighted = (weight >= 0) && (weight < basis->n);
+    float phi[4] = {0.0F, 0.0F, 0.0F, 0.0F};
+    if (weighted) {
+        const int *reach = basis->reach[weight];
+        for (int k = 0; k < 4; k++) {
+            const int segment = stages[k].segment;
+            if ((reach[0] <= segment) && (segment <= reach[1])) {
+                const float *a = &basis->coefficients[4 * (reach[2] + (segment - reach[0]))];
+                const float d = stages[k].offset;
+                phi[k] = a[0] + (d * (a[1] + (d * (a[2] + (d * a[3])))));
+                moved += fabsf(phi[k]);
+            }
         }
     }
-    const int weight = column - pendulum_n_free;
-    if ((weight >= 0) && (weight < basis->n)) {
-        const float *a = &basis->coefficients[4 * ((weight * (table->n + 1)) + stage->segment)];
-        const float d = stage->offset;
-        const float phi = a[0] + (d * (a[1] + (d * (a[2] + (d * a[3])))));
-        source[1] = stage->table[0] * phi;
+    first[0] = S[column];
+    moved += fabsf(first[0]);
+    first[1] = S[(1 * columns) + column];
+    moved += fabsf(first[1]);
+    if ((column >= pendulum_n_free) && !(moved > 0.0F)) {
+        return;
     }
-}
-
-static void rates_of(const stage_t *stage, const float z[], const float source[], float rates[])
-{
-    const float *jacobian = stage->jacobian;
-    rates[0] = z[1] + source[0];
-    rates[1] = (jacobian[0] * z[0]) + (jacobian[1] * z[1]) + source[1];
+    z[0] = first[0];
+    sum[0] = 0.0F;
+    z[1] = first[1];
+    sum[1] = 0.0F;
+    for (int k = 0; k < 4; k++) {
+        const stage_t *stage = &stages[k];
+        const float *jacobian = stage->jacobian;
+        float rates[pendulum_n_states];
+        rates[0] = z[1];
+        rates[1] = (jacobian[0] * z[0]) + (jacobian[1] * z[1]);
+        switch (column) {
+        case 0:
+            rates[1] += stage->slots[0];
+            break;
+        case 1:
+            rates[1] += stage->slots[1];
+            break;
+        default: /* of no parameter */
+            break;
+        }
+        if (weighted) {
+            rates[1] += stage->table[0] * phi[k];
+        }
+        sum[0] += weights[k] * rates[0];
+        z[0] = first[0] + (reaches[k] * rates[0]);
+        sum[1] += weights[k] * rates[1];
+        z[1] = first[1] + (reaches[k] * rates[1]);
+    }
+    S[column] = first[0] + (sixth * sum[0]);
+    S[(1 * columns) + column] = first[1] + (sixth * sum[1]);
 }
 
 void pendulum_step_columns(float x[], float carry[], float S[], int columns, const float p[],
@@ -213,23 +252,7 @@ void pendulum_step_columns(float x[], float carry[], float S[], int columns, con
         x[i] = next;
     }
     for (int column = 0; column < columns; column++) {
-        float source[pendulum_n_states];
-        float rates[pendulum_n_states];
-        for (int i = 0; i < pendulum_n_states; i++) {
-            at[i] = S[(i * columns) + column];
-            sum[i] = 0.0F;
-        }
-        for (int k = 0; k < 4; k++) {
-            source_of(&stages[k], table, basis, column, source);
-            rates_of(&stages[k], at, source, rates);
-            for (int i = 0; i < pendulum_n_states; i++) {
-                sum[i] += weights[k] * rates[i];
-                at[i] = S[(i * columns) + column] + (reaches[k] * rates[i]);
-            }
-        }
-        for (int i = 0; i < pendulum_n_states; i++) {
-            S[(i * columns) + column] += sixth * sum[i];
-        }
+        move_column(stages, basis, column, columns, h, S);
     }
 }
 

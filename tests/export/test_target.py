@@ -1,0 +1,174 @@
+"""An exported observer on a control unit: it builds, has the outputs that it must have, and its costs are known."""
+
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from clutchid.codegen.templates import template
+from clutchid.export.c99 import CStyle, observer_c99
+from clutchid.export.target import COMPILER, EMULATOR, OUTPUTS, TargetCosts, example_files, target_costs, vectors
+from clutchid.log import FloatArray, Log
+from clutchid.model import Actuator
+from clutchid.observer import observer, start
+from clutchid.observer.observer import Observer
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(shutil.which("make") is None or shutil.which("cc") is None, reason="no make, or no C compiler"),
+]
+ON_TARGET = pytest.mark.skipif(
+    shutil.which(COMPILER) is None or shutil.which(EMULATOR) is None, reason=f"no {COMPILER}, or no {EMULATOR}"
+)
+STYLES = [CStyle("unit", real, rates) for real in ("float", "double") for rates in ("one", "two")]
+STRICT = ("CFLAGS=-O2 -Werror",)
+
+
+def written(folder: Path, observed: Observer, style: CStyle) -> Path:
+    """The export with its example in a folder."""
+    (folder / "src").mkdir(parents=True)
+    for stem, module in observer_c99(observed, start(observed), style, "a test").items():
+        (folder / f"src/{stem}.h").write_text(module.header)
+        (folder / f"src/{stem}.c").write_text(module.source)
+    for path, text in example_files(style).items():
+        (folder / path).parent.mkdir(exist_ok=True)
+        (folder / path).write_text(text)
+    return folder
+
+
+def make(folder: Path, *targets: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(["make", "-C", folder, *targets], capture_output=True, text=True, check=False)
+
+
+def samples_of(log: Log) -> FloatArray:
+    us = np.round(log.time * 1e6)
+    missing = np.full(len(log), np.nan)
+    columns = (log["position"], log["duty_supply"], log["duty_exhaust"], missing, np.diff(us, prepend=us[0]))
+    return np.column_stack(columns)
+
+
+def outputs_of(folder: Path, style: CStyle, samples: FloatArray) -> FloatArray:
+    """What the export itself gives for samples on this computer, without optimisation."""
+    program = template("replay.c.j2", "clutchid.export").render(
+        name=style.name, real=style.real, positions=[0.0], begins_us=0
+    )
+    (folder / "replay.c").write_text(program)
+    sources = sorted((folder / "src").glob("*.c"))
+    command = [
+        "cc",
+        "-std=c99",
+        "-O0",
+        f"-I{folder}/src",
+        "-o",
+        folder / "replay",
+        folder / "replay.c",
+        *sources,
+        "-lm",
+    ]
+    subprocess.run(command, check=True)
+    done = subprocess.run([folder / "replay"], input=samples.tobytes(), capture_output=True, check=True)
+    rows = np.frombuffer(done.stdout)[: len(samples) * len(OUTPUTS)]
+    return rows.reshape(len(samples), len(OUTPUTS))
+
+
+@pytest.fixture(scope="module")
+def observed(plant: Actuator) -> Observer:
+    return observer(plant)
+
+
+@pytest.fixture(scope="module")
+def samples(recorded_by: Callable[..., Log], plant: Actuator) -> FloatArray:
+    return samples_of(recorded_by(plant, seconds=2.0))
+
+
+@pytest.mark.parametrize("style", STYLES, ids=lambda style: f"{style.real}-{style.rates}")
+def test_example_and_test_build_without_a_warning_and_the_outputs_agree(
+    tmp_path: Path, observed: Observer, samples: FloatArray, style: CStyle
+) -> None:
+    folder = written(tmp_path / "export", observed, style)
+    expected = outputs_of(folder, style, samples)
+    (folder / "test/vectors.h").write_text(vectors(samples, expected, style))
+    built = make(folder / "example", *STRICT)
+    assert not built.returncode, built.stderr
+    ran = subprocess.run([folder / "example/unit_host"], capture_output=True, text=True, check=False)
+    assert ran.returncode == 0
+    assert ran.stdout.startswith("unit: 1000000 us, 0 strokes")
+    tested = make(folder / "test", *STRICT)
+    assert not tested.returncode, tested.stdout + tested.stderr
+    assert "parity: ok, 2000 samples" in tested.stdout
+
+
+@pytest.mark.parametrize("output", [0, 3, 5, 8, 9])
+def test_one_spoiled_output_is_found(tmp_path: Path, observed: Observer, samples: FloatArray, output: int) -> None:
+    style = STYLES[0]
+    folder = written(tmp_path / "export", observed, style)
+    spoiled = outputs_of(folder, style, samples).copy()
+    spoiled[1500, output] += 1.0 if output > 7 else 0.1 * np.nanmax(np.abs(spoiled[:, output]))
+    (folder / "test/vectors.h").write_text(vectors(samples, spoiled, style))
+    tested = make(folder / "test")
+    assert tested.returncode
+    assert "parity: failed" in tested.stdout
+    assert f"{OUTPUTS[output]} = " in tested.stdout
+    assert "at sample 1500" in tested.stdout
+
+
+@ON_TARGET
+@pytest.mark.parametrize("style", STYLES[:2], ids=lambda style: style.rates)
+def test_a_cortex_m4_has_the_outputs_of_this_computer(
+    tmp_path: Path, observed: Observer, samples: FloatArray, style: CStyle
+) -> None:
+    folder = written(tmp_path / "export", observed, style)
+    (folder / "test/vectors.h").write_text(vectors(samples, outputs_of(folder, style, samples), style))
+    tested = make(folder / "test", "arm", *STRICT)
+    assert not tested.returncode, tested.stdout + tested.stderr
+    assert "parity: ok" in tested.stdout
+    ran = make(folder / "example", "run", *STRICT)
+    assert "unit: 1000000 us, 0 strokes" in ran.stdout, ran.stdout + ran.stderr
+
+
+@ON_TARGET
+def test_costs_on_a_cortex_m4_are_counted(tmp_path: Path, observed: Observer, samples: FloatArray) -> None:
+    style = STYLES[1]
+    folder = written(tmp_path / "export", observed, style)
+    costs = target_costs(folder, style, samples)
+    assert isinstance(costs, TargetCosts), costs
+    assert (costs.fast.calls, costs.start.calls, costs.store.calls) == (len(samples), 1, 1)
+    assert len(samples) / 10 <= costs.slow.calls <= len(samples) / 10 + 20
+    assert 1000 < costs.fast.mean < costs.fast.most < costs.slow.most < 1_000_000
+    assert costs.fast.mean < costs.millisecond < costs.fast.mean + costs.slow.mean
+    k = len(observed.joint.coordinates)
+    assert costs.nvram == 4 * (6 + k + k * (k + 1) // 2)
+    assert costs.nvram < costs.ram < 64_000
+    assert 10_000 < costs.flash < 100_000
+    assert 1000 < costs.flash_math < 10_000
+    assert 500 < costs.stack_fast < 8000
+    assert 100 < costs.stack_slow < 4000
+
+
+@ON_TARGET
+def test_costs_of_one_rate_are_all_in_the_fast_task(tmp_path: Path, observed: Observer, samples: FloatArray) -> None:
+    style = STYLES[0]
+    costs = target_costs(written(tmp_path / "export", observed, style), style, samples[:300])
+    assert isinstance(costs, TargetCosts), costs
+    assert costs.slow.calls == 0
+    assert costs.load.calls == 300
+    assert costs.millisecond == pytest.approx(costs.fast.mean, rel=0.01)
+
+
+@ON_TARGET
+def test_sources_that_do_not_compile_are_reported(tmp_path: Path, observed: Observer, samples: FloatArray) -> None:
+    folder = written(tmp_path / "export", observed, STYLES[0])
+    (folder / "src/unit.c").write_text("no C")
+    found = target_costs(folder, STYLES[0], samples[:10])
+    assert isinstance(found, str)
+    assert f"{COMPILER} failed" in found
+    assert "no C" in found
+
+
+def test_missing_tools_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("clutchid.export.target.shutil.which", lambda _: None)
+    found = target_costs(tmp_path, STYLES[0], np.zeros((1, 5)))
+    assert found == f"{COMPILER} and {EMULATOR} are not installed: no costs were measured."
