@@ -12,10 +12,20 @@ from clutchid.codegen.templates import template
 from clutchid.errors import DataError, ParameterError
 from clutchid.exports.a2l import a2l
 from clutchid.exports.c99 import CStyle, observer_c99
-from clutchid.exports.data import size_of
 from clutchid.exports.fmu import model_fmu, observer_fmu, platforms
 from clutchid.exports.matlab import matlab_files
-from clutchid.exports.parity import Parity, compiler, parity, replay, replay_source, trial_drive
+from clutchid.exports.parity import (
+    Parity,
+    Replayed,
+    begins_us,
+    compiler,
+    parity,
+    replay,
+    replay_source,
+    samples_of,
+    trial_drive,
+)
+from clutchid.exports.target import example_files, target_costs, vectors
 from clutchid.log import Log, sample_interval
 from clutchid.observer.observer import Observer
 from clutchid.observer.state import ObserverState
@@ -26,6 +36,9 @@ Target = Literal["c", "fmu2", "matlab", "a2l"]
 #: What an export writes, in this order.
 TARGETS: tuple[Target, ...] = ("c", "fmu2", "matlab", "a2l")
 
+
+#: Pages of an export, samples of its test, and samples of a recording whose costs are counted.
+PAGES, VECTORS, COSTED = ("parity", "readme"), 1500, 10_000
 
 #: A recording may be as much faster or slower than the observer, as a share of its rate.
 RATE = 0.05
@@ -102,8 +115,12 @@ def write_export(
         raise ParameterError("--model is written as an FMU: add fmu2 to --to, for example --to c,fmu2.")
     modules = observer_c99(observer, state, style, title)
     log = _at_rate(check, observer) if check is not None else trial_drive(observer)
-    compared, notes = _compared(observer, state, modules, style, log)
-    files = _sources(modules) | {"test/replay.c": replay_source(observer, style, log)}
+    found = _replayed(observer, modules, style, log)
+    compared = parity(observer, state, log, found) if found else None
+    notes: tuple[str, ...] = () if found else ("parity was not run: there is no C compiler (cc) on this machine.",)
+    files = _sources(modules) | example_files(style) | {"test/replay.c": replay_source(observer, style, log)}
+    if found is not None:
+        files["test/vectors.h"] = vectors(samples_of(log)[:VECTORS], found.outputs[:VECTORS], style, begins_us(log))
     if "fmu2" in to:
         fmus = {style.name: observer_fmu(observer, state, style, modules)}
         fmus |= {f"{style.name}_model": model_fmu(observer.actuator, f"{style.name}_model")} if model else {}
@@ -113,13 +130,23 @@ def write_export(
         files |= {f"matlab/{name}": text for name, text in matlab_files(style).items()}
     if "a2l" in to:
         files[f"a2l/{style.name}.a2l"] = a2l(observer, style, title)
-    for page in ("parity", "readme"):
-        files[f"{page.upper()}.md"] = _page(f"{page}.md", observer, style, title, (to, model), compared, notes)
+    _write(folder, files)
+    costs = target_costs(folder, style, samples_of(log)[:COSTED], begins_us(log)) if check is not None else None
+    values = {
+        "name": style.name, "style": style, "title": title, "to": to, "model": model, "observer": observer,
+        "parity": compared, "holds": compared is not None and compared.holds(style), "notes": notes, "costs": costs,
+        "counts": ("fast", "slow", "load", "start", "store"), "costed": COSTED,
+    }  # fmt: skip
+    pages = {f"{page.upper()}.md": template(f"{page}.md.j2", "clutchid.exports").render(values) for page in PAGES}
+    _write(folder, pages)
+    return Export(folder, tuple(sorted({*files, *pages})), compared, notes, style)
+
+
+def _write(folder: Path, files: Mapping[str, str | bytes]) -> None:
     for name, text in files.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         write_bytes(text.encode() if isinstance(text, str) else text, path)
-    return Export(folder, tuple(sorted(files)), compared, notes, style)
 
 
 def _at_rate(log: Log, observer: Observer) -> Log:
@@ -141,35 +168,6 @@ def _sources_only(name: str) -> str:
     return f"fmu/{name}.fmu has sources and no binary: there is no C compiler for linux64 on this machine."
 
 
-def _compared(
-    observer: Observer, state: ObserverState, modules: Mapping[str, CSource], style: CStyle, log: Log
-) -> tuple[Parity | None, tuple[str, ...]]:
+def _replayed(observer: Observer, modules: Mapping[str, CSource], style: CStyle, log: Log) -> Replayed | None:
     cc = compiler()
-    if cc is None:
-        return None, ("parity was not run: there is no C compiler (cc) on this machine.",)
-    return parity(observer, state, log, replay(observer, modules, style, log, cc)), ()
-
-
-def _page(
-    name: str,
-    observer: Observer,
-    style: CStyle,
-    title: str,
-    written: tuple[Sequence[Target], bool],
-    compared: Parity | None,
-    notes: Sequence[str],
-) -> str:
-    values = {
-        "name": style.name,
-        "style": style,
-        "title": title,
-        "to": written[0],
-        "model": written[1],
-        "observer": observer,
-        "size": size_of(observer.joint),
-        "parity": compared,
-        "holds": compared is not None and compared.holds(style),
-        "notes": notes,
-    }
-    text: str = template(f"{name}.j2", "clutchid.exports").render(values)
-    return text
+    return replay(observer, modules, style, log, cc) if cc else None

@@ -107,6 +107,11 @@ def microseconds(log: Log) -> FloatArray:
     return np.diff(np.round(log.time * 1e6), prepend=np.round(log.time[0] * 1e6))
 
 
+def begins_us(log: Log) -> int:
+    """Time in us since a period of the valves' carrier began at the first sample, as its phase counts from time 0."""
+    return int(np.round(log.time[0] * 1e6) % 2**31)
+
+
 def samples_of(log: Log) -> FloatArray:
     """The samples of a recording for the C, shape (n, 5): position, duty cycles, supply pressure, microseconds."""
     supply = log.columns.get("pressure_supply", np.full(len(log), np.nan))
@@ -124,7 +129,7 @@ def replay_source(observer: Observer, style: CStyle, log: Log) -> str:
         "name": style.name,
         "real": style.real,
         "positions": positions(observer).tolist(),
-        "begins_us": int(np.round(log.time[0] * 1e6) % 2**31),
+        "begins_us": begins_us(log),
     }
     text: str = template("replay.c.j2", "clutchid.exports").render(values)
     return text

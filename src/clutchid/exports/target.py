@@ -14,16 +14,11 @@ from typing import Any
 import numpy as np
 
 from clutchid.codegen.templates import template
-from clutchid.export.c99 import CStyle, c_number
+from clutchid.exports.c99 import CStyle, c_number
+from clutchid.exports.outputs import OUTPUTS
 from clutchid.log import FloatArray
 
 COMPILER, EMULATOR = "arm-none-eabi-gcc", "qemu-system-arm"
-
-#: Fields of NAME_output_t in the order of its columns.
-OUTPUTS = (
-    "pressure_a", "pressure_a_std", "position", "velocity", "innovation", "innovation_std", "rest", "mismatch",
-    "strokes", "flags",
-)  # fmt: skip
 
 #: Largest difference of an output, as a share of its largest value in the vectors: libm differs between compilers. In
 #: float, standard deviations, innovations and speeds are less exact while the piston sticks (measured on truck A over
@@ -58,7 +53,7 @@ def example_files(style: CStyle) -> dict[str, str]:
         **_style_values(style),
         "spacing_us": SPACING,
         "clock_hz": CLOCK,
-        "values": OUTPUTS,
+        "values": tuple(OUTPUTS),
     }
     names = {
         "example/main.c": "example.c",
@@ -68,7 +63,7 @@ def example_files(style: CStyle) -> dict[str, str]:
         "test/test.c": "test.c",
         "test/Makefile": "test.mk",
     }
-    return {path: template(f"{name}.j2", "clutchid.export").render(values) for path, name in names.items()}
+    return {path: template(f"{name}.j2", "clutchid.exports").render(values) for path, name in names.items()}
 
 
 def _style_values(style: CStyle) -> dict[str, Any]:
@@ -98,7 +93,7 @@ def vectors(samples: FloatArray, outputs: FloatArray, style: CStyle, begins_us: 
         "tolerances": ", ".join(map(number, _tolerances(outputs, style))),
         "begins_us": begins_us,
     }
-    text: str = template("vectors.h.j2", "clutchid.export").render(values)
+    text: str = template("vectors.h.j2", "clutchid.exports").render(values)
     return text
 
 
@@ -174,8 +169,8 @@ def _measured(
     folder: Path, place: Path, style: CStyle, samples: FloatArray, begins_us: int, flags: tuple[str, ...]
 ) -> TargetCosts | str:
     for name in ("startup.c", "linker.ld"):
-        (place / name).write_text(template(f"{name}.j2", "clutchid.export").render())
-    program = template("costs.c.j2", "clutchid.export").render(
+        (place / name).write_text(template(f"{name}.j2", "clutchid.exports").render())
+    program = template("costs.c.j2", "clutchid.exports").render(
         _style_values(style) | {"begins_us": begins_us, "loops": _LOOPS}
     )
     (place / "costs.c").write_text(program)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from clutchid.codegen.templates import template
-from clutchid.export.c99 import CStyle, observer_c99
-from clutchid.export.target import COMPILER, EMULATOR, OUTPUTS, TargetCosts, example_files, target_costs, vectors
+from clutchid.exports.c99 import CStyle, observer_c99
+from clutchid.exports.target import COMPILER, EMULATOR, OUTPUTS, TargetCosts, example_files, target_costs, vectors
 from clutchid.log import FloatArray, Log
 from clutchid.model import Actuator
 from clutchid.observer import observer, start
@@ -52,7 +52,7 @@ def samples_of(log: Log) -> FloatArray:
 
 def outputs_of(folder: Path, style: CStyle, samples: FloatArray) -> FloatArray:
     """What the export itself gives for samples on this computer, without optimisation."""
-    program = template("replay.c.j2", "clutchid.export").render(
+    program = template("replay.c.j2", "clutchid.exports").render(
         name=style.name, real=style.real, positions=[0.0], begins_us=0
     )
     (folder / "replay.c").write_text(program)
@@ -169,6 +169,6 @@ def test_sources_that_do_not_compile_are_reported(tmp_path: Path, observed: Obse
 
 
 def test_missing_tools_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("clutchid.export.target.shutil.which", lambda _: None)
+    monkeypatch.setattr("clutchid.exports.target.shutil.which", lambda _: None)
     found = target_costs(tmp_path, STYLES[0], np.zeros((1, 5)))
     assert found == f"{COMPILER} and {EMULATOR} are not installed: no costs were measured."
