@@ -186,7 +186,7 @@ static void move_column(const stage_t stages[], const pendulum_basis_t *basis, i
             }
         }
     }
-    first[0] = S[column];
+    first[0] = S[(0 * columns) + column];
     moved += fabs(first[0]);
     first[1] = S[(1 * columns) + column];
     moved += fabs(first[1]);
@@ -221,7 +221,7 @@ static void move_column(const stage_t stages[], const pendulum_basis_t *basis, i
         sum[1] += weights[k] * rates[1];
         z[1] = first[1] + (reaches[k] * rates[1]);
     }
-    S[column] = first[0] + (sixth * sum[0]);
+    S[(0 * columns) + column] = first[0] + (sixth * sum[0]);
     S[(1 * columns) + column] = first[1] + (sixth * sum[1]);
 }
 
@@ -240,10 +240,10 @@ void pendulum_step_columns(double x[], double carry[], double S[], int columns, 
     }
     for (int k = 0; k < 4; k++) {
         rhs_columns(at, p, c, held, table, memory, &stages[k]);
-        for (int i = 0; i < pendulum_n_states; i++) {
-            sum[i] += weights[k] * stages[k].rates[i];
-            at[i] = x[i] + (reaches[k] * stages[k].rates[i]);
-        }
+        sum[0] += weights[k] * stages[k].rates[0];
+        at[0] = x[0] + (reaches[k] * stages[k].rates[0]);
+        sum[1] += weights[k] * stages[k].rates[1];
+        at[1] = x[1] + (reaches[k] * stages[k].rates[1]);
     }
     for (int i = 0; i < pendulum_n_states; i++) {
         const double change = (sixth * sum[i]) + carry[i];
