@@ -857,16 +857,15 @@ static void rhs_columns(const double x[], const double p[], const isothermal_con
     stage->offset = memory->offset;
 }
 
+static const double weights[4] = {1.0, 2.0, 2.0, 1.0}; /* of the stages */
+
 /*
  * Move a column over the four stages of a step: its rate is J z, with the derivatives of the rates to what it belongs to.
  * A column that is 0 and has no such derivatives stays 0.
  */
-static void move_column(const stage_t stages[], const isothermal_basis_t *basis, int column, int columns, double h,
-    double S[])
+static void move_column(const stage_t stages[], const isothermal_basis_t *basis, int column, int columns, const double reaches[],
+    double sixth, double S[])
 {
-    const double reaches[4] = {0.5 * h, 0.5 * h, h, h};
-    const double weights[4] = {1.0, 2.0, 2.0, 1.0};
-    const double sixth = h / 6.0;
     double first[isothermal_n_states];
     double z[isothermal_n_states];
     double sum[isothermal_n_states];
@@ -957,7 +956,6 @@ void isothermal_step_columns(double x[], double carry[], double S[], int columns
     const isothermal_constants_t *c, const isothermal_held_t *held, const isothermal_table_t *table, const isothermal_basis_t *basis, isothermal_memory_t *memory, double h)
 {
     const double reaches[4] = {0.5 * h, 0.5 * h, h, h};
-    const double weights[4] = {1.0, 2.0, 2.0, 1.0};
     const double sixth = h / 6.0;
     stage_t stages[4];
     double at[isothermal_n_states];
@@ -986,7 +984,7 @@ void isothermal_step_columns(double x[], double carry[], double S[], int columns
         x[i] = next;
     }
     for (int column = 0; column < columns; column++) {
-        move_column(stages, basis, column, columns, h, S);
+        move_column(stages, basis, column, columns, reaches, sixth, S);
     }
 }
 

@@ -157,16 +157,15 @@ static void rhs_columns(const double x[], const double p[], const pendulum_const
     stage->offset = memory->offset;
 }
 
+static const double weights[4] = {1.0, 2.0, 2.0, 1.0}; /* of the stages */
+
 /*
  * Move a column over the four stages of a step: its rate is J z, with the derivatives of the rates to what it belongs to.
  * A column that is 0 and has no such derivatives stays 0.
  */
-static void move_column(const stage_t stages[], const pendulum_basis_t *basis, int column, int columns, double h,
-    double S[])
+static void move_column(const stage_t stages[], const pendulum_basis_t *basis, int column, int columns, const double reaches[],
+    double sixth, double S[])
 {
-    const double reaches[4] = {0.5 * h, 0.5 * h, h, h};
-    const double weights[4] = {1.0, 2.0, 2.0, 1.0};
-    const double sixth = h / 6.0;
     double first[pendulum_n_states];
     double z[pendulum_n_states];
     double sum[pendulum_n_states];
@@ -229,7 +228,6 @@ void pendulum_step_columns(double x[], double carry[], double S[], int columns, 
     const pendulum_constants_t *c, const pendulum_held_t *held, const pendulum_table_t *table, const pendulum_basis_t *basis, pendulum_memory_t *memory, double h)
 {
     const double reaches[4] = {0.5 * h, 0.5 * h, h, h};
-    const double weights[4] = {1.0, 2.0, 2.0, 1.0};
     const double sixth = h / 6.0;
     stage_t stages[4];
     double at[pendulum_n_states];
@@ -252,7 +250,7 @@ void pendulum_step_columns(double x[], double carry[], double S[], int columns, 
         x[i] = next;
     }
     for (int column = 0; column < columns; column++) {
-        move_column(stages, basis, column, columns, h, S);
+        move_column(stages, basis, column, columns, reaches, sixth, S);
     }
 }
 

@@ -857,16 +857,15 @@ static void rhs_columns(const float x[], const float p[], const isothermal_const
     stage->offset = memory->offset;
 }
 
+static const float weights[4] = {1.0F, 2.0F, 2.0F, 1.0F}; /* of the stages */
+
 /*
  * Move a column over the four stages of a step: its rate is J z, with the derivatives of the rates to what it belongs to.
  * A column that is 0 and has no such derivatives stays 0.
  */
-static void move_column(const stage_t stages[], const isothermal_basis_t *basis, int column, int columns, float h,
-    float S[])
+static void move_column(const stage_t stages[], const isothermal_basis_t *basis, int column, int columns, const float reaches[],
+    float sixth, float S[])
 {
-    const float reaches[4] = {0.5F * h, 0.5F * h, h, h};
-    const float weights[4] = {1.0F, 2.0F, 2.0F, 1.0F};
-    const float sixth = h / 6.0F;
     float first[isothermal_n_states];
     float z[isothermal_n_states];
     float sum[isothermal_n_states];
@@ -957,7 +956,6 @@ void isothermal_step_columns(float x[], float carry[], float S[], int columns, c
     const isothermal_constants_t *c, const isothermal_held_t *held, const isothermal_table_t *table, const isothermal_basis_t *basis, isothermal_memory_t *memory, float h)
 {
     const float reaches[4] = {0.5F * h, 0.5F * h, h, h};
-    const float weights[4] = {1.0F, 2.0F, 2.0F, 1.0F};
     const float sixth = h / 6.0F;
     stage_t stages[4];
     float at[isothermal_n_states];
@@ -986,7 +984,7 @@ void isothermal_step_columns(float x[], float carry[], float S[], int columns, c
         x[i] = next;
     }
     for (int column = 0; column < columns; column++) {
-        move_column(stages, basis, column, columns, h, S);
+        move_column(stages, basis, column, columns, reaches, sixth, S);
     }
 }
 
