@@ -857,16 +857,15 @@ static void rhs_columns(const double x[], const double p[], const isothermal_con
     stage->offset = memory->offset;
 }
 
+static const double weights[4] = {1.0, 2.0, 2.0, 1.0}; /* of the stages */
+
 /*
  * Move a column over the four stages of a step: its rate is J z, with the derivatives of the rates to what it belongs to.
  * A column that is 0 and has no such derivatives stays 0.
  */
-static void move_column(const stage_t stages[], const isothermal_basis_t *basis, int column, int columns, double h,
-    double S[])
+static void move_column(const stage_t stages[], const isothermal_basis_t *basis, int column, int columns, const double reaches[],
+    double sixth, double S[])
 {
-    const double reaches[4] = {0.5 * h, 0.5 * h, h, h};
-    const double weights[4] = {1.0, 2.0, 2.0, 1.0};
-    const double sixth = h / 6.0;
     double first[isothermal_n_states];
     double z[isothermal_n_states];
     double sum[isothermal_n_states];
@@ -886,7 +885,7 @@ static void move_column(const stage_t stages[], const isothermal_basis_t *basis,
             }
         }
     }
-    first[0] = S[column];
+    first[0] = S[(0 * columns) + column];
     moved += fabs(first[0]);
     first[1] = S[(1 * columns) + column];
     moved += fabs(first[1]);
@@ -946,7 +945,7 @@ static void move_column(const stage_t stages[], const isothermal_basis_t *basis,
         sum[4] += weights[k] * rates[4];
         z[4] = first[4] + (reaches[k] * rates[4]);
     }
-    S[column] = first[0] + (sixth * sum[0]);
+    S[(0 * columns) + column] = first[0] + (sixth * sum[0]);
     S[(1 * columns) + column] = first[1] + (sixth * sum[1]);
     S[(2 * columns) + column] = first[2] + (sixth * sum[2]);
     S[(3 * columns) + column] = first[3] + (sixth * sum[3]);
@@ -957,7 +956,6 @@ void isothermal_step_columns(double x[], double carry[], double S[], int columns
     const isothermal_constants_t *c, const isothermal_held_t *held, const isothermal_table_t *table, const isothermal_basis_t *basis, isothermal_memory_t *memory, double h)
 {
     const double reaches[4] = {0.5 * h, 0.5 * h, h, h};
-    const double weights[4] = {1.0, 2.0, 2.0, 1.0};
     const double sixth = h / 6.0;
     stage_t stages[4];
     double at[isothermal_n_states];
@@ -968,10 +966,16 @@ void isothermal_step_columns(double x[], double carry[], double S[], int columns
     }
     for (int k = 0; k < 4; k++) {
         rhs_columns(at, p, c, held, table, memory, &stages[k]);
-        for (int i = 0; i < isothermal_n_states; i++) {
-            sum[i] += weights[k] * stages[k].rates[i];
-            at[i] = x[i] + (reaches[k] * stages[k].rates[i]);
-        }
+        sum[0] += weights[k] * stages[k].rates[0];
+        at[0] = x[0] + (reaches[k] * stages[k].rates[0]);
+        sum[1] += weights[k] * stages[k].rates[1];
+        at[1] = x[1] + (reaches[k] * stages[k].rates[1]);
+        sum[2] += weights[k] * stages[k].rates[2];
+        at[2] = x[2] + (reaches[k] * stages[k].rates[2]);
+        sum[3] += weights[k] * stages[k].rates[3];
+        at[3] = x[3] + (reaches[k] * stages[k].rates[3]);
+        sum[4] += weights[k] * stages[k].rates[4];
+        at[4] = x[4] + (reaches[k] * stages[k].rates[4]);
     }
     for (int i = 0; i < isothermal_n_states; i++) {
         const double change = (sixth * sum[i]) + carry[i];
@@ -980,7 +984,7 @@ void isothermal_step_columns(double x[], double carry[], double S[], int columns
         x[i] = next;
     }
     for (int column = 0; column < columns; column++) {
-        move_column(stages, basis, column, columns, h, S);
+        move_column(stages, basis, column, columns, reaches, sixth, S);
     }
 }
 

@@ -157,16 +157,15 @@ static void rhs_columns(const float x[], const float p[], const pendulum_constan
     stage->offset = memory->offset;
 }
 
+static const float weights[4] = {1.0F, 2.0F, 2.0F, 1.0F}; /* of the stages */
+
 /*
  * Move a column over the four stages of a step: its rate is J z, with the derivatives of the rates to what it belongs to.
  * A column that is 0 and has no such derivatives stays 0.
  */
-static void move_column(const stage_t stages[], const pendulum_basis_t *basis, int column, int columns, float h,
-    float S[])
+static void move_column(const stage_t stages[], const pendulum_basis_t *basis, int column, int columns, const float reaches[],
+    float sixth, float S[])
 {
-    const float reaches[4] = {0.5F * h, 0.5F * h, h, h};
-    const float weights[4] = {1.0F, 2.0F, 2.0F, 1.0F};
-    const float sixth = h / 6.0F;
     float first[pendulum_n_states];
     float z[pendulum_n_states];
     float sum[pendulum_n_states];
@@ -186,7 +185,7 @@ static void move_column(const stage_t stages[], const pendulum_basis_t *basis, i
             }
         }
     }
-    first[0] = S[column];
+    first[0] = S[(0 * columns) + column];
     moved += fabsf(first[0]);
     first[1] = S[(1 * columns) + column];
     moved += fabsf(first[1]);
@@ -221,7 +220,7 @@ static void move_column(const stage_t stages[], const pendulum_basis_t *basis, i
         sum[1] += weights[k] * rates[1];
         z[1] = first[1] + (reaches[k] * rates[1]);
     }
-    S[column] = first[0] + (sixth * sum[0]);
+    S[(0 * columns) + column] = first[0] + (sixth * sum[0]);
     S[(1 * columns) + column] = first[1] + (sixth * sum[1]);
 }
 
@@ -229,7 +228,6 @@ void pendulum_step_columns(float x[], float carry[], float S[], int columns, con
     const pendulum_constants_t *c, const pendulum_held_t *held, const pendulum_table_t *table, const pendulum_basis_t *basis, pendulum_memory_t *memory, float h)
 {
     const float reaches[4] = {0.5F * h, 0.5F * h, h, h};
-    const float weights[4] = {1.0F, 2.0F, 2.0F, 1.0F};
     const float sixth = h / 6.0F;
     stage_t stages[4];
     float at[pendulum_n_states];
@@ -240,10 +238,10 @@ void pendulum_step_columns(float x[], float carry[], float S[], int columns, con
     }
     for (int k = 0; k < 4; k++) {
         rhs_columns(at, p, c, held, table, memory, &stages[k]);
-        for (int i = 0; i < pendulum_n_states; i++) {
-            sum[i] += weights[k] * stages[k].rates[i];
-            at[i] = x[i] + (reaches[k] * stages[k].rates[i]);
-        }
+        sum[0] += weights[k] * stages[k].rates[0];
+        at[0] = x[0] + (reaches[k] * stages[k].rates[0]);
+        sum[1] += weights[k] * stages[k].rates[1];
+        at[1] = x[1] + (reaches[k] * stages[k].rates[1]);
     }
     for (int i = 0; i < pendulum_n_states; i++) {
         const float change = (sixth * sum[i]) + carry[i];
@@ -252,7 +250,7 @@ void pendulum_step_columns(float x[], float carry[], float S[], int columns, con
         x[i] = next;
     }
     for (int column = 0; column < columns; column++) {
-        move_column(stages, basis, column, columns, h, S);
+        move_column(stages, basis, column, columns, reaches, sixth, S);
     }
 }
 
