@@ -111,7 +111,7 @@ def test_one_spoiled_output_is_found(tmp_path: Path, observed: Observer, samples
     tested = make(folder / "test")
     assert tested.returncode
     assert "parity: failed" in tested.stdout
-    assert f"{OUTPUTS[output]} = " in tested.stdout
+    assert f"{tuple(OUTPUTS)[output]} = " in tested.stdout
     assert "at sample 1500" in tested.stdout
 
 
