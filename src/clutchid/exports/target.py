@@ -32,6 +32,9 @@ CLOCK = 25_000_000
 #: Fixed spacing of the example's timer in us.
 SPACING = 1000
 
+#: Flags that save a fifth of the instructions: products are added without rounding, square roots need no call.
+FAST = ("-ffp-contract=fast", "-fno-math-errno")
+
 _CPU = ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard")
 _LINK = ("-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections", "-nostartfiles", "--specs=rdimon.specs")
 
@@ -54,6 +57,7 @@ def example_files(style: CStyle) -> dict[str, str]:
         "spacing_us": SPACING,
         "clock_hz": CLOCK,
         "values": tuple(OUTPUTS),
+        "fast": FAST,
     }
     names = {
         "example/main.c": "example.c",
@@ -147,7 +151,7 @@ class TargetCosts:
 
 
 def target_costs(
-    folder: Path, style: CStyle, samples: FloatArray, begins_us: int = 0, flags: Sequence[str] = ("-O2",)
+    folder: Path, style: CStyle, samples: FloatArray, begins_us: int = 0, flags: Sequence[str] = ("-O2", *FAST)
 ) -> TargetCosts | str:
     """Costs of the export in `folder` on an emulated Cortex-M4, or a sentence that says why they are not known.
 
@@ -156,7 +160,7 @@ def target_costs(
     samples : (n, 5)
         As for `vectors`.
     flags
-        Of the compiler.
+        Of the compiler; by default those of the example's Makefile.
     """
     missing = [tool for tool in (COMPILER, EMULATOR) if shutil.which(tool) is None]
     if missing:
