@@ -15,8 +15,8 @@ import time
 import numpy as np
 
 import clutchid
-from clutchid.exports.c99 import CStyle, observer_c99
-from clutchid.exports.parity import begun, compiler, parity, replay
+from clutchid.exports.c99 import CStyle, compiler, observer_c99
+from clutchid.exports.parity import begun, parity, replay
 from clutchid.observer import observer, start
 from clutchid.truck import drive, truck
 

@@ -46,7 +46,7 @@ def test_it_goes_on_from_a_saved_state(folder, tmp_path, capsys, observe):
 
 
 def test_without_a_compiler_the_files_are_there_and_parity_was_not_run(folder, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("clutchid.exports.parity.shutil.which", lambda _: None)
+    monkeypatch.setattr("clutchid.exports.c99.shutil.which", lambda _: None)
     assert exported(folder, tmp_path) == 0
     said, errors = capsys.readouterr()
     assert "parity was not run: there is no C compiler (cc)" in errors

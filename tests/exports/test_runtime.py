@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from clutchid.errors import ParameterError
-from clutchid.exports.c99 import CStyle, c_number, observer_c99
-from clutchid.exports.parity import COLUMNS, begun, compiler, parity, replay, samples_of, trial_drive
+from clutchid.exports.c99 import CStyle, c_number, compiler, observer_c99, source_files
+from clutchid.exports.parity import COLUMNS, begun, parity, replay, samples_of, trial_drive
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import RecordedConditions
 from clutchid.model import Actuator, Load
@@ -18,6 +18,7 @@ from clutchid.observer import observe, observer, start
 from clutchid.observer.health import FLAGS
 from clutchid.recordings.strokes.vented_rest import vented_rest
 from fixtures.changed_logs import picked, spoiled
+from fixtures.export_c import write_sources
 
 pytestmark = pytest.mark.slow
 
@@ -171,13 +172,11 @@ int main(int count, char **words)
 
 
 def test_a_restart_goes_on_from_memory_and_a_damaged_one_from_the_calibration(observer_of, log, tmp_path):
-    one = observer_of("joint")
-    for stem, code in observer_c99(one, start(one), CStyle(real="double"), "test").items():
-        (tmp_path / f"{stem}.h").write_text(code.header)
-        (tmp_path / f"{stem}.c").write_text(code.source)
-    (tmp_path / "main.c").write_text("#include <stdlib.h>\n" + MEMORY)
+    one, folder = observer_of("joint"), tmp_path / "src"
+    write_sources(one, CStyle(real="double"), folder)
+    (folder / "main.c").write_text("#include <stdlib.h>\n" + MEMORY)
     program = tmp_path / "main"
-    subprocess.run(["cc", "-O2", "-o", program, *tmp_path.glob("*.c"), "-lm"], check=True)
+    subprocess.run(["cc", "-O2", "-o", program, *folder.glob("*.c"), "-lm"], check=True)
     given = samples_of(log.slice(0, 5000)).tobytes()
 
     def run(*words):
@@ -199,9 +198,8 @@ def test_a_restart_goes_on_from_memory_and_a_damaged_one_from_the_calibration(ob
 def test_it_compiles_without_a_warning_and_float_knows_no_double(observer_of, tmp_path, method, real, rates):
     one = observer_of(method)
     modules = observer_c99(one, start(one), CStyle("own_name", real, rates), "test")
-    for stem, code in modules.items():
-        (tmp_path / f"{stem}.h").write_text(code.header)
-        (tmp_path / f"{stem}.c").write_text(code.source)
+    for file, text in source_files(modules).items():
+        (tmp_path / file).write_text(text)
     sources = sorted(tmp_path.glob("*.c"))
     subprocess.run(["cc", *STRICT, "-c", *sources], cwd=tmp_path, check=True)
     symbols = subprocess.run(["nm", "-g", *sorted(tmp_path.glob("*.o"))], capture_output=True, text=True, check=True)

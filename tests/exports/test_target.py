@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 from clutchid.codegen.templates import template
-from clutchid.exports.c99 import CStyle, observer_c99
+from clutchid.exports.c99 import CStyle
+from clutchid.exports.parity import samples_of
 from clutchid.exports.target import COMPILER, EMULATOR, OUTPUTS, TargetCosts, example_files, target_costs, vectors
 from clutchid.log import FloatArray, Log
 from clutchid.model import Actuator
-from clutchid.observer import observer, start
+from clutchid.observer import observer
 from clutchid.observer.observer import Observer
+from fixtures.export_c import write_sources
 
 pytestmark = [
     pytest.mark.slow,
@@ -29,10 +31,7 @@ STRICT = ("CFLAGS=-O2 -Werror",)
 
 def written(folder: Path, observed: Observer, style: CStyle) -> Path:
     """The export with its example in a folder."""
-    (folder / "src").mkdir(parents=True)
-    for stem, module in observer_c99(observed, start(observed), style, "a test").items():
-        (folder / f"src/{stem}.h").write_text(module.header)
-        (folder / f"src/{stem}.c").write_text(module.source)
+    write_sources(observed, style, folder / "src")
     for path, text in example_files(style).items():
         (folder / path).parent.mkdir(exist_ok=True)
         (folder / path).write_text(text)
@@ -41,13 +40,6 @@ def written(folder: Path, observed: Observer, style: CStyle) -> Path:
 
 def make(folder: Path, *targets: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(["make", "-C", folder, *targets], capture_output=True, text=True, check=False)
-
-
-def samples_of(log: Log) -> FloatArray:
-    us = np.round(log.time * 1e6)
-    missing = np.full(len(log), np.nan)
-    columns = (log["position"], log["duty_supply"], log["duty_exhaust"], missing, np.diff(us, prepend=us[0]))
-    return np.column_stack(columns)
 
 
 def outputs_of(folder: Path, style: CStyle, samples: FloatArray) -> FloatArray:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+import shutil
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -17,6 +18,7 @@ from clutchid.exports.data import carrier_us, data_of, size_of
 from clutchid.exports.filter import filter_c99
 from clutchid.inference.filter.setup import STROKE_BEGINS, STROKE_ENDS
 from clutchid.log import HOLE
+from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels, system
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer import rest
@@ -63,6 +65,22 @@ def c_number(real: Real) -> Callable[[Any], str]:
     return printed
 
 
+def state_notes(actuator: Actuator) -> dict[str, str]:
+    """Comments on the states in C: their meaning and unit."""
+    return {name: f"{row.meaning}, in {row.unit}" for name, row in actuator.state_rows.items()}
+
+
+def source_files(modules: Mapping[str, CSource]) -> dict[str, str]:
+    """Headers and sources of modules in C by their file name."""
+    headers = {f"{stem}.h": code.header for stem, code in modules.items()}
+    return headers | {f"{stem}.c": code.source for stem, code in modules.items()}
+
+
+def compiler() -> str | None:
+    """The C compiler of this machine; None without one."""
+    return shutil.which("cc") or shutil.which("gcc")
+
+
 def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title: str) -> dict[str, CSource]:
     """The modules of an observer in C by their file stem, in the order in which they include each other.
 
@@ -87,7 +105,6 @@ def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title:
     data = data_of(observer, state)
     derivatives = [c.base for c in joint.coordinates[: joint.moving.of_model.size]]
     model = replace(system(actuator.model), name=f"{style.name}_model")
-    notes = {name: f"{row.meaning}, in {row.unit}" for name, row in actuator.state_rows.items()}
     values = {
         **data,
         **_times(observer),
@@ -117,7 +134,7 @@ def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title:
     }
     texts = {part: _both(part, values) for part in ("data", "observer")}
     return {
-        f"{style.name}_model": c99_source(model, real=style.real, notes=notes, derivatives=derivatives),
+        f"{style.name}_model": c99_source(model, real=style.real, notes=state_notes(actuator), derivatives=derivatives),
         f"{style.name}_filter": filter_c99(size_of(joint), style.real, f"{style.name}_filter"),
         f"{style.name}_data": texts["data"],
         style.name: texts["observer"],

@@ -7,18 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from clutchid.codegen.c99 import CSource
 from clutchid.codegen.templates import template
 from clutchid.errors import DataError, ParameterError
 from clutchid.exports.a2l import a2l
-from clutchid.exports.c99 import CStyle, observer_c99
+from clutchid.exports.c99 import CStyle, compiler, observer_c99, source_files
 from clutchid.exports.fmu import model_fmu, observer_fmu, platforms
 from clutchid.exports.matlab import matlab_files
 from clutchid.exports.parity import (
     Parity,
-    Replayed,
     begins_us,
-    compiler,
     parity,
     replay,
     replay_source,
@@ -35,7 +32,6 @@ Target = Literal["c", "fmu2", "matlab", "a2l"]
 
 #: What an export writes, in this order.
 TARGETS: tuple[Target, ...] = ("c", "fmu2", "matlab", "a2l")
-
 
 #: Pages of an export, samples of its test, and samples of a recording whose costs are counted.
 PAGES, VECTORS, COSTED = ("parity", "readme"), 1500, 10_000
@@ -115,12 +111,14 @@ def write_export(
         raise ParameterError("--model is written as an FMU: add fmu2 to --to, for example --to c,fmu2.")
     modules = observer_c99(observer, state, style, title)
     log = _at_rate(check, observer) if check is not None else trial_drive(observer)
-    found = _replayed(observer, modules, style, log)
+    cc, samples, begins = compiler(), samples_of(log), begins_us(log)
+    found = replay(observer, modules, style, log, cc) if cc else None
     compared = parity(observer, state, log, found) if found else None
     notes: tuple[str, ...] = () if found else ("parity was not run: there is no C compiler (cc) on this machine.",)
-    files = _sources(modules) | example_files(style) | {"test/replay.c": replay_source(observer, style, log)}
+    files: dict[str, str | bytes] = {f"src/{file}": text for file, text in source_files(modules).items()}
+    files |= example_files(style) | {"test/replay.c": replay_source(observer, style, log)}
     if found is not None:
-        files["test/vectors.h"] = vectors(samples_of(log)[:VECTORS], found.outputs[:VECTORS], style, begins_us(log))
+        files["test/vectors.h"] = vectors(samples[:VECTORS], found.outputs[:VECTORS], style, begins)
     if "fmu2" in to:
         fmus = {style.name: observer_fmu(observer, state, style, modules)}
         fmus |= {f"{style.name}_model": model_fmu(observer.actuator, f"{style.name}_model")} if model else {}
@@ -131,7 +129,7 @@ def write_export(
     if "a2l" in to:
         files[f"a2l/{style.name}.a2l"] = a2l(observer, style, title)
     _write(folder, files)
-    costs = target_costs(folder, style, samples_of(log)[:COSTED], begins_us(log)) if check is not None else None
+    costs = target_costs(folder, style, samples[:COSTED], begins) if check is not None else None
     values = {
         "name": style.name, "style": style, "title": title, "to": to, "model": model, "observer": observer,
         "parity": compared, "holds": compared is not None and compared.holds(style), "notes": notes, "costs": costs,
@@ -159,15 +157,5 @@ def _at_rate(log: Log, observer: Observer) -> Log:
     return log
 
 
-def _sources(modules: Mapping[str, CSource]) -> dict[str, str | bytes]:
-    headers = {f"src/{stem}.h": code.header for stem, code in modules.items()}
-    return {**headers, **{f"src/{stem}.c": code.source for stem, code in modules.items()}}
-
-
 def _sources_only(name: str) -> str:
     return f"fmu/{name}.fmu has sources and no binary: there is no C compiler for linux64 on this machine."
-
-
-def _replayed(observer: Observer, modules: Mapping[str, CSource], style: CStyle, log: Log) -> Replayed | None:
-    cc = compiler()
-    return replay(observer, modules, style, log, cc) if cc else None

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import io
 import platform
-import shutil
 import subprocess
 import sys
 import uuid
@@ -22,8 +21,9 @@ from clutchid.codegen.c99 import CSource, c99_source
 from clutchid.codegen.language import C_DOUBLE
 from clutchid.codegen.templates import template
 from clutchid.errors import ExportError
-from clutchid.exports.c99 import CStyle
+from clutchid.exports.c99 import CStyle, compiler, source_files, state_notes
 from clutchid.exports.data import carrier_us
+from clutchid.exports.outputs import OUTPUTS
 from clutchid.inference.filter.joint_parameters import value_in_si
 from clutchid.inference.filter.setup import LEAST, MOST
 from clutchid.log.states import State
@@ -106,7 +106,7 @@ def observer_fmu(observer: Observer, state: ObserverState, style: CStyle, module
     values = {
         "title": f"on-line observer of a clutch actuator, method {observer.method}, in {style.real}",
         "real": style.real,
-        "fields": [name for name in _OBSERVED if name not in ("strokes", "flags")],
+        "fields": [name for name, output in OUTPUTS.items() if output.unit],
         "free": free,
         "carrier_us": carrier_us(joint.mapped.actuator) if carrier else 0,
         "spacing": observer.spacing,
@@ -135,8 +135,7 @@ def model_fmu(actuator: Actuator, name: str = "actuator") -> bytes:
         If there is a C compiler, and it fails.
     """
     style = CStyle(name, "double")
-    notes = {symbol: f"{row.meaning}, in {row.unit}" for symbol, row in actuator.state_rows.items()}
-    model = c99_source(replace(system(actuator.model), name=f"{style.name}_model"), notes=notes)
+    model = c99_source(replace(system(actuator.model), name=f"{style.name}_model"), notes=state_notes(actuator))
     load, rows = actuator.load, actuator.state_rows
     values = {
         "title": f"clutch actuator with its load, model {actuator.model}",
@@ -163,27 +162,13 @@ def platforms(fmu: bytes) -> tuple[str, ...]:
         return tuple(sorted({name.split("/")[1] for name in archive.namelist() if name.startswith("binaries/")}))
 
 
-#: Outputs of an observer: unit and meaning by field of NAME_output_t.
-_OBSERVED: Mapping[str, tuple[str, str]] = {
-    "pressure_a": ("Pa", "pressure in chamber A, absolute; NaN where it is not known"),
-    "pressure_a_std": ("Pa", "its standard deviation at the last correction"),
-    "position": ("m", "position of the piston from the vented rest of the calibration"),
-    "velocity": ("m/s", "velocity of the piston"),
-    "innovation": ("m", "position as measured less predicted; NaN at samples without a correction"),
-    "innovation_std": ("m", "its standard deviation"),
-    "rest": ("m", "how far the vented rest has moved since the calibration"),
-    "mismatch": ("1", "mean square of the innovations over that of the calibration recordings"),
-    "strokes": ("1", "strokes that have ended"),
-    "flags": ("1", "what the sample shows, bit by bit in the order of the Booleans"),
-}
-
-
 def _of_observer(observer: Observer, state: ObserverState) -> list[Variable]:
     adapting = _adapting(observer, state)
     outputs = [
-        Variable(name, meaning, "output", unit, variability="discrete") for name, (unit, meaning) in _OBSERVED.items()
-    ]
-    counted = ("strokes", "flags")
+        Variable(name, output.meaning, "output", output.unit or "1", variability="discrete",
+                 kind="Real" if output.unit else "Integer")
+        for name, output in OUTPUTS.items()
+    ]  # fmt: skip
     return [
         Variable("position_measured", "position as the sensor shows it; NaN for none", "input", "m", 0.0),
         *_duties(observer.actuator.equipment),
@@ -194,7 +179,7 @@ def _of_observer(observer: Observer, state: ObserverState) -> list[Variable]:
         Variable("load", "load of the clutch at load_position", "output", "N", variability="discrete"),
         Variable("load_low", "lower end of its 95 % interval", "output", "N", variability="discrete"),
         Variable("load_high", "upper end of its 95 % interval", "output", "N", variability="discrete"),
-        *(replace(v, kind="Integer" if v.name in counted else "Real") for v in outputs),
+        *outputs,
         *(
             Variable(f"flag.{name}", meaning, "output", variability="discrete", kind="Boolean")
             for name, meaning in FLAGS.items()
@@ -295,7 +280,7 @@ def _fmu(
     kinds: tuple[Kind, ...] = ("Real", "Integer", "Boolean", "String")
     by_kind = {kind: [v for v in variables if v.kind == kind] for kind in kinds}
     in_order = [v for rows in by_kind.values() for v in rows]
-    sources = {f"{stem}.{suffix}": text for stem, code in modules.items() for suffix, text in _texts(code)}
+    sources = source_files(modules)
     wrapper = f"{name}_fmu.c"
     units = sorted({v.unit for v in variables} - {"1"})
     filled = {
@@ -317,10 +302,6 @@ def _fmu(
     files = {file: text.encode() for file, text in texts(_guid(texts("").values())).items()}
     binary = _linux_binary({Path(file).name: text for file, text in files.items() if file.startswith("sources/")})
     return _zipped(files | ({f"binaries/linux64/{name}.so": binary} if binary else {}))
-
-
-def _texts(code: CSource) -> Iterable[tuple[str, str]]:
-    return ("h", code.header), ("c", code.source)
 
 
 def _base_units(unit: str) -> dict[str, int]:
@@ -353,16 +334,16 @@ def _linux_binary(sources: Mapping[str, bytes]) -> bytes | None:
     ExportError
         If the compiler fails.
     """
-    compiler = shutil.which("cc") or shutil.which("gcc")
-    if compiler is None or sys.platform != "linux" or platform.machine() != "x86_64":
+    cc = compiler()
+    if cc is None or sys.platform != "linux" or platform.machine() != "x86_64":
         return None
     header = template("fmi2Functions.h.j2", "clutchid.exports").render()
     with TemporaryDirectory() as folder:
         for name, text in {**sources, "fmi2Functions.h": header.encode()}.items():
             (Path(folder) / name).write_bytes(text)
         names = sorted(name for name in sources if name.endswith(".c"))
-        command = [compiler, *FLAGS_OF_COMPILER, "-o", "fmu.so", *names, "-lm"]
+        command = [cc, *FLAGS_OF_COMPILER, "-o", "fmu.so", *names, "-lm"]
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
         if done.returncode:
-            raise ExportError(f"{compiler} cannot compile the FMU:\n{done.stderr.strip()}")
+            raise ExportError(f"{cc} cannot compile the FMU:\n{done.stderr.strip()}")
         return (Path(folder) / "fmu.so").read_bytes()

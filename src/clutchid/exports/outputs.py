@@ -16,14 +16,14 @@ class Output(NamedTuple):
 
 #: Fields of NAME_output_t, in their order.
 OUTPUTS: Mapping[str, Output] = MappingProxyType({
-    "pressure_a": Output("absolute pressure in chamber A", "Pa"),
+    "pressure_a": Output("absolute pressure in chamber A; NaN where it is not known", "Pa"),
     "pressure_a_std": Output("standard deviation of the pressure in chamber A at the last correction", "Pa"),
     "position": Output("position of the piston, from the vented rest of the calibration", "m"),
     "velocity": Output("velocity of the piston", "m/s"),
-    "innovation": Output("position as measured less predicted", "m"),
+    "innovation": Output("position as measured less predicted; NaN at samples without a correction", "m"),
     "innovation_std": Output("standard deviation of the innovation", "m"),
     "rest": Output("move of the vented rest since the calibration", "m"),
     "mismatch": Output("mean square of the innovations over that of the calibration recordings", "1"),
     "strokes": Output("strokes that have ended", ""),
-    "flags": Output("flags of the sample, a bit each", ""),
+    "flags": Output("flags of the sample, a bit each, in their order", ""),
 })  # fmt: skip

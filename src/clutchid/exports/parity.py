@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 import tempfile
 from collections.abc import Mapping
@@ -15,7 +14,7 @@ import numpy as np
 from clutchid.codegen.c99 import CSource
 from clutchid.codegen.templates import template
 from clutchid.errors import ExportError
-from clutchid.exports.c99 import CStyle
+from clutchid.exports.c99 import CStyle, source_files
 from clutchid.exports.outputs import OUTPUTS
 from clutchid.log import FloatArray, Log
 from clutchid.observer.by_stroke import curve, positions
@@ -118,11 +117,6 @@ def samples_of(log: Log) -> FloatArray:
     return np.column_stack([log["position"], log["duty_supply"], log["duty_exhaust"], supply, microseconds(log)])
 
 
-def compiler() -> str | None:
-    """The C compiler of this machine; None without one."""
-    return shutil.which("cc") or shutil.which("gcc")
-
-
 def replay_source(observer: Observer, style: CStyle, log: Log) -> str:
     """The program in C that follows a recording."""
     values = {
@@ -145,10 +139,8 @@ def replay(observer: Observer, modules: Mapping[str, CSource], style: CStyle, lo
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        for stem, code in modules.items():
-            (folder / f"{stem}.h").write_text(code.header, encoding="utf-8")
-            (folder / f"{stem}.c").write_text(code.source, encoding="utf-8")
-        (folder / "replay.c").write_text(replay_source(observer, style, log), encoding="utf-8")
+        for file, text in (source_files(modules) | {"replay.c": replay_source(observer, style, log)}).items():
+            (folder / file).write_text(text, encoding="utf-8")
         sources = [str(path) for path in sorted(folder.glob("*.c"))]
         command = [cc, "-std=c99", "-O2", "-ffp-contract=off", "-o", str(folder / "replay"), *sources, "-lm"]
         _checked(command, b"")

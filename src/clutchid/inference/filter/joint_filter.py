@@ -89,6 +89,11 @@ class MovingColumns:
         """Number of columns of Gamma."""
         return self.of_model.size + self.window + self.of_sensors.size
 
+    def of_window(self, first: int) -> IntArray:
+        """The column in S of each column of Gamma, for a window from the free load weight number `first`."""
+        weights = self.weight_columns[first : first + self.window]
+        return np.concatenate([self.of_model, weights, self.of_sensors])
+
     def columns(self) -> Columns:
         """Columns of the generated step, with a window of its own, which is not placed."""
         weights = self.of_model.size + np.arange(self.window)
@@ -355,11 +360,10 @@ def _filtered(
 
 def covariance(joint: JointFilter, state: JointState) -> FloatArray:
     """Covariance of x and theta, shape (size + k, size + k)."""
-    k, moving, first = state.theta.size, joint.moving, int(state.first[0])
+    k, moving = state.theta.size, joint.moving
     slopes = np.array([c.slope(value) for c, value in zip(joint.coordinates, state.theta.tolist(), strict=True)])
-    weights = moving.weight_columns[first : first + moving.window]
     S = state.moved[:, moving.responses :] @ state.S
-    S[:, np.concatenate([moving.of_model, weights, moving.of_sensors])] += state.moved[:, : moving.responses]
+    S[:, moving.of_window(int(state.first[0]))] += state.moved[:, : moving.responses]
     root = np.block([[S[:, :k] * slopes @ state.T, S[:, k:]], [state.T, np.zeros((k, state.x.size))]])
     result: FloatArray = root @ root.T
     return result
@@ -382,7 +386,7 @@ def _settings(joint: JointFilter) -> SettingsArrays:
 def _window(joint: JointFilter, model: ModelArrays, state: JointState) -> Window:
     """The window of load weights of `model`, before it is placed."""
     m = joint.moving
-    columns = np.concatenate([m.of_model, m.weight_columns[: m.window], m.of_sensors])
+    columns = m.of_window(0)
     placed = columns[m.of_model.size : m.of_model.size + m.window]
     return Window(
         model.table_basis, columns, placed, m.weight_bases, m.weight_columns, np.zeros(2), np.empty_like(state.S)
