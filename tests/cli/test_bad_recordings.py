@@ -40,6 +40,7 @@ def spoiled(log, name):
     return replace(log.with_columns(**change(log.columns)), time=log.time * seconds, metadata={})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WRONG)
 def test_a_bad_recording_is_refused_with_the_sentence_of_look(name, sound, tmp_path, capsys):
     path = tmp_path / "run.parquet"
@@ -81,6 +82,7 @@ def test_a_recording_of_a_few_samples_is_refused(sound):
             inspected([sound.slice(0, count)], Actuator())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("manoeuvre", sorted(MANOEUVRES))
 @pytest.mark.parametrize("number", [0, 6])
 @pytest.mark.parametrize("recorder", ["controller", "bus"])

@@ -52,6 +52,7 @@ def worn() -> Log:
     return virtual.drive(virtual.truck(7), seconds=10, seed=1, wear=1.5e-3, pressure=False, name="worn").log
 
 
+@pytest.mark.slow
 def test_look_checks_with_the_map_that_it_proposes(tmp_path, log, capsys):
     file = in_german(log, tmp_path / "Messung.mf4")
     assert called("look", file) == 0

@@ -30,6 +30,7 @@ def ran(capsys, *arguments):
     return code, said.out + said.err
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="names of files that are not UTF-8 are those of Linux")
 def test_a_recording_whose_name_is_no_text_is_fitted_saved_and_reported(log, tmp_path, capsys):
     path = Path(os.fsdecode(os.fsencode(tmp_path) + b"/w\xff\x1b[31mrn.csv"))
@@ -43,6 +44,7 @@ def test_a_recording_whose_name_is_no_text_is_fitted_saved_and_reported(log, tmp
     assert "\x1b" not in said + files[1].read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_a_name_that_turns_the_direction_of_writing_is_plain_in_the_page(log, tmp_path, capsys):
     path = tmp_path / f"run{TURN}gpj.parquet"
     write(log, path)
@@ -91,6 +93,7 @@ def test_comments_of_an_mdf_file_reach_neither_terminal_nor_page_as_markup(log, 
     reported(capsys, tmp_path, tmp_path / "run.mf4")
 
 
+@pytest.mark.slow
 def test_comments_and_texts_of_a_start_file_reach_neither_terminal_nor_page_as_markup(log, tmp_path, capsys):
     write(log, tmp_path / "run.csv")
     drawing = "\n".join(f"{name} = {getattr(Parameters(), name)}" for name in OF_DRAWING)

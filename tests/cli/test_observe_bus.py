@@ -70,6 +70,7 @@ def same(folder, tmp_path):
         assert pl.read_parquet(tmp_path / live).equals(pl.read_parquet(folder / file), null_equal=True), file
 
 
+@pytest.mark.slow
 def test_a_truck_on_a_bus_gives_the_numbers_of_its_log_bit_for_bit(call, folder, tmp_path, messages):
     code, said, errors = call(messages)
     assert (code, errors) == (0, "")
@@ -79,6 +80,7 @@ def test_a_truck_on_a_bus_gives_the_numbers_of_its_log_bit_for_bit(call, folder,
     same(folder, tmp_path)
 
 
+@pytest.mark.slow
 def test_frames_that_come_out_of_order_are_put_in_their_place(call, folder, tmp_path, messages):
     order = random.Random(1)
     mixed = sorted(messages, key=lambda one: one.timestamp + order.uniform(0.0, 0.02))
@@ -132,6 +134,7 @@ def test_results_are_published_as_frames_with_a_dbc(call, folder, tmp_path, mess
     assert len({one["load_position"] for one in load}) > 40
 
 
+@pytest.mark.slow
 def test_a_bus_is_followed_on_from_a_state_with_its_own_clock(call, folder, tmp_path, messages):
     assert call(messages, "--save", "whole.toml")[0] == 0
     assert call(messages[:5000], "--save", "state.toml")[0] == 0
@@ -166,6 +169,7 @@ def test_a_bus_of_results_that_blocks_does_not_stop_the_recording(call, folder, 
     same(folder, tmp_path)
 
 
+@pytest.mark.slow
 def test_a_bus_that_fails_ends_the_recording_and_what_came_before_is_written(
     call, folder, tmp_path, messages, monkeypatch
 ):

@@ -86,6 +86,7 @@ def cut(text, sizes):
     return [text[a:b] for a, b in pairwise(edges)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["csv", "jsonl"])
 @pytest.mark.parametrize("sizes", [[10**7], [1, 7000, 3]])
 def test_live_and_file_give_the_same_numbers_bit_for_bit(call, folder, same, tmp_path, kind, sizes):
@@ -98,6 +99,7 @@ def test_live_and_file_give_the_same_numbers_bit_for_bit(call, folder, same, tmp
     assert {path.name for path in tmp_path.iterdir()} == set(OUTPUTS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_a_signal_in_mid_line_leaves_whole_files_of_all_whole_lines(call, lines, same, tmp_path, number):
     code, _, errors = call([*lines[:4001], b"4.000,0.0"], "--save", "state.toml", end=stop(number))
@@ -108,6 +110,7 @@ def test_a_signal_in_mid_line_leaves_whole_files_of_all_whole_lines(call, lines,
     assert signal.getsignal(number) is not None
 
 
+@pytest.mark.slow
 def test_a_terminal_that_is_closed_sends_its_signal_twice_and_one_that_ignores_it_goes_on(call, folder, same):
     def twice(writing):
         drained(writing)
@@ -291,6 +294,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_fault_is_survived_and_flagged(call, folder, lines, name):
     change, flag = FAULTS[name]
@@ -302,6 +306,7 @@ def test_a_fault_is_survived_and_flagged(call, folder, lines, name):
     assert answer["strokes"] == pl.read_parquet(folder / "file" / "est.load.parquet").height
 
 
+@pytest.mark.slow
 def test_a_clock_that_is_set_back_ends_the_recording_and_what_came_before_is_written(call, lines, tmp_path):
     text = [*lines[:4001], *lines[1:]]
     code, said, errors = call(text, "--save", "state.toml", "--report", "page.html")

@@ -30,6 +30,7 @@ def ready(number, before):
         time.sleep(0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_file_that_grows_gives_the_numbers_of_the_whole_file(observe, folder, same, tmp_path, number):
     text = (folder / "worn.csv").read_bytes()
@@ -111,6 +112,7 @@ def hung_up():
     return follower
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("lost", "words"),
     [
@@ -237,6 +239,7 @@ def test_a_terminal_of_the_view_that_hangs_up_or_is_stopped_holds_nothing_up(
     same()
 
 
+@pytest.mark.slow
 def test_one_reader_of_results_and_messages_that_stalls_holds_nothing_up(
     observe, folder, same, tmp_path, monkeypatch, piped
 ):

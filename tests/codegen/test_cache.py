@@ -255,6 +255,7 @@ def test_a_second_process_finds_the_machine_code(source):
     assert [_twice(source), _twice(source)] == [True, False]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["nbi", "nbc"])
 @pytest.mark.parametrize(
     "damage",

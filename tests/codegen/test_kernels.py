@@ -15,6 +15,7 @@ from clutchid.codegen.kernels import kernels_in
 KERNELS = "clutchid.simulation.comparison"
 
 
+@pytest.mark.slow
 def test_a_process_that_runs_no_kernel_does_not_import_the_compiler():
     code = "import sys, clutchid.estimation, clutchid.reports; sys.exit('numba' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

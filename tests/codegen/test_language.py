@@ -32,6 +32,7 @@ arithmetic = st.recursive(
 fractions = st.fractions(-4, 4, max_denominator=9)
 
 
+@pytest.mark.slow
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(arithmetic, fractions, fractions, fractions)
 def test_printed_arithmetic_is_exact_in_rational_numbers(expression, one, two, three):

@@ -22,6 +22,7 @@ def _logistic_errors(kernels, steps):
     return np.array(errors)
 
 
+@pytest.mark.slow
 def test_states_and_sensitivities_converge_with_order_four(logistic, compiled):
     slopes = _slope(_logistic_errors(compiled(logistic), [40, 80, 160, 320]))
     # slope = 4 + O(h): its distance from 4 halves with h, and is below h (times the rate 1.7) for the state here
@@ -39,6 +40,7 @@ def _assorted(kernels, values, kernel="run"):
                        jump={100: 1, 200: 2}, measured=0.4)  # fmt: skip
 
 
+@pytest.mark.slow
 def test_sensitivities_are_the_derivatives_of_the_computed_solution_through_branches_table_and_jumps(
     assorted, compiled
 ):

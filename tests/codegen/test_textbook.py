@@ -70,6 +70,7 @@ def test_sub_steps_are_the_same_as_finer_samples_bit_for_bit(van_der_pol, compil
     assert (coarse == fine[::4]).all()
 
 
+@pytest.mark.slow
 def test_uneven_samples_are_integrated_over_their_own_intervals(logistic, compiled):
     dt = np.random.default_rng(3).uniform(0.005, 0.02, 100)
     _, x, _ = compiled(logistic).run([0.1], [1.0, 2.0], dt)

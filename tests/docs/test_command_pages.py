@@ -46,6 +46,7 @@ def test_the_help_of_a_command_has_a_sentence_for_each_of_its_options(command):
     assert [a.name for a in found if not (a.parameter.help or "").rstrip().endswith(".")] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS)
 def test_the_page_of_a_command_has_an_example_its_exit_codes_and_no_list_of_options_or_others(command):
     page = text(command)
@@ -56,6 +57,7 @@ def test_the_page_of_a_command_has_an_example_its_exit_codes_and_no_list_of_opti
     assert set(re.findall(r"`(--[a-z][a-z-]*)", page)) - every == set()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", sorted((ROOT / "docs").rglob("*.md")), ids=lambda path: path.stem)
 def test_every_example_of_a_command_uses_its_options_only(page):
     calls = re.findall(r"clutchid ((?:\w|-)+)((?:[^`#\n\\]|\\\n)*)", page.read_text(encoding="utf-8"))

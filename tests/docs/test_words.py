@@ -4,6 +4,8 @@ import ast
 import re
 from pathlib import Path
 
+import pytest
+
 import clutchid
 from clutchid.preparation.inspection import inspect
 
@@ -58,6 +60,7 @@ def made_by(function: ast.FunctionDef) -> list[str]:
     ]
 
 
+@pytest.mark.slow
 def test_every_message_that_the_pages_quote_is_one_of_the_program():
     known = source_texts()
     tables = PAGES["trouble"].partition("## Files that are not read")[2] + section(PAGES["result"], "Reasons")

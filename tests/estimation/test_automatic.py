@@ -44,6 +44,7 @@ FREED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", VARIANTS)
 def test_each_variant_frees_what_it_knows(drive_log, model):
     begin, free, _ = automatic([drive_log], Actuator(model=model))

@@ -26,6 +26,7 @@ def plain(shot):
     return result(shot, None)
 
 
+@pytest.mark.slow
 def test_a_profiled_number_has_its_own_interval_and_the_rest_is_as_before(shot, plain):
     result = checked(plain, shot, None, ("F_C",), 0)
     profiled, before = result.parameters["F_C"], plain.parameters["F_C"]

@@ -74,6 +74,7 @@ def test_the_published_basis_is_kept_in_the_result(driven):
     np.testing.assert_allclose(weights(result), published.load.theta, rtol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", [0, 1], ids=["noise on every sample", "none on the first"])
 def test_with_white_noise_the_truth_lies_in_nineteen_of_twenty_intervals(truth, drive, with_noise, first):
     trials, hits, band = 40, np.zeros(3), 0.0

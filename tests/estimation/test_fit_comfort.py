@@ -88,6 +88,7 @@ def test_plots_are_figures_that_pyplot_does_not_know_and_that_a_notebook_shows(f
     assert picture(figure._repr_svg_()).tag.endswith("svg")
 
 
+@pytest.mark.slow
 def test_a_plot_leaves_the_settings_of_matplotlib_alone():
     code = (
         "import sys, numpy as np, matplotlib, clutchid; before = matplotlib.rcParams.copy();"
@@ -107,6 +108,7 @@ def test_the_table_of_a_fit_has_a_row_for_every_free_parameter(fitted):
     assert replace(fitted, parameters={}).to_frame().schema == frame.schema
 
 
+@pytest.mark.slow
 def test_the_page_of_a_fit_has_its_verdict_and_says_where_it_comes_from(fitted, tmp_path):
     fitted.report(tmp_path / "page.html")
     html = (tmp_path / "page.html").read_text(encoding="utf-8")
@@ -173,6 +175,7 @@ def test_a_log_and_a_simulation_print_what_they_have(short):
     assert repr(done).endswith("; sensitivities to theta_1)")
 
 
+@pytest.mark.slow
 def test_a_notebook_shows_position_pressure_and_duty_cycles_of_a_log_and_of_a_simulation(short):
     done = clutchid.simulate(Actuator(), short)
     for shown in (short, done):

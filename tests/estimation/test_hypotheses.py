@@ -74,6 +74,7 @@ def rms(error):
     return float(np.sqrt(np.mean(error**2)))
 
 
+@pytest.mark.slow
 def test_where_nothing_has_changed_that_is_most_probable_and_costs_at_most_a_thousandth_of_the_peak(
     known_of, calibrated, trucks
 ):
@@ -85,6 +86,7 @@ def test_where_nothing_has_changed_that_is_most_probable_and_costs_at_most_a_tho
     assert rms(cost) < 1e-3 * peak
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "group", "least"),
     [
@@ -121,6 +123,7 @@ def test_the_changes_of_a_fit_are_those_of_its_hypotheses(reread, known_of, cali
     assert change_sentences(fit)[-1].startswith("cold: temperature and grease changed since the calibration")
 
 
+@pytest.mark.slow
 def test_the_load_of_a_changed_truck_lies_in_its_band(reread, logs, trucks):
     for name in ("supply", "cold", "valves"):
         curve = reread(logs[name]).load_curve
@@ -140,6 +143,7 @@ def test_a_parameter_that_the_user_sets_free_is_his(reread, calibrated, logs):
     assert fit.parameters["P_S"].value == pytest.approx(0.95 * supply, rel=0.02)
 
 
+@pytest.mark.slow
 def test_of_two_recordings_each_has_parameters_of_its_own(reread, logs, calibrated):
     fit = reread(logs["same"], logs["cold"])
     changing = {f"{name}@{stem}" for name in changeable(calibrated.actuator) for stem in ("same", "cold")}

@@ -35,6 +35,7 @@ def cold_and_worn(known):
     return driven.with_columns(position=simulated["position"] + 3e-5 * noise[0])
 
 
+@pytest.mark.slow
 def test_cold_grease_and_a_worn_clutch_are_not_taken_for_another_phase(known, cold_and_worn):
     found = filtered_phase(cold_and_worn, known, EXACT)
     assert abs(centred(found - PHASE)) < 0.05
@@ -48,6 +49,7 @@ def test_only_a_load_that_is_read_from_a_calibration_needs_the_filter(known):
     assert phase_finder(known, reading, EXACT).func is filtered_phase
 
 
+@pytest.mark.slow
 def test_a_reading_uses_the_phase_that_the_filter_found(known, cold_and_worn):
     reading = clutchid.fit(cold_and_worn, known, free="load,D_v", calibration=EXACT)
     assert reading.parameters["D_v"].value == pytest.approx(2.0 * known.value("D_v"), rel=0.15)

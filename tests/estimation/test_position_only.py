@@ -73,6 +73,7 @@ def test_they_are_what_the_search_finds_beside_the_calibration(errors, blind, ca
             assert moved == pytest.approx(shift, abs=1e-9 * max(1.0, abs(c.mean))), name
 
 
+@pytest.mark.slow
 def test_the_calibration_recording_without_pressure_gives_the_calibrated_load_back(calibrated, drive_log):
     kept, true = calibrated.calibration, calibrated.actuator.load.force(Y)
     missed, plain = (
@@ -102,6 +103,7 @@ def test_known_errors_shift_a_load_by_exactly_as_much(calibrated, worn_log):
     np.testing.assert_array_equal(plain[others], shifted[others])
 
 
+@pytest.mark.slow
 def test_of_several_recordings_they_are_the_mean_and_one_whose_search_fails_is_left_out(calibrated, drive_log):
     kept, actuator = replace(calibrated.calibration, position_only=None), calibrated.actuator
     parts = [replace(drive_log.slice(*ends), name=name) for name, ends in (("a", (0, 4000)), ("b", (4000, 8000)))]

@@ -30,6 +30,7 @@ def found(proportional, log):
     return fit_with(SHOOTING, [log], start, FitRequest(("position", "pressure_a"), ("auto",)))
 
 
+@pytest.mark.slow
 def test_the_calibration_finds_exponents_lags_and_supply_pressure(found, proportional):
     assert found.status == "ok"
     for name in ("n_vs", "n_ve", *LAGS, "gamma", "P_S"):

@@ -91,6 +91,7 @@ def test_without_a_carrier_the_actuator_stays(plant, drive_log):
     assert pulsed(drive_log, plant, True).actuator is plant
 
 
+@pytest.mark.slow
 def test_each_recording_has_the_phase_of_its_own_carrier(switched, carried):
     logs = [log.without("pressure_a") for log in carried]
     shot = shoot(logs, switched, FreeParameters(("theta_9", "theta_10"), ("position",)), EXACT)
@@ -110,6 +111,7 @@ def test_where_the_valves_phases_are_free_the_first_recording_keeps_its_own(swit
     assert phases == pytest.approx([0.37, -0.13], abs=0.02)
 
 
+@pytest.mark.slow
 def test_a_prior_of_the_user_on_a_phase_wins(switched, carried):
     own = {"s_pwm@one": Prior(0.25, 1e-6)}
     shot = shoot([carried[0]], switched, FreeParameters(("theta_9",), ("position",), priors=own), EXACT)

@@ -44,6 +44,7 @@ def cut(driven, with_noise) -> Log:
     return spoiled(log, "duty_supply", slice(1100, 1300))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("measure", [("position",), ("position", "pressure_a")], ids=["position", "both"])
 @pytest.mark.parametrize(
     "partition",

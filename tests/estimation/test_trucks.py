@@ -18,6 +18,7 @@ REACHED = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("truck", "name"), REACHED, ids=str)
 def test_a_position_only_fit_finds_the_load_around_the_touch_point_as_well_as_documented(shared, truck, name):
     folder = shared / "data" / "trucks" / f"truck{truck}"

@@ -58,11 +58,13 @@ def test_a_folder_of_something_else_is_refused_unchanged(tmp_path):
     refused(tmp_path / "out", words, {**ABOUT, "verb": "track"})
 
 
+@pytest.mark.slow
 def test_only_one_run_at_a_time_works_in_a_folder(tmp_path):
     with store(tmp_path, ABOUT):
         refused(tmp_path, "another run is going on in this folder")
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_a_sentence_and_what_was_written_before_is_whole(tmp_path):
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     with store(tmp_path, ABOUT) as one:

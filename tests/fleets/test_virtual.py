@@ -37,6 +37,7 @@ def folder(plan, tmp_path_factory):
     return out
 
 
+@pytest.mark.slow
 def test_a_fleet_has_recordings_calibrations_a_table_and_the_truth(plan, folder):
     listed, truth = rows(folder / "recordings.csv"), rows(folder / "truth.csv")
     assert [row["recording"] for row in truth] == [visit.recording for vehicle in plan for visit in vehicle]
@@ -71,6 +72,7 @@ def test_the_truth_is_that_of_the_truck_at_its_wear(plan, folder):
     assert float(row["limit [mm]"]) == pytest.approx(by_wear[-1, 1] - by_wear[0, 1], abs=1e-6)
 
 
+@pytest.mark.slow
 def test_the_number_of_workers_does_not_matter(plan, folder, tmp_path):
     write_fleet(tmp_path / "fleet", plan, seconds=2.0, workers=2)
     for path in folder.rglob("*.*"):
@@ -84,6 +86,7 @@ def test_a_folder_with_files_is_left_alone(plan, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 
 
+@pytest.mark.slow
 def test_the_command_drives_a_fleet(tmp_path, capsys):
     options = ("--fleet", "1", "--months", "0.6", "--seconds", "1")
     assert called("drive", *options, "--out", tmp_path / "fleet") == 0

@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+import pytest
+
 import clutchid
 
 SECTIONS = ("Parameters", "Returns", "Examples")
@@ -58,6 +60,7 @@ def equations_in(text: str) -> set[int]:
     return found
 
 
+@pytest.mark.slow
 def test_every_module_and_every_public_name_is_documented(source):
     assert [name for name, text in docstrings(source).items() if not text] == []
 

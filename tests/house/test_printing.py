@@ -2,7 +2,10 @@
 
 import ast
 
+import pytest
 
+
+@pytest.mark.slow
 def test_only_one_function_prints(source):
     printing = {
         file.relative_to(source).as_posix(): node.lineno

@@ -43,6 +43,7 @@ def near(shown, found):
     return abs(float(shown) - float(found)) <= max(0.02 * abs(float(shown)), 1.001 * last)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WRITTEN)
 def test_the_examples_of_a_page_print_what_it_says(name, tmp_path, monkeypatch):
     page = DOCS / name

@@ -63,6 +63,7 @@ def test_names_of_tests_are_sentences():
     assert [name for name in names if name.rpartition("test_")[2].count("_") < 2] == []
 
 
+@pytest.mark.slow
 def test_no_files_import_each_other_in_a_loop(source):
     house = runpy.run_path(str(ROOT / "benchmarks" / "house.py"))
     assert house["circles"](source.parent) == []

@@ -60,6 +60,7 @@ def strokes() -> Log:
     return Log(t, {"duty_supply": supply, "duty_exhaust": exhaust})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("exponent", [0.6, 1.0, 1.3, 2.5])
 @pytest.mark.parametrize("name", ["n_vs", "n_ve", "R_0vs", "R_1ve", "C_vs"])
 def test_sensitivities_through_averaged_valves_are_exact(name, exponent):

@@ -49,6 +49,7 @@ def window(log: Log, start: float, seconds: float = 20.0) -> Log:
 
 
 # the load is put on and the first, other stroke made in the first 12 s, and taken off after 205 s
+@pytest.mark.slow
 @pytest.mark.parametrize("start", range(12, 185, 20))
 def test_the_papers_lugre_fits_the_tribometer_to_88_percent_over_any_20_s_in_free_run(tribometer, start):
     assert fit_lugre(window(tribometer, start)).fit_percent >= 88.0

@@ -72,6 +72,7 @@ def test_the_phase_of_a_slow_recording_is_found(switched, bus):
     assert found.phase_std == pytest.approx(STAMP_STD / PERIOD)
 
 
+@pytest.mark.slow
 def test_a_load_is_read_from_100_hz(switched, bus):
     known = Calibration((), np.zeros((0, 0)))
     fit = fit_with(SHOOTING, [bus], switched, FitRequest(("position",), ("load",), calibration=known))
@@ -85,6 +86,7 @@ def test_a_load_is_read_from_100_hz(switched, bus):
     assert np.sqrt(np.mean((one.simulated["position"] - bus["position"]) ** 2)) < 1e-3
 
 
+@pytest.mark.slow
 def test_a_load_is_read_from_duty_cycles_that_change_between_the_samples(continuous, between):
     assert duties_in(between, continuous) is Duties.INTERPOLATED
     fit = clutchid.fit(between, continuous, free=("load",), calibration=Calibration((), np.zeros((0, 0))))
@@ -122,6 +124,7 @@ def test_a_recording_without_the_edges_of_on_off_valves_is_refused_in_one_senten
     )
 
 
+@pytest.mark.slow
 def test_a_simulation_on_a_finer_raster_is_given_at_the_samples(adapted, worn_log):
     one = adapted.recordings["worn"]
     assert on_samples(one, worn_log) is one

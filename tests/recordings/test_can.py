@@ -215,6 +215,7 @@ def test_error_and_remote_frames_and_short_ones_are_told(logged, dbc, tmp_path):
     np.testing.assert_array_equal(numbers_of(source, 0)["EngineSpeed"], [np.nan, 0.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", WRITERS)
 def test_blocks_of_any_size_and_frames_that_are_not_kept_give_the_same_numbers(logged, dbc, suffix, monkeypatch):
     path = logged(suffix, mixture())
@@ -390,6 +391,7 @@ def test_a_damaged_block_ends_the_reading_with_a_warning(logged, dbc):
     assert warning.endswith(" frames before it are used.")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", WRITERS)
 def test_spoiled_logs_give_numbers_or_a_sentence(logged, dbc, suffix, tmp_path):
     good, path = logged(suffix, mixture(100)).read_bytes(), tmp_path / "spoiled"

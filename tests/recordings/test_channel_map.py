@@ -30,6 +30,7 @@ def entries(draw):
     return name, entry
 
 
+@pytest.mark.slow
 @given(
     st.lists(entries(), min_size=1),
     st.none() | st.floats(1e-5, 10.0),

@@ -42,6 +42,7 @@ def test_the_files_of_csv_spectrum_are_read_as_the_csv_module_reads_them(data):
 cells = st.text(alphabet='ab1.,;|"\n', max_size=6)
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(
     notes=st.lists(cells, min_size=1, max_size=12),

@@ -211,6 +211,7 @@ def values_of(page, payload):
     return {signal.name: float(decode(signal, data, length)[0]) for signal in page.signals}
 
 
+@pytest.mark.slow
 def test_databases_of_all_formats_decode_as_cantools_does(data):
     counts = dict.fromkeys((".dbc", ".kcd", ".sym", ".arxml"), 0)
     dice = random.Random(1)

@@ -109,6 +109,7 @@ def test_a_folder_that_cannot_be_written(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mf4", ".mat"])
 @pytest.mark.parametrize("name", [f"{NO_TEXT}/run", NO_TEXT])
 @pytest.mark.skipif(sys.platform != "linux", reason="names are bytes on Linux only")

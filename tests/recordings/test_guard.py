@@ -190,6 +190,7 @@ def test_a_packed_file_that_cannot_be_read_is_named_in_one_sentence(packed, cont
         read(packed)
 
 
+@pytest.mark.slow
 def test_a_matlab_file_that_unpacks_to_gigabytes_is_not_read_as_a_whole(tmp_path, monkeypatch):
     monkeypatch.setenv("CLUTCHID_READER_MEMORY", "500MB")
     path = tmp_path / "zeros.mat"

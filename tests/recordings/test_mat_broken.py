@@ -39,6 +39,7 @@ def good(form):
 
 
 # SciPy ends the process on some spoiled files of versions 5 and 7, so those are read behind the guard only.
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["4", "7.3"])
 def test_whatever_the_bytes_are_there_is_a_source_or_one_sentence(tmp_path, form):
     data, path = good(form), tmp_path / "run.mat"

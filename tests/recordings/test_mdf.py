@@ -474,6 +474,7 @@ def test_a_file_that_is_damaged_between_opening_and_reading_is_refused(small):
         list(source.tables(0, [1]))
 
 
+@pytest.mark.slow
 def test_a_packed_block_that_cannot_be_unpacked_gives_no_numbers(tmp_path):
     path = tmp_path / "run.mf4"
     time = np.arange(BLOCK) / 1000

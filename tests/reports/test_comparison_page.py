@@ -58,6 +58,7 @@ def test_the_table_has_both_loads_and_their_difference_at_every_millimetre(fitte
     assert table.column("share") == pytest.approx([0.25] * positions.size)
 
 
+@pytest.mark.slow
 def test_a_recording_that_stays_below_5_mm_is_shown_up_to_there(fitted):
     low = reaching(with_baseline(fitted), 0.25)
     assert len(change_table(comparison(low)).rows) == 4
@@ -112,6 +113,7 @@ def test_without_a_calibration_the_paper_is_assumed_and_said_to_be(fitted):
     assert comparison_sections(replace(fitted, status="failed")) == []
 
 
+@pytest.mark.slow
 def test_foreign_names_do_nothing_on_the_page(fitted, loads_nothing):
     change = Change(HOSTILE, "C_vs", 1.0, 2.0, 0.1, HOSTILE, 0.9, HOSTILE)
     known = replace(with_baseline(fitted, origin=Origin(*[HOSTILE] * 4), converged=False), changes=(change,))

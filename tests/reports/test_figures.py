@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -49,6 +50,7 @@ def test_a_panel_without_labels_has_no_legend():
     assert figure.axes == [axis]
 
 
+@pytest.mark.slow
 def test_importing_reports_is_light_and_drawing_leaves_global_settings_alone():
     code = """
 import sys

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from clutchid.log import Log
 from clutchid.parameters import Parameters
@@ -79,6 +80,7 @@ def test_panels_of_a_recording_show_millimetres_and_bar(fitted):
     assert duty.lines[1].get_ydata().min() == -measured["duty_exhaust"].max()
 
 
+@pytest.mark.slow
 def test_a_recording_without_pressure_has_no_panel_for_its_error(fitted):
     assert len(recording_figure(fitted.verification["checked"]).axes) == 4
 

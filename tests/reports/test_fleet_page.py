@@ -297,6 +297,7 @@ def test_one_absurd_value_does_not_flatten_the_histogram():
     assert "not drawn: 1 above" in axis.get_xlabel()
 
 
+@pytest.mark.slow
 def test_ten_thousand_vehicles_are_a_page_of_a_few_megabytes():
     rows = [vehicle(f"V{i}", shift=1e-8 * i) for i in range(10_000)]
     html = render(page_of(rows, [], "c"))

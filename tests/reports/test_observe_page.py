@@ -89,6 +89,7 @@ def test_a_hole_in_time_is_a_gap_also_in_a_decimated_curve():
     assert 50.0 <= gap.min() <= gap.max() <= 60.0
 
 
+@pytest.mark.slow
 def test_faults_are_on_the_page_in_words_with_their_seconds(plant, log):
     position = log["position"].copy()
     position[1000:1200] = np.nan

@@ -63,6 +63,7 @@ def shown(fitted):
     return show
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["good", "at a bound", "two states"])
 def test_every_place_shows_the_same_grade_and_the_same_reasons(fitted, shown, case):
     fit = {"good": fitted, "at a bound": at_bound(fitted, "theta_1", 1), "two states": two_states(fitted)}[case]
@@ -79,6 +80,7 @@ def test_every_place_shows_the_same_grade_and_the_same_reasons(fitted, shown, ca
     assert f"Trust: {judged.trust} – {judged.meaning}" in places["page"]
 
 
+@pytest.mark.slow
 def test_what_is_no_reason_is_a_note_of_the_verdict_and_no_warning(fitted, shown):
     # a lag cannot be negative: at 0 the estimate of a fit with priors lies at a physical limit
     own = replace(fitted.parameters["theta_1"], value=0.0)
@@ -95,6 +97,7 @@ def test_what_is_no_reason_is_a_note_of_the_verdict_and_no_warning(fitted, shown
     assert "Read the warnings" not in places["page"]
 
 
+@pytest.mark.slow
 def test_a_warning_that_the_verdict_has_as_a_reason_is_on_the_page_once(fitted):
     bounded = at_bound(fitted, "theta_1", 1)
     warnings = ("theta_1 lies at its upper bound 9e5 N/m.", "2 s are missing")
@@ -106,6 +109,7 @@ def test_a_warning_that_the_verdict_has_as_a_reason_is_on_the_page_once(fitted):
     assert other_warnings(bounded) == ["2 s are missing"]
 
 
+@pytest.mark.slow
 def test_two_states_of_wear_are_no_change_of_the_valves_and_lead_to_track(fitted, shown):
     fit = two_states(fitted)
     places = shown(fit)

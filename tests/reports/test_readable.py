@@ -74,10 +74,12 @@ def others(compared, run, worn):
     }
 
 
+@pytest.mark.slow
 def test_no_legend_covers_the_range_in_which_the_clutch_engages(of_loads):
     assert [name for name, figure in of_loads.items() if legends_on_the_engaging_range(figure)] == []
 
 
+@pytest.mark.slow
 def test_all_text_of_figures_can_be_read_on_a_page_of_500_px(of_loads, others):
     sizes = {name: smallest_text(figure) for name, figure in {**of_loads, **others}.items()}
     assert {name: size for name, size in sizes.items() if size < READABLE} == {}
@@ -101,6 +103,7 @@ def words_of(page):
     return "\n".join([re.sub(r"base64,[A-Za-z0-9+/=]+", "", html), *drawings])
 
 
+@pytest.mark.slow
 def test_a_force_is_in_newtons_on_every_page(compared, run, worn, curves):
     pages = {
         "fit": page_of(compared, "c"),

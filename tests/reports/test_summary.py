@@ -53,6 +53,7 @@ def test_the_load_has_its_peak_half_and_a_table_of_the_positions_where_the_clutc
     assert shown == pytest.approx([np.interp(mm * 1e-3, curve.position, curve.force) for mm in (5, 6, 7, 8)], abs=0.5)
 
 
+@pytest.mark.slow
 def test_what_is_assumed_of_the_conditions_is_said_with_its_range_and_what_it_is_worth(fitted):
     assumed = (Assumption("P_S", ("first",), 8.9e5, 0.54e5, False), Assumption("T_0", ("first",), 293.15, 13.6, True))
     fit = replace(with_baseline(fitted), assumed=assumed)

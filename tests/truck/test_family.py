@@ -136,6 +136,7 @@ def test_a_recording_under_a_change_is_that_of_the_changed_truck(family):
     assert pair.truth.truck == changed(truck(1, family), "supply", "cold")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("family", "numbers"), [("A", (0, 4, 8, 13, 14)), ("B", range(6))])
 def test_a_tick_is_fine_enough_for_every_truck(lab, family, numbers):
     for number in numbers:

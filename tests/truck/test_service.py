@@ -30,6 +30,7 @@ def test_three_years_have_a_recording_a_week_of_every_vehicle(fleet):
         assert one.odometer < other.odometer
 
 
+@pytest.mark.slow
 def test_a_facing_wears_until_the_clutch_is_replaced(fleet):
     for one, other in ((a, b) for vehicle in fleet for a, b in pairwise(vehicle)):
         assert (other.wear == 0.0) if other.event == "clutch replaced" else (other.wear > one.wear)

@@ -125,6 +125,7 @@ def test_slow_colour_below_fast_noise_is_seen_at_the_slow_rate():
     assert found.slow.interval == pytest.approx(0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block", [1, 20])
 @pytest.mark.parametrize("rho", [0.0, 0.9, 0.99])
 def test_effective_samples_of_a_first_order_autoregression_follow_its_formula(rho, block):

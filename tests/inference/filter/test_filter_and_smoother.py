@@ -130,6 +130,7 @@ def batch(recording):
     return means, np.array([covariance[i, :, i] for i in range(SAMPLES)])
 
 
+@pytest.mark.slow
 def test_the_filter_ends_where_batch_least_squares_do(filtered, batch):
     _, _, x, S, _ = filtered[-1]
     assert x == pytest.approx(batch[0][-1], abs=1e-9)

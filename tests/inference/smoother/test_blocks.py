@@ -53,12 +53,14 @@ def of_white(white, dispersion_of):
     return np.mean([dispersion_of(STD * error) for error in white]) / LOAD_FACTOR
 
 
+@pytest.mark.slow
 def test_white_residuals_scatter_as_their_information_says(of_white):
     # A mean over 8 recordings of a mean of squares of 27 numbers of unequal size, the deviation of each is 0.37. It is
     # below 1 as the state at the start of a block is taken from the whole recording, and counted as unknown.
     assert 0.5 < of_white < 1.0 + 3.0 * 0.37 / np.sqrt(RECORDINGS)
 
 
+@pytest.mark.slow
 def test_residuals_with_a_memory_scatter_as_much_more_as_they_have_less_information(white, of_white, dispersion_of):
     coloured = [lfilter([np.sqrt(1.0 - MEMORY**2)], [1.0, -MEMORY], error) for error in white]
     found = np.mean([dispersion_of(STD * error) for error in coloured]) / LOAD_FACTOR
@@ -66,6 +68,7 @@ def test_residuals_with_a_memory_scatter_as_much_more_as_they_have_less_informat
     assert 6.0 < found / of_white < 12.0
 
 
+@pytest.mark.slow
 def test_errors_that_repeat_within_a_block_count_by_their_square(clean, white, dispersion_of):
     blocks = np.repeat(np.where(np.arange(10) % 2, 1.0, -1.0), len(clean) // 10)
     small, large = (dispersion_of(by * STD * blocks) for by in (1.0, 2.0))

@@ -322,6 +322,7 @@ def test_a_measured_start_is_known_as_well_as_its_sensor(plant, drive_log, probl
     assert slopes == pytest.approx([1e5 / 3e3, 1e5 / 1e5]), "3 kPa by the sensor, 1 bar without it"
 
 
+@pytest.mark.slow
 @given(st.floats(0, 100), st.floats(0.5, 10), st.booleans())
 def test_the_robust_cost_is_hubers_loss_and_scaled_rows_have_its_gradient(size, outlier, negative):
     r = -size if negative else size

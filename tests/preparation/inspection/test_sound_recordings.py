@@ -133,6 +133,7 @@ def test_of_a_recording_without_inputs_motion_or_samples_only_the_motion_is_judg
         assert set(grades.values()) == {"undetermined"}
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**31), st.integers(1, 300), st.floats(1e-5, 10.0), st.floats(0.0, 0.5))
 def test_any_recording_is_inspected_without_an_error(seed, samples, step, missing):
     rng = np.random.default_rng(seed)

@@ -62,6 +62,7 @@ def test_the_duty_cycles_of_another_message_are_held_until_the_next():
     assert columns["duty_supply"] == pytest.approx(held / 10.0, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [1, 7, 333])
 @pytest.mark.parametrize("delay", [0.0, 0.012, -0.004])
 def test_blocks_do_not_depend_on_how_the_samples_come(size, delay):

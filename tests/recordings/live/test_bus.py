@@ -59,6 +59,7 @@ def test_a_silent_bus_ends_when_it_is_stopped():
     assert list(frames) == []
 
 
+@pytest.mark.slow
 def test_more_frames_than_can_wait_stay_with_the_bus(monkeypatch):
     monkeypatch.setattr(module, "MOST_WAITING", 50)
     stop = Event()

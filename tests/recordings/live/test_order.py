@@ -75,6 +75,7 @@ def test_samples_are_sorted_in_confirmed_or_left_out(stamps, cuts, kept, counts)
     assert out == counts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cuts", [[], [7, 700, 701, 702, 1999], list(range(1, 2000))])
 @pytest.mark.parametrize("streams", [None, RNG.integers(0, 2, 2000)])
 @pytest.mark.parametrize("stamp", [1.3, 700.0, 1e300])
