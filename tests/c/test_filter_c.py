@@ -22,14 +22,15 @@ from clutchid.inference.filter.setup import (
     MEAN,
     MOST,
     Derived,
+    FilterArrays,
+    FilterState,
     FreeArrays,
-    JointScratch,
-    JointState,
     ModelArrays,
     SettingsArrays,
     Window,
     scratch,
 )
+from clutchid.simulation.stiffness import AS_PLANNED
 from fixtures.filter_c import JointC, as_written
 
 pytestmark = pytest.mark.slow
@@ -46,6 +47,9 @@ DT = 1e-3
 SENSORS = np.array([[4, 0, 3, -1], [5, 2, -1, 5]])
 PLACES = np.array([[-1, 0, -1, -1], [-1, 1, -1, -1], [1, -1, -1, -1], [2, -1, -1, -1], [-1, 2, 0, -1], [-1, 3, -1, 1]])
 PIECES, BREAKPOINTS = np.array([[0, 2], [0, 1], [2, 3]]), np.array([-0.5, -0.1, 0.4])
+
+#: No rows are wanted, as for an observer.
+NO_ROWS = np.zeros((0, M, 1))
 
 #: Positions that the window is for, before a function that may place it.
 WITHIN = -0.4, 0.5
@@ -79,9 +83,8 @@ class Drawn:
 
     @property
     def room(self):
-        """JointScratch."""
-        vectors = np.zeros(ROWS + 1), np.zeros(K), np.zeros(K), np.zeros((K, K + SIZE.drifts))
-        return JointScratch(*scratch(ROWS, N, K + ROWS, M), *vectors)
+        """Scratch arrays of the kernels."""
+        return scratch(ROWS, K + ROWS, np.zeros((K, K)), N, M, SIZE.drifts)
 
     @property
     def model(self):
@@ -107,7 +110,7 @@ def drawn(seed):
     T, L = np.tril(single(K, K)) + np.eye(K), single(ROWS, ROWS) + 2.0 * np.eye(ROWS)
     outlier, speed = 1.5, 0.25
     return Drawn(
-        state=JointState(
+        state=FilterState(
             single(ROWS), np.hstack([single(ROWS, K), L]), single(K), T, np.abs(single(ROWS)), np.array([seed % 2]),
             single(ROWS, RESPONSES + ROWS), np.array([seed % 2]),
         ),
@@ -124,7 +127,7 @@ def drawn(seed):
         values=np.array([20.0 * single(1)[0], np.nan if seed % 4 == 0 else 1.0]),
         seed=seed,
         sensor=seed % 2,
-        settings=SettingsArrays(1, outlier, speed, 1, 0, None),
+        settings=SettingsArrays(1, outlier, speed, 1, 0, -1, None),
     )  # fmt: skip
 
 
@@ -145,9 +148,14 @@ class InPython:
         self.step, self.prepare = calls
         self.x, self.S, self.theta, self.T, _, self.stroke, self.moved, _ = self.state = g.state
         columns, at_weights = np.array([0, 1, 2 + g.seed % 2, 4, 5]), np.array([2, 3])
-        self.window = Window(np.ones(1, np.int64), columns, columns[2:3], np.array([1, 2]), at_weights,
-                             np.array(WITHIN), np.zeros((ROWS, K + ROWS)))  # fmt: skip
+        self.window = Window(
+            np.ones(1, np.int64), columns, columns[2:3], np.array([1, 2]), at_weights, np.array(WITHIN)
+        )
         self.weights, self.lags, self.of_sensor, self.slopes = self.derived = g.derived
+        self.gains = np.zeros((M, ROWS + 1))
+        self.arrays = FilterArrays(
+            self.model, g.free, self.derived, SENSORS, g.settings, g.drifts, AS_PLANNED, self.window, self.room
+        )
 
     def after(self, extra):
         """All that a function may change, and what it returns."""
@@ -155,7 +163,8 @@ class InPython:
         return flat(self.state, self.derived, self.g.p, self.g.load, within, self.g.W, extra)
 
     def bring_up(self):
-        self.m.bring_up(self.state, self.window, PIECES, BREAKPOINTS, self.x[self.g.settings.at_position])
+        position = self.x[self.g.settings.at_position]
+        self.m.bring_up(self.state, self.window, PIECES, BREAKPOINTS, position, self.room.S)
 
 
 class InC:
@@ -205,7 +214,7 @@ def predicted_in_python(a):
     interval = np.zeros(1), np.array([DT]), 1, a.g.sigma, np.vstack([lag_in_python(a, tau) for tau in a.lags])
     if a.m.leaves(a.x, a.g.settings, DT, a.window.within):
         a.bring_up()
-    a.m.move_columns(a.step, a.x, a.moved, a.state.waiting, a.model, interval, a.lags, SENSORS, a.room.before)
+    a.m.move_columns(a.step, a.state, a.moved, interval, a.arrays)
 
 
 def predicted_in_c(c):
@@ -217,16 +226,15 @@ def predicted_in_c(c):
 
 def corrected_in_python(a):
     measurement = a.g.values[0], *a.of_sensor[a.g.sensor], a.g.settings.outlier
-    e = a.m.correct_jointly(a.state, SENSORS[a.g.sensor], measurement, True, a.g.free, a.slopes, a.room)
-    return e, a.room.gain[ROWS]
+    gain = a.gains[0]
+    e = a.m.correct(a.state, SENSORS[a.g.sensor], measurement, True, a.g.free, a.slopes, gain, a.room)
+    return e, gain[ROWS]
 
 
 def sample_in_python(a):
     errors = np.zeros((M, 2))
     a.bring_up()
-    a.m.correct_sample_jointly(
-        a.prepare, a.state, a.model, a.g.free, a.derived, SENSORS, a.g.values, a.g.settings, errors, a.room
-    )
+    a.m.correct_sample(a.prepare, a.state, a.arrays, a.g.values, (errors, a.gains, NO_ROWS))
     return errors
 
 
@@ -295,7 +303,7 @@ FUNCTIONS = {
         ),
     ),
     "update_root": (
-        lambda a: filled(a.room.gain[:ROWS], a.m.update_root, a.S, a.g.h, PREDICTED, WEIGHTED, a.room.gain),
+        lambda a: filled(a.gains[0, :ROWS], a.m.update_root, a.S, a.g.h, PREDICTED, WEIGHTED, a.gains[0]),
         lambda c: filled(gain := c.zeros(ROWS), c.call, "update_root", c.belief, c.h, PREDICTED, WEIGHTED, gain),
     ),
     "correct": (
@@ -345,7 +353,7 @@ def plain():
 
 @pytest.fixture(scope="module")
 def kernels():
-    return kernels_in("clutchid.inference.filter.joint")
+    return kernels_in("clutchid.inference.filter.recursion")
 
 
 @pytest.fixture(scope="module")
@@ -412,9 +420,9 @@ def test_a_filter_of_the_states_alone_compiles_strictly_and_corrects_them(joint_
     c, g = joint_of(size, real, EXACT), drawn(1)
     x, S, _, _, waiting, stroke, moved, first = deepcopy(g.state)
     S, moved, empty = np.ascontiguousarray(S[:, K:]), np.ascontiguousarray(moved[:, RESPONSES:]), np.zeros((0, 0))
-    state = JointState(x, S, np.zeros(0), empty, waiting, stroke, moved, 0 * first)
+    state = FilterState(x, S, np.zeros(0), empty, waiting, stroke, moved, 0 * first)
     nowhere = np.zeros(0, np.int64)
-    window = Window(nowhere, nowhere, nowhere, nowhere, nowhere, np.zeros(2), np.zeros_like(S))
+    window = Window(nowhere, nowhere, nowhere, nowhere, nowhere, np.zeros(2))
     sensors = SENSORS * [1, 1, 0, 0] - [0, 0, 1, 1]
     free, basis = FreeArrays(np.zeros((0, 7)), np.zeros((0, 4), np.int64), PIECES), c.array(g.basis)
     derived, breakpoints = g.derived._replace(slopes=np.zeros(0)), c.array(g.breakpoints)
@@ -423,9 +431,10 @@ def test_a_filter_of_the_states_alone_compiles_strictly_and_corrects_them(joint_
     c.call("correct_sample", in_c.belief, in_c.motion, fixed, c.derived(derived, g.p, g.load), c.array(g.values),
            errors, c.scratch)  # fmt: skip
     c.call("drift", in_c.belief, fixed, c.scratch)
-    room = JointScratch(*scratch(ROWS, N, ROWS, M), np.zeros(ROWS + 1), np.zeros(0), np.zeros(0), empty)
-    plain.bring_up(state, window, PIECES, BREAKPOINTS, x[g.settings.at_position])
-    plain.correct_sample_jointly(nothing, state, g.model, free, derived, sensors, g.values, g.settings, expected, room)
+    room = scratch(ROWS, ROWS, empty, N, M)
+    arrays = FilterArrays(g.model, free, derived, sensors, g.settings, empty, AS_PLANNED, window, room)
+    plain.bring_up(state, window, PIECES, BREAKPOINTS, x[g.settings.at_position], room.S)
+    plain.correct_sample(nothing, state, arrays, g.values, (expected, np.zeros((M, ROWS + 1)), NO_ROWS))
     for one, other in zip((*c.arrays(in_c), errors), (*state, expected), strict=True):
         if real == "double":
             np.testing.assert_array_equal(one, other)

@@ -35,7 +35,7 @@ def load_deviations(one, state):
 def test_a_stroke_widens_every_standard_deviation_of_the_prior_by_the_same_share(plant, method):
     one = observer(plant, method)
     T, drifts = start(one).T.copy(), one.joint.drifts
-    kernels_in("clutchid.inference.filter.joint").drift(T, drifts, np.empty((len(T), T.shape[1] + drifts.shape[1])))
+    kernels_in("clutchid.inference.filter.recursion").drift(T, drifts, np.empty((len(T), T.shape[1] + drifts.shape[1])))
     before, after = (np.linalg.norm(root, axis=1) for root in (start(one).T, T))
     assert after == pytest.approx(np.sqrt(1.0 + DRIFT) * before, rel=1e-12)
 

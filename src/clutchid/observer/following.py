@@ -11,7 +11,8 @@ import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.inference.filter.joint_filter import Diverged, JointInputs, JointPass, follow, init
-from clutchid.inference.filter.setup import JointState, intervals
+from clutchid.inference.filter.rules import RuleState
+from clutchid.inference.filter.setup import intervals
 from clutchid.log import HOLE, INPUTS, FloatArray, Log
 from clutchid.observer.mismatch import mismatches
 from clutchid.observer.observer import Observer, unknown
@@ -237,7 +238,7 @@ def _followed(observer: Observer, state: ObserverState, new: Tail) -> tuple[Obse
 
 
 def _until_diverged(
-    observer: Observer, at: JointState, given: JointInputs, span: tuple[int, int], number: int
+    observer: Observer, at: RuleState, given: JointInputs, span: tuple[int, int], number: int
 ) -> tuple[JointPass | None, int]:
     """Follow samples up to the first at which the filter diverges; what was found, None if nothing, and that sample."""
     first, end = span

@@ -85,9 +85,9 @@ def _not_of_the_paper(actuator: Actuator) -> str | None:
     )
 
 
-def rls(actuator: Actuator, free: Sequence[Coordinate], _root: FloatArray, spacing: float) -> CorrectionRule:
+def rls(actuator: Actuator, _free: Sequence[Coordinate], _root: FloatArray, spacing: float) -> CorrectionRule:
     """The rule of least squares on the balance of forces."""
-    return balance_rule(actuator, len(free), spacing)
+    return balance_rule(actuator, spacing)
 
 
 #: Methods by name.

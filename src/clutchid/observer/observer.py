@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from clutchid.inference.filter.joint_filter import JointFilter, JointSettings, init, joint_filter
-from clutchid.inference.filter.setup import JointState
+from clutchid.inference.filter.rules import RuleState
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import FloatArray
 from clutchid.log.states import SENSORS
@@ -171,7 +171,7 @@ def start(observer: Observer) -> ObserverState:
     return ObserverState(None, theta, T, EMPTY, unknown(observer), (theta, T))
 
 
-def blank(observer: Observer) -> JointState:
+def blank(observer: Observer) -> RuleState:
     """A state of the filter with the shapes that all of its states have."""
     at_rest = Tail(np.zeros(1), np.zeros((1, 2)), np.zeros(1), np.zeros(1))
     segment = segment_of(at_rest, observer.joint.mapped.actuator)

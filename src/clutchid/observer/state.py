@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchid.inference.filter.setup import STROKE_BEGINS, STROKE_ENDS, JointState
+from clutchid.inference.filter.rules import RuleState
+from clutchid.inference.filter.setup import STROKE_BEGINS, STROKE_ENDS
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.recordings.signals.excitation import VENTED_POSITION
@@ -176,7 +177,7 @@ class ObserverState:
     and `zero` what is subtracted from the position in m.
     """
 
-    filter: JointState | None
+    filter: RuleState | None
     theta: FloatArray
     T: FloatArray
     tail: Tail

@@ -12,7 +12,8 @@ import numpy as np
 import tomli_w
 
 from clutchid.errors import ParameterError
-from clutchid.inference.filter.setup import JointState
+from clutchid.inference.filter.rules import AdaptiveState, RuleState
+from clutchid.inference.filter.setup import FilterState
 from clutchid.log import FloatArray
 from clutchid.observer.following import ROUNDING
 from clutchid.observer.observer import Observer, blank, start
@@ -23,7 +24,7 @@ from clutchid.recordings.files import write_text
 from clutchid.recordings.records import read_toml
 from clutchid.recordings.strokes.vented_rest import FURTHEST
 
-FORMAT = 6
+FORMAT = 7
 
 
 def write_state(
@@ -87,7 +88,7 @@ def read_state(observer: Observer, path: str | PathLike[str]) -> ObserverState:
         state = _state(observer, content)
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise ParameterError(_damaged(path, f"entry {error}" if isinstance(error, KeyError) else str(error))) from None
-    if problem := next(_problems(observer, state), ""):
+    if problem := next(_problems(state), ""):
         raise ParameterError(_damaged(path, problem))
     return state
 
@@ -150,8 +151,9 @@ def _state(observer: Observer, content: dict[str, Any]) -> ObserverState:
     tail = Tail(**{name: array("tail", name, *shape) for name, shape in columns.items()})
     saved = None
     if "filter" in content:
-        shapes = blank(observer)._asdict().items()
-        saved = JointState(**{name: np.array(content["filter"][name], a.dtype).reshape(a.shape) for name, a in shapes})
+        like, section = blank(observer), content["filter"]
+        arrays = {name: np.array(section[name], a.dtype).reshape(a.shape) for name, a in like._asdict().items()}
+        saved = like._replace(**arrays)
     made = start(observer)
     (theta, root), sound = (
         (array(section, "theta", *made.theta.shape), array(section, "root", *made.T.shape))
@@ -197,7 +199,7 @@ def _flag(section: Mapping[str, Any], name: str) -> bool:
     return section[name] is True
 
 
-def _problems(observer: Observer, state: ObserverState) -> Iterator[str]:
+def _problems(state: ObserverState) -> Iterator[str]:
     """Faults of a state: values that are not finite, lengths that differ, values outside of their ranges."""
     tail, rest, m = state.tail, state.rest, state.tail.time.size
     finite: dict[str, Any] = {
@@ -229,22 +231,23 @@ def _problems(observer: Observer, state: ObserverState) -> Iterator[str]:
     }  # fmt: skip
     yield from (sentence for sentence, is_wrong in wrong.items() if is_wrong)
     if state.filter is not None:
-        yield from _filter_problems(observer, state, state.filter)
+        yield from _filter_problems(state, state.filter)
 
 
-def _filter_problems(observer: Observer, state: ObserverState, saved: JointState) -> Iterator[str]:
+def _filter_problems(state: ObserverState, saved: RuleState) -> Iterator[str]:
     if not (np.array_equal(saved.theta, state.theta) and np.array_equal(saved.T, state.T)):
         yield "the parameters are not those of filter"
-    if observer.joint.rule.columns and not saved.S.any():
+    if isinstance(saved, FilterState) and not saved.S.any():
         yield "S is 0, as if the states were known exactly"
-    if not np.isin(saved.stroke, (0, 1)).all():
+    if not isinstance(saved, AdaptiveState) and not np.isin(saved.stroke, (0, 1)).all():
         yield "the stroke of filter is neither 0 nor 1"
 
 
 def fingerprint(observer: Observer) -> str:
     """SHA-256 of what the numbers of a state depend on: actuator, adapting parameters, settings, rule, usual NIS."""
+    joint, calibration = observer.joint, observer.calibration
     told = repr((
-        observer.actuator, observer.joint.coordinates, observer.joint.settings, observer.joint.noise,
-        observer.joint.rule, observer.usual, observer.zero, observer.calibration.rest if observer.calibration else None,
+        observer.actuator, joint.coordinates, joint.settings, joint.noise, joint.rule.kernel, joint.rule.numbers,
+        observer.usual, observer.zero, calibration.rest if calibration else None,
     ))  # fmt: skip
     return sha256(told.encode()).hexdigest()

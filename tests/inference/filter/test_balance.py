@@ -7,7 +7,7 @@ from clutchid import Actuator, Load, Parameters
 from clutchid.codegen.kernels import kernels_in
 from clutchid.inference.filter.joint_filter import JointSettings, follow, init, inputs, joint_filter
 from clutchid.inference.filter.rules import FORCE, balance_rule, smoothing
-from clutchid.inference.filter.setup import JointScratch
+from clutchid.inference.filter.setup import scratch
 from clutchid.simulation.noise import Noise
 
 SECONDS = 3.0
@@ -37,7 +37,7 @@ def linear_problem(recorded_by, problem_of):
 
 def of(problem):
     """The filter of a problem."""
-    rule = balance_rule(problem.actuator, len(problem.coordinates), 1e-3)
+    rule = balance_rule(problem.actuator, 1e-3)
     return joint_filter(
         problem.actuator, problem.coordinates, problem.bounds(), ("position",), Noise(), JointSettings(), rule=rule
     )
@@ -71,11 +71,10 @@ def test_recursive_least_squares_are_batch_least_squares_with_the_prior(batch, l
     joint, k = of(linear_problem), len(linear_problem.coordinates)
     correct = kernels_in("clutchid.inference.filter.balance").correct_balance
     state = init(joint, linear_problem.tracks[0].segment, np.zeros(k), T)
-    none = np.empty(0)
-    scratch = JointScratch(none, none, none, none, np.empty(k), np.empty(k), np.empty((k, k)))
+    room = scratch(state.x.size, 0, T, len(linear_problem.actuator.states), 1)
     for e, h in zip(at_prior, H, strict=True):
         equation = float(e - h @ state.theta), FORCE, 1e9
-        correct(state, equation, h, joint.free, np.ones(k), scratch)
+        correct(state, equation, h, joint.free, np.ones(k), room)
     assert state.theta == pytest.approx(expected, abs=1e-9)
     covariance = np.linalg.inv(H.T @ H / FORCE**2 + np.linalg.inv(T @ T.T))
     assert pytest.approx(covariance, abs=1e-9) == state.T @ state.T.T

@@ -9,6 +9,7 @@ from clutchid.codegen.linked import Callback
 from clutchid.inference.filter.setup import ModelArrays, scratch
 from clutchid.inference.smoother.rows import eliminate, recover
 from clutchid.simulation.sensors import lag_coefficients
+from fixtures.filters import NO_FREE, without_adaptation
 
 #: States of the model, and with the outputs of two sensors without a lag, of states 0 and 2; samples.
 N, SIZE, SAMPLES = 3, 5, 40
@@ -64,25 +65,23 @@ def filtered(step, recording):
     for table in (breakpoints, basis):
         table.flags.writeable = False
     model = ModelArrays(np.zeros(1), breakpoints, np.zeros((2, 4)), basis, *none, np.zeros(N))
-    lags, room = np.array([lag_coefficients(0.0, np.array([1e-3]))[0]] * 2), scratch(SIZE, N, SIZE, 2)
-    x = np.append(mean, mean[MEASURED])
+    lags = np.array([lag_coefficients(0.0, np.array([1e-3]))[0]] * 2)
     S = np.zeros((SIZE, SIZE))
     S[:N, :N], S[N:, :N] = root, root[MEASURED]
-    found = []
+    state = without_adaptation(np.append(mean, mean[MEASURED]), S, 0)
+    room, gain, found = scratch(SIZE, SIZE, state.T, N, 2), np.empty(SIZE + 1), []
     for i in range(SAMPLES):
         moved = np.zeros((N, SIZE))
         if i > 0:
-            still = x.copy(), S.copy()
-            kernels.move(step, *still, model, (u[i - 1], 1e-3, 1), SENSORS, lags, room.before)
-            moved = still[1][:N]
-            interval = u[i - 1], 1e-3, 1, noise[i - 1], lags
-            assert kernels.predict(step, x, S, model, interval, SENSORS, room)
-        predicted = x[:N].copy(), S[:N].copy()
+            assert kernels.move(step, state.x, S, model, (u[i - 1], 1e-3, 1), SENSORS, lags, room.before)
+            moved = S[:N].copy()
+            kernels.add_process_noise(S, noise[i - 1], SENSORS, lags[:, 2], room.W)
+        predicted = state.x[:N].copy(), S[:N].copy()
         for m in range(2):
             if np.isfinite(values[i, m]):
                 measurement = values[i, m], OFFSETS[m], SIGMA[m], NEVER
-                kernels.correct(x, S, SENSORS[m], measurement, False, np.empty(SIZE), np.empty(SIZE + 1))
-        found.append((*predicted, x[:N].copy(), S[:N].copy(), moved))
+                kernels.correct(state, SENSORS[m], measurement, False, NO_FREE, np.ones(0), gain, room)
+        found.append((*predicted, state.x[:N].copy(), S[:N].copy(), moved))
     return found
 
 

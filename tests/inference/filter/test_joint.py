@@ -11,11 +11,11 @@ from clutchid.codegen.kernels import kernels_in
 from clutchid.codegen.linked import Callback
 from clutchid.inference.filter.setup import (
     Derived,
+    FilterArrays,
+    FilterOutput,
+    FilterState,
     FreeArrays,
     Intervals,
-    JointOutput,
-    JointScratch,
-    JointState,
     ModelArrays,
     SettingsArrays,
     Window,
@@ -56,7 +56,7 @@ def nothing(p, slots, work):
 
 @pytest.fixture(scope="module")
 def kernels():
-    return kernels_in("clutchid.inference.filter.joint")
+    return kernels_in("clutchid.inference.filter.recursion")
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +84,7 @@ def drawn():
     """x, [D | L], theta and T before the first sample."""
     random = np.random.default_rng(6)
     T = np.tril(0.2 * random.standard_normal((K, K))) + np.eye(K)
-    return JointState(
+    return FilterState(
         random.standard_normal(SIZE),
         random.standard_normal((SIZE, K + SIZE)),
         0.1 * random.standard_normal(K),
@@ -107,29 +107,18 @@ def arguments(every, span=(0, SAMPLES), noise=1.0, drift=0.0):
         table.flags.writeable = False
     model = ModelArrays(np.zeros(3), breakpoints, np.zeros((2, 4)), basis, *[none] * 5, np.zeros(N))
     derived = Derived(np.zeros(1), TAU.copy(), np.column_stack([OFFSETS, SIGMA]), np.ones(K))
-    window = Window(none, np.arange(K), none, none, none, np.zeros(2), np.empty((SIZE, K + SIZE)))
-    vectors = np.empty(SIZE + 1), np.empty(K), np.empty(K), np.empty((K, 2 * K))
-    room = JointScratch(*scratch(SIZE, N, K + SIZE, 2), *vectors)
+    window = Window(none, np.arange(K), none, none, none, np.zeros(2))
+    room = scratch(SIZE, K + SIZE, np.zeros((K, K)), N, 2, K)
     count = span[1] - span[0]
-    output = JointOutput(np.empty((count, 2, 2)), np.empty((count, N)), np.empty((count, N)))
+    output = FilterOutput(
+        np.empty((count, 2, 2)), np.empty((count, N)), np.empty((count, N)), np.empty((1, 2, SIZE + 1)),
+        np.empty((0, 2, 1)), np.empty((0, 1)),
+    )  # fmt: skip
     intervals = Intervals(u, dt, np.ones(SAMPLES - 1, np.int32), noise * sigma, lags)
-    settings, drifts = SettingsArrays(every, NEVER, -1.0, 1, 0, None), math.sqrt(drift) * np.eye(K)
+    settings, drifts = SettingsArrays(every, NEVER, -1.0, 1, 0, -1, None), math.sqrt(drift) * np.eye(K)
     free = FreeArrays(numbers, places, np.zeros((1, 2), np.int64))
-    return (
-        model,
-        free,
-        derived,
-        intervals,
-        SENSORS,
-        values,
-        settings,
-        drifts,
-        AS_PLANNED,
-        output,
-        room,
-        window,
-        (*span, 0),
-    ), output
+    arrays = FilterArrays(model, free, derived, SENSORS, settings, drifts, AS_PLANNED, window, room)
+    return (arrays, intervals, values, output, (*span, 0)), output
 
 
 def textbook(every, noise=1.0):
@@ -173,7 +162,7 @@ def joint_moments(state):
 def followed(kernels, calls, *args, **known):
     state = drawn()
     given, output = arguments(*args, **known)
-    assert kernels.follow_jointly(*calls, state, *given) == -1
+    assert kernels.follow(*calls, state, *given) == -1
     return state, output
 
 
@@ -187,7 +176,7 @@ def test_on_a_linear_model_it_is_the_kalman_filter_of_the_augmented_state(kernel
 
 
 def test_deviations_are_those_of_the_covariance_and_there_are_none_between_corrections(kernels, calls):
-    state, (_, _, deviations) = followed(kernels, calls, SAMPLES - 1)
+    state, (_, _, deviations, *_) = followed(kernels, calls, SAMPLES - 1)
     _, P = textbook(SAMPLES - 1)
     assert deviations[-1] == pytest.approx(np.sqrt(np.diag(joint_moments(state)[1])[:N]), abs=1e-12)
     assert deviations[-1] == pytest.approx(np.sqrt(np.diag(P)[:N]), abs=1e-9)
@@ -240,10 +229,10 @@ def test_the_covariance_grows_by_its_drift_at_the_end_of_each_stroke_and_nowhere
 
 def test_parameters_stay_within_their_bounds_and_the_states_move_as_far_as_they_do(kernels, calls):
     given, _ = arguments(1)
-    given[1].numbers[:, 5:] = -0.05, 0.05
+    given[0].free.numbers[:, 5:] = -0.05, 0.05
     state = drawn()
     state[2][:] = 0.0
-    kernels.follow_jointly(*calls, state, *given)
+    kernels.follow(*calls, state, *given)
     assert np.abs(state[2]).max() == 0.05
     assert np.isfinite(state[0]).all()
 
@@ -254,10 +243,10 @@ def test_a_sample_allocates_nothing(kernels, calls):
     try:
         for last in (4, SAMPLES):
             given, _ = arguments(1, span=(0, last), drift=1e-5)
-            kernels.follow_jointly(*calls, drawn(), *given)
+            kernels.follow(*calls, drawn(), *given)
             state = drawn()
             before = rtsys.get_allocation_stats()
-            kernels.follow_jointly(*calls, state, *given)
+            kernels.follow(*calls, state, *given)
             after = rtsys.get_allocation_stats()
             counts.append((after.alloc - before.alloc, after.mi_alloc - before.mi_alloc))
     finally:

@@ -17,7 +17,7 @@ from clutchid.inference.filter.joint_filter import (
     joint_filter,
     predict,
 )
-from clutchid.inference.filter.setup import LAG, Intervals, JointState
+from clutchid.inference.filter.setup import LAG, FilterState, Intervals
 from clutchid.numerics.failure import Failure
 from clutchid.simulation.noise import Noise
 
@@ -81,7 +81,7 @@ def test_a_run_that_is_cut_written_and_resumed_is_the_same_bit_by_bit(problem, c
     file = io.BytesIO()
     np.savez(file, **first.state._asdict())
     file.seek(0)
-    read = JointState(**np.load(file))
+    read = FilterState(**np.load(file))
     second = follow(joint, read, given, (cut, len(problem.tracks[0].segment)))
     assert same(second.state, found.state)
     for name in ("errors", "deviations"):
@@ -124,7 +124,7 @@ def test_a_piston_that_leaves_the_window_of_load_weights_between_corrections_cha
 
 def test_a_pass_leaves_the_state_that_it_started_from_as_it_was(problem):
     joint, state, given = made(problem)
-    kept = state.copy()
+    kept = FilterState(*(array.copy() for array in state))
     follow(joint, state, given, (0, 200))
     predict(joint, state, Intervals(*(array[:1] for array in given.intervals)))
     correct(joint, state, given.values[0])

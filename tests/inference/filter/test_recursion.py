@@ -7,8 +7,9 @@ from numba.core.runtime import _nrt_python, rtsys
 
 from clutchid.codegen.kernels import kernels_in
 from clutchid.codegen.linked import Callback
-from clutchid.inference.filter.setup import FilterOutput, FilterState, Intervals, Measurements, ModelArrays, scratch
+from clutchid.inference.filter.setup import FilterOutput, FilterState, Intervals, ModelArrays, scratch
 from clutchid.simulation.sensors import lag_coefficients
+from fixtures.filters import NO_FREE, arrays_for, without_adaptation
 
 #: States of the model, and with two outputs of sensors; free parameters.
 N, SIZE, K = 3, 5, 3
@@ -19,6 +20,8 @@ NEVER = 1e9
 #: A linear model: x+ = A x + B u + D theta, with its parameter in column 1.
 A = np.array([[1.0, 0.1, 0.0], [-0.2, 0.9, 0.05], [0.0, 0.1, 0.8]])
 B, D = np.array([0.0, 0.5, 1.0]), np.array([0.0, 0.3, 0.0])
+#: Lags of the sensors in s.
+TAU = (5e-4, 2e-4)
 
 
 def linear_step(x, S, u, p, h, substeps, breakpoints, load, basis, b, c, slot, row, column, work):
@@ -41,14 +44,18 @@ def kernels():
     return kernels_in("clutchid.inference.filter.recursion")
 
 
+def nothing(p, slots, work):
+    work[0] = 0.0
+
+
 @pytest.fixture(scope="module")
-def compiled_step():
-    """The linear model with the type of a generated step."""
+def calls():
+    """The linear model with the types of the generated functions."""
     x, matrix = (types.Array(types.float64, n, "C") for n in (1, 2))
     fixed, load, basis = (types.Array(types.float64, n, "C", readonly=True) for n in (1, 2, 3))
-    places = [types.Array(types.int64, 1, "C")] * 5
-    arguments = (x, matrix, fixed, fixed, types.float64, types.int64, fixed, load, basis, *places, x)
-    return Callback(njit(linear_step), arguments)
+    places = types.Array(types.int64, 1, "C")
+    arguments = (x, matrix, fixed, fixed, types.float64, types.int64, fixed, load, basis, *[places] * 5, x)
+    return Callback(njit(linear_step), arguments), Callback(njit(nothing), (x, places, x))
 
 
 def model_arrays():
@@ -60,26 +67,23 @@ def model_arrays():
 
 def drawn_state(given=False):
     rng = np.random.default_rng(1)
-    return FilterState(rng.standard_normal(SIZE), rng.standard_normal((SIZE, K if given else K + SIZE)))
+    return without_adaptation(rng.standard_normal(SIZE), rng.standard_normal((SIZE, K if given else K + SIZE)), K)
 
 
 def pass_over(samples, given=False):
-    """Arguments of `follow` but for the step, and arrays that it changes, for some samples."""
+    """Arguments of `follow` but for the functions of the model, for some samples."""
     rng, state, dt = np.random.default_rng(2), drawn_state(given), np.full(samples - 1, 1e-3)
-    lags = np.stack([lag_coefficients(tau, dt) for tau in (5e-4, 2e-4)], axis=1)
+    lags = np.stack([lag_coefficients(tau, dt) for tau in TAU], axis=1)
     u, sigma = rng.standard_normal((samples, 1)), np.full((samples - 1, N), 0.1)
     values = rng.standard_normal((samples, 2))
     values[1, 0] = np.nan
     gains = 0.1 * rng.standard_normal((samples, 2, SIZE + 1)) ** 2
     output = FilterOutput(
-        np.empty((samples, 2, K + 1)), np.empty((samples, 2, 2)), np.empty((samples, N)), np.empty((samples, K + 1))
+        np.empty((samples, 2, 2)), np.empty((samples, N)), np.empty((0, N)), gains, np.empty((samples, 2, K + 1)),
+        np.empty((samples, K + 1)),
     )  # fmt: skip
-    arguments = (
-        state, model_arrays(), Intervals(u, dt, np.ones(samples - 1, np.int32), sigma, lags), SENSORS,
-        Measurements(values, np.array([[0.1, 0.6], [0.3, 0.7]]), 1.0), gains, output,
-        scratch(SIZE, N, state.S.shape[1], 2, given), (0, samples, 2),
-    )  # fmt: skip
-    return arguments, [*state, gains, *output]
+    arrays = arrays_for(state, model_arrays(), SENSORS, [[0.1, 0.6], [0.3, 0.7]], TAU, 1.0, watched=2)
+    return state, arrays, Intervals(u, dt, np.ones(samples - 1, np.int32), sigma, lags), values, output, (0, samples, 0)
 
 
 def test_a_triangle_has_the_same_covariance_as_the_wide_matrix(kernels):
@@ -98,11 +102,12 @@ def test_a_row_of_zeros_is_no_trouble_to_a_triangle(kernels):
     assert pytest.approx(np.array([[0.0, 0.0], [0.0, 9.0]]), rel=1e-14) == W @ W.T
 
 
-def test_a_prediction_moves_state_derivatives_and_covariance_as_the_textbook_says(kernels, compiled_step):
+def test_a_prediction_moves_state_derivatives_and_covariance_as_the_textbook_says(kernels, calls):
     state, lags = drawn_state(), np.concatenate([lag_coefficients(tau, np.array([1e-3])) for tau in (5e-4, 2e-3)])
-    x, S, u, sigma = *state.copy(), np.array([0.4]), np.array([0.1, 0.2, 0.3])
-    arrays = scratch(SIZE, N, K + SIZE, 2)
-    kernels.predict(compiled_step, x, S, model_arrays(), (u, 1e-3, 1, sigma, lags), SENSORS, arrays)
+    x, S, u, sigma = state.x.copy(), state.S.copy(), np.array([0.4]), np.array([0.1, 0.2, 0.3])
+    room = scratch(SIZE, K + SIZE, state.T, N, 2)
+    kernels.move(calls[0], x, S, model_arrays(), (u, 1e-3, 1), SENSORS, lags, room.before)
+    kernels.add_process_noise(S, sigma, SENSORS, lags[:, 2], room.W)
     F, G, forced = np.zeros((SIZE, SIZE)), np.zeros((SIZE, N)), np.zeros(SIZE)
     F[:N, :N], G[:N], forced[:N] = A, np.eye(N), B * u[0] + D * 0.7
     by_parameter = np.zeros((SIZE, K))
@@ -123,15 +128,15 @@ def test_a_prediction_moves_state_derivatives_and_covariance_as_the_textbook_say
 
 def corrected(kernels, value, sigma, outlier, sensor=1):
     """State, derivatives, covariance and gain after one measurement."""
-    state, gain = drawn_state().copy(), np.zeros(SIZE + 1)
-    measurement = (value, 0.3, sigma, outlier)
-    e = kernels.correct(*state, SENSORS[sensor], measurement, False, np.empty(K + SIZE), gain)
+    state, gain = drawn_state(), np.zeros(SIZE + 1)
+    room, measurement = scratch(SIZE, K + SIZE, state.T, N, 2), (value, 0.3, sigma, outlier)
+    e = kernels.correct(state, SENSORS[sensor], measurement, False, NO_FREE, np.ones(K), gain, room)
     L = state.S[:, K:]
     return state.x, state.S[:, :K], L @ L.T, gain, e
 
 
 def test_a_measurement_moves_state_derivatives_and_covariance_as_the_textbook_says(kernels):
-    (x, S), c, sigma = drawn_state(), np.eye(SIZE)[4], 0.5
+    (x, S, *_), c, sigma = drawn_state(), np.eye(SIZE)[4], 0.5
     P, dx = S[:, K:] @ S[:, K:].T, S[:, :K]
     s = c @ P @ c + sigma**2
     gain, e = P @ c / s, 1.7 - (x[4] + 0.3)
@@ -145,7 +150,7 @@ def test_a_measurement_moves_state_derivatives_and_covariance_as_the_textbook_sa
 
 
 def test_an_outlier_moves_the_state_as_a_sensor_would_whose_error_lies_at_the_bound(kernels):
-    (x, S), c, sigma, outlier = drawn_state(), np.eye(SIZE)[4], 0.5, 3.0
+    (x, S, *_), c, sigma, outlier = drawn_state(), np.eye(SIZE)[4], 0.5, 3.0
     P = S[:, K:] @ S[:, K:].T
     s = c @ P @ c + sigma**2
     value = x[4] + 0.3 + 5 * outlier * np.sqrt(s)
@@ -158,60 +163,59 @@ def test_an_outlier_moves_the_state_as_a_sensor_would_whose_error_lies_at_the_bo
 
 def test_a_given_gain_moves_state_and_derivatives_alone(kernels):
     state, gain = drawn_state(given=True), np.arange(1.0, SIZE + 2.0)
-    x, S = state.copy()
-    e = kernels.correct(x, S, SENSORS[0], (0.4, 0.1, 0.6, NEVER), True, np.empty(K), gain)
+    moved, room = drawn_state(given=True), scratch(SIZE, K, state.T, N, 2)
+    e = kernels.correct(moved, SENSORS[0], (0.4, 0.1, 0.6, NEVER), False, NO_FREE, np.ones(K), gain, room)
     assert e == pytest.approx(0.3 - state.x[3])
-    assert x == pytest.approx(state.x + gain[:SIZE] * e)
-    assert pytest.approx(state.S - np.outer(gain[:SIZE], state.S[3])) == S
+    assert moved.x == pytest.approx(state.x + gain[:SIZE] * e)
+    assert pytest.approx(state.S - np.outer(gain[:SIZE], state.S[3])) == moved.S
 
 
-def test_a_copy_of_the_state_rewinds_the_filter(kernels, compiled_step):
-    (state, *others), _ = pass_over(4)
-    kept = FilterState(*state).copy()
-    first = FilterState(*state)
-    kernels.follow(compiled_step, FilterState(*first), *others)
-    ended = first.copy()
-    assert np.abs(ended.x - kept.x).max() > 0.1
-    kernels.follow(compiled_step, FilterState(*kept), *others)
-    assert np.array_equal(kept.x, ended.x)
-    assert np.array_equal(kept.S, ended.S)
+def test_a_copy_of_the_state_rewinds_the_filter(kernels, calls):
+    state, *others = pass_over(4)
+    kept = FilterState(*(array.copy() for array in state))
+    kernels.follow(*calls, state, *others)
+    assert np.abs(state.x - kept.x).max() > 0.1
+    kernels.follow(*calls, kept, *others)
+    for again, once in zip(kept, state, strict=True):
+        assert np.array_equal(again, once)
 
 
 @pytest.mark.parametrize("given", [False, True])
-def test_the_compiled_recursion_does_what_its_python_text_says(kernels, compiled_step, given):
+def test_the_compiled_recursion_does_what_its_python_text_says(kernels, calls, given):
     results = []
     for follow in (kernels.follow, kernels.follow.py_func):
-        arguments, changed = pass_over(6, given)
-        assert follow(compiled_step, *arguments) == -1
-        results.append(changed)
+        state, *arguments = pass_over(6, given)
+        assert follow(*calls, state, *arguments) == -1
+        results.append([*state, *arguments[3]])
     for compiled, plain in zip(*results, strict=True):
         # six samples of sums of some ten terms of order one
         assert compiled == pytest.approx(plain, rel=1e-11, abs=1e-11, nan_ok=True)
 
 
-def test_a_missing_measurement_has_a_row_of_zeros_and_no_innovation(kernels, compiled_step):
-    arguments, (_, _, _, rows, errors, *_) = pass_over(3)
-    kernels.follow(compiled_step, *arguments)
+def test_a_missing_measurement_has_a_row_of_zeros_and_no_innovation(kernels, calls):
+    arguments = pass_over(3)
+    kernels.follow(*calls, *arguments)
+    errors, rows = arguments[4].errors, arguments[4].rows
     assert np.isnan(errors[1, 0]).all()
     assert np.array_equal(rows[1, 0], np.zeros(K + 1))
     assert np.isfinite(np.delete(errors.reshape(6, 2), 2, axis=0)).all()
 
 
-def test_the_first_sample_that_is_not_finite_is_named(kernels, compiled_step):
-    arguments, _ = pass_over(6)
-    arguments[2][0][3] = np.nan  # the input of the interval before sample 4
-    assert kernels.follow(compiled_step, *arguments) == 4
+def test_the_first_sample_that_is_not_finite_is_named(kernels, calls):
+    arguments = pass_over(6)
+    arguments[2].inputs[3] = np.nan  # of the interval before sample 4
+    assert kernels.follow(*calls, *arguments) == 4
 
 
-def test_a_sample_allocates_nothing(kernels, compiled_step):
+def test_a_sample_allocates_nothing(kernels, calls):
     counts = []
     _nrt_python.memsys_enable_stats()
     try:
         for samples in (3, 300):
-            arguments, _ = pass_over(samples)
-            kernels.follow(compiled_step, *arguments)
+            arguments = pass_over(samples)
+            kernels.follow(*calls, *arguments)
             before = rtsys.get_allocation_stats()
-            kernels.follow(compiled_step, *arguments)
+            kernels.follow(*calls, *arguments)
             after = rtsys.get_allocation_stats()
             counts.append((after.alloc - before.alloc, after.mi_alloc - before.mi_alloc))
     finally:

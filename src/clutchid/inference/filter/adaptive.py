@@ -15,23 +15,18 @@ import numpy as np
 from clutchid.codegen.kernels import kernel
 from clutchid.inference.filter.joint_parameters import basis_at, refresh, steps_at, within
 from clutchid.inference.filter.recursion import move
-from clutchid.inference.filter.rules import AdaptiveNumbers
+from clutchid.inference.filter.rules import AdaptiveNumbers, AdaptiveState
 from clutchid.inference.filter.setup import (
     OUTPUT,
     STATE,
-    Derived,
+    FilterArrays,
+    FilterOutput,
     FreeArrays,
     IntArray,
     Intervals,
-    JointOutput,
-    JointScratch,
-    JointState,
     ModelArrays,
-    SettingsArrays,
-    Window,
 )
 from clutchid.log import FloatArray
-from clutchid.simulation.stiffness import Pace
 
 
 @kernel
@@ -70,17 +65,7 @@ def correct_position(
 
 
 @kernel
-def correct_sample_adaptively(
-    state: JointState,
-    value: float,
-    model: ModelArrays,
-    free: FreeArrays,
-    derived: Derived,
-    sensor: IntArray,
-    settings: SettingsArrays,
-    errors: FloatArray,
-    scratch: JointScratch,
-) -> bool:
+def correct_sample_adaptively(state: AdaptiveState, value: float, arrays: FilterArrays, errors: FloatArray) -> bool:
     """Correct by the position of a sample; whether theta has moved.
 
     Only the position is corrected after samples without one, for nobody knows when the piston has moved, and while it
@@ -92,30 +77,32 @@ def correct_sample_adaptively(
     errors : (2,)
         Receives innovation and variance of the sensor, NaN for none.
     """
-    x, memory, rule, of_sensor = state.x, state.waiting, settings.rule, derived.of_sensor
+    x, average, known, sensor = state.x, state.average, state.known, arrays.sensors[0]
+    model, settings, scratch, rule = arrays.model, arrays.settings, arrays.scratch, arrays.settings.rule
+    offset, sigma = arrays.derived.of_sensor[0, 0], arrays.derived.of_sensor[0, 1]
     at_speed, at_position = settings.at_speed, settings.at_position
-    follows, average = memory.size - 2, memory.size - 1
     errors[:] = np.nan
     if math.isnan(value):
-        memory[follows] = 0.0
+        known[0] = 0
         return False
-    e = value - (x[sensor[OUTPUT]] + of_sensor[0, 0])
-    bound = settings.outlier * of_sensor[0, 1]
-    errors[0], errors[1] = e, of_sensor[0, 1] * of_sensor[0, 1]
-    if memory[follows] == 0.0:
+    e = value - (x[sensor[OUTPUT]] + offset)
+    bound = settings.outlier * sigma
+    errors[0], errors[1] = e, sigma * sigma
+    if known[0] == 0:
         correct_position(x, e, model, sensor, rule, 0.0)
-        memory[follows], memory[average] = 1.0, x[at_position]
+        known[0], average[0] = 1, x[at_position]
         return False
     inside, e = abs(e) <= bound, min(max(e, -bound), bound)
     middle = x[at_position] + 0.5 * e
-    moves = abs(x[at_speed]) > settings.least_speed or abs(x[at_position] + e - memory[average]) > bound
+    moves = abs(x[at_speed]) > settings.least_speed or abs(x[at_position] + e - average[0]) > bound
     correct_position(x, e, model, sensor, rule, rule.air if moves else 0.0)
-    memory[average] += rule.share * (x[at_position] - memory[average])
+    average[0] += rule.share * (x[at_position] - average[0])
     if moves:
         x[at_speed] += rule.velocity * e
     if moves and inside:
-        basis_at(middle, model, free, scratch.step)
-        adapt_weights(state.theta, state.T, free, derived.slopes, scratch.step, rule.adaptation * e, scratch.w)
+        basis_at(middle, model, arrays.free, scratch.step)
+        slopes, gain = arrays.derived.slopes, rule.adaptation * e
+        adapt_weights(state.theta, state.T, arrays.free, slopes, scratch.step, gain, scratch.w)
     return bool(moves and inside)
 
 
@@ -123,41 +110,31 @@ def correct_sample_adaptively(
 def follow_adaptively(
     step: Callable[..., bool],
     prepare: Callable[..., None],
-    state: JointState,
-    model: ModelArrays,
-    free: FreeArrays,
-    derived: Derived,
+    state: AdaptiveState,
+    arrays: FilterArrays,
     intervals: Intervals,
-    sensors: IntArray,
     values: FloatArray,
-    settings: SettingsArrays,
-    _drifts: FloatArray,
-    pace: Pace,
-    output: JointOutput,
-    scratch: JointScratch,
-    _window: Window,
+    output: FilterOutput,
     span: tuple[int, int, int],
 ) -> int:
     """Observe some samples of a segment in place; the first that is not finite, or -1.
 
-    Parameters as of `joint.follow_jointly`; T is a root of the gains of the weights, S has no columns, and there is no
-    drift.
+    Parameters as of `recursion.follow`; T is a root of the gains of the weights, and there are no columns and no drift.
     """
     u, length, substeps, _, lags = intervals
-    errors, states, deviations = output
     begin, end, _ = span
-    x, at_speed, at_position = state.x, settings.at_speed, settings.at_position
-    deviations[:] = np.nan
-    refresh(prepare, state.theta, free, derived, model)
+    x, at_speed, at_position = state.x, arrays.settings.at_speed, arrays.settings.at_position
+    model, none, before = arrays.model, arrays.scratch.S, arrays.scratch.before
+    output.deviations[:] = np.nan
+    refresh(prepare, state.theta, arrays.free, arrays.derived, model)
     for i in range(begin, end):
+        row = i - begin
         if i > 0:
-            steps = steps_at(pace, x[at_position], x[at_speed], length[i - 1], int(substeps[i - 1]))
+            steps = steps_at(arrays.pace, x[at_position], x[at_speed], length[i - 1], int(substeps[i - 1]))
             interval = u[i - 1], length[i - 1], steps
-            if not move(step, x, state.S, model, interval, sensors, lags[i - 1], scratch.before):
+            if not move(step, x, none, model, interval, arrays.sensors, lags[i - 1], before):
                 return i
-        if correct_sample_adaptively(
-            state, values[i, 0], model, free, derived, sensors[0], settings, errors[i - begin, 0], scratch
-        ):
-            refresh(prepare, state.theta, free, derived, model)
-        states[i - begin] = x[: states.shape[1]]
+        if correct_sample_adaptively(state, values[i, 0], arrays, output.errors[row, 0]):
+            refresh(prepare, state.theta, arrays.free, arrays.derived, model)
+        output.states[row] = x[: output.states.shape[1]]
     return -1

@@ -3,8 +3,8 @@
 The piston moves as it was measured, smoothed; the generated step moves it so if its mass is very large, and what its
 velocity gains is then the impulse of pressure, load, friction and stops. Pressure and temperature follow the duty
 cycles in open loop. Over a window of samples in motion ``M dv - impulse = h' dtheta``, one equation for the weights,
-with their covariance T T' as in `joint`. Smoothing needs samples on both sides, so there are two states that move so:
-the present one, which is reported, and a late one, whose forces are in balance. Nothing is allocated.
+with their covariance T T' as in `recursion`. Smoothing needs samples on both sides, so there are two states that move
+so: the present one, which is reported, and a late one, whose forces are in balance. Nothing is allocated.
 """
 
 from __future__ import annotations
@@ -15,23 +15,19 @@ from collections.abc import Callable
 import numpy as np
 
 from clutchid.codegen.kernels import kernel
-from clutchid.inference.filter.joint import drift, project_parameters, stroke_ends, update_parameters
 from clutchid.inference.filter.joint_parameters import basis_at, refresh, steps_at, within
-from clutchid.inference.filter.recursion import step_model
+from clutchid.inference.filter.recursion import drift, project_parameters, step_model, stroke_ends, update_parameters
+from clutchid.inference.filter.rules import BalanceState
 from clutchid.inference.filter.setup import (
-    Derived,
+    FilterArrays,
+    FilterOutput,
     FreeArrays,
-    IntArray,
     Intervals,
-    JointOutput,
-    JointScratch,
-    JointState,
     ModelArrays,
+    Scratch,
     SettingsArrays,
-    Window,
 )
 from clutchid.log import FloatArray
-from clutchid.simulation.stiffness import Pace
 
 #: Mass in kg whose velocity the forces do not change, but in digits that are left of it.
 PRESCRIBED = 1e9
@@ -42,12 +38,12 @@ LATE, LATE_SPEED, NEWEST = range(3)
 
 @kernel
 def correct_balance(
-    state: JointState,
+    state: BalanceState,
     equation: tuple[float, float, float],
     h: FloatArray,
     free: FreeArrays,
     slopes: FloatArray,
-    scratch: JointScratch,
+    scratch: Scratch,
 ) -> float:
     """One step of recursive least squares: theta and T; the variance of the residual.
 
@@ -101,140 +97,100 @@ def move_prescribed(
 
 
 @kernel
-def close_window(
-    state: JointState,
-    memory: FloatArray,
-    free: FreeArrays,
-    slopes: FloatArray,
-    settings: SettingsArrays,
-    errors: FloatArray,
-    scratch: JointScratch,
-) -> None:
+def close_window(state: BalanceState, arrays: FilterArrays, errors: FloatArray) -> None:
     """Correct the weights by the balance of a window, and begin the next one; `errors` (2,) are in N and N^2."""
-    seconds, e = memory[SECONDS], memory[MASS_TIMES_SPEED] - memory[IMPULSE]
-    end = HEAD + state.theta.size
-    h, equation = memory[HEAD:end], (e, settings.rule.force * seconds, settings.outlier)
-    variance = correct_balance(state, equation, h, free, slopes, scratch)
+    settings, seconds, e = arrays.settings, state.seconds[0], state.momentum[0] - state.impulse[0]
+    equation = e, settings.rule.force * seconds, settings.outlier
+    variance = correct_balance(state, equation, state.h, arrays.free, arrays.derived.slopes, arrays.scratch)
     errors[0], errors[1] = e / seconds, variance / (seconds * seconds)
-    memory[IN_WINDOW:end] = 0.0
+    state.in_window[0], state.momentum[0], state.impulse[0], state.seconds[0] = 0, 0.0, 0.0, 0.0
+    state.h[:] = 0.0
 
 
 @kernel
-def move_late(
-    step: Callable[..., bool],
-    late: FloatArray,
-    S: FloatArray,
-    memory: FloatArray,
-    model: ModelArrays,
-    oldest: FloatArray,
-    free: FreeArrays,
-    settings: SettingsArrays,
-    pace: Pace,
-    h: FloatArray,
-) -> bool:
+def move_late(step: Callable[..., bool], state: BalanceState, arrays: FilterArrays) -> bool:
     """Move the late state by the oldest interval, and add its balance to the window if the piston moves.
 
-    Returns whether the state is finite.
+    What mass times velocity gained, the impulse, and its derivatives are summed. Returns whether the state is finite.
     """
-    smoothing, at_speed, at_position = settings.rule.smoothing, settings.at_speed, settings.at_position
-    before = HEAD + h.size
+    settings, h, late, oldest = arrays.settings, arrays.scratch.step, state.late, state.intervals[0]
+    rule, at_speed, at_position = settings.rule, settings.at_speed, settings.at_position
     length = oldest[oldest.size - 1]
-    speed = smoothed(smoothing[LATE_SPEED], memory, before + 1)
-    to = smoothed(smoothing[LATE], memory, before + 1)
+    speed = smoothed(rule.smoothing[LATE_SPEED], state.positions)
+    to = smoothed(rule.smoothing[LATE], state.positions)
     middle = 0.5 * (late[at_position] + to)
-    steps = steps_at(pace, late[at_position], late[at_speed], length, 1)
+    steps = steps_at(arrays.pace, late[at_position], late[at_speed], length, 1)
     interval = oldest[: oldest.size - 1], length, steps
-    finite, impulse = move_prescribed(step, late, S, model, interval, settings, to)
-    if memory[AGE] >= smoothing.shape[1] and abs(late[at_speed]) > settings.least_speed:
-        basis_at(middle, model, free, h)
-        add_to_window(memory, h, settings.rule.mass * (speed - memory[before]), impulse, length)
-    memory[before] = speed
+    finite, impulse = move_prescribed(step, late, arrays.scratch.S, arrays.model, interval, settings, to)
+    if state.usable[0] >= state.positions.size and abs(late[at_speed]) > settings.least_speed:
+        basis_at(middle, arrays.model, arrays.free, h)
+        state.in_window[0] += 1
+        state.momentum[0] += rule.mass * (speed - state.speed[0])
+        state.impulse[0] += impulse
+        state.seconds[0] += length
+        for j in range(h.size):
+            state.h[j] -= h[j] * length
+    state.speed[0] = speed
     return finite
 
 
 @kernel
 def move_both(
-    step: Callable[..., bool],
-    state: JointState,
-    model: ModelArrays,
-    free: FreeArrays,
-    settings: SettingsArrays,
-    pace: Pace,
-    sample: tuple[FloatArray, float, float],
-    scratch: JointScratch,
+    step: Callable[..., bool], state: BalanceState, arrays: FilterArrays, sample: tuple[FloatArray, float, float]
 ) -> bool:
     """Move the present state and the late one by the inputs, length in s and position in m of a new sample.
 
     Returns whether both are finite.
     """
-    x, S, smoothing = state.x, state.S, settings.rule.smoothing
+    x, settings = state.x, arrays.settings
     u, length, value = sample
-    late, memory = state.waiting[: x.size], state.waiting[x.size :]
-    positions, samples = HEAD + state.theta.size + 1, smoothing.shape[1]
-    take_position(memory, positions, samples, value)
-    take_interval(memory, positions + samples, u, length)
-    oldest = memory[positions + samples : positions + samples + u.size + 1]
+    take_position(state, value)
+    take_interval(state.intervals, u, length)
     finite = True
-    if oldest[u.size] > 0.0:
-        finite = move_late(step, late, S, memory, model, oldest, free, settings, pace, scratch.step)
-    steps = steps_at(pace, x[settings.at_position], x[settings.at_speed], length, 1)
-    to = smoothed(smoothing[NEWEST], memory, positions)
-    return move_prescribed(step, x, S, model, (u, length, steps), settings, to)[0] and finite
-
-
-@kernel
-def begin(state: JointState, value: float, at_position: int, samples: int) -> None:
-    """The memory before the first interval: the piston has been where it is first measured."""
-    x, waiting = state.x, state.waiting
-    first = x.size + HEAD + state.theta.size + 1
-    waiting[: x.size] = x
-    waiting[first : first + samples] = x[at_position] if math.isnan(value) else value
+    if state.intervals[0, u.size] > 0.0:
+        finite = move_late(step, state, arrays)
+    steps = steps_at(arrays.pace, x[settings.at_position], x[settings.at_speed], length, 1)
+    to = smoothed(settings.rule.smoothing[NEWEST], state.positions)
+    interval = u, length, steps
+    return move_prescribed(step, x, arrays.scratch.S, arrays.model, interval, settings, to)[0] and finite
 
 
 @kernel
 def follow_balance(
     step: Callable[..., bool],
     prepare: Callable[..., None],
-    state: JointState,
-    model: ModelArrays,
-    free: FreeArrays,
-    derived: Derived,
+    state: BalanceState,
+    arrays: FilterArrays,
     intervals: Intervals,
-    _sensors: IntArray,
     values: FloatArray,
-    settings: SettingsArrays,
-    drifts: FloatArray,
-    pace: Pace,
-    output: JointOutput,
-    scratch: JointScratch,
-    _window: Window,
+    output: FilterOutput,
     span: tuple[int, int, int],
 ) -> int:
     """Follow some samples of a segment in place; the first that is not finite, or -1.
 
-    Parameters as of `joint.follow_jointly`, but S has no columns.
+    Parameters as of `recursion.follow`, but there are no columns.
     """
-    errors, states, deviations = output
-    x, rule, at_position = state.x, settings.rule, settings.at_position
-    memory = state.waiting[x.size :]
-    errors[:], deviations[:] = np.nan, np.nan
-    model.p[rule.at_mass] = PRESCRIBED
+    x, model, settings, derived = state.x, arrays.model, arrays.settings, arrays.derived
+    at_position = settings.at_position
+    output.errors[:], output.deviations[:] = np.nan, np.nan
+    model.p[settings.rule.at_mass] = PRESCRIBED
     prepare(model.p, model.fill_slot, model.work)
-    refresh(prepare, state.theta, free, derived, model)
+    refresh(prepare, state.theta, arrays.free, derived, model)
     for i in range(span[0], span[1]):
         value, row = values[i, 0] - derived.of_sensor[0, 0], i - span[0]
         if i == 0:
-            begin(state, value, at_position, rule.smoothing.shape[1])
+            state.late[:] = x
+            state.positions[:] = x[at_position] if math.isnan(value) else value
         else:
             sample = intervals.inputs[i - 1], intervals.length[i - 1], value
-            if not move_both(step, state, model, free, settings, pace, sample, scratch):
+            if not move_both(step, state, arrays, sample):
                 return i
-        if memory[IN_WINDOW] >= settings.every:
-            close_window(state, memory, free, derived.slopes, settings, errors[row, 0], scratch)
-            refresh(prepare, state.theta, free, derived, model)
-        if stroke_ends(state.stroke, state.waiting[at_position]) and drifts.size > 0:
-            drift(state.T, drifts, scratch.room)
-        states[row] = x[: states.shape[1]]
+        if state.in_window[0] >= settings.every:
+            close_window(state, arrays, output.errors[row, 0])
+            refresh(prepare, state.theta, arrays.free, derived, model)
+        if stroke_ends(state.stroke, state.late[at_position]) and arrays.drifts.size > 0:
+            drift(state.T, arrays.drifts, arrays.scratch.room)
+        output.states[row] = x[: output.states.shape[1]]
     return -1
 
 
@@ -244,60 +200,37 @@ REACH = 1e-3
 #: For each sample without a usable position so many with one must follow before the balance counts again: the pressure
 #: in open loop knows nothing of how the piston moved meanwhile, until the chamber is vented. Provenance:
 #: docs/derivations_online.md.
-RENEWAL = 2.0
-
-#: What stands in `JointState.waiting` behind the late state (size,): usable positions in a row, less than 0 while more
-#: have to follow; missing ones in a row; intervals in the window, with what mass times velocity gained, impulse and
-#: length; derivatives with respect to the weights (k,); late velocity; the last positions (samples,) and intervals
-#: (late + 1, inputs + 1), the oldest first.
-AGE, MISSING, IN_WINDOW, MASS_TIMES_SPEED, IMPULSE, SECONDS, HEAD = range(7)
+RENEWAL = 2
 
 
 @kernel
-def push(memory: FloatArray, first: int, width: int, count: int) -> None:
-    """Move `count` rows of `width` numbers up by one: the oldest is lost, the last is free."""
-    for i in range(first, first + (count - 1) * width):
-        memory[i] = memory[i + width]
-
-
-@kernel
-def take_position(memory: FloatArray, first: int, samples: int, value: float) -> None:
+def take_position(state: BalanceState, value: float) -> None:
     """Put a position behind the others; one that is missing, or that no piston can have reached, is as the last."""
-    last = first + samples - 1
-    newest = memory[last]
-    push(memory, first, 1, samples)
-    usable = not math.isnan(value) and abs(value - newest) <= REACH * (1.0 + memory[MISSING])
-    memory[last] = value if usable else newest
-    memory[AGE] = memory[AGE] + 1.0 if usable else min(memory[AGE], 0.0) - RENEWAL
-    memory[MISSING] = 0.0 if usable else memory[MISSING] + 1.0
+    positions, usable, missing = state.positions, state.usable, state.missing
+    last = positions.size - 1
+    newest = positions[last]
+    for i in range(last):
+        positions[i] = positions[i + 1]
+    known = not math.isnan(value) and abs(value - newest) <= REACH * (1.0 + missing[0])
+    positions[last] = value if known else newest
+    usable[0] = usable[0] + 1 if known else min(usable[0], 0) - RENEWAL
+    missing[0] = 0 if known else missing[0] + 1
 
 
 @kernel
-def smoothed(weights: FloatArray, memory: FloatArray, first: int) -> float:
+def smoothed(weights: FloatArray, positions: FloatArray) -> float:
     """The sum of the last positions with weights."""
     total = 0.0
     for j in range(weights.size):
-        total += weights[j] * memory[first + j]
+        total += weights[j] * positions[j]
     return total
 
 
 @kernel
-def take_interval(memory: FloatArray, first: int, u: FloatArray, length: float) -> None:
-    """Put inputs and length in s of an interval behind the others."""
-    width = u.size + 1
-    count = (memory.size - first) // width
-    push(memory, first, width, count)
-    at = first + (count - 1) * width
-    memory[at : at + u.size] = u
-    memory[at + u.size] = length
-
-
-@kernel
-def add_to_window(memory: FloatArray, h: FloatArray, gained: float, impulse: float, length: float) -> None:
-    """Add what mass times velocity gained in an interval, the impulse, and its derivatives, to those of the window."""
-    memory[IN_WINDOW] += 1.0
-    memory[MASS_TIMES_SPEED] += gained
-    memory[IMPULSE] += impulse
-    memory[SECONDS] += length
-    for j in range(h.size):
-        memory[HEAD + j] -= h[j] * length
+def take_interval(intervals: FloatArray, u: FloatArray, length: float) -> None:
+    """Put inputs and length in s of an interval behind the others; the oldest is lost."""
+    last = intervals.shape[0] - 1
+    for i in range(last):
+        intervals[i] = intervals[i + 1]
+    intervals[last, : u.size] = u
+    intervals[last, u.size] = length

@@ -4,36 +4,36 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.codegen.kernels import kernels_in
 from clutchid.inference.filter.setup import (
+    FilterArrays,
     FilterOutput,
     FilterState,
-    IntArray,
-    Intervals,
-    Measurements,
-    ModelArrays,
-    Scratch,
+    FreeArrays,
+    SettingsArrays,
+    Window,
+    derived_arrays,
     first_state,
     intervals,
-    measurements,
+    measured_values,
     model_arrays,
     scratch,
     sensor_rows,
 )
 from clutchid.log import FloatArray
 from clutchid.log.states import MEASURED
-from clutchid.model.compiled import step
+from clutchid.model.compiled import prepare, step
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import triangular
 from clutchid.simulation.divergence import failure_message
 from clutchid.simulation.noise import Noise, start_deviations
 from clutchid.simulation.parameter_map import ParameterMap
 from clutchid.simulation.run import columns, inputs_of
+from clutchid.simulation.stiffness import AS_PLANNED
 from clutchid.simulation.windows import Track
 
 _KERNELS = "clutchid.inference.filter.recursion"
@@ -91,20 +91,26 @@ def filtered(
     """
     segment, states, k = track.segment, mapped.actuator.states, len(mapped.bases)
     inputs_of(segment, mapped.actuator.model)
-    pass_ = _Pass.of(track, mapped, measure, noise, fixed_gains)
-    length = len(segment)
-    errors, passed = np.empty((length, len(MEASURED), 2)), np.full((length, len(states)), np.nan)
+    state, arrays = _start(track, mapped, measure, noise, given=fixed_gains is not None)
+    along = intervals(segment, mapped.actuator, noise, _SENSORS), measured_values(track, measure, _SENSORS)
+    calls = step(mapped.actuator.model), prepare(mapped.actuator.model)
+    length, sensors = len(segment), len(_SENSORS)
+    errors, passed = np.empty((length, sensors, 2)), np.full((length, len(states)), np.nan)
+    gains = np.zeros((length, sensors, state.x.size + 1)) if fixed_gains is None else fixed_gains
     pressures, factor, cost = np.empty((length, k + 1)), np.zeros((0, k + 1)), 0.0
     for begin in range(0, length, BLOCK):
         end = min(begin + BLOCK, length)
-        output = FilterOutput(np.empty((end - begin, len(MEASURED), k + 1)), errors, passed, pressures)
-        failed = pass_.follow(begin, end, output)
+        found = np.empty((end - begin, sensors, k + 1))
+        part = slice(begin, end)
+        output = FilterOutput(errors[part], passed[part], passed[:0], gains[part], found, pressures[part])
+        failed: int = kernels_in(_KERNELS).follow(*calls, state, arrays, *along, output, (begin, end, 0))
+        failed = end - 1 if failed < 0 and not np.isfinite(state.S).all() else failed
         if failed >= 0:
             return Failure(failure_message(track.measured, segment, passed, failed, states, mapped.actuator))
-        rows = output.rows.reshape(-1, k + 1)
+        rows = found.reshape(-1, k + 1)
         cost += _loss(rows[:, -1], noise.outlier)
-        factor = triangular(np.vstack([factor, rows[_measured(rows, len(MEASURED))]]))
-    return Filtered(_spread(factor, mapped), cost, errors, passed, pass_.gains, pressures, mapped)
+        factor = triangular(np.vstack([factor, rows[_measured(rows, sensors)]]))
+    return Filtered(_spread(factor, mapped), cost, errors, passed, gains, pressures, mapped)
 
 
 def _measured(rows: FloatArray, sensors: int) -> NDArray[np.bool_]:
@@ -128,46 +134,29 @@ def _spread(rows: FloatArray, mapped: ParameterMap) -> FloatArray:
     return wide
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Pass:
-    """A pass of the filter over a segment, with all arrays that `recursion.follow` needs."""
-
-    step: Any
-    state: FilterState
-    model: ModelArrays
-    intervals: Intervals
-    sensors: IntArray
-    measurements: Measurements
-    gains: FloatArray
-    scratch: Scratch
-
-    @classmethod
-    def of(
-        cls, track: Track, mapped: ParameterMap, measure: Sequence[str], noise: Noise, fixed_gains: FloatArray | None
-    ) -> _Pass:
-        """The filter at the start of a segment."""
-        segment, actuator = track.segment, mapped.actuator
-        which, sensors = columns(actuator, mapped.bases), sensor_rows(mapped, _SENSORS)
-        with_pressure, given = "pressure_a" in measure, fixed_gains is not None
-        L = np.diag(start_deviations(segment, actuator, with_pressure, noise))
-        state = first_state(segment, mapped, which, L[:, :0] if given else L, _SENSORS)
-        size, width, n = state.x.size, state.S.shape[1], len(actuator.states)
-        return cls(
-            step=step(actuator.model),
-            state=state,
-            model=model_arrays(mapped, which, width),
-            intervals=intervals(segment, actuator, noise, _SENSORS),
-            sensors=sensors,
-            measurements=measurements(track, actuator, measure, noise, _SENSORS),
-            gains=np.zeros((len(segment), len(MEASURED), size + 1)) if fixed_gains is None else fixed_gains,
-            scratch=scratch(size, n, width, len(MEASURED), given),
-        )
-
-    def follow(self, begin: int, end: int, output: FilterOutput) -> int:
-        """Filter the samples from `begin` to `end`; the first that is not finite, or -1."""
-        watched = int(self.sensors[list(MEASURED).index("pressure_a"), 1])
-        failed: int = kernels_in(_KERNELS).follow(
-            self.step, self.state, self.model, self.intervals, self.sensors, self.measurements, self.gains,
-            output, self.scratch, (begin, end, watched),
-        )  # fmt: skip
-        return end - 1 if failed < 0 and not np.isfinite(self.state.S).all() else failed
+def _start(
+    track: Track, mapped: ParameterMap, measure: Sequence[str], noise: Noise, *, given: bool
+) -> tuple[FilterState, FilterArrays]:
+    """State at the start of a segment, and arrays of a filter that corrects at every sample and adapts nothing."""
+    segment, actuator, k = track.segment, mapped.actuator, len(mapped.bases)
+    which, sensors, states = columns(actuator, mapped.bases), sensor_rows(mapped, _SENSORS), actuator.states
+    L = np.diag(start_deviations(segment, actuator, "pressure_a" in measure, noise))
+    x, S = first_state(segment, mapped, which, L[:, :0] if given else L, _SENSORS)
+    none, nothing = np.zeros(0, dtype=np.int64), np.zeros((x.size, 0))
+    state = FilterState(
+        x, S, np.zeros(k), np.zeros((k, 0)), np.zeros(x.size), np.zeros(1, dtype=np.int64), nothing,
+        np.zeros(1, dtype=np.int64),
+    )  # fmt: skip
+    places = states.index("v"), states.index("y"), states.index("p_A")
+    arrays = FilterArrays(
+        model=model_arrays(mapped, which, S.shape[1]),
+        free=FreeArrays(np.zeros((0, 7)), np.zeros((0, 4), dtype=np.int64), np.zeros((0, 2), dtype=np.int64)),
+        derived=derived_arrays(actuator, _SENSORS, [noise.measured.get(name, np.inf) for name in _SENSORS], k),
+        sensors=sensors,
+        settings=SettingsArrays(1, float(noise.outlier), np.inf, *places, None),
+        drifts=np.zeros((k, 0)),
+        pace=AS_PLANNED,
+        window=Window(none, none, none, none, none, np.zeros(2)),
+        scratch=scratch(x.size, S.shape[1], state.T, len(states), len(_SENSORS)),
+    )
+    return state, arrays

@@ -4,32 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from clutchid.codegen.kernels import kernels_in
 from clutchid.errors import ParameterError
-from clutchid.inference.filter.rules import KALMAN, CorrectionRule
+from clutchid.inference.filter.rules import KALMAN, CorrectionRule, RuleState
 from clutchid.inference.filter.setup import (
     BESIDE,
     LAG,
     LAG_OF,
     OFFSET_OF,
     WEIGHT,
-    Derived,
+    FilterArrays,
+    FilterOutput,
+    FilterState,
     FreeArrays,
     IntArray,
     Intervals,
-    JointOutput,
-    JointScratch,
-    JointState,
-    ModelArrays,
     SettingsArrays,
     Window,
+    derived_arrays,
     first_state,
     intervals,
-    measurements,
+    measured_values,
     model_arrays,
     scratch,
     sensor_rows,
@@ -38,7 +37,7 @@ from clutchid.inference.uncertainty.coordinates import Coordinate
 from clutchid.log import FloatArray
 from clutchid.log.states import SENSORS
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import prepare, step
+from clutchid.model.compiled import kernels, prepare, step
 from clutchid.numerics.failure import Failure
 from clutchid.simulation.noise import Noise, start_deviations
 from clutchid.simulation.parameter_map import ParameterMap, parameter_map
@@ -258,7 +257,7 @@ class JointPass(NamedTuple):
     correction was due.
     """
 
-    state: JointState
+    state: RuleState
     errors: FloatArray
     states: FloatArray
     deviations: FloatArray
@@ -268,12 +267,11 @@ def inputs(joint: JointFilter, track: Track) -> JointInputs:
     """A segment of a recording for the filter."""
     inputs_of(track.segment, joint.mapped.actuator.model)
     arrays = intervals(track.segment, joint.mapped.actuator, joint.noise, joint.measure)
-    values, _, _ = measurements(track, joint.mapped.actuator, joint.measure, joint.noise, joint.measure)
-    return JointInputs(arrays, values)
+    return JointInputs(arrays, measured_values(track, joint.measure, joint.measure))
 
 
-def init(joint: JointFilter, segment: Segment, theta: FloatArray, T: FloatArray) -> JointState:
-    """State at the start of a segment.
+def init(joint: JointFilter, segment: Segment, theta: FloatArray, T: FloatArray) -> RuleState:
+    """State at the start of a segment, of the rule of the filter.
 
     Parameters
     ----------
@@ -282,43 +280,43 @@ def init(joint: JointFilter, segment: Segment, theta: FloatArray, T: FloatArray)
     T : (k, k)
         Square root of their covariance T T'.
     """
-    k = theta.size
+    k, columns, responses = theta.size, joint.rule.columns, joint.moving.responses
     mapped = parameter_map(joint.actuator(theta), joint.mapped.bases, range(k), np.ones(k), k)
     L = np.diag(start_deviations(segment, mapped.actuator, "pressure_a" in joint.measure, joint.noise))
-    x, S = first_state(segment, mapped, joint.which, L if joint.rule.columns else L[:, :0], joint.measure)
-    waiting = np.zeros(x.size + joint.rule.memory)
-    T = np.array(T, order="C")
-    stroke, first = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64)
-    responses = joint.moving.responses
-    moved = np.eye(x.size, responses + x.size, responses) if joint.rule.columns else np.zeros((x.size, 0))
-    return JointState(x, np.ascontiguousarray(S), theta.copy(), T, waiting, stroke, moved, first)
+    x, S = first_state(segment, mapped, joint.which, L if columns else L[:, :0], joint.measure)
+    moved = np.eye(x.size, responses + x.size, responses)
+    first = FilterState(
+        x, S, theta.copy(), np.array(T, order="C"), np.zeros(x.size), np.zeros(1, dtype=np.int64), moved,
+        np.zeros(1, dtype=np.int64),
+    )  # fmt: skip
+    return joint.rule.start(first, len(kernels(joint.mapped.actuator.model).INPUTS))
 
 
 def follow(
-    joint: JointFilter, state: JointState, given: JointInputs, span: tuple[int, int], number: int = 0
+    joint: JointFilter, state: RuleState, given: JointInputs, span: tuple[int, int], number: int = 0
 ) -> JointPass | Diverged:
     """Filter the samples of a segment from the first of `span` to before the last, from the state before the first.
 
     A recording that is filtered in parts has the same result bit by bit, if `number` is that of the first sample of the
     part in the recording.
     """
-    failed, after, output = _filtered(joint, state, given, (*span, number), _settings(joint), joint.drifts)
+    failed, after, output = _filtered(joint, state, given, (*span, number))
     if failed >= 0 or not all(np.isfinite(array).all() for array in after):
         at = failed if failed >= 0 else span[1] - 1
         return Diverged(f"the filter diverged at sample {at} of the segment", at)
-    return JointPass(after, *output)
+    return JointPass(after, output.errors, output.states, output.deviations)
 
 
-def predict(joint: JointFilter, state: JointState, interval: Intervals) -> JointState:
+def predict(joint: JointFilter, state: RuleState, interval: Intervals) -> FilterState:
     """The state after an interval, given as the only row of `Intervals`; for the rule of Kalman."""
-    _check_rule(joint)
+    at = _of_kalman(joint, state)
     nothing = JointInputs(interval, np.full((2, len(joint.measure)), np.nan))
-    settings, drifts = _settings(joint)._replace(every=_NEVER), joint.drifts[:, :0]
-    _, after, _ = _filtered(joint, state, nothing, (1, 2, 0), settings, np.ascontiguousarray(drifts))
-    return after._replace(stroke=state.stroke.copy())
+    alone = replace(joint, settings=replace(joint.settings, every=_NEVER), drifts=_no_drift(joint))
+    _, after, _ = _filtered(alone, at, nothing, (1, 2, 0))
+    return after._replace(stroke=at.stroke.copy())
 
 
-def correct(joint: JointFilter, state: JointState, values: FloatArray) -> tuple[JointState, FloatArray]:
+def correct(joint: JointFilter, state: RuleState, values: FloatArray) -> tuple[FilterState, FloatArray]:
     """The state after the measurements of a sample; for the rule of Kalman.
 
     Parameters
@@ -331,84 +329,77 @@ def correct(joint: JointFilter, state: JointState, values: FloatArray) -> tuple[
     state, errors : (sensors, 2)
         Innovations and their variances, NaN for none.
     """
-    _check_rule(joint)
+    at = _of_kalman(joint, state)
     none, known = np.zeros(0), np.where(np.isfinite(values), values, np.nan)[None]
-    intervals = Intervals(none[:, None], none, none.astype(np.int32), none[:, None], none[:, None, None])
-    drifts = np.ascontiguousarray(joint.drifts[:, :0])
-    _, after, output = _filtered(joint, state, JointInputs(intervals, known), (0, 1, 0), _settings(joint), drifts)
-    return after._replace(stroke=state.stroke.copy()), output.errors[0]
+    given = JointInputs(
+        Intervals(none[:, None], none, none.astype(np.int32), none[:, None], none[:, None, None]), known
+    )
+    alone = replace(joint, drifts=_no_drift(joint))
+    _, after, output = _filtered(alone, at, given, (0, 1, 0))
+    return after._replace(stroke=at.stroke.copy()), output.errors[0]
+
+
+def _of_kalman(joint: JointFilter, state: RuleState) -> FilterState:
+    if not isinstance(state, FilterState):
+        raise ParameterError(
+            f"the rule {joint.rule.kernel} has no covariance to predict and correct; `follow` takes single samples too."
+        )
+    return state
+
+
+def _no_drift(joint: JointFilter) -> FloatArray:
+    return np.zeros((joint.drifts.shape[0], 0))
+
+
+_State = TypeVar("_State", bound=RuleState)
+
+
+def _copied(state: _State) -> _State:
+    made: Any = type(state)
+    copy: _State = made(*(array.copy() for array in state))
+    return copy
 
 
 def _filtered(
-    joint: JointFilter,
-    state: JointState,
-    given: JointInputs,
-    span: tuple[int, int, int],
-    settings: SettingsArrays,
-    drifts: FloatArray,
-) -> tuple[int, JointState, JointOutput]:
+    joint: JointFilter, state: _State, given: JointInputs, span: tuple[int, int, int]
+) -> tuple[int, _State, FilterOutput]:
     """The kernel of the rule over some samples: the first that is not finite, or -1; state and output after them."""
-    after, n, count = state.copy(), len(joint.mapped.actuator.states), span[1] - span[0]
-    output = JointOutput(np.empty((count, len(joint.measure), 2)), np.empty((count, n)), np.empty((count, n)))
-    model, derived, work = _work(joint, after)
+    after = _copied(state)
+    n, sensors, count = len(joint.mapped.actuator.states), len(joint.measure), span[1] - span[0]
+    one_gain, nothing = np.empty((1, sensors, n + sensors + 1)), (np.empty((0, sensors, 1)), np.empty((0, 1)))
+    output = FilterOutput(np.empty((count, sensors, 2)), np.empty((count, n)), np.empty((count, n)), one_gain, *nothing)
     failed: int = getattr(kernels_in(joint.rule.module), joint.rule.kernel)(
-        *joint.calls, after, model, joint.free, derived, given.intervals, joint.sensors, given.values, settings,
-        drifts, joint.pace, output, work, _window(joint, model, after), span,
-    )  # fmt: skip
+        *joint.calls, after, _arrays(joint, after), given.intervals, given.values, output, span
+    )
     return failed, after, output
 
 
-def covariance(joint: JointFilter, state: JointState) -> FloatArray:
+def covariance(joint: JointFilter, state: RuleState) -> FloatArray:
     """Covariance of x and theta, shape (size + k, size + k)."""
-    k, moving = state.theta.size, joint.moving
-    slopes = np.array([c.slope(value) for c, value in zip(joint.coordinates, state.theta.tolist(), strict=True)])
-    S = state.moved[:, moving.responses :] @ state.S
-    S[:, moving.of_window(int(state.first[0]))] += state.moved[:, : moving.responses]
-    root = np.block([[S[:, :k] * slopes @ state.T, S[:, k:]], [state.T, np.zeros((k, state.x.size))]])
+    at, k, moving = _of_kalman(joint, state), state.theta.size, joint.moving
+    slopes = np.array([c.slope(value) for c, value in zip(joint.coordinates, at.theta.tolist(), strict=True)])
+    S = at.moved[:, moving.responses :] @ at.S
+    S[:, moving.of_window(int(at.first[0]))] += at.moved[:, : moving.responses]
+    root = np.block([[S[:, :k] * slopes @ at.T, S[:, k:]], [at.T, np.zeros((k, at.x.size))]])
     result: FloatArray = root @ root.T
     return result
 
 
-def _check_rule(joint: JointFilter) -> None:
-    if not joint.rule.columns:
-        raise ParameterError(
-            f"the rule {joint.rule.kernel} has no covariance to predict and correct; `follow` takes single samples too."
-        )
-
-
-def _settings(joint: JointFilter) -> SettingsArrays:
-    s, states = joint.settings, joint.mapped.actuator.states
-    return SettingsArrays(
-        s.every, float(joint.noise.outlier), s.least_speed, states.index("v"), states.index("y"), joint.rule.numbers
-    )
-
-
-def _window(joint: JointFilter, model: ModelArrays, state: JointState) -> Window:
-    """The window of load weights of `model`, before it is placed."""
-    m = joint.moving
-    columns = m.of_window(0)
-    placed = columns[m.of_model.size : m.of_model.size + m.window]
-    return Window(
-        model.table_basis, columns, placed, m.weight_bases, m.weight_columns, np.zeros(2), np.empty_like(state.S)
-    )
-
-
-def _work(joint: JointFilter, state: JointState) -> tuple[ModelArrays, Derived, JointScratch]:
-    """Arrays that the recursion computes from theta, and its scratch arrays."""
-    size, width, k = state.x.size, state.S.shape[1], state.theta.size
-    actuator, spacing = joint.mapped.actuator, joint.settings.spacing * joint.settings.every
-    model = model_arrays(joint.mapped, joint.moving.columns(), state.moved.shape[1])
+def _arrays(joint: JointFilter, state: RuleState) -> FilterArrays:
+    """What the recursion computes from theta, its settings, and its scratch arrays."""
+    s, moving, actuator = joint.settings, joint.moving, joint.mapped.actuator
+    n, names = len(actuator.states), actuator.states
+    moved = moving.responses + state.x.size if joint.rule.columns else 0
+    model = model_arrays(joint.mapped, moving.columns(), moved)
     own = model._replace(p=model.p.copy())
-    sensors = [SENSORS[name] for name in joint.measure]
-    derived = Derived(
-        np.array(actuator.load.theta),
-        np.array([actuator.value(sensor.lag) for sensor in sensors]),
-        np.array([
-            (actuator.value(sensor.offset), joint.noise.of_samples(name, spacing))
-            for name, sensor in zip(joint.measure, sensors, strict=True)
-        ]),
-        np.ones(k),
-    )  # fmt: skip
-    both = scratch(size, len(actuator.states), width, len(sensors))
-    drifting = np.empty((k, k + joint.drifts.shape[1]))
-    return own, derived, JointScratch(*both, np.empty(size + 1), np.empty(k), np.empty(k), drifting)
+    deviations = [joint.noise.of_samples(name, s.spacing * s.every) for name in joint.measure]
+    derived = derived_arrays(actuator, joint.measure, deviations, state.theta.size)
+    columns = moving.of_window(0)
+    placed = columns[moving.of_model.size : moving.of_model.size + moving.window]
+    window = Window(own.table_basis, columns, placed, moving.weight_bases, moving.weight_columns, np.zeros(2))
+    settings = SettingsArrays(
+        s.every, float(joint.noise.outlier), s.least_speed, names.index("v"), names.index("y"), -1, joint.rule.numbers
+    )
+    width = state.S.shape[1] if isinstance(state, FilterState) else 0
+    room = scratch(state.x.size, width, state.T, n, len(joint.measure), joint.drifts.shape[1])
+    return FilterArrays(own, joint.free, derived, joint.sensors, settings, joint.drifts, joint.pace, window, room)

@@ -1,9 +1,15 @@
-"""One recursion of the filter: `predict` moves state and columns over an interval, `correct` takes one measurement.
+"""One Kalman filter, along a recording: states, and parameters beside them, moved and corrected sample by sample.
 
 The state x has the n states of the model, then the output of each sensor, because a first-order lag is a state of its
-own. Its covariance P = L L' is carried as the square root L, so it stays positive and has twice the digits. L stands
-beside k columns dx of derivatives with respect to free parameters, ``S = [dx | L]``, because the model moves both
-alike; with given gains S has no L. Nothing is allocated: the caller makes all arrays once.
+own. The filter is the two-stage one of Friedland (1969), which is the Kalman filter of states and parameters together:
+the error of x is ``D dtheta + L n``, with dtheta the error of the parameters, whose covariance is T T', and n
+independent of it. So D are derivatives with respect to the parameters, which the model moves like L, ``S = [D | L]``,
+and T changes by corrections only. Potter's update keeps both L and T roots of covariances, so these stay positive and
+have twice the digits.
+
+Where T has no columns no parameter adapts, and D are the derivatives that a fit needs (prediction error); with given
+gains S has no L. D is with respect to the parameters in SI, theta are their coordinates with a prior of mean 0 and
+standard deviation 1, and T is in theta. Nothing is allocated: the caller makes all arrays once.
 """
 
 from __future__ import annotations
@@ -14,20 +20,27 @@ from collections.abc import Callable
 import numpy as np
 
 from clutchid.codegen.kernels import inlined, kernel
+from clutchid.inference.filter.joint_parameters import move_parameters, refresh, state_deviations, steps_at
 from clutchid.inference.filter.setup import (
     LAG,
     OFFSET,
     OUTPUT,
     STATE,
+    STROKE_BEGINS,
+    STROKE_ENDS,
+    FilterArrays,
     FilterOutput,
     FilterState,
+    FreeArrays,
     IntArray,
     Intervals,
-    Measurements,
     ModelArrays,
     Scratch,
+    SettingsArrays,
 )
+from clutchid.inference.filter.transition import AHEAD, MARGIN, bring_up, place_window
 from clutchid.log import FloatArray
+from clutchid.simulation.comparison import lag_coefficients
 
 
 @inlined
@@ -113,7 +126,10 @@ def move(
     lags: FloatArray,
     before: FloatArray,
 ) -> bool:
-    """`predict` without process noise; `interval` are its inputs, length in s and steps."""
+    """Move x and S (size, columns) over an interval, given by its inputs, length in s and steps; whether x is finite.
+
+    The generated step moves the first n rows, `move_sensors` the others; units of x per free parameter in the columns.
+    """
     u, length, substeps = interval
     for m in range(sensors.shape[0]):
         before[m, 0] = x[sensors[m, STATE]]
@@ -124,94 +140,52 @@ def move(
     return finite
 
 
-@kernel
-def predict(
+@inlined
+def leaves(x: FloatArray, settings: SettingsArrays, length: float, within: FloatArray) -> bool:
+    """Whether the piston may leave positions (2,) in m in an interval of a length in s."""
+    reach = MARGIN + AHEAD * abs(x[settings.at_speed]) * length
+    position = x[settings.at_position]
+    return bool(position - reach < within[0] or position + reach > within[1])
+
+
+@inlined
+def move_columns(
     step: Callable[..., bool],
-    x: FloatArray,
-    S: FloatArray,
-    model: ModelArrays,
-    interval: tuple[FloatArray, float, int, FloatArray, FloatArray],
-    sensors: IntArray,
-    scratch: Scratch,
+    state: FilterState,
+    columns: FloatArray,
+    interval: tuple[FloatArray, FloatArray, int, FloatArray, FloatArray],
+    arrays: FilterArrays,
 ) -> bool:
-    """Move state and columns over an interval; whether the state is finite.
+    """Move x and columns (size, c) over an interval, see `move`; its process noise waits for a correction.
 
     Parameters
     ----------
-    step
-        Generated step of the model variant. It moves the first n rows of x and S.
-    x, S : (size,), (size, columns)
-        In SI; S in units of x per free parameter, and of x in the columns of L. In place.
     interval
-        A row of each of `Intervals`.
+        Inputs, length in s (1,), steps, process noise, coefficients of the sensors' lags: a row of each of `Intervals`.
+        Where a lag is free, its coefficients are computed anew.
     """
-    u, length, substeps, sigma, lags = interval
-    finite = move(step, x, S, model, (u, length, substeps), sensors, lags, scratch.before)
-    if scratch.W.shape[0] > 0:
-        add_process_noise(S, sigma, sensors, lags[:, 2], scratch.W)
-    return finite
+    u, length, substeps, sigma, coefficients = interval
+    waiting, sensors, lags = state.waiting, arrays.sensors, arrays.derived.lags
+    for m in range(sensors.shape[0]):
+        if sensors[m, LAG] >= 0:
+            lag_coefficients(lags[m], length, coefficients[m : m + 1])
+    for i in range(sigma.size):
+        waiting[i] += sigma[i] * sigma[i]
+    for m in range(sensors.shape[0]):
+        waiting[sigma.size + m] = coefficients[m, 2]
+    before, moved = arrays.scratch.before, (u, length[0], substeps)
+    return move(step, state.x, columns, arrays.model, moved, sensors, coefficients, before)
 
 
 @kernel
-def correct(
-    x: FloatArray,
-    S: FloatArray,
-    sensor: IntArray,
-    measurement: tuple[float, float, float, float],
-    given: bool,
-    h: FloatArray,
-    gain: FloatArray,
-) -> float:
-    """Correct state and columns by one measurement; the innovation, in the unit of the measurement.
-
-    Parameters
-    ----------
-    x, S : (size,), (size, columns)
-        In place.
-    sensor : (4,)
-        A row of `sensors`.
-    measurement
-        Value, offset of the sensor, its standard deviation, and the standard deviations beyond which an innovation is
-        an outlier.
-    given : bool
-        Whether `gain` is given; then S has no L. Otherwise `gain` receives the optimal one.
-    h : (columns,)
-        Receives the derivatives of the predicted measurement: the row of its output in S, 1 for its offset.
-    gain : (size + 1,)
-        Gain of each state, and the variance of the innovation.
-    """
-    value, offset, sigma, outlier = measurement
-    size, k = x.size, S.shape[1] if given else S.shape[1] - x.size
-    for j in range(h.size):
-        h[j] = S[sensor[OUTPUT], j]
-    if sensor[OFFSET] >= 0:
-        h[sensor[OFFSET]] += 1.0
-    e = value - (x[sensor[OUTPUT]] + offset)
-    if not given:
-        update_covariance(S, h, e, sigma, outlier, gain)
-    for i in range(size):
-        x[i] += gain[i] * e
-        for j in range(k):
-            S[i, j] -= gain[i] * h[j]
-    return float(e)
-
-
-@kernel
-def update_covariance(S: FloatArray, h: FloatArray, e: float, sigma: float, outlier: float, gain: FloatArray) -> None:
-    """Optimal gain of one measurement, and L after it (Potter's update of the square root).
-
-    An innovation e beyond `outlier` standard deviations moves the state as if its sensor were as much worse as makes
-    its share of the correction constant (Huber). Units and shapes as in `correct`.
-    """
-    size = S.shape[0]
-    k = S.shape[1] - size
-    predicted = 0.0
-    for j in range(k, k + size):
-        predicted += h[j] * h[j]
-    s = predicted + sigma * sigma
-    weighted = s * max(1.0, abs(e) / math.sqrt(s) / outlier)
-    update_root(S, h, predicted, weighted, gain)
-    gain[size] = s
+def add_waiting_noise(state: FilterState, sensors: IntArray, scratch: Scratch) -> None:
+    """Add the process noise since the last correction to the covariance of the states."""
+    waiting, sigma = state.waiting, scratch.h
+    n = waiting.size - sensors.shape[0]
+    for i in range(n):
+        sigma[i] = math.sqrt(waiting[i])
+        waiting[i] = 0.0
+    add_process_noise(state.S, sigma[:n], sensors, waiting[n:], scratch.W)
 
 
 @kernel
@@ -230,6 +204,135 @@ def update_root(S: FloatArray, h: FloatArray, predicted: float, weighted: float,
 
 
 @kernel
+def project_parameters(T: FloatArray, h: FloatArray, slopes: FloatArray, w: FloatArray) -> float:
+    """The variance w' w of a predicted measurement due to the parameters, and w, with its derivatives h in SI."""
+    w[:] = 0.0
+    for i in range(T.shape[0]):
+        for j in range(w.size):
+            w[j] += T[i, j] * (h[i] * slopes[i])
+    variance = 0.0
+    for j in range(w.size):
+        variance += w[j] * w[j]
+    return variance
+
+
+@kernel
+def update_parameters(
+    T: FloatArray, w: FloatArray, e: float, weighted: float, predicted: float, step: FloatArray
+) -> None:
+    """Step of theta by an innovation e of variance `weighted`, of which `predicted` is T's, and T after it (Potter)."""
+    share = 1.0 / (1.0 + math.sqrt((weighted - predicted) / weighted))
+    for i in range(T.shape[0]):
+        covariance = 0.0
+        for j in range(w.size):
+            covariance += T[i, j] * w[j]
+        covariance /= weighted
+        step[i] = covariance * e
+        for j in range(w.size):
+            T[i, j] -= share * covariance * w[j]
+
+
+@kernel
+def correct(
+    state: FilterState,
+    sensor: IntArray,
+    measurement: tuple[float, float, float, float],
+    adapts: bool,
+    free: FreeArrays,
+    slopes: FloatArray,
+    gain: FloatArray,
+    scratch: Scratch,
+) -> float:
+    """Correct states and, if it `adapts`, parameters by one measurement; the innovation, in its unit.
+
+    An innovation beyond the outliers moves the state as if its sensor were as much worse as makes its share of the
+    correction constant (Huber).
+
+    Parameters
+    ----------
+    state
+        In place.
+    sensor : (4,)
+        A row of `sensors`.
+    measurement
+        Value; offset and standard deviation of the sensor; standard deviations beyond which an innovation is an
+        outlier.
+    slopes : (k,)
+        Derivatives of the free parameters in SI with respect to theta.
+    gain : (size + 1,)
+        Gain of x with fixed parameters, and the variance of the innovation: given where S has no L, else received.
+    scratch
+        Its h receives the derivatives of the predicted measurement: the row of its output in S, 1 for its offset.
+    """
+    x, S, theta, T = state.x, state.S, state.theta, state.T
+    value, offset, sigma, outlier = measurement
+    h, w, step = scratch.h, scratch.w, scratch.step
+    size, k, columns = x.size, theta.size, S.shape[1]
+    for j in range(columns):
+        h[j] = S[sensor[OUTPUT], j]
+    if sensor[OFFSET] >= 0:
+        h[sensor[OFFSET]] += 1.0
+    e = value - (x[sensor[OUTPUT]] + offset)
+    weighted, by_parameters = 0.0, 0.0
+    if columns > k:
+        by_states = 0.0
+        for j in range(k, columns):
+            by_states += h[j] * h[j]
+        by_parameters = project_parameters(T, h, slopes, w)
+        s = by_states + by_parameters + sigma * sigma
+        weighted = s * max(1.0, abs(e) / math.sqrt(s) / outlier)
+        update_root(S, h, by_states, weighted - by_parameters, gain)
+        gain[size] = s
+    for i in range(size):
+        x[i] += gain[i] * e
+        for j in range(k):
+            S[i, j] -= gain[i] * h[j]
+    if adapts:
+        update_parameters(T, w, e, weighted, by_parameters, step)
+        move_parameters(x, S, theta, free, step)
+    return float(e)
+
+
+@kernel
+def correct_sample(
+    prepare: Callable[..., None],
+    state: FilterState,
+    arrays: FilterArrays,
+    values: FloatArray,
+    output: tuple[FloatArray, FloatArray, FloatArray],
+) -> None:
+    """Add the process noise since the last correction, and correct by each measurement of a sample.
+
+    Parameters
+    ----------
+    values : (sensors,)
+        NaN for none.
+    output
+        Errors (sensors, 2), gains (sensors, size + 1) and rows (1, sensors, k + 1) of the sample, see `FilterOutput`;
+        rows (0, ...) are not written.
+    """
+    errors, gains, rows = output
+    sensors, settings, derived, scratch = arrays.sensors, arrays.settings, arrays.derived, arrays.scratch
+    of_sensor, size = derived.of_sensor, state.x.size
+    if state.S.shape[1] > state.theta.size:
+        add_waiting_noise(state, sensors, scratch)
+    adapts = state.T.shape[1] > 0 and abs(state.x[settings.at_speed]) > settings.least_speed
+    for m in range(sensors.shape[0]):
+        errors[m] = np.nan
+        if math.isnan(values[m]):
+            if rows.shape[0] > 0:
+                rows[0, m] = 0.0
+            continue
+        measurement = values[m], of_sensor[m, 0], of_sensor[m, 1], settings.outlier
+        e = correct(state, sensors[m], measurement, adapts, arrays.free, derived.slopes, gains[m], scratch)
+        errors[m, 0], errors[m, 1] = e, gains[m, size]
+        if rows.shape[0] > 0:
+            write_row(rows[0, m], scratch.h, e, gains[m, size], settings.outlier)
+        if adapts:
+            refresh(prepare, state.theta, arrays.free, derived, arrays.model)
+
+
+@kernel
 def write_row(row: FloatArray, h: FloatArray, e: float, s: float, outlier: float) -> None:
     """Row ``[dr | r]`` of the standardised residual r = -e / sqrt(s), scaled so that r^2 grows as |e| for outliers."""
     scale = 1.0 / math.sqrt(s)
@@ -241,77 +344,34 @@ def write_row(row: FloatArray, h: FloatArray, e: float, s: float, outlier: float
 
 
 @kernel
-def correct_sample(
-    x: FloatArray,
-    S: FloatArray,
-    sensors: IntArray,
-    values: FloatArray,
-    measurements: Measurements,
-    given: bool,
-    h: FloatArray,
-    gains: FloatArray,
-    rows: FloatArray,
-    errors: FloatArray,
-) -> None:
-    """`correct` by each measurement of a sample, `values`, in turn; `rows` and `errors` as in `FilterOutput`."""
-    of_sensor, outlier = measurements.of_sensor, measurements.outlier
-    for m in range(sensors.shape[0]):
-        if math.isnan(values[m]):
-            errors[m] = np.nan
-            rows[m] = 0.0
-            continue
-        measurement = values[m], of_sensor[m, 0], of_sensor[m, 1], outlier
-        errors[m, 0] = correct(x, S, sensors[m], measurement, given, h, gains[m])
-        errors[m, 1] = gains[m, x.size]
-        write_row(rows[m], h, errors[m, 0], errors[m, 1], outlier)
+def stroke_ends(stroke: IntArray, position: float) -> bool:
+    """Whether a stroke ends with this position in m; `stroke` (1,) is 1 while one lasts."""
+    if position > STROKE_BEGINS:
+        stroke[0] = 1
+    ends = stroke[0] == 1 and position < STROKE_ENDS
+    if ends:
+        stroke[0] = 0
+    return bool(ends)
 
 
 @kernel
-def follow(
-    step: Callable[..., bool],
-    state: FilterState,
-    model: ModelArrays,
-    intervals: Intervals,
-    sensors: IntArray,
-    measurements: Measurements,
-    gains: FloatArray,
-    output: FilterOutput,
-    scratch: Scratch,
-    span: tuple[int, int, int],
-) -> int:
-    """Filter some samples of a segment in place; the first that is not finite, or -1.
+def drift(T: FloatArray, root: FloatArray, W: FloatArray) -> None:
+    """Add root root' to the covariance T T' of the parameters; the states move with them along D.
 
     Parameters
     ----------
-    state
-        x and S after the sample before; before the first sample, those predicted for it.
-    gains : (samples, sensors, size + 1)
-        Given if the scratch matrix W is empty, otherwise received, see `correct`.
-    output
-        Its rows begin with the first of the samples, the other arrays with the segment.
-    span
-        First sample, the one after the last, and the state whose derivatives and deviation are written.
+    T : (k, k)
+        Lower triangular after it.
+    root : (k, d)
+        Lower trapezoidal.
+    W : (k, k + d)
+        Scratch.
     """
-    x, S, out = state.x, state.S, output
-    u, length, substeps, sigma, lags = intervals
-    begin, end, at = span
-    n, k, given = out.states.shape[1], out.rows.shape[2] - 1, scratch.W.shape[0] == 0
-    for i in range(begin, end):
-        if i > 0:
-            interval = u[i - 1], length[i - 1], int(substeps[i - 1]), sigma[i - 1], lags[i - 1]
-            if not predict(step, x, S, model, interval, sensors, scratch):
-                return i
-        values = measurements.values[i]
-        correct_sample(
-            x, S, sensors, values, measurements, given, scratch.h, gains[i], out.rows[i - begin], out.errors[i]
-        )
-        square = 0.0
-        for j in range(k, S.shape[1]):
-            square += S[at, j] * S[at, j]
-        out.states[i] = x[:n]
-        out.watched[i, :k] = S[at, :k]
-        out.watched[i, k] = math.sqrt(square)
-    return -1
+    k = T.shape[0]
+    W[:, :k] = T
+    W[:, k:] = root
+    triangularise(W)
+    T[:] = W[:, :k]
 
 
 @kernel
@@ -343,3 +403,79 @@ def triangularise(W: FloatArray) -> None:
         pivot[0] = norm
         for c in range(1, pivot.size):
             pivot[c] = 0.0
+
+
+@kernel
+def write_watched(watched: FloatArray, of_state: FloatArray) -> None:
+    """From the row of a state in S its derivatives and its standard deviation with fixed parameters (k + 1,)."""
+    k, square = watched.size - 1, 0.0
+    for j in range(k, of_state.size):
+        square += of_state[j] * of_state[j]
+    watched[:k] = of_state[:k]
+    watched[k] = math.sqrt(square)
+
+
+@kernel
+def follow(
+    step: Callable[..., bool],
+    prepare: Callable[..., None],
+    state: FilterState,
+    arrays: FilterArrays,
+    intervals: Intervals,
+    values: FloatArray,
+    output: FilterOutput,
+    span: tuple[int, int, int],
+) -> int:
+    """Filter some samples of a segment in place; the first that is not finite, or -1.
+
+    Parameters
+    ----------
+    step, prepare
+        Generated functions of the model variant.
+    state
+        After the sample before; before the first sample, that predicted for it.
+    arrays
+        The columns of the lags of its sensors are those of `transition`, as in its model.
+    values : (samples, sensors)
+        Measurements, NaN for none.
+    output
+        Its rows begin with the first of the samples.
+    span
+        First sample, and the one after the last; number of sample 0 since the filter started.
+    """
+    u, length, substeps, sigma, lags = intervals
+    errors, states, deviations, gains, rows, watched = output
+    model, free, settings, window = arrays.model, arrays.free, arrays.settings, arrays.window
+    begin, end, number = span
+    x, at_speed, at_position = state.x, settings.at_speed, settings.at_position
+    adapting, packed = state.T.shape[1] > 0, state.moved.shape[1] > 0
+    columns = state.moved if packed else state.S
+    if adapting:
+        refresh(prepare, state.theta, free, arrays.derived, model)
+    if packed:
+        place_window(state.first[0], window, free.pieces, model.breakpoints)
+    for i in range(begin, end):
+        row, due = i - begin, (number + i) % settings.every == 0
+        if i > 0:
+            steps = steps_at(arrays.pace, x[at_position], x[at_speed], length[i - 1], int(substeps[i - 1]))
+            interval = u[i - 1], length[i - 1 : i], steps, sigma[i - 1], lags[i - 1]
+            if packed and leaves(x, settings, length[i - 1], window.within):
+                bring_up(state, window, free.pieces, model.breakpoints, x[at_position], arrays.scratch.S)
+            if not move_columns(step, state, columns, interval, arrays):
+                return i
+        errors[row] = np.nan
+        if due:
+            if packed:
+                bring_up(state, window, free.pieces, model.breakpoints, x[at_position], arrays.scratch.S)
+            of_sample = errors[row], gains[min(row, gains.shape[0] - 1)], rows[row : row + 1]
+            correct_sample(prepare, state, arrays, values[i], of_sample)
+        if deviations.shape[0] > 0:
+            deviations[row] = np.nan
+            if due:
+                state_deviations(state.S, state.T, arrays.derived.slopes, deviations[row], arrays.scratch.w)
+        if watched.shape[0] > 0:
+            write_watched(watched[row], state.S[settings.at_watched])
+        if stroke_ends(state.stroke, x[at_position]) and arrays.drifts.size > 0:
+            drift(state.T, arrays.drifts, arrays.scratch.room)
+        states[row] = x[: states.shape[1]]
+    return -1

@@ -2,38 +2,87 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from clutchid.errors import ParameterError
+from clutchid.inference.filter.setup import FilterState, IntArray
 from clutchid.inference.uncertainty.coordinates import Coordinate
 from clutchid.log import FloatArray
 from clutchid.log.states import MEASURED
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import kernels
 from clutchid.simulation.stiffness import STROKE_TIME, TOP_SPEED
 
 
 class CorrectionRule(NamedTuple):
-    """By which rule a filter corrects: the kernel that follows a segment, of the signature of `joint.follow_jointly`.
+    """By which rule a filter corrects: the kernel that follows a segment, of the signature of `recursion.follow`.
 
-    `columns` says whether S has its columns, see `joint`; `memory` how many numbers `JointState.waiting` has more;
-    `numbers` come last in the settings of the kernel; an innovation is that of the position in m, or of a force in N.
+    `start` makes its state from one of the filter at the start of a segment; `numbers` come last in the settings of the
+    kernel. `columns` says whether S has its columns, see `recursion`; an innovation is that of the position in m, or of
+    a force in N.
     """
 
     module: str
     kernel: str
     columns: bool
-    memory: int
     numbers: Any
+    start: Callable[[FilterState, int], RuleState]
     compares: str = "position"
 
 
-#: States and free parameters by their covariance, see `joint`.
-KALMAN = CorrectionRule("clutchid.inference.filter.joint", "follow_jointly", columns=True, memory=0, numbers=None)
+def _as_it_is(state: FilterState, _inputs: int) -> FilterState:
+    return state
+
+
+#: States and free parameters by their covariance, see `recursion`.
+KALMAN = CorrectionRule("clutchid.inference.filter.recursion", "follow", columns=True, numbers=None, start=_as_it_is)
+
+
+class AdaptiveState(NamedTuple):
+    """State of the adaptive observer between two samples: x (size,), theta (k,), and T (k, m), a root of their gains.
+
+    `known` (1,) is 1 after a sample with a position, and `average` (1,) the average position in m.
+    """
+
+    x: FloatArray
+    theta: FloatArray
+    T: FloatArray
+    known: IntArray
+    average: FloatArray
+
+
+class BalanceState(NamedTuple):
+    """State of the balance of forces between two samples: x (size,), theta (k,), and T (k, m), a root of covariance.
+
+    `stroke` (1,) is 1 while one lasts; `late` (size,) is the late state, see `balance`, and `speed` (1,) its velocity.
+    `usable` (1,) counts usable positions in a row, below 0 while more have to follow, `missing` (1,) those missing in a
+    row. The window has intervals `in_window` (1,), what mass times velocity gained in them, `momentum` (1,), their
+    `impulse` (1,) and `seconds` (1,), and `h` (k,), the derivatives with respect to the weights. Last come the newest
+    `positions` (samples,) and `intervals` (late + 1, inputs + 1), inputs and length in s, the oldest first.
+    """
+
+    x: FloatArray
+    theta: FloatArray
+    T: FloatArray
+    stroke: IntArray
+    late: FloatArray
+    speed: FloatArray
+    usable: IntArray
+    missing: IntArray
+    in_window: IntArray
+    momentum: FloatArray
+    impulse: FloatArray
+    seconds: FloatArray
+    h: FloatArray
+    positions: FloatArray
+    intervals: FloatArray
+
+
+RuleState = FilterState | AdaptiveState | BalanceState
 
 
 class AdaptiveNumbers(NamedTuple):
@@ -126,8 +175,12 @@ def adaptive_rule(
         names.index("A_A"),
     )
     return CorrectionRule(
-        "clutchid.inference.filter.adaptive", "follow_adaptively", columns=False, memory=2, numbers=numbers
+        "clutchid.inference.filter.adaptive", "follow_adaptively", columns=False, numbers=numbers, start=_adaptive_start
     )
+
+
+def _adaptive_start(state: FilterState, _inputs: int) -> AdaptiveState:
+    return AdaptiveState(state.x, state.theta, state.T, np.zeros(1, dtype=np.int64), np.zeros(1))
 
 
 #: Degree of the polynomials that smooth the position; time in s that the balance is late, in the middle of the
@@ -153,8 +206,8 @@ def smoothing(samples: int, at: float) -> FloatArray:
     return weights
 
 
-def balance_rule(actuator: Actuator, count: int, spacing: float) -> CorrectionRule:
-    """The rule of least squares on the balance of forces for so many load weights.
+def balance_rule(actuator: Actuator, spacing: float) -> CorrectionRule:
+    """The rule of least squares on the balance of forces.
 
     Parameters
     ----------
@@ -162,7 +215,7 @@ def balance_rule(actuator: Actuator, count: int, spacing: float) -> CorrectionRu
         Time from one sample to the next.
     """
     late, present = max(1, round(LATE / spacing)), 1 + round(PRESENT / spacing)
-    samples, inputs = max(2 * late + 1, present), len(kernels(actuator.model).INPUTS)
+    samples = max(2 * late + 1, present)
     lag = actuator.value(MEASURED["position"].lag) / spacing
     position, velocity = smoothing(samples, lag - late)
     newest = np.append(np.zeros(samples - present), smoothing(present, lag)[0])
@@ -173,12 +226,22 @@ def balance_rule(actuator: Actuator, count: int, spacing: float) -> CorrectionRu
         actuator.parameter_names.index("M"),
         actuator.parameters.M,
     )
-    memory = 7 + count + samples + (late + 1) * (inputs + 1)
     return CorrectionRule(
         "clutchid.inference.filter.balance",
         "follow_balance",
         columns=False,
-        memory=memory,
         numbers=numbers,
+        start=partial(_balance_start, samples, late + 1),
         compares="force",
     )
+
+
+def _balance_start(samples: int, kept: int, state: FilterState, inputs: int) -> BalanceState:
+    """Before the first sample: no interval is known, and the kernel takes late state and positions from the first."""
+    speed, momentum, impulse, seconds = np.zeros((4, 1))
+    usable, missing, in_window = np.zeros((3, 1), dtype=np.int64)
+    return BalanceState(
+        x=state.x, theta=state.theta, T=state.T, stroke=state.stroke, late=np.zeros_like(state.x), speed=speed,
+        usable=usable, missing=missing, in_window=in_window, momentum=momentum, impulse=impulse, seconds=seconds,
+        h=np.zeros(state.theta.size), positions=np.zeros(samples), intervals=np.zeros((kept, inputs + 1)),
+    )  # fmt: skip

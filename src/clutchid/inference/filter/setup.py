@@ -23,6 +23,7 @@ from clutchid.simulation.parameter_map import ParameterMap
 from clutchid.simulation.plan import Segment
 from clutchid.simulation.run import Columns, start_sensitivities, start_state
 from clutchid.simulation.sensors import lag_coefficients
+from clutchid.simulation.stiffness import Pace
 from clutchid.simulation.windows import Track
 
 IntArray = NDArray[np.int64]
@@ -60,43 +61,6 @@ class Intervals(NamedTuple):
     substeps: NDArray[np.int32]
     sigma: FloatArray
     lags: FloatArray
-
-
-class Measurements(NamedTuple):
-    """Measured values (samples, sensors), NaN for none; offset and standard deviation of each sensor (sensors, 2).
-
-    An innovation beyond `outlier` standard deviations is an outlier.
-    """
-
-    values: FloatArray
-    of_sensor: FloatArray
-    outlier: float
-
-
-class Scratch(NamedTuple):
-    """Scratch arrays of the filter of states.
-
-    Measured states before a step with their rows of S (sensors, 1 + columns); ``[L | Q]``, with Q the square root of
-    the process noise (size, size + n), or (0, 0) with given gains; a row of S (columns,).
-    """
-
-    before: FloatArray
-    W: FloatArray
-    h: FloatArray
-
-
-class FilterOutput(NamedTuple):
-    """What `recursion.follow` writes.
-
-    Rows (samples, sensors, k + 1), see `recursion.write_row`; innovations and their variances (samples, sensors, 2),
-    NaN for none; states of the model after each sample (samples, n); derivatives of one state and its standard
-    deviation (samples, k + 1).
-    """
-
-    rows: FloatArray
-    errors: FloatArray
-    states: FloatArray
-    watched: FloatArray
 
 
 #: Columns of `sensors`, one row a sensor: row of its output in x, row of the state that it measures, columns in S of
@@ -145,15 +109,17 @@ class Derived(NamedTuple):
     slopes: FloatArray
 
 
-class JointState(NamedTuple):
-    """State of the joint filter between two samples: x (size,), S = [D | L] (size, k + size), theta (k,), T (k, k).
+class FilterState(NamedTuple):
+    """State of the filter between two samples: x (size,), S = [D | L], theta (k,), T (k, m), see `recursion`.
 
-    x are the states of the model, then the output of each sensor, in SI; theta the free parameters as coordinates. See
-    `joint` for D, L and T. `waiting` (n + sensors,) is the process noise since the last correction: variances of the
-    states, and the share of a measured state's noise in its sensor's output; `stroke` (1,) is 1 while one lasts. S is
-    that after the last correction: since then it has moved by `moved` = [Gamma | Phi] (size, p + w + size), with Gamma
-    for the free parameters of the model, for a window of w load weights, of which number `first` (1,) is the first, and
-    for those of the sensors; see `transition`. To write it, write its arrays: a filter goes on from them bit by bit.
+    x are the states of the model, then the output of each sensor, in SI; theta the free parameters as coordinates. S is
+    (size, k + size), or (size, k) with given gains. T has as many columns as rows, or none where no parameter adapts.
+    `waiting` (n + sensors,) is the process noise since the last correction: variances of the states, and the share of a
+    measured state's noise in its sensor's output; `stroke` (1,) is 1 while one lasts. S is that after the last
+    correction: since then it has moved by `moved` = [Gamma | Phi] (size, p + w + size), with Gamma for the free
+    parameters of the model, for a window of w load weights, of which number `first` (1,) is the first, and for those of
+    the sensors; see `transition`. Without columns in `moved`, S itself moves. To write a state, write its arrays: a
+    filter goes on from them bit by bit.
     """
 
     x: FloatArray
@@ -165,20 +131,13 @@ class JointState(NamedTuple):
     moved: FloatArray
     first: IntArray
 
-    def copy(self) -> JointState:
-        """An independent copy."""
-        x, S, theta, T, waiting, stroke, moved, first = self
-        return JointState(
-            x.copy(), S.copy(), theta.copy(), T.copy(), waiting.copy(), stroke.copy(), moved.copy(), first.copy()
-        )
-
 
 class Window(NamedTuple):
     """Window of load weights whose columns move, see `transition`.
 
     Their basis functions (w,); columns in S of all responses Gamma (p + w,), of which `placed` (w,) are those of the
     window; basis functions and columns in S of all free load weights, by their place in the stroke; positions in m that
-    the window is for (2,); scratch of the shape of S.
+    the window is for (2,).
     """
 
     bases: IntArray
@@ -187,30 +146,31 @@ class Window(NamedTuple):
     weight_bases: IntArray
     weight_columns: IntArray
     within: FloatArray
-    before: FloatArray
 
 
-class JointScratch(NamedTuple):
-    """Scratch arrays of the joint filter: those of `Scratch`, and more.
+class Scratch(NamedTuple):
+    """Scratch arrays of the filter.
 
-    Gain of x and variance of the innovation (size + 1,); two vectors (k,); a matrix (k, k + d) for the drift of the
-    parameters.
+    Measured states before a step with their rows of the columns that move (sensors, 1 + columns); ``[L | Q]``, with Q
+    the square root of the process noise (size, size + n), or (0, 0) with given gains; of the shape of S, and a row of
+    it; vectors of theta (m,) and (k,); a matrix (k, k + d) for the drift of the parameters.
     """
 
     before: FloatArray
     W: FloatArray
+    S: FloatArray
     h: FloatArray
-    gain: FloatArray
     w: FloatArray
     step: FloatArray
     room: FloatArray
 
 
 class SettingsArrays(NamedTuple):
-    """Settings of the joint filter.
+    """Settings of the filter.
 
     Samples between corrections; standard deviations beyond which an innovation is an outlier; speed in m/s above which
-    parameters adapt; rows of speed and position in x; numbers of the rule, see `rules`.
+    parameters adapt; rows of speed and position in x, and of the state that is watched; numbers of the rule, see
+    `rules`.
     """
 
     every: int
@@ -218,30 +178,44 @@ class SettingsArrays(NamedTuple):
     least_speed: float
     at_speed: int
     at_position: int
+    at_watched: int
     rule: Any
 
 
-class JointOutput(NamedTuple):
-    """What a filter by a rule writes.
+class FilterArrays(NamedTuple):
+    """What a filter is besides its state: arrays that its caller makes once.
+
+    `sensors` are rows of `OUTPUT` to `OFFSET`; `drifts` (k, d) a root of the covariance that theta gains in a stroke,
+    d = 0 for none; `pace` has the integration steps by position and speed, see `joint_parameters.steps_at`.
+    """
+
+    model: ModelArrays
+    free: FreeArrays
+    derived: Derived
+    sensors: IntArray
+    settings: SettingsArrays
+    drifts: FloatArray
+    pace: Pace
+    window: Window
+    scratch: Scratch
+
+
+class FilterOutput(NamedTuple):
+    """What a filter writes by sample; an array without samples is not written.
 
     Innovations and their variances (samples, sensors, 2), NaN for none; the states of the model after each sample
-    (samples, n), and their standard deviations (samples, n), NaN between corrections.
+    (samples, n), and their standard deviations (samples, n), NaN between corrections. For a fit: gains (samples,
+    sensors, size + 1), given or received, see `recursion.correct`, and where they are not wanted, of one sample; rows
+    (samples, sensors, k + 1), see `recursion.write_row`; derivatives of the watched state with respect to the
+    parameters, and its standard deviation (samples, k + 1).
     """
 
     errors: FloatArray
     states: FloatArray
     deviations: FloatArray
-
-
-class FilterState(NamedTuple):
-    """State of the filter between two samples, see `recursion`: x (size,) and S = [dx | L] (size, columns), in SI."""
-
-    x: FloatArray
-    S: FloatArray
-
-    def copy(self) -> FilterState:
-        """An independent copy, to return to."""
-        return FilterState(self.x.copy(), self.S.copy())
+    gains: FloatArray
+    rows: FloatArray
+    watched: FloatArray
 
 
 def sensor_rows(mapped: ParameterMap, names: Sequence[str]) -> IntArray:
@@ -272,24 +246,21 @@ def intervals(segment: Segment, actuator: Actuator, noise: Noise, names: Sequenc
     return Intervals(segment.inputs, segment.dt, segment.substeps, sigma, np.stack(lags, axis=1))
 
 
-def measurements(
-    track: Track, actuator: Actuator, measure: Sequence[str], noise: Noise, names: Sequence[str]
-) -> Measurements:
-    """Measured values of a segment, NaN where a sensor is not in `measure`, with offset and noise of each sensor."""
+def measured_values(track: Track, measure: Sequence[str], names: Sequence[str]) -> FloatArray:
+    """Measurements of a segment (samples, sensors), NaN for none, and for sensors that are not in `measure`."""
     inside = slice(track.segment.start, track.segment.stop)
     values = np.full((len(track.segment), len(names)), np.nan)
     for m, name in enumerate(names):
         if name in measure:
             recorded = track.measured[name][inside]
             values[:, m] = np.where(np.isfinite(recorded), recorded, np.nan)
-    of_sensor = [(actuator.value(SENSORS[name].offset), noise.measured.get(name, np.inf)) for name in names]
-    return Measurements(values, np.array(of_sensor), float(noise.outlier))
+    return values
 
 
 def first_state(
     segment: Segment, mapped: ParameterMap, which: Columns, L: FloatArray, names: Sequence[str]
-) -> FilterState:
-    """State of the filter at the start, with L for the states of the model (n, n), or (n, 0) with given gains.
+) -> tuple[FloatArray, FloatArray]:
+    """State x of the filter at the start and S, with L for the states of the model (n, n), or (n, 0) with given gains.
 
     The output of a sensor is what it measures, less the lag times the velocity for the position; of the pressure no
     rate is known.
@@ -307,10 +278,20 @@ def first_state(
     if lag in mapped.bases and "position" in names:
         dx[n + names.index("position"), mapped.bases.index(lag)] -= x[states.index("v")]
     of_outputs = np.zeros((x.size, len(names) if L.shape[1] else 0))
-    return FilterState(x, np.column_stack([dx, both @ L, of_outputs]))
+    return x, np.ascontiguousarray(np.column_stack([dx, both @ L, of_outputs]))
 
 
-def scratch(size: int, n: int, width: int, sensors: int, given: bool = False) -> Scratch:
-    """Scratch arrays for x of `size`, of which n are states of the model, and S with `width` columns."""
-    W = np.empty((0, 0) if given else (size, size + n))
-    return Scratch(np.empty((sensors, 1 + width)), W, np.empty(width))
+def derived_arrays(actuator: Actuator, names: Sequence[str], deviations: Sequence[float], k: int) -> Derived:
+    """`Derived` before it is computed from theta; `deviations` are those of the noise of the sensors `names` in SI."""
+    rows = [SENSORS[name] for name in names]
+    offsets = [actuator.value(row.offset) for row in rows]
+    lags = np.array([actuator.value(row.lag) for row in rows])
+    return Derived(np.array(actuator.load.theta), lags, np.column_stack([offsets, deviations]), np.ones(k))
+
+
+def scratch(size: int, width: int, T: FloatArray, n: int, sensors: int, drifts: int = 0) -> Scratch:
+    """Scratch arrays for x of `size`, of which n are states of the model, S with `width` columns, and T (k, m)."""
+    k, m = T.shape
+    W = np.empty((size, size + n) if width > k else (0, 0))
+    vectors = np.empty(width), np.empty(m), np.empty(k)
+    return Scratch(np.empty((sensors, 1 + width)), W, np.empty((size, width)), *vectors, np.empty((k, m + drifts)))

@@ -10,7 +10,7 @@ others is 0. At a correction, and before the piston leaves the window, D and L a
 from __future__ import annotations
 
 from clutchid.codegen.kernels import kernel
-from clutchid.inference.filter.setup import IntArray, JointState, Window
+from clutchid.inference.filter.setup import FilterState, IntArray, Window
 from clutchid.log import FloatArray
 
 #: How far the piston may move in a step: a distance in m, and multiples of that at its present speed.
@@ -51,12 +51,14 @@ def centred_window(position: float, window: Window, pieces: IntArray, breakpoint
 
 
 @kernel
-def bring_up(state: JointState, window: Window, pieces: IntArray, breakpoints: FloatArray, position: float) -> None:
+def bring_up(
+    state: FilterState, window: Window, pieces: IntArray, breakpoints: FloatArray, position: float, before: FloatArray
+) -> None:
     """Bring S = [D | L] up to date: ``D := Phi D + Gamma``, ``L := Phi L``; Phi and Gamma begin again.
 
-    The window is put around a `position` in m.
+    The window is put around a `position` in m; `before` of the shape of S is scratch.
     """
-    S, moved, before, responses = state.S, state.moved, window.before, window.columns.size
+    S, moved, responses = state.S, state.moved, window.columns.size
     size, columns = S.shape
     for i in range(size):
         for j in range(columns):
