@@ -131,17 +131,22 @@ class JumpProgram:
 
 @dataclass(frozen=True, slots=True)
 class DifferentiatedProgram:
-    """The differentiated program of a system; `slots` are the non-zero (state, parameter) pairs of all derivatives."""
+    """The differentiated program of a system; `slots` are the non-zero (state, parameter) pairs of all derivatives.
+
+    Those of the system's frequent parameters are at the places `frequent` of `slots`.
+    """
 
     system: System
     plain: Staged
     with_jacobian: Staged
+    with_frequent: Staged
     with_parameters: Staged
     rates: tuple[Expr, ...]
     jacobian: tuple[Entry, ...]
     table_entries: tuple[Entry, ...]
     slots: tuple[tuple[int, int], ...]
     slot_values: tuple[Expr, ...]
+    frequent: tuple[int, ...]
     jump: JumpProgram
 
 
@@ -163,6 +168,7 @@ def differentiated(system: System) -> DifferentiatedProgram:
     slots |= {(e.row, e.column) for e in _entries(jump_by, outputs, system.parameters)}
     ordered = tuple(sorted(slots))
     slot_values = _slot_values(system, by, rates, ordered)
+    frequent = tuple(at for at, (_, j) in enumerate(ordered) if system.parameters[j] in system.frequent)
 
     def stage(needed: Iterable[Expr]) -> Staged:
         return staged(live(extended, symbols_in(needed)), system.parameters, system.inputs)
@@ -172,12 +178,14 @@ def differentiated(system: System) -> DifferentiatedProgram:
         system=system,
         plain=stage(rates),
         with_jacobian=stage(state_values),
+        with_frequent=stage([*state_values, *(slot_values[at] for at in frequent)]),
         with_parameters=stage([*state_values, *slot_values]),
         rates=rates,
         jacobian=jacobian,
         table_entries=table_entries,
         slots=ordered,
         slot_values=slot_values,
+        frequent=frequent,
         jump=JumpProgram(
             tuple(jumped),
             outputs,

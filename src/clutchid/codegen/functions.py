@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from clutchid.codegen.differentiation import JUMP, DifferentiatedProgram, Entry
 from clutchid.codegen.llvm import ArrayElement, Function, Interface, function
 from clutchid.codegen.program import live
-from clutchid.codegen.staging import Parts
+from clutchid.codegen.staging import Parts, Staged
 from clutchid.codegen.stepping import Rows, Work, map_columns, move_columns, step_function
 from clutchid.codegen.system import Expr, symbols_in
 
@@ -17,8 +17,9 @@ def functions(plan: DifferentiatedProgram) -> tuple[Work, dict[str, Function]]:
 
     ``constants_NAME(p, work)``, ``hold_NAME(u, u_at, p, work)`` and ``step_NAME(x, x_at, p, work, h)``, which ends with
     the table's ``breakpoints, count, load``, compute the states, where NAME is "plain", with the Jacobian for
-    "jacobian", with the derivatives to parameters too for "all"; ``jump_NAME(x, measured, measured_at, p, work,
-    number)`` what a jump does. `move_columns` and `map_columns` move the sensitivities.
+    "jacobian", with the derivatives to parameters too for "all", or to the frequent ones for "frequent".
+    ``jump_NAME(x, measured, measured_at, p, work, number)`` is what a jump does. `move_columns` and `map_columns` move
+    the sensitivities.
 
     Raises
     ------
@@ -26,21 +27,36 @@ def functions(plan: DifferentiatedProgram) -> tuple[Work, dict[str, Function]]:
         If an expression uses a function that is not printed.
     """
     jacobian = [*plan.rates, *_values(plan.jacobian), *_values(plan.table_entries)]
-    programs = {
-        "plain": (plan.plain, list(plan.rates)),
-        "jacobian": (plan.with_jacobian, jacobian),
-        "all": (plan.with_parameters, [*jacobian, *plan.slot_values]),
+    programs: dict[str, tuple[Staged, Sequence[int]]] = {
+        "plain": (plan.plain, ()),
+        "jacobian": (plan.with_jacobian, ()),
+        "frequent": (plan.with_frequent, plan.frequent),
+        "all": (plan.with_parameters, range(len(plan.slots))),
     }
-    parts = {name: Parts.of(plan.system, program, results) for name, (program, results) in programs.items()}
+    if not plan.frequent:
+        del programs["frequent"]
+    parts = {
+        name: Parts.of(
+            plan.system,
+            program,
+            plan.rates if name == "plain" else [*jacobian, *(plan.slot_values[at] for at in slots)],
+        )
+        for name, (program, slots) in programs.items()
+    }
     work = Work.of(plan, list(parts.values()))
     out: dict[str, Function] = {}
     for name, part in parts.items():
-        out |= _program(plan, work, name, part)
+        out |= _program(plan, work, name, part, programs[name][1])
     return work, out | _columns(plan, work) | (_jumps(plan, work) if plan.system.jumps else {})
 
 
-def _program(plan: DifferentiatedProgram, work: Work, name: str, parts: Parts) -> dict[str, Function]:
-    """Functions of one staged program; the results of each are read by the next from the work array."""
+def _program(
+    plan: DifferentiatedProgram, work: Work, name: str, parts: Parts, slots: Sequence[int]
+) -> dict[str, Function]:
+    """Functions of one staged program; the results of each are read by the next from the work array.
+
+    A step writes derivatives to parameters at the places `slots` of all.
+    """
     inline, program = name == "plain", parts.program
     constants = _stores("work", parts.constants, work.constants)
     held = _stores("work", (*parts.inputs, *parts.held), work.held)
@@ -48,8 +64,7 @@ def _program(plan: DifferentiatedProgram, work: Work, name: str, parts: Parts) -
     if name != "plain":
         results += _stores("stage", _values(plan.jacobian), work.jacobian)
         results += _stores("stage", _values(plan.table_entries), work.table)
-    if name == "all":
-        results += _stores("stage", plan.slot_values, work.slots)
+    results += [(ArrayElement("stage", work.slots + at), plan.slot_values[at]) for at in slots]
 
     of_run = _loads(_stores("p", plan.system.parameters))
     of_sample = of_run | _loads(constants)

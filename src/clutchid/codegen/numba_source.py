@@ -54,6 +54,7 @@ def numba_source(system: System) -> str:
         jacobian=plan.jacobian,
         functions=printed,
         slots=plan.slots,
+        frequent=plan.frequent,
         work=work,
         width=WIDTH,
     )

@@ -41,7 +41,8 @@ class System:
 
     `definitions` are named intermediate expressions in the order in which they are computed; they may use states,
     inputs, parameters, the table's value and definitions before them. `derivatives` are the right-hand sides. Jumps
-    may use states, parameters and measured values.
+    may use states, parameters and measured values. Where derivatives to no other parameters than the `frequent` ones
+    are asked for, a step computes no others.
 
     Raises
     ------
@@ -58,6 +59,7 @@ class System:
     table: TabulatedFunction | None = None
     measured: tuple[Expr, ...] = ()
     jumps: tuple[Jump, ...] = ()
+    frequent: tuple[Expr, ...] = ()
 
     def __post_init__(self) -> None:
         if len(self.states) != len(self.derivatives):

@@ -20,7 +20,7 @@ from clutchid.model.opening import (
     pulse_share,
     switched_opening,
 )
-from clutchid.parameters import Parameters
+from clutchid.parameters import Parameters, in_order
 
 #: Duty cycles, phase and step of the valves' carrier, and the duty cycles one period of it before.
 INPUTS = ("u_vs", "u_ve", "c_pwm", "d_pwm", "u_vs1", "u_ve1")
@@ -106,6 +106,7 @@ def assembled(b: Book, name: str, inputs: Sequence[str], rates: tuple[Expr, ...]
         table=TabulatedFunction(b["f_l"], b["y"]),
         measured=b.all("y_measured", "p_A_measured"),
         jumps=_resets(b),
+        frequent=b.all(*in_order(Parameters.rows(), lambda row: row.adapts)),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType, ModuleType
@@ -89,11 +89,17 @@ def kernels(model: Model) -> ModuleType:
     return module
 
 
+def few_suffice(model: Model, slots: Collection[int]) -> bool:
+    """Whether ``step_few`` of `model` computes the derivatives at these places in ``SLOTS``."""
+    return bool(kernels(model).FREQUENT) and set(slots).issubset(kernels(model).FREQUENT)
+
+
 @cache
-def step(model: Model) -> Any:
+def step(model: Model, few: bool = False) -> Any:
     """The kernel ``step`` of `model`, to be passed to a kernel that takes one for every model.
 
-    It has one type for all models, so such a kernel is compiled once and its machine code is kept.
+    It has one type for all models, so such a kernel is compiled once and its machine code is kept. With `few` it is
+    ``step_few``, which computes the derivatives to frequent parameters only.
 
     Raises
     ------
@@ -108,11 +114,12 @@ def step(model: Model) -> Any:
     fixed, load, basis = (types.Array(types.float64, n, "C", readonly=True) for n in (1, 2, 3))
     places = types.Array(types.int64, 1, "C")
     interval, tables = (types.float64, types.int64), (fixed, load, basis)
-    return Callback(kernels(model).step, (x, S, fixed, fixed, *interval, *tables, *[places] * 5, x))
+    kernel = kernels(model).step_few if few else kernels(model).step
+    return Callback(kernel, (x, S, fixed, fixed, *interval, *tables, *[places] * 5, x))
 
 
 @cache
-def prepare(model: Model) -> Any:
+def prepare(model: Model, few: bool = False) -> Any:
     """The kernel ``prepare`` of `model`, as `step`: it computes what `step` needs of changed parameters.
 
     Raises
@@ -125,7 +132,8 @@ def prepare(model: Model) -> Any:
     from clutchid.codegen.linked import Callback
 
     x, places = types.Array(types.float64, 1, "C"), types.Array(types.int64, 1, "C")
-    return Callback(kernels(model).prepare, (x, places, x))
+    kernel = kernels(model).prepare_few if few else kernels(model).prepare
+    return Callback(kernel, (x, places, x))
 
 
 @cache
@@ -158,8 +166,9 @@ def compile_ahead(models: Iterable[Model] = tuple(VARIANTS)) -> None:
         module.run.compile((x, *plan, fixed, matrix, matrix))
         module.run_all.compile((x, matrix, *plan, fixed, matrix, basis, *[places] * 5, places, matrix, cube))
         module.linearise.compile((matrix, matrix, x, fixed, matrix, matrix, cube))
-        prepare(model)
-        step(model)
+        for few in (False, True)[: 1 + bool(module.FREQUENT)]:
+            prepare(model, few)
+            step(model, few)
     functions().opening.compile((x, types.float64, types.float64))
     functions().passed_pulses.compile((x, x, x, x, types.float64, types.float64))
 

@@ -64,6 +64,19 @@ def test_a_load_that_has_grown_is_found_in_one_pass(problem, plant, worn):
     assert np.median(after) < 0.2 * np.median(before)
 
 
+def test_where_only_frequent_parameters_are_free_their_own_step_gives_what_that_for_all_does(problem, problem_of):
+    joint, state, given, found = whole(problem)
+    assert joint.few
+    by_all = follow(replace(joint, few=False), state, given, (0, len(problem.tracks[0].segment)))
+    # both compute the same, but for the order of sums: roundings of some 100 operations at 3000 samples of 2 steps
+    assert found.state.theta == pytest.approx(by_all.state.theta, abs=100 * 6000 * 2.0**-52)
+    assert found.states == pytest.approx(by_all.states, rel=100 * 6000 * 2.0**-52, abs=1e-9)
+
+
+def test_a_parameter_that_is_seldom_free_has_the_step_for_all(plant, worn, recorded_by, problem_of):
+    assert not made(problem_of(recorded_by(worn, 0.5), plant, ("F_C", "A_A"), ("position",)))[0].few
+
+
 def test_a_segment_that_cannot_be_followed_is_a_failure_with_its_sample(problem):
     joint, state, given, _ = whole(problem)
     length = given.intervals.length.copy()

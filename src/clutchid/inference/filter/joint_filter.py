@@ -37,7 +37,7 @@ from clutchid.inference.uncertainty.coordinates import Coordinate
 from clutchid.log import FloatArray
 from clutchid.log.states import SENSORS
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import kernels, prepare, step
+from clutchid.model.compiled import few_suffice, kernels, prepare, step
 from clutchid.numerics.failure import Failure
 from clutchid.simulation.noise import Noise, start_deviations
 from clutchid.simulation.parameter_map import ParameterMap, parameter_map
@@ -124,7 +124,7 @@ class JointFilter:
 
     `mapped` has the actuator at the means of the free parameters, `which` their columns in S and `moving` those that
     move, which the lags of `sensors` name; `free` is what is fixed about them, `drifts` (k, d) the root of what their
-    covariance gains in a stroke; `calls` are the generated functions of the model.
+    covariance gains in a stroke. With `few`, the model's step for few parameters computes all derivatives.
     """
 
     mapped: ParameterMap
@@ -138,7 +138,7 @@ class JointFilter:
     drifts: FloatArray
     pace: Pace
     sensors: IntArray
-    calls: tuple[Any, Any]
+    few: bool
     rule: CorrectionRule
 
     def si(self, theta: FloatArray) -> dict[str, float]:
@@ -194,6 +194,7 @@ def joint_filter(
     mapped = parameter_map(mean, names, range(k), np.ones(k), k)
     which, free = columns(mean, names if rule.columns else ()), _free_arrays(mean, coordinates, bounds, measure)
     moving, sensors = _moving_columns(which, free), sensor_rows(mapped, measure)
+    few = few_suffice(mean.model, which.fill_slot.tolist())
     sensors[:, LAG] = [moving.response(j) for j in sensors[:, LAG].tolist()]
     return JointFilter(
         mapped=mapped,
@@ -207,7 +208,7 @@ def joint_filter(
         drifts=np.zeros((k, 0)) if drifts is None else np.ascontiguousarray(drifts),
         pace=pace,
         sensors=sensors,
-        calls=(step(mean.model), prepare(mean.model)),
+        few=few,
         rule=rule,
     )
 
@@ -354,6 +355,12 @@ def _no_drift(joint: JointFilter) -> FloatArray:
 _State = TypeVar("_State", bound=RuleState)
 
 
+def calls(joint: JointFilter) -> tuple[Any, Any]:
+    """The generated step of the model, and what computes its constants."""
+    model = joint.mapped.actuator.model
+    return step(model, joint.few), prepare(model, joint.few)
+
+
 def _copied(state: _State) -> _State:
     made: Any = type(state)
     copy: _State = made(*(array.copy() for array in state))
@@ -369,7 +376,7 @@ def _filtered(
     one_gain, nothing = np.empty((1, sensors, n + sensors + 1)), (np.empty((0, sensors, 1)), np.empty((0, 1)))
     output = FilterOutput(np.empty((count, sensors, 2)), np.empty((count, n)), np.empty((count, n)), one_gain, *nothing)
     failed: int = getattr(kernels_in(joint.rule.module), joint.rule.kernel)(
-        *joint.calls, after, _arrays(joint, after), given.intervals, given.values, output, span
+        *calls(joint), after, _arrays(joint, after), given.intervals, given.values, output, span
     )
     return failed, after, output
 
@@ -390,7 +397,7 @@ def _arrays(joint: JointFilter, state: RuleState) -> FilterArrays:
     s, moving, actuator = joint.settings, joint.moving, joint.mapped.actuator
     n, names = len(actuator.states), actuator.states
     moved = moving.responses + state.x.size if joint.rule.columns else 0
-    model = model_arrays(joint.mapped, moving.columns(), moved)
+    model = model_arrays(joint.mapped, moving.columns(), moved, joint.few)
     own = model._replace(p=model.p.copy())
     deviations = [joint.noise.of_samples(name, s.spacing * s.every) for name in joint.measure]
     derived = derived_arrays(actuator, joint.measure, deviations, state.theta.size)

@@ -228,11 +228,11 @@ def sensor_rows(mapped: ParameterMap, names: Sequence[str]) -> IntArray:
     return np.array(rows, dtype=np.int64)
 
 
-def model_arrays(mapped: ParameterMap, which: Columns, width: int) -> ModelArrays:
-    """Arguments of the generated step for `width` columns."""
+def model_arrays(mapped: ParameterMap, which: Columns, width: int, few: bool = False) -> ModelArrays:
+    """Arguments of the generated step for `width` columns, or of that for few parameters."""
     arrays, module = mapped.arrays, kernels(mapped.actuator.model)
     work = np.empty(module.work_size(width))
-    module.prepare(arrays.parameters, which.fill_slot, work)
+    (module.prepare_few if few else module.prepare)(arrays.parameters, which.fill_slot, work)
     return ModelArrays(
         arrays.parameters, arrays.breakpoints, arrays.load, arrays.basis, which.table_basis, which.table_column,
         which.fill_slot, which.fill_row, which.fill_column, work,

@@ -40,6 +40,7 @@ def own_system(model: OwnModel, base: System) -> System:
         name=model.name,
         states=symbols,
         parameters=(*base.parameters, *(_real(name) for name in model.parameters)),
+        frequent=(*base.frequent, *(_real(name) for name, row in model.parameters.items() if row.adapts)),
         definitions=tuple((_real(name), terms[name]) for name in needed),
         derivatives=tuple(rates.values()),
         jumps=tuple(_jump(jump, base, symbols) for jump in base.jumps),
