@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from clutchid.inference.filter.rules import counted_from
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.observer import observe_recording, observer, read_state, write_state
 from clutchid.observer.recording import follow_block
@@ -53,6 +54,21 @@ def test_a_moved_zero_is_flagged_and_subtracted_and_the_load_is_nearer_to_that_w
     off = {zero: np.abs(load - true).max() for zero, load in loads.items()}
     # two strokes; the first was over before the piston returned to its rest
     assert off["subtract"] < 0.7 * off["keep"]
+
+
+def test_a_zero_that_is_counted_anew_is_no_motion_to_the_balance_of_forces(plant, log, calibration):
+    found = observe_recording(observer(plant, "rls", calibration=calibration), moved(log))
+    begins = int(np.argmax(found.samples.rest > 0.0))
+    still = np.abs(log["position"][begins:] - log["position"][begins]) < 2e-4
+    until = begins + int(np.argmin(still)) if not still.all() else len(log)
+    assert until - begins > 20
+    assert np.isnan(found.samples.innovations[begins:until]).all()
+
+
+def test_the_average_position_of_the_adaptive_observer_counts_from_the_zero_too(plant, log):
+    state = observe_recording(observer(plant, "adaptive"), log.slice(0, 500)).after.filter
+    after = counted_from(state, OFFSET, (0,))
+    assert after.x[0] - after.average[0] == pytest.approx(state.x[0] - state.average[0], abs=1e-15)
 
 
 def test_blocks_of_any_length_and_a_resumed_state_give_the_same_bits(plant, log, calibration, tmp_path):

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from clutchid.inference.filter import rules
 from clutchid.log import FloatArray
 from clutchid.observer.state import ObserverState, RestWatch
 from clutchid.recordings.signals.sampled import runs
@@ -123,7 +124,5 @@ def counted_from(state: ObserverState, zero: float, position: int, sensor: int) 
         return state
     if state.filter is None:
         return replace(state, zero=zero)
-    x = state.filter.x.copy()
-    x[[position, sensor]] -= by
     tail = state.tail._replace(position=state.tail.position - by)
-    return replace(state, filter=state.filter._replace(x=x), tail=tail, zero=zero)
+    return replace(state, filter=rules.counted_from(state.filter, by, (position, sensor)), tail=tail, zero=zero)

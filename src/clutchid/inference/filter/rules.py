@@ -85,6 +85,17 @@ class BalanceState(NamedTuple):
 RuleState = FilterState | AdaptiveState | BalanceState
 
 
+def counted_from(state: RuleState, by: float, places: Sequence[int]) -> RuleState:
+    """A state whose positions count from a zero that is `by` m higher; `places` are those in x that are positions."""
+    less = np.zeros_like(state.x)
+    less[list(places)] = by
+    if isinstance(state, AdaptiveState):
+        return state._replace(x=state.x - less, average=state.average - by)
+    if isinstance(state, BalanceState):
+        return state._replace(x=state.x - less, late=state.late - less, positions=state.positions - by)
+    return state._replace(x=state.x - less)
+
+
 class AdaptiveNumbers(NamedTuple):
     """What the rule of the adaptive observer adds to the settings.
 
