@@ -36,13 +36,13 @@ def run(plant, log):
 def test_the_page_has_loads_strokes_samples_parameters_and_health(run, loads_nothing, tmp_path):
     observe_page(run, ORIGIN, "clutchid observe <worn>.parquet", tmp_path / "page.html")
     html = (tmp_path / "page.html").read_text(encoding="utf-8")
-    for heading in ("Load before and after", "Load by stroke", "Samples", "Parameters", "Flags"):
+    for heading in ("Load before and after", "Load by stroke", "Samples", "Innovations", "Parameters", "Flags"):
         assert f"<h2>{heading}</h2>" in html
     assert "started from CAL.toml" in html
     assert "clutchid observe &lt;worn&gt;.parquet" in html
     assert "No fault was found." in html
     assert "No supply pressure was recorded, so that of the calibration is assumed" in html
-    assert html.count("data:image/") == 3
+    assert html.count("data:image/") == 4
     assert loads_nothing(html)
 
 

@@ -13,8 +13,9 @@ from clutchid.estimation import Fit
 from clutchid.estimation.assess.diagnostics import ColumnDiagnosis, Diagnosis, remarks
 from clutchid.estimation.assess.evidence import HORIZON, Evidence, information
 from clutchid.estimation.assess.verdict import Verdict
-from clutchid.log import FloatArray
+from clutchid.log import INPUTS, FloatArray
 from clutchid.names import capital
+from clutchid.recordings.signals.residual_colour import Colour
 from clutchid.reports.figures import label, new_figure, png, shared_legend
 from clutchid.reports.html import Block, Bullets, Details, Notice, Picture, Text
 from clutchid.reports.style import MM, STYLE
@@ -35,20 +36,24 @@ def colour_figure(diagnosis: Diagnosis) -> Figure:
     columns = list(diagnosis.columns.items())
     figure, axes = new_figure([1.6] * 3 * len(columns), share_x=False)
     for row, (name, column) in enumerate(columns):
-        own, supply, exhaust = axes[3 * row : 3 * row + 3]
-        fast = column.fast
-        _stems(own, fast.lag[1:], fast.autocorrelation[1:], fast.bound[1:])
-        label(own, y="correlation [1]", title=f"{SHOWN[name][0]}: autocorrelation")
-        for axis, key in ((supply, "duty_supply"), (exhaust, "duty_exhaust")):
-            found = fast.inputs.get(key)
-            if found is not None:
-                _stems(axis, found.lag, found.correlation, found.bound)
-            else:
-                axis.text(0.5, 0.5, "constant", ha="center", va="center", transform=axis.transAxes)
-            label(axis, y="correlation [1]", title=f"{SHOWN[name][0]}: with the {key.removeprefix('duty_')} valve")
+        draw_colour(axes[3 * row : 3 * row + 3], column.fast, SHOWN[name][0])
     label(axes[-1], "lag [ms]")
     figure.align_ylabels()
     return figure
+
+
+def draw_colour(axes: Sequence[Axes], found: Colour, name: str) -> None:
+    """Three panels: autocorrelation of a residual of this name, and correlation with the supply and exhaust valve."""
+    own, *others = axes
+    _stems(own, found.lag[1:], found.autocorrelation[1:], found.bound[1:])
+    label(own, y="correlation [1]", title=f"{name}: autocorrelation")
+    for axis, key in zip(others, INPUTS, strict=True):
+        crossed = found.inputs.get(key)
+        if crossed is not None:
+            _stems(axis, crossed.lag, crossed.correlation, crossed.bound)
+        else:
+            axis.text(0.5, 0.5, "constant", ha="center", va="center", transform=axis.transAxes)
+        label(axis, y="correlation [1]", title=f"{name}: with the {key.removeprefix('duty_')} valve")
 
 
 def _stems(axis: Axes, lag: FloatArray, values: FloatArray, bound: FloatArray) -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from clutchid.estimation import Fit
 from clutchid.estimation.assess.comparison import ENGAGING, half_load_band
 from clutchid.estimation.assess.evidence import Evidence, as_recorded, evidence, reach
+from clutchid.estimation.assess.innovations import calibration_innovations
 from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.result import Errors, Recording
 from clutchid.recordings.files import write_text
@@ -27,6 +28,7 @@ from clutchid.reports.diagnosis_page import (
 from clutchid.reports.figures import png, svg
 from clutchid.reports.fit_figures import load_figure, recording_figure, reliable
 from clutchid.reports.html import Block, Details, Notice, Page, PageSection, Picture, Text, provenance, render
+from clutchid.reports.innovations import innovation_blocks
 from clutchid.reports.style import BAR, MM
 from clutchid.reports.summary import interval_words, other_warnings
 from clutchid.reports.tables import Cell, Column, ReportTable, load_table, scientific
@@ -126,6 +128,10 @@ def page_of(fit: Fit, command: str) -> Page:
         sections.append(PageSection("Errors", _errors(fit, found)))
         sections += _drawn(fit, found, fit.recordings, "fitted")
     sections += _drawn(fit, found, fit.verification, "verified, not fitted")
+    sections += [
+        PageSection(f"Innovations of {name}", innovation_blocks(name, of_one))
+        for name, of_one in list(calibration_innovations(fit).items())[:MAX_DRAWN]
+    ]
     return Page(f"Clutch load from {names}", _subtitle(fit), tuple(sections), provenance(logs, command))
 
 

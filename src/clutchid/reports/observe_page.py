@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from clutchid.estimation.assess.comparison import ENGAGING
+from clutchid.estimation.assess.innovations import innovation_statistics
 from clutchid.estimation.assess.observed import indicators, observed_verdict
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.inference.uncertainty.estimates import Estimate, LoadCurve
@@ -23,6 +24,7 @@ from clutchid.recordings.files import write_text
 from clutchid.reports.diagnosis_page import verdict_blocks
 from clutchid.reports.figures import BINS, draw, draw_duties, fill, label, legend, mark_span, new_figure, png, svg
 from clutchid.reports.html import Block, Details, Notice, Page, PageSection, Picture, Text, provenance, render
+from clutchid.reports.innovations import innovation_blocks
 from clutchid.reports.observe_text import Loads, load_sentence, loads
 from clutchid.reports.style import BAR, MM, STYLE, Line
 from clutchid.reports.tables import Cell, Column, ReportTable
@@ -211,10 +213,12 @@ def observe_page(run: ObservedRecording, origin: Origin, command: str, path: str
 def page_of(run: ObservedRecording, origin: Origin, command: str) -> Page:
     """The page before it is rendered."""
     name = escape(run.log.name)
+    innovations = innovation_blocks(run.log.name, innovation_statistics(run))
     sections = [
         PageSection("Load before and after", _result(run)),
         PageSection("Load by stroke", _by_stroke(run)),
         PageSection("Samples", (Picture(png(samples_figure(run)), f"{name}. {_SAMPLES}", "Samples over time"),)),
+        *([PageSection("Innovations", innovations)] if innovations else []),
         PageSection("Parameters", _parameters(run)),
         PageSection("Flags", (health_table(run),)),
     ]
