@@ -81,6 +81,14 @@ def _hints(item: typing.Any) -> dict[str, typing.Any]:
     return typing.get_type_hints(item, localns=names)
 
 
+def places_of_records() -> dict[str, str]:
+    """Full names of the records by name, as their pages have them."""
+    public = set(clutchid.__all__)
+    return {
+        one.__name__: f"{'clutchid' if one.__name__ in public else one.__module__}.{one.__name__}" for one in records()
+    }
+
+
 def described(item: type) -> set[str]:
     """Fields that the sections Parameters and Attributes of a docstring describe."""
     sections = re.findall(r"^(?:Parameters|Attributes)\n-+\n(.*?)(?=\n\n\S+[^\n]*\n---|\Z)", _doc(item), re.M | re.S)
@@ -111,6 +119,8 @@ def api_pages(parameter_tables: str) -> dict[str, str]:
     }
     equations = {f"equations_{name}": _module(f"clutchid.model.{name}") for name in EQUATIONS}
     pages |= further | equations | {"index": _index(held, [*further], [*equations])}
+    # the others are found by links and by search: in the navigation of each page they would double the time of a build
+    pages = {name: text if name in {*public, "index"} else f":orphan:\n\n{text}" for name, text in pages.items()}
     files = {f"{name}.rst": text for name, text in pages.items() if name != "class_Parameters"}
     return files | {"class_Parameters.md": _parameters(parameter_tables)}
 
@@ -127,7 +137,8 @@ def _page(name: str, module: str, item: object) -> str:
         return f"{heading}.. autoexception:: {module}.{name}\n   :show-inheritance:\n"
     hidden = ", ".join(fields_of(item)) if is_record(item) else ""
     options = "   :members:\n" + (f"   :exclude-members: {hidden}\n" if hidden else "")
-    return f"{heading}.. autoclass:: {module}.{name}\n{options}"
+    made_by_clutchid = "\nAttributes\n---" in _doc(item)  # its fields are described, and nobody calls it
+    return f"{heading}.. autoclass:: {module}.{name}{'()' * made_by_clutchid}\n{options}"
 
 
 def _parameters(tables: str) -> str:
@@ -151,13 +162,13 @@ def _first(item: object) -> str:
 
 
 def _index(held: Sequence[type], further: Sequence[str], equations: Sequence[str]) -> str:
-    offered = [(name, page_name(name), getattr(clutchid, name)) for name in clutchid.__all__]
+    offered = [(name, page_name(name), getattr(clutchid, name)) for name in sorted(clutchid.__all__)]
     functions = [row for row in offered if inspect.isfunction(row[2])]
     classes = [row for row in offered if inspect.isclass(row[2]) and not issubclass(row[2], BaseException)]
     errors = [row for row in offered if row not in functions and row not in classes]
     beside = [(f"{module}.{name}", f"further_{name}", getattr(import_module(module), name))
               for module, names in FURTHER.items() for name in names if f"further_{name}" in further]  # fmt: skip
-    inside = [(record.__name__, f"record_{record.__name__}", record) for record in held]
+    inside = sorted((record.__name__, f"record_{record.__name__}", record) for record in held)
     texts = [(page.removeprefix("equations_"), page, import_module(f"clutchid.model.{page.removeprefix('equations_')}"))
              for page in equations]  # fmt: skip
     parts = [_heading("API reference"), "All values are in SI. Names are taken from ``clutchid``.\n"]
@@ -165,6 +176,6 @@ def _index(held: Sequence[type], further: Sequence[str], equations: Sequence[str
         ("Functions", functions), ("Classes", classes), ("Errors", errors), ("More functions", beside),
         ("What results hold", inside), ("Equations", texts),
     ):  # fmt: skip
-        parts += [_heading(title, "-"), _summary(rows), ".. toctree::\n   :hidden:\n\n" +
-                  "".join(f"   {shown.rpartition('.')[2]} <{page}>\n" for shown, page, _ in rows)]  # fmt: skip
-    return "\n".join(parts)
+        parts += [_heading(title, "-"), _summary(rows)]
+    entries = "".join(f"   {name} <{page}>\n" for name, page, _ in (*functions, *classes, *errors))
+    return "\n".join([*parts, f".. toctree::\n   :hidden:\n\n{entries}"])

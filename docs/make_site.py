@@ -42,7 +42,7 @@ NAVIGATION = {
 }  # fmt: skip
 
 #: Places in the site of pages that do not lie in docs/.
-OUTSIDE = {"CHANGELOG.md": "changelog.md", "CONTRIBUTING.md": "contributing.md", "CITATION.cff": "files/CITATION.cff"}
+OUTSIDE = {"CHANGELOG.md": "changelog.md", "CONTRIBUTING.md": "contributing.md"}
 
 _LINK = re.compile(r"\[([^\]\n]*)\]\(([^)\s]+)\)")
 

@@ -6,6 +6,8 @@ import re
 from importlib.metadata import version as version_of
 from typing import Any
 
+from api_pages import places_of_records
+
 project = "clutchid"
 author = "The clutchid developers"
 version = release = version_of("clutchid")
@@ -36,6 +38,7 @@ html_static_path = ["static"]
 html_css_files = ["site.css"]
 html_copy_source = False
 html_show_sphinx = False
+html_show_copyright = False
 html_permalinks_icon = "#"
 html_theme_options = {"navigation_with_keys": True, "top_of_page_buttons": []}
 mathjax_path = "mathjax/tex-svg.js"  # one file with its fonts: a built page asks for nothing outside its folder
@@ -45,7 +48,6 @@ mathjax3_config = {"options": {"enableMenu": False}}
 def setup(app: Any) -> None:
     """Prepare docstrings before napoleon reads their sections."""
     app.connect("autodoc-process-docstring", docstring, priority=100)
-    app.connect("autodoc-process-signature", signature)
 
 
 def docstring(app: Any, what: str, name: str, item: Any, options: Any, lines: list[str]) -> None:  # noqa: ARG001
@@ -57,22 +59,22 @@ def docstring(app: Any, what: str, name: str, item: Any, options: Any, lines: li
 
 
 def _typed(text: str, item: type) -> str:
-    """`text` with the types of the fields in its section Attributes, behind their units."""
+    """`text` with the types of the fields in its section Attributes, behind their units; records are links."""
     before, heading, section = text.partition("\nAttributes\n----------\n")
-    types = {
-        name: str(shown)
-        for one in reversed(item.__mro__)
-        for name, shown in vars(one).get("__annotations__", {}).items()
-    }
+    annotations = [vars(one).get("__annotations__", {}) for one in reversed(item.__mro__)]
+    types = {name: getattr(kind, "__forward_arg__", kind) for found in annotations for name, kind in found.items()}
 
     def entry(found: re.Match[str]) -> str:
-        names, unit = found[1], found[2] or ""
-        shown = types.get(names.partition(",")[0], "")
-        return f"{names} : " + (f"{unit.removeprefix(' : ')}; {shown}" if unit else shown)
+        names, unit = found[1], found[2].removeprefix(" : ")
+        kind = re.sub(r"\w+", _linked, str(types.get(names.partition(",")[0], "")))
+        return f"{names} : {'; '.join(filter(None, (unit, kind)))}"
 
-    return before + heading + re.sub(r"^(\w[\w, ]*?)( : .*)?(?=\n    )", entry, section, flags=re.MULTILINE)
+    return before + heading + re.sub(r"^(\w[\w, ]*?)((?: : .*)?)(?=\n    )", entry, section, flags=re.MULTILINE)
 
 
-def signature(app: Any, what: str, name: str, item: Any, options: Any, given: str, returned: str) -> Any:  # noqa: ARG001
-    """A result is not made by its user: its page has fields in place of a signature."""
-    return ("", "") if what == "class" and "Attributes\n---" in (item.__doc__ or "") else None
+PLACES = places_of_records()
+
+
+def _linked(name: re.Match[str]) -> str:
+    """The name of a type; that of a record as a link to its page."""
+    return f":py:obj:`{name[0]} <{PLACES[name[0]]}>`" if name[0] in PLACES else name[0]

@@ -51,7 +51,9 @@ def test_every_argument_of_a_public_function_is_described():
 
 def test_every_public_function_says_what_it_returns():
     returns = {name: inspect.signature(getattr(clutchid, name)).return_annotation for name in FUNCTIONS}
-    silent = [name for name, kind in returns.items() if kind not in {"None", None} and "Returns\n---" not in docstring(name)]
+    silent = [
+        name for name, kind in returns.items() if kind not in {"None", None} and "Returns\n---" not in docstring(name)
+    ]
     assert silent == []
 
 
@@ -77,4 +79,6 @@ def test_every_row_of_the_parameters_has_unit_meaning_and_source():
 def test_no_two_pages_of_the_reference_are_one_file_where_case_does_not_count(pages):
     names = [name.lower() for name in pages.api_pages("")]
     assert sorted(set(names)) == sorted(names)
-    assert {pages.page_name(name) for name in clutchid.__all__} <= {name.rpartition(".")[0] for name in pages.api_pages("")}
+    assert {pages.page_name(name) for name in clutchid.__all__} <= {
+        name.rpartition(".")[0] for name in pages.api_pages("")
+    }
