@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote
@@ -30,6 +31,10 @@ LOADED = {
 }
 
 
+#: End of the log of a build that is over.
+DONE = ": built\n"
+
+
 class Page(HTMLParser):
     """Targets, links and loaded files of a page."""
 
@@ -53,14 +58,30 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory):
-    """The folder of the built site."""
+def site(tmp_path_factory, request):
+    """The folder of the built site; workers of one run share it, and the first that comes builds it."""
     pytest.importorskip("sphinx", reason="the extra docs is not installed: no Sphinx to build the site with")
     pytest.importorskip("furo", reason="the extra docs is not installed: no furo to build the site with")
-    out = tmp_path_factory.mktemp("site")
-    done = subprocess.run([sys.executable, DOCS / "make_site.py", out], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    base = tmp_path_factory.getbasetemp()
+    shared = base.parent if hasattr(request.config, "workerinput") else base
+    out, log = shared / "site", shared / "site.log"
+    try:
+        log.touch(exist_ok=False)
+    except FileExistsError:
+        wait_until(lambda: log.read_text(encoding="utf-8").endswith(DONE), seconds=600)
+    else:
+        done = subprocess.run([sys.executable, DOCS / "make_site.py", out], capture_output=True, text=True, check=False)
+        log.write_text(f"{done.stdout}{done.stderr}{done.returncode}{DONE}", encoding="utf-8")
+    assert log.read_text(encoding="utf-8") == f"0{DONE}"
     return out
+
+
+def wait_until(ready, seconds):
+    """Ask twice a second whether another worker is ready."""
+    end = time.monotonic() + seconds
+    while not ready():
+        assert time.monotonic() < end, f"another worker has not built the site within {seconds} s"
+        time.sleep(0.5)
 
 
 @pytest.fixture(scope="module")
