@@ -1,8 +1,9 @@
-"""Build the documentation site: ``python docs/make_site.py FOLDER``, with the extra ``docs``.
+"""Build the documentation site: ``python docs/make_site.py FOLDER [--gallery]``, with the extra ``docs``.
 
-The pages are those of docs/, the changelog and the tables of benchmarks/results, as they lie in the repository, and an
-API reference made from the docstrings. They are copied to a temporary folder with what a site needs, so no file of the
-repository changes; every warning of Sphinx is an error.
+The pages are those of docs/, the changelog and the tables of benchmarks/results, as they lie in the repository, and
+an API reference made from the docstrings; with ``--gallery`` also the pictures that docs/gallery draws. They are
+copied to a temporary folder with what a site needs, so no file of the repository changes; every warning of Sphinx is
+an error.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from pathlib import Path
 
 from api_pages import api_pages
 from make_equations import parameter_tables
+from make_gallery import gallery
 
 import clutchid
 
@@ -35,7 +37,7 @@ NAVIGATION = {
         "own_models", "truck",
     ],
     "Commands": ["commands/*"],
-    "Python": ["python", "api/index"],
+    "Python": ["python", "gallery/index", "api/index"],
     "Physics": ["models", "equations", "friction", "deviations"],
     "Methods": ["methods", "derivations", "derivations_online", "benchmarks", "results/*"],
     "Project": ["formats", "architecture", "contributing", "changelog", "cite"],
@@ -101,7 +103,7 @@ def navigation(places: Iterable[str]) -> str:
 
 
 def _matching(name: str, pages: Sequence[str]) -> list[str]:
-    if name.startswith("api/"):
+    if name == "api/index":
         return [name]
     return [page for page in pages if fnmatch(page, name)]
 
@@ -115,14 +117,16 @@ def _function(found: re.Match[str]) -> str:
     return f"{{py:obj}}`{name} <{home}.{name}>` in `model/{module}.py`, line {line}"
 
 
-def stage(folder: Path) -> None:
+def stage(folder: Path, with_gallery: bool) -> None:
     """Write all that Sphinx needs to `folder`."""
     shutil.copytree(DOCS / "site", folder, dirs_exist_ok=True)
     places = sources()
+    if with_gallery:
+        gallery(folder / "gallery")
     for page, place in [*places.items()]:
         text = site_text(page, places, folder)
         if place == "index.md":
-            text += navigation(places.values())
+            text += navigation([*places.values(), *(["gallery/index.md"] if with_gallery else [])])
         if place == "equations.md":
             text = re.sub(r"^`(\w+)` in `model/(\w+)\.py`$", _function, text, flags=re.MULTILINE)
         (folder / place).parent.mkdir(parents=True, exist_ok=True)
@@ -132,12 +136,12 @@ def stage(folder: Path) -> None:
         (folder / "api" / name).write_text(text, encoding="utf-8")
 
 
-def build(out: Path) -> int:
+def build(out: Path, with_gallery: bool = False) -> int:
     """Build the site in `out`, and return the exit code of Sphinx: 0 without an error or a warning."""
     from sphinx.cmd.build import build_main
 
     with tempfile.TemporaryDirectory() as folder:
-        stage(Path(folder) / "pages")
+        stage(Path(folder) / "pages", with_gallery)
         doctrees = str(Path(folder) / "doctrees")
         return build_main(["-q", "-W", "--keep-going", "-d", doctrees, str(Path(folder) / "pages"), str(out)])
 
@@ -145,4 +149,6 @@ def build(out: Path) -> int:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path, help="where the site is written")
-    sys.exit(build(parser.parse_args().folder))
+    parser.add_argument("--gallery", action="store_true", help="draw the gallery too, or take kept pictures")
+    given = parser.parse_args()
+    sys.exit(build(given.folder, given.gallery))
