@@ -41,6 +41,18 @@ settings.load_profile("clutchid")
 THETA = (9.0e5, -0.3e5, 0.6e5)
 
 
+#: Public names whose examples in the docstring take longer than 0.6 s.
+SLOW_EXAMPLES = {"calibrate", "export", "fleet", "prove", "report", "track"}
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark slow examples in docstrings, which cannot say so themselves."""
+    for item in items:
+        if isinstance(item, pytest.DoctestItem) and item.name.rpartition(".")[2] in SLOW_EXAMPLES:
+            item.add_marker(pytest.mark.slow)
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Compile the kernels once, before workers start that would all do it; no test compiles for itself."""
     if config.getoption("numprocesses", None) and not hasattr(config, "workerinput"):

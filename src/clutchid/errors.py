@@ -10,7 +10,19 @@ from importlib.util import find_spec
 
 
 class ClutchidError(Exception):
-    """Base class of all errors that clutchid raises; the text is written for the user."""
+    """Base class of all errors that clutchid raises; the text is written for the user.
+
+    Examples
+    --------
+    A negative conductance, as any caller of clutchid may catch it:
+
+    >>> import clutchid
+    >>> try:
+    ...     clutchid.Parameters(C_vs=-1.9e-8)
+    ... except ClutchidError as error:
+    ...     print(error)
+    C_vs = -1.9e-08 m³/(Pa·s): a conductance is at least 0 and at most 1e-05. Appendix A has 1.9e-08.
+    """
 
     @classmethod
     def raise_for(cls, problems: Iterable[str]) -> None:
@@ -20,11 +32,35 @@ class ClutchidError(Exception):
 
 
 class ParameterError(ClutchidError, ValueError):
-    """A parameter, bound or option is not admissible."""
+    """A parameter, bound or option is not admissible.
+
+    Examples
+    --------
+    A clutch does not weigh a milligram:
+
+    >>> import clutchid
+    >>> try:
+    ...     clutchid.Parameters(M=1e-6)
+    ... except ValueError as error:  # a ParameterError is a ValueError
+    ...     print(error)
+    M = 1e-06 kg: it is at least 1e-05 and at most 100000. Appendix A has 10.
+    """
 
 
 class DataError(ClutchidError, ValueError):
-    """A recording cannot be used; the text lists every problem found in it."""
+    """A recording cannot be used; the text lists every problem found in it.
+
+    Examples
+    --------
+    Two samples cannot have one time:
+
+    >>> import clutchid
+    >>> try:
+    ...     clutchid.Log([0.0, 1e-3, 1e-3], {"position": [0.0, 0.0, 0.0]})
+    ... except ValueError as error:  # a DataError is a ValueError
+    ...     print(error)
+    log: time must be one column of finite, strictly increasing values.
+    """
 
     @classmethod
     def of(cls, source: str, problems: list[str]) -> "DataError":
@@ -35,15 +71,48 @@ class DataError(ClutchidError, ValueError):
 
 
 class SolveError(ClutchidError, ArithmeticError):
-    """A simulation or a fit produced values that are not finite."""
+    """A simulation or a fit produced values that are not finite.
+
+    Examples
+    --------
+    A load that pulls with a giganewton a metre leaves no finite motion:
+
+    >>> import clutchid
+    >>> import numpy as np
+    >>> t = np.arange(0.0, 0.1, 1e-3)
+    >>> pulse = clutchid.Log(t, {"duty_supply": np.ones(100), "duty_exhaust": np.zeros(100)})
+    >>> try:
+    ...     clutchid.simulate(clutchid.Actuator(load=clutchid.Load((-1e9, 0.0, 0.0))), pulse)
+    ... except ArithmeticError as error:  # a SolveError is an ArithmeticError
+    ...     print(type(error).__name__)
+    SolveError
+    """
 
 
 class ExportError(ClutchidError, OSError):
-    """An output cannot be written; no partial file is left."""
+    """An output cannot be written; no partial file is left.
+
+    Examples
+    --------
+    >>> import clutchid
+    >>> try:
+    ...     clutchid.write(clutchid.Log([0.0, 1e-3], {"position": [0.0, 0.0]}), "run.xyz")
+    ... except OSError as error:  # an ExportError is an OSError
+    ...     print(error)
+    run.xyz: the suffix '.xyz' is not known; a log is written as .csv, .parquet, .mf4 or .mat.
+    """
 
 
 class MissingExtra(ClutchidError, ImportError):
-    """An optional dependency is not installed."""
+    """An optional dependency is not installed.
+
+    Examples
+    --------
+    Reading an MDF file without asammdf raises it; code that knows no clutchid can catch it:
+
+    >>> issubclass(MissingExtra, ImportError)
+    True
+    """
 
 
 def requirements(extra: str) -> tuple[str, ...]:

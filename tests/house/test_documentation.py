@@ -19,6 +19,28 @@ def test_the_page_of_equations_is_the_one_that_the_code_makes():
     assert (ROOT / "docs" / "equations.md").read_text(encoding="utf-8") == module.page()
 
 
+def test_the_page_of_equations_has_every_equation_of_the_paper_and_their_names():
+    text = (ROOT / "docs" / "equations.md").read_text(encoding="utf-8")
+    headings = re.findall(r"^### (\(.*?\))(?: [A-Z])", text, re.MULTILINE)
+    numbers = set()
+    for heading in headings:
+        found = [int(number) for number in re.findall(r"\d+", heading)]
+        numbers |= set(range(found[0], found[-1] + 1)) if " to " in heading else set(found)
+    assert sorted(numbers) == [number for number in range(1, 27) if number != 22]  # the paper has no Eq. (22)
+    assert "### (2) LuGre friction" in text
+    assert "Flow function psi" in text
+
+
+def test_a_formula_names_other_functions_and_constants_and_does_not_expand_them():
+    spec = importlib.util.spec_from_file_location("make_equations", ROOT / "docs" / "make_equations.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    page = module.page()
+    flow = page.partition("`orifice_flow`")[2].partition("###")[0]
+    assert r"\psi{\left(\frac{p_l}{p_h},B,B_0,r_{lam} \right)}" in flow
+    assert "p_N" in page.partition("`leak_flow`")[2].partition("###")[0]
+
+
 def test_the_python_example_of_the_readme_runs(tmp_path, monkeypatch, capsys):
     example = re.search(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL).group(1)
     assert len(example.strip().splitlines()) <= 14  # "a 12-line Python example" and two blank lines at most

@@ -11,6 +11,7 @@ DOCS = Path(__file__).resolve().parents[2] / "docs"
 #: The files that each page writes.
 WRITTEN = {
     "python.md": {"page.html", "load.pdf", "worn.csv", "state.toml", "cal.toml", "trucks", "result"},
+    "sampling.md": set(),
     "from_matlab.md": {"run.csv", "load.mat", "load_fit.m", "simulated.mat"},
     "calibrate_read_compare.md": {"cal.toml", "new_against_worn.png"},
 }

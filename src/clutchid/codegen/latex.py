@@ -24,12 +24,12 @@ def latex_source(system: System) -> str:
     """
     lines: list[tuple[str, str]] = []
     for symbol, value in system.definitions:
-        lines += _lines(letters(str(symbol)), value)
+        lines += right_hand_lines(letters(str(symbol)), value)
     if system.table is not None:
         argument = expression_latex(system.table.argument)
         lines.append((letters(str(system.table.value)), rf"\sum_i \theta_i \, \phi_i({argument})"))
     for state, value in zip(system.states, system.derivatives, strict=True):
-        lines += _lines(letters(f"{state}_dot"), value)
+        lines += right_hand_lines(letters(f"{state}_dot"), value)
     text = " \\\\\n".join(f"{left} &= {right}" for left, right in lines if left != right)
     return f"\\begin{{aligned}}\n{text}\n\\end{{aligned}}\n"
 
@@ -78,8 +78,8 @@ def _subscript(text: str) -> str:
     return rf"\dot{{{text[:-3]}}}" if text.endswith("dot") and len(text) > 3 else text
 
 
-def _lines(left: str, value: Expr) -> list[tuple[str, str]]:
-    """The equation ``left = value``, after those of its inner piecewise parts."""
+def right_hand_lines(left: str, value: Expr) -> list[tuple[str, str]]:
+    """The equation ``left = value`` as pairs (left, right) in LaTeX, after those of its inner piecewise parts."""
     auxiliaries: dict[Expr, Expr] = {}
     lines: list[tuple[str, str]] = []
 

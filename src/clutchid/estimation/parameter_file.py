@@ -102,8 +102,18 @@ _RULES = {
 class ParameterFile:
     """An actuator, the start values of segments by recording, and how it was fitted.
 
-    A start is (position in m, pressure in chamber A in Pa). `own` are parameters of single recordings by stem, `origin`
-    is the file itself.
+    Attributes
+    ----------
+    actuator
+        Model, parameters and load.
+    starts : m, Pa
+        Position and pressure in chamber A at the start of each segment, by stem of the recording.
+    fit
+        Section [fit] of the file: free names, bounds, covariance, calibration, versions.
+    own : SI
+        Parameters of single recordings by stem.
+    origin
+        The file itself: name, time, checksum, trust.
     """
 
     actuator: Actuator
@@ -313,12 +323,29 @@ def _with_texts(origin: Origin, section: object) -> Origin:
 
 
 def write_parameters(content: ParameterFile, path: str | PathLike[str]) -> None:
-    """Write a parameter file; an existing one is replaced only by a complete new one.
+    r"""Write a parameter file; an existing one is replaced only by a complete new one.
+
+    Parameters
+    ----------
+    content : ParameterFile
+        Of a fit, `clutchid.parameter_file` makes it.
+    path : path
+        Of the file (TOML).
 
     Raises
     ------
     ExportError
         If the file cannot be written.
+
+    Examples
+    --------
+    A file has values in SI, here of a supply at 7 bar:
+
+    >>> import clutchid, tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_parameters(ParameterFile(clutchid.Actuator().replace(P_S=7e5)), f"{folder}/seven.toml")
+    ...     [line for line in Path(folder, "seven.toml").read_text().splitlines() if line.startswith("P_S")]
+    ['P_S = 700000.0']
     """
     import tomli_w
 
@@ -345,6 +372,11 @@ def read_parameters(path: str | PathLike[str], model: OwnModel | None = None) ->
     model
         The model of the user's own that the file was saved with: a file never loads code.
 
+    Returns
+    -------
+    content : ParameterFile
+        With actuator, start values and, from a fit, its section.
+
     Raises
     ------
     DataError
@@ -352,6 +384,16 @@ def read_parameters(path: str | PathLike[str], model: OwnModel | None = None) ->
     ParameterError
         If it is for MATLAB, no TOML, was saved with another `model`, or any entry is unknown or inadmissible; the text
         lists all problems.
+
+    Examples
+    --------
+    What was written is read again; a supply at 7 bar instead of 9:
+
+    >>> import clutchid, tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_parameters(ParameterFile(clutchid.Actuator().replace(P_S=7e5)), f"{folder}/seven.toml")
+    ...     f"{read_parameters(f'{folder}/seven.toml').actuator.value('P_S') / 1e5:.1f} bar"
+    '7.0 bar'
     """
     if Path(path).suffix.lower() in MATLAB_SUFFIXES:
         raise ParameterError(

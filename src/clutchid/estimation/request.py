@@ -130,9 +130,18 @@ SearchStatus = Literal["converged", "stalled", "limit"]
 
 @dataclass(frozen=True, slots=True)
 class SearchState:
-    """End of a search with priors, the parameters that were requested free, and the priors of all free ones in SI.
+    """End of a search with priors.
 
-    `priors` has more names than `free` if the method freed parameters of its own, such as the phase of the carrier.
+    Attributes
+    ----------
+    status
+        'converged', 'stalled' or 'limit'.
+    evaluations
+        Of the model.
+    free
+        Parameters that were requested free.
+    priors : SI
+        Of all free ones: more than `free` if the method freed parameters of its own, such as the phase of the carrier.
     """
 
     status: SearchStatus

@@ -38,9 +38,11 @@ class Change:
         Stem of the recording, and the parameter.
     before, after, std : unit
         Calibrated value, estimate of the present one, and its standard deviation.
+    unit
+        SI unit of the parameter.
     probability : 1
         That its group has changed.
-    group : str
+    group
         Parameters that change together, see `clutchid.inference.uncertainty.change_prior`.
     """
 
@@ -57,9 +59,16 @@ class Change:
 class Departure(NamedTuple):
     """Departure of recordings from a calibration.
 
-    `distance` is the squared Mahalanobis distance of the `parameters` that may change from their calibrated values,
-    under the prior that all groups have changed: about their number where the truck has. `misfit` is the cost for each
-    second in motion over that of the calibration recordings read from position alone; NaN if that is not known.
+    Attributes
+    ----------
+    distance : 1
+        Squared Mahalanobis distance of the `parameters` that may change from their calibrated values, under the prior
+        that all groups have changed: about their number where the truck has.
+    parameters
+        Number of parameters that may change.
+    misfit : 1
+        Cost for each second in motion over that of the calibration recordings read from position alone; NaN if that is
+        not known.
     """
 
     distance: float
@@ -75,9 +84,18 @@ _NAMED, _SHOWN = 3, 6
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """Errors of a simulation against the measured samples: rms and sum of squares, in m and Pa.
+    """Errors of a simulation against the measured samples; the paper's Table 2 lists sums of squares.
 
-    The paper's Table 2 lists sums of squares. Pressure is None if it was not measured.
+    Attributes
+    ----------
+    position_rms : m
+        Root mean square of the position error.
+    position_sse : m²
+        Sum of its squares over all samples.
+    pressure_a_rms : Pa
+        Root mean square of the pressure error; None if pressure was not measured.
+    pressure_a_sse : Pa²
+        Sum of its squares; None if pressure was not measured.
     """
 
     position_rms: float
@@ -88,10 +106,22 @@ class Errors:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
-    """One recording of a fit: simulation, errors, and start values of its segments (position in m, pressure in Pa).
+    """One recording of a fit.
 
-    `rest` says how far the vented rest has moved since the calibration, None where that is not known; `subtracted` is
-    what was therefore subtracted from the recorded position, in m.
+    Attributes
+    ----------
+    measured
+        The recording, as it was fitted.
+    simulated
+        All states at the samples of `measured`, from the fitted actuator.
+    errors : m, Pa
+        Of the simulation against the measured samples.
+    starts : m, Pa
+        Position and pressure in chamber A at the start of each segment.
+    rest : m
+        How far the vented rest has moved since the calibration; None where that is not known.
+    subtracted : m
+        What was therefore subtracted from the recorded position.
     """
 
     measured: Log
@@ -104,17 +134,71 @@ class Recording:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """The result of `clutchid.fit`.
+    """The result of `clutchid.fit`; all values are in SI.
 
-    `actuator` is the fitted one, `parameters` are its free parameters with intervals, in the order of `covariance`.
-    `recordings` are the fitted ones by name, `verification` those that were only simulated. `scales` are the noise
-    scales by which residuals of position (m) and pressure (Pa) were divided, `bounds` the bounds of the free
-    parameters. `notes` say which parameters the data determine, `calibration` serves later fits of the same actuator.
-    `converged` says that the search ended within its limits, `search` how, with what a later search needs to continue
-    it. `baseline` is the calibration that the fit started from, `changes` are what has changed, or may have, since,
-    and `departure` says how far a load from position alone departs from it. `assumed` are the conditions of the
-    recordings that are not known. `readings` are several recordings read
-    one by one from the calibration, by name.
+    Attributes
+    ----------
+    status
+        'ok'; 'warning', with sentences in `warnings`; or 'failed', with no estimates.
+    message
+        How the search ended, or why there is no result: one sentence.
+    actuator
+        The fitted one: with it, `clutchid.simulate` repeats the fit.
+    parameters
+        Free parameters by name with their 95 % intervals; NAME@STEM is one of a single recording.
+    covariance : SI, (k, k)
+        Of the k free parameters, in the order of `parameters`; infinite where the data do not determine one.
+    load_curve : N over m
+        The load over the position with its pointwise 95 % interval.
+    recordings
+        Fitted recordings by name: measured, simulated, errors.
+    errors : m, Pa
+        Of the simulation against the measured samples of all fitted recordings.
+    scales : m, Pa
+        Noise scales by which residuals were divided, by measured column.
+    bounds : SI
+        Lower and upper bound of each free parameter.
+    evaluations
+        Number of evaluations of the model with its sensitivities.
+    warnings
+        What may be wrong with recordings and result, one sentence each.
+    verification
+        Recordings that were simulated with the result and not fitted, by name.
+    method
+        'simulation', 'shooting' or 'prediction-error'.
+    notes
+        Which parameters the data determine, and what requested checks found, one sentence each.
+    calibration
+        The calibration that this fit is, or that it started from; None without one.
+    converged
+        Whether the search ended within its limits.
+    changes
+        What has changed, or may have changed, since `baseline`.
+    baseline
+        The calibration that the fit started from; None without one.
+    search
+        How a search with priors ended, and what a later search needs to continue it; else None.
+    departure
+        How far a load from position alone departs from `baseline`; None where that is not known.
+    assumed
+        Conditions of the recordings that are not known and widen the interval of the load.
+    readings
+        Several recordings read one by one from the calibration, by name; else empty.
+
+    Examples
+    --------
+    The bundled clutch needs about 4.2 kN; its load is known to 65 N at the peak, if the model holds:
+
+    >>> import clutchid
+    >>> fit = clutchid.fit(clutchid.bundled_recording().slice(0, 10_000))
+    >>> fit.load_curve
+    LoadCurve(101 points from 0 to 25 mm, greatest 4.15 kN at 8 mm)
+    >>> peak = int(np.argmax(fit.load_curve.force))
+    >>> half = (fit.load_curve.high[peak] - fit.load_curve.low[peak]) / 2
+    >>> bool(50 < half < 80)
+    True
+    >>> fit.verdict.trust  # the model does not hold everywhere: fit.verdict.reasons
+    'with care'
     """
 
     status: Status

@@ -37,7 +37,17 @@ Rates = Literal["one", "two"]
 
 @dataclass(frozen=True, slots=True)
 class CStyle:
-    """How an observer is written in C: prefix of every name, type of numbers, and rates of its tasks."""
+    """How an observer is written in C.
+
+    Parameters
+    ----------
+    name
+        Prefix of every name, a C identifier.
+    real
+        'float' or 'double', the type of every number.
+    rates
+        'one' task, or 'two' with corrections in the slower one.
+    """
 
     name: str = "clutch"
     real: Real = "float"

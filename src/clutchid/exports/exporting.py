@@ -42,9 +42,20 @@ RATE = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Export:
-    """An export as it was written: its folder, its files in it, and C against Python.
+    """An export as it was written.
 
-    `parity` is None where it was not run, and `notes` are sentences about what was left out.
+    Attributes
+    ----------
+    folder
+        Where its files are.
+    files
+        Their paths in the folder.
+    parity
+        C against Python; None where it was not run.
+    notes
+        What was left out, one sentence each.
+    style
+        Prefix of names, type of numbers and rates.
     """
 
     folder: Path

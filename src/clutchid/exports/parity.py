@@ -41,7 +41,17 @@ class Replayed(NamedTuple):
 
 
 class Difference(NamedTuple):
-    """The largest difference of a quantity, in its unit, and the sample where it is; None for one at the end."""
+    """The largest difference of a quantity.
+
+    Attributes
+    ----------
+    name
+        The quantity.
+    value, unit
+        Its size, and the unit.
+    sample
+        Where it is; None for one at the end.
+    """
 
     name: str
     value: float
@@ -52,9 +62,22 @@ class Difference(NamedTuple):
 class Parity(NamedTuple):
     """C against Python on a recording.
 
-    `theta` is the largest difference in prior standard deviations, `load` as a share of the peak, `pressure` in Pa,
-    rms; `differences` are the largest ones by quantity, `flags` the samples by flag in Python and in C where they
-    differ.
+    Attributes
+    ----------
+    recording, samples
+        Its name and number of samples.
+    theta : 1
+        Largest difference of what adapts, in prior standard deviations.
+    load : 1
+        Difference of the load, as a share of its peak.
+    pressure : Pa
+        Difference of the pressure, rms.
+    differences
+        The largest ones by quantity.
+    flags
+        Samples by flag in Python and in C, where they differ.
+    strokes
+        Strokes that Python and C counted.
     """
 
     recording: str

@@ -51,7 +51,25 @@ class ReadingOptions(NamedTuple):
 
 
 class RecordingResult(NamedTuple):
-    """A recording that was read: what came of it, the start time in its file, its checksum, its load, and changes."""
+    """A recording that was read.
+
+    Attributes
+    ----------
+    path
+        Of its file.
+    reading
+        What came of it.
+    clock
+        Start time in the file; empty if unknown.
+    sha256
+        Checksum of the file.
+    curve : N over m
+        The load; None without one.
+    half_load : m
+        Position where the load reaches half its peak.
+    changes
+        Since the calibration, one sentence each.
+    """
 
     path: Path
     reading: WearReading

@@ -49,7 +49,15 @@ class LifeLimits(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tracked:
-    """The wear of a clutch, and its recordings as they were read, in the order of its life."""
+    """The wear of a clutch, and its recordings as they were read.
+
+    Attributes
+    ----------
+    wear
+        The trend, alarms and remaining life.
+    reads
+        A result a recording, in the order of its life.
+    """
 
     wear: Wear
     reads: tuple[RecordingResult, ...]
@@ -191,6 +199,20 @@ def track(
     ------
     DataError, ParameterError
         If there are no recordings, they belong to several vehicles, or a file cannot be understood.
+
+    Examples
+    --------
+    One recording says how far the load of one clutch has moved, but nothing of a trend:
+
+    >>> import clutchid, tempfile
+    >>> log = clutchid.bundled_recording()
+    >>> cal = clutchid.calibrate(log.slice(0, 4000))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     clutchid.write_parameters(clutchid.parameter_file(cal), f"{folder}/cal.toml")
+    ...     clutchid.write(log.slice(6000, 10_000).without("pressure_a"), f"{folder}/run.csv")
+    ...     tracked = clutchid.track(f"{folder}/run.csv", f"{folder}/cal.toml")
+    >>> len(tracked.wear.readings), bool(abs(tracked.wear.now["shift"].value[0]) < 0.2e-3)
+    (1, True)
     """
     workflow.start_file(Path(start), None)  # a broken one is one sentence, not one a recording
     rows = read_table(Path(table)) if table else {}

@@ -22,7 +22,25 @@ from clutchid.wear.tables import read_wear_table
 
 @dataclass(frozen=True, slots=True)
 class FleetRun:
-    """A run over a fleet: recordings by status, the number of vehicles, of recordings read now, and its folder."""
+    """A run over a fleet.
+
+    Attributes
+    ----------
+    statuses
+        Number of recordings by status, such as 'ok' and 'bad_input'.
+    vehicles
+        Number of vehicles.
+    read
+        Number of recordings that were read now; the others are from an earlier run.
+    out
+        Folder of the results, see docs/commands/fleet.md.
+
+    Examples
+    --------
+    >>> run = FleetRun({"ok": 118, "failed": 2}, vehicles=12, read=20, out=Path("result"))
+    >>> f"{sum(run.statuses.values())} recordings of {run.vehicles} vehicles, {run.read} of them read now"
+    '120 recordings of 12 vehicles, 20 of them read now'
+    """
 
     statuses: Mapping[str, int]
     vehicles: int
@@ -81,6 +99,21 @@ def fleet(
     ------
     DataError, ExportError, ParameterError, SolveError
         If the fleet cannot be read, `out` cannot be written, or the workers cannot be used.
+
+    Examples
+    --------
+    A fleet of one vehicle with one recording; its load is in ``out/results.parquet``:
+
+    >>> import clutchid, tempfile
+    >>> log = clutchid.bundled_recording().slice(0, 4000)
+    >>> cal = clutchid.calibrate(log, free="load,P_S")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     (Path(folder) / "trucks" / "V1").mkdir(parents=True)
+    ...     clutchid.write(log, f"{folder}/trucks/V1/run.csv")
+    ...     clutchid.write_parameters(clutchid.parameter_file(cal), f"{folder}/cal.toml")
+    ...     run = clutchid.fleet(f"{folder}/trucks", f"{folder}/cal.toml", f"{folder}/out")
+    >>> run.vehicles, run.read
+    (1, 1)
     """
     if limit is not None and verb != "track":
         raise ParameterError("--limit: belongs to --verb track, which follows the wear.")

@@ -53,16 +53,42 @@ Samples = tuple[FloatArray, FloatArray]
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """A recording: time in s, columns in SI by name, and metadata about its origin.
+    """A recording: time, columns by name, and metadata about its origin.
 
-    Arrays are read-only, so a `Log` can be shared between threads and results. `edges` are the samples of a duty cycle
-    that was recorded with time stamps of its own, (stamps, values); its column holds the last one at each of `time`.
+    Arrays are read-only, so a `Log` can be shared between threads and results.
+
+    Parameters
+    ----------
+    time : s, (n,)
+        Finite and strictly increasing.
+    columns : SI, (n,) each
+        By name, such as position [m], pressure_a [Pa, absolute] and duty_supply [1]; NaN is a missing sample.
+    name
+        Stem of the file, as results name the recording.
+    metadata
+        Origin as text, such as source, sha256 and ambient_Pa.
+    warnings
+        Suspicious but usable data, one sentence each.
+    edges : s and 1
+        Samples of a duty cycle that was recorded with time stamps of its own, (stamps, values); its column holds the
+        last one at each of `time`.
 
     Raises
     ------
     DataError
         If the columns differ in length, a name is unknown, or time or the stamps of edges are not finite and strictly
         increasing.
+
+    Examples
+    --------
+    A piston that moves 20 mm in 0.2 s:
+
+    >>> t = np.arange(0.0, 0.2, 1e-3)
+    >>> log = Log(t, {"position": 0.1 * t, "duty_supply": np.ones(200), "duty_exhaust": np.zeros(200)}, "ramp")
+    >>> log
+    Log('ramp', 200 samples from 0 to 0.199 s, 1000 Hz: position, duty_supply, duty_exhaust)
+    >>> f"{np.ptp(log['position']) * 1e3:.1f} mm"
+    '19.9 mm'
     """
 
     time: FloatArray

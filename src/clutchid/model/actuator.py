@@ -26,10 +26,16 @@ class Actuator:
 
     Parameters
     ----------
+    parameters : SI
+        Values of the built-in parameters; by default Appendix A.
+    load : N over m
+        The load on the piston; by default theta = (9e5, 0, 0) N/m on the paper's splines.
     model
         A variant by name, or an `OwnModel`.
-    own
-        Values of the parameters of an `OwnModel` in SI, in its order; by default its defaults.
+    equipment
+        Chambers and valves that exist; by default those of the paper.
+    own : SI
+        Values of the parameters of an `OwnModel`, in its order; by default its defaults.
     duty_period : s
         Period at which the control unit renews the duty cycles, as a calibration at 1 kHz shows it; 0 if they change
         continuously. By default that of the valves' carrier, `T_pwm`.

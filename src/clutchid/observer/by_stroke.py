@@ -20,7 +20,19 @@ STEP = 0.5e-3
 
 
 class StrokeRow(NamedTuple):
-    """Estimates at the end of a stroke: time in s, number of the stroke, load, and every weight and parameter."""
+    """Estimates at the end of a stroke.
+
+    Attributes
+    ----------
+    time : s
+        When it ended.
+    number
+        Of the stroke.
+    curve : N over m
+        The load with its 95 % band.
+    known : SI
+        Every weight and parameter that adapts.
+    """
 
     time: float
     number: int

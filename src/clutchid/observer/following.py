@@ -43,11 +43,24 @@ ROUNDING = 1e-9
 class Observed(NamedTuple):
     """Results of an observer in a block, by sample.
 
-    `states` (n, states) in SI, NaN where no sample could be used; `deviations` (n, states) their standard deviations,
-    NaN between corrections; `innovations` (n, 2) with their variances, NaN where nothing was corrected; `used` (n,)
-    whether the position of a sample was usable; `mismatch` (n,) see `clutchid.observer.mismatch`; `leaking`
-    (n,) whether chamber A leaked at the end of the stroke before; `rest` (n,) how far in m the vented rest has moved
-    since the calibration, as known at that sample.
+    Attributes
+    ----------
+    time : s, (n,)
+        As in the recording.
+    states : SI, (n, states)
+        NaN where no sample could be used.
+    deviations : SI, (n, states)
+        Their standard deviations, NaN between corrections.
+    innovations : m and m², (n, 2)
+        Measured less predicted position, and its variance; NaN where nothing was corrected.
+    used : (n,)
+        Whether the position of a sample was usable.
+    mismatch : 1, (n,)
+        See `clutchid.observer.mismatch`; NaN where it does not move.
+    leaking : (n,)
+        Whether chamber A leaked at the end of the stroke before.
+    rest : m, (n,)
+        How far the vented rest has moved since the calibration, as known at that sample.
     """
 
     time: FloatArray

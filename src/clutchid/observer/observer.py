@@ -35,10 +35,36 @@ LEAK_FOUND = 5.0
 class Observer:
     """An observer of a calibrated actuator, as `observer` makes it.
 
-    `prior` is what is known of the parameters that adapt before the first sample, and `adapting` their names: load
-    weights as calibrated, also where modes of the load adapt in their place. `missed` is how far off in N a load from
-    position alone was on the calibration recordings, rms over the stroke; `supply` is None where the recorded supply
-    pressure is not used; `zero` says whether a vented rest that has moved is subtracted from the position.
+    Attributes
+    ----------
+    actuator
+        As calibrated.
+    method
+        'joint', 'joint-reduced', 'states', 'paper', 'rls' or 'adaptive'.
+    joint
+        The filter, compiled for this actuator.
+    prior
+        What is known of the parameters that adapt before the first sample.
+    adapting
+        Names of what adapts: load weights as calibrated, also where modes of the load adapt in their place.
+    spacing : s
+        Interval between samples.
+    missed : N
+        How far off a load from position alone was on the calibration recordings, rms over the stroke.
+    supply
+        How the recorded supply pressure is used; None where it is not.
+    calibration
+        The calibration; None without one.
+    zero
+        'subtract' or 'keep': whether a vented rest that has moved is subtracted from the position.
+
+    Examples
+    --------
+    What adapts on line in the paper's model: the load, friction, dead volume, far stop and the lag of the sensor.
+
+    >>> import clutchid
+    >>> observer(clutchid.Actuator()).adapting
+    ('theta_1', 'theta_2', 'theta_3', 'F_C', 'V_0A', 'y_max', 'D_v', 'tau_y')
     """
 
     actuator: Actuator

@@ -37,9 +37,24 @@ INNOVATION = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ObservedRecording:
-    """A recording that an observer has followed from the state `before` to the state `after`.
+    """A recording that an observer has followed.
 
-    `health` are the seconds of each fault, see `clutchid.observer.health`, of the `seconds` that were followed.
+    Attributes
+    ----------
+    observer
+        It.
+    log
+        The recording.
+    before, after
+        States of the observer before the first and after the last sample.
+    samples
+        Results by sample.
+    strokes
+        Results at the end of each stroke.
+    health : s
+        Seconds of each fault, see `clutchid.observer.health`.
+    seconds : s
+        That were followed.
     """
 
     observer: Observer

@@ -53,6 +53,11 @@ def read(
     required
         Quantities that the file must have.
 
+    Returns
+    -------
+    log : Log
+        In SI, with the name of the file without its suffix.
+
     Raises
     ------
     DataError
@@ -109,15 +114,36 @@ def read_pieces(
     rows: int | None = BLOCK,
     progress: Callable[[int, int], None] | None = None,
 ) -> Iterator[Log]:
-    """Read a recording that does not fit into memory, as consecutive logs of about `rows` samples; else as `read`.
+    r"""Read a recording that does not fit into memory, as consecutive logs of about `rows` samples; else as `read`.
 
-    With `rows` None it is one log, and the hash of the file is computed. `progress` is called after every piece with
-    the number of samples read so far, and that of the longest time grid.
+    Parameters
+    ----------
+    path, ambient, channels, dbc, required
+        As in `read`.
+    rows : int, optional
+        Samples of a piece. With None it is one log, and the hash of the file is computed.
+    progress : function(samples, all), optional
+        Called after every piece with the number of samples read so far, and that of the longest time grid.
+
+    Returns
+    -------
+    pieces : iterator of Log
+        In order of time; a piece ends where the next begins.
 
     Raises
     ------
     DataError, MissingExtra, ParameterError
         As `read`; errors in the samples are raised when their piece is read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "run.csv"
+    ...     _ = file.write_text("time [s],position [mm]\n" + "".join(f"{i / 1000},{i / 100}\n" for i in range(2500)))
+    ...     pieces = [*read_pieces(file, required=["time", "position"], rows=1000)]
+    >>> sum(len(piece) for piece in pieces), f"{pieces[-1]['position'][-1] * 1e3:.2f} mm"
+    (2500, '24.99 mm')
     """
     if not isinstance(path, str | PathLike):
         raise DataError(f"a recording is a clutchid.Log or the path of a file, not a {type(path).__name__}.")
@@ -161,10 +187,29 @@ def write(log: Log, path: str | PathLike[str]) -> None:
     An existing file is replaced atomically. All formats except CSV keep the metadata; only Parquet keeps the edges of
     duty cycles between the samples, the others warn.
 
+    Parameters
+    ----------
+    log : Log
+        Any columns.
+    path : path
+        Its suffix chooses the format.
+
     Raises
     ------
     ExportError
         If the suffix is unknown or the file cannot be written; an existing file is then unchanged.
+
+    Examples
+    --------
+    Headings carry the unit, so no reader has to guess:
+
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write(Log([0.0, 1e-3], {"position": [0.0, 5e-4]}), f"{folder}/run.csv")
+    ...     print(Path(folder, "run.csv").read_text().strip())
+    time [s],position [m]
+    0.0,0.0
+    0.001,0.0005
     """
     writers = _writers()
     suffix = Path(path).suffix

@@ -48,6 +48,11 @@ def look(
     channels
         A channel map: quantities, time axis, problems and warnings are then those of `read` with this map.
 
+    Returns
+    -------
+    overview : FileOverview
+        Channels with units and ranges, holes, what `read` would say, and a proposed channel map.
+
     Raises
     ------
     DataError

@@ -18,7 +18,15 @@ from clutchid.recordings.time_axis import intervals, usual_interval
 
 @dataclass(frozen=True, slots=True)
 class Hole:
-    """An interval much longer than the others: the line or row before it, its start and length in s."""
+    """An interval much longer than the others.
+
+    Attributes
+    ----------
+    place
+        The line or row before it.
+    start, length : s
+        Where it begins, and how long it is.
+    """
 
     place: int
     start: float
@@ -27,9 +35,22 @@ class Hole:
 
 @dataclass(frozen=True, slots=True)
 class TimeAxis:
-    """The time axis in s: first and last sample, shortest, usual and longest interval, and the first holes.
+    """The time axis of channels.
 
-    `repeated` counts time stamps equal to the previous one, `back` those below the previous one.
+    Attributes
+    ----------
+    first, last : s
+        First and last sample.
+    shortest, usual, longest : s
+        Intervals between samples.
+    hole_count
+        Number of intervals much longer than the usual one.
+    holes
+        The first of them.
+    repeated
+        Number of time stamps equal to the previous one.
+    back
+        Number of those below the previous one.
     """
 
     first: float
@@ -96,10 +117,24 @@ _TITLES = ("column", "as written", "from", "to", "in SI from", "to", "missing")
 
 @dataclass(frozen=True, slots=True)
 class ColumnOverview:
-    """One channel of a file; unknown values are NaN, an unknown SI unit is None.
+    """One channel of a file.
 
-    `name` is the quantity (None: the channel is ignored by `read`), `heading` the text as written, `low` and `high` the
-    range in `unit`, `low_si` and `high_si` in `si`, `missing` the number of samples without a finite value.
+    Attributes
+    ----------
+    heading
+        The text as written.
+    name
+        The quantity; None: the channel is ignored by `read`.
+    unit
+        As in the file; None if it has none.
+    si
+        SI unit; None if unknown.
+    low, high : unit
+        Range; NaN if unknown.
+    low_si, high_si : si
+        The same in SI.
+    missing
+        Number of samples without a finite value.
     """
 
     heading: str
@@ -115,10 +150,22 @@ class ColumnOverview:
 
 @dataclass(frozen=True, slots=True)
 class TimeGridOverview:
-    """Channels with common time stamps: name in the file, samples, channels, time axis (None: there is none).
+    """Channels with common time stamps.
 
-    `place` is the unit of location of a sample: a line of a text, a row of a table. `others` are the channels that hold
-    no numbers, and what they hold.
+    Attributes
+    ----------
+    name
+        As the file has it.
+    samples
+        Number of samples.
+    columns
+        The channels that hold numbers.
+    time : s
+        The time axis; None: there is none.
+    place
+        Unit of location of a sample: a line of a text, a row of a table.
+    others
+        Channels that hold no numbers, and what they hold.
     """
 
     name: str
@@ -131,9 +178,24 @@ class TimeGridOverview:
 
 @dataclass(frozen=True, slots=True)
 class FileOverview:
-    """Contents of a file: format, time grids, problems and warnings of `read`, and a proposed channel map.
+    """Contents of a file, whether or not `read` would accept it.
 
-    `needs_map`: the columns do not have the standard names.
+    Attributes
+    ----------
+    source
+        Path of the file.
+    format
+        Format as detected from the content.
+    rasters
+        Channels by common time stamps.
+    problems
+        Why `read` would refuse the file, one sentence each.
+    warnings
+        What `read` would warn of.
+    proposal
+        A channel map made from names and units.
+    needs_map
+        Whether the columns do not have the standard names.
     """
 
     source: str

@@ -184,7 +184,7 @@ def _got(content: object, where: str) -> str:
 def _read(kind: Any, content: Any, where: str, rules: Mapping[str, Rule]) -> Any:
     if get_origin(kind) in (Union, UnionType):  # X | None: there is no null in TOML
         kind = next(each for each in get_args(kind) if each is not NoneType)
-    origin, inner, entries = get_origin(kind), get_args(kind), _entries(kind)
+    origin, inner, entries = _origin(kind), get_args(kind), _entries(kind)
     if entries and isinstance(content, list) and len(content) == len(entries):
         content = dict(zip(entries, content, strict=True))
     if isinstance(content, dict) and (entries or origin in (dict, Mapping)):
@@ -206,6 +206,12 @@ def _read(kind: Any, content: Any, where: str, rules: Mapping[str, Rule]) -> Any
     if value is None:
         raise ParameterError(f"{where}{_got(content, where)}: a {_NOUNS.get(origin or kind, 'section')} is needed.")
     return value
+
+
+def _origin(kind: Any) -> Any:
+    """What a type is made of: a union, a tuple, an array; from NumPy 2.5 an array is a named alias of one."""
+    origin = get_origin(kind)
+    return get_origin(origin.__value__) if hasattr(origin, "__value__") else origin
 
 
 def _value(kind: Any, origin: Any, inner: tuple[Any, ...], content: Any, where: str) -> Any:

@@ -159,10 +159,20 @@ LEVEL_GAP = 3e4
 class Level:
     """Coulomb friction at one constant pressure.
 
-    `pressure` above ambient in Pa, `swing` its difference between the strokes out and back (NaN: not measured),
-    `friction` in N with its 95 % interval over cycles, `cycles` the friction of each cycle in order of time, `speeds`
-    of the strokes out and back in m/s. `drifts`: the cycles are not independent, so the interval is that of a single
-    one.
+    Attributes
+    ----------
+    pressure : Pa
+        Above ambient.
+    swing : Pa
+        Its difference between the strokes out and back; NaN: not measured.
+    friction : N
+        With its 95 % interval over cycles.
+    cycles : N, (cycles,)
+        Friction of each cycle in order of time.
+    speeds : m/s
+        Of the strokes out and back.
+    drifts
+        Whether the cycles are not independent, so that the interval is that of a single one.
     """
 
     pressure: float
@@ -177,10 +187,24 @@ class Level:
 class CoulombFriction:
     """Coulomb friction as a function of pressure.
 
-    `levels` in order of pressure. `area` in m² is the slope of the force over the pressure, negative if the pressure
-    acts towards larger positions; None if unknown. `test` is the test for equal friction at all levels, `constant` the
-    common estimate in N; `slope` (m², c_F) and `intercept` (N, F_C) define the line through the levels. They are None
-    with fewer than two levels that have an interval. `dropped` is the number of strokes in no cycle.
+    What needs at least two levels with an interval is None without them.
+
+    Attributes
+    ----------
+    levels
+        In order of pressure.
+    area : m²
+        Slope of the force over the pressure, negative if the pressure acts towards larger positions; None if unknown.
+    test
+        Test for equal friction at all levels.
+    constant : N
+        Common estimate of all levels.
+    slope : m²
+        c_F of the line through the levels.
+    intercept : N
+        F_C of that line.
+    dropped
+        Number of strokes in no cycle.
     """
 
     levels: tuple[Level, ...]

@@ -241,12 +241,30 @@ _SOFTENED = 0.05
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LugreFit:
-    """Friction of one recording; values in SI, 95 % intervals that account for coloured residuals.
+    """Friction of one recording; 95 % intervals that account for coloured residuals.
 
-    `parameters` are the free ones of F_C, K_z, D_v, D_zdot and force_zero (N), `values` all of them. `starts` are the
-    deflections in m at the start of each segment without a hole. `force` is the simulated force, NaN outside the
-    segments; `fit_percent` is that of MATLAB's `compare`, `rms` in N; `effective_samples` is the number of independent
-    samples.
+    Attributes
+    ----------
+    name
+        Of the recording.
+    status, message
+        'ok' or 'warning', and how the search ended.
+    parameters : SI
+        The free ones of F_C, K_z, D_v, D_zdot and force_zero (N).
+    values : SI
+        All of them.
+    starts : m
+        Deflection at the start of each segment without a hole.
+    force : N, (n,)
+        Simulated force; NaN outside the segments.
+    fit_percent : %
+        As that of MATLAB's `compare`; 100 is perfect.
+    rms : N
+        Of the force residuals.
+    effective_samples : 1
+        Number of independent samples.
+    warnings
+        One sentence each.
     """
 
     name: str

@@ -23,7 +23,19 @@ class Component:
 
 @dataclass(frozen=True, slots=True)
 class StudentEstimate:
-    """An estimate with standard error, 95 % interval and degrees of freedom."""
+    """An estimate with few degrees of freedom.
+
+    Attributes
+    ----------
+    value : SI
+        The estimate.
+    std : SI
+        Standard error.
+    low, high : SI
+        95 % interval.
+    degrees_of_freedom : 1
+        Of Student's distribution behind the interval.
+    """
 
     value: float
     std: float
@@ -34,7 +46,17 @@ class StudentEstimate:
 
 @dataclass(frozen=True, slots=True)
 class Equality:
-    """Test of equal means: F statistic, its degrees of freedom, and p-value."""
+    """Test of equal means.
+
+    Attributes
+    ----------
+    statistic : 1
+        F.
+    degrees_of_freedom : 1
+        Of numerator and denominator.
+    p_value : 1
+        Probability of such an F if the means are equal.
+    """
 
     statistic: float
     degrees_of_freedom: tuple[float, float]

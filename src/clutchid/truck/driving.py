@@ -38,7 +38,17 @@ Zero = Literal["learned", "kept"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drive:
-    """A recording and, separately, its truth; `wanted` is the set point [m], relative to the sensor's zero."""
+    """A recording of a virtual truck and, separately, its truth.
+
+    Attributes
+    ----------
+    log
+        What the control unit or the bus records.
+    truth
+        Load and states without sensors.
+    wanted : m, (n,)
+        Set point, relative to the sensor's zero.
+    """
 
     log: Log
     truth: Truth
@@ -83,6 +93,8 @@ def drive(
     ----------
     truck : Vehicle or int
         A truck, or the number of one of the `family`, see `clutchid.truck.truck`.
+    family : name
+        Of the fleet that a number is of, see `clutchid.truck.truck`.
     manoeuvre : name
         One of `clutchid.truck.MANOEUVRES`; "mix" combines all of them.
     seconds : s
@@ -116,6 +128,11 @@ def drive(
         Delay of the recorded duty cycles against the position, in whole ms.
     name : str
         Name of the recording.
+
+    Returns
+    -------
+    drive : Drive
+        The recording, the truth apart from it, and the set point.
 
     Raises
     ------

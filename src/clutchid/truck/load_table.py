@@ -18,9 +18,16 @@ PITCH, BEYOND = 0.1e-3, 2e-3
 class LoadTable:
     """Load over the mechanical position of the piston, which is 0 at the engaged rest of the new clutch.
 
-    `breakpoints` [m] and `coefficients` [N/m^k], shape (s + 1, 4), in powers of the distance to the breakpoint on the
-    left, are inputs of the kernel; `rest` and `touch` [m] are the position of the piston with the clutch engaged, and
-    the touch point.
+    Attributes
+    ----------
+    breakpoints : m, (s,)
+        Where its pieces meet.
+    coefficients : N/m^k, (s + 1, 4)
+        In powers of the distance to the breakpoint on the left.
+    rest : m
+        Position of the piston with the clutch engaged.
+    touch : m
+        The touch point.
     """
 
     breakpoints: FloatArray

@@ -25,10 +25,21 @@ GRID = np.arange(1, 41) / 2000
 class Truth:
     """True states and load, at the sampling times of the controller.
 
-    `truck` is the truck at its age; `curve` is the load over the mechanical position; `zero` is the mechanical position
-    [m] at which the sensor reads 0, `shift` by how much [m] it reads more than the travel from the vented rest.
-    `states` has columns in SI: position (relative to the sensor's zero), velocity, the three pressures, and what else
-    its family has: temperatures and masses of air, deflections of seals and bearing, openings of the valves.
+    Attributes
+    ----------
+    truck
+        The truck at its age.
+    curve : N over m
+        The load over the mechanical position.
+    zero : m
+        Mechanical position at which the sensor reads 0.
+    shift : m
+        By how much it reads more than the travel from the vented rest.
+    time : s, (n,)
+        Sampling times.
+    states : SI, (n,) each
+        Position (relative to the sensor's zero), velocity, the three pressures, and what else its family has:
+        temperatures and masses of air, deflections of seals and bearing, openings of the valves.
     """
 
     truck: Vehicle

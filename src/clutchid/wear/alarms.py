@@ -20,10 +20,17 @@ Cause = Literal["", "sensor", "wear", "new clutch"]
 
 
 class RestMove(NamedTuple):
-    """Vented rest at a recording: its shift in m since the one before, and the cause of its position.
+    """Vented rest at a recording.
 
-    `cause` is "sensor" where the sensor moved, or the rest has risen slowly; "wear" where it has fallen slowly; "new
-    clutch" where it is back after a clutch was replaced; empty where it has not moved, or is not known.
+    Attributes
+    ----------
+    move : m
+        Its shift since the recording before.
+    cause
+        'sensor' where the sensor moved, or the rest has risen slowly; 'wear' where it has fallen slowly; 'new clutch'
+        where it is back after a clutch was replaced; empty where it has not moved, or is not known.
+    sudden
+        Whether the sensor moved from one recording to the next, not slowly.
     """
 
     move: float
@@ -97,12 +104,26 @@ def _as_new(one: Measurement | None) -> bool:
 
 
 class Alarm(NamedTuple):
-    """Event between two recordings, and the change of shift [m] and relative load there.
+    """Event between two recordings.
 
-    `after` is empty where it happened before the first one.
-    `kind` is "replaced" where the load jumped and the clutch is like new, "sudden" where it jumped else; "leak" where
-    chamber A begins to leak, with its conductance in m³/(Pa·s); "departed" from where the calibration does not hold;
-    "sensor moved" where the vented rest moved as wear does not move it, by `rest` in m.
+    Attributes
+    ----------
+    after, before
+        Recordings between which it happened; `after` is empty where it was before the first one.
+    begin
+        Time of the recording that shows it; None if unknown.
+    kind
+        'replaced' where the load jumped and the clutch is like new, 'sudden' where it jumped else; 'leak' where chamber
+        A begins to leak; 'departed' from where the calibration does not hold; 'sensor moved' where the vented rest
+        moved as wear does not move it.
+    shift : m
+        Change of the half-load position there.
+    load : 1
+        Relative change of the load.
+    leak : m³/(Pa·s)
+        Conductance of a leak.
+    rest : m
+        Move of the vented rest.
     """
 
     after: str

@@ -47,7 +47,21 @@ class Listed:
 
 
 class Dated(NamedTuple):
-    """A recording with its time, distance and strokes, and which of file, table and name the time is from."""
+    """A recording with its place in a life; what is not known is None or NaN.
+
+    Attributes
+    ----------
+    name
+        Of the recording.
+    begin
+        Its time.
+    odometer : km
+        Distance.
+    strokes
+        Number of strokes of the clutch.
+    source
+        Which of file, table and name the time is from.
+    """
 
     name: str
     begin: datetime | None
@@ -166,7 +180,12 @@ def _some(names: Sequence[str]) -> str:
 class Leak(NamedTuple):
     """A leak of chamber A since its calibration.
 
-    Its conductance in m³/(Pa·s) with the standard deviation, and the probability that it has changed.
+    Attributes
+    ----------
+    conductance, std : m³/(Pa·s)
+        Estimate and standard deviation.
+    probability : 1
+        That it has changed.
     """
 
     conductance: float
@@ -175,11 +194,24 @@ class Leak(NamedTuple):
 
 
 class WearReading(NamedTuple):
-    """Result of one recording: status and sentence as in every result, trust, and its measurement, if any.
+    """Result of one recording.
 
-    `leak` is that of chamber A, if one is probable; `departs` says that the truck is farther from its calibration than
-    a change explains; `rest` how far the vented rest has moved since, if that is known; `reason` is why a recording
-    that was read gives no measurement, empty where it gives one.
+    Attributes
+    ----------
+    status, message
+        As in every result.
+    trust
+        Of its load: 'good', 'with care' or 'none'.
+    measurement
+        Change of the load since the calibration; None where there is none.
+    leak
+        That of chamber A, if one is probable.
+    departs
+        Whether the truck is farther from its calibration than a change explains.
+    rest : m
+        How far the vented rest has moved since, if that is known.
+    reason
+        Why a recording that was read gives no measurement; empty where it gives one.
     """
 
     status: str

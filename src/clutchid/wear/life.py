@@ -23,7 +23,15 @@ HORIZON = 5.0
 
 
 class Remaining(NamedTuple):
-    """Remaining life until a limit, in strokes, km or days: median and 90 % interval; infinite beyond five lives."""
+    """Remaining life until a limit; infinite beyond five lives.
+
+    Attributes
+    ----------
+    low, high : strokes, km or days
+        90 % interval.
+    median : strokes, km or days
+        Reached with a probability of one half.
+    """
 
     low: float
     median: float
@@ -78,10 +86,48 @@ _ALONE = "outlier: the trend does not expect it, and the next recording fits the
 class Wear:
     """The wear of one clutch over its recordings, in order.
 
-    Quantities are shift [m], relative load and, with a table, wear [m]: as known at each recording (`then`), and given
-    all of them (`now`); `rate` is the latter's. `outcomes` say what became of each measurement. `left` is None without
-    a limit, and after a sudden change. `rests` are the moves of the vented rest. Wear in m is not known beyond
-    `end_of_table`, and cut off there.
+    Quantities are shift [m], relative load and, with a table, wear [m].
+
+    Attributes
+    ----------
+    vehicle
+        Its name.
+    axis
+        'strokes', 'km', 'days' or 'recordings': the unit of `s`.
+    s : axis, (n,)
+        Where the recordings are in the life of the clutch.
+    dated
+        Name, time, distance and strokes of each recording.
+    readings
+        What was measured in each recording.
+    outcomes
+        What became of each measurement, one text each: 'used' and 'jump' count in the trend.
+    then
+        Quantities by name, with 95 % bands, as known at each recording.
+    now
+        The same, given all recordings.
+    rate
+        Rates of `now` per unit of `s`.
+    alarms
+        Replaced clutches, leaks, moved sensors and other events.
+    limit : m
+        Shift or wear that ends the life; None without one.
+    left : axis
+        Remaining life; None without a limit, and after a sudden change.
+    warnings
+        What contradicts in the recordings and the table, one sentence each.
+    rests
+        Moves of the vented rest, a row a recording.
+    end_of_table : m
+        Wear beyond which the table says nothing, and where it is cut off; None without a table.
+
+    Examples
+    --------
+    See `clutchid.track`. A life of 200,000 strokes that is half over leaves, with 90 % probability, within a tenth:
+
+    >>> left = Remaining(9.0e4, 1.0e5, 1.1e5)
+    >>> f"{left.median:.0f} strokes, {left.low:.0f} to {left.high:.0f}"
+    '100000 strokes, 90000 to 110000'
     """
 
     vehicle: str

@@ -85,7 +85,15 @@ class Interval(NamedTuple):
 
 
 class Band(NamedTuple):
-    """A quantity by recording with its 95 % band, arrays (n,)."""
+    """A quantity by recording.
+
+    Attributes
+    ----------
+    value : (n,)
+        In SI.
+    low, high : (n,)
+        95 % band.
+    """
 
     value: FloatArray
     low: FloatArray

@@ -238,7 +238,26 @@ def check_save(path: Path) -> None:
 
 
 def parameter_file(fit: Fit) -> ParameterFile:
-    """Contents of a parameter file for a fit, with the trust of its verdict."""
+    """Contents of a parameter file for a fit, with the trust of its verdict.
+
+    Parameters
+    ----------
+    fit : Fit
+        Of any method and status.
+
+    Returns
+    -------
+    content : ParameterFile
+        `clutchid.write_parameters` writes it; `clutchid.estimate` takes it as a calibration.
+
+    Examples
+    --------
+    >>> import clutchid
+    >>> fit = clutchid.fit(clutchid.bundled_recording().slice(0, 4000))
+    >>> content = clutchid.parameter_file(fit)
+    >>> content.actuator == fit.actuator, content.fit["free"]
+    (True, ['theta_1', 'theta_2', 'theta_3'])
+    """
     from clutchid.estimation.assess.verdict import verdict
     from clutchid.estimation.parameter_file import parameter_file as with_trust
 

@@ -24,10 +24,29 @@ if TYPE_CHECKING:
 def plot(shown: Log | Simulation | Fit) -> Figure:
     """Figure of a log, a simulation or a fit, as matplotlib has it without pyplot; as ``shown.plot()``.
 
+    Parameters
+    ----------
+    shown : Log, Simulation or Fit
+        A fit is drawn as its load over the position; the others as their columns over time.
+
+    Returns
+    -------
+    figure : matplotlib Figure
+        With units on its axes; ``figure.savefig(path)`` writes it.
+
     Raises
     ------
     SolveError
         If a fit failed: there is no load to draw.
+
+    Examples
+    --------
+    The load in N with its band:
+
+    >>> import clutchid
+    >>> figure = clutchid.plot(clutchid.fit(clutchid.bundled_recording().slice(0, 4000)))
+    >>> [axes.get_ylabel() for axes in figure.axes]
+    ['load [N]']
     """
     from clutchid.reports.notebook import figure_of
 
@@ -37,10 +56,26 @@ def plot(shown: Log | Simulation | Fit) -> Figure:
 def report(fit: Fit, path: str | PathLike[str]) -> None:
     """Write the page that ``clutchid fit --report`` writes, one self-contained HTML file.
 
+    Parameters
+    ----------
+    fit : Fit
+        Of any method; a failed one gives a page that says so.
+    path : path
+        Of the page; an existing one is replaced.
+
     Raises
     ------
     ExportError
         If the file cannot be written; an existing file is unchanged.
+
+    Examples
+    --------
+    >>> import clutchid, tempfile
+    >>> from pathlib import Path
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     clutchid.report(clutchid.fit(clutchid.bundled_recording().slice(0, 4000)), f"{folder}/page.html")
+    ...     "Load" in Path(folder, "page.html").read_text(encoding="utf-8")
+    True
     """
     from clutchid.reports.fit_page import fit_page
 

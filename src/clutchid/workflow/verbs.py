@@ -73,6 +73,15 @@ def calibrate(
     ------
     DataError, ParameterError, SolveError
         As `clutchid.fit`.
+
+    Examples
+    --------
+    4 s of driving give the supply pressure to better than 1.5 bar, and a load that may be trusted:
+
+    >>> import clutchid
+    >>> cal = clutchid.calibrate(clutchid.bundled_recording().slice(0, 4000))
+    >>> cal.verdict.trust, bool(8e5 < cal.parameters["P_S"].value < 10e5), bool(cal.parameters["P_S"].std < 0.75e5)
+    ('good', True, True)
     """
     request = request_of(measure, free, bounds, partition, method, priors, profile, bootstrap, zero)
     return fit_any(logs, actuator, request, verify, on_failure, progress)
@@ -121,6 +130,17 @@ def estimate(
     ------
     DataError, ParameterError, SolveError
         As `clutchid.fit`; also if the file of the calibration cannot be read.
+
+    Examples
+    --------
+    The supply pressure from 4 s with pressure, then the load from the position of the next 4 s alone:
+
+    >>> import clutchid
+    >>> log = clutchid.bundled_recording()
+    >>> cal = clutchid.calibrate(log.slice(0, 4000), free="load,P_S")
+    >>> later = clutchid.estimate(log.slice(4000, 8000).without("pressure_a"), cal)
+    >>> f"{later.load_curve.force.max() / 1e3:.0f} kN"
+    '4 kN'
     """
     request = request_of(measure, free, bounds, partition, method, priors, profile, bootstrap, zero)
     content = _content(start)
@@ -182,6 +202,17 @@ def export(
     ------
     DataError, ParameterError, ExportError
         If an input is bad, the method has no covariance, or a file cannot be written.
+
+    Examples
+    --------
+    C and Python differ by less than a thousandth of the peak load, in single precision:
+
+    >>> import clutchid, tempfile
+    >>> cal = clutchid.calibrate(clutchid.bundled_recording().slice(0, 4000), free="load,P_S")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     done = clutchid.export(cal, folder)
+    >>> "src/clutch.c" in done.files, done.parity.load < 1e-3
+    (True, True)
     """
     from clutchid.exports.c99 import CStyle
     from clutchid.exports.exporting import write_export
@@ -233,6 +264,16 @@ def observe(
     ------
     DataError, ParameterError
         If recording, calibration, method and state do not fit each other.
+
+    Examples
+    --------
+    After one stroke the observer knows the load, without the pressure sensor:
+
+    >>> import clutchid
+    >>> log = clutchid.bundled_recording().slice(0, 4000)
+    >>> found = clutchid.observe(log.without("pressure_a"), clutchid.calibrate(log, free="load,P_S"))
+    >>> f"{found.strokes[-1].curve.force.max() / 1e3:.1f} kN, {found.estimates()['pressure_a'].max() / 1e5:.1f} bar"
+    '4.3 kN, 5.2 bar'
     """
     content = _content(start)
     (recording,) = recordings_of([log], content.actuator)
@@ -261,10 +302,24 @@ def cut(
     channels, dbc
         As in `clutchid.read`.
 
+    Returns
+    -------
+    log : Log
+        Strokes in order of time; where samples were left out, its time has a hole.
+
     Raises
     ------
     DataError
         If there is no usable stroke of at most that length.
+
+    Examples
+    --------
+    The strokes of half a minute that say most about the load, in less than 8 s:
+
+    >>> import clutchid
+    >>> best = clutchid.cut(clutchid.bundled_recording(), seconds=8.0)
+    >>> bool(len(best) <= 8000), f"{best['position'].max() * 1e3:.0f} mm"
+    (True, '23 mm')
     """
     from clutchid.recordings import read_pieces
     from clutchid.recordings.strokes import choose, joined
@@ -307,10 +362,27 @@ def friction(
     inertia : kg
         Mass between the load cell and the friction; for 'lugre'.
 
+    Returns
+    -------
+    found : CoulombFriction or list of LugreFit
+        By `law`; of LuGre one for each recording.
+
     Raises
     ------
     DataError, ParameterError
         If a recording lacks a column or has no usable strokes.
+
+    Examples
+    --------
+    A seal that brakes with 5 N each way:
+
+    >>> import clutchid
+    >>> import numpy as np
+    >>> t = np.arange(0.0, 40.0, 0.01)
+    >>> y, way = 0.04 * np.abs((t / 4 + 1) % 2 - 1), np.where(t % 8.0 < 4.0, 1.0, -1.0)
+    >>> found = clutchid.friction(clutchid.Log(t, {"position": y, "force": 5.0 * way}))
+    >>> f"{found.levels[0].friction.value:.1f} N"
+    '5.0 N'
     """
     from clutchid.recordings import read
     from clutchid.rig import coulomb_friction, fit_lugre

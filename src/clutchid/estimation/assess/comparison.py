@@ -14,7 +14,15 @@ from clutchid.numerics.interval import QUANTILE
 
 
 class HalfLoad(NamedTuple):
-    """Position where the rising load reaches half its peak, and its 95 % interval from the band, in m; or NaN."""
+    """Position where the rising load reaches half its peak; NaN where it does not.
+
+    Attributes
+    ----------
+    position : m
+        The estimate.
+    low, high : m
+        95 % interval, from the band of the load.
+    """
 
     position: float
     low: float
@@ -177,8 +185,14 @@ WORTH = 10.0
 class Measurement(NamedTuple):
     """Change since the calibration in one recording, with standard deviations as the band of the load has them.
 
-    `shift` of the half-load position in m, `load` is the relative change of the mean load over 5 to 8 mm, and
-    `temperature` that of the air in K, NaN where it was not recorded.
+    Attributes
+    ----------
+    shift, shift_std : m
+        Shift of the half-load position.
+    load, load_std : 1
+        Relative change of the mean load over 5 to 8 mm.
+    temperature : K
+        Of the air; NaN where it was not recorded.
     """
 
     shift: float

@@ -163,10 +163,29 @@ MEANING: Mapping[Trust, str] = {
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """`trust` in a fit, the `reasons` that lower it, and the limits of the verdict (`unseen`); one sentence each.
+    """Whether a fit can be trusted, in sentences.
 
-    `flawed` says that a reason takes the trust that the interval of the load does not contain. `notes` are what looks
-    like a reason and is none.
+    Attributes
+    ----------
+    trust
+        'good', 'with care' or 'none'.
+    reasons
+        What lowers the trust, one sentence each; empty if it is good.
+    unseen
+        What this verdict cannot show, one sentence each.
+    flawed
+        Whether a reason takes trust that the interval of the load does not contain.
+    notes
+        What looks like a reason and is none, one sentence each.
+
+    Examples
+    --------
+    A second of driving gives a load to be used with care, and says why:
+
+    >>> import clutchid
+    >>> found = clutchid.fit(clutchid.bundled_recording().slice(0, 1000)).verdict
+    >>> found.trust, len(found.reasons) > 0
+    ('with care', True)
     """
 
     trust: Trust

@@ -62,9 +62,18 @@ class PositionOnlyErrors:
 
 
 class Origin(NamedTuple):
-    """Origin of a calibration: name of its file, time of its creation (ISO 8601), SHA-256, and trust in it.
+    """Origin of a calibration; what an older file does not say is empty.
 
-    What an older file does not say is empty.
+    Attributes
+    ----------
+    name
+        Of its file.
+    created
+        Time of its creation, ISO 8601.
+    sha256
+        Checksum of the file.
+    trust
+        Of the calibration: 'good', 'with care' or 'none'.
     """
 
     name: str = ""
@@ -100,6 +109,16 @@ class Calibration:
         Mean normalised innovation squared of an observer of the calibration recordings, NaN if it is not known.
     rest : VentedRest, optional
         Of the calibration recordings: where travel is counted from. None without a rest, or in an older file.
+
+    Examples
+    --------
+    With a prior on the supply pressure, a calibration keeps what the recording left of its uncertainty:
+
+    >>> import clutchid
+    >>> log = clutchid.bundled_recording().slice(0, 4000)
+    >>> known = clutchid.calibrate(log, free="load,P_S", priors={"P_S": clutchid.Prior(9e5, 5e4)}).calibration
+    >>> known.names, bool(10e3 < known.covariance[0, 0] ** 0.5 < 50e3)  # in Pa, less than that of the prior
+    (('P_S',), True)
     """
 
     names: tuple[str, ...]

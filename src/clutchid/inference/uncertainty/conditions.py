@@ -34,9 +34,20 @@ SWING, RATE = 5.0, 0.2
 
 
 class Assumption(NamedTuple):
-    """A condition that is not known: T_0 or P_S, in which recordings, calibrated value and half width of its change.
+    """A condition that is not known and may have changed.
 
-    In SI; the change is that of the prior, at 95 %. `recorded`: only the calibration lacks it.
+    Attributes
+    ----------
+    name
+        T_0 or P_S.
+    recordings
+        Names of the recordings that lack it.
+    value : SI
+        As calibrated.
+    half_width : SI
+        Of its change, by the prior at 95 %.
+    recorded
+        Whether only the calibration lacks it.
     """
 
     name: str
@@ -47,9 +58,16 @@ class Assumption(NamedTuple):
 
 
 class RecordedConditions(NamedTuple):
-    """Mean ambient temperature in K and mean supply pressure at rest in Pa of recordings; None where not recorded.
+    """Conditions of recordings; None where not recorded.
 
-    `supply_estimated` is the mean that a calibration estimates of the samples that `supply` is the mean of.
+    Attributes
+    ----------
+    temperature : K
+        Mean ambient temperature.
+    supply : Pa
+        Mean supply pressure at rest.
+    supply_estimated : Pa
+        Mean that a calibration estimates of the samples that `supply` is the mean of.
     """
 
     temperature: float | None = None

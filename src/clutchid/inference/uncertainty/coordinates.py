@@ -21,7 +21,23 @@ WEIGHT_WIDTHS = {"N/m": 5e5, "N": 2e3}
 
 @dataclass(frozen=True, slots=True)
 class Prior:
-    """Prior of a parameter: mean and standard deviation in SI."""
+    """Prior of a parameter.
+
+    Parameters
+    ----------
+    mean : SI
+        Most likely value before the recordings are seen.
+    std : SI
+        Standard deviation, above 0.
+
+    Examples
+    --------
+    A supply regulated to 9 bar, with 0.5 bar of doubt:
+
+    >>> supply = Prior(9e5, 5e4)
+    >>> f"{(supply.mean - 1.96 * supply.std) / 1e5:.1f} to {(supply.mean + 1.96 * supply.std) / 1e5:.1f} bar"
+    '8.0 to 10.0 bar'
+    """
 
     mean: float
     std: float

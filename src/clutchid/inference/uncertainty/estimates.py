@@ -11,7 +11,18 @@ from clutchid.log import FloatArray
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """Estimate in SI with standard error and 95 % interval, which are infinite if the data do not determine it.
+    """Estimate with standard error and 95 % interval, which are infinite if the data do not determine it.
+
+    Attributes
+    ----------
+    value : unit
+        The estimate.
+    unit
+        In SI.
+    std : unit
+        Standard error.
+    low, high : unit
+        95 % interval.
 
     Examples
     --------
@@ -39,7 +50,17 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoadCurve:
-    """The load in N over the position in m with its pointwise 95 % interval, 101 points from 0 to the full stroke."""
+    """The load over the position with its pointwise 95 % interval, from 0 to the full stroke.
+
+    Attributes
+    ----------
+    position : m, (101,)
+        From 0 to y_max.
+    force : N, (101,)
+        The load.
+    low, high : N, (101,)
+        95 % interval; infinite where a weight is not determined.
+    """
 
     position: FloatArray
     force: FloatArray

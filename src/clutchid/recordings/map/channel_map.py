@@ -30,11 +30,23 @@ _TOP = ("dbc", *_ABOVE_ZERO)
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """One channel of a file: the quantity is ``sign * factor * sample + offset`` in `unit`, `delay` s before its stamp.
+    """One channel of a file: the quantity is ``sign * factor * sample + offset`` in `unit`.
 
-    `channel` is the name in the file and `group` its group there, if the name is not unique; `unit` overrides that of
-    the file. `longest` is the time in s for which a sample remains valid (for a duty cycle that is only sent when it
-    changes); by default five usual intervals of the channel.
+    Parameters
+    ----------
+    channel, group
+        Name in the file, and its group there if the name is not unique.
+    unit
+        Overrides that of the file.
+    sign, factor : 1
+        -1 or 1, and a scale.
+    offset : unit
+        Added after the scale.
+    delay : s
+        By which the quantity is older than its stamp.
+    longest : s
+        Time for which a sample remains valid, as of a duty cycle that is only sent when it changes; by default five
+        usual intervals of the channel.
     """
 
     channel: str
@@ -49,12 +61,21 @@ class Channel:
 
 @dataclass(frozen=True, slots=True)
 class ChannelMap:
-    """The channel of each quantity, the DBC files that decode a bus log, and the interval of the common time grid in s.
+    """The channel of each quantity, and how its file is read.
 
-    Without the interval `raster`, the time grid is that of the channel with the highest rate. `dbc` are paths of files.
-    `rate` in Hz is that of a file without time: the time is sample / rate. `comments` has comments by entry, and on the
-    file as a whole under an empty name; they are written but not read. A comment on an entry that is missing is written
-    with a block to be filled in.
+    Parameters
+    ----------
+    channels
+        By quantity, such as position.
+    dbc
+        DBC files that decode a bus log.
+    raster : s
+        Interval of the common time grid; without it, that of the channel with the highest rate.
+    rate : Hz
+        Of a file without time: the time is sample / rate.
+    comments
+        By entry, and on the file as a whole under an empty name; they are written but not read. A comment on an entry
+        that is missing is written with a block to be filled in.
     """
 
     channels: Mapping[str, Channel]

@@ -163,10 +163,20 @@ _LISTED = 8
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """A proposed channel map; `open` lists what the user has to decide, `notes` what the names and samples imply.
+    """A proposed channel map.
 
-    A quantity is `certain` if its unit is known and no other channel matches as well. What is unclear about a condition
-    of the recording is a note: nobody has to decide it.
+    What is unclear about a condition of the recording is a note: nobody has to decide it.
+
+    Attributes
+    ----------
+    channels
+        The map.
+    certain
+        Quantities whose unit is known and that no other channel matches as well.
+    open
+        What the user has to decide, one sentence each.
+    notes
+        What names and samples imply, one sentence each.
     """
 
     channels: ChannelMap

@@ -56,10 +56,16 @@ Zero = Literal["subtract", "keep"]
 
 
 class VentedRest(NamedTuple):
-    """Levels in m of the vented rests of a recording.
+    """Levels of the vented rests of a recording.
 
-    `lowest` is that of the lowest one, `returned` the median of those after a stroke, NaN where there is none: friction
-    holds the piston above its stop there. `quantum` is the step of the sensor in m.
+    Attributes
+    ----------
+    lowest : m
+        The lowest one.
+    returned : m
+        Median of those after a stroke, NaN where there is none: friction holds the piston above its stop there.
+    quantum : m
+        Step of the sensor.
     """
 
     lowest: float
@@ -78,7 +84,14 @@ class VentedRest(NamedTuple):
 
 
 class RestShift(NamedTuple):
-    """Shift of the vented rest since a calibration, in m with its 95 % interval.
+    """Shift of the vented rest since a calibration.
+
+    Attributes
+    ----------
+    value : m
+        The shift; above 0 where the sensor reads more than then.
+    low, high : m
+        95 % interval.
 
     Examples
     --------

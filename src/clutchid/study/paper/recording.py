@@ -35,6 +35,11 @@ class TrueLoad:
 def bundled_recording() -> Log:
     """30 s of a simulated truck at 1 kHz with pressure; the truck is more detailed than the paper's model.
 
+    Returns
+    -------
+    log : Log
+        Columns position, duty_supply, duty_exhaust and pressure_a, 30,000 samples.
+
     Raises
     ------
     DataError

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, replace
 from functools import partial
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -116,7 +117,7 @@ def _scored(answer: Answer, driven: Drive) -> dict[str, Any]:
 def prove(
     name: str,
     numbers: Iterable[int],
-    out: Path,
+    out: str | PathLike[str],
     conditions: Conditions = Conditions(),
     place: Workers = ONE_WORKER,
     progress: Callable[[int, int], None] | None = None,
@@ -127,6 +128,26 @@ def prove(
     not depend on the number of workers or on interruptions. The folder of `conditions` other than family A without
     changes is ``out/NAME@FAMILY+CHANGE``.
 
+    Parameters
+    ----------
+    name : str
+        A workflow by name, such as 'paper' or 'calibrated', or MODULE:FUNCTION of one's own.
+    numbers : integers
+        Of the trucks.
+    out : path
+        Folder of the results.
+    conditions : Conditions
+        Family of the trucks, and what changes between calibration and worn recordings.
+    place : Workers
+        Number of workers, or a scheduler.
+    progress : function(done, all), optional
+        Called after each truck.
+
+    Returns
+    -------
+    results : list of dicts
+        As in the files: one for each truck, with scores in % of the peak load by recording.
+
     Raises
     ------
     ParameterError
@@ -135,12 +156,22 @@ def prove(
         If `out` cannot be written, or contains results of other settings.
     SolveError
         If the scheduler is lost; the results before are kept.
+
+    Examples
+    --------
+    How far the paper's method is off on the first virtual truck, in % of the peak load:
+
+    >>> import clutchid, tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     (result,) = clutchid.prove("paper", [0], folder)
+    >>> 5 < result["logs"]["worn1"]["score"]["load"] < 50
+    True
     """
     check_workers(place.workers)
     workflow(name)
     changed(truck(0, conditions.family), *conditions.changes)
     requested = sorted(set(numbers))
-    folder = _folder(out, name + conditions.suffix)
+    folder = _folder(Path(out), name + conditions.suffix)
     done = {n: _read(folder / f"truck_{n:05d}.json") for n in requested}
     todo = [n for n, result in done.items() if result is None]
     work = partial(prove_one, name, conditions=conditions)
