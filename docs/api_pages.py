@@ -8,6 +8,7 @@ import re
 import sys
 import typing
 from collections.abc import Iterator, Sequence
+from functools import cache
 from importlib import import_module
 
 import clutchid
@@ -48,7 +49,8 @@ def fields_of(record: type) -> tuple[str, ...]:
     return tuple(name for name in names if not name.startswith("_"))
 
 
-def records() -> list[type]:
+@cache
+def records() -> tuple[type, ...]:
     """Every record that people get from a public name: its own, its result, and what those hold; in that order."""
     public = [getattr(clutchid, name) for name in clutchid.__all__]
     todo = [found for found in public if is_record(found)]
@@ -62,7 +64,7 @@ def records() -> list[type]:
         found[record] = None
         for hint in _hints(record).values():
             todo += _records_in(hint)
-    return [*found]
+    return tuple(found)
 
 
 def _records_in(hint: object) -> Iterator[type]:

@@ -4,6 +4,8 @@ import importlib.util
 import re
 from pathlib import Path
 
+import pytest
+
 from clutchid.cli import app
 from clutchid.inference.uncertainty.change_prior import directions
 from clutchid.log.states import STATES
@@ -12,11 +14,17 @@ from clutchid.parameters import GROUPS, Parameters
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def test_the_page_of_equations_is_the_one_that_the_code_makes():
+@pytest.fixture(scope="module")
+def equations():
+    """The page of equations as the code makes it."""
     spec = importlib.util.spec_from_file_location("make_equations", ROOT / "docs" / "make_equations.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    assert (ROOT / "docs" / "equations.md").read_text(encoding="utf-8") == module.page()
+    return module.page()
+
+
+def test_the_page_of_equations_is_the_one_that_the_code_makes(equations):
+    assert (ROOT / "docs" / "equations.md").read_text(encoding="utf-8") == equations
 
 
 def test_the_page_of_equations_has_every_equation_of_the_paper_and_their_names():
@@ -31,14 +39,10 @@ def test_the_page_of_equations_has_every_equation_of_the_paper_and_their_names()
     assert "Flow function psi" in text
 
 
-def test_a_formula_names_other_functions_and_constants_and_does_not_expand_them():
-    spec = importlib.util.spec_from_file_location("make_equations", ROOT / "docs" / "make_equations.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    page = module.page()
-    flow = page.partition("`orifice_flow`")[2].partition("###")[0]
+def test_a_formula_names_other_functions_and_constants_and_does_not_expand_them(equations):
+    flow = equations.partition("`orifice_flow`")[2].partition("###")[0]
     assert r"\psi{\left(\frac{p_l}{p_h},B,B_0,r_{lam} \right)}" in flow
-    assert "p_N" in page.partition("`leak_flow`")[2].partition("###")[0]
+    assert "p_N" in equations.partition("`leak_flow`")[2].partition("###")[0]
 
 
 def test_the_python_example_of_the_readme_runs(tmp_path, monkeypatch, capsys):
