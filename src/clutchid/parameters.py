@@ -255,7 +255,9 @@ class Parameters:
         share=0.02, drift=Drift(0.002, 2), changes=(GroupChange("temperature and grease", 0.085, "warmer"),),
     )
     R: float = _magnitude(288.0, "J/(kg·K)", "gas constant of air", 50, 5000, share=0.002)
-    M: float = _magnitude(10.0, "kg", "mass of the piston", 1e-5, 1e5, share=0.15, drawing=True)
+    M: float = _magnitude(
+        10.0, "kg", "mass of the piston", 1e-5, 1e5, share=0.15, freed=Freed(12), drawing=True, needs="full supply",
+    )
     P_S: float = _magnitude(
         9e5, "Pa", "supply pressure, absolute", 1e3, 1e8,
         share=0.05, drift=Drift(0.003, 1), freed=Freed(3), part="supply valve",
