@@ -42,9 +42,9 @@ PHASES, CONTRAST = 20, 0.01
 #: Least contrast for a period that is known from the duty cycles, with a single trial.
 CONTRAST_ON_GRID = 0.001
 
-#: Least response of the pressure to the pulses, over that to the mean duty cycle, if the contrast alone is not enough: a
-#: spool that lags behind duty cycles on a grid has some contrast, but no response; valves that a carrier switches have
-#: 0.35 or more. Chosen on trucks 0 to 23 (benchmarks/results/carrier.md).
+#: Least response of the pressure to the pulses, over that to the mean duty cycle, if the contrast alone is not enough:
+#: a spool that lags behind duty cycles on a grid has some contrast, but no response; valves that a carrier switches
+#: have 0.35 or more. Chosen on trucks 0 to 23 (benchmarks/results/carrier.md).
 RESPONSE = 0.2
 
 #: Another period must explain the variance of that of the grid by this factor: with the same duty cycles, half or twice
