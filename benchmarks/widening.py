@@ -127,17 +127,21 @@ def one_truck(number: int, family: str, cases: Sequence[str], remedies: Sequence
 
 def calibrated(number: int, family: str, without: Sequence[str], method: MethodName) -> Fit:
     """A calibration of a truck from a recording without some columns."""
-    seed = _seeds(number)[0]
-    log = drive(truck(number, family), seconds=SECONDS, seed=seed, name="calibration", conditions=True).log
+    log = drive(truck(number, family), seconds=SECONDS, seed=seeds(number)[0], name="calibration", conditions=True).log
     return fit(log.without(*without), measure=("position", "pressure_a"), free=("auto",), method=method)
 
 
-def worn_clutch(number: int, family: str, case: str, bus: bool = False, another: int = 0) -> Drive:
-    """A recording of a truck's worn clutch, in the controller or on the bus; `another` numbers further ones."""
+def worn_clutch(
+    number: int, family: str, case: str, bus: bool = False, another: int = 0, kind: Vehicle | None = None
+) -> Drive:
+    """A recording of a truck's worn clutch, in the controller or on the bus; `another` numbers further ones.
+
+    `kind` is driven in its place, with its seeds.
+    """
     changes, options = CASES[case]
-    kind = truck(number, family)
+    kind = kind or truck(number, family)
     worn = drive(
-        kind, seconds=SECONDS, seed=_seeds(number)[1] + another, wear=WEAR, cycles=WEAR * STROKES, pressure=False,
+        kind, seconds=SECONDS, seed=seeds(number)[1] + another, wear=WEAR, cycles=WEAR * STROKES, pressure=False,
         change=changes, name="worn", conditions=True, **({"recorder": "bus"} if bus else {}), **options(kind),
     )  # fmt: skip
     if case != LATE:
@@ -146,9 +150,10 @@ def worn_clutch(number: int, family: str, case: str, bus: bool = False, another:
     return replace(worn, log=worn.log.with_columns(**late))
 
 
-def _seeds(number: int) -> list[int]:
-    seeds: list[int] = np.random.default_rng([number, 2]).integers(0, 2**31, 2).tolist()
-    return seeds
+def seeds(number: int) -> list[int]:
+    """Seeds of the calibration recording and of the worn one."""
+    drawn: list[int] = np.random.default_rng([number, 2]).integers(0, 2**31, 2).tolist()
+    return drawn
 
 
 def reading(worn: Drive, without: Sequence[str], once: Fit, wanted: Mapping[str, Any]) -> Reading | None:

@@ -255,7 +255,9 @@ class Parameters:
         share=0.02, drift=Drift(0.002, 2), changes=(GroupChange("temperature and grease", 0.085, "warmer"),),
     )
     R: float = _magnitude(288.0, "J/(kg·K)", "gas constant of air", 50, 5000, share=0.002)
-    M: float = _magnitude(10.0, "kg", "mass of the piston", 1e-5, 1e5, share=0.15, drawing=True)
+    M: float = _magnitude(
+        10.0, "kg", "mass of the piston", 1e-5, 1e5, share=0.15, freed=Freed(12), drawing=True, needs="full supply",
+    )
     P_S: float = _magnitude(
         9e5, "Pa", "supply pressure, absolute", 1e3, 1e8,
         share=0.05, drift=Drift(0.003, 1), freed=Freed(3), part="supply valve",
@@ -266,7 +268,9 @@ class Parameters:
         share=0.4, drift=Drift(0.02, 1), freed=Freed(5), adapts=Adapting(3, 0.1),
         changes=(GroupChange("temperature and grease", -0.5, "warmer"), GroupChange("temperature and grease", 0.3)),
     )
-    K_z: float = _magnitude(1e6, "N/m", "stiffness of the seal deflection", 10, 1e10, share=0.3, freed=Freed(5))
+    K_z: float = _magnitude(
+        1e6, "N/m", "stiffness of the seal deflection", 10, 1e10, share=0.3, drift=Drift(0.15, 12), freed=Freed(5),
+    )
     D_zdot: float = _magnitude(5000.0, "N·s/m", "damping of the seal deflection", 0, 1e7, share=0.3, freed=Freed(5))
     F_C: float = _magnitude(
         200.0, "N", "Coulomb friction", 1e-4, 1e6, share=0.4, drift=Drift(0.15, 7), freed=Freed(4), adapts=Adapting(1),
@@ -407,11 +411,12 @@ class Parameters:
         share=0.5, freed=Freed(6),
     )
     R_S: float = _row(
-        1.3, "1", "ratio of static to Coulomb friction", 1, 5, source=_STRIBECK, width=0.3, freed=Freed(11),
+        1.3, "1", "ratio of static to Coulomb friction", 1, 5, source=_STRIBECK,
+        width=0.3, drift=Drift(0.1, 12), freed=Freed(11),
     )
     v_S: float = _magnitude(
         0.01, "m/s", "Stribeck velocity, at which static friction decays", 1e-6, 10, source=_STRIBECK,
-        share=0.7, freed=Freed(11),
+        share=0.7, drift=Drift(0.2, 12), freed=Freed(11),
     )
     c_F: float = _magnitude(
         1.5e-4, "m²", "Coulomb friction that pressure on the seal adds", 0, 1, source=_STRIBECK,

@@ -15,6 +15,9 @@ from clutchid.estimation.automatic import (
     WITH_CARRIER,
     automatic,
 )
+from clutchid.estimation.calibrate import fit_with
+from clutchid.estimation.request import FitRequest
+from clutchid.estimation.shooting import SHOOTING
 from clutchid.model import Actuator, Load
 from clutchid.model.variants import VARIANTS
 from clutchid.preparation.pulses import centred
@@ -26,7 +29,7 @@ from fixtures.changed_logs import spoiled, thinned
 
 PAPER = (
     "C_vs", "C_ve", "R_0vs", "R_0ve", "R_1vs", "R_1ve", "V_0A", "P_S", "P_0", "F_C", "D_v", "K_z", "D_zdot", "C_r",
-    "y_max", "tau_y", "tau_p",
+    "y_max", "tau_y", "tau_p", "M",
 )  # fmt: skip
 SHAPES = ("B_vs", "B_ve")
 BALANCE = ("mu_h", "K_h", "b_vs", "m_vs", "b_ve", "m_ve", "T_w", "h_A", "V_S", "tau_S", "gamma")
@@ -53,6 +56,17 @@ def test_each_variant_frees_what_it_knows(drive_log, model):
     assert len(free) == len(set(free))
     assert begin.model == model
     assert (begin.value("tau_y"), begin.value("tau_p")) == (LAG, LAG), "what sensors have"
+
+
+@pytest.mark.slow
+def test_a_calibration_finds_the_mass_that_moves(plant, recorded_by):
+    """A mass that stays at its default is made up for by friction and lags, which warm strokes show as another load."""
+    heavy = plant.replace({"M": 12.5})
+    begin = replace(heavy, load=Load((7e5, 0.0, 0.0))).replace({"M": 10.0, "tau_y": 0.0, "tau_p": 0.0})
+    found = fit_with(SHOOTING, [recorded_by(heavy)], begin, FitRequest(("position", "pressure_a"), ("auto",)))
+    mass = found.parameters["M"]
+    assert mass.std < 0.1 * 12.5, "the strokes of 8 s determine it better than its prior of 15 %"
+    assert abs(mass.value - 12.5) < 2.0 * mass.std
 
 
 def test_the_load_starts_as_near_as_splines_come_to_the_one_given(drive_log):

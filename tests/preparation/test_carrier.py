@@ -64,6 +64,14 @@ def test_a_recording_without_a_carrier_has_none(plant, drive_log):
     assert find_carrier(drive_log, plant) == (0.0, 0.0)
 
 
+def test_a_spool_that_lags_behind_duty_cycles_on_a_grid_has_none():
+    """The grid leaves a trace in the pressure, but far less than valves that open and close in each period would."""
+    kind = virtual.truck(6, family="B")
+    assert (kind.valve, kind.duty) == ("spool", "latched")
+    log = virtual.drive(kind, seconds=15.0, seed=1135876684).log
+    assert find_carrier(log, Actuator(model=AUTOMATIC)) == (0.0, 0.0)
+
+
 def test_a_recording_slower_than_the_carrier_has_none(plant, log):
     bus = thinned(log, 10)
     assert find_carrier(bus, plant)[0] != PERIOD

@@ -66,8 +66,9 @@ def automatic(logs: Sequence[Log], actuator: Actuator) -> tuple[Actuator, tuple[
 def freed(actuator: Actuator) -> tuple[str, ...]:
     """Parameters that a calibration frees: those of the rows that have an effect.
 
-    They differ between trucks and are not on a drawing, as areas are. Mass and damping of the stops have little
-    influence.
+    They differ between trucks, and are not known from a drawing as well as areas are; the damping of the stops has
+    little influence. A wrong mass is made up for by other parameters, which scale differently when grease and air are
+    warmer (docs/derivations.md, "The moving mass").
     """
     acting = actuator.acting
     return tuple(name for name in in_order(actuator.rows, lambda row: row.freed) if name in acting)

@@ -42,6 +42,11 @@ PHASES, CONTRAST = 20, 0.01
 #: Least contrast for a period that is known from the duty cycles, with a single trial.
 CONTRAST_ON_GRID = 0.001
 
+#: Least response of the pressure to the pulses, over that to the mean duty cycle, if the contrast alone is not enough:
+#: a spool that lags behind duty cycles on a grid has some contrast, but no response; valves that a carrier switches
+#: have 0.35 or more. Chosen on trucks 0 to 23 (benchmarks/results/carrier.md).
+RESPONSE = 0.2
+
 #: Another period must explain the variance of that of the grid by this factor: with the same duty cycles, half or twice
 #: the true period explains up to the same variance.
 GRID_ADVANTAGE = 2.0
@@ -77,8 +82,10 @@ def find_carrier(log: Log, actuator: Actuator, periods: Sequence[float] = PERIOD
     for period in (*periods, grid) if periods is PERIODS and grid not in PERIODS else periods:
         if not resolves_carrier(log, period):
             continue
-        contrast, phase = _contrast(log, actuator, period, max(1, round(period / step)))
-        if contrast > (CONTRAST_ON_GRID if _same(period, grid) else CONTRAST):
+        length = max(1, round(period / step))
+        contrast, phase = _contrast(log, actuator, period, length)
+        weak = _same(period, grid) and contrast > CONTRAST_ON_GRID
+        if contrast > CONTRAST or (weak and _response(log, actuator, period, phase, length) > RESPONSE):
             candidates[period] = (contrast if len(periods) == 1 else _contrast(log, actuator, period, common)[0], phase)
     if not candidates:
         return 0.0, 0.0
@@ -105,12 +112,37 @@ def _contrast(log: Log, actuator: Actuator, period: float, length: int) -> tuple
     return float(shares.max() - np.median(shares)), float(phases[np.argmax(shares)])
 
 
+def _response(log: Log, actuator: Actuator, period: float, phase: float, length: int) -> float:
+    """Response of the pressure rate to pulses, over that to the mean opening: about 1, or 0 without a carrier.
+
+    Unlike the contrast it does not depend on the noise of the pressure.
+    """
+    rate = np.diff(log["pressure_a"])
+    fast, slow = _parted(_openings(log, actuator.replace({"T_pwm": period, "s_pwm": centred(phase)})), length)
+    smooth = _smooth(rate, length)
+    known = np.isfinite(rate)
+    to_mean, *_ = np.linalg.lstsq(slow[known], smooth[known], rcond=None)
+    to_pulses, *_ = np.linalg.lstsq(fast[known], (rate - smooth)[known], rcond=None)
+    return float(to_pulses @ to_mean / max(float(to_mean @ to_mean), np.finfo(float).tiny))
+
+
 def _smooth(values: FloatArray, length: int) -> FloatArray:
     return np.convolve(np.nan_to_num(values), np.ones(length) / length, "same")
 
 
 def _explained_variance(log: Log, actuator: Actuator, fast: FloatArray, length: int) -> float:
     """Fraction of the variance of the fast part of the pressure rate that the switching of both valves explains."""
+    A, _ = _parted(_openings(log, actuator), length)
+    known = np.isfinite(fast) & (np.abs(A).sum(axis=1) > 0)
+    total = float(np.sum(fast[known] ** 2))
+    if known.sum() < 100 or total == 0.0:
+        return 0.0
+    weights, *_ = np.linalg.lstsq(A[known], fast[known], rcond=None)
+    return 1.0 - float(np.sum((fast[known] - A[known] @ weights) ** 2)) / total
+
+
+def _openings(log: Log, actuator: Actuator) -> FloatArray:
+    """Openings of both valves as the carrier switches them, each times the pressure before it, shape (n - 1, 2)."""
     p = actuator.parameters
     text, clock = kernels(actuator.model), carrier_clock(log.time, p)
     pressure = np.nan_to_num(log["pressure_a"][:-1], nan=p.P_0)
@@ -122,15 +154,14 @@ def _explained_variance(log: Log, actuator: Actuator, fast: FloatArray, length: 
         share = text.opening(log[duty], low, high)
         # the search for the phase of a valve starts at the duty cycle where it starts to open
         opened = text.passed_pulses(share, share, *clock, (p.s_pwm + low) % 1.0, SHORT_TRAVEL)
-        switched = np.where(np.isfinite(share), opened, np.nan)[:-1] * drive
-        columns.append(switched - _smooth(switched, length))
-    A = np.nan_to_num(np.column_stack(columns))
-    known = np.isfinite(fast) & (np.abs(A).sum(axis=1) > 0)
-    total = float(np.sum(fast[known] ** 2))
-    if known.sum() < 100 or total == 0.0:
-        return 0.0
-    weights, *_ = np.linalg.lstsq(A[known], fast[known], rcond=None)
-    return 1.0 - float(np.sum((fast[known] - A[known] @ weights) ** 2)) / total
+        columns.append(np.where(np.isfinite(share), opened, np.nan)[:-1] * drive)
+    return np.column_stack(columns)
+
+
+def _parted(columns: FloatArray, length: int) -> tuple[FloatArray, FloatArray]:
+    """Fast and slow part of each column, shape (n, k); the fast part is 0 where it is not known."""
+    slow = np.column_stack([_smooth(column, length) for column in columns.T])
+    return np.nan_to_num(columns - slow), slow
 
 
 def centred(phase: float) -> float:
