@@ -141,6 +141,7 @@ def verdict_json(fit: Fit) -> dict[str, Any]:
         "reasons": list(judged.reasons),
         "unseen": list(judged.unseen),
         "notes": list(judged.notes),
+        "experience": judged.experience or None,
         "diagnostics": {
             name: {
                 "position_fit_over_1_s_percent": found.predictions[name],
