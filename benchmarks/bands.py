@@ -1,103 +1,171 @@
-"""How certain a load from position alone may be called: ``python benchmarks/bands.py --family A --trucks 12``.
+"""How certain a load from position alone may be called: ``python benchmarks/bands.py DIR --family A --seed 3200``.
 
-Every truck is calibrated once with pressure; its worn clutch is read under the cases of `widening.py`, once, and its
-band is calculated with several settings of `clutchid.estimation.hypotheses.IntervalSettings`. Score: mean logarithm of
-the density of the true load in the band, largest where bands are as wide as the errors are. Covered is the share
-of the points from 0.5 to 20 mm in the 95 % band, width the median of the band from low to high in % of the peak; the
-area under the curve is that of the expected error for loads more than 2 % off.
+Compares bands of the readings that `readings.py` has stored in DIR, without a fit. Columns: points from 0.5 to 20 mm in
+the 95 % band, with their standard error by truck, and of pairs of changes with another supply; the median width of the
+band from low to high and its interval score (Winkler 1972: width, and 40 times what is missed; smaller is better), in %
+of the peak; error, rms, median / worst; area under the curve of the expected error for loads more than 2 % off, within
+the cases, so that the mix of cases does not matter.
 """
 
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from functools import partial
-from multiprocessing import get_context
-from typing import NamedTuple
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
-from widening import LATE, calibrated, worn_clutch
+from readings import CASES
 
-from clutchid.estimation.departure import relative_misfit
-from clutchid.estimation.hypotheses import BAND, IntervalSettings, Mixture, explained, mixture
-from clutchid.estimation.request import FreeParameters
-from clutchid.estimation.shooting import SHOOTING
-from clutchid.inference.problem import Problem
-from clutchid.inference.uncertainty.calibration import Calibration
-from clutchid.log import FloatArray, Log
-from clutchid.model.actuator import Actuator
+from clutchid.estimation.assess.comparison import half_load
+from clutchid.estimation.assess.reasons import BAD_ERROR, GOOD_ERROR, POOR_ERROR, SHARES_OFF
+from clutchid.estimation.filtered_load import FILTER_WEIGHT
+from clutchid.estimation.hypotheses import BAND, flattened, softmax
+from clutchid.inference.uncertainty.change_prior import HYPOTHESES
+from clutchid.inference.uncertainty.mixture import Mixture
+from clutchid.log import FloatArray
 from clutchid.numerics.interval import QUANTILE
 from clutchid.truck import GRID
 
-#: Columns that the recordings lack.
-CONDITIONS = ("temperature_ambient", "pressure_supply")
+#: Bootstraps of the blocks.
+BOOTSTRAPS = 100
 
-SHIPPED = "and misfit, as shipped"
+#: Price of a point outside of a 95 % band, in distances from it.
+MISSED = 40.0
 
-#: What is compared: settings, and whether a misfit counts.
-BANDS: Mapping[str, tuple[IntervalSettings, bool]] = {
-    "evidence as it is": (IntervalSettings(1.0, 0.0), False),
-    "half of it": (IntervalSettings(0.5, 0.0), False),
-    "and what other grease adds": (BAND, False),
-    SHIPPED: (BAND, True),
-    "all evidence, the rest as shipped": (IntervalSettings(1.0, BAND.missed), True),
-}
-
-CASES = (
-    "nothing", "supply", "cold", "warm", "valves", "seals", "supply and warm", "supply and cold", "cold and valves",
-    "5 K warmer", LATE,
-)  # fmt: skip
-
-#: Error in % that counts as bad, and least density, so that one truck does not decide.
-BAD, FLOOR = 2.0, 1e-2
+PAIRS = ("supply and warm", "supply and cold")
 
 
-class Reading(NamedTuple):
-    """Error and standard deviation of a load at the points of the grid, in % of its peak."""
+class Stored(NamedTuple):
+    """A stored reading: number of the truck, case, and its arrays by name."""
 
+    truck: int
     case: str
-    error: FloatArray
-    std: FloatArray
+    arrays: Mapping[str, Any]
+
+    @property
+    def peak(self) -> float:
+        """Greatest true load in N."""
+        return float(self.arrays["truth"].max())
 
 
-def one_truck(number: int, family: str) -> dict[str, list[Reading]]:
-    """Readings of one truck by setting."""
-    once = calibrated(number, family, CONDITIONS, "shooting")
-    kept = once.calibration
-    assert kept is not None, "a calibration with pressure keeps one"
-    found: dict[str, list[Reading]] = {name: [] for name in BANDS}
-    for case in CASES:
-        worn = worn_clutch(number, family, case)
-        read, problem = reader([worn.log.without(*CONDITIONS)], once.actuator, kept)
-        for name, (band, counts) in BANDS.items():
-            found[name].append(reading(case, problem, read(band, counts), worn.truth.load(GRID)))
+class Band(NamedTuple):
+    """A load with its band in N."""
+
+    load: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+
+def stored(folder: Path, family: str, numbers: Sequence[int], recorded: str) -> list[Stored]:
+    """The readings in a folder with 'position' alone or with the 'supply' recorded."""
+    found = []
+    for number in numbers:
+        path = folder / f"{family}_{number:05d}.npz"
+        if path.exists():
+            arrays = np.load(path)
+            for case in CASES:
+                head = f"{case}/{recorded}/"
+                own = {name.removeprefix(head): arrays[name] for name in arrays.files if name.startswith(head)}
+                found.append(Stored(number, case, own))
     return found
 
 
-def reader(
-    logs: Sequence[Log], actuator: Actuator, calibration: Calibration
-) -> tuple[Callable[[IntervalSettings, bool], Mixture], Problem]:
-    """A reading that takes the settings of its band and whether its misfit counts, and its problem."""
-    functions = SHOOTING.changes
-    assert functions is not None
-    free = FreeParameters(actuator.load.names, ("position",))
-    known = explained(SHOOTING.search(logs, actuator, free, calibration, None), functions, calibration)
-    misfit = relative_misfit(min(one.solution.at.cost for one in known.values()), logs, calibration)
-    return lambda band, counts: mixture(known, calibration, misfit if counts else 1.0, band), known[()].result.problem
+class Weights(NamedTuple):
+    """Weights of all hypotheses, (h,), for the mean and for the band."""
+
+    mean: FloatArray
+    spread: FloatArray
 
 
-def reading(case: str, problem: Problem, found: Mixture, truth: FloatArray) -> Reading:
-    """The load of a mixture against the truth."""
-    load = problem.actuator_of(found.x, problem.stems[0]).load
-    slopes = np.zeros((len(load.names), found.x.size))
-    for j, (c, value) in enumerate(zip(problem.coordinates, found.x.tolist(), strict=True)):
-        if c.base in load.names:
-            slopes[load.names.index(c.base), j] = c.slope(value)
-    rows = load.phi(GRID) @ slopes
-    std = np.sqrt(np.einsum("ij,jk,ik->i", rows, found.covariance, rows))
-    return Reading(case, 100 * (load.force(GRID) - truth) / truth.max(), 100 * std / truth.max())
+def weights(one: Stored, part: float = BAND.evidence) -> Weights:
+    """The mean over the hypotheses that were searched, and a part of the logarithm of the evidence for the band."""
+    searched = np.where(one.arrays["searched"], one.arrays["score"], -np.inf)
+    return Weights(softmax(searched), flattened(one.arrays["score"], part))
+
+
+def bootstraps(one: Stored, part: float | None = None) -> Weights:
+    """Means of the probabilities over bootstraps of the blocks, for the band too, or with a part of the evidence.
+
+    A block that is drawn twice adds its cost at the solution again (Kishino, Miyata and Hasegawa 1990); a mean over
+    bootstraps is a bagged posterior (Huggins and Miller 2023).
+    """
+    drawn = drawn_scores(one)
+    mean: FloatArray = np.mean([softmax(row) for row in drawn], axis=0)
+    return Weights(mean, mean if part is None else np.mean([flattened(row, part) for row in drawn], axis=0))
+
+
+def drawn_scores(one: Stored) -> FloatArray:
+    """Logarithms of the odds of all hypotheses in each bootstrap, shape (bootstraps, h)."""
+    score, costs = one.arrays["score"], one.arrays["costs"]
+    blocks = costs.shape[1]
+    times = np.random.default_rng(0).multinomial(blocks, np.full(blocks, 1.0 / blocks), size=BOOTSTRAPS)
+    drawn: FloatArray = score - 0.5 * (times - 1) @ costs.T
+    return drawn
+
+
+def contested(one: Stored) -> float:
+    """Share of the bootstraps in which another hypothesis is the most probable one."""
+    return float(np.mean(np.argmax(drawn_scores(one), axis=1) != np.argmax(one.arrays["score"])))
+
+
+def posterior(one: Stored, of: Weights, least: float = BAND.least) -> Mixture:
+    """Posterior of the load at the points of the grid, as independent numbers: only their own intervals are used."""
+    a = one.arrays
+    misfit = np.fmax(1.0, a["misfit"])
+    variance = misfit * (a["std"] ** 2 + (BAND.missed * a["grease"]) ** 2)
+    variance += (least * a["load"].max(axis=1, keepdims=True)) ** 2
+    return Mixture(HYPOTHESES, *of, a["load"], np.array([np.diag(row) for row in variance]))
+
+
+def band_of(found: Mixture, factor: float = 1.0) -> Band:
+    """The mean of a posterior with the quantiles of its mixture, farther from it by a factor."""
+    x = found.x
+    low, high = (x + factor * (end - x) for end in found.interval(np.eye(x.size)))
+    return Band(x, low, high)
+
+
+def before(one: Stored) -> Band:
+    """As before: half of the logarithm of the evidence in the covariance, and 1.96 standard deviations."""
+    found = posterior(one, weights(one, 0.5), least=0.0)
+    half = QUANTILE * np.sqrt(np.diag(found.covariance))
+    return Band(found.x, found.x - half, found.x + half)
+
+
+def with_filter(one: Stored, weight: float = FILTER_WEIGHT) -> Band:
+    """The load of two estimators, with the band of the first."""
+    found = posterior(one, weights(one))
+    step = weight * (1.0 - found.of_group("valves")) * (one.arrays["joint"] - found.x)
+    return band_of(found.moved(step))
+
+
+#: Bands as they are used.
+USED_ALONE, USED_WITH_SUPPLY = "and 0.3 of the evidence, as used", "and half of the joint filter, as used"
+
+#: Bands that are compared, by what is recorded.
+BANDS: Mapping[str, Mapping[str, Callable[[Stored], Band]]] = {
+    "position": {
+        "before": before,
+        "quantiles": lambda one: band_of(posterior(one, weights(one, 0.5), 0.0)),
+        "and at least 0.3 %": lambda one: band_of(posterior(one, weights(one, 0.5))),
+        USED_ALONE: lambda one: band_of(posterior(one, weights(one))),
+        "bootstraps, all evidence": lambda one: band_of(posterior(one, bootstraps(one))),
+        "  and times 1.1": lambda one: band_of(posterior(one, bootstraps(one)), 1.1),
+        "bootstraps, 0.3 of the evidence": lambda one: band_of(posterior(one, bootstraps(one, BAND.evidence))),
+        "0.3, and half of the joint filter": with_filter,
+    },
+    "supply": {
+        "before": before,
+        USED_ALONE: lambda one: band_of(posterior(one, weights(one))),
+        USED_WITH_SUPPLY: with_filter,
+        "  0.3 of it": lambda one: with_filter(one, 0.3),
+        "  0.7 of it": lambda one: with_filter(one, 0.7),
+    },
+}
+
+#: Bands as they are used, by what is recorded.
+USED = {"position": USED_ALONE, "supply": USED_WITH_SUPPLY}
 
 
 def rms(values: FloatArray) -> float:
@@ -105,36 +173,136 @@ def rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def summary(readings: Sequence[Reading]) -> str:
-    """Score, share covered, width, and how well the expected error separates good from bad."""
-    z = [r.error / r.std for r in readings]
-    density = [np.mean(np.log(np.exp(-0.5 * e**2) / r.std + FLOOR)) for e, r in zip(z, readings, strict=True)]
-    covered = 100 * np.mean([np.abs(e) <= QUANTILE for e in z])
-    width = np.median([2 * QUANTILE * np.median(r.std) for r in readings])
-    bad = np.array([rms(r.error) > BAD for r in readings])
-    expected = np.array([rms(r.std) for r in readings])
-    area = f"{np.mean(expected[bad][:, None] > expected[~bad][None, :]):.2f}" if 0 < bad.sum() < bad.size else "-"
-    return f"score {np.mean(density):6.2f}  covered {covered:3.0f} %  width {width:5.1f} %  area {area}"
+class Score(NamedTuple):
+    """A band against the truth: error and width in % of the peak, share covered, interval score, expected error."""
+
+    error: float
+    covered: float
+    width: float
+    interval: float
+    expected: float
+
+
+def score(one: Stored, band: Band) -> Score:
+    """Score of a band."""
+    truth, width = one.arrays["truth"], band.high - band.low
+    missed = np.maximum(band.low - truth, 0.0) + np.maximum(truth - band.high, 0.0)
+    return Score(
+        100 * rms(band.load - truth) / one.peak,
+        100 * float(np.mean(missed == 0.0)),
+        100 * float(np.median(width)) / one.peak,
+        100 * float(np.mean(width + MISSED * missed)) / one.peak,
+        100 * rms(width / (2 * QUANTILE)) / one.peak,
+    )
+
+
+def area(readings: Sequence[Stored], scores: Sequence[Score]) -> float:
+    """Area under the curve of the expected error for bad loads, within the cases; NaN where none or all are bad."""
+    ordered = pairs = 0.0
+    for case in CASES:
+        own = [s for one, s in zip(readings, scores, strict=True) if one.case == case]
+        wrong, right = ([s.expected for s in own if (s.error > BAD_ERROR) is which] for which in (True, False))
+        apart = np.sign(np.subtract.outer(wrong, right))
+        ordered, pairs = ordered + float(np.sum(0.5 + 0.5 * apart)), pairs + apart.size
+    return ordered / pairs if pairs else float("nan")
+
+
+def line(readings: Sequence[Stored], scores: Sequence[Score]) -> str:
+    """A row of the table."""
+    table = np.array(scores)
+    by_truck = [np.mean([s.covered for one, s in zip(readings, scores, strict=True) if one.truck == truck])
+                for truck in {one.truck for one in readings}]  # fmt: skip
+    error = np.std(by_truck, ddof=1) / np.sqrt(len(by_truck)) if len(by_truck) > 1 else np.nan
+    pairs = [s.covered for one, s in zip(readings, scores, strict=True) if one.case in PAIRS]
+    return (
+        f"{table[:, 1].mean():6.1f} ± {error:.1f} %{np.mean(pairs) if pairs else np.nan:7.0f} %"
+        f"{np.median(table[:, 2]):8.1f}{table[:, 3].mean():8.1f}"
+        f"{np.median(table[:, 0]):9.2f} /{table[:, 0].max():6.2f}{area(readings, scores):8.2f}"
+    )
+
+
+def graded(scores: Sequence[Score]) -> str:
+    """How many readings have each grade by their expected error, and how many of them are bad."""
+    grades = {"good": (0.0, GOOD_ERROR), "with care": (GOOD_ERROR, POOR_ERROR), "none": (POOR_ERROR, np.inf)}
+    return "; ".join(f"{name}: {bad(scores, *limits)}" for name, limits in grades.items())
+
+
+def by_expected_error(scores: Sequence[Score]) -> str:
+    """How many readings are bad, by their expected error up to the limits that a result quotes."""
+    limits = [0.0, *(limit for limit, _ in SHARES_OFF)]
+    return "; ".join(f"up to {high:g}: {bad(scores, low, high)}" for low, high in pairwise(limits))
+
+
+def bad(scores: Sequence[Score], low: float, high: float) -> str:
+    """How many readings expect an error between two limits in % of the peak, and how many of them are bad."""
+    errors = np.array([s.error for s in scores if low < s.expected <= high])
+    share = f"{100 * np.mean(errors > BAD_ERROR):.0f} %" if errors.size else "-"
+    return f"{errors.size}, {share} beyond {BAD_ERROR:g} %"
+
+
+def correlation(readings: Sequence[Stored]) -> float:
+    """Correlation of the mean errors of the fit and of the joint filter."""
+    fits = [weights(one).mean @ one.arrays["load"] for one in readings]
+    errors = [
+        [np.mean(load - one.arrays["truth"]) / one.peak for load in (fit, one.arrays["joint"])]
+        for one, fit in zip(readings, fits, strict=True)
+    ]
+    return float(np.corrcoef(np.transpose(errors))[0, 1])
+
+
+def half_loads(readings: Sequence[Stored], band: Callable[[Stored], Band]) -> str:
+    """Error of the position in mm at which the load reaches half its peak, median and worst."""
+    errors = [abs(half_load(GRID, band(one).load) - half_load(GRID, one.arrays["truth"])) * 1e3 for one in readings]
+    return f"{np.median(errors):.3f} / {max(errors):.3f}"
+
+
+def per_supply(readings: Sequence[Stored]) -> str:
+    """By how many % the load changes for 1 % of the supply: smallest, median and largest of the readings."""
+    shares = []
+    for one in readings:
+        load, by = (weights(one).mean @ one.arrays[name] for name in ("load", "per_supply"))
+        shares.append(float(load @ by / (load @ load)))
+    return " / ".join(f"{share:.2f}" for share in np.quantile(shares, [0.0, 0.5, 1.0]))
 
 
 def main() -> None:
-    """Print a table for each setting, and the cases of the shipped one."""
+    """Print a table for each thing that is recorded, and the cases of the bands as before and as used."""
     options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("folder", type=Path)
     options.add_argument("--family", default="A", choices=("A", "B"))
-    options.add_argument("--trucks", type=int, default=12)
+    options.add_argument("--trucks", type=int, default=24)
     options.add_argument("--seed", type=int, default=0)
-    options.add_argument("--workers", type=int, default=1)
     chosen = options.parse_args()
-    os.environ |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
-    numbers = range(chosen.seed, chosen.seed + chosen.trucks)
-    with ProcessPoolExecutor(chosen.workers, mp_context=get_context("spawn")) as pool:
-        trucks = list(pool.map(partial(one_truck, family=chosen.family), numbers))
-    for name in BANDS:
-        print(f"{name:<36}{summary([r for truck in trucks for r in truck[name]])}")
-    for case in CASES:
-        of_case = [r for truck in trucks for r in truck[SHIPPED] if r.case == case]
-        errors = [rms(r.error) for r in of_case]
-        print(f"  {case:<34}{np.median(errors):.2f} / {max(errors):5.2f} %  {summary(of_case)}")
+    numbers, both = range(chosen.seed, chosen.seed + chosen.trucks), list[Score]()
+    for recorded, bands in BANDS.items():
+        readings = stored(chosen.folder, chosen.family, numbers, recorded)
+        if not readings:
+            continue
+        trucks = len({one.truck for one in readings})
+        print(f"\nfamily {chosen.family}, {trucks} trucks, recorded: {recorded}")
+        print(f"{'':<40}{'covered':>14}{'pairs':>9}{'width':>8}{'score':>8}{'error':>17}{'area':>8}")
+        found = {name: [score(one, band(one)) for one in readings] for name, band in bands.items()}
+        for name, scores in found.items():
+            print(f"{name:<40}{line(readings, scores)}")
+        used = found[USED[recorded]]
+        raised = [
+            s._replace(expected=s.expected * (1.0 + contested(one))) for one, s in zip(readings, used, strict=True)
+        ]
+        print(
+            f"  area of the expected error times 1 + the share of bootstraps for another: {area(readings, raised):.2f}"
+        )
+        print(f"  {graded(used)}")
+        both += used
+        print(f"  correlation of the mean errors of fit and joint filter: {correlation(readings):.2f}")
+        halves = (half_loads(readings, bands[name]) for name in ("before", USED[recorded]))
+        print(f"  half-load position off by {', now '.join(halves)} mm")
+        print(f"  1 % of the supply moves the load by {per_supply(readings)} %")
+        for case in CASES:
+            at = [i for i, one in enumerate(readings) if one.case == case]
+            for name in ("before", USED[recorded]):
+                print(f"  {case if name == 'before' else '':<22}{name[-8:]:<16}"
+                      f"{line([readings[i] for i in at], [found[name][i] for i in at])}")  # fmt: skip
+    print(f"\nall readings as used: {graded(both)}\nby expected error: {by_expected_error(both)}")
 
 
 if __name__ == "__main__":

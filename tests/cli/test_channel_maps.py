@@ -110,6 +110,6 @@ def test_the_next_command_of_a_calibration_with_a_map_runs_on_a_worn_file(tmp_pa
     assert called(*words) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert "trust" in said
-    supply = r"supply pressure not recorded: as calibrated, [\d.]+ ± 0\.5\d bar; 1 % of it is 1\.\d % of the load"
+    supply = r"supply pressure not recorded: as calibrated, [\d.]+ ± 0\.5\d bar; 1 % of it moves this load by \d\.\d %"
     assert re.search(f"assumed {supply}", said)
     assert "air temperature not recorded: as calibrated, 20 ± 14 °C" in said

@@ -70,6 +70,11 @@ def load_of(known, x, stem):
     return next(iter(known.values())).result.problem.actuator_of(x, stem).load.force(Y)
 
 
+def unchanged(known):
+    """Parameters of a reading that assumes that nothing has changed."""
+    return known[()].solution.x
+
+
 def rms(error):
     return float(np.sqrt(np.mean(error**2)))
 
@@ -79,10 +84,10 @@ def test_where_nothing_has_changed_that_is_most_probable_and_costs_at_most_a_tho
     known_of, calibrated, trucks
 ):
     known, kept = known_of("same"), calibrated.calibration
-    everything, nothing = mixture(known, kept), mixture({(): known[()]}, kept)
-    assert max(everything.probability, key=everything.probability.get) == ()
+    everything, nothing = mixture(known, kept), unchanged(known)
+    assert everything.hypotheses[np.argmax(everything.probabilities)] == ()
     peak = trucks["same"].load.force(Y).max()
-    cost = load_of(known, everything.x, "same") - load_of(known, nothing.x, "same")
+    cost = load_of(known, everything.x, "same") - load_of(known, nothing, "same")
     assert rms(cost) < 1e-3 * peak
 
 
@@ -99,11 +104,11 @@ def test_what_has_changed_is_probable_and_the_load_is_nearer_to_the_truth(
     known_of, calibrated, trucks, name, group, least
 ):
     known, kept = known_of(name), calibrated.calibration
-    everything, nothing = mixture(known, kept), mixture({(): known[()]}, kept)
+    everything, nothing = mixture(known, kept), unchanged(known)
     assert everything.of_group(group) > least
-    assert sum(everything.probability.values()) == pytest.approx(1.0, abs=1e-12)
+    assert everything.probabilities.sum() == pytest.approx(1.0, abs=1e-12)
     true = trucks[name].load.force(Y)
-    error, without = (rms(load_of(known, one.x, name) - true) for one in (everything, nothing))
+    error, without = (rms(load_of(known, x, name) - true) for x in (everything.x, nothing))
     assert without > 0.01 * true.max(), "what it costs where nothing is said to have changed"
     assert error < 0.7 * without
 

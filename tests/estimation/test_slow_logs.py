@@ -23,6 +23,12 @@ def half_width(fit):
     return 0.5 * np.interp(Y, fit.load_curve.position, fit.load_curve.high - fit.load_curve.low)
 
 
+def sides(fit):
+    """Distances in N of the ends of the interval of the load from it at its points."""
+    curve = fit.load_curve
+    return np.array([curve.force - curve.low, curve.high - curve.force])
+
+
 def test_a_load_from_100_hz_is_read_with_care_and_has_no_narrower_interval_than_from_1_khz(
     calibrated, adapted, worn_log
 ):
@@ -37,18 +43,18 @@ def test_a_load_from_100_hz_is_read_with_care_and_has_no_narrower_interval_than_
 def test_a_slow_recording_adds_a_share_of_the_load_to_its_interval(adapted, worn_log):
     assert with_slow_logs(adapted, [worn_log]) is adapted
     wide = with_slow_logs(adapted, [worn_log, at_100_hz(worn_log)])
-    added = np.sqrt(half_width(wide) ** 2 - half_width(adapted) ** 2)
-    load = np.interp(Y, adapted.load_curve.position, adapted.load_curve.force)
-    # 101 points, interpolated: the square root of a difference of squares bends a little between them
-    assert added == pytest.approx(QUANTILE * MISSED * load, rel=0.01)
+    added = QUANTILE * MISSED * adapted.load_curve.force
+    np.testing.assert_allclose(sides(wide) ** 2, sides(adapted) ** 2 + added**2)
     at = [list(wide.parameters).index(name) for name in wide.actuator.load.names]
     before, after = (one.covariance[np.ix_(at, at)] for one in (adapted, wide))
     theta = np.array(wide.actuator.load.theta)
     assert after - before == pytest.approx(MISSED**2 * np.outer(theta, theta))
     for name, variance in zip(wide.actuator.load.names, np.diag(after), strict=True):
         estimate = wide.parameters[name]
-        assert (estimate.std, estimate.high - estimate.value) == pytest.approx(
-            np.sqrt(variance) * np.array([1.0, QUANTILE])
-        )
+        assert estimate.std == pytest.approx(np.sqrt(variance))
+        narrow, wider = adapted.parameters[name], QUANTILE**2 * (variance - adapted.parameters[name].std ** 2)
+        for one, other in ((estimate.low, narrow.low), (estimate.high, narrow.high)):
+            squares = (one - estimate.value) ** 2 - (other - narrow.value) ** 2
+            assert squares == pytest.approx(wider, rel=1e-6)
     others = [name for name in wide.parameters if name not in wide.actuator.load.names]
     assert [wide.parameters[name] for name in others] == [adapted.parameters[name] for name in others]

@@ -10,7 +10,8 @@ import numpy as np
 from clutchid.errors import DataError, ParameterError
 from clutchid.estimation.automatic import automatic
 from clutchid.estimation.departure import departure, relative_misfit
-from clutchid.estimation.hypotheses import changes, explained, mixture
+from clutchid.estimation.filtered_load import load_per_supply, with_filtered_load
+from clutchid.estimation.hypotheses import changes, explained, mixture, most_probable
 from clutchid.estimation.method import Method, SearchResult, fit_at
 from clutchid.estimation.position_only import position_only_errors
 from clutchid.estimation.request import Continuation, FitRequest, FreeParameters, SearchStart, bounds_of, free_names
@@ -72,6 +73,7 @@ def fit_with(
         recordings={log.name: on_samples(result.recordings[log.name], log) for log in logs},
         changes=found,
         departure=departs,
+        load_per_supply=load_per_supply(problem, search_result.posterior),
     )
     if method.check and request.checks:
         result = method.check(result, search_result, request.calibration, request.profile, request.bootstrap)
@@ -131,14 +133,15 @@ def _searched(
         return found, (), None
     known = explained(found, method.changes, calibration)
     cost = min(one.solution.at.cost for one in known.values())
-    all_together = mixture(known, calibration, relative_misfit(cost, logs, calibration))
-    best = known[max(all_together.probability, key=all_together.probability.__getitem__)]
-    settled = method.changes.settle(best.result.problem, best.solution, all_together.x)
-    solution = best.solution if isinstance(settled, Failure) else settled
-    x = best.solution.x if isinstance(settled, Failure) else all_together.x
-    result = replace(best.result, solution=solution, covariance=all_together.covariance)
-    departs = departure(result.problem, x, cost, logs, calibration)
-    return result, changes(result.problem, all_together), departs
+    best = known[most_probable(known, calibration)]
+    problem = best.result.problem
+    weighed = mixture(known, calibration, relative_misfit(cost, logs, calibration))
+    posterior = with_filtered_load(weighed, problem, logs, actuator, calibration)
+    settled = method.changes.settle(problem, best.solution, posterior.x)
+    if isinstance(settled, Failure):
+        settled, posterior = best.solution, posterior.moved(best.solution.x - posterior.x)
+    departs = departure(problem, posterior.x, cost, logs, calibration)
+    return replace(best.result, solution=settled, posterior=posterior), changes(problem, posterior), departs
 
 
 def free_parameters(logs: Sequence[Log], actuator: Actuator, request: FitRequest) -> tuple[Actuator, FreeParameters]:

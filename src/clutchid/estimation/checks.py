@@ -243,7 +243,7 @@ def checked(
     problem, solution = search_result.problem, search_result.solution
     if isinstance(solution, Failure):
         return result
-    uncertain = parameter_uncertainty(problem, solution, calibration, search_result.covariance)
+    uncertain = parameter_uncertainty(problem, solution, calibration, search_result.posterior)
     if isinstance(uncertain, Failure):
         return result
     for name in profiled:

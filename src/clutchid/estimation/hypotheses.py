@@ -1,4 +1,4 @@
-"""Hypotheses about changes since a calibration, weighed by their evidence, and the mean over them.
+"""Hypotheses about changes since a calibration, weighed by their evidence, and the posterior over them.
 
 The load is read from position alone under each hypothesis of `clutchid.inference.uncertainty.change_prior`. All are
 first judged by the linearisation of the most probable one so far; a search follows only for those that may matter.
@@ -25,6 +25,7 @@ from clutchid.inference.uncertainty.change_prior import (
 )
 from clutchid.inference.uncertainty.coordinates import Coordinate
 from clutchid.inference.uncertainty.gaussian import GaussianPosterior, gaussian_posterior
+from clutchid.inference.uncertainty.mixture import Mixture
 from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Solution
@@ -75,7 +76,7 @@ def explained(found: SearchResult, method: ChangeFunctions, calibration: Calibra
     known = {none: explanation(found, method, dispersion)}
     failed: set[Hypothesis] = set()
     while True:
-        best = max(known, key=dict(zip(known, probabilities(known, calibration), strict=True)).__getitem__)
+        best = most_probable(known, calibration)
         candidate = _candidate(known, best, failed, calibration)
         if candidate is None:
             return known
@@ -114,16 +115,14 @@ def probabilities(known: Explanations, calibration: Calibration) -> FloatArray:
     return softmax([score(one.under(h), h, calibration) for h, one in known.items()])
 
 
-def flattened(
-    posteriors: Mapping[Hypothesis, GaussianPosterior], calibration: Calibration, part: float
-) -> dict[Hypothesis, float]:
-    """Weights of hypotheses by `part` of the logarithm of their evidence, without odds against two changes at once."""
-    scores = []
-    for h, posterior in posteriors.items():
-        odds = log_odds(h)
-        evidence = score(posterior, h, calibration) - odds
-        scores.append(part * evidence + odds - (LOG_ODDS_TOGETHER if len(h) > 1 else 0.0))
-    return dict(zip(posteriors, softmax(scores).tolist(), strict=True))
+def flattened(scores: FloatArray, part: float) -> FloatArray:
+    """Weights of all hypotheses for the interval, (h,), from the logarithms of their odds.
+
+    Of the logarithm of their evidence only `part` counts, and two changes at once are not less probable than each.
+    """
+    odds = np.array([log_odds(hypothesis) for hypothesis in HYPOTHESES])
+    together = np.array([len(hypothesis) > 1 for hypothesis in HYPOTHESES]) * LOG_ODDS_TOGETHER
+    return softmax(part * (scores - odds) + odds - together)
 
 
 def score(posterior: GaussianPosterior, hypothesis: Hypothesis, calibration: Calibration) -> float:
@@ -136,9 +135,9 @@ def score(posterior: GaussianPosterior, hypothesis: Hypothesis, calibration: Cal
     return posterior.log_evidence - known + log_odds(hypothesis)
 
 
-def softmax(scores: Sequence[float]) -> FloatArray:
+def softmax(scores: Sequence[float] | FloatArray) -> FloatArray:
     """Probabilities from logarithms of odds."""
-    odds = np.exp(np.array(scores) - max(scores))
+    odds = np.exp(np.asarray(scores) - np.max(scores))
     result: FloatArray = odds / odds.sum()
     return result
 
@@ -163,43 +162,35 @@ ERRORS_REPEAT = 0.5
 LEAST_RATIO = 0.1
 
 
+#: Least position in m at which a constant error of the load is required: at rest the load of the paper's basis is 0.
+NEAR_REST = 5e-4
+
+
 class IntervalSettings(NamedTuple):
     """Settings of the interval of the load. Provenance: `benchmarks/bands.py`, docs/derivations.md, "Intervals".
 
-    `evidence` is the part of the logarithm of the evidence that counts: a likelihood of correlated residuals is too
-    sure of the best hypothesis; `missed` the standard deviation of what the model misses of the load, as a share of it,
-    where the viscous friction is larger or smaller by a factor of e.
+    `evidence` is the part of the logarithm of the evidence that counts, because a wrong explanation is often as good as
+    the right one; `missed` the standard deviation of what the model misses of the load, as a share of it, where the
+    viscous friction is larger or smaller by a factor of e; `least` that of the load at any position, as a share of its
+    peak.
     """
 
-    evidence: float = 0.5
+    evidence: float = 0.3
     missed: float = 0.03
+    least: float = 0.003
 
 
 #: As shipped.
 BAND = IntervalSettings()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Mixture:
-    """Posterior over hypotheses: mean x (k,), covariance (k, k), and the probability of each that was searched."""
-
-    x: FloatArray
-    covariance: FloatArray
-    probability: dict[Hypothesis, float]
-
-    def of_group(self, group: str) -> float:
-        """Probability that a group has changed."""
-        return sum(p for hypothesis, p in self.probability.items() if group in hypothesis)
-
-
 def mixture(
     known: Explanations, calibration: Calibration, misfit: float = 1.0, band: IntervalSettings = BAND
 ) -> Mixture:
-    """Posterior over the hypotheses: mean over those `known`, covariance over all of them.
+    """Posterior over the hypotheses: mean over those `known`, spread over all of them.
 
-    The errors that the calibration has found of fits to position alone are subtracted; part of them counts as
-    uncertain. The covariance is about the mean, with the flattened evidence of every hypothesis; those without a search
-    are judged by the linearisation at the best one.
+    Those without a search are judged by the linearisation at the best one. The errors that the calibration has found of
+    fits to position alone are subtracted; part of them counts as uncertain.
 
     Parameters
     ----------
@@ -209,25 +200,35 @@ def mixture(
     band : IntervalSettings
         Settings of the interval of the load.
     """
-    probability = dict(zip(known, probabilities(known, calibration).tolist(), strict=True))
-    best = known[max(probability, key=probability.__getitem__)]
-    explanations = {hypothesis: known.get(hypothesis, best) for hypothesis in HYPOTHESES}
-    posteriors = {hypothesis: one.under(hypothesis) for hypothesis, one in explanations.items()}
-    means, covariances = {}, {}
+    best = most_probable(known, calibration)
+    explanations = {hypothesis: known.get(hypothesis, known[best]) for hypothesis in HYPOTHESES}
+    scores, means, covariances = [], [], []
     for hypothesis, one in explanations.items():
-        problem, posterior = one.result.problem, posteriors[hypothesis]
+        problem, posterior = one.result.problem, one.under(hypothesis)
         shift = errors_in_x(problem.coordinates, hypothesis, calibration)
-        means[hypothesis] = one.solution.x + posterior.step - shift
-        missed = band.missed * _log_friction(problem, means[hypothesis]) * _scale_of_load(problem, means[hypothesis])
-        covariances[hypothesis] = (
-            posterior.covariance + ERRORS_REPEAT**2 * np.outer(shift, shift) + np.outer(missed, missed)
+        mean = one.solution.x + posterior.step - shift
+        missed = band.missed * _log_friction(problem, mean) * _scale_of_load(problem, mean)
+        least = band.least * _constant_load(problem, mean)
+        scores.append(score(posterior, hypothesis, calibration))
+        means.append(mean)
+        covariances.append(
+            np.fmax(1.0, misfit)
+            * (posterior.covariance + ERRORS_REPEAT**2 * np.outer(shift, shift) + np.outer(missed, missed))
+            + np.outer(least, least)
         )
-    x = np.sum([p * means[hypothesis] for hypothesis, p in probability.items()], axis=0)
-    covariance = sum(
-        weight * (np.fmax(1.0, misfit) * covariances[h] + np.outer(means[h] - x, means[h] - x))
-        for h, weight in flattened(posteriors, calibration, band.evidence).items()
+    probability = dict(zip(known, probabilities(known, calibration).tolist(), strict=True))
+    return Mixture(
+        tuple(explanations),
+        np.array([probability.get(hypothesis, 0.0) for hypothesis in explanations]),
+        flattened(np.array(scores), band.evidence),
+        np.array(means),
+        np.array(covariances),
     )
-    return Mixture(x, np.asarray(covariance), probability)
+
+
+def most_probable(known: Explanations, calibration: Calibration) -> Hypothesis:
+    """The most probable of the hypotheses with a search."""
+    return max(known, key=dict(zip(known, probabilities(known, calibration).tolist(), strict=True)).__getitem__)
 
 
 def _log_friction(problem: Problem, x: FloatArray) -> float:
@@ -243,6 +244,17 @@ def _scale_of_load(problem: Problem, x: FloatArray) -> FloatArray:
     weights = problem.actuator.load.names
     of_each = zip(problem.coordinates, x.tolist(), strict=True)
     return np.array([c.si(value) / c.slope(value) if c.base in weights else 0.0 for c, value in of_each])
+
+
+def _constant_load(problem: Problem, x: FloatArray) -> FloatArray:
+    """Direction in x, shape (k,), in which the load grows by its peak at all positions alike, as far as it can."""
+    load = problem.actuator_of(x, problem.stems[0]).load
+    at = [i for i, c in enumerate(problem.coordinates) if c.base in load.names]
+    columns = [load.names.index(problem.coordinates[i].base) for i in at]
+    y = np.linspace(NEAR_REST, problem.actuator.parameters.y_max, 100)
+    phi, direction = load.phi(y)[:, columns] * problem.slopes(x)[at], np.zeros_like(x)
+    direction[at] = np.linalg.lstsq(phi, np.full(y.size, load.force(y).max()), rcond=None)[0]
+    return direction
 
 
 def changes(problem: Problem, found: Mixture) -> tuple[Change, ...]:

@@ -11,6 +11,7 @@ from clutchid.estimation.result import Fit, failed_fit, plan_warnings
 from clutchid.inference.problem import Problem
 from clutchid.inference.smoother.search import UNLIMITED, Effort
 from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.mixture import Mixture
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
@@ -21,13 +22,13 @@ from clutchid.numerics.least_squares import Progress, Solution
 class SearchResult:
     """The problem of a fit, and the solution of its search, or the reason why it could not start.
 
-    `covariance` of x, shape (k, k), is that over all hypotheses about changes, where they were weighed; `effort` says
-    when a search by multiple shooting ends that gets nowhere.
+    `posterior` is that over all hypotheses about changes, where they were weighed; `effort` says when a search by
+    multiple shooting ends that gets nowhere.
     """
 
     problem: Problem
     solution: Solution[Any] | Failure
-    covariance: FloatArray | None = None
+    posterior: Mixture | None = None
     effort: Effort = UNLIMITED
 
 

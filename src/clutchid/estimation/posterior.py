@@ -18,9 +18,10 @@ from clutchid.inference.smoother.rows import Eliminated, recover
 from clutchid.inference.smoother.search import ShootingSolution
 from clutchid.inference.uncertainty.calibration import DEVIATION_FACTOR, Calibration, consider_parameters
 from clutchid.inference.uncertainty.coordinates import Prior
-from clutchid.inference.uncertainty.estimates import Estimate
+from clutchid.inference.uncertainty.estimates import Estimate, LoadCurve
 from clutchid.inference.uncertainty.gaussian import gaussian_posterior, square_root
 from clutchid.inference.uncertainty.identifiability import listed
+from clutchid.inference.uncertainty.mixture import Mixture
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
@@ -44,7 +45,7 @@ def fit_of(
     problem, x, matrix = search_result.problem, solution.x, uncertain.matrix
     theta = problem.actuator.load.theta
     bias = np.zeros(len(theta))
-    if calibration and calibration.position_only and search_result.covariance is None:
+    if calibration and calibration.position_only and search_result.posterior is None:
         bias = calibration.position_only.shift((), problem.actuator.load.names)
     fitted = corrected(problem.actuator_of(x, problem.stems[0]), bias)
     converged = solution.status == "converged"
@@ -52,13 +53,14 @@ def fit_of(
     warnings = (*plan_warnings(problem.plans), *_at_bounds(problem, x), *not_converged)
     covariance = matrix * np.outer(problem.slopes(x), problem.slopes(x))
     bases = [c.base for c in problem.coordinates]
+    curve = load_curve(fitted, bases, covariance, QUANTILE, DEVIATION_FACTOR * bias)
     return Fit(
         status="warning" if warnings else "ok",
         message=ended(solution.status, solution.evaluations),
         actuator=fitted,
-        parameters=_estimates(problem, x, matrix, fitted),
+        parameters=_estimates(problem, x, uncertain, fitted),
         covariance=covariance,
-        load_curve=load_curve(fitted, bases, covariance, QUANTILE, DEVIATION_FACTOR * bias),
+        load_curve=curve if uncertain.mixture is None else _of_mixture(curve, uncertain.mixture, problem, x),
         recordings={one.recording.measured.name: one.recording for one in compared},
         errors=errors_over(one.shown for one in compared),
         scales=dict(problem.noise.measured),
@@ -78,14 +80,27 @@ def corrected(actuator: Actuator, bias: FloatArray) -> Actuator:
     return replace(actuator, load=replace(load, theta=tuple((np.asarray(load.theta) - bias).tolist())))
 
 
-def _estimates(problem: Problem, x: FloatArray, matrix: FloatArray, fitted: Actuator) -> dict[str, Estimate]:
-    """The free parameters in SI with their 95 % intervals, from x and its covariance `matrix`."""
-    estimates = {}
+def _of_mixture(curve: LoadCurve, mixture: Mixture, problem: Problem, x: FloatArray) -> LoadCurve:
+    """The load curve with the interval of a mixture about x."""
+    load = problem.actuator.load
+    at = [i for i, c in enumerate(problem.coordinates) if c.base in load.names]
+    rows = np.zeros((curve.position.size, x.size))
+    rows[:, at] = load.phi(curve.position)[:, [load.names.index(problem.coordinates[i].base) for i in at]]
+    rows *= problem.slopes(x)
+    low, high = mixture.interval(rows)
+    return replace(curve, low=curve.force + low - rows @ x, high=curve.force + high - rows @ x)
+
+
+def _estimates(problem: Problem, x: FloatArray, uncertain: Posterior, fitted: Actuator) -> dict[str, Estimate]:
+    """The free parameters in SI with their 95 % intervals, from x and its uncertainty."""
+    estimates, deviations = {}, np.sqrt(np.diag(uncertain.matrix))
+    ends = x - QUANTILE * deviations, x + QUANTILE * deviations
+    if uncertain.mixture is not None:
+        ends = uncertain.mixture.interval(np.eye(x.size))
     for i, c in enumerate(problem.coordinates):
-        deviation = float(np.sqrt(matrix[i, i]))
         shift = fitted.value(c.base) - c.si(float(x[i])) if c.base in fitted.load.names else 0.0
-        value, low, high = (c.si(float(x[i]) + k * QUANTILE * deviation) + shift for k in (0.0, -1.0, 1.0))
-        std = deviation * c.slope(float(x[i]))
+        value, low, high = (c.si(float(at)) + shift for at in (x[i], ends[0][i], ends[1][i]))
+        std = float(deviations[i]) * c.slope(float(x[i]))
         estimates[c.name] = Estimate(value, problem.actuator.unit(c.base), std, low, high)
     return estimates
 
@@ -136,7 +151,8 @@ class Posterior:
 
     `noise_root` (k, m) is that of the covariance due to noise; `consider_shift` (k, c) is the shift of x by the
     consider parameters, and `consider_root` (c, c) the root of their own covariance. `factor` multiplies all standard
-    deviations. `chains` give the states of windows for drawn parameters of `problem`, by multiple shooting.
+    deviations. `chains` give the states of windows for drawn parameters of `problem`, by multiple shooting. `mixture`
+    is the posterior over hypotheses about changes, where they were weighed: its covariance is that of x.
     """
 
     problem: Problem
@@ -145,6 +161,7 @@ class Posterior:
     consider_root: FloatArray
     factor: float = 1.0
     chains: tuple[Eliminated, ...] = ()
+    mixture: Mixture | None = None
 
     @property
     def matrix(self) -> FloatArray:
@@ -158,18 +175,18 @@ def parameter_uncertainty(
     problem: Problem,
     solution: ShootingSolution,
     calibration: Calibration | None,
-    covariance: FloatArray | None = None,
+    mixture: Mixture | None = None,
 ) -> Posterior | Failure:
-    """Uncertainty of the free parameters at a solution; with a known `covariance` of x, that of the states remains.
+    """Uncertainty of the free parameters at a solution; that of a `mixture` is known, and that of the states remains.
 
     Consider parameters (Schmidt 1966) are fixed at uncertain values; their covariance shifts the estimate through the
     joint information matrix.
     """
     k = len(problem.coordinates)
     none = np.zeros((k, 0)), np.zeros((0, 0))
-    if covariance is not None:
+    if mixture is not None:
         _, chains = condense(problem, solution.at)
-        return Posterior(problem, square_root(covariance), *none, chains=tuple(chains))
+        return Posterior(problem, square_root(mixture.covariance), *none, chains=tuple(chains), mixture=mixture)
     extra, consider_root = consider_parameters(problem.actuator, problem.coordinates, calibration)
     wide = problem.widened(extra)
     linear = linearise(wide, np.concatenate([solution.x, np.zeros(len(extra))]), solution.at.X)

@@ -182,6 +182,8 @@ class Fit:
         How far a load from position alone departs from `baseline`; None where that is not known.
     assumed
         Conditions of the recordings that are not known and widen the interval of the load.
+    load_per_supply : 1
+        By how many % the load changes for 1 % of the supply pressure; None where that is fitted, and for another fit.
     readings
         Several recordings read one by one from the calibration, by name; else empty.
 
@@ -223,6 +225,7 @@ class Fit:
     search: SearchState | None = None
     departure: Departure | None = None
     assumed: tuple[Assumption, ...] = ()
+    load_per_supply: float | None = None
     readings: Mapping[str, Fit] = field(default_factory=dict)
 
     if TYPE_CHECKING:  # attached by `clutchid.workflow.attached`

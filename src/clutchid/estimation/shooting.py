@@ -43,7 +43,7 @@ def result(search_result: SearchResult, calibration: Calibration | None) -> Fit 
     solution = search_result.solution
     if isinstance(solution, Failure):
         return solution
-    uncertain = parameter_uncertainty(search_result.problem, solution, calibration, search_result.covariance)
+    uncertain = parameter_uncertainty(search_result.problem, solution, calibration, search_result.posterior)
     if isinstance(uncertain, Failure):
         return uncertain
     compared = _recordings(search_result.problem, solution, uncertain)

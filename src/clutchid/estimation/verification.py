@@ -61,15 +61,17 @@ def with_slow_logs(fit: Fit, logs: Sequence[Log]) -> Fit:
     estimates = dict(fit.parameters)
     for name, by in zip(fit.parameters, np.abs(missed).tolist(), strict=True):
         e = fit.parameters[name]
-        std = float(np.hypot(e.std, by))
         if by > 0.0:
-            estimates[name] = replace(e, std=std, low=e.value - QUANTILE * std, high=e.value + QUANTILE * std)
-    half = np.hypot(0.5 * (curve.high - curve.low), QUANTILE * MISSED * curve.force)
+            below, above = (float(np.hypot(side, QUANTILE * by)) for side in (e.value - e.low, e.high - e.value))
+            estimates[name] = replace(e, std=float(np.hypot(e.std, by)), low=e.value - below, high=e.value + above)
+    by_slow = QUANTILE * MISSED * curve.force
+    low = curve.force - np.hypot(curve.force - curve.low, by_slow)
+    high = curve.force + np.hypot(curve.high - curve.force, by_slow)
     return replace(
         fit,
         parameters=estimates,
         covariance=fit.covariance + np.outer(missed, missed),
-        load_curve=replace(curve, low=curve.force - half, high=curve.force + half),
+        load_curve=replace(curve, low=low, high=high),
     )
 
 

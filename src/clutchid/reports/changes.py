@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from itertools import groupby
 
-import numpy as np
-
-from clutchid.estimation.assess.evidence import reach
 from clutchid.estimation.assess.rest import Cause, MovedRest, moved_rests
 from clutchid.estimation.assess.verdict import states_of_wear, verdict
 from clutchid.estimation.result import Change, Fit
-from clutchid.inference.uncertainty.conditions import Assumption, by_supply
+from clutchid.inference.uncertainty.conditions import Assumption
 from clutchid.inference.uncertainty.identifiability import listed
 from clutchid.reports.style import BAR
 
@@ -61,11 +58,11 @@ def since_calibration(fit: Fit) -> list[str]:
 
 
 def assumed_sentences(fit: Fit) -> list[str]:
-    """Assumptions on the conditions of the recordings, and the worth of the supply pressure."""
-    return [_assumed(one, supply_worth(fit), len(fit.recordings)) for one in fit.assumed]
+    """Assumptions on the conditions of the recordings, and how much the supply pressure moves the load."""
+    return [_assumed(one, fit.load_per_supply, len(fit.recordings)) for one in fit.assumed]
 
 
-def _assumed(one: Assumption, worth: float | None, of: int) -> str:
+def _assumed(one: Assumption, per_supply: float | None, of: int) -> str:
     """A sentence on a condition that is not known in some of several recordings."""
     supply = one.name == "P_S"
     where = f" in {', '.join(one.recordings)}" if len(one.recordings) < of else ""
@@ -76,18 +73,9 @@ def _assumed(one: Assumption, worth: float | None, of: int) -> str:
     )
     text = f"{'supply pressure' if supply else 'air temperature'} not recorded"
     text += f"{' in the calibration' if one.recorded else where}: as calibrated, {value}"
-    if not supply or worth is None:
+    if not supply or per_supply is None:
         return text
-    return f"{text}; 1 % of it is {worth:.1f} % of the load, and recorded in both it may halve the band"
-
-
-def supply_worth(fit: Fit) -> float | None:
-    """By how many % the greatest load within the recorded positions changes for 1 % of the supply; None if unknown."""
-    curve = fit.load_curve
-    if not (fit.load_is_fitted and fit.recordings and np.isfinite(curve.force).any()):
-        return None
-    peak = curve.force[curve.peak(reach(fit))]
-    return float(by_supply(fit.actuator, peak) / peak) if peak > 0.0 else None
+    return f"{text}; 1 % of it moves this load by {per_supply:.1f} %: record pressure_supply in both, for half the band"
 
 
 def change_sentences(fit: Fit) -> list[str]:

@@ -97,7 +97,8 @@ _BOX: Mapping[str, Literal["ok", "warning", "failed"]] = {"good": "ok", "with ca
 
 def verdict_blocks(judged: Verdict, names: Collection[str] = ()) -> list[Block]:
     """The verdict with its reasons, notes and limits; `names` of recordings are not capitalised."""
-    items = tuple(_capital(reason, names) for reason in judged.reasons)
+    experience = (judged.experience,) if judged.experience else ()
+    items = tuple(_capital(reason, names) for reason in (*judged.reasons, *experience))
     blocks: list[Block] = [Notice(f"Trust: {judged.trust} – {judged.meaning}", _BOX[judged.trust], items)]
     folded = (("Not counted against the result", judged.notes), ("Limits of the verdict", judged.unseen))
     for heading, sentences in folded:

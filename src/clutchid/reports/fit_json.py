@@ -16,7 +16,7 @@ from clutchid.estimation.result import Change, Errors
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.recordings.signals.residual_colour import CrossCorrelation
-from clutchid.reports.changes import notes_of, rests_json, supply_worth
+from clutchid.reports.changes import notes_of, rests_json
 
 _UNCOMPARED: dict[str, Any] = {"calibrated_load_curve": None, "load_change": None}
 
@@ -41,7 +41,7 @@ def fit_json(result: Fit) -> dict[str, Any]:
         "method": result.method,
         "notes": notes_of(result),
         "changes": [change_json(change) for change in result.changes],
-        "load_per_supply": supply_worth(result),
+        "load_per_supply": result.load_per_supply,
         "verdict": verdict_json(result),
         "trust": verdict(result).trust,
         "reasons": list(verdict(result).reasons),
@@ -141,6 +141,7 @@ def verdict_json(fit: Fit) -> dict[str, Any]:
         "reasons": list(judged.reasons),
         "unseen": list(judged.unseen),
         "notes": list(judged.notes),
+        "experience": judged.experience or None,
         "diagnostics": {
             name: {
                 "position_fit_over_1_s_percent": found.predictions[name],

@@ -98,6 +98,7 @@ def _trust(fit: Fit, in_full: bool) -> list[SummaryRow]:
     shown = judged.reasons if in_full else judged.reasons[:MOST_REASONS]
     more = len(judged.reasons) - len(shown)
     rows = [SummaryRow("trust", judged.trust, judged.trust), *(SummaryRow("", reason) for reason in shown)]
+    rows += [SummaryRow("", judged.experience)] if judged.experience else []
     return [*rows, SummaryRow("", f"{more} more reason{'s' if more > 1 else ''}: --verbose")] if more else rows
 
 

@@ -8,7 +8,14 @@ import pytest
 from clutchid import fit
 from clutchid.estimation import LoadCurve
 from clutchid.estimation.assess.evidence import reach
-from clutchid.estimation.assess.reasons import expected_error, reading_reasons, slow_reasons
+from clutchid.estimation.assess.reasons import (
+    GOOD_ERROR,
+    POOR_ERROR,
+    expected_error,
+    reading_reasons,
+    share_off,
+    slow_reasons,
+)
 from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.result import Departure
 from fixtures.baselines import ORIGIN, with_baseline
@@ -55,11 +62,24 @@ def test_a_cost_that_the_calibration_did_not_have_is_a_reason(reading, ratio, tr
     assert [f"costs {ratio:.1f} times as much" in reason for reason in judged.reasons] == [True] * (trust != "good")
 
 
-@pytest.mark.parametrize(("percent", "trust"), [(1.0, "good"), (2.5, "with care"), (4.0, "none")])
+@pytest.mark.parametrize(
+    ("percent", "trust"),
+    [(0.9 * GOOD_ERROR, "good"), (1.1 * GOOD_ERROR, "with care"), (1.1 * POOR_ERROR, "none")],
+)
 def test_the_expected_error_is_that_of_the_band(reading, percent, trust):
     wide = with_error(reading, percent)
     assert expected_error(wide) == pytest.approx(percent, rel=1e-3)
     assert verdict(wide).trust == trust
+
+
+def test_a_reading_says_how_often_readings_like_it_were_wrong(reading):
+    shares = [share_off(with_error(reading, percent)) for percent in (0.5, 2.5, 6.0)]
+    assert shares == sorted(shares)
+    assert 0.0 <= shares[0] < shares[-1] <= 100.0
+    said = verdict(with_error(reading, 6.0)).experience
+    assert said == f"of readings like this {shares[-1]:.0f} % were more than 2 % off (virtual trucks)."
+    for other in (None, NEAR._replace(distance=60.0), NEAR._replace(misfit=1.6)):
+        assert verdict(replace(reading, departure=other)).experience == ""
 
 
 def test_a_bound_does_not_lower_the_trust_in_a_reading(reading):

@@ -77,7 +77,13 @@ def slow_reasons(fit: Fit) -> list[Reason]:
 
 
 #: Expected error of the load, rms over the stroke in % of the peak: up to the first it is good, beyond the second none.
-GOOD_ERROR, POOR_ERROR = 1.8, 3.3
+#: Provenance: benchmarks/results/verdicts.md.
+GOOD_ERROR, POOR_ERROR = 1.7, 3.3
+
+#: Error in % of the peak that is bad, and how many % of the readings of virtual trucks had a larger one, by their
+#: expected error up to a limit. Provenance: benchmarks/results/verdicts.md, both families.
+BAD_ERROR = 2.0
+SHARES_OFF = ((1.7, 3.0), (2.5, 14.0), (3.3, 45.0), (np.inf, 60.0))
 
 #: Distance from the calibration beyond the number of parameters, in standard deviations of chi-square: beyond the first
 #: no change alone explains it, beyond the second the calibration is of another truck.
@@ -106,6 +112,14 @@ def expected_error(fit: Fit) -> float:
     std = (curve.high - curve.low)[inside] / (2 * QUANTILE)
     peak = float(curve.force[curve.peak(furthest)])
     return 100.0 * float(np.sqrt(np.mean(std**2))) / peak if std.size and peak > 0.0 else float("nan")
+
+
+def share_off(fit: Fit) -> float:
+    """How many % of the readings of virtual trucks with such an expected error had a bad one; NaN for another fit."""
+    expected = expected_error(fit)
+    if fit.departure is None or not np.isfinite(expected):
+        return float("nan")
+    return next(share for limit, share in SHARES_OFF if expected <= limit)
 
 
 def departs(fit: Fit) -> bool:
@@ -148,7 +162,7 @@ def _expected_error(fit: Fit) -> list[Reason]:
     if error <= GOOD_ERROR:
         return []
     text = f"the expected error of the load is {error:.1f} % of its peak, more than {GOOD_ERROR:g} %: what has changed "
-    text += "is not certain enough. Record longer, or give what is known of it with --prior."
+    text += "is not certain enough. Record the supply pressure, record longer, or give what is known with --prior."
     return [Reason(text, error > POOR_ERROR, banded=True)]
 
 

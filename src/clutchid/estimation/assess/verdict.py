@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Literal, NamedTuple
@@ -11,7 +11,7 @@ import numpy as np
 
 from clutchid.estimation.assess.comparison import ENGAGING, SHARES, WORTH, Measurement, measured
 from clutchid.estimation.assess.evidence import HORIZON, Reason, evidence, once_a_fit
-from clutchid.estimation.assess.reasons import bound_notes, reasons, valve_notes
+from clutchid.estimation.assess.reasons import BAD_ERROR, bound_notes, reasons, share_off, valve_notes
 from clutchid.estimation.result import Fit
 from clutchid.inference.uncertainty.identifiability import listed
 
@@ -177,6 +177,8 @@ class Verdict:
         Whether a reason takes trust that the interval of the load does not contain.
     notes
         What looks like a reason and is none, one sentence each.
+    experience
+        How often readings with such an expected error were wrong, in a sentence; empty for other fits.
 
     Examples
     --------
@@ -193,6 +195,7 @@ class Verdict:
     unseen: tuple[str, ...] = ()
     flawed: bool = False
     notes: tuple[str, ...] = ()
+    experience: str = ""
 
     @property
     def meaning(self) -> str:
@@ -240,7 +243,18 @@ def verdict(fit: Fit) -> Verdict:
     if fit.status == "failed" or not fit.recordings:
         return Verdict(trust, texts, flawed=flawed)
     notes = (*bound_notes(fit), *valve_notes(fit, evidence(fit)))
-    return Verdict(trust, texts, _unseen(fit), flawed, notes)
+    return Verdict(trust, texts, _unseen(fit), flawed, notes, _experience(fit, found))
+
+
+def _experience(fit: Fit, found: Sequence[Reason]) -> str:
+    """How often readings with such an expected error were wrong, in a sentence.
+
+    Nothing for another fit, or with another reason, which the readings of the virtual trucks did not have.
+    """
+    share = share_off(fit)
+    if not np.isfinite(share) or not all(reason.banded for reason in found):
+        return ""
+    return f"of readings like this {share:.0f} % were more than {BAD_ERROR:g} % off (virtual trucks)."
 
 
 def _unseen(fit: Fit) -> tuple[str, ...]:

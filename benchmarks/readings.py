@@ -1,0 +1,175 @@
+"""Store readings of changed trucks: ``python benchmarks/readings.py DIR --family A --trucks 8 --seed 0``.
+
+Every truck is calibrated once with pressure and the supply pressure recorded, into ``DIR/A_00000.toml``. Its worn
+clutch is read under the cases of `widening.py` from position alone, with the supply pressure recorded and without, and
+followed by observers. ``DIR/A_00000.npz`` has every reading as plain arrays named CASE/RECORDED/ARRAY, from which
+`bands.py` computes any band without a fit. What is there is not made again, so that a run can be stopped.
+
+The arrays, with the h hypotheses in the order of `HYPOTHESES`, at the points of `GRID`: `truth` (points,) in N;
+`searched`, `score` and `odds` (h,); `load` (h, points) and its standard deviations `std` and, for a share of 1 of the
+load where the grease differs by a factor of e, `grease`; `costs` (h, blocks); `per_supply` (h, points), the derivative
+of the load by the logarithm of the supply pressure; `misfit`; the load of each observer.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from widening import LATE, calibrated, worn_clutch
+
+from clutchid.estimation.departure import relative_misfit
+from clutchid.estimation.hypotheses import (
+    Explanation,
+    Explanations,
+    IntervalSettings,
+    explained,
+    mixture,
+    most_probable,
+    score,
+)
+from clutchid.estimation.parameter_file import ParameterFile, parameter_file, read_parameters, write_parameters
+from clutchid.estimation.request import FreeParameters
+from clutchid.estimation.shooting import SHOOTING
+from clutchid.inference.smoother.residuals import BLOCKS
+from clutchid.inference.smoother.rows import link_costs
+from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.change_prior import HYPOTHESES, log_odds
+from clutchid.log import FloatArray, Log
+from clutchid.model.actuator import Actuator
+from clutchid.observer import observe_recording, observer
+from clutchid.truck import GRID
+
+#: Changes between calibration and use.
+CASES = (
+    "nothing", "supply", "cold", "warm", "valves", "seals", "supply and warm", "supply and cold", "cold and valves",
+    "5 K warmer", LATE,
+)  # fmt: skip
+
+#: Columns that a reading lacks, by what it has.
+LACKING = {"position": ("temperature_ambient", "pressure_supply"), "supply": ("temperature_ambient",)}
+
+#: Observers that a reading is compared with.
+OBSERVERS = ("joint", "rls")
+
+#: A posterior without what is added to it, and with a grease that is missed by the whole load.
+PLAIN, GREASE = IntervalSettings(missed=0.0, least=0.0), IntervalSettings(missed=1.0, least=0.0)
+
+
+def calibration_of(number: int, family: str, path: Path) -> ParameterFile:
+    """The calibration of a truck, from its file if it has one."""
+    if not path.exists():
+        once = calibrated(number, family, LACKING["supply"], "shooting")
+        write_parameters(parameter_file(once, once.verdict.trust), path)
+    return read_parameters(path)
+
+
+def one_truck(number: int, family: str, path: Path) -> dict[str, Any]:
+    """All readings of a truck with the calibration in a file."""
+    once = calibration_of(number, family, path)
+    assert once.calibration is not None, "a calibration with pressure keeps one"
+    found: dict[str, Any] = {}
+    for case in CASES:
+        worn = worn_clutch(number, family, case)
+        for recorded, without in LACKING.items():
+            log = worn.log.without(*without)
+            arrays = {**reading(log, once.actuator, once.calibration), **observed(log, once.actuator, once.calibration)}
+            arrays["truth"] = worn.truth.load(GRID)
+            found |= {f"{case}/{recorded}/{name}": array for name, array in arrays.items()}
+    return found
+
+
+def reading(log: Log, actuator: Actuator, calibration: Calibration) -> dict[str, Any]:
+    """The load of a recording from position alone under every hypothesis."""
+    functions = SHOOTING.changes
+    assert functions is not None, "shooting weighs hypotheses"
+    free = FreeParameters(actuator.load.names, ("position",))
+    known = explained(SHOOTING.search([log], actuator, free, calibration, None), functions, calibration)
+    best = known[most_probable(known, calibration)]
+    problem, each = best.result.problem, [known.get(hypothesis, best) for hypothesis in HYPOTHESES]
+    plain, grease = (mixture(known, calibration, 1.0, band) for band in (PLAIN, GREASE))
+    rows = np.array([to_load(known, x) for x in plain.means])
+    variance, with_grease = (np.einsum("hij,hjk,hik->hi", rows, one.covariances, rows) for one in (plain, grease))
+    at = next(j for j, c in enumerate(problem.coordinates) if c.base == "P_S")
+    by_supply = plain.covariances[:, :, at] / plain.covariances[:, at, at, None]
+    share = np.array([problem.slopes(x)[at] / problem.si(x)[at] for x in plain.means])
+    return {
+        "searched": np.array([hypothesis in known for hypothesis in HYPOTHESES]),
+        "score": np.array([score(one.under(h), h, calibration) for one, h in zip(each, HYPOTHESES, strict=True)]),
+        "odds": np.array([log_odds(hypothesis) for hypothesis in HYPOTHESES]),
+        "load": np.array([problem.actuator_of(x, problem.stems[0]).load.force(GRID) for x in plain.means]),
+        "std": np.sqrt(variance),
+        "grease": np.sqrt(np.maximum(with_grease - variance, 0.0)),
+        "costs": np.array([block_costs(one, calibration) for one in each]),
+        "per_supply": np.einsum("hij,hj->hi", rows, by_supply) / share[:, None],
+        "misfit": relative_misfit(min(one.solution.at.cost for one in known.values()), [log], calibration),
+    }
+
+
+def block_costs(one: Explanation, calibration: Calibration) -> FloatArray:
+    """Cost of the windows of each of ten blocks and of the links behind them, as the evidence counts it."""
+    problem, at, found = one.result.problem, one.solution.at, []
+    for chain, starts, sigma in zip(at.chains, at.X, problem.sigmas, strict=True):
+        costs = chain.windows.costs + link_costs(chain.windows.ends, starts, sigma, problem.noise.outlier)
+        found += [
+            float(part.sum()) for part in np.split(costs, np.linspace(0, costs.size, BLOCKS + 1).astype(int)[1:-1])
+        ]
+    known = calibration.position_only
+    return np.array(found) / max(1.0, known.dispersion if known else 1.0)
+
+
+def to_load(known: Explanations, x: FloatArray) -> FloatArray:
+    """Derivative of the load at the points of the grid with respect to x, shape (points, k)."""
+    problem = next(iter(known.values())).result.problem
+    names, slopes = problem.actuator.load.names, problem.slopes(x)
+    weights = np.zeros((len(names), x.size))
+    for j, c in enumerate(problem.coordinates):
+        if c.base in names:
+            weights[names.index(c.base), j] = slopes[j]
+    result: FloatArray = problem.actuator.load.phi(GRID) @ weights
+    return result
+
+
+def observed(log: Log, actuator: Actuator, calibration: Calibration) -> dict[str, FloatArray]:
+    """The load that each observer has at the end of a recording."""
+    found = {}
+    for method in OBSERVERS:
+        one = observer(actuator, method, calibration=calibration)
+        found[method] = one.load(observe_recording(one, log).after).force(GRID)
+    return found
+
+
+def store(folder: Path, family: str, numbers: Sequence[int]) -> None:
+    """Read the trucks that have no file yet."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for number in numbers:
+        path = folder / f"{family}_{number:05d}.npz"
+        if not path.exists():
+            begin = time.perf_counter()
+            arrays = one_truck(number, family, path.with_suffix(".toml"))
+            part = path.with_suffix(".part")
+            with part.open("wb") as file:
+                np.savez_compressed(file, **arrays)
+            part.rename(path)
+            print(f"{path.name}: {time.perf_counter() - begin:.0f} s", flush=True)
+
+
+def main() -> None:
+    """Store the readings of some trucks."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("folder", type=Path)
+    options.add_argument("--family", default="A", choices=("A", "B"))
+    options.add_argument("--trucks", type=int, default=8)
+    options.add_argument("--seed", type=int, default=0)
+    chosen = options.parse_args()
+    os.environ |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
+    store(chosen.folder, chosen.family, range(chosen.seed, chosen.seed + chosen.trucks))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,113 @@
+"""Loads of two estimators, where the supply pressure is recorded."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clutchid.estimation.calibrate import fit_with
+from clutchid.estimation.filtered_load import FILTER_WEIGHT, filtered_weights, load_per_supply, with_filtered_load
+from clutchid.estimation.problem import fit_problem
+from clutchid.estimation.request import FitRequest, FreeParameters
+from clutchid.estimation.shooting import SHOOTING
+from clutchid.inference.uncertainty.conditions import RecordedConditions, conditions_of, with_estimated_supply
+from clutchid.inference.uncertainty.mixture import Mixture
+from clutchid.log import Log
+from clutchid.observer import observe_recording, observer
+
+SUPPLY = 9.5e5
+NONE, VALVES = (), ("valves",)
+
+
+@pytest.fixture(scope="module")
+def kept(calibrated):
+    """A calibration whose recording had the same supply pressure as the worn one."""
+    log = calibrated.recordings["log"].measured
+    log = log.with_columns(pressure_supply=np.full(len(log), SUPPLY))
+    conditions = conditions_of([log], calibrated.actuator)
+    estimated = with_estimated_supply(conditions, [log], [calibrated.recordings["log"].simulated])
+    return replace(calibrated.calibration, conditions=estimated)
+
+
+@pytest.fixture(scope="module")
+def recorded(worn_log):
+    return worn_log.with_columns(pressure_supply=np.full(len(worn_log), SUPPLY))
+
+
+@pytest.fixture(scope="module")
+def filtered(recorded, calibrated, kept):
+    return filtered_weights(recorded, calibrated.actuator, kept)
+
+
+@pytest.fixture(scope="module")
+def problem(recorded, calibrated, kept):
+    return fit_problem(
+        [recorded], calibrated.actuator, FreeParameters(calibrated.actuator.load.names, ("position",)), kept
+    )
+
+
+def posterior(problem, valves=0.0):
+    k = len(problem.coordinates)
+    covariances = np.array([np.eye(k), np.eye(k)])
+    weights = np.array([1.0 - valves, valves])
+    return Mixture((NONE, VALVES), weights, weights, np.zeros((2, k)), covariances)
+
+
+def test_the_filtered_load_is_that_of_the_observer(filtered, recorded, calibrated, kept):
+    one = observer(calibrated.actuator, calibration=kept)
+    done = observe_recording(one, recorded)
+    assert filtered == pytest.approx(np.array(one.load(done.after).theta))
+
+
+@pytest.mark.parametrize("valves", [0.0, 0.25, 1.0])
+def test_the_load_moves_half_way_to_it_as_far_as_the_valves_have_not_changed(
+    problem, filtered, recorded, calibrated, kept, valves
+):
+    before = posterior(problem, valves)
+    after = with_filtered_load(before, problem, [recorded], calibrated.actuator, kept)
+    loads = [i for i, c in enumerate(problem.coordinates) if c.base in calibrated.actuator.load.names]
+    moved = problem.si(after.x) - problem.si(before.x)
+    expected = FILTER_WEIGHT * (1.0 - valves) * (filtered - problem.si(before.x)[loads])
+    assert moved[loads] == pytest.approx(expected, abs=1e-6)
+    assert np.delete(moved, loads) == pytest.approx(0.0)
+    np.testing.assert_allclose(after.covariance, before.covariance)
+
+
+def test_without_a_supply_pressure_that_can_be_used_there_is_none(recorded, worn_log, calibrated, kept, problem):
+    older = replace(kept, conditions=RecordedConditions(None, SUPPLY))
+    absent = recorded.with_columns(pressure_supply=np.full(len(recorded), np.nan))
+    for log, calibration in ((worn_log, kept), (recorded, older), (absent, kept)):
+        assert filtered_weights(log, calibrated.actuator, calibration) is None
+        one = posterior(problem)
+        assert with_filtered_load(one, problem, [log], calibrated.actuator, calibration) is one
+
+
+def test_a_recording_that_is_too_slow_for_an_observer_has_none(recorded, calibrated, kept):
+    slow = Log(recorded.time[::10], {name: values[::10] for name, values in recorded.columns.items()}, "slow")
+    assert filtered_weights(slow, calibrated.actuator, kept) is None
+
+
+def test_the_load_per_supply_is_that_of_a_reading_with_another_supply(problem):
+    k, names = len(problem.coordinates), [c.base for c in problem.coordinates]
+    at, weights = names.index("P_S"), [i for i, name in enumerate(names) if name in problem.actuator.load.names]
+    x = np.zeros(k)
+    # 1 % more supply is taken for a load that is larger by 0.8 % everywhere
+    direction = np.zeros(k)
+    direction[at] = 0.01 * problem.si(x)[at] / problem.slopes(x)[at]
+    direction[weights] = 0.008 * problem.si(x)[weights] / problem.slopes(x)[weights]
+    covariance = np.outer(direction, direction) + 1e-12 * np.eye(k)
+    one = Mixture((NONE,), np.ones(1), np.ones(1), x[None], covariance[None])
+    assert load_per_supply(problem, one) == pytest.approx(0.8, rel=1e-3)
+    assert load_per_supply(replace(problem, changing=()), one) is None
+    assert load_per_supply(problem, None) is None
+
+
+def test_a_reading_with_a_recorded_supply_pressure_says_what_it_is_worth_and_has_a_band(
+    recorded, calibrated, kept, worn
+):
+    fit = fit_with(SHOOTING, [recorded], calibrated.actuator, FitRequest(("position",), ("load",), calibration=kept))
+    curve, y = fit.load_curve, np.linspace(0.5e-3, 20e-3, 40)
+    force, low, high = (np.interp(y, curve.position, each) for each in (curve.force, curve.low, curve.high))
+    assert np.all((low <= worn.load.force(y)) & (worn.load.force(y) <= high))
+    assert np.all((low < force) & (force < high))
+    assert 0.2 < fit.load_per_supply < 2.0
