@@ -857,22 +857,21 @@ static void rhs_columns(const double x[], const double p[], const isothermal_con
     stage->offset = memory->offset;
 }
 
-static const double weights[4] = {1.0, 2.0, 2.0, 1.0}; /* of the stages */
-
 /*
  * Move a column over the four stages of a step: its rate is J z, with the derivatives of the rates to what it belongs to.
  * A column that is 0 and has no such derivatives stays 0.
  */
-static void move_column(const stage_t stages[], const isothermal_basis_t *basis, int column, int columns, const double reaches[],
-    double sixth, double S[])
+static void move_column(const stage_t stages[], const isothermal_basis_t *basis, int column, double h, double S[])
 {
-    double first[isothermal_n_states];
+    const double half = 0.5 * h;
+    const double sixth = h / 6.0;
     double z[isothermal_n_states];
     double sum[isothermal_n_states];
-    double moved = 0.0;
+    double rates[isothermal_n_states];
     const int weight = column - isothermal_n_free;
     const int weighted = (weight >= 0) && (weight < basis->n);
     double phi[4] = {0.0, 0.0, 0.0, 0.0};
+    int acts = column < isothermal_n_free;
     if (weighted) {
         const int *reach = basis->reach[weight];
         for (int k = 0; k < 4; k++) {
@@ -881,81 +880,148 @@ static void move_column(const stage_t stages[], const isothermal_basis_t *basis,
                 const double *a = &basis->coefficients[4 * (reach[2] + (segment - reach[0]))];
                 const double d = stages[k].offset;
                 phi[k] = a[0] + (d * (a[1] + (d * (a[2] + (d * a[3])))));
-                moved += fabs(phi[k]);
+                acts = 1;
             }
         }
     }
-    first[0] = S[(0 * columns) + column];
-    moved += fabs(first[0]);
-    first[1] = S[(1 * columns) + column];
-    moved += fabs(first[1]);
-    first[2] = S[(2 * columns) + column];
-    moved += fabs(first[2]);
-    first[3] = S[(3 * columns) + column];
-    moved += fabs(first[3]);
-    first[4] = S[(4 * columns) + column];
-    moved += fabs(first[4]);
-    if ((column >= isothermal_n_free) && !(moved > 0.0)) {
+    if (!acts && !(fabs(S[0]) > 0.0) && !(fabs(S[1]) > 0.0) && !(fabs(S[2]) > 0.0) && !(fabs(S[3]) > 0.0) && !(fabs(S[4]) > 0.0)) {
         return;
     }
-    z[0] = first[0];
-    sum[0] = 0.0;
-    z[1] = first[1];
-    sum[1] = 0.0;
-    z[2] = first[2];
-    sum[2] = 0.0;
-    z[3] = first[3];
-    sum[3] = 0.0;
-    z[4] = first[4];
-    sum[4] = 0.0;
-    for (int k = 0; k < 4; k++) {
-        const stage_t *stage = &stages[k];
-        const double *jacobian = stage->jacobian;
-        double rates[isothermal_n_states];
-        rates[0] = z[1];
-        rates[1] = (jacobian[0] * z[0]) + (jacobian[1] * z[1]) + (jacobian[2] * z[2]) + (jacobian[3] * z[3]) + (jacobian[4] * z[4]);
-        rates[2] = (jacobian[5] * z[0]) + (jacobian[6] * z[1]) + (jacobian[7] * z[2]);
-        rates[3] = (jacobian[8] * z[0]) + (jacobian[9] * z[1]) + (jacobian[10] * z[3]);
-        rates[4] = (jacobian[11] * z[1]) + (jacobian[12] * z[4]);
-        switch (column) {
-        case 0:
-            rates[2] += stage->slots[1];
-            break;
-        case 1:
-            rates[2] += stage->slots[2];
-            break;
-        case 2:
-            rates[1] += stage->slots[0];
-            rates[4] += stage->slots[3];
-            break;
-        default: /* of no parameter */
-            break;
-        }
-        if (weighted) {
-            rates[1] += stage->table[0] * phi[k];
-        }
-        sum[0] += weights[k] * rates[0];
-        z[0] = first[0] + (reaches[k] * rates[0]);
-        sum[1] += weights[k] * rates[1];
-        z[1] = first[1] + (reaches[k] * rates[1]);
-        sum[2] += weights[k] * rates[2];
-        z[2] = first[2] + (reaches[k] * rates[2]);
-        sum[3] += weights[k] * rates[3];
-        z[3] = first[3] + (reaches[k] * rates[3]);
-        sum[4] += weights[k] * rates[4];
-        z[4] = first[4] + (reaches[k] * rates[4]);
+    z[0] = S[0];
+    z[1] = S[1];
+    z[2] = S[2];
+    z[3] = S[3];
+    z[4] = S[4];
+    rates[0] = z[1];
+    rates[1] = (stages[0].jacobian[0] * z[0]) + (stages[0].jacobian[1] * z[1]) + (stages[0].jacobian[2] * z[2]) + (stages[0].jacobian[3] * z[3]) + (stages[0].jacobian[4] * z[4]);
+    rates[2] = (stages[0].jacobian[5] * z[0]) + (stages[0].jacobian[6] * z[1]) + (stages[0].jacobian[7] * z[2]);
+    rates[3] = (stages[0].jacobian[8] * z[0]) + (stages[0].jacobian[9] * z[1]) + (stages[0].jacobian[10] * z[3]);
+    rates[4] = (stages[0].jacobian[11] * z[1]) + (stages[0].jacobian[12] * z[4]);
+    switch (column) {
+    case 0:
+        rates[2] += stages[0].slots[1];
+        break;
+    case 1:
+        rates[2] += stages[0].slots[2];
+        break;
+    case 2:
+        rates[1] += stages[0].slots[0];
+        rates[4] += stages[0].slots[3];
+        break;
+    default: /* of no parameter */
+        break;
     }
-    S[(0 * columns) + column] = first[0] + (sixth * sum[0]);
-    S[(1 * columns) + column] = first[1] + (sixth * sum[1]);
-    S[(2 * columns) + column] = first[2] + (sixth * sum[2]);
-    S[(3 * columns) + column] = first[3] + (sixth * sum[3]);
-    S[(4 * columns) + column] = first[4] + (sixth * sum[4]);
+    if (weighted) {
+        rates[1] += stages[0].table[0] * phi[0];
+    }
+    sum[0] = rates[0];
+    z[0] = S[0] + (half * rates[0]);
+    sum[1] = rates[1];
+    z[1] = S[1] + (half * rates[1]);
+    sum[2] = rates[2];
+    z[2] = S[2] + (half * rates[2]);
+    sum[3] = rates[3];
+    z[3] = S[3] + (half * rates[3]);
+    sum[4] = rates[4];
+    z[4] = S[4] + (half * rates[4]);
+    rates[0] = z[1];
+    rates[1] = (stages[1].jacobian[0] * z[0]) + (stages[1].jacobian[1] * z[1]) + (stages[1].jacobian[2] * z[2]) + (stages[1].jacobian[3] * z[3]) + (stages[1].jacobian[4] * z[4]);
+    rates[2] = (stages[1].jacobian[5] * z[0]) + (stages[1].jacobian[6] * z[1]) + (stages[1].jacobian[7] * z[2]);
+    rates[3] = (stages[1].jacobian[8] * z[0]) + (stages[1].jacobian[9] * z[1]) + (stages[1].jacobian[10] * z[3]);
+    rates[4] = (stages[1].jacobian[11] * z[1]) + (stages[1].jacobian[12] * z[4]);
+    switch (column) {
+    case 0:
+        rates[2] += stages[1].slots[1];
+        break;
+    case 1:
+        rates[2] += stages[1].slots[2];
+        break;
+    case 2:
+        rates[1] += stages[1].slots[0];
+        rates[4] += stages[1].slots[3];
+        break;
+    default: /* of no parameter */
+        break;
+    }
+    if (weighted) {
+        rates[1] += stages[1].table[0] * phi[1];
+    }
+    sum[0] += 2.0 * rates[0];
+    z[0] = S[0] + (half * rates[0]);
+    sum[1] += 2.0 * rates[1];
+    z[1] = S[1] + (half * rates[1]);
+    sum[2] += 2.0 * rates[2];
+    z[2] = S[2] + (half * rates[2]);
+    sum[3] += 2.0 * rates[3];
+    z[3] = S[3] + (half * rates[3]);
+    sum[4] += 2.0 * rates[4];
+    z[4] = S[4] + (half * rates[4]);
+    rates[0] = z[1];
+    rates[1] = (stages[2].jacobian[0] * z[0]) + (stages[2].jacobian[1] * z[1]) + (stages[2].jacobian[2] * z[2]) + (stages[2].jacobian[3] * z[3]) + (stages[2].jacobian[4] * z[4]);
+    rates[2] = (stages[2].jacobian[5] * z[0]) + (stages[2].jacobian[6] * z[1]) + (stages[2].jacobian[7] * z[2]);
+    rates[3] = (stages[2].jacobian[8] * z[0]) + (stages[2].jacobian[9] * z[1]) + (stages[2].jacobian[10] * z[3]);
+    rates[4] = (stages[2].jacobian[11] * z[1]) + (stages[2].jacobian[12] * z[4]);
+    switch (column) {
+    case 0:
+        rates[2] += stages[2].slots[1];
+        break;
+    case 1:
+        rates[2] += stages[2].slots[2];
+        break;
+    case 2:
+        rates[1] += stages[2].slots[0];
+        rates[4] += stages[2].slots[3];
+        break;
+    default: /* of no parameter */
+        break;
+    }
+    if (weighted) {
+        rates[1] += stages[2].table[0] * phi[2];
+    }
+    sum[0] += 2.0 * rates[0];
+    z[0] = S[0] + (h * rates[0]);
+    sum[1] += 2.0 * rates[1];
+    z[1] = S[1] + (h * rates[1]);
+    sum[2] += 2.0 * rates[2];
+    z[2] = S[2] + (h * rates[2]);
+    sum[3] += 2.0 * rates[3];
+    z[3] = S[3] + (h * rates[3]);
+    sum[4] += 2.0 * rates[4];
+    z[4] = S[4] + (h * rates[4]);
+    rates[0] = z[1];
+    rates[1] = (stages[3].jacobian[0] * z[0]) + (stages[3].jacobian[1] * z[1]) + (stages[3].jacobian[2] * z[2]) + (stages[3].jacobian[3] * z[3]) + (stages[3].jacobian[4] * z[4]);
+    rates[2] = (stages[3].jacobian[5] * z[0]) + (stages[3].jacobian[6] * z[1]) + (stages[3].jacobian[7] * z[2]);
+    rates[3] = (stages[3].jacobian[8] * z[0]) + (stages[3].jacobian[9] * z[1]) + (stages[3].jacobian[10] * z[3]);
+    rates[4] = (stages[3].jacobian[11] * z[1]) + (stages[3].jacobian[12] * z[4]);
+    switch (column) {
+    case 0:
+        rates[2] += stages[3].slots[1];
+        break;
+    case 1:
+        rates[2] += stages[3].slots[2];
+        break;
+    case 2:
+        rates[1] += stages[3].slots[0];
+        rates[4] += stages[3].slots[3];
+        break;
+    default: /* of no parameter */
+        break;
+    }
+    if (weighted) {
+        rates[1] += stages[3].table[0] * phi[3];
+    }
+    S[0] += sixth * (sum[0] + rates[0]);
+    S[1] += sixth * (sum[1] + rates[1]);
+    S[2] += sixth * (sum[2] + rates[2]);
+    S[3] += sixth * (sum[3] + rates[3]);
+    S[4] += sixth * (sum[4] + rates[4]);
 }
 
-void isothermal_step_columns(double x[], double carry[], double S[], int columns, const double p[],
+void isothermal_step_columns(double x[], double carry[], double S[], int columns, int rows, const double p[],
     const isothermal_constants_t *c, const isothermal_held_t *held, const isothermal_table_t *table, const isothermal_basis_t *basis, isothermal_memory_t *memory, double h)
 {
     const double reaches[4] = {0.5 * h, 0.5 * h, h, h};
+    const double weights[4] = {1.0, 2.0, 2.0, 1.0}; /* of the stages */
     const double sixth = h / 6.0;
     stage_t stages[4];
     double at[isothermal_n_states];
@@ -984,7 +1050,7 @@ void isothermal_step_columns(double x[], double carry[], double S[], int columns
         x[i] = next;
     }
     for (int column = 0; column < columns; column++) {
-        move_column(stages, basis, column, columns, reaches, sixth, S);
+        move_column(stages, basis, column, h, &S[column * rows]);
     }
 }
 
