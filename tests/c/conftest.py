@@ -77,7 +77,15 @@ class Compiled:
             tables = [ctypes.byref(self.table(*kept[:2])), ctypes.byref(basis), ctypes.create_string_buffer(64)]
         getattr(library, f"{self.name}_constants")(pointer(p), constants)
         getattr(library, f"{self.name}_hold")(pointer(u), pointer(p), constants, held)
-        common = (ctypes.c_int(S.shape[0]), ctypes.c_int(S.shape[1]), pointer(p), constants, held, *tables, step(h / substeps))
+        common = (
+            ctypes.c_int(S.shape[0]),
+            ctypes.c_int(S.shape[1]),
+            pointer(p),
+            constants,
+            held,
+            *tables,
+            step(h / substeps),
+        )
         for _ in range(substeps):
             getattr(library, f"{self.name}_step_columns")(pointer(x), pointer(carry), pointer(S), *common)
         return x, S.T

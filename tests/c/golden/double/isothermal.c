@@ -74,11 +74,11 @@ void isothermal_constants(const double p[], isothermal_constants_t *c)
         if (B_0 >= r_lam) {
             w_vs_4 = 1.0;
         } else {
-            w_vs_4 = sqrt(1.0 - (1.0/(1.0 - B_0))*(1.0/(1.0 - B_0))*(-B_0 + r_lam)*(-B_0 + r_lam));
+            w_vs_4 = sqrt(1.0 - ((1.0/(1.0 - B_0))*(1.0/(1.0 - B_0))*(-B_0 + r_lam)*(-B_0 + r_lam)));
         }
-        w_vs_3 = B_vs*(w_vs_4 - sqrt(1.0 - r_lam*r_lam)) + sqrt(1.0 - r_lam*r_lam);
+        w_vs_3 = (B_vs*(w_vs_4 - (sqrt(1.0 - (r_lam*r_lam))))) + (sqrt(1.0 - (r_lam*r_lam)));
     } else {
-        w_vs_3 = B_vs*(r_lam + sqrt(1.0 - r_lam*r_lam) - 1.0) + sqrt(1.0 - r_lam*r_lam);
+        w_vs_3 = (B_vs*(r_lam + (sqrt(1.0 - (r_lam*r_lam))) - 1.0)) + (sqrt(1.0 - (r_lam*r_lam)));
     }
     const double const_14 = w_vs_3*(1.0/(1.0 - r_lam));
     const double const_16 = (1.0/P_S)*(1.0/P_S)*w_vs_3*(1.0/(1.0 - r_lam));
@@ -95,11 +95,11 @@ void isothermal_constants(const double p[], isothermal_constants_t *c)
         if (B_0 >= r_lam) {
             w_ve_4 = 1.0;
         } else {
-            w_ve_4 = sqrt(1.0 - (1.0/(1.0 - B_0))*(1.0/(1.0 - B_0))*(-B_0 + r_lam)*(-B_0 + r_lam));
+            w_ve_4 = sqrt(1.0 - ((1.0/(1.0 - B_0))*(1.0/(1.0 - B_0))*(-B_0 + r_lam)*(-B_0 + r_lam)));
         }
-        w_ve_3 = B_ve*(w_ve_4 - sqrt(1.0 - r_lam*r_lam)) + sqrt(1.0 - r_lam*r_lam);
+        w_ve_3 = (B_ve*(w_ve_4 - (sqrt(1.0 - (r_lam*r_lam))))) + (sqrt(1.0 - (r_lam*r_lam)));
     } else {
-        w_ve_3 = B_ve*(r_lam + sqrt(1.0 - r_lam*r_lam) - 1.0) + sqrt(1.0 - r_lam*r_lam);
+        w_ve_3 = (B_ve*(r_lam + (sqrt(1.0 - (r_lam*r_lam))) - 1.0)) + (sqrt(1.0 - (r_lam*r_lam)));
     }
     const double const_27 = w_ve_3*(1.0/(1.0 - r_lam));
     const double const_28 = P_0*w_ve_3*(1.0/(1.0 - r_lam));
@@ -114,11 +114,11 @@ void isothermal_constants(const double p[], isothermal_constants_t *c)
         if (B_0 >= r_lam) {
             w_r_4 = 1.0;
         } else {
-            w_r_4 = sqrt(1.0 - (1.0/(1.0 - B_0))*(1.0/(1.0 - B_0))*(-B_0 + r_lam)*(-B_0 + r_lam));
+            w_r_4 = sqrt(1.0 - ((1.0/(1.0 - B_0))*(1.0/(1.0 - B_0))*(-B_0 + r_lam)*(-B_0 + r_lam)));
         }
-        w_r_3 = B_in*(w_r_4 - sqrt(1.0 - r_lam*r_lam)) + sqrt(1.0 - r_lam*r_lam);
+        w_r_3 = (B_in*(w_r_4 - (sqrt(1.0 - (r_lam*r_lam))))) + (sqrt(1.0 - (r_lam*r_lam)));
     } else {
-        w_r_3 = B_in*(r_lam + sqrt(1.0 - r_lam*r_lam) - 1.0) + sqrt(1.0 - r_lam*r_lam);
+        w_r_3 = (B_in*(r_lam + (sqrt(1.0 - (r_lam*r_lam))) - 1.0)) + (sqrt(1.0 - (r_lam*r_lam)));
     }
     const double const_38 = w_r_3*(1.0/(1.0 - r_lam));
     const double const_40 = -(1.0/P_0)*w_r_3*(1.0/(1.0 - r_lam));
@@ -132,11 +132,11 @@ void isothermal_constants(const double p[], isothermal_constants_t *c)
         if (B_0 >= r_lam) {
             w_r_8 = 1.0;
         } else {
-            w_r_8 = sqrt(1.0 - (1.0/(1.0 - B_0))*(1.0/(1.0 - B_0))*(-B_0 + r_lam)*(-B_0 + r_lam));
+            w_r_8 = sqrt(1.0 - ((1.0/(1.0 - B_0))*(1.0/(1.0 - B_0))*(-B_0 + r_lam)*(-B_0 + r_lam)));
         }
-        w_r_7 = B_out*(w_r_8 - sqrt(1.0 - r_lam*r_lam)) + sqrt(1.0 - r_lam*r_lam);
+        w_r_7 = (B_out*(w_r_8 - (sqrt(1.0 - (r_lam*r_lam))))) + (sqrt(1.0 - (r_lam*r_lam)));
     } else {
-        w_r_7 = B_out*(r_lam + sqrt(1.0 - r_lam*r_lam) - 1.0) + sqrt(1.0 - r_lam*r_lam);
+        w_r_7 = (B_out*(r_lam + (sqrt(1.0 - (r_lam*r_lam))) - 1.0)) + (sqrt(1.0 - (r_lam*r_lam)));
     }
     const double const_48 = w_r_7*(1.0/(1.0 - r_lam));
     const double const_49 = P_0*w_r_7*(1.0/(1.0 - r_lam));
@@ -147,7 +147,7 @@ void isothermal_constants(const double p[], isothermal_constants_t *c)
     const double const_55 = D_stop*(1.0/d_stop);
     const double const_59 = (-1.0)*0.5*d_stop;
     const double const_61 = (-1.0)*2.0*y_max;
-    const double const_63 = -0.5*d_stop - y_max;
+    const double const_63 = -(0.5*d_stop) - y_max;
     const double const_64 = (1.0/M);
     const double const_65 = -P_0*(A_A - A_B);
     const double d_v__by__f_f = -(1.0/M);
@@ -309,20 +309,20 @@ static inline void rhs(const double x[], const double p[], const isothermal_cons
     double w_vs;
     if (y_vs > 0.0) {
         double w_vs_1;
-        if (r_lam >= const_4*p_A) {
+        if (r_lam >= (const_4*p_A)) {
             if (B_vs > 0.0) {
                 double w_vs_2;
-                if (B_0 >= const_4*p_A) {
+                if (B_0 >= (const_4*p_A)) {
                     w_vs_2 = 1.0;
                 } else {
-                    w_vs_2 = sqrt(-const_5*(-B_0 + const_4*p_A)*(-B_0 + const_4*p_A) + 1.0);
+                    w_vs_2 = sqrt(-(const_5*(-B_0 + (const_4*p_A))*(-B_0 + (const_4*p_A))) + 1.0);
                 }
-                w_vs_1 = B_vs*(w_vs_2 - sqrt(-const_10*p_A*p_A + 1.0)) + sqrt(-const_10*p_A*p_A + 1.0);
+                w_vs_1 = (B_vs*(w_vs_2 - (sqrt(-(const_10*p_A*p_A) + 1.0)))) + (sqrt(-(const_10*p_A*p_A) + 1.0));
             } else {
-                w_vs_1 = B_vs*(const_4*p_A + sqrt(-const_10*p_A*p_A + 1.0) - 1.0) + sqrt(-const_10*p_A*p_A + 1.0);
+                w_vs_1 = (B_vs*((const_4*p_A) + (sqrt(-(const_10*p_A*p_A) + 1.0)) - 1.0)) + (sqrt(-(const_10*p_A*p_A) + 1.0));
             }
-        } else if (const_4*p_A <= 1.0) {
-            w_vs_1 = const_14*(-const_4*p_A + 1.0);
+        } else if ((const_4*p_A) <= 1.0) {
+            w_vs_1 = const_14*(-(const_4*p_A) + 1.0);
         } else {
             w_vs_1 = 0.0;
         }
@@ -334,20 +334,20 @@ static inline void rhs(const double x[], const double p[], const isothermal_cons
     double w_ve;
     if (y_ve > 0.0) {
         double w_ve_1;
-        if (r_lam >= P_0*(1.0/p_A)) {
+        if (r_lam >= (P_0*(1.0/p_A))) {
             if (B_ve > 0.0) {
                 double w_ve_2;
-                if (B_0 >= P_0*(1.0/p_A)) {
+                if (B_0 >= (P_0*(1.0/p_A))) {
                     w_ve_2 = 1.0;
                 } else {
-                    w_ve_2 = sqrt(-const_5*(-B_0 + P_0*(1.0/p_A))*(-B_0 + P_0*(1.0/p_A)) + 1.0);
+                    w_ve_2 = sqrt(-(const_5*(-B_0 + (P_0*(1.0/p_A)))*(-B_0 + (P_0*(1.0/p_A)))) + 1.0);
                 }
-                w_ve_1 = B_ve*(w_ve_2 - sqrt(-const_24*(1.0/p_A)*(1.0/p_A) + 1.0)) + sqrt(-const_24*(1.0/p_A)*(1.0/p_A) + 1.0);
+                w_ve_1 = (B_ve*(w_ve_2 - (sqrt(-(const_24*(1.0/p_A)*(1.0/p_A)) + 1.0)))) + (sqrt(-(const_24*(1.0/p_A)*(1.0/p_A)) + 1.0));
             } else {
-                w_ve_1 = B_ve*(P_0*(1.0/p_A) + sqrt(-const_24*(1.0/p_A)*(1.0/p_A) + 1.0) - 1.0) + sqrt(-const_24*(1.0/p_A)*(1.0/p_A) + 1.0);
+                w_ve_1 = (B_ve*((P_0*(1.0/p_A)) + (sqrt(-(const_24*(1.0/p_A)*(1.0/p_A)) + 1.0)) - 1.0)) + (sqrt(-(const_24*(1.0/p_A)*(1.0/p_A)) + 1.0));
             }
-        } else if (P_0*(1.0/p_A) <= 1.0) {
-            w_ve_1 = const_27*(-P_0*(1.0/p_A) + 1.0);
+        } else if ((P_0*(1.0/p_A)) <= 1.0) {
+            w_ve_1 = const_27*(-(P_0*(1.0/p_A)) + 1.0);
         } else {
             w_ve_1 = 0.0;
         }
@@ -360,83 +360,83 @@ static inline void rhs(const double x[], const double p[], const isothermal_cons
     double w_r;
     if (P_0 > p_B) {
         double w_r_1;
-        if (r_lam >= const_31*p_B) {
+        if (r_lam >= (const_31*p_B)) {
             if (B_in > 0.0) {
                 double w_r_2;
-                if (B_0 >= const_31*p_B) {
+                if (B_0 >= (const_31*p_B)) {
                     w_r_2 = 1.0;
                 } else {
-                    w_r_2 = sqrt(-const_5*(-B_0 + const_31*p_B)*(-B_0 + const_31*p_B) + 1.0);
+                    w_r_2 = sqrt(-(const_5*(-B_0 + (const_31*p_B))*(-B_0 + (const_31*p_B))) + 1.0);
                 }
-                w_r_1 = B_in*(w_r_2 - sqrt(-const_34*p_B*p_B + 1.0)) + sqrt(-const_34*p_B*p_B + 1.0);
+                w_r_1 = (B_in*(w_r_2 - (sqrt(-(const_34*p_B*p_B) + 1.0)))) + (sqrt(-(const_34*p_B*p_B) + 1.0));
             } else {
-                w_r_1 = B_in*(const_31*p_B + sqrt(-const_34*p_B*p_B + 1.0) - 1.0) + sqrt(-const_34*p_B*p_B + 1.0);
+                w_r_1 = (B_in*((const_31*p_B) + (sqrt(-(const_34*p_B*p_B) + 1.0)) - 1.0)) + (sqrt(-(const_34*p_B*p_B) + 1.0));
             }
-        } else if (const_31*p_B <= 1.0) {
-            w_r_1 = const_38*(-const_31*p_B + 1.0);
+        } else if ((const_31*p_B) <= 1.0) {
+            w_r_1 = const_38*(-(const_31*p_B) + 1.0);
         } else {
             w_r_1 = 0.0;
         }
         w_r = const_42*w_r_1;
     } else {
         double w_r_5;
-        if (r_lam >= P_0*(1.0/p_B)) {
+        if (r_lam >= (P_0*(1.0/p_B))) {
             if (B_out > 0.0) {
                 double w_r_6;
-                if (B_0 >= P_0*(1.0/p_B)) {
+                if (B_0 >= (P_0*(1.0/p_B))) {
                     w_r_6 = 1.0;
                 } else {
-                    w_r_6 = sqrt(-const_5*(-B_0 + P_0*(1.0/p_B))*(-B_0 + P_0*(1.0/p_B)) + 1.0);
+                    w_r_6 = sqrt(-(const_5*(-B_0 + (P_0*(1.0/p_B)))*(-B_0 + (P_0*(1.0/p_B)))) + 1.0);
                 }
-                w_r_5 = B_out*(w_r_6 - sqrt(-const_24*(1.0/p_B)*(1.0/p_B) + 1.0)) + sqrt(-const_24*(1.0/p_B)*(1.0/p_B) + 1.0);
+                w_r_5 = (B_out*(w_r_6 - (sqrt(-(const_24*(1.0/p_B)*(1.0/p_B)) + 1.0)))) + (sqrt(-(const_24*(1.0/p_B)*(1.0/p_B)) + 1.0));
             } else {
-                w_r_5 = B_out*(P_0*(1.0/p_B) + sqrt(-const_24*(1.0/p_B)*(1.0/p_B) + 1.0) - 1.0) + sqrt(-const_24*(1.0/p_B)*(1.0/p_B) + 1.0);
+                w_r_5 = (B_out*((P_0*(1.0/p_B)) + (sqrt(-(const_24*(1.0/p_B)*(1.0/p_B)) + 1.0)) - 1.0)) + (sqrt(-(const_24*(1.0/p_B)*(1.0/p_B)) + 1.0));
             }
-        } else if (P_0*(1.0/p_B) <= 1.0) {
-            w_r_5 = const_48*(-P_0*(1.0/p_B) + 1.0);
+        } else if ((P_0*(1.0/p_B)) <= 1.0) {
+            w_r_5 = const_48*(-(P_0*(1.0/p_B)) + 1.0);
         } else {
             w_r_5 = 0.0;
         }
         w_r = -const_44*p_B*w_r_5;
     }
-    const double V_A = A_A*y + V_0A;
-    const double V_B = A_B*(-y + y_max) + V_0B;
+    const double V_A = (A_A*y) + V_0A;
+    const double V_B = (A_B*(-y + y_max)) + V_0B;
     double z_dot_1;
     if (v < 0.0) {
         z_dot_1 = -v;
     } else {
         z_dot_1 = v;
     }
-    const double z_dot = -const_51*z*z_dot_1 + v;
-    const double f_f = D_v*v + D_zdot*z_dot + K_z*z;
+    const double z_dot = -(const_51*z*z_dot_1) + v;
+    const double f_f = (D_v*v) + (D_zdot*z_dot) + (K_z*z);
     double f_s_1;
     if (y >= 0.0) {
         f_s_1 = 0.0;
-    } else if (d_stop > -y) {
-        if (0.5*const_54*y*y + const_55*v*y > 0.0) {
-            f_s_1 = 0.5*const_54*y*y + const_55*v*y;
+    } else if (d_stop > (-y)) {
+        if (((0.5*const_54*y*y) + (const_55*v*y)) > 0.0) {
+            f_s_1 = (0.5*const_54*y*y) + (const_55*v*y);
         } else {
             f_s_1 = 0.0;
         }
     } else {
-        if (D_stop*v - K_stop*(const_59 - y) < 0.0) {
-            f_s_1 = -D_stop*v + K_stop*(const_59 - y);
+        if (((D_stop*v) - (K_stop*(const_59 - y))) < 0.0) {
+            f_s_1 = -(D_stop*v) + (K_stop*(const_59 - y));
         } else {
             f_s_1 = 0.0;
         }
     }
     double f_s_2;
-    if (y - y_max <= 0.0) {
+    if ((y - y_max) <= 0.0) {
         f_s_2 = 0.0;
-    } else if (d_stop > y - y_max) {
-        if (0.5*const_54*(y - y_max)*(y - y_max) + const_55*v*(y - y_max) > 0.0) {
-            f_s_2 = 0.5*const_54*(y - y_max)*(y - y_max) + const_55*v*(y - y_max);
+    } else if (d_stop > (y - y_max)) {
+        if (((0.5*const_54*(y - y_max)*(y - y_max)) + (const_55*v*(y - y_max))) > 0.0) {
+            f_s_2 = (0.5*const_54*(y - y_max)*(y - y_max)) + (const_55*v*(y - y_max));
         } else {
             f_s_2 = 0.0;
         }
     } else {
-        if (D_stop*v + K_stop*(const_63 + y) > 0.0) {
-            f_s_2 = D_stop*v + K_stop*(const_63 + y);
+        if (((D_stop*v) + (K_stop*(const_63 + y))) > 0.0) {
+            f_s_2 = (D_stop*v) + (K_stop*(const_63 + y));
         } else {
             f_s_2 = 0.0;
         }
@@ -444,9 +444,9 @@ static inline void rhs(const double x[], const double p[], const isothermal_cons
     const double f_s = -f_s_1 + f_s_2;
     const double f_l = lookup(table, memory, y);
     const double d_y = v;
-    const double d_v = const_64*(A_A*p_A - A_B*p_B + const_65 - f_f - f_l - f_s);
-    const double d_p_A = -A_A*(1.0/V_A)*p_A*v + (1.0/V_A)*const_67*w_v;
-    const double d_p_B = A_B*(1.0/V_B)*p_B*v + (1.0/V_B)*const_67*w_r;
+    const double d_v = const_64*((A_A*p_A) - (A_B*p_B) + const_65 - f_f - f_l - f_s);
+    const double d_p_A = -(A_A*(1.0/V_A)*p_A*v) + ((1.0/V_A)*const_67*w_v);
+    const double d_p_B = (A_B*(1.0/V_B)*p_B*v) + ((1.0/V_B)*const_67*w_r);
     const double d_z = z_dot;
     dx[0] = d_y;
     dx[1] = d_v;
@@ -588,30 +588,30 @@ static void rhs_columns(const double x[], const double p[], const isothermal_con
         double w_vs_1;
         double w_vs_1__P_S;
         double w_vs_1__p_A;
-        if (r_lam >= const_4*p_A) {
+        if (r_lam >= (const_4*p_A)) {
             if (B_vs > 0.0) {
                 double w_vs_2;
                 double w_vs_2__P_S;
                 double w_vs_2__p_A;
-                if (B_0 >= const_4*p_A) {
+                if (B_0 >= (const_4*p_A)) {
                     w_vs_2 = 1.0;
                     w_vs_2__P_S = 0.0;
                     w_vs_2__p_A = 0.0;
                 } else {
-                    w_vs_2 = sqrt(-const_5*(-B_0 + const_4*p_A)*(-B_0 + const_4*p_A) + 1.0);
-                    w_vs_2__P_S = const_8*p_A*(-B_0 + const_4*p_A)*(1.0/sqrt(-const_5*(-B_0 + const_4*p_A)*(-B_0 + const_4*p_A) + 1.0));
-                    w_vs_2__p_A = -const_9*(-B_0 + const_4*p_A)*(1.0/sqrt(-const_5*(-B_0 + const_4*p_A)*(-B_0 + const_4*p_A) + 1.0));
+                    w_vs_2 = sqrt(-(const_5*(-B_0 + (const_4*p_A))*(-B_0 + (const_4*p_A))) + 1.0);
+                    w_vs_2__P_S = const_8*p_A*(-B_0 + (const_4*p_A))*(1.0/sqrt(-(const_5*(-B_0 + (const_4*p_A))*(-B_0 + (const_4*p_A))) + 1.0));
+                    w_vs_2__p_A = -const_9*(-B_0 + (const_4*p_A))*(1.0/sqrt(-(const_5*(-B_0 + (const_4*p_A))*(-B_0 + (const_4*p_A))) + 1.0));
                 }
-                w_vs_1 = B_vs*(w_vs_2 - sqrt(-const_10*p_A*p_A + 1.0)) + sqrt(-const_10*p_A*p_A + 1.0);
-                w_vs_1__P_S = B_vs*w_vs_2__P_S + const_11*p_A*p_A*(1.0/sqrt(-const_10*p_A*p_A + 1.0)) - const_12*p_A*p_A*(1.0/sqrt(-const_10*p_A*p_A + 1.0));
-                w_vs_1__p_A = B_vs*w_vs_2__p_A - const_10*p_A*(1.0/sqrt(-const_10*p_A*p_A + 1.0)) + const_13*p_A*(1.0/sqrt(-const_10*p_A*p_A + 1.0));
+                w_vs_1 = (B_vs*(w_vs_2 - (sqrt(-(const_10*p_A*p_A) + 1.0)))) + (sqrt(-(const_10*p_A*p_A) + 1.0));
+                w_vs_1__P_S = (B_vs*w_vs_2__P_S) + (const_11*p_A*p_A*(1.0/sqrt(-(const_10*p_A*p_A) + 1.0))) - (const_12*p_A*p_A*(1.0/sqrt(-(const_10*p_A*p_A) + 1.0)));
+                w_vs_1__p_A = (B_vs*w_vs_2__p_A) - (const_10*p_A*(1.0/sqrt(-(const_10*p_A*p_A) + 1.0))) + (const_13*p_A*(1.0/sqrt(-(const_10*p_A*p_A) + 1.0)));
             } else {
-                w_vs_1 = B_vs*(const_4*p_A + sqrt(-const_10*p_A*p_A + 1.0) - 1.0) + sqrt(-const_10*p_A*p_A + 1.0);
-                w_vs_1__P_S = B_vs*(-const_10*p_A + const_11*p_A*p_A*(1.0/sqrt(-const_10*p_A*p_A + 1.0))) + const_11*p_A*p_A*(1.0/sqrt(-const_10*p_A*p_A + 1.0));
-                w_vs_1__p_A = B_vs*(-const_10*p_A*(1.0/sqrt(-const_10*p_A*p_A + 1.0)) + const_4) - const_10*p_A*(1.0/sqrt(-const_10*p_A*p_A + 1.0));
+                w_vs_1 = (B_vs*((const_4*p_A) + (sqrt(-(const_10*p_A*p_A) + 1.0)) - 1.0)) + (sqrt(-(const_10*p_A*p_A) + 1.0));
+                w_vs_1__P_S = (B_vs*(-(const_10*p_A) + (const_11*p_A*p_A*(1.0/sqrt(-(const_10*p_A*p_A) + 1.0))))) + (const_11*p_A*p_A*(1.0/sqrt(-(const_10*p_A*p_A) + 1.0)));
+                w_vs_1__p_A = (B_vs*(-(const_10*p_A*(1.0/sqrt(-(const_10*p_A*p_A) + 1.0))) + const_4)) - (const_10*p_A*(1.0/sqrt(-(const_10*p_A*p_A) + 1.0)));
             }
-        } else if (const_4*p_A <= 1.0) {
-            w_vs_1 = const_14*(-const_4*p_A + 1.0);
+        } else if ((const_4*p_A) <= 1.0) {
+            w_vs_1 = const_14*(-(const_4*p_A) + 1.0);
             w_vs_1__P_S = const_16*p_A;
             w_vs_1__p_A = const_17;
         } else {
@@ -621,7 +621,7 @@ static void rhs_columns(const double x[], const double p[], const isothermal_con
         }
         w_vs = held_0*w_vs_1;
         w_vs__C_vs = held_1*w_vs_1;
-        w_vs__P_S = held_2*w_vs_1 + w_vs_1__P_S*w_vs__by__w_vs_1;
+        w_vs__P_S = (held_2*w_vs_1) + (w_vs_1__P_S*w_vs__by__w_vs_1);
         w_vs__p_A = w_vs_1__p_A*w_vs__by__w_vs_1;
     } else {
         w_vs = 0.0;
@@ -634,25 +634,25 @@ static void rhs_columns(const double x[], const double p[], const isothermal_con
     if (y_ve > 0.0) {
         double w_ve_1;
         double w_ve_1__p_A;
-        if (r_lam >= P_0*(1.0/p_A)) {
+        if (r_lam >= (P_0*(1.0/p_A))) {
             if (B_ve > 0.0) {
                 double w_ve_2;
                 double w_ve_2__p_A;
-                if (B_0 >= P_0*(1.0/p_A)) {
+                if (B_0 >= (P_0*(1.0/p_A))) {
                     w_ve_2 = 1.0;
                     w_ve_2__p_A = 0.0;
                 } else {
-                    w_ve_2 = sqrt(-const_5*(-B_0 + P_0*(1.0/p_A))*(-B_0 + P_0*(1.0/p_A)) + 1.0);
-                    w_ve_2__p_A = const_23*(1.0/p_A)*(1.0/p_A)*(-B_0 + P_0*(1.0/p_A))*(1.0/sqrt(-const_5*(-B_0 + P_0*(1.0/p_A))*(-B_0 + P_0*(1.0/p_A)) + 1.0));
+                    w_ve_2 = sqrt(-(const_5*(-B_0 + (P_0*(1.0/p_A)))*(-B_0 + (P_0*(1.0/p_A)))) + 1.0);
+                    w_ve_2__p_A = const_23*(1.0/p_A)*(1.0/p_A)*(-B_0 + (P_0*(1.0/p_A)))*(1.0/sqrt(-(const_5*(-B_0 + (P_0*(1.0/p_A)))*(-B_0 + (P_0*(1.0/p_A)))) + 1.0));
                 }
-                w_ve_1 = B_ve*(w_ve_2 - sqrt(-const_24*(1.0/p_A)*(1.0/p_A) + 1.0)) + sqrt(-const_24*(1.0/p_A)*(1.0/p_A) + 1.0);
-                w_ve_1__p_A = B_ve*w_ve_2__p_A + const_24*(1.0/p_A)*(1.0/p_A)*(1.0/p_A)*(1.0/sqrt(-const_24*(1.0/p_A)*(1.0/p_A) + 1.0)) - const_26*(1.0/p_A)*(1.0/p_A)*(1.0/p_A)*(1.0/sqrt(-const_24*(1.0/p_A)*(1.0/p_A) + 1.0));
+                w_ve_1 = (B_ve*(w_ve_2 - (sqrt(-(const_24*(1.0/p_A)*(1.0/p_A)) + 1.0)))) + (sqrt(-(const_24*(1.0/p_A)*(1.0/p_A)) + 1.0));
+                w_ve_1__p_A = (B_ve*w_ve_2__p_A) + (const_24*(1.0/p_A)*(1.0/p_A)*(1.0/p_A)*(1.0/sqrt(-(const_24*(1.0/p_A)*(1.0/p_A)) + 1.0))) - (const_26*(1.0/p_A)*(1.0/p_A)*(1.0/p_A)*(1.0/sqrt(-(const_24*(1.0/p_A)*(1.0/p_A)) + 1.0)));
             } else {
-                w_ve_1 = B_ve*(P_0*(1.0/p_A) + sqrt(-const_24*(1.0/p_A)*(1.0/p_A) + 1.0) - 1.0) + sqrt(-const_24*(1.0/p_A)*(1.0/p_A) + 1.0);
-                w_ve_1__p_A = B_ve*(-P_0*(1.0/p_A)*(1.0/p_A) + const_24*(1.0/p_A)*(1.0/p_A)*(1.0/p_A)*(1.0/sqrt(-const_24*(1.0/p_A)*(1.0/p_A) + 1.0))) + const_24*(1.0/p_A)*(1.0/p_A)*(1.0/p_A)*(1.0/sqrt(-const_24*(1.0/p_A)*(1.0/p_A) + 1.0));
+                w_ve_1 = (B_ve*((P_0*(1.0/p_A)) + (sqrt(-(const_24*(1.0/p_A)*(1.0/p_A)) + 1.0)) - 1.0)) + (sqrt(-(const_24*(1.0/p_A)*(1.0/p_A)) + 1.0));
+                w_ve_1__p_A = (B_ve*(-(P_0*(1.0/p_A)*(1.0/p_A)) + (const_24*(1.0/p_A)*(1.0/p_A)*(1.0/p_A)*(1.0/sqrt(-(const_24*(1.0/p_A)*(1.0/p_A)) + 1.0))))) + (const_24*(1.0/p_A)*(1.0/p_A)*(1.0/p_A)*(1.0/sqrt(-(const_24*(1.0/p_A)*(1.0/p_A)) + 1.0)));
             }
-        } else if (P_0*(1.0/p_A) <= 1.0) {
-            w_ve_1 = const_27*(-P_0*(1.0/p_A) + 1.0);
+        } else if ((P_0*(1.0/p_A)) <= 1.0) {
+            w_ve_1 = const_27*(-(P_0*(1.0/p_A)) + 1.0);
             w_ve_1__p_A = const_28*(1.0/p_A)*(1.0/p_A);
         } else {
             w_ve_1 = 0.0;
@@ -660,7 +660,7 @@ static void rhs_columns(const double x[], const double p[], const isothermal_con
         }
         w_ve = held_4*p_A*w_ve_1;
         const double w_ve__by__w_ve_1 = held_4*p_A;
-        w_ve__p_A = held_4*w_ve_1 + w_ve_1__p_A*w_ve__by__w_ve_1;
+        w_ve__p_A = (held_4*w_ve_1) + (w_ve_1__p_A*w_ve__by__w_ve_1);
     } else {
         w_ve = 0.0;
         w_ve__p_A = 0.0;
@@ -672,25 +672,25 @@ static void rhs_columns(const double x[], const double p[], const isothermal_con
     if (P_0 > p_B) {
         double w_r_1;
         double w_r_1__p_B;
-        if (r_lam >= const_31*p_B) {
+        if (r_lam >= (const_31*p_B)) {
             if (B_in > 0.0) {
                 double w_r_2;
                 double w_r_2__p_B;
-                if (B_0 >= const_31*p_B) {
+                if (B_0 >= (const_31*p_B)) {
                     w_r_2 = 1.0;
                     w_r_2__p_B = 0.0;
                 } else {
-                    w_r_2 = sqrt(-const_5*(-B_0 + const_31*p_B)*(-B_0 + const_31*p_B) + 1.0);
-                    w_r_2__p_B = -const_33*(-B_0 + const_31*p_B)*(1.0/sqrt(-const_5*(-B_0 + const_31*p_B)*(-B_0 + const_31*p_B) + 1.0));
+                    w_r_2 = sqrt(-(const_5*(-B_0 + (const_31*p_B))*(-B_0 + (const_31*p_B))) + 1.0);
+                    w_r_2__p_B = -const_33*(-B_0 + (const_31*p_B))*(1.0/sqrt(-(const_5*(-B_0 + (const_31*p_B))*(-B_0 + (const_31*p_B))) + 1.0));
                 }
-                w_r_1 = B_in*(w_r_2 - sqrt(-const_34*p_B*p_B + 1.0)) + sqrt(-const_34*p_B*p_B + 1.0);
-                w_r_1__p_B = B_in*w_r_2__p_B - const_34*p_B*(1.0/sqrt(-const_34*p_B*p_B + 1.0)) + const_37*p_B*(1.0/sqrt(-const_34*p_B*p_B + 1.0));
+                w_r_1 = (B_in*(w_r_2 - (sqrt(-(const_34*p_B*p_B) + 1.0)))) + (sqrt(-(const_34*p_B*p_B) + 1.0));
+                w_r_1__p_B = (B_in*w_r_2__p_B) - (const_34*p_B*(1.0/sqrt(-(const_34*p_B*p_B) + 1.0))) + (const_37*p_B*(1.0/sqrt(-(const_34*p_B*p_B) + 1.0)));
             } else {
-                w_r_1 = B_in*(const_31*p_B + sqrt(-const_34*p_B*p_B + 1.0) - 1.0) + sqrt(-const_34*p_B*p_B + 1.0);
-                w_r_1__p_B = B_in*(const_31 - const_34*p_B*(1.0/sqrt(-const_34*p_B*p_B + 1.0))) - const_34*p_B*(1.0/sqrt(-const_34*p_B*p_B + 1.0));
+                w_r_1 = (B_in*((const_31*p_B) + (sqrt(-(const_34*p_B*p_B) + 1.0)) - 1.0)) + (sqrt(-(const_34*p_B*p_B) + 1.0));
+                w_r_1__p_B = (B_in*(const_31 - (const_34*p_B*(1.0/sqrt(-(const_34*p_B*p_B) + 1.0))))) - (const_34*p_B*(1.0/sqrt(-(const_34*p_B*p_B) + 1.0)));
             }
-        } else if (const_31*p_B <= 1.0) {
-            w_r_1 = const_38*(-const_31*p_B + 1.0);
+        } else if ((const_31*p_B) <= 1.0) {
+            w_r_1 = const_38*(-(const_31*p_B) + 1.0);
             w_r_1__p_B = const_40;
         } else {
             w_r_1 = 0.0;
@@ -701,25 +701,25 @@ static void rhs_columns(const double x[], const double p[], const isothermal_con
     } else {
         double w_r_5;
         double w_r_5__p_B;
-        if (r_lam >= P_0*(1.0/p_B)) {
+        if (r_lam >= (P_0*(1.0/p_B))) {
             if (B_out > 0.0) {
                 double w_r_6;
                 double w_r_6__p_B;
-                if (B_0 >= P_0*(1.0/p_B)) {
+                if (B_0 >= (P_0*(1.0/p_B))) {
                     w_r_6 = 1.0;
                     w_r_6__p_B = 0.0;
                 } else {
-                    w_r_6 = sqrt(-const_5*(-B_0 + P_0*(1.0/p_B))*(-B_0 + P_0*(1.0/p_B)) + 1.0);
-                    w_r_6__p_B = const_23*(1.0/p_B)*(1.0/p_B)*(-B_0 + P_0*(1.0/p_B))*(1.0/sqrt(-const_5*(-B_0 + P_0*(1.0/p_B))*(-B_0 + P_0*(1.0/p_B)) + 1.0));
+                    w_r_6 = sqrt(-(const_5*(-B_0 + (P_0*(1.0/p_B)))*(-B_0 + (P_0*(1.0/p_B)))) + 1.0);
+                    w_r_6__p_B = const_23*(1.0/p_B)*(1.0/p_B)*(-B_0 + (P_0*(1.0/p_B)))*(1.0/sqrt(-(const_5*(-B_0 + (P_0*(1.0/p_B)))*(-B_0 + (P_0*(1.0/p_B)))) + 1.0));
                 }
-                w_r_5 = B_out*(w_r_6 - sqrt(-const_24*(1.0/p_B)*(1.0/p_B) + 1.0)) + sqrt(-const_24*(1.0/p_B)*(1.0/p_B) + 1.0);
-                w_r_5__p_B = B_out*w_r_6__p_B + const_24*(1.0/p_B)*(1.0/p_B)*(1.0/p_B)*(1.0/sqrt(-const_24*(1.0/p_B)*(1.0/p_B) + 1.0)) - const_47*(1.0/p_B)*(1.0/p_B)*(1.0/p_B)*(1.0/sqrt(-const_24*(1.0/p_B)*(1.0/p_B) + 1.0));
+                w_r_5 = (B_out*(w_r_6 - (sqrt(-(const_24*(1.0/p_B)*(1.0/p_B)) + 1.0)))) + (sqrt(-(const_24*(1.0/p_B)*(1.0/p_B)) + 1.0));
+                w_r_5__p_B = (B_out*w_r_6__p_B) + (const_24*(1.0/p_B)*(1.0/p_B)*(1.0/p_B)*(1.0/sqrt(-(const_24*(1.0/p_B)*(1.0/p_B)) + 1.0))) - (const_47*(1.0/p_B)*(1.0/p_B)*(1.0/p_B)*(1.0/sqrt(-(const_24*(1.0/p_B)*(1.0/p_B)) + 1.0)));
             } else {
-                w_r_5 = B_out*(P_0*(1.0/p_B) + sqrt(-const_24*(1.0/p_B)*(1.0/p_B) + 1.0) - 1.0) + sqrt(-const_24*(1.0/p_B)*(1.0/p_B) + 1.0);
-                w_r_5__p_B = B_out*(-P_0*(1.0/p_B)*(1.0/p_B) + const_24*(1.0/p_B)*(1.0/p_B)*(1.0/p_B)*(1.0/sqrt(-const_24*(1.0/p_B)*(1.0/p_B) + 1.0))) + const_24*(1.0/p_B)*(1.0/p_B)*(1.0/p_B)*(1.0/sqrt(-const_24*(1.0/p_B)*(1.0/p_B) + 1.0));
+                w_r_5 = (B_out*((P_0*(1.0/p_B)) + (sqrt(-(const_24*(1.0/p_B)*(1.0/p_B)) + 1.0)) - 1.0)) + (sqrt(-(const_24*(1.0/p_B)*(1.0/p_B)) + 1.0));
+                w_r_5__p_B = (B_out*(-(P_0*(1.0/p_B)*(1.0/p_B)) + (const_24*(1.0/p_B)*(1.0/p_B)*(1.0/p_B)*(1.0/sqrt(-(const_24*(1.0/p_B)*(1.0/p_B)) + 1.0))))) + (const_24*(1.0/p_B)*(1.0/p_B)*(1.0/p_B)*(1.0/sqrt(-(const_24*(1.0/p_B)*(1.0/p_B)) + 1.0)));
             }
-        } else if (P_0*(1.0/p_B) <= 1.0) {
-            w_r_5 = const_48*(-P_0*(1.0/p_B) + 1.0);
+        } else if ((P_0*(1.0/p_B)) <= 1.0) {
+            w_r_5 = const_48*(-(P_0*(1.0/p_B)) + 1.0);
             w_r_5__p_B = const_49*(1.0/p_B)*(1.0/p_B);
         } else {
             w_r_5 = 0.0;
@@ -727,10 +727,10 @@ static void rhs_columns(const double x[], const double p[], const isothermal_con
         }
         w_r = -const_44*p_B*w_r_5;
         const double w_r__by__w_r_5 = -const_44*p_B;
-        w_r__p_B = -const_44*w_r_5 + w_r_5__p_B*w_r__by__w_r_5;
+        w_r__p_B = -(const_44*w_r_5) + (w_r_5__p_B*w_r__by__w_r_5);
     }
-    const double V_A = A_A*y + V_0A;
-    const double V_B = A_B*(-y + y_max) + V_0B;
+    const double V_A = (A_A*y) + V_0A;
+    const double V_B = (A_B*(-y + y_max)) + V_0B;
     double z_dot_1;
     double z_dot_1__v;
     if (v < 0.0) {
@@ -740,13 +740,13 @@ static void rhs_columns(const double x[], const double p[], const isothermal_con
         z_dot_1 = v;
         z_dot_1__v = 1.0;
     }
-    const double z_dot = -const_51*z*z_dot_1 + v;
+    const double z_dot = -(const_51*z*z_dot_1) + v;
     const double z_dot__F_C = const_52*z*z_dot_1;
-    const double z_dot__v = -const_51*z*z_dot_1__v + 1.0;
+    const double z_dot__v = -(const_51*z*z_dot_1__v) + 1.0;
     const double z_dot__z = -const_51*z_dot_1;
-    const double f_f = D_v*v + D_zdot*z_dot + K_z*z;
-    const double f_f__v = D_v + D_zdot*z_dot__v;
-    const double f_f__z = D_zdot*z_dot__z + K_z;
+    const double f_f = (D_v*v) + (D_zdot*z_dot) + (K_z*z);
+    const double f_f__v = D_v + (D_zdot*z_dot__v);
+    const double f_f__z = (D_zdot*z_dot__z) + K_z;
     const double f_f__F_C = D_zdot*z_dot__F_C;
     double f_s_1;
     double f_s_1__v;
@@ -755,19 +755,19 @@ static void rhs_columns(const double x[], const double p[], const isothermal_con
         f_s_1 = 0.0;
         f_s_1__v = 0.0;
         f_s_1__y = 0.0;
-    } else if (d_stop > -y) {
-        if (0.5*const_54*y*y + const_55*v*y > 0.0) {
-            f_s_1 = 0.5*const_54*y*y + const_55*v*y;
+    } else if (d_stop > (-y)) {
+        if (((0.5*const_54*y*y) + (const_55*v*y)) > 0.0) {
+            f_s_1 = (0.5*const_54*y*y) + (const_55*v*y);
             f_s_1__v = const_55*y;
-            f_s_1__y = const_54*y + const_55*v;
+            f_s_1__y = (const_54*y) + (const_55*v);
         } else {
             f_s_1 = 0.0;
             f_s_1__v = 0.0;
             f_s_1__y = 0.0;
         }
     } else {
-        if (D_stop*v - K_stop*(const_59 - y) < 0.0) {
-            f_s_1 = -D_stop*v + K_stop*(const_59 - y);
+        if (((D_stop*v) - (K_stop*(const_59 - y))) < 0.0) {
+            f_s_1 = -(D_stop*v) + (K_stop*(const_59 - y));
             f_s_1__v = -D_stop;
             f_s_1__y = -K_stop;
         } else {
@@ -779,23 +779,23 @@ static void rhs_columns(const double x[], const double p[], const isothermal_con
     double f_s_2;
     double f_s_2__v;
     double f_s_2__y;
-    if (y - y_max <= 0.0) {
+    if ((y - y_max) <= 0.0) {
         f_s_2 = 0.0;
         f_s_2__v = 0.0;
         f_s_2__y = 0.0;
-    } else if (d_stop > y - y_max) {
-        if (0.5*const_54*(y - y_max)*(y - y_max) + const_55*v*(y - y_max) > 0.0) {
-            f_s_2 = 0.5*const_54*(y - y_max)*(y - y_max) + const_55*v*(y - y_max);
+    } else if (d_stop > (y - y_max)) {
+        if (((0.5*const_54*(y - y_max)*(y - y_max)) + (const_55*v*(y - y_max))) > 0.0) {
+            f_s_2 = (0.5*const_54*(y - y_max)*(y - y_max)) + (const_55*v*(y - y_max));
             f_s_2__v = const_55*(y - y_max);
-            f_s_2__y = 0.5*const_54*(const_61 + 2.0*y) + const_55*v;
+            f_s_2__y = (0.5*const_54*(const_61 + (2.0*y))) + (const_55*v);
         } else {
             f_s_2 = 0.0;
             f_s_2__v = 0.0;
             f_s_2__y = 0.0;
         }
     } else {
-        if (D_stop*v + K_stop*(const_63 + y) > 0.0) {
-            f_s_2 = D_stop*v + K_stop*(const_63 + y);
+        if (((D_stop*v) + (K_stop*(const_63 + y))) > 0.0) {
+            f_s_2 = (D_stop*v) + (K_stop*(const_63 + y));
             f_s_2__v = D_stop;
             f_s_2__y = K_stop;
         } else {
@@ -810,24 +810,24 @@ static void rhs_columns(const double x[], const double p[], const isothermal_con
     const double f_l = lookup(table, memory, y);
     const double f_l_slope = table_slope(table, memory);
     const double d_y = v;
-    const double d_v = const_64*(A_A*p_A - A_B*p_B + const_65 - f_f - f_l - f_s);
-    const double d_v__v = d_v__by__f_f*f_f__v + d_v__by__f_s*f_s__v;
+    const double d_v = const_64*((A_A*p_A) - (A_B*p_B) + const_65 - f_f - f_l - f_s);
+    const double d_v__v = (d_v__by__f_f*f_f__v) + (d_v__by__f_s*f_s__v);
     const double d_v__z = d_v__by__f_f*f_f__z;
     const double d_v__F_C = d_v__by__f_f*f_f__F_C;
-    const double d_v__y = d_v__by__f_l*f_l_slope + d_v__by__f_s*f_s__y;
-    const double d_p_A = -A_A*(1.0/V_A)*p_A*v + (1.0/V_A)*const_67*w_v;
-    const double d_p_A__by__V_A = A_A*(1.0/V_A)*(1.0/V_A)*p_A*v - (1.0/V_A)*(1.0/V_A)*const_67*w_v;
+    const double d_v__y = (d_v__by__f_l*f_l_slope) + (d_v__by__f_s*f_s__y);
+    const double d_p_A = -(A_A*(1.0/V_A)*p_A*v) + ((1.0/V_A)*const_67*w_v);
+    const double d_p_A__by__V_A = (A_A*(1.0/V_A)*(1.0/V_A)*p_A*v) - ((1.0/V_A)*(1.0/V_A)*const_67*w_v);
     const double d_p_A__by__w_v = (1.0/V_A)*const_67;
     const double d_p_A__y = A_A*d_p_A__by__V_A;
-    const double d_p_A__p_A = -A_A*(1.0/V_A)*v + d_p_A__by__w_v*w_v__p_A;
+    const double d_p_A__p_A = -(A_A*(1.0/V_A)*v) + (d_p_A__by__w_v*w_v__p_A);
     const double d_p_A__v = -A_A*(1.0/V_A)*p_A;
     const double d_p_A__C_vs = d_p_A__by__w_v*w_vs__C_vs;
     const double d_p_A__P_S = d_p_A__by__w_v*w_vs__P_S;
-    const double d_p_B = A_B*(1.0/V_B)*p_B*v + (1.0/V_B)*const_67*w_r;
-    const double d_p_B__by__V_B = -A_B*(1.0/V_B)*(1.0/V_B)*p_B*v - (1.0/V_B)*(1.0/V_B)*const_67*w_r;
+    const double d_p_B = (A_B*(1.0/V_B)*p_B*v) + ((1.0/V_B)*const_67*w_r);
+    const double d_p_B__by__V_B = -(A_B*(1.0/V_B)*(1.0/V_B)*p_B*v) - ((1.0/V_B)*(1.0/V_B)*const_67*w_r);
     const double d_p_B__by__w_r = (1.0/V_B)*const_67;
     const double d_p_B__y = V_B__y*d_p_B__by__V_B;
-    const double d_p_B__p_B = A_B*(1.0/V_B)*v + d_p_B__by__w_r*w_r__p_B;
+    const double d_p_B__p_B = (A_B*(1.0/V_B)*v) + (d_p_B__by__w_r*w_r__p_B);
     const double d_p_B__v = A_B*(1.0/V_B)*p_B;
     const double d_z = z_dot;
     stage->rates[0] = d_y;
@@ -872,7 +872,7 @@ static void move_column(const stage_t stages[], const isothermal_basis_t *basis,
     const int weighted = (weight >= 0) && (weight < basis->n);
     double phi[4] = {0.0, 0.0, 0.0, 0.0};
     int acts = column < isothermal_n_free;
-    if (weighted) {
+    if (weighted == 1) {
         const int *reach = basis->reach[weight];
         for (int k = 0; k < 4; k++) {
             const int segment = stages[k].segment;
@@ -884,7 +884,7 @@ static void move_column(const stage_t stages[], const isothermal_basis_t *basis,
             }
         }
     }
-    if (!acts && !(fabs(S[0]) > 0.0) && !(fabs(S[1]) > 0.0) && !(fabs(S[2]) > 0.0) && !(fabs(S[3]) > 0.0) && !(fabs(S[4]) > 0.0)) {
+    if ((acts == 0) && !(fabs(S[0]) > 0.0) && !(fabs(S[1]) > 0.0) && !(fabs(S[2]) > 0.0) && !(fabs(S[3]) > 0.0) && !(fabs(S[4]) > 0.0)) {
         return;
     }
     z[0] = S[0];
@@ -911,7 +911,7 @@ static void move_column(const stage_t stages[], const isothermal_basis_t *basis,
     default: /* of no parameter */
         break;
     }
-    if (weighted) {
+    if (weighted == 1) {
         rates[1] += stages[0].table[0] * phi[0];
     }
     sum[0] = rates[0];
@@ -943,7 +943,7 @@ static void move_column(const stage_t stages[], const isothermal_basis_t *basis,
     default: /* of no parameter */
         break;
     }
-    if (weighted) {
+    if (weighted == 1) {
         rates[1] += stages[1].table[0] * phi[1];
     }
     sum[0] += 2.0 * rates[0];
@@ -975,7 +975,7 @@ static void move_column(const stage_t stages[], const isothermal_basis_t *basis,
     default: /* of no parameter */
         break;
     }
-    if (weighted) {
+    if (weighted == 1) {
         rates[1] += stages[2].table[0] * phi[2];
     }
     sum[0] += 2.0 * rates[0];
@@ -1007,7 +1007,7 @@ static void move_column(const stage_t stages[], const isothermal_basis_t *basis,
     default: /* of no parameter */
         break;
     }
-    if (weighted) {
+    if (weighted == 1) {
         rates[1] += stages[3].table[0] * phi[3];
     }
     S[0] += sixth * (sum[0] + rates[0]);

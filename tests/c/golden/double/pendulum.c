@@ -64,7 +64,7 @@ static inline void rhs(const double x[], const double p[], const pendulum_consta
     const double drag = d*drag_1*omega;
     const double f = lookup(table, memory, phi);
     const double d_phi = omega;
-    const double d_omega = -drag - f - g_l*sin(phi) + m;
+    const double d_omega = -drag - f - (g_l*sin(phi)) + m;
     dx[0] = d_phi;
     dx[1] = d_omega;
 }
@@ -137,14 +137,14 @@ static void rhs_columns(const double x[], const double p[], const pendulum_const
     }
     const double drag = d*drag_1*omega;
     const double drag__d = drag_1*omega;
-    const double drag__omega = d*drag_1 + d*drag_1__omega*omega;
+    const double drag__omega = (d*drag_1) + (d*drag_1__omega*omega);
     const double f = lookup(table, memory, phi);
     const double f_slope = table_slope(table, memory);
     const double d_phi = omega;
-    const double d_omega = -drag - f - g_l*sin(phi) + m;
+    const double d_omega = -drag - f - (g_l*sin(phi)) + m;
     const double d_omega__d = -drag__d;
     const double d_omega__omega = -drag__omega;
-    const double d_omega__phi = -f_slope - g_l*cos(phi);
+    const double d_omega__phi = -f_slope - (g_l*cos(phi));
     const double d_omega__g_l = -sin(phi);
     stage->rates[0] = d_phi;
     stage->rates[1] = d_omega;
@@ -172,7 +172,7 @@ static void move_column(const stage_t stages[], const pendulum_basis_t *basis, i
     const int weighted = (weight >= 0) && (weight < basis->n);
     double phi[4] = {0.0, 0.0, 0.0, 0.0};
     int acts = column < pendulum_n_free;
-    if (weighted) {
+    if (weighted == 1) {
         const int *reach = basis->reach[weight];
         for (int k = 0; k < 4; k++) {
             const int segment = stages[k].segment;
@@ -184,7 +184,7 @@ static void move_column(const stage_t stages[], const pendulum_basis_t *basis, i
             }
         }
     }
-    if (!acts && !(fabs(S[0]) > 0.0) && !(fabs(S[1]) > 0.0)) {
+    if ((acts == 0) && !(fabs(S[0]) > 0.0) && !(fabs(S[1]) > 0.0)) {
         return;
     }
     z[0] = S[0];
@@ -201,7 +201,7 @@ static void move_column(const stage_t stages[], const pendulum_basis_t *basis, i
     default: /* of no parameter */
         break;
     }
-    if (weighted) {
+    if (weighted == 1) {
         rates[1] += stages[0].table[0] * phi[0];
     }
     sum[0] = rates[0];
@@ -220,7 +220,7 @@ static void move_column(const stage_t stages[], const pendulum_basis_t *basis, i
     default: /* of no parameter */
         break;
     }
-    if (weighted) {
+    if (weighted == 1) {
         rates[1] += stages[1].table[0] * phi[1];
     }
     sum[0] += 2.0 * rates[0];
@@ -239,7 +239,7 @@ static void move_column(const stage_t stages[], const pendulum_basis_t *basis, i
     default: /* of no parameter */
         break;
     }
-    if (weighted) {
+    if (weighted == 1) {
         rates[1] += stages[2].table[0] * phi[2];
     }
     sum[0] += 2.0 * rates[0];
@@ -258,7 +258,7 @@ static void move_column(const stage_t stages[], const pendulum_basis_t *basis, i
     default: /* of no parameter */
         break;
     }
-    if (weighted) {
+    if (weighted == 1) {
         rates[1] += stages[3].table[0] * phi[3];
     }
     S[0] += sixth * (sum[0] + rates[0]);
