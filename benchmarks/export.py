@@ -1,6 +1,6 @@
 """The exported observer in C against the one in Python, on calibrated trucks of both families.
 
-    python benchmarks/export.py [--trucks 24] [--families A,B] [--seconds 60]
+    python benchmarks/export.py [--trucks 24 | --numbers 3,5] [--families A,B] [--seconds 60]
 
 Each truck is calibrated on 30 s with pressure and the conditions; then a clutch worn by 2 mm is followed from position
 alone by Python and by the C: in double, in float, and in float with two rates, of which the slow task runs after every
@@ -45,13 +45,15 @@ def compared(family: str, number: int, seconds: float) -> dict[str, tuple[float,
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trucks", type=int, default=24)
+    parser.add_argument("--numbers", default="", help="trucks by number, in place of the first ones")
     parser.add_argument("--families", default="A,B")
     parser.add_argument("--seconds", type=float, default=60.0)
     options = parser.parse_args()
+    numbers = [int(n) for n in options.numbers.split(",") if n] or range(options.trucks)
     print("| family | C | theta median, worst | load % median, worst | p_A Pa rms median, worst | flags alike |")
     print("|---|---|---|---|---|---|")
     for family in options.families.split(","):
-        begin, rows = time.perf_counter(), [compared(family, n, options.seconds) for n in range(options.trucks)]
+        begin, rows = time.perf_counter(), [compared(family, n, options.seconds) for n in numbers]
         for name in STYLES:
             values = np.array([row[name] for row in rows])
             pairs = [f"{np.median(column):.2g}, {column.max():.2g}" for column in values[:, :3].T]

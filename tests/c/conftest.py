@@ -63,7 +63,7 @@ class Compiled:
 
     def step(self, x, S, u, p, h, substeps, table: tuple[ArrayLike, ArrayLike, ArrayLike] | None = None):
         """x and S after an interval of h seconds, by NAME_step_columns; `table` are breakpoints, load and basis."""
-        x, S, u, p = (self.array(values) for values in (x, S, u, p))
+        x, S, u, p = (self.array(values) for values in (x, np.transpose(S), u, p))
         carry = np.zeros_like(x)
         library, step = self.library(), ctypes.c_float if self.real is np.float32 else ctypes.c_double
         constants, held = ctypes.create_string_buffer(1 << 14), ctypes.create_string_buffer(1 << 14)
@@ -77,10 +77,18 @@ class Compiled:
             tables = [ctypes.byref(self.table(*kept[:2])), ctypes.byref(basis), ctypes.create_string_buffer(64)]
         getattr(library, f"{self.name}_constants")(pointer(p), constants)
         getattr(library, f"{self.name}_hold")(pointer(u), pointer(p), constants, held)
-        common = (ctypes.c_int(S.shape[1]), pointer(p), constants, held, *tables, step(h / substeps))
+        common = (
+            ctypes.c_int(S.shape[0]),
+            ctypes.c_int(S.shape[1]),
+            pointer(p),
+            constants,
+            held,
+            *tables,
+            step(h / substeps),
+        )
         for _ in range(substeps):
             getattr(library, f"{self.name}_step_columns")(pointer(x), pointer(carry), pointer(S), *common)
-        return x, S
+        return x, S.T
 
 
 def pointer(array: NDArray) -> ctypes.c_void_p:

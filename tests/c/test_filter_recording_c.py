@@ -77,7 +77,9 @@ def plainly_followed(case, c, count, patch):
     def step(x, moved, u, p, h, substeps, _, load, basis, window, *__):
         c.p[:], c.load[:] = p, load.ravel()
         c.place(int(window[0]))
-        c.step((x.ctypes.data, carry.ctypes.data, moved.ctypes.data), moved.shape[1], u, h, substeps)
+        packed = np.ascontiguousarray(moved.T)
+        c.step((x.ctypes.data, carry.ctypes.data, packed.ctypes.data), packed.shape[0], u, h, substeps)
+        moved[:] = packed.T
         return bool(np.isfinite(x).all())
 
     def constants(p, *_):

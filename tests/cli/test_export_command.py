@@ -59,6 +59,7 @@ def test_without_a_compiler_the_files_are_there_and_parity_was_not_run(folder, t
     [
         (("--name", "2nd"), "--name '2nd': no C identifier"),
         (("--to", "c,fmu9"), "--to c,fmu9: 'fmu9' is none of c, "),
+        (("--to", "fmu3"), "--to fmu3: FMI 3.0 is not written yet"),
         (("--method", "paper"), "it takes the model 'isothermal'"),
         (("--check", "slow.parquet"), "a sample every 20 ms, but the observer is for one every 1 ms"),
         (("--resume", "none.toml"), "none.toml"),

@@ -222,6 +222,13 @@ def test_what_cannot_be_exported_is_a_sentence(switched):
         observer_c99(one, start(one), CStyle(), "test")
 
 
+def test_a_title_cannot_end_the_comment_that_it_stands_in(switched):
+    one = observer(switched, "states")
+    code = observer_c99(one, start(one), CStyle(), "cal */ int spoiled; /*.toml")["clutch"]
+    assert "*/ int spoiled" not in code.header
+    assert "cal * / int spoiled; / *.toml" in code.header
+
+
 def test_numbers_are_literals_of_their_type():
     double, single = c_number("double"), c_number("float")
     assert [double(x) for x in (1, 0.1, np.inf, -np.inf, np.nan)] == ["1.0", "0.1", "INFINITY", "-INFINITY", "NAN"]

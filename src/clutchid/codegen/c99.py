@@ -141,10 +141,25 @@ _LANGUAGES = {language.real: language for language in (C_DOUBLE, C_FLOAT)}
 
 @dataclass(frozen=True, slots=True)
 class CSource:
-    """A C module: the text of ``NAME.h`` and of ``NAME.c``, which includes it."""
+    """A C module: the text of ``NAME.h`` and of ``NAME.c``, which includes it.
+
+    `held` are the fields of ``NAME_held_t``, which ``NAME_hold`` computes.
+    """
 
     header: str
     source: str
+    held: tuple[str, ...] = ()
+
+
+def comment(text: str) -> str:
+    """A text on one line that may stand in a comment of C.
+
+    Examples
+    --------
+    >>> comment("5 */ 7 /* 9")
+    '5 * / 7 / * 9'
+    """
+    return " ".join(text.replace("*/", "* /").replace("/*", "/ *").split())
 
 
 def c99_source(
@@ -188,8 +203,14 @@ def c99_source(
     columns = None if places is None else ColumnCode.of(plan, places, language)
     parts = columns.parts if columns else Parts.of(plan.system, plan.plain, plan.rates)
     values = _values(system, plan, parts, language)
-    values |= {"real": real, "notes": dict(notes or {}), "columns": columns, "free": list(derivatives or ())}
-    return CSource(template("c99.h.j2").render(values), template("c99.c.j2").render(values))
+    values |= {
+        "real": real,
+        "notes": {name: comment(text) for name, text in (notes or {}).items()},
+        "columns": columns,
+        "free": list(derivatives or ()),
+    }
+    held = (*map(str, parts.held), *map(str, parts.inputs))
+    return CSource(template("c99.h.j2").render(values), template("c99.c.j2").render(values), held)
 
 
 def _values(system: System, plan: DifferentiatedProgram, parts: Parts, language: Language) -> dict[str, Any]:

@@ -21,7 +21,10 @@ _RELATIONS = {sp.Gt: ">", sp.Ge: ">=", sp.Lt: "<", sp.Le: "<=", sp.Eq: "==", sp.
 
 @dataclass(frozen=True, slots=True)
 class Language:
-    """Spelling of numbers, logic and functions in a programming language; `real` is the type of its numbers."""
+    """Spelling of numbers, logic and functions in a programming language; `real` is the type of its numbers.
+
+    If `grouped`, operands with operators stand in parentheses, so that nothing hangs on precedence (MISRA C, 12.1).
+    """
 
     real: str
     number: str
@@ -31,6 +34,7 @@ class Language:
     true: str
     false: str
     functions: Mapping[str, str]
+    grouped: bool = False
 
     def print(self, value: Expr) -> str:
         """`value` as source text.
@@ -59,7 +63,7 @@ class Language:
         if value is sp.true or value is sp.false:
             return self.true if value is sp.true else self.false
         if type(value) in _RELATIONS:
-            return f"{self._visit(value.lhs)} {_RELATIONS[type(value)]} {self._visit(value.rhs)}"
+            return f"{self._operand(value.lhs)} {_RELATIONS[type(value)]} {self._operand(value.rhs)}"
         if isinstance(value, (sp.And, sp.Or)):
             word = self.both if isinstance(value, sp.And) else self.either
             return f" {word} ".join(f"({self._visit(a)})" for a in sorted(value.args, key=str))
@@ -83,12 +87,16 @@ class Language:
             raise NotImplementedError(f"no {name}() in this language; known are {', '.join(self.functions)}.")
         return f"{self.functions[name]}({', '.join(self._visit(a) for a in arguments)})"
 
+    def _operand(self, value: Expr) -> str:
+        text = self._visit(value)
+        return f"({text})" if self.grouped and (value.is_Add or value.is_Mul or value.is_Pow) else text
+
     def _sum(self, value: Expr) -> str:
         text = ""
         for term in value.as_ordered_terms():
             negative = term.could_extract_minus_sign()
-            part = self._visit(-term if negative else term)
-            text += (" - " if negative else " + ") + (f"({part})" if (-term if negative else term).is_Add else part)
+            part = -term if negative else term
+            text += (" - " if negative else " + ") + (f"({self._visit(part)})" if part.is_Add else self._operand(part))
         return text[3:] if text.startswith(" + ") else "-" + text[3:]
 
     def _product(self, value: Expr) -> str:
@@ -116,8 +124,8 @@ class Language:
 FUNCTIONS = ("sqrt", "pow", "exp", "log", "sin", "cos", "tan", "tanh", "sinh", "cosh", "asin", "acos", "atan")
 
 PYTHON = Language("float", "{}", "and", "or", "not ", "True", "False", {name: f"math.{name}" for name in FUNCTIONS})
-C_DOUBLE = Language("double", "{}", "&&", "||", "!", "1", "0", {name: name for name in FUNCTIONS})
-C_FLOAT = Language("float", "{}F", "&&", "||", "!", "1", "0", {name: f"{name}f" for name in FUNCTIONS})
+C_DOUBLE = Language("double", "{}", "&&", "||", "!", "1", "0", {name: name for name in FUNCTIONS}, grouped=True)
+C_FLOAT = replace(C_DOUBLE, real="float", number="{}F", functions={name: f"{name}f" for name in FUNCTIONS})
 
 
 _PYTHON = "math x u p"

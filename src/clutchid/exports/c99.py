@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from clutchid.codegen.c99 import CSource, c99_source
+from clutchid.codegen.c99 import CSource, c99_source, comment
 from clutchid.codegen.language import C_WORDS
 from clutchid.codegen.templates import template
 from clutchid.errors import ParameterError
@@ -33,6 +33,9 @@ from clutchid.simulation.plan import OUTSIDE
 
 Real = Literal["float", "double"]
 Rates = Literal["one", "two"]
+
+#: Mean openings of the valves over a step, with their duty cycles in this period of the carrier and in the last one.
+OPENINGS = {"y_vs": ("supply", "supply_before"), "y_ve": ("exhaust", "exhaust_before")}
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +125,7 @@ def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title:
         "real": style.real,
         "two": style.rates == "two",
         "number": c_number(style.real),
-        "title": title,
+        "title": comment(title),
         "size": size_of(joint),
         "flags": FLAGS,
         "supply": "pressure_supply" in joint.measure,
@@ -142,9 +145,15 @@ def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title:
         "rounded_down": 1.0 - 1e-9,
         "every": joint.settings.every,
     }
+    equations = c99_source(model, real=style.real, notes=state_notes(actuator), derivatives=derivatives)
+    values["openings"] = {
+        name: [values["inputs"][duty] for duty in duties]
+        for name, duties in OPENINGS.items()
+        if values["carrier"] and name in equations.held
+    }
     texts = {part: _both(part, values) for part in ("data", "observer")}
     return {
-        f"{style.name}_model": c99_source(model, real=style.real, notes=state_notes(actuator), derivatives=derivatives),
+        f"{style.name}_model": equations,
         f"{style.name}_filter": filter_c99(size_of(joint), style.real, f"{style.name}_filter"),
         f"{style.name}_data": texts["data"],
         style.name: texts["observer"],

@@ -13,6 +13,7 @@ from clutchid.exports.a2l import a2l
 from clutchid.exports.c99 import CStyle, compiler, observer_c99, source_files
 from clutchid.exports.fmu import model_fmu, observer_fmu, platforms
 from clutchid.exports.matlab import matlab_files
+from clutchid.exports.misra import DEVIATIONS
 from clutchid.exports.parity import (
     Parity,
     begins_us,
@@ -38,6 +39,12 @@ PAGES, VECTORS, COSTED = ("parity", "readme"), 1500, 10_000
 
 #: A recording may be as much faster or slower than the observer, as a share of its rate.
 RATE = 0.05
+
+
+NO_POSITION_ONLY = (
+    "The calibration does not know the errors of a load from position alone, so the band of the load leaves them out; "
+    "calibrate again to include them."
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +87,8 @@ def targets_of(text: str) -> tuple[Target, ...]:
     """
     names = [name.strip() for name in text.split(",") if name.strip()]
     unknown = [name for name in names if name not in TARGETS]
+    if "fmu3" in names:
+        raise ParameterError("--to fmu3: FMI 3.0 is not written yet; fmu2 is, and most tools import it.")
     if unknown or not names:
         raise ParameterError(f"--to {text}: {unknown[0] if unknown else 'nothing'!r} is none of {', '.join(TARGETS)}.")
     return tuple(target for target in TARGETS if target in names)
@@ -126,6 +135,8 @@ def write_export(
     found = replay(observer, modules, style, log, cc) if cc else None
     compared = parity(observer, state, log, found) if found else None
     notes: tuple[str, ...] = () if found else ("parity was not run: there is no C compiler (cc) on this machine.",)
+    if observer.calibration is None or observer.calibration.position_only is None:
+        notes = (*notes, NO_POSITION_ONLY)
     files: dict[str, str | bytes] = {f"src/{file}": text for file, text in source_files(modules).items()}
     files |= example_files(style) | {"test/replay.c": replay_source(observer, style, log)}
     if found is not None:
@@ -144,7 +155,7 @@ def write_export(
     values = {
         "name": style.name, "style": style, "title": title, "to": to, "model": model, "observer": observer,
         "parity": compared, "holds": compared is not None and compared.holds(style), "notes": notes, "costs": costs,
-        "counts": ("fast", "slow", "load", "start", "store"), "costed": COSTED,
+        "counts": ("fast", "slow", "load", "start", "store"), "costed": COSTED, "deviations": DEVIATIONS,
     }  # fmt: skip
     pages = {f"{page.upper()}.md": template(f"{page}.md.j2", "clutchid.exports").render(values) for page in PAGES}
     _write(folder, pages)

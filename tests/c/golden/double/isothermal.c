@@ -74,11 +74,11 @@ void isothermal_constants(const double p[], isothermal_constants_t *c)
         if (B_0 >= r_lam) {
             w_vs_4 = 1.0;
         } else {
-            w_vs_4 = sqrt(1.0 - (1.0/(1.0 - B_0))*(1.0/(1.0 - B_0))*(-B_0 + r_lam)*(-B_0 + r_lam));
+            w_vs_4 = sqrt(1.0 - ((1.0/(1.0 - B_0))*(1.0/(1.0 - B_0))*(-B_0 + r_lam)*(-B_0 + r_lam)));
         }
-        w_vs_3 = B_vs*(w_vs_4 - sqrt(1.0 - r_lam*r_lam)) + sqrt(1.0 - r_lam*r_lam);
+        w_vs_3 = (B_vs*(w_vs_4 - (sqrt(1.0 - (r_lam*r_lam))))) + (sqrt(1.0 - (r_lam*r_lam)));
     } else {
-        w_vs_3 = B_vs*(r_lam + sqrt(1.0 - r_lam*r_lam) - 1.0) + sqrt(1.0 - r_lam*r_lam);
+        w_vs_3 = (B_vs*(r_lam + (sqrt(1.0 - (r_lam*r_lam))) - 1.0)) + (sqrt(1.0 - (r_lam*r_lam)));
     }
     const double const_14 = w_vs_3*(1.0/(1.0 - r_lam));
     const double const_16 = (1.0/P_S)*(1.0/P_S)*w_vs_3*(1.0/(1.0 - r_lam));
@@ -95,11 +95,11 @@ void isothermal_constants(const double p[], isothermal_constants_t *c)
         if (B_0 >= r_lam) {
             w_ve_4 = 1.0;
         } else {
-            w_ve_4 = sqrt(1.0 - (1.0/(1.0 - B_0))*(1.0/(1.0 - B_0))*(-B_0 + r_lam)*(-B_0 + r_lam));
+            w_ve_4 = sqrt(1.0 - ((1.0/(1.0 - B_0))*(1.0/(1.0 - B_0))*(-B_0 + r_lam)*(-B_0 + r_lam)));
         }
-        w_ve_3 = B_ve*(w_ve_4 - sqrt(1.0 - r_lam*r_lam)) + sqrt(1.0 - r_lam*r_lam);
+        w_ve_3 = (B_ve*(w_ve_4 - (sqrt(1.0 - (r_lam*r_lam))))) + (sqrt(1.0 - (r_lam*r_lam)));
     } else {
-        w_ve_3 = B_ve*(r_lam + sqrt(1.0 - r_lam*r_lam) - 1.0) + sqrt(1.0 - r_lam*r_lam);
+        w_ve_3 = (B_ve*(r_lam + (sqrt(1.0 - (r_lam*r_lam))) - 1.0)) + (sqrt(1.0 - (r_lam*r_lam)));
     }
     const double const_27 = w_ve_3*(1.0/(1.0 - r_lam));
     const double const_28 = P_0*w_ve_3*(1.0/(1.0 - r_lam));
@@ -114,11 +114,11 @@ void isothermal_constants(const double p[], isothermal_constants_t *c)
         if (B_0 >= r_lam) {
             w_r_4 = 1.0;
         } else {
-            w_r_4 = sqrt(1.0 - (1.0/(1.0 - B_0))*(1.0/(1.0 - B_0))*(-B_0 + r_lam)*(-B_0 + r_lam));
+            w_r_4 = sqrt(1.0 - ((1.0/(1.0 - B_0))*(1.0/(1.0 - B_0))*(-B_0 + r_lam)*(-B_0 + r_lam)));
         }
-        w_r_3 = B_in*(w_r_4 - sqrt(1.0 - r_lam*r_lam)) + sqrt(1.0 - r_lam*r_lam);
+        w_r_3 = (B_in*(w_r_4 - (sqrt(1.0 - (r_lam*r_lam))))) + (sqrt(1.0 - (r_lam*r_lam)));
     } else {
-        w_r_3 = B_in*(r_lam + sqrt(1.0 - r_lam*r_lam) - 1.0) + sqrt(1.0 - r_lam*r_lam);
+        w_r_3 = (B_in*(r_lam + (sqrt(1.0 - (r_lam*r_lam))) - 1.0)) + (sqrt(1.0 - (r_lam*r_lam)));
     }
     const double const_38 = w_r_3*(1.0/(1.0 - r_lam));
     const double const_40 = -(1.0/P_0)*w_r_3*(1.0/(1.0 - r_lam));
@@ -132,11 +132,11 @@ void isothermal_constants(const double p[], isothermal_constants_t *c)
         if (B_0 >= r_lam) {
             w_r_8 = 1.0;
         } else {
-            w_r_8 = sqrt(1.0 - (1.0/(1.0 - B_0))*(1.0/(1.0 - B_0))*(-B_0 + r_lam)*(-B_0 + r_lam));
+            w_r_8 = sqrt(1.0 - ((1.0/(1.0 - B_0))*(1.0/(1.0 - B_0))*(-B_0 + r_lam)*(-B_0 + r_lam)));
         }
-        w_r_7 = B_out*(w_r_8 - sqrt(1.0 - r_lam*r_lam)) + sqrt(1.0 - r_lam*r_lam);
+        w_r_7 = (B_out*(w_r_8 - (sqrt(1.0 - (r_lam*r_lam))))) + (sqrt(1.0 - (r_lam*r_lam)));
     } else {
-        w_r_7 = B_out*(r_lam + sqrt(1.0 - r_lam*r_lam) - 1.0) + sqrt(1.0 - r_lam*r_lam);
+        w_r_7 = (B_out*(r_lam + (sqrt(1.0 - (r_lam*r_lam))) - 1.0)) + (sqrt(1.0 - (r_lam*r_lam)));
     }
     const double const_48 = w_r_7*(1.0/(1.0 - r_lam));
     const double const_49 = P_0*w_r_7*(1.0/(1.0 - r_lam));
@@ -147,7 +147,7 @@ void isothermal_constants(const double p[], isothermal_constants_t *c)
     const double const_55 = D_stop*(1.0/d_stop);
     const double const_59 = (-1.0)*0.5*d_stop;
     const double const_61 = (-1.0)*2.0*y_max;
-    const double const_63 = -0.5*d_stop - y_max;
+    const double const_63 = -(0.5*d_stop) - y_max;
     const double const_64 = (1.0/M);
     const double const_65 = -P_0*(A_A - A_B);
     const double d_v__by__f_f = -(1.0/M);
@@ -309,20 +309,20 @@ static inline void rhs(const double x[], const double p[], const isothermal_cons
     double w_vs;
     if (y_vs > 0.0) {
         double w_vs_1;
-        if (r_lam >= const_4*p_A) {
+        if (r_lam >= (const_4*p_A)) {
             if (B_vs > 0.0) {
                 double w_vs_2;
-                if (B_0 >= const_4*p_A) {
+                if (B_0 >= (const_4*p_A)) {
                     w_vs_2 = 1.0;
                 } else {
-                    w_vs_2 = sqrt(-const_5*(-B_0 + const_4*p_A)*(-B_0 + const_4*p_A) + 1.0);
+                    w_vs_2 = sqrt(-(const_5*(-B_0 + (const_4*p_A))*(-B_0 + (const_4*p_A))) + 1.0);
                 }
-                w_vs_1 = B_vs*(w_vs_2 - sqrt(-const_10*p_A*p_A + 1.0)) + sqrt(-const_10*p_A*p_A + 1.0);
+                w_vs_1 = (B_vs*(w_vs_2 - (sqrt(-(const_10*p_A*p_A) + 1.0)))) + (sqrt(-(const_10*p_A*p_A) + 1.0));
             } else {
-                w_vs_1 = B_vs*(const_4*p_A + sqrt(-const_10*p_A*p_A + 1.0) - 1.0) + sqrt(-const_10*p_A*p_A + 1.0);
+                w_vs_1 = (B_vs*((const_4*p_A) + (sqrt(-(const_10*p_A*p_A) + 1.0)) - 1.0)) + (sqrt(-(const_10*p_A*p_A) + 1.0));
             }
-        } else if (const_4*p_A <= 1.0) {
-            w_vs_1 = const_14*(-const_4*p_A + 1.0);
+        } else if ((const_4*p_A) <= 1.0) {
+            w_vs_1 = const_14*(-(const_4*p_A) + 1.0);
         } else {
             w_vs_1 = 0.0;
         }
@@ -334,20 +334,20 @@ static inline void rhs(const double x[], const double p[], const isothermal_cons
     double w_ve;
     if (y_ve > 0.0) {
         double w_ve_1;
-        if (r_lam >= P_0*(1.0/p_A)) {
+        if (r_lam >= (P_0*(1.0/p_A))) {
             if (B_ve > 0.0) {
                 double w_ve_2;
-                if (B_0 >= P_0*(1.0/p_A)) {
+                if (B_0 >= (P_0*(1.0/p_A))) {
                     w_ve_2 = 1.0;
                 } else {
-                    w_ve_2 = sqrt(-const_5*(-B_0 + P_0*(1.0/p_A))*(-B_0 + P_0*(1.0/p_A)) + 1.0);
+                    w_ve_2 = sqrt(-(const_5*(-B_0 + (P_0*(1.0/p_A)))*(-B_0 + (P_0*(1.0/p_A)))) + 1.0);
                 }
-                w_ve_1 = B_ve*(w_ve_2 - sqrt(-const_24*(1.0/p_A)*(1.0/p_A) + 1.0)) + sqrt(-const_24*(1.0/p_A)*(1.0/p_A) + 1.0);
+                w_ve_1 = (B_ve*(w_ve_2 - (sqrt(-(const_24*(1.0/p_A)*(1.0/p_A)) + 1.0)))) + (sqrt(-(const_24*(1.0/p_A)*(1.0/p_A)) + 1.0));
             } else {
-                w_ve_1 = B_ve*(P_0*(1.0/p_A) + sqrt(-const_24*(1.0/p_A)*(1.0/p_A) + 1.0) - 1.0) + sqrt(-const_24*(1.0/p_A)*(1.0/p_A) + 1.0);
+                w_ve_1 = (B_ve*((P_0*(1.0/p_A)) + (sqrt(-(const_24*(1.0/p_A)*(1.0/p_A)) + 1.0)) - 1.0)) + (sqrt(-(const_24*(1.0/p_A)*(1.0/p_A)) + 1.0));
             }
-        } else if (P_0*(1.0/p_A) <= 1.0) {
-            w_ve_1 = const_27*(-P_0*(1.0/p_A) + 1.0);
+        } else if ((P_0*(1.0/p_A)) <= 1.0) {
+            w_ve_1 = const_27*(-(P_0*(1.0/p_A)) + 1.0);
         } else {
             w_ve_1 = 0.0;
         }
@@ -360,83 +360,83 @@ static inline void rhs(const double x[], const double p[], const isothermal_cons
     double w_r;
     if (P_0 > p_B) {
         double w_r_1;
-        if (r_lam >= const_31*p_B) {
+        if (r_lam >= (const_31*p_B)) {
             if (B_in > 0.0) {
                 double w_r_2;
-                if (B_0 >= const_31*p_B) {
+                if (B_0 >= (const_31*p_B)) {
                     w_r_2 = 1.0;
                 } else {
-                    w_r_2 = sqrt(-const_5*(-B_0 + const_31*p_B)*(-B_0 + const_31*p_B) + 1.0);
+                    w_r_2 = sqrt(-(const_5*(-B_0 + (const_31*p_B))*(-B_0 + (const_31*p_B))) + 1.0);
                 }
-                w_r_1 = B_in*(w_r_2 - sqrt(-const_34*p_B*p_B + 1.0)) + sqrt(-const_34*p_B*p_B + 1.0);
+                w_r_1 = (B_in*(w_r_2 - (sqrt(-(const_34*p_B*p_B) + 1.0)))) + (sqrt(-(const_34*p_B*p_B) + 1.0));
             } else {
-                w_r_1 = B_in*(const_31*p_B + sqrt(-const_34*p_B*p_B + 1.0) - 1.0) + sqrt(-const_34*p_B*p_B + 1.0);
+                w_r_1 = (B_in*((const_31*p_B) + (sqrt(-(const_34*p_B*p_B) + 1.0)) - 1.0)) + (sqrt(-(const_34*p_B*p_B) + 1.0));
             }
-        } else if (const_31*p_B <= 1.0) {
-            w_r_1 = const_38*(-const_31*p_B + 1.0);
+        } else if ((const_31*p_B) <= 1.0) {
+            w_r_1 = const_38*(-(const_31*p_B) + 1.0);
         } else {
             w_r_1 = 0.0;
         }
         w_r = const_42*w_r_1;
     } else {
         double w_r_5;
-        if (r_lam >= P_0*(1.0/p_B)) {
+        if (r_lam >= (P_0*(1.0/p_B))) {
             if (B_out > 0.0) {
                 double w_r_6;
-                if (B_0 >= P_0*(1.0/p_B)) {
+                if (B_0 >= (P_0*(1.0/p_B))) {
                     w_r_6 = 1.0;
                 } else {
-                    w_r_6 = sqrt(-const_5*(-B_0 + P_0*(1.0/p_B))*(-B_0 + P_0*(1.0/p_B)) + 1.0);
+                    w_r_6 = sqrt(-(const_5*(-B_0 + (P_0*(1.0/p_B)))*(-B_0 + (P_0*(1.0/p_B)))) + 1.0);
                 }
-                w_r_5 = B_out*(w_r_6 - sqrt(-const_24*(1.0/p_B)*(1.0/p_B) + 1.0)) + sqrt(-const_24*(1.0/p_B)*(1.0/p_B) + 1.0);
+                w_r_5 = (B_out*(w_r_6 - (sqrt(-(const_24*(1.0/p_B)*(1.0/p_B)) + 1.0)))) + (sqrt(-(const_24*(1.0/p_B)*(1.0/p_B)) + 1.0));
             } else {
-                w_r_5 = B_out*(P_0*(1.0/p_B) + sqrt(-const_24*(1.0/p_B)*(1.0/p_B) + 1.0) - 1.0) + sqrt(-const_24*(1.0/p_B)*(1.0/p_B) + 1.0);
+                w_r_5 = (B_out*((P_0*(1.0/p_B)) + (sqrt(-(const_24*(1.0/p_B)*(1.0/p_B)) + 1.0)) - 1.0)) + (sqrt(-(const_24*(1.0/p_B)*(1.0/p_B)) + 1.0));
             }
-        } else if (P_0*(1.0/p_B) <= 1.0) {
-            w_r_5 = const_48*(-P_0*(1.0/p_B) + 1.0);
+        } else if ((P_0*(1.0/p_B)) <= 1.0) {
+            w_r_5 = const_48*(-(P_0*(1.0/p_B)) + 1.0);
         } else {
             w_r_5 = 0.0;
         }
         w_r = -const_44*p_B*w_r_5;
     }
-    const double V_A = A_A*y + V_0A;
-    const double V_B = A_B*(-y + y_max) + V_0B;
+    const double V_A = (A_A*y) + V_0A;
+    const double V_B = (A_B*(-y + y_max)) + V_0B;
     double z_dot_1;
     if (v < 0.0) {
         z_dot_1 = -v;
     } else {
         z_dot_1 = v;
     }
-    const double z_dot = -const_51*z*z_dot_1 + v;
-    const double f_f = D_v*v + D_zdot*z_dot + K_z*z;
+    const double z_dot = -(const_51*z*z_dot_1) + v;
+    const double f_f = (D_v*v) + (D_zdot*z_dot) + (K_z*z);
     double f_s_1;
     if (y >= 0.0) {
         f_s_1 = 0.0;
-    } else if (d_stop > -y) {
-        if (0.5*const_54*y*y + const_55*v*y > 0.0) {
-            f_s_1 = 0.5*const_54*y*y + const_55*v*y;
+    } else if (d_stop > (-y)) {
+        if (((0.5*const_54*y*y) + (const_55*v*y)) > 0.0) {
+            f_s_1 = (0.5*const_54*y*y) + (const_55*v*y);
         } else {
             f_s_1 = 0.0;
         }
     } else {
-        if (D_stop*v - K_stop*(const_59 - y) < 0.0) {
-            f_s_1 = -D_stop*v + K_stop*(const_59 - y);
+        if (((D_stop*v) - (K_stop*(const_59 - y))) < 0.0) {
+            f_s_1 = -(D_stop*v) + (K_stop*(const_59 - y));
         } else {
             f_s_1 = 0.0;
         }
     }
     double f_s_2;
-    if (y - y_max <= 0.0) {
+    if ((y - y_max) <= 0.0) {
         f_s_2 = 0.0;
-    } else if (d_stop > y - y_max) {
-        if (0.5*const_54*(y - y_max)*(y - y_max) + const_55*v*(y - y_max) > 0.0) {
-            f_s_2 = 0.5*const_54*(y - y_max)*(y - y_max) + const_55*v*(y - y_max);
+    } else if (d_stop > (y - y_max)) {
+        if (((0.5*const_54*(y - y_max)*(y - y_max)) + (const_55*v*(y - y_max))) > 0.0) {
+            f_s_2 = (0.5*const_54*(y - y_max)*(y - y_max)) + (const_55*v*(y - y_max));
         } else {
             f_s_2 = 0.0;
         }
     } else {
-        if (D_stop*v + K_stop*(const_63 + y) > 0.0) {
-            f_s_2 = D_stop*v + K_stop*(const_63 + y);
+        if (((D_stop*v) + (K_stop*(const_63 + y))) > 0.0) {
+            f_s_2 = (D_stop*v) + (K_stop*(const_63 + y));
         } else {
             f_s_2 = 0.0;
         }
@@ -444,9 +444,9 @@ static inline void rhs(const double x[], const double p[], const isothermal_cons
     const double f_s = -f_s_1 + f_s_2;
     const double f_l = lookup(table, memory, y);
     const double d_y = v;
-    const double d_v = const_64*(A_A*p_A - A_B*p_B + const_65 - f_f - f_l - f_s);
-    const double d_p_A = -A_A*(1.0/V_A)*p_A*v + (1.0/V_A)*const_67*w_v;
-    const double d_p_B = A_B*(1.0/V_B)*p_B*v + (1.0/V_B)*const_67*w_r;
+    const double d_v = const_64*((A_A*p_A) - (A_B*p_B) + const_65 - f_f - f_l - f_s);
+    const double d_p_A = -(A_A*(1.0/V_A)*p_A*v) + ((1.0/V_A)*const_67*w_v);
+    const double d_p_B = (A_B*(1.0/V_B)*p_B*v) + ((1.0/V_B)*const_67*w_r);
     const double d_z = z_dot;
     dx[0] = d_y;
     dx[1] = d_v;
@@ -588,30 +588,30 @@ static void rhs_columns(const double x[], const double p[], const isothermal_con
         double w_vs_1;
         double w_vs_1__P_S;
         double w_vs_1__p_A;
-        if (r_lam >= const_4*p_A) {
+        if (r_lam >= (const_4*p_A)) {
             if (B_vs > 0.0) {
                 double w_vs_2;
                 double w_vs_2__P_S;
                 double w_vs_2__p_A;
-                if (B_0 >= const_4*p_A) {
+                if (B_0 >= (const_4*p_A)) {
                     w_vs_2 = 1.0;
                     w_vs_2__P_S = 0.0;
                     w_vs_2__p_A = 0.0;
                 } else {
-                    w_vs_2 = sqrt(-const_5*(-B_0 + const_4*p_A)*(-B_0 + const_4*p_A) + 1.0);
-                    w_vs_2__P_S = const_8*p_A*(-B_0 + const_4*p_A)*(1.0/sqrt(-const_5*(-B_0 + const_4*p_A)*(-B_0 + const_4*p_A) + 1.0));
-                    w_vs_2__p_A = -const_9*(-B_0 + const_4*p_A)*(1.0/sqrt(-const_5*(-B_0 + const_4*p_A)*(-B_0 + const_4*p_A) + 1.0));
+                    w_vs_2 = sqrt(-(const_5*(-B_0 + (const_4*p_A))*(-B_0 + (const_4*p_A))) + 1.0);
+                    w_vs_2__P_S = const_8*p_A*(-B_0 + (const_4*p_A))*(1.0/sqrt(-(const_5*(-B_0 + (const_4*p_A))*(-B_0 + (const_4*p_A))) + 1.0));
+                    w_vs_2__p_A = -const_9*(-B_0 + (const_4*p_A))*(1.0/sqrt(-(const_5*(-B_0 + (const_4*p_A))*(-B_0 + (const_4*p_A))) + 1.0));
                 }
-                w_vs_1 = B_vs*(w_vs_2 - sqrt(-const_10*p_A*p_A + 1.0)) + sqrt(-const_10*p_A*p_A + 1.0);
-                w_vs_1__P_S = B_vs*w_vs_2__P_S + const_11*p_A*p_A*(1.0/sqrt(-const_10*p_A*p_A + 1.0)) - const_12*p_A*p_A*(1.0/sqrt(-const_10*p_A*p_A + 1.0));
-                w_vs_1__p_A = B_vs*w_vs_2__p_A - const_10*p_A*(1.0/sqrt(-const_10*p_A*p_A + 1.0)) + const_13*p_A*(1.0/sqrt(-const_10*p_A*p_A + 1.0));
+                w_vs_1 = (B_vs*(w_vs_2 - (sqrt(-(const_10*p_A*p_A) + 1.0)))) + (sqrt(-(const_10*p_A*p_A) + 1.0));
+                w_vs_1__P_S = (B_vs*w_vs_2__P_S) + (const_11*p_A*p_A*(1.0/sqrt(-(const_10*p_A*p_A) + 1.0))) - (const_12*p_A*p_A*(1.0/sqrt(-(const_10*p_A*p_A) + 1.0)));
+                w_vs_1__p_A = (B_vs*w_vs_2__p_A) - (const_10*p_A*(1.0/sqrt(-(const_10*p_A*p_A) + 1.0))) + (const_13*p_A*(1.0/sqrt(-(const_10*p_A*p_A) + 1.0)));
             } else {
-                w_vs_1 = B_vs*(const_4*p_A + sqrt(-const_10*p_A*p_A + 1.0) - 1.0) + sqrt(-const_10*p_A*p_A + 1.0);
-                w_vs_1__P_S = B_vs*(-const_10*p_A + const_11*p_A*p_A*(1.0/sqrt(-const_10*p_A*p_A + 1.0))) + const_11*p_A*p_A*(1.0/sqrt(-const_10*p_A*p_A + 1.0));
-                w_vs_1__p_A = B_vs*(-const_10*p_A*(1.0/sqrt(-const_10*p_A*p_A + 1.0)) + const_4) - const_10*p_A*(1.0/sqrt(-const_10*p_A*p_A + 1.0));
+                w_vs_1 = (B_vs*((const_4*p_A) + (sqrt(-(const_10*p_A*p_A) + 1.0)) - 1.0)) + (sqrt(-(const_10*p_A*p_A) + 1.0));
+                w_vs_1__P_S = (B_vs*(-(const_10*p_A) + (const_11*p_A*p_A*(1.0/sqrt(-(const_10*p_A*p_A) + 1.0))))) + (const_11*p_A*p_A*(1.0/sqrt(-(const_10*p_A*p_A) + 1.0)));
+                w_vs_1__p_A = (B_vs*(-(const_10*p_A*(1.0/sqrt(-(const_10*p_A*p_A) + 1.0))) + const_4)) - (const_10*p_A*(1.0/sqrt(-(const_10*p_A*p_A) + 1.0)));
             }
-        } else if (const_4*p_A <= 1.0) {
-            w_vs_1 = const_14*(-const_4*p_A + 1.0);
+        } else if ((const_4*p_A) <= 1.0) {
+            w_vs_1 = const_14*(-(const_4*p_A) + 1.0);
             w_vs_1__P_S = const_16*p_A;
             w_vs_1__p_A = const_17;
         } else {
@@ -621,7 +621,7 @@ static void rhs_columns(const double x[], const double p[], const isothermal_con
         }
         w_vs = held_0*w_vs_1;
         w_vs__C_vs = held_1*w_vs_1;
-        w_vs__P_S = held_2*w_vs_1 + w_vs_1__P_S*w_vs__by__w_vs_1;
+        w_vs__P_S = (held_2*w_vs_1) + (w_vs_1__P_S*w_vs__by__w_vs_1);
         w_vs__p_A = w_vs_1__p_A*w_vs__by__w_vs_1;
     } else {
         w_vs = 0.0;
@@ -634,25 +634,25 @@ static void rhs_columns(const double x[], const double p[], const isothermal_con
     if (y_ve > 0.0) {
         double w_ve_1;
         double w_ve_1__p_A;
-        if (r_lam >= P_0*(1.0/p_A)) {
+        if (r_lam >= (P_0*(1.0/p_A))) {
             if (B_ve > 0.0) {
                 double w_ve_2;
                 double w_ve_2__p_A;
-                if (B_0 >= P_0*(1.0/p_A)) {
+                if (B_0 >= (P_0*(1.0/p_A))) {
                     w_ve_2 = 1.0;
                     w_ve_2__p_A = 0.0;
                 } else {
-                    w_ve_2 = sqrt(-const_5*(-B_0 + P_0*(1.0/p_A))*(-B_0 + P_0*(1.0/p_A)) + 1.0);
-                    w_ve_2__p_A = const_23*(1.0/p_A)*(1.0/p_A)*(-B_0 + P_0*(1.0/p_A))*(1.0/sqrt(-const_5*(-B_0 + P_0*(1.0/p_A))*(-B_0 + P_0*(1.0/p_A)) + 1.0));
+                    w_ve_2 = sqrt(-(const_5*(-B_0 + (P_0*(1.0/p_A)))*(-B_0 + (P_0*(1.0/p_A)))) + 1.0);
+                    w_ve_2__p_A = const_23*(1.0/p_A)*(1.0/p_A)*(-B_0 + (P_0*(1.0/p_A)))*(1.0/sqrt(-(const_5*(-B_0 + (P_0*(1.0/p_A)))*(-B_0 + (P_0*(1.0/p_A)))) + 1.0));
                 }
-                w_ve_1 = B_ve*(w_ve_2 - sqrt(-const_24*(1.0/p_A)*(1.0/p_A) + 1.0)) + sqrt(-const_24*(1.0/p_A)*(1.0/p_A) + 1.0);
-                w_ve_1__p_A = B_ve*w_ve_2__p_A + const_24*(1.0/p_A)*(1.0/p_A)*(1.0/p_A)*(1.0/sqrt(-const_24*(1.0/p_A)*(1.0/p_A) + 1.0)) - const_26*(1.0/p_A)*(1.0/p_A)*(1.0/p_A)*(1.0/sqrt(-const_24*(1.0/p_A)*(1.0/p_A) + 1.0));
+                w_ve_1 = (B_ve*(w_ve_2 - (sqrt(-(const_24*(1.0/p_A)*(1.0/p_A)) + 1.0)))) + (sqrt(-(const_24*(1.0/p_A)*(1.0/p_A)) + 1.0));
+                w_ve_1__p_A = (B_ve*w_ve_2__p_A) + (const_24*(1.0/p_A)*(1.0/p_A)*(1.0/p_A)*(1.0/sqrt(-(const_24*(1.0/p_A)*(1.0/p_A)) + 1.0))) - (const_26*(1.0/p_A)*(1.0/p_A)*(1.0/p_A)*(1.0/sqrt(-(const_24*(1.0/p_A)*(1.0/p_A)) + 1.0)));
             } else {
-                w_ve_1 = B_ve*(P_0*(1.0/p_A) + sqrt(-const_24*(1.0/p_A)*(1.0/p_A) + 1.0) - 1.0) + sqrt(-const_24*(1.0/p_A)*(1.0/p_A) + 1.0);
-                w_ve_1__p_A = B_ve*(-P_0*(1.0/p_A)*(1.0/p_A) + const_24*(1.0/p_A)*(1.0/p_A)*(1.0/p_A)*(1.0/sqrt(-const_24*(1.0/p_A)*(1.0/p_A) + 1.0))) + const_24*(1.0/p_A)*(1.0/p_A)*(1.0/p_A)*(1.0/sqrt(-const_24*(1.0/p_A)*(1.0/p_A) + 1.0));
+                w_ve_1 = (B_ve*((P_0*(1.0/p_A)) + (sqrt(-(const_24*(1.0/p_A)*(1.0/p_A)) + 1.0)) - 1.0)) + (sqrt(-(const_24*(1.0/p_A)*(1.0/p_A)) + 1.0));
+                w_ve_1__p_A = (B_ve*(-(P_0*(1.0/p_A)*(1.0/p_A)) + (const_24*(1.0/p_A)*(1.0/p_A)*(1.0/p_A)*(1.0/sqrt(-(const_24*(1.0/p_A)*(1.0/p_A)) + 1.0))))) + (const_24*(1.0/p_A)*(1.0/p_A)*(1.0/p_A)*(1.0/sqrt(-(const_24*(1.0/p_A)*(1.0/p_A)) + 1.0)));
             }
-        } else if (P_0*(1.0/p_A) <= 1.0) {
-            w_ve_1 = const_27*(-P_0*(1.0/p_A) + 1.0);
+        } else if ((P_0*(1.0/p_A)) <= 1.0) {
+            w_ve_1 = const_27*(-(P_0*(1.0/p_A)) + 1.0);
             w_ve_1__p_A = const_28*(1.0/p_A)*(1.0/p_A);
         } else {
             w_ve_1 = 0.0;
@@ -660,7 +660,7 @@ static void rhs_columns(const double x[], const double p[], const isothermal_con
         }
         w_ve = held_4*p_A*w_ve_1;
         const double w_ve__by__w_ve_1 = held_4*p_A;
-        w_ve__p_A = held_4*w_ve_1 + w_ve_1__p_A*w_ve__by__w_ve_1;
+        w_ve__p_A = (held_4*w_ve_1) + (w_ve_1__p_A*w_ve__by__w_ve_1);
     } else {
         w_ve = 0.0;
         w_ve__p_A = 0.0;
@@ -672,25 +672,25 @@ static void rhs_columns(const double x[], const double p[], const isothermal_con
     if (P_0 > p_B) {
         double w_r_1;
         double w_r_1__p_B;
-        if (r_lam >= const_31*p_B) {
+        if (r_lam >= (const_31*p_B)) {
             if (B_in > 0.0) {
                 double w_r_2;
                 double w_r_2__p_B;
-                if (B_0 >= const_31*p_B) {
+                if (B_0 >= (const_31*p_B)) {
                     w_r_2 = 1.0;
                     w_r_2__p_B = 0.0;
                 } else {
-                    w_r_2 = sqrt(-const_5*(-B_0 + const_31*p_B)*(-B_0 + const_31*p_B) + 1.0);
-                    w_r_2__p_B = -const_33*(-B_0 + const_31*p_B)*(1.0/sqrt(-const_5*(-B_0 + const_31*p_B)*(-B_0 + const_31*p_B) + 1.0));
+                    w_r_2 = sqrt(-(const_5*(-B_0 + (const_31*p_B))*(-B_0 + (const_31*p_B))) + 1.0);
+                    w_r_2__p_B = -const_33*(-B_0 + (const_31*p_B))*(1.0/sqrt(-(const_5*(-B_0 + (const_31*p_B))*(-B_0 + (const_31*p_B))) + 1.0));
                 }
-                w_r_1 = B_in*(w_r_2 - sqrt(-const_34*p_B*p_B + 1.0)) + sqrt(-const_34*p_B*p_B + 1.0);
-                w_r_1__p_B = B_in*w_r_2__p_B - const_34*p_B*(1.0/sqrt(-const_34*p_B*p_B + 1.0)) + const_37*p_B*(1.0/sqrt(-const_34*p_B*p_B + 1.0));
+                w_r_1 = (B_in*(w_r_2 - (sqrt(-(const_34*p_B*p_B) + 1.0)))) + (sqrt(-(const_34*p_B*p_B) + 1.0));
+                w_r_1__p_B = (B_in*w_r_2__p_B) - (const_34*p_B*(1.0/sqrt(-(const_34*p_B*p_B) + 1.0))) + (const_37*p_B*(1.0/sqrt(-(const_34*p_B*p_B) + 1.0)));
             } else {
-                w_r_1 = B_in*(const_31*p_B + sqrt(-const_34*p_B*p_B + 1.0) - 1.0) + sqrt(-const_34*p_B*p_B + 1.0);
-                w_r_1__p_B = B_in*(const_31 - const_34*p_B*(1.0/sqrt(-const_34*p_B*p_B + 1.0))) - const_34*p_B*(1.0/sqrt(-const_34*p_B*p_B + 1.0));
+                w_r_1 = (B_in*((const_31*p_B) + (sqrt(-(const_34*p_B*p_B) + 1.0)) - 1.0)) + (sqrt(-(const_34*p_B*p_B) + 1.0));
+                w_r_1__p_B = (B_in*(const_31 - (const_34*p_B*(1.0/sqrt(-(const_34*p_B*p_B) + 1.0))))) - (const_34*p_B*(1.0/sqrt(-(const_34*p_B*p_B) + 1.0)));
             }
-        } else if (const_31*p_B <= 1.0) {
-            w_r_1 = const_38*(-const_31*p_B + 1.0);
+        } else if ((const_31*p_B) <= 1.0) {
+            w_r_1 = const_38*(-(const_31*p_B) + 1.0);
             w_r_1__p_B = const_40;
         } else {
             w_r_1 = 0.0;
@@ -701,25 +701,25 @@ static void rhs_columns(const double x[], const double p[], const isothermal_con
     } else {
         double w_r_5;
         double w_r_5__p_B;
-        if (r_lam >= P_0*(1.0/p_B)) {
+        if (r_lam >= (P_0*(1.0/p_B))) {
             if (B_out > 0.0) {
                 double w_r_6;
                 double w_r_6__p_B;
-                if (B_0 >= P_0*(1.0/p_B)) {
+                if (B_0 >= (P_0*(1.0/p_B))) {
                     w_r_6 = 1.0;
                     w_r_6__p_B = 0.0;
                 } else {
-                    w_r_6 = sqrt(-const_5*(-B_0 + P_0*(1.0/p_B))*(-B_0 + P_0*(1.0/p_B)) + 1.0);
-                    w_r_6__p_B = const_23*(1.0/p_B)*(1.0/p_B)*(-B_0 + P_0*(1.0/p_B))*(1.0/sqrt(-const_5*(-B_0 + P_0*(1.0/p_B))*(-B_0 + P_0*(1.0/p_B)) + 1.0));
+                    w_r_6 = sqrt(-(const_5*(-B_0 + (P_0*(1.0/p_B)))*(-B_0 + (P_0*(1.0/p_B)))) + 1.0);
+                    w_r_6__p_B = const_23*(1.0/p_B)*(1.0/p_B)*(-B_0 + (P_0*(1.0/p_B)))*(1.0/sqrt(-(const_5*(-B_0 + (P_0*(1.0/p_B)))*(-B_0 + (P_0*(1.0/p_B)))) + 1.0));
                 }
-                w_r_5 = B_out*(w_r_6 - sqrt(-const_24*(1.0/p_B)*(1.0/p_B) + 1.0)) + sqrt(-const_24*(1.0/p_B)*(1.0/p_B) + 1.0);
-                w_r_5__p_B = B_out*w_r_6__p_B + const_24*(1.0/p_B)*(1.0/p_B)*(1.0/p_B)*(1.0/sqrt(-const_24*(1.0/p_B)*(1.0/p_B) + 1.0)) - const_47*(1.0/p_B)*(1.0/p_B)*(1.0/p_B)*(1.0/sqrt(-const_24*(1.0/p_B)*(1.0/p_B) + 1.0));
+                w_r_5 = (B_out*(w_r_6 - (sqrt(-(const_24*(1.0/p_B)*(1.0/p_B)) + 1.0)))) + (sqrt(-(const_24*(1.0/p_B)*(1.0/p_B)) + 1.0));
+                w_r_5__p_B = (B_out*w_r_6__p_B) + (const_24*(1.0/p_B)*(1.0/p_B)*(1.0/p_B)*(1.0/sqrt(-(const_24*(1.0/p_B)*(1.0/p_B)) + 1.0))) - (const_47*(1.0/p_B)*(1.0/p_B)*(1.0/p_B)*(1.0/sqrt(-(const_24*(1.0/p_B)*(1.0/p_B)) + 1.0)));
             } else {
-                w_r_5 = B_out*(P_0*(1.0/p_B) + sqrt(-const_24*(1.0/p_B)*(1.0/p_B) + 1.0) - 1.0) + sqrt(-const_24*(1.0/p_B)*(1.0/p_B) + 1.0);
-                w_r_5__p_B = B_out*(-P_0*(1.0/p_B)*(1.0/p_B) + const_24*(1.0/p_B)*(1.0/p_B)*(1.0/p_B)*(1.0/sqrt(-const_24*(1.0/p_B)*(1.0/p_B) + 1.0))) + const_24*(1.0/p_B)*(1.0/p_B)*(1.0/p_B)*(1.0/sqrt(-const_24*(1.0/p_B)*(1.0/p_B) + 1.0));
+                w_r_5 = (B_out*((P_0*(1.0/p_B)) + (sqrt(-(const_24*(1.0/p_B)*(1.0/p_B)) + 1.0)) - 1.0)) + (sqrt(-(const_24*(1.0/p_B)*(1.0/p_B)) + 1.0));
+                w_r_5__p_B = (B_out*(-(P_0*(1.0/p_B)*(1.0/p_B)) + (const_24*(1.0/p_B)*(1.0/p_B)*(1.0/p_B)*(1.0/sqrt(-(const_24*(1.0/p_B)*(1.0/p_B)) + 1.0))))) + (const_24*(1.0/p_B)*(1.0/p_B)*(1.0/p_B)*(1.0/sqrt(-(const_24*(1.0/p_B)*(1.0/p_B)) + 1.0)));
             }
-        } else if (P_0*(1.0/p_B) <= 1.0) {
-            w_r_5 = const_48*(-P_0*(1.0/p_B) + 1.0);
+        } else if ((P_0*(1.0/p_B)) <= 1.0) {
+            w_r_5 = const_48*(-(P_0*(1.0/p_B)) + 1.0);
             w_r_5__p_B = const_49*(1.0/p_B)*(1.0/p_B);
         } else {
             w_r_5 = 0.0;
@@ -727,10 +727,10 @@ static void rhs_columns(const double x[], const double p[], const isothermal_con
         }
         w_r = -const_44*p_B*w_r_5;
         const double w_r__by__w_r_5 = -const_44*p_B;
-        w_r__p_B = -const_44*w_r_5 + w_r_5__p_B*w_r__by__w_r_5;
+        w_r__p_B = -(const_44*w_r_5) + (w_r_5__p_B*w_r__by__w_r_5);
     }
-    const double V_A = A_A*y + V_0A;
-    const double V_B = A_B*(-y + y_max) + V_0B;
+    const double V_A = (A_A*y) + V_0A;
+    const double V_B = (A_B*(-y + y_max)) + V_0B;
     double z_dot_1;
     double z_dot_1__v;
     if (v < 0.0) {
@@ -740,13 +740,13 @@ static void rhs_columns(const double x[], const double p[], const isothermal_con
         z_dot_1 = v;
         z_dot_1__v = 1.0;
     }
-    const double z_dot = -const_51*z*z_dot_1 + v;
+    const double z_dot = -(const_51*z*z_dot_1) + v;
     const double z_dot__F_C = const_52*z*z_dot_1;
-    const double z_dot__v = -const_51*z*z_dot_1__v + 1.0;
+    const double z_dot__v = -(const_51*z*z_dot_1__v) + 1.0;
     const double z_dot__z = -const_51*z_dot_1;
-    const double f_f = D_v*v + D_zdot*z_dot + K_z*z;
-    const double f_f__v = D_v + D_zdot*z_dot__v;
-    const double f_f__z = D_zdot*z_dot__z + K_z;
+    const double f_f = (D_v*v) + (D_zdot*z_dot) + (K_z*z);
+    const double f_f__v = D_v + (D_zdot*z_dot__v);
+    const double f_f__z = (D_zdot*z_dot__z) + K_z;
     const double f_f__F_C = D_zdot*z_dot__F_C;
     double f_s_1;
     double f_s_1__v;
@@ -755,19 +755,19 @@ static void rhs_columns(const double x[], const double p[], const isothermal_con
         f_s_1 = 0.0;
         f_s_1__v = 0.0;
         f_s_1__y = 0.0;
-    } else if (d_stop > -y) {
-        if (0.5*const_54*y*y + const_55*v*y > 0.0) {
-            f_s_1 = 0.5*const_54*y*y + const_55*v*y;
+    } else if (d_stop > (-y)) {
+        if (((0.5*const_54*y*y) + (const_55*v*y)) > 0.0) {
+            f_s_1 = (0.5*const_54*y*y) + (const_55*v*y);
             f_s_1__v = const_55*y;
-            f_s_1__y = const_54*y + const_55*v;
+            f_s_1__y = (const_54*y) + (const_55*v);
         } else {
             f_s_1 = 0.0;
             f_s_1__v = 0.0;
             f_s_1__y = 0.0;
         }
     } else {
-        if (D_stop*v - K_stop*(const_59 - y) < 0.0) {
-            f_s_1 = -D_stop*v + K_stop*(const_59 - y);
+        if (((D_stop*v) - (K_stop*(const_59 - y))) < 0.0) {
+            f_s_1 = -(D_stop*v) + (K_stop*(const_59 - y));
             f_s_1__v = -D_stop;
             f_s_1__y = -K_stop;
         } else {
@@ -779,23 +779,23 @@ static void rhs_columns(const double x[], const double p[], const isothermal_con
     double f_s_2;
     double f_s_2__v;
     double f_s_2__y;
-    if (y - y_max <= 0.0) {
+    if ((y - y_max) <= 0.0) {
         f_s_2 = 0.0;
         f_s_2__v = 0.0;
         f_s_2__y = 0.0;
-    } else if (d_stop > y - y_max) {
-        if (0.5*const_54*(y - y_max)*(y - y_max) + const_55*v*(y - y_max) > 0.0) {
-            f_s_2 = 0.5*const_54*(y - y_max)*(y - y_max) + const_55*v*(y - y_max);
+    } else if (d_stop > (y - y_max)) {
+        if (((0.5*const_54*(y - y_max)*(y - y_max)) + (const_55*v*(y - y_max))) > 0.0) {
+            f_s_2 = (0.5*const_54*(y - y_max)*(y - y_max)) + (const_55*v*(y - y_max));
             f_s_2__v = const_55*(y - y_max);
-            f_s_2__y = 0.5*const_54*(const_61 + 2.0*y) + const_55*v;
+            f_s_2__y = (0.5*const_54*(const_61 + (2.0*y))) + (const_55*v);
         } else {
             f_s_2 = 0.0;
             f_s_2__v = 0.0;
             f_s_2__y = 0.0;
         }
     } else {
-        if (D_stop*v + K_stop*(const_63 + y) > 0.0) {
-            f_s_2 = D_stop*v + K_stop*(const_63 + y);
+        if (((D_stop*v) + (K_stop*(const_63 + y))) > 0.0) {
+            f_s_2 = (D_stop*v) + (K_stop*(const_63 + y));
             f_s_2__v = D_stop;
             f_s_2__y = K_stop;
         } else {
@@ -810,24 +810,24 @@ static void rhs_columns(const double x[], const double p[], const isothermal_con
     const double f_l = lookup(table, memory, y);
     const double f_l_slope = table_slope(table, memory);
     const double d_y = v;
-    const double d_v = const_64*(A_A*p_A - A_B*p_B + const_65 - f_f - f_l - f_s);
-    const double d_v__v = d_v__by__f_f*f_f__v + d_v__by__f_s*f_s__v;
+    const double d_v = const_64*((A_A*p_A) - (A_B*p_B) + const_65 - f_f - f_l - f_s);
+    const double d_v__v = (d_v__by__f_f*f_f__v) + (d_v__by__f_s*f_s__v);
     const double d_v__z = d_v__by__f_f*f_f__z;
     const double d_v__F_C = d_v__by__f_f*f_f__F_C;
-    const double d_v__y = d_v__by__f_l*f_l_slope + d_v__by__f_s*f_s__y;
-    const double d_p_A = -A_A*(1.0/V_A)*p_A*v + (1.0/V_A)*const_67*w_v;
-    const double d_p_A__by__V_A = A_A*(1.0/V_A)*(1.0/V_A)*p_A*v - (1.0/V_A)*(1.0/V_A)*const_67*w_v;
+    const double d_v__y = (d_v__by__f_l*f_l_slope) + (d_v__by__f_s*f_s__y);
+    const double d_p_A = -(A_A*(1.0/V_A)*p_A*v) + ((1.0/V_A)*const_67*w_v);
+    const double d_p_A__by__V_A = (A_A*(1.0/V_A)*(1.0/V_A)*p_A*v) - ((1.0/V_A)*(1.0/V_A)*const_67*w_v);
     const double d_p_A__by__w_v = (1.0/V_A)*const_67;
     const double d_p_A__y = A_A*d_p_A__by__V_A;
-    const double d_p_A__p_A = -A_A*(1.0/V_A)*v + d_p_A__by__w_v*w_v__p_A;
+    const double d_p_A__p_A = -(A_A*(1.0/V_A)*v) + (d_p_A__by__w_v*w_v__p_A);
     const double d_p_A__v = -A_A*(1.0/V_A)*p_A;
     const double d_p_A__C_vs = d_p_A__by__w_v*w_vs__C_vs;
     const double d_p_A__P_S = d_p_A__by__w_v*w_vs__P_S;
-    const double d_p_B = A_B*(1.0/V_B)*p_B*v + (1.0/V_B)*const_67*w_r;
-    const double d_p_B__by__V_B = -A_B*(1.0/V_B)*(1.0/V_B)*p_B*v - (1.0/V_B)*(1.0/V_B)*const_67*w_r;
+    const double d_p_B = (A_B*(1.0/V_B)*p_B*v) + ((1.0/V_B)*const_67*w_r);
+    const double d_p_B__by__V_B = -(A_B*(1.0/V_B)*(1.0/V_B)*p_B*v) - ((1.0/V_B)*(1.0/V_B)*const_67*w_r);
     const double d_p_B__by__w_r = (1.0/V_B)*const_67;
     const double d_p_B__y = V_B__y*d_p_B__by__V_B;
-    const double d_p_B__p_B = A_B*(1.0/V_B)*v + d_p_B__by__w_r*w_r__p_B;
+    const double d_p_B__p_B = (A_B*(1.0/V_B)*v) + (d_p_B__by__w_r*w_r__p_B);
     const double d_p_B__v = A_B*(1.0/V_B)*p_B;
     const double d_z = z_dot;
     stage->rates[0] = d_y;
@@ -857,23 +857,22 @@ static void rhs_columns(const double x[], const double p[], const isothermal_con
     stage->offset = memory->offset;
 }
 
-static const double weights[4] = {1.0, 2.0, 2.0, 1.0}; /* of the stages */
-
 /*
  * Move a column over the four stages of a step: its rate is J z, with the derivatives of the rates to what it belongs to.
  * A column that is 0 and has no such derivatives stays 0.
  */
-static void move_column(const stage_t stages[], const isothermal_basis_t *basis, int column, int columns, const double reaches[],
-    double sixth, double S[])
+static void move_column(const stage_t stages[], const isothermal_basis_t *basis, int column, double h, double S[])
 {
-    double first[isothermal_n_states];
+    const double half = 0.5 * h;
+    const double sixth = h / 6.0;
     double z[isothermal_n_states];
     double sum[isothermal_n_states];
-    double moved = 0.0;
+    double rates[isothermal_n_states];
     const int weight = column - isothermal_n_free;
     const int weighted = (weight >= 0) && (weight < basis->n);
     double phi[4] = {0.0, 0.0, 0.0, 0.0};
-    if (weighted) {
+    int acts = column < isothermal_n_free;
+    if (weighted == 1) {
         const int *reach = basis->reach[weight];
         for (int k = 0; k < 4; k++) {
             const int segment = stages[k].segment;
@@ -881,81 +880,148 @@ static void move_column(const stage_t stages[], const isothermal_basis_t *basis,
                 const double *a = &basis->coefficients[4 * (reach[2] + (segment - reach[0]))];
                 const double d = stages[k].offset;
                 phi[k] = a[0] + (d * (a[1] + (d * (a[2] + (d * a[3])))));
-                moved += fabs(phi[k]);
+                acts = 1;
             }
         }
     }
-    first[0] = S[(0 * columns) + column];
-    moved += fabs(first[0]);
-    first[1] = S[(1 * columns) + column];
-    moved += fabs(first[1]);
-    first[2] = S[(2 * columns) + column];
-    moved += fabs(first[2]);
-    first[3] = S[(3 * columns) + column];
-    moved += fabs(first[3]);
-    first[4] = S[(4 * columns) + column];
-    moved += fabs(first[4]);
-    if ((column >= isothermal_n_free) && !(moved > 0.0)) {
+    if ((acts == 0) && !(fabs(S[0]) > 0.0) && !(fabs(S[1]) > 0.0) && !(fabs(S[2]) > 0.0) && !(fabs(S[3]) > 0.0) && !(fabs(S[4]) > 0.0)) {
         return;
     }
-    z[0] = first[0];
-    sum[0] = 0.0;
-    z[1] = first[1];
-    sum[1] = 0.0;
-    z[2] = first[2];
-    sum[2] = 0.0;
-    z[3] = first[3];
-    sum[3] = 0.0;
-    z[4] = first[4];
-    sum[4] = 0.0;
-    for (int k = 0; k < 4; k++) {
-        const stage_t *stage = &stages[k];
-        const double *jacobian = stage->jacobian;
-        double rates[isothermal_n_states];
-        rates[0] = z[1];
-        rates[1] = (jacobian[0] * z[0]) + (jacobian[1] * z[1]) + (jacobian[2] * z[2]) + (jacobian[3] * z[3]) + (jacobian[4] * z[4]);
-        rates[2] = (jacobian[5] * z[0]) + (jacobian[6] * z[1]) + (jacobian[7] * z[2]);
-        rates[3] = (jacobian[8] * z[0]) + (jacobian[9] * z[1]) + (jacobian[10] * z[3]);
-        rates[4] = (jacobian[11] * z[1]) + (jacobian[12] * z[4]);
-        switch (column) {
-        case 0:
-            rates[2] += stage->slots[1];
-            break;
-        case 1:
-            rates[2] += stage->slots[2];
-            break;
-        case 2:
-            rates[1] += stage->slots[0];
-            rates[4] += stage->slots[3];
-            break;
-        default: /* of no parameter */
-            break;
-        }
-        if (weighted) {
-            rates[1] += stage->table[0] * phi[k];
-        }
-        sum[0] += weights[k] * rates[0];
-        z[0] = first[0] + (reaches[k] * rates[0]);
-        sum[1] += weights[k] * rates[1];
-        z[1] = first[1] + (reaches[k] * rates[1]);
-        sum[2] += weights[k] * rates[2];
-        z[2] = first[2] + (reaches[k] * rates[2]);
-        sum[3] += weights[k] * rates[3];
-        z[3] = first[3] + (reaches[k] * rates[3]);
-        sum[4] += weights[k] * rates[4];
-        z[4] = first[4] + (reaches[k] * rates[4]);
+    z[0] = S[0];
+    z[1] = S[1];
+    z[2] = S[2];
+    z[3] = S[3];
+    z[4] = S[4];
+    rates[0] = z[1];
+    rates[1] = (stages[0].jacobian[0] * z[0]) + (stages[0].jacobian[1] * z[1]) + (stages[0].jacobian[2] * z[2]) + (stages[0].jacobian[3] * z[3]) + (stages[0].jacobian[4] * z[4]);
+    rates[2] = (stages[0].jacobian[5] * z[0]) + (stages[0].jacobian[6] * z[1]) + (stages[0].jacobian[7] * z[2]);
+    rates[3] = (stages[0].jacobian[8] * z[0]) + (stages[0].jacobian[9] * z[1]) + (stages[0].jacobian[10] * z[3]);
+    rates[4] = (stages[0].jacobian[11] * z[1]) + (stages[0].jacobian[12] * z[4]);
+    switch (column) {
+    case 0:
+        rates[2] += stages[0].slots[1];
+        break;
+    case 1:
+        rates[2] += stages[0].slots[2];
+        break;
+    case 2:
+        rates[1] += stages[0].slots[0];
+        rates[4] += stages[0].slots[3];
+        break;
+    default: /* of no parameter */
+        break;
     }
-    S[(0 * columns) + column] = first[0] + (sixth * sum[0]);
-    S[(1 * columns) + column] = first[1] + (sixth * sum[1]);
-    S[(2 * columns) + column] = first[2] + (sixth * sum[2]);
-    S[(3 * columns) + column] = first[3] + (sixth * sum[3]);
-    S[(4 * columns) + column] = first[4] + (sixth * sum[4]);
+    if (weighted == 1) {
+        rates[1] += stages[0].table[0] * phi[0];
+    }
+    sum[0] = rates[0];
+    z[0] = S[0] + (half * rates[0]);
+    sum[1] = rates[1];
+    z[1] = S[1] + (half * rates[1]);
+    sum[2] = rates[2];
+    z[2] = S[2] + (half * rates[2]);
+    sum[3] = rates[3];
+    z[3] = S[3] + (half * rates[3]);
+    sum[4] = rates[4];
+    z[4] = S[4] + (half * rates[4]);
+    rates[0] = z[1];
+    rates[1] = (stages[1].jacobian[0] * z[0]) + (stages[1].jacobian[1] * z[1]) + (stages[1].jacobian[2] * z[2]) + (stages[1].jacobian[3] * z[3]) + (stages[1].jacobian[4] * z[4]);
+    rates[2] = (stages[1].jacobian[5] * z[0]) + (stages[1].jacobian[6] * z[1]) + (stages[1].jacobian[7] * z[2]);
+    rates[3] = (stages[1].jacobian[8] * z[0]) + (stages[1].jacobian[9] * z[1]) + (stages[1].jacobian[10] * z[3]);
+    rates[4] = (stages[1].jacobian[11] * z[1]) + (stages[1].jacobian[12] * z[4]);
+    switch (column) {
+    case 0:
+        rates[2] += stages[1].slots[1];
+        break;
+    case 1:
+        rates[2] += stages[1].slots[2];
+        break;
+    case 2:
+        rates[1] += stages[1].slots[0];
+        rates[4] += stages[1].slots[3];
+        break;
+    default: /* of no parameter */
+        break;
+    }
+    if (weighted == 1) {
+        rates[1] += stages[1].table[0] * phi[1];
+    }
+    sum[0] += 2.0 * rates[0];
+    z[0] = S[0] + (half * rates[0]);
+    sum[1] += 2.0 * rates[1];
+    z[1] = S[1] + (half * rates[1]);
+    sum[2] += 2.0 * rates[2];
+    z[2] = S[2] + (half * rates[2]);
+    sum[3] += 2.0 * rates[3];
+    z[3] = S[3] + (half * rates[3]);
+    sum[4] += 2.0 * rates[4];
+    z[4] = S[4] + (half * rates[4]);
+    rates[0] = z[1];
+    rates[1] = (stages[2].jacobian[0] * z[0]) + (stages[2].jacobian[1] * z[1]) + (stages[2].jacobian[2] * z[2]) + (stages[2].jacobian[3] * z[3]) + (stages[2].jacobian[4] * z[4]);
+    rates[2] = (stages[2].jacobian[5] * z[0]) + (stages[2].jacobian[6] * z[1]) + (stages[2].jacobian[7] * z[2]);
+    rates[3] = (stages[2].jacobian[8] * z[0]) + (stages[2].jacobian[9] * z[1]) + (stages[2].jacobian[10] * z[3]);
+    rates[4] = (stages[2].jacobian[11] * z[1]) + (stages[2].jacobian[12] * z[4]);
+    switch (column) {
+    case 0:
+        rates[2] += stages[2].slots[1];
+        break;
+    case 1:
+        rates[2] += stages[2].slots[2];
+        break;
+    case 2:
+        rates[1] += stages[2].slots[0];
+        rates[4] += stages[2].slots[3];
+        break;
+    default: /* of no parameter */
+        break;
+    }
+    if (weighted == 1) {
+        rates[1] += stages[2].table[0] * phi[2];
+    }
+    sum[0] += 2.0 * rates[0];
+    z[0] = S[0] + (h * rates[0]);
+    sum[1] += 2.0 * rates[1];
+    z[1] = S[1] + (h * rates[1]);
+    sum[2] += 2.0 * rates[2];
+    z[2] = S[2] + (h * rates[2]);
+    sum[3] += 2.0 * rates[3];
+    z[3] = S[3] + (h * rates[3]);
+    sum[4] += 2.0 * rates[4];
+    z[4] = S[4] + (h * rates[4]);
+    rates[0] = z[1];
+    rates[1] = (stages[3].jacobian[0] * z[0]) + (stages[3].jacobian[1] * z[1]) + (stages[3].jacobian[2] * z[2]) + (stages[3].jacobian[3] * z[3]) + (stages[3].jacobian[4] * z[4]);
+    rates[2] = (stages[3].jacobian[5] * z[0]) + (stages[3].jacobian[6] * z[1]) + (stages[3].jacobian[7] * z[2]);
+    rates[3] = (stages[3].jacobian[8] * z[0]) + (stages[3].jacobian[9] * z[1]) + (stages[3].jacobian[10] * z[3]);
+    rates[4] = (stages[3].jacobian[11] * z[1]) + (stages[3].jacobian[12] * z[4]);
+    switch (column) {
+    case 0:
+        rates[2] += stages[3].slots[1];
+        break;
+    case 1:
+        rates[2] += stages[3].slots[2];
+        break;
+    case 2:
+        rates[1] += stages[3].slots[0];
+        rates[4] += stages[3].slots[3];
+        break;
+    default: /* of no parameter */
+        break;
+    }
+    if (weighted == 1) {
+        rates[1] += stages[3].table[0] * phi[3];
+    }
+    S[0] += sixth * (sum[0] + rates[0]);
+    S[1] += sixth * (sum[1] + rates[1]);
+    S[2] += sixth * (sum[2] + rates[2]);
+    S[3] += sixth * (sum[3] + rates[3]);
+    S[4] += sixth * (sum[4] + rates[4]);
 }
 
-void isothermal_step_columns(double x[], double carry[], double S[], int columns, const double p[],
+void isothermal_step_columns(double x[], double carry[], double S[], int columns, int rows, const double p[],
     const isothermal_constants_t *c, const isothermal_held_t *held, const isothermal_table_t *table, const isothermal_basis_t *basis, isothermal_memory_t *memory, double h)
 {
     const double reaches[4] = {0.5 * h, 0.5 * h, h, h};
+    const double weights[4] = {1.0, 2.0, 2.0, 1.0}; /* of the stages */
     const double sixth = h / 6.0;
     stage_t stages[4];
     double at[isothermal_n_states];
@@ -984,7 +1050,7 @@ void isothermal_step_columns(double x[], double carry[], double S[], int columns
         x[i] = next;
     }
     for (int column = 0; column < columns; column++) {
-        move_column(stages, basis, column, columns, reaches, sixth, S);
+        move_column(stages, basis, column, h, &S[column * rows]);
     }
 }
 

@@ -210,13 +210,13 @@ void isothermal_step(double x[], const double p[], const isothermal_constants_t 
     const isothermal_held_t *held, const isothermal_table_t *table, isothermal_memory_t *memory, double h);
 
 /*
- * One step of h seconds with derivatives, the same as the Numba kernel's: x and S[5][columns] are replaced.
- * Columns are first the derivatives to the parameters P_S, C_vs, F_C,
+ * One step of h seconds with derivatives, the same as the Numba kernel's: x and S[columns][rows] are replaced; the
+ * first 5 rows of a column move, its others stay. Columns are first the derivatives to the parameters P_S, C_vs, F_C,
  * then those to the weights of the basis functions, then any others, like the columns of the square root of a covariance.
  * carry[5] is what rounding has left of the steps so far, zero at the start: in float, a state that changes slowly
  * would stand still without it. Compilers that reorder sums (-ffast-math) take it away.
  */
-void isothermal_step_columns(double x[], double carry[], double S[], int columns, const double p[],
+void isothermal_step_columns(double x[], double carry[], double S[], int columns, int rows, const double p[],
     const isothermal_constants_t *c, const isothermal_held_t *held, const isothermal_table_t *table,
     const isothermal_basis_t *basis, isothermal_memory_t *memory, double h);
 

@@ -64,7 +64,7 @@ static inline void rhs(const double x[], const double p[], const pendulum_consta
     const double drag = d*drag_1*omega;
     const double f = lookup(table, memory, phi);
     const double d_phi = omega;
-    const double d_omega = -drag - f - g_l*sin(phi) + m;
+    const double d_omega = -drag - f - (g_l*sin(phi)) + m;
     dx[0] = d_phi;
     dx[1] = d_omega;
 }
@@ -137,14 +137,14 @@ static void rhs_columns(const double x[], const double p[], const pendulum_const
     }
     const double drag = d*drag_1*omega;
     const double drag__d = drag_1*omega;
-    const double drag__omega = d*drag_1 + d*drag_1__omega*omega;
+    const double drag__omega = (d*drag_1) + (d*drag_1__omega*omega);
     const double f = lookup(table, memory, phi);
     const double f_slope = table_slope(table, memory);
     const double d_phi = omega;
-    const double d_omega = -drag - f - g_l*sin(phi) + m;
+    const double d_omega = -drag - f - (g_l*sin(phi)) + m;
     const double d_omega__d = -drag__d;
     const double d_omega__omega = -drag__omega;
-    const double d_omega__phi = -f_slope - g_l*cos(phi);
+    const double d_omega__phi = -f_slope - (g_l*cos(phi));
     const double d_omega__g_l = -sin(phi);
     stage->rates[0] = d_phi;
     stage->rates[1] = d_omega;
@@ -157,23 +157,22 @@ static void rhs_columns(const double x[], const double p[], const pendulum_const
     stage->offset = memory->offset;
 }
 
-static const double weights[4] = {1.0, 2.0, 2.0, 1.0}; /* of the stages */
-
 /*
  * Move a column over the four stages of a step: its rate is J z, with the derivatives of the rates to what it belongs to.
  * A column that is 0 and has no such derivatives stays 0.
  */
-static void move_column(const stage_t stages[], const pendulum_basis_t *basis, int column, int columns, const double reaches[],
-    double sixth, double S[])
+static void move_column(const stage_t stages[], const pendulum_basis_t *basis, int column, double h, double S[])
 {
-    double first[pendulum_n_states];
+    const double half = 0.5 * h;
+    const double sixth = h / 6.0;
     double z[pendulum_n_states];
     double sum[pendulum_n_states];
-    double moved = 0.0;
+    double rates[pendulum_n_states];
     const int weight = column - pendulum_n_free;
     const int weighted = (weight >= 0) && (weight < basis->n);
     double phi[4] = {0.0, 0.0, 0.0, 0.0};
-    if (weighted) {
+    int acts = column < pendulum_n_free;
+    if (weighted == 1) {
         const int *reach = basis->reach[weight];
         for (int k = 0; k < 4; k++) {
             const int segment = stages[k].segment;
@@ -181,53 +180,96 @@ static void move_column(const stage_t stages[], const pendulum_basis_t *basis, i
                 const double *a = &basis->coefficients[4 * (reach[2] + (segment - reach[0]))];
                 const double d = stages[k].offset;
                 phi[k] = a[0] + (d * (a[1] + (d * (a[2] + (d * a[3])))));
-                moved += fabs(phi[k]);
+                acts = 1;
             }
         }
     }
-    first[0] = S[(0 * columns) + column];
-    moved += fabs(first[0]);
-    first[1] = S[(1 * columns) + column];
-    moved += fabs(first[1]);
-    if ((column >= pendulum_n_free) && !(moved > 0.0)) {
+    if ((acts == 0) && !(fabs(S[0]) > 0.0) && !(fabs(S[1]) > 0.0)) {
         return;
     }
-    z[0] = first[0];
-    sum[0] = 0.0;
-    z[1] = first[1];
-    sum[1] = 0.0;
-    for (int k = 0; k < 4; k++) {
-        const stage_t *stage = &stages[k];
-        const double *jacobian = stage->jacobian;
-        double rates[pendulum_n_states];
-        rates[0] = z[1];
-        rates[1] = (jacobian[0] * z[0]) + (jacobian[1] * z[1]);
-        switch (column) {
-        case 0:
-            rates[1] += stage->slots[0];
-            break;
-        case 1:
-            rates[1] += stage->slots[1];
-            break;
-        default: /* of no parameter */
-            break;
-        }
-        if (weighted) {
-            rates[1] += stage->table[0] * phi[k];
-        }
-        sum[0] += weights[k] * rates[0];
-        z[0] = first[0] + (reaches[k] * rates[0]);
-        sum[1] += weights[k] * rates[1];
-        z[1] = first[1] + (reaches[k] * rates[1]);
+    z[0] = S[0];
+    z[1] = S[1];
+    rates[0] = z[1];
+    rates[1] = (stages[0].jacobian[0] * z[0]) + (stages[0].jacobian[1] * z[1]);
+    switch (column) {
+    case 0:
+        rates[1] += stages[0].slots[0];
+        break;
+    case 1:
+        rates[1] += stages[0].slots[1];
+        break;
+    default: /* of no parameter */
+        break;
     }
-    S[(0 * columns) + column] = first[0] + (sixth * sum[0]);
-    S[(1 * columns) + column] = first[1] + (sixth * sum[1]);
+    if (weighted == 1) {
+        rates[1] += stages[0].table[0] * phi[0];
+    }
+    sum[0] = rates[0];
+    z[0] = S[0] + (half * rates[0]);
+    sum[1] = rates[1];
+    z[1] = S[1] + (half * rates[1]);
+    rates[0] = z[1];
+    rates[1] = (stages[1].jacobian[0] * z[0]) + (stages[1].jacobian[1] * z[1]);
+    switch (column) {
+    case 0:
+        rates[1] += stages[1].slots[0];
+        break;
+    case 1:
+        rates[1] += stages[1].slots[1];
+        break;
+    default: /* of no parameter */
+        break;
+    }
+    if (weighted == 1) {
+        rates[1] += stages[1].table[0] * phi[1];
+    }
+    sum[0] += 2.0 * rates[0];
+    z[0] = S[0] + (half * rates[0]);
+    sum[1] += 2.0 * rates[1];
+    z[1] = S[1] + (half * rates[1]);
+    rates[0] = z[1];
+    rates[1] = (stages[2].jacobian[0] * z[0]) + (stages[2].jacobian[1] * z[1]);
+    switch (column) {
+    case 0:
+        rates[1] += stages[2].slots[0];
+        break;
+    case 1:
+        rates[1] += stages[2].slots[1];
+        break;
+    default: /* of no parameter */
+        break;
+    }
+    if (weighted == 1) {
+        rates[1] += stages[2].table[0] * phi[2];
+    }
+    sum[0] += 2.0 * rates[0];
+    z[0] = S[0] + (h * rates[0]);
+    sum[1] += 2.0 * rates[1];
+    z[1] = S[1] + (h * rates[1]);
+    rates[0] = z[1];
+    rates[1] = (stages[3].jacobian[0] * z[0]) + (stages[3].jacobian[1] * z[1]);
+    switch (column) {
+    case 0:
+        rates[1] += stages[3].slots[0];
+        break;
+    case 1:
+        rates[1] += stages[3].slots[1];
+        break;
+    default: /* of no parameter */
+        break;
+    }
+    if (weighted == 1) {
+        rates[1] += stages[3].table[0] * phi[3];
+    }
+    S[0] += sixth * (sum[0] + rates[0]);
+    S[1] += sixth * (sum[1] + rates[1]);
 }
 
-void pendulum_step_columns(double x[], double carry[], double S[], int columns, const double p[],
+void pendulum_step_columns(double x[], double carry[], double S[], int columns, int rows, const double p[],
     const pendulum_constants_t *c, const pendulum_held_t *held, const pendulum_table_t *table, const pendulum_basis_t *basis, pendulum_memory_t *memory, double h)
 {
     const double reaches[4] = {0.5 * h, 0.5 * h, h, h};
+    const double weights[4] = {1.0, 2.0, 2.0, 1.0}; /* of the stages */
     const double sixth = h / 6.0;
     stage_t stages[4];
     double at[pendulum_n_states];
@@ -250,7 +292,7 @@ void pendulum_step_columns(double x[], double carry[], double S[], int columns, 
         x[i] = next;
     }
     for (int column = 0; column < columns; column++) {
-        move_column(stages, basis, column, columns, reaches, sixth, S);
+        move_column(stages, basis, column, h, &S[column * rows]);
     }
 }
 

