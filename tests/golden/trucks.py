@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from clutchid.log import FloatArray
-from clutchid.truck import CHANGES, MANOEUVRES, Drive, Vehicle, aged, changed, drive, respond, truck
-from clutchid.truck.families import family_of
+from clutchid.truck import CHANGES, MANOEUVRES, Drive, Vehicle, aged, changed, drive, load_curve, respond, truck
 
 #: Types by family: every valve, drive, friction, load and way of holding the duty cycles is among them.
 NUMBERS = {"A": (*range(13), 1003), "B": (*range(16), 1003)}
@@ -57,7 +56,7 @@ def of_drive(done: Drive) -> dict[str, Any]:
 
 def of_load(kind: Vehicle) -> str:
     """Hash of the table of a load."""
-    curve = family_of(kind).load_curve(kind)
+    curve = load_curve(kind)
     return hashed(curve.breakpoints, curve.coefficients)
 
 
