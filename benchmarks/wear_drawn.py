@@ -20,7 +20,7 @@ import numpy as np
 from clutchid.estimation.assess.comparison import Measurement, half_load
 from clutchid.fleets.virtual import POSITIONS, STEPS, STROKES_A_METRE, engaging, true_load
 from clutchid.log import FloatArray
-from clutchid.truck.ageing import aged
+from clutchid.truck import aged
 from clutchid.truck.families import truck
 from clutchid.truck.service import Visit, visits
 from clutchid.wear.history import Dated, History, WearReading

@@ -155,8 +155,15 @@ def prediction_error() -> Numbers:
     return {"calibration": of_fit(once), "reading": of_fit(read)}
 
 
+def trucks() -> Numbers:
+    """Virtual trucks of both families and their recordings."""
+    from trucks import trucks as of_both_families
+
+    return of_both_families()
+
+
 GROUPS: dict[str, Callable[[], Numbers]] = {
-    group.__name__: group for group in (simulation, paper, shooting, automatic, prediction_error)
+    group.__name__: group for group in (simulation, paper, shooting, automatic, prediction_error, trucks)
 }
 
 

@@ -19,7 +19,7 @@ import pytest
 pytestmark = pytest.mark.slow
 
 HERE = Path(__file__).parent
-GROUPS = ("simulation", "paper", "shooting", "automatic", "prediction_error")
+GROUPS = ("simulation", "paper", "shooting", "automatic", "prediction_error", "trucks")
 
 #: Elsewhere another compiler or processor rounds differently. A simulation multiplies that by 1e6 at most.
 SIMULATED = 1e-9

@@ -9,10 +9,10 @@ import pytest
 
 from clutchid.truck import Truck
 from clutchid.truck.compiled import compiled
-from clutchid.truck.first import LOOP
 from clutchid.truck.load_table import LoadTable
-from clutchid.truck.parameters import STATES
 from clutchid.truck.running import Course, run
+
+STATES = Truck.parts.structure.states
 
 #: Supply and exhaust pulses from when to when [ms] and their duty cycles: a stroke, a partial return, back, vented.
 PULSES = ((50, 170, 0.8, 0.0), (600, 1000, 0.0, 0.35), (1300, 1400, 0.4, 0.0), (1700, 3000, 0.0, 0.6))
@@ -21,7 +21,7 @@ PULSES = ((50, 170, 0.8, 0.0), (600, 1000, 0.0, 0.35), (1300, 1400, 0.4, 0.0), (
 @pytest.fixture(scope="session", autouse=True)
 def _compiled_loop() -> None:
     """Load the loop from the user's cache once; no test compiles for itself."""
-    compiled(LOOP, False)
+    compiled(Truck.parts.structure, False)
 
 
 def forced(n: int, pulses: tuple[tuple[int, int, float, float], ...] = PULSES) -> np.ndarray:

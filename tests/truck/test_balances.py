@@ -6,14 +6,16 @@ import sympy as sp
 from hypothesis import given
 from hypothesis import strategies as st
 
-from clutchid.truck import Truck, aged
+from clutchid.truck import Truck, aged, load_curve
+from clutchid.truck.assembly import at_rest
 from clutchid.truck.compiled import compiled
-from clutchid.truck.first import LOOP, at_rest
-from clutchid.truck.flow import flow_function, line_flow, orifice_flow, slit_flow, valve_flow
-from clutchid.truck.load import load_curve
+from clutchid.truck.equations.flow import flow_function, orifice_flow, slit_flow, valve_flow
+from clutchid.truck.equations.motion import stop_force
+from clutchid.truck.equations.reservoir import line_flow
 from clutchid.truck.load_table import LoadTable
-from clutchid.truck.motion import stop_force
-from clutchid.truck.parameters import LEDGER, STATES
+from clutchid.truck.structure import LEDGER
+
+STATES = Truck.parts.structure.states
 
 pytestmark = pytest.mark.slow
 
@@ -22,7 +24,7 @@ LEAKY = Truck(C_AB=2e-11, C_A0=1e-11)
 
 @pytest.fixture(scope="module", autouse=True)
 def _compiled_books() -> None:
-    compiled(LOOP, True)
+    compiled(Truck.parts.structure, True)
 
 
 def books(states: np.ndarray, truck: Truck) -> tuple[np.ndarray, np.ndarray, float]:
@@ -77,7 +79,13 @@ def test_entropy_never_falls_in_closed_insulated_chambers(lab, leak):
 _r, _b, _m, _l, _p, _q, _C, _T = sp.symbols("r b m l p q C T", positive=True)
 psi = sp.lambdify((_r, _b, _m, _l), flow_function(_r, _b, _m, _l), "math")
 valve = sp.lambdify((_p, _q, _T, _C), valve_flow(_p, _q, _T, _C, 0.3, 0.55, 0.995), "math")
-orifice = sp.lambdify((_p, _q, _T, _C), orifice_flow(_p, _q, _T, 280, _C, 0.3, 0.55, 0.995), "math")
+
+
+def one_way(p, q, T, sign):
+    return sign * valve_flow(p, q, T, _C, 0.3, 0.55, 0.995)
+
+
+orifice = sp.lambdify((_p, _q, _T, _C), orifice_flow(one_way, _p, _q, _T, 280), "math")
 slit = sp.lambdify((_p, _q, _T, _C), slit_flow(_p, _q, _T, _C), "math")
 line = sp.lambdify((_p, _q, _C), line_flow(_p, _q, _C), "math")
 _d, _v = sp.symbols("d v", real=True)

@@ -7,7 +7,7 @@ import pytest
 
 import clutchid
 from clutchid.truck import Truck
-from clutchid.truck.first import at_rest
+from clutchid.truck.assembly import at_rest
 from clutchid.truck.load_table import LoadTable
 
 pytestmark = pytest.mark.slow

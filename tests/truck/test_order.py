@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from clutchid.truck import Truck
-from clutchid.truck.first import at_rest
-from clutchid.truck.load import load_curve
-from clutchid.truck.parameters import STATES
+from clutchid.truck import Truck, load_curve
+from clutchid.truck.assembly import at_rest
+
+STATES = Truck.parts.structure.states
 
 #: A stretch without kinks but those of the valve: chamber B sealed, no choking, always forwards, a smooth load.
 SMOOTH = Truck(

@@ -8,11 +8,12 @@ import pytest
 
 from clutchid.codegen.numba_source import terms_source
 from clutchid.truck import Truck
-from clutchid.truck.ageing import worn_parameters
-from clutchid.truck.parameters import INPUTS, PARAMETERS, STATES
-from clutchid.truck.plant import plant
+from clutchid.truck.assembly import numbers
+from clutchid.truck.equations.plant import plant
 
 T = Truck()
+STATES = Truck.parts.structure.states
+SYSTEM = plant(Truck.parts.structure)
 C_P = T.R * T.gamma / (T.gamma - 1)
 #: No heat through walls, closed valves, and no way for the air but the one that a test opens.
 SEALED = T.replace({"h_A": 0.0, "h_B": 0.0, "UA_S": 0.0, "G_S": 0.0, "C_r": 0.0, "C_AB": 0.0, "C_A0": 0.0})
@@ -24,7 +25,7 @@ AIR = {"A": (4e5, 330.0), "B": (1.5e5, 260.0), "S": (8e5, 310.0)}
 def equations() -> dict[str, Any]:
     """The plant as plain Python, term by term."""
     module: dict[str, Any] = {"math": math}
-    exec(terms_source(plant()), module)
+    exec(terms_source(SYSTEM), module)
     return module
 
 
@@ -39,10 +40,9 @@ def rates(truck: Truck, air: dict[str, tuple[float, float]], f_l: float = 0.0, *
     for name, (p, kelvin) in air.items():
         state[f"m_{name}"] = p * volume[name] / (truck.R * kelvin)
         state[f"U_{name}"] = p * volume[name] / (truck.gamma - 1)
-    numbers = {name: getattr(truck, name) for name in PARAMETERS if hasattr(truck, name)}
-    numbers |= worn_parameters(truck) | {"T_w": truck.T_0 + truck.dT_w}
-    held = [0.0] * len(INPUTS)
-    parameters = [numbers[name] for name in PARAMETERS]
+    known = numbers(truck, 0.0, False)
+    held = [0.0] * len(SYSTEM.inputs)
+    parameters = [known[name] for name in SYSTEM.parameter_names()]
     values = equations()["terms"]([state[name] for name in STATES], held, parameters, f_l)
     found = dict(zip((row[0] for row in equations()["TERMS"]), values, strict=True))
     return {name: found[f"d_{name}"] for name in STATES}

@@ -5,12 +5,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from clutchid.truck import Truck, aged, drive, respond
-from clutchid.truck.first import at_rest
+from clutchid.truck import Truck, aged, drive, load_curve, respond
+from clutchid.truck.assembly import at_rest
 from clutchid.truck.law import SAMPLE, TICK, lagged
-from clutchid.truck.load import load_curve
 from clutchid.truck.load_table import rest_position
-from clutchid.truck.parameters import STATES
+
+STATES = Truck.parts.structure.states
 
 
 def test_at_rest_both_chambers_hold_ambient_air_of_the_walls_and_the_reservoir_air_of_the_ambience():

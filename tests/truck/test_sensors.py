@@ -5,7 +5,8 @@ import pytest
 
 from clutchid.log import Log
 from clutchid.truck import Truck
-from clutchid.truck.sensors import bus_log, measured_pressure, position_noise, with_dropouts
+from clutchid.truck.parts.sensor import offset_pressure, vibrating_noise
+from clutchid.truck.recorder import bus_log, with_dropouts
 
 N = 20_000
 
@@ -13,7 +14,7 @@ N = 20_000
 def test_the_pressure_is_measured_with_its_offset_its_noise_and_its_quantum():
     rng = np.random.default_rng(0)
     truck = Truck(e_p=3e3, s_p=800.0, q_p=500.0)
-    error = measured_pressure(truck, np.full(N, 4e5), rng) - 4e5
+    error = offset_pressure(truck, np.full(N, 4e5), rng) - 4e5
     assert np.array_equal(error, 500.0 * np.round(error / 500.0))
     # mean and standard deviation of 20,000 samples: 4 standard errors of 1 / sqrt(n) and 1 / sqrt(2 n) of the noise
     noise = np.hypot(800.0, 500.0 / np.sqrt(12))
@@ -22,13 +23,13 @@ def test_the_pressure_is_measured_with_its_offset_its_noise_and_its_quantum():
 
 
 def test_without_a_quantum_the_pressure_is_any_number():
-    read = measured_pressure(Truck(e_p=0.0, s_p=0.0, q_p=0.0), np.array([123456.789]), np.random.default_rng(0))
+    read = offset_pressure(Truck(e_p=0.0, s_p=0.0, q_p=0.0), np.array([123456.789]), np.random.default_rng(0))
     assert read.tolist() == [123456.789]
 
 
 def test_the_position_has_white_noise_and_the_vibration_of_the_engine():
-    quiet = position_noise(Truck(s_y=0.0, a_vib=5e-5), N, np.random.default_rng(1))
-    noisy = position_noise(Truck(s_y=4e-5, a_vib=0.0), N, np.random.default_rng(1))
+    quiet = vibrating_noise(Truck(s_y=0.0, a_vib=5e-5), N, np.random.default_rng(1))
+    noisy = vibrating_noise(Truck(s_y=4e-5, a_vib=0.0), N, np.random.default_rng(1))
     # sine and half order of 0.3 times it; over 20 s of a wandering speed some hundred periods: 5 %
     assert quiet.std() == pytest.approx(5e-5 * np.sqrt((1 + 0.3**2) / 2), rel=0.05)
     assert np.abs(quiet).max() <= 1.3 * 5e-5

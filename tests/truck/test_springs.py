@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from clutchid.errors import ParameterError
 from clutchid.truck import Truck, aged, load_table
-from clutchid.truck.load import load_curve
-from clutchid.truck.springs import cushion_compression, cushion_force, diaphragm_force, kluever_force
+from clutchid.truck.parts.clutch import load_curve
+from clutchid.truck.parts.springs import cushion_compression, cushion_force, diaphragm_force, kluever_force
 
 T = Truck()
 STEEL = (T.E, T.nu, T.h, T.H, T.R_d, T.r_d, T.R_1, T.r_1)

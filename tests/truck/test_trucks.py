@@ -7,7 +7,7 @@ import pytest
 
 from clutchid.errors import ParameterError
 from clutchid.truck import Truck, TruckB, aged, truck
-from clutchid.truck.ageing import worn_parameters
+from clutchid.truck.assembly import worn_parameters
 from clutchid.truck.families import ranges
 from fixtures.sentences import one_sentence
 

@@ -55,7 +55,7 @@ class RecordingOptions(NamedTuple):
     change: tuple[str, ...] = ()
     supply: float | None = None
     offset: float = 0.0
-    zero: Literal["learned", "kept"] = "learned"
+    zero: Literal["learned", "kept"] | None = None
     late: float = 0.0
 
 
@@ -79,7 +79,7 @@ def drive(
     bus: Flag = False,
     dropouts: int = 0,
     offset: float = 0.0,
-    zero: Literal["learned", "kept"] = "learned",
+    zero: Literal["learned", "kept"] | None = None,
     late: float = 0.0,
     service: Annotated[FleetOptions, Parameter(name="*")] = SINGLE,
     json: Flag = False,
@@ -95,7 +95,8 @@ def drive(
     out
         Recording to write (.csv or .parquet); with --fleet a new folder.
     family
-        A, or B: another plant with other valves, air, friction, springs and sensors.
+        A, or B: another plant with other valves, air, friction, springs and sensors; or h:SEED, a hybrid that has
+        parts of both.
     truck
         Number of the truck type, with --fleet of the first one; the same number is always the same truck.
     seed
@@ -130,7 +131,7 @@ def drive(
         bracket.
     zero
         learned: the sensor reads 0 at the vented rest of this recording; kept: at that of the new clutch, from which
-        the rest falls with wear.
+        the rest falls with wear. That of the truck by default: learned, or for a hybrid either.
     late
         Delay of the recorded duty cycles against the position in whole ms.
     json

@@ -37,7 +37,8 @@ def prove(
     out
         Folder for the results; results of other workflows in it are listed in the same table.
     family
-        A, or B: another plant with other valves, air, friction, springs and sensors.
+        A, or B: another plant with other valves, air, friction, springs and sensors; or h:SEED, a hybrid that has
+        parts of both.
     trucks
         Number of trucks.
     seed

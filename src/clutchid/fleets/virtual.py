@@ -18,8 +18,8 @@ from clutchid.log import FloatArray
 from clutchid.processes import LostWork, check_workers, results
 from clutchid.recordings import write
 from clutchid.recordings.files import atomic_write
-from clutchid.truck import aged, drive, truck
-from clutchid.truck.families import family_of
+from clutchid.truck import aged, drive, load_curve, truck
+from clutchid.truck.families import label
 from clutchid.truck.service import Visit
 from clutchid.truck.vehicle import Vehicle
 
@@ -90,7 +90,7 @@ def write_fleet(
 
 def type_name(family: str, number: int) -> str:
     """Name of a truck type, as in the table and in the names of its calibration's files."""
-    return f"{family}{number:04d}"
+    return f"{label(family)}{number:04d}"
 
 
 def _new_folders(out: Path, visits: Iterable[Visit]) -> None:
@@ -126,7 +126,7 @@ def engaging(load: FloatArray) -> float:
 
 def true_load(vehicle: Vehicle) -> FloatArray:
     """Load in N of a truck at `POSITIONS`, relative to its engaged rest."""
-    curve = family_of(vehicle).load_curve(vehicle)
+    curve = load_curve(vehicle)
     force: FloatArray = curve.force(POSITIONS + curve.rest)
     return force
 

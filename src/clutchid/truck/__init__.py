@@ -6,31 +6,16 @@
 True
 """
 
-from clutchid.truck.ageing import aged
+from clutchid.truck.assembly import load_curve
+from clutchid.truck.changes import CHANGES, aged, changed
 from clutchid.truck.driving import Drive, drive, life, respond
-from clutchid.truck.families import RANGES, changed, truck
-from clutchid.truck.family import CHANGES
+from clutchid.truck.families import RANGES, truck
+from clutchid.truck.kinds import Truck, TruckB
 from clutchid.truck.manoeuvres import MANOEUVRES
-from clutchid.truck.parameters import Truck
-from clutchid.truck.second.parameters import TruckB
 from clutchid.truck.truth import GRID, Truth, write_truth
 from clutchid.truck.vehicle import Vehicle
 
 __all__ = [
-    "CHANGES",
-    "GRID",
-    "MANOEUVRES",
-    "RANGES",
-    "Drive",
-    "Truck",
-    "TruckB",
-    "Truth",
-    "Vehicle",
-    "aged",
-    "changed",
-    "drive",
-    "life",
-    "respond",
-    "truck",
-    "write_truth",
-]
+    "CHANGES", "GRID", "MANOEUVRES", "RANGES", "Drive", "Truck", "TruckB", "Truth", "Vehicle", "aged", "changed",
+    "drive", "life", "load_curve", "respond", "truck", "write_truth",
+]  # fmt: skip

@@ -11,9 +11,9 @@ import numpy as np
 
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray, Log
-from clutchid.truck import sensors
-from clutchid.truck.ageing import aged
-from clutchid.truck.families import changed, family_of
+from clutchid.truck import recorder as recording
+from clutchid.truck.assembly import at_rest, load_curve, true_states
+from clutchid.truck.changes import aged, changed
 from clutchid.truck.families import truck as numbered
 from clutchid.truck.law import SAMPLE
 from clutchid.truck.load_table import LoadTable
@@ -66,27 +66,13 @@ class Drive:
 
 
 def drive(
-    truck: Vehicle | int,
-    *,
-    family: str = "A",
-    manoeuvre: str = "mix",
-    seconds: float = 30.0,
-    seed: int = 0,
-    wear: float = 0.0,
-    cycles: float = 0.0,
-    temperature: float | None = None,
-    pressure: bool = True,
-    recorder: Literal["controller", "bus"] = "controller",
-    dropouts: int = 0,
-    stuck: tuple[float, float] | None = None,
-    conditions: bool = False,
-    change: str | Sequence[str] = (),
-    supply: float | None = None,
-    offset: float = 0.0,
-    zero: Zero = "learned",
-    late: float = 0.0,
+    truck: Vehicle | int, *, family: str = "A", manoeuvre: str = "mix", seconds: float = 30.0, seed: int = 0,
+    wear: float = 0.0, cycles: float = 0.0, temperature: float | None = None, pressure: bool = True,
+    recorder: Literal["controller", "bus"] = "controller", dropouts: int = 0,
+    stuck: tuple[float, float] | None = None, conditions: bool = False, change: str | Sequence[str] = (),
+    supply: float | None = None, offset: float = 0.0, zero: Zero | None = None, late: float = 0.0,
     name: str = "drive",
-) -> Drive:
+) -> Drive:  # fmt: skip
     """Drive `truck` in a closed position loop and record it.
 
     Parameters
@@ -121,9 +107,9 @@ def drive(
         Set supply pressure (absolute) instead of that of the truck.
     offset : m
         Added to what the position sensor reads, for the controller too: an exchanged sensor or a bent bracket.
-    zero : 'learned' or 'kept'
+    zero : 'learned' or 'kept', optional
         Whether the sensor's zero is learned at this vented rest, or still that of the new clutch, from which the rest
-        falls with wear.
+        falls with wear; that of the truck by default, which is learned in families A and B.
     late : s
         Delay of the recorded duty cycles against the position, in whole ms.
     name : str
@@ -149,32 +135,31 @@ def drive(
     (2000, '21 mm')
     """
     _check(seconds, seed, dropouts, recorder, stuck)
-    _check_sensors(offset, zero, late)
+    _check_sensors(offset, late)
     kind = numbered(truck, family) if isinstance(truck, int) else truck
     truck = aged(kind, wear, cycles).replace({} if temperature is None else {"T_0": temperature})
-    truck = truck if supply is None else truck.replace({"P_S": supply})
+    truck = truck.replace({} if supply is None else {"P_S": supply}).replace({} if zero is None else {"zero": zero})
     truck = changed(truck, *((change,) if isinstance(change, str) else change))
-    own = family_of(truck)
-    curve = own.load_curve(truck)
+    curve, sensor = load_curve(truck), truck.parts.sensor
     seeds = np.random.SeedSequence(seed).spawn(5)
     of_course, of_noise, of_air, of_recorder, of_conditions = map(np.random.default_rng, seeds)
     points = ClutchPoints(curve.touch - curve.rest, truck.y_max - curve.rest - MARGIN)
     wanted = set_point(manoeuvre, seconds, points, of_course)
-    noise = own.position_noise(truck, wanted.size, of_noise)
-    shift = offset + (_fallen(truck, curve) if zero == "kept" else 0.0)
+    noise = sensor.position_noise(truck, wanted.size, of_noise)
+    shift = offset + (_fallen(truck, curve) if truck.zero == "kept" else 0.0)
     course = Course(wanted, np.full((wanted.size, 2), np.nan), noise, _samples(stuck), shift)
-    start, working = own.start(truck, curve, of_air)
-    done = run(truck, course, start=start, working=working)
-    read = own.measured_pressure(truck, done.pressure, of_air) if pressure else None
+    p_S, working = truck.parts.supply.start(truck, of_air)
+    done = run(truck, course, start=at_rest(truck, curve, p_S), working=working)
+    read = sensor.measured_pressure(truck, done.pressure, of_air) if pressure else None
     log = _recorded(done, read, name, {"manoeuvre": manoeuvre, "seed": str(seed), "recorder": recorder})
-    log = sensors.with_late_duties(log, round(late / SAMPLE))
+    log = recording.with_late_duties(log, round(late / SAMPLE))
     if conditions:
-        true = own.true_states(truck, done.columns)["pressure_supply"]
-        log = log.with_columns(**sensors.measured_conditions(truck, true, of_conditions))
+        true = true_states(truck, done.columns)["pressure_supply"]
+        log = log.with_columns(**recording.measured_conditions(truck, true, of_conditions))
     if recorder == "bus":
-        log = sensors.bus_log(truck, log, of_recorder)
+        log = recording.bus_log(truck, log, of_recorder)
     if dropouts:
-        log = sensors.with_dropouts(log, dropouts, of_recorder)
+        log = recording.with_dropouts(log, dropouts, of_recorder)
     return Drive(log, truth_of(truck, curve, done), wanted)
 
 
@@ -237,7 +222,7 @@ def respond(truck: Vehicle, duty_supply: FloatArray, duty_exhaust: FloatArray) -
     forced = np.column_stack([duty_supply, duty_exhaust]).astype(np.float64)
     if len(forced) < 2 or not np.all((forced >= 0) & (forced <= 1)):
         raise ParameterError("duty cycles: two columns of at least 2 values between 0 and 1 are needed.")
-    curve, nothing = family_of(truck).load_curve(truck), np.zeros(len(forced))
+    curve, nothing = load_curve(truck), np.zeros(len(forced))
     done = run(truck.replace({"q_y": 0.0}), Course(nothing, forced, nothing))
     return Drive(_recorded(done, done.pressure, "response", {}), truth_of(truck, curve, done), nothing)
 
@@ -250,7 +235,7 @@ def _samples(span: tuple[float, float] | None) -> tuple[int, int]:
 def _fallen(truck: Vehicle, curve: LoadTable) -> float:
     """Shift of the vented rest in m since the clutch was new: below 0, for it falls with wear."""
     new = truck.replace({"wear": 0.0, "cycles": 0.0})
-    return learned_zero(truck, curve) - learned_zero(new, family_of(new).load_curve(new))
+    return learned_zero(truck, curve) - learned_zero(new, load_curve(new))
 
 
 def _recorded(done: Run, pressure: FloatArray | None, name: str, metadata: dict[str, str]) -> Log:
@@ -259,26 +244,23 @@ def _recorded(done: Run, pressure: FloatArray | None, name: str, metadata: dict[
 
 
 def _check(seconds: float, seed: int, dropouts: int, recorder: str, stuck: tuple[float, float] | None) -> None:
-    problems = []
-    if not 0.5 <= seconds <= LONGEST:
-        problems.append(f"seconds = {seconds:g}: a drive lasts 0.5 to {LONGEST:g} s.")
-    elif not 0 <= dropouts <= _MOST_DROPOUTS * seconds:
-        problems.append(f"dropouts = {dropouts}: must be at least 0, and at most {_MOST_DROPOUTS} a second.")
-    if seed < 0:
-        problems.append(f"seed = {seed}: must be an integer of at least 0.")
-    if recorder not in ("controller", "bus"):
-        problems.append(f"recorder = {recorder!r}: must be controller or bus.")
-    if stuck is not None and not 0 <= stuck[0] < stuck[1]:
-        problems.append(f"stuck = {stuck}: give start and end in s, with start before end.")
-    ParameterError.raise_for(problems)
+    length, most = 0.5 <= seconds <= LONGEST, _MOST_DROPOUTS
+    many, order = length and not 0 <= dropouts <= most * seconds, stuck is None or 0 <= stuck[0] < stuck[1]
+    checks = (
+        (length, f"seconds = {seconds:g}: a drive lasts 0.5 to {LONGEST:g} s."),
+        (not many, f"dropouts = {dropouts}: must be at least 0, and at most {most} a second."),
+        (seed >= 0, f"seed = {seed}: must be an integer of at least 0."),
+        (recorder in ("controller", "bus"), f"recorder = {recorder!r}: must be controller or bus."),
+        (order, f"stuck = {stuck}: give start and end in s, with start before end."),
+    )
+    ParameterError.raise_for(text for holds, text in checks if not holds)
 
 
-def _check_sensors(offset: float, zero: str, late: float) -> None:
-    problems = []
-    if not abs(offset) <= MOST_OFFSET:
-        problems.append(f"offset = {offset * 1e3:g} mm: at most {MOST_OFFSET * 1e3:g} mm either way.")
-    if zero not in ("learned", "kept"):
-        problems.append(f"zero = {zero!r}: must be learned or kept.")
-    if not (0.0 <= late <= MOST_LATE and abs(late / SAMPLE - round(late / SAMPLE)) < 1e-6):
-        problems.append(f"late = {late * 1e3:g} ms: must be a whole number of ms from 0 to {MOST_LATE * 1e3:g}.")
-    ParameterError.raise_for(problems)
+def _check_sensors(offset: float, late: float) -> None:
+    whole = 0.0 <= late <= MOST_LATE and abs(late / SAMPLE - round(late / SAMPLE)) < 1e-6
+    most, longest = MOST_OFFSET * 1e3, MOST_LATE * 1e3
+    checks = (
+        (abs(offset) <= MOST_OFFSET, f"offset = {offset * 1e3:g} mm: at most {most:g} mm either way."),
+        (whole, f"late = {late * 1e3:g} ms: must be a whole number of ms from 0 to {longest:g}."),
+    )
+    ParameterError.raise_for(text for holds, text in checks if not holds)

@@ -1,9 +1,10 @@
-"""Truck types of each family: a number seeds a draw from the ranges in the family's ``ranges.toml``."""
+"""Truck types: a number seeds a draw from the ranges of a family, or of both for a hybrid."""
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -11,44 +12,22 @@ from typing import Any
 import numpy as np
 
 from clutchid.errors import ParameterError
-from clutchid.names import check_names
-from clutchid.truck.family import Family
-from clutchid.truck.first import FIRST
-from clutchid.truck.second import SECOND
-from clutchid.truck.vehicle import Vehicle
+from clutchid.truck.kinds import kind_of
+from clutchid.truck.parts import PARTS, STATEFUL, Parts, parts_of
+from clutchid.truck.vehicle import ZEROS, Vehicle
 
-#: The families by name.
-FAMILIES: Mapping[str, Family] = {"A": FIRST, "B": SECOND}
+#: The files with the ranges of the families; that of family A is versioned alone.
+FILES = {family: Path(__file__).parent / name for family, name in (("A", "ranges.toml"), ("B", "ranges_b.toml"))}
+RANGES = FILES["A"]
 
+#: What a hybrid's family is called: this and its seed.
+HYBRID = "h:"
 
-def family_of(truck: Vehicle) -> Family:
-    """The family that `truck` belongs to."""
-    return next(one for one in FAMILIES.values() if isinstance(truck, one.kind))
+#: Makes the draws of hybrids independent of those of the families.
+SALT = 104
 
-
-def changed(truck: Vehicle, *changes: str) -> Vehicle:
-    """`truck` after changes between its calibration and its use, each by its name in `CHANGES`, one after the other.
-
-    Raises
-    ------
-    ParameterError
-        If a change is unknown, the text names the nearest one; or if the truck does not admit it.
-
-    Examples
-    --------
-    >>> from clutchid.truck import Truck
-    >>> f"{changed(Truck(), 'supply', 'seals').F_C:.0f} N"
-    '196 N'
-    """
-    known = family_of(truck).changes
-    check_names(changes, known, "change")
-    for name in changes:
-        truck = known[name](truck)
-    return truck
-
-
-#: The versioned file with the ranges of family A.
-RANGES = FIRST.ranges
+#: So many hybrids with consecutive seeds have each part of a slot equally often.
+BLOCK = 16
 
 
 def truck(number: int, family: str = "A") -> Vehicle:
@@ -58,9 +37,9 @@ def truck(number: int, family: str = "A") -> Vehicle:
     ----------
     number : int
         At least 0.
-    family : 'A' or 'B'
-        A has on/off valves, an energy balance of the air, LuGre friction and a diaphragm spring; B is another plant,
-        see `clutchid.truck.second`.
+    family : 'A', 'B' or 'h:SEED'
+        A has on/off valves, an energy balance of the air, LuGre friction and a diaphragm spring; B is another plant in
+        every part; a hybrid has parts of both, which its seed draws, and `number` draws its parameters.
 
     Raises
     ------
@@ -71,20 +50,86 @@ def truck(number: int, family: str = "A") -> Vehicle:
     --------
     >>> truck(7) == truck(7), truck(7) == truck(8), truck(7) == truck(7, family="B")
     (True, False, False)
+    >>> truck(0, "h:3").parts.letters, truck(1, "h:3").parts.letters
+    ('BAAABBAAA', 'BAAABBAAA')
     """
     if isinstance(number, bool) or not isinstance(number, (int, np.integer)) or number < 0:
         raise ParameterError(f"truck {number}: truck types are numbered 0, 1, 2, ...")
-    if family not in FAMILIES:
-        raise ParameterError(f"family {family!r}: must be {' or '.join(FAMILIES)}.")
-    own = FAMILIES[family]
-    table = ranges(own.ranges)
-    rng = np.random.default_rng([table["version"], int(number), *table.get("salt", ())])
+    if family in FILES:
+        table = ranges(FILES[family])
+        rng = np.random.default_rng([table["version"], int(number), *table.get("salt", ())])
+        return _built(PARTS[family], _basic(table, rng), table["share"], rng)
+    parts = parts_of(hybrid_letters(family))
+    tables = {name: ranges(path) for name, path in FILES.items()}
+    rng = np.random.default_rng([*(table["version"] for table in tables.values()), SALT, _seed(family), int(number)])
+    drawn = _chosen(parts, {name: _basic(table, rng) for name, table in tables.items()})
+    drawn["zero"] = _one_of(ZEROS, family, len(parts))
+    return _built(parts, drawn, tables["A"]["share"] | tables["B"]["share"], rng)
+
+
+def label(family: str) -> str:
+    """A family in the names of files: that of a hybrid without its colon, and apart from a number that follows."""
+    return f"{family.replace(':', '')}_" if family.startswith(HYBRID) else family
+
+
+def hybrid_letters(family: str) -> str:
+    """Families of the parts of the hybrid ``h:SEED``; each `BLOCK` of seeds has each part of a slot equally often.
+
+    But where all parts with states are of one family, the flow is as well.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such family.
+    """
+    drawn = [_one_of("AB", family, slot) for slot in range(len(PARTS["A"]))]
+    if len(set(drawn[STATEFUL])) == 1:
+        drawn[Parts._fields.index("flow")] = drawn[STATEFUL][0]
+    return "".join(drawn)
+
+
+def _one_of(two: Sequence[str], family: str, column: int) -> str:
+    """One of two for a hybrid; each as often as the other in a block of seeds."""
+    block, place = divmod(_seed(family), BLOCK)
+    return str(np.random.default_rng([SALT, block, column]).permutation(np.repeat(list(two), BLOCK // 2))[place])
+
+
+def _seed(family: str) -> int:
+    digits = family.removeprefix(HYBRID)
+    if not (family.startswith(HYBRID) and digits.isascii() and digits.isdigit()):
+        raise ParameterError(f"family {family!r}: must be A or B, or a hybrid h:SEED, such as h:7.")
+    return int(digits)
+
+
+def _basic(table: Mapping[str, Any], rng: np.random.Generator) -> dict[str, Any]:
+    """Choices and uniform numbers of a file with ranges."""
     drawn: dict[str, Any] = {name: values[rng.integers(len(values))] for name, values in table["choice"].items()}
-    drawn |= {name: float(rng.uniform(low, high)) for name, (low, high) in table["uniform"].items()}
-    drawn = own.prepared(drawn)
-    for name, (base, low, high) in table["share"].items():
+    return drawn | {name: float(rng.uniform(low, high)) for name, (low, high) in table["uniform"].items()}
+
+
+def _chosen(parts: Parts, drawn: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
+    """Of numbers drawn for both families, for each part those of its own; what belongs to no part as for family B.
+
+    Orifices are drawn as conductances and converted. A spool is not driven bang-bang.
+    """
+    chosen = dict(drawn["B"])
+    for part, letter in zip(parts, parts.letters, strict=True):
+        names = (*part.shared, *(item.name for item in fields(part.rows)))
+        chosen |= {name: drawn[letter][name] for name in names if name in drawn[letter]}
+    chosen |= parts.flow.converted(drawn["A"])
+    return chosen | ({"drive": "pwm"} if parts.valves is PARTS["B"].valves and chosen["valve"] == "spool" else {})
+
+
+def _built(parts: Parts, drawn: dict[str, Any], shares: Mapping[str, Any], rng: np.random.Generator) -> Vehicle:
+    """A truck from drawn numbers, with those that are shares of others, and those of the controller."""
+    for part in parts:
+        drawn = part.prepared(drawn)
+    for name, (base, low, high) in shares.items():
         drawn[name] = drawn[base] * float(rng.uniform(low, high))
-    return own.kind(**own.finished(drawn))
+    drawn |= parts.driving.tuned(drawn, *parts.valves.lead(drawn), parts.tube.delay)
+    kind = kind_of(parts.letters)
+    known = {item.name for item in fields(kind)}
+    return kind(**{name: value for name, value in drawn.items() if name in known})
 
 
 @cache

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -59,11 +58,9 @@ def gear_shift(points: ClutchPoints, rng: np.random.Generator) -> list[FloatArra
     open_at, above, below = points.full - rng.uniform(0, 2e-3), points.touch + 2.5e-3, max(points.touch - 3e-3, 1e-3)
     slipping = rng.uniform(0.25, 0.8)
     return [
-        hold(open_at, rng.uniform(0.4, 0.9)),
-        ramp(open_at, above, 0.12),
-        ramp(above, below, slipping),
+        hold(open_at, rng.uniform(0.4, 0.9)), ramp(open_at, above, 0.12), ramp(above, below, slipping),
         hold(0.0, rng.uniform(0.5, 1.4)),
-    ]
+    ]  # fmt: skip
 
 
 def pull_away(points: ClutchPoints, rng: np.random.Generator) -> list[FloatArray]:
@@ -74,11 +71,9 @@ def pull_away(points: ClutchPoints, rng: np.random.Generator) -> list[FloatArray
     slip = ramp(above, hill, seconds)
     return [
         hold(points.full - rng.uniform(0, 2e-3), rng.uniform(0.7, 1.5)),
-        ramp(points.full, above, rng.uniform(0.3, 0.6)),
-        slip + wave[: slip.size],
-        ramp(hill, max(hill - 3e-3, 1e-3), 0.5),
-        hold(0.0, rng.uniform(0.7, 1.5)),
-    ]
+        ramp(points.full, above, rng.uniform(0.3, 0.6)), slip + wave[: slip.size],
+        ramp(hill, max(hill - 3e-3, 1e-3), 0.5), hold(0.0, rng.uniform(0.7, 1.5)),
+    ]  # fmt: skip
 
 
 def creep(points: ClutchPoints, rng: np.random.Generator) -> list[FloatArray]:
@@ -90,10 +85,9 @@ def creep(points: ClutchPoints, rng: np.random.Generator) -> list[FloatArray]:
     level = points.touch + rng.uniform(-0.5e-3, 1.5e-3)
     return [
         hold(points.full - rng.uniform(0, 3e-3), rng.uniform(0.5, 1.0)),
-        ramp(points.full, level, rng.uniform(0.3, 0.6)),
-        np.maximum(level + swing + pushes, 0.5e-3),
+        ramp(points.full, level, rng.uniform(0.3, 0.6)), np.maximum(level + swing + pushes, 0.5e-3),
         hold(0.0, rng.uniform(0.6, 1.2)),
-    ]
+    ]  # fmt: skip
 
 
 def staircase(points: ClutchPoints, rng: np.random.Generator) -> list[FloatArray]:
@@ -128,27 +122,13 @@ def mix(points: ClutchPoints, rng: np.random.Generator) -> list[FloatArray]:
     """All manoeuvres in random order after a gear shift, with gear shifts more often than the others."""
     others = (gear_shift, gear_shift, pull_away, creep, staircase, strokes, ramps)
     order = rng.permutation(len(others))
-    return _joined([gear_shift, *(others[i] for i in order)], points, rng)
-
-
-def _joined(
-    parts: Iterable[Callable[[ClutchPoints, np.random.Generator], list[FloatArray]]],
-    points: ClutchPoints,
-    rng: np.random.Generator,
-) -> list[FloatArray]:
-    return [course for manoeuvre in parts for course in manoeuvre(points, rng)]
+    return [course for one in (gear_shift, *(others[i] for i in order)) for course in one(points, rng)]
 
 
 #: Manoeuvres by name.
 MANOEUVRES = MappingProxyType(
     {
-        "mix": mix,
-        "gear-shift": gear_shift,
-        "pull-away": pull_away,
-        "creep": creep,
-        "staircase": staircase,
-        "strokes": strokes,
-        "ramps": ramps,
-        "validation": validation,
+        one.__name__.replace("_", "-"): one
+        for one in (mix, gear_shift, pull_away, creep, staircase, strokes, ramps, validation)
     }
 )

@@ -1,4 +1,4 @@
-"""Run the compiled loop of a truck's family."""
+"""Run the compiled loop of a truck."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 
 from clutchid.errors import SolveError
 from clutchid.log import FloatArray
+from clutchid.truck.assembly import at_rest, load_curve, numbers
 from clutchid.truck.compiled import compiled
-from clutchid.truck.families import family_of
 from clutchid.truck.law import SAMPLE
 from clutchid.truck.load_table import LoadTable, rest_position
-from clutchid.truck.parameters import LEDGER
+from clutchid.truck.structure import LEDGER
 from clutchid.truck.vehicle import Vehicle
 
 
@@ -62,15 +62,9 @@ class Run:
 
 
 def run(
-    truck: Vehicle,
-    course: Course,
-    *,
-    curve: LoadTable | None = None,
-    start: FloatArray | None = None,
-    working: bool = True,
-    substeps: int = 1,
-    ledger: bool = False,
-) -> Run:
+    truck: Vehicle, course: Course, *, curve: LoadTable | None = None, start: FloatArray | None = None,
+    working: bool = True, substeps: int = 1, ledger: bool = False,
+) -> Run:  # fmt: skip
     """Simulate `truck` with the inputs `course`, from the engaged rest or from `start`.
 
     Parameters
@@ -78,39 +72,40 @@ def run(
     curve : LoadTable, optional
         Load instead of that of the truck.
     start : states, optional
-        In the order of the family's states, see `clutchid.truck.parameters.STATES`.
+        In the order of `clutchid.truck.structure.Structure.states`.
     working : bool
         Whether the compressor runs at the start.
     substeps : int
         Integration steps per tick of 0.1 ms.
     ledger : bool
-        Add `clutchid.truck.parameters.LEDGER` as further states.
+        Add `clutchid.truck.structure.LEDGER` as further states.
 
     Raises
     ------
     SolveError
         If the simulation produces values that are not finite; the text gives the time.
     """
-    family = family_of(truck)
-    curve = family.load_curve(truck) if curve is None else curve
-    x0 = family.at_rest(truck, curve) if start is None else np.array(start, dtype=np.float64)
+    structure = truck.parts.structure
+    curve = load_curve(truck) if curve is None else curve
+    x0 = at_rest(truck, curve) if start is None else np.array(start, dtype=np.float64)
     zero = learned_zero(truck, curve) - course.shift
     if ledger:
         x0 = np.concatenate([x0, np.zeros(len(LEDGER))])
-    n = course.wanted.size
+    n, loop, known = course.wanted.size, compiled(structure, ledger), numbers(truck, zero, working)
+    # numbers of parts that the truck does not have are NaN, so that one that were used would show
+    parameters, settings = (
+        np.array([known.get(name, np.nan) for name in names], dtype=np.float64)
+        for names in (loop.PARAMETERS, loop.SETTINGS)
+    )
     states, measured, pressure, duties = np.empty((n, x0.size)), np.empty(n), np.empty(n), np.empty((n, 2))
-    failed = compiled(family.loop, ledger).drive(
-        x0, family.plant_parameters(truck), family.settings(truck, zero, working), curve.breakpoints,
-        curve.coefficients, course.wanted, course.forced, course.noise, np.array(course.stuck, dtype=np.int64),
-        substeps, states, measured, pressure, duties,
+    failed = loop.drive(
+        x0, parameters, settings, curve.breakpoints, curve.coefficients, course.wanted, course.forced, course.noise,
+        np.array(course.stuck, dtype=np.int64), substeps, states, measured, pressure, duties,
     )  # fmt: skip
     if failed >= 0:
-        raise SolveError(
-            f"the simulation of the truck is not finite from {failed * SAMPLE:.3f} s on; its parameters are too "
-            "extreme."
-        )
-    names = (*family.states, *(LEDGER if ledger else ()))
-    return Run(states, measured, pressure, duties, zero, course.shift, names)
+        when = f"{failed * SAMPLE:.3f} s"
+        raise SolveError(f"the simulation of the truck is not finite from {when} on; its parameters are too extreme.")
+    return Run(states, measured, pressure, duties, zero, course.shift, (*structure.states, *(LEDGER if ledger else ())))
 
 
 def learned_zero(truck: Vehicle, curve: LoadTable) -> float:

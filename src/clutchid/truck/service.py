@@ -9,7 +9,7 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 
 from clutchid.errors import ParameterError
-from clutchid.truck.families import truck
+from clutchid.truck.families import label, truck
 from clutchid.truck.vehicle import Vehicle
 
 #: First day of the fleet.
@@ -126,7 +126,7 @@ def _service(v: int, family: str, number: int, limit: float, length: float, days
     mean, season = CLIMATE[0] + CLIMATE[1] * random.standard_normal(), SEASON[0] + SEASON[1] * random.standard_normal()
     day = float(random.uniform(0.0, days))
     now = Visit(
-        "", f"{family}{v:05d}", family, number, BEGIN, BEGIN, 0.0, 0.0, 0.0, 0.0, mean, 1.0, 0.0, 1.0, 0
+        "", f"{label(family)}{v:05d}", family, number, BEGIN, BEGIN, 0.0, 0.0, 0.0, 0.0, mean, 1.0, 0.0, 1.0, 0
     )  # fmt: skip
     passed, wrong, count = day, 0, 0
     while day < length:

@@ -12,7 +12,7 @@ import numpy as np
 
 from clutchid.log import COLUMNS, FloatArray, Log
 from clutchid.recordings.files import write_text
-from clutchid.truck.families import family_of
+from clutchid.truck.assembly import true_states
 from clutchid.truck.load_table import LoadTable
 from clutchid.truck.running import Run
 from clutchid.truck.vehicle import Vehicle
@@ -38,7 +38,7 @@ class Truth:
     time : s, (n,)
         Sampling times.
     states : SI, (n,) each
-        Position (relative to the sensor's zero), velocity, the three pressures, and what else its family has:
+        Position (relative to the sensor's zero), velocity, the three pressures, and what else its parts have:
         temperatures and masses of air, deflections of seals and bearing, openings of the valves.
     """
 
@@ -76,7 +76,7 @@ class Truth:
 def truth_of(truck: Vehicle, curve: LoadTable, run: Run) -> Truth:
     """The truth of a run."""
     x = run.columns
-    states = {"position": x["y"] - run.zero, "velocity": x["v"], **family_of(truck).true_states(truck, x)}
+    states = {"position": x["y"] - run.zero, "velocity": x["v"], **true_states(truck, x)}
     return Truth(truck, curve, run.zero, run.shift, run.time, states)
 
 
@@ -99,12 +99,6 @@ def write_truth(truths: Mapping[str, Truth], path: str | PathLike[str]) -> None:
 def _entry(truth: Truth) -> dict[str, Any]:
     truck = truth.truck
     return {
-        "load_N": truth.load(GRID).tolist(),
-        "supply_Pa": truth.supply,
-        "wear_m": truck.wear,
-        "cycles": truck.cycles,
-        "ambient_K": truck.T_0,
-        "zero_m": truth.zero,
-        "rest_shift_m": truth.shift,
-        "touch_m": truth.touch,
-    }
+        "load_N": truth.load(GRID).tolist(), "supply_Pa": truth.supply, "wear_m": truck.wear, "cycles": truck.cycles,
+        "ambient_K": truck.T_0, "zero_m": truth.zero, "rest_shift_m": truth.shift, "touch_m": truth.touch,
+    }  # fmt: skip

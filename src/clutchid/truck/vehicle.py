@@ -1,14 +1,17 @@
-"""`Vehicle`: the parameters that both families of virtual trucks have, and how parameters are checked and changed."""
+"""`Vehicle`: the parameters that all virtual trucks have, and how parameters are checked and changed."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import Field, dataclass, field, fields, replace
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from clutchid.errors import ParameterError
 from clutchid.names import check_names
 from clutchid.parameters import Row, is_number
+
+if TYPE_CHECKING:
+    from clutchid.truck.parts import Parts
 
 FACTS = "truck specification"
 PAPER = "Appendix A"
@@ -24,9 +27,18 @@ def choice(value: str, known: tuple[str, ...]) -> Any:
     return field(default=value, metadata={"known": known})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+#: Zero of the position sensor: learned at the vented rest of each recording, or kept from the new clutch.
+ZEROS = ("learned", "kept")
+
+
+@dataclass(frozen=True, kw_only=True)
 class Vehicle:
-    """Parameters in SI that trucks of both families have; `clutchid.truck.Truck` and `TruckB` add their own."""
+    """Parameters in SI that all trucks have; the `parts` of a truck add their own, see `clutchid.truck.kinds`.
+
+    `wear` and `cycles` are its age, see `clutchid.truck.aged`; all other parameters are those of the new truck.
+    """
+
+    parts: ClassVar[Parts]
 
     # actuator
     A_A: float = number(12.3e-3, "m²", "area of the piston in chamber A", 1e-3, 0.1, PAPER)
@@ -50,11 +62,12 @@ class Vehicle:
     # friction
     F_C: float = number(140.0, "N", "Coulomb friction of the seals without pressure", 0.01, 5e3)
     D_v: float = number(4000.0, "N·s/m", "viscous friction at 293.15 K", 0, 2e4, "2000 to 5000")
+    R_S: float = number(1.35, "1", "ratio of static to Coulomb friction", 1, 3)
+    v_S: float = number(0.01, "m/s", "Stribeck velocity", 1e-4, 1)
+    K_z: float = number(1e6, "N/m", "stiffness of the seals", 1e4, 1e7, PAPER)
     # clutch
-    F_r: float = number(
-        40.0, "N", "return coil spring: preload at the rest of the new clutch", 1, 500, "shared data, 30 N"
-    )
-    k_r: float = number(1500.0, "N/m", "return coil spring: stiffness", 0, 1e4, "assumption")
+    F_r: float = number(40.0, "N", "return spring: preload at the rest of the new clutch", 1, 500, "shared data, 30 N")
+    k_r: float = number(1500.0, "N/m", "return spring: stiffness", 0, 1e4, "assumption")
     K_stop: float = number(1.15e9, "N/m^1.5", "end stops: contact", 1e7, 2e10, "0.3 mm at full pressure")
     chi: float = number(4.0, "s/m", "end stops: damping", 0, 100, "Hunt and Crossley")
     # age
@@ -64,9 +77,7 @@ class Vehicle:
     i_w: float = number(0.3, "1", "shift of the engaged rest per wear; 6.3 without an adjuster", 0, 10, FACTS)
     a_F: float = number(0.25, "1", "relative increase of seal friction per million strokes", 0, 5, "assumption")
     a_C: float = number(1.5, "1", "relative increase of leakage per million strokes", 0, 50, "assumption")
-    a_H: float = number(
-        0.008, "1", "final relaxation of the springs' free height", 0, 0.1, "assumption, 1 to 2 % of load"
-    )
+    a_H: float = number(0.008, "1", "final relaxation of the springs", 0, 0.1, "assumption, 1 to 2 % of load")
     # sensors
     q_y: float = number(1.2e-5, "m", "position: quantum", 0, 1e-3)
     s_y: float = number(2e-5, "m", "position: white noise, rms", 0, 1e-3)
@@ -84,12 +95,18 @@ class Vehicle:
     t_lead: float = number(0.012, "s", "prediction time of the controller", 0, 0.1, "tuned")
     e_in: float = number(0.12e-3, "m", "error below which both valves close", 0, 5e-3, "tuned")
     e_out: float = number(0.25e-3, "m", "error above which a valve opens again", 0, 5e-3, "tuned")
+    zero: str = choice("learned", ZEROS)
 
     def __post_init__(self) -> None:
         problems = [text for item in fields(self) for text in self._checked(item)]
         if not problems:
-            problems = [*self.contradictions()]
+            problems = [*self._contradictions()]
         ParameterError.raise_for(problems)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        from clutchid.truck.kinds import remade
+
+        return remade, (self.parts.letters, {item.name: getattr(self, item.name) for item in fields(self)})
 
     def _checked(self, item: Field[Any]) -> list[str]:
         name, value = item.name, getattr(self, item.name)
@@ -105,19 +122,19 @@ class Vehicle:
         unit = "" if row.unit == "1" else f" {row.unit}"
         return [f"{name} = {value:g}{unit}: {row.meaning} is {row.allowed}{unit}."]
 
-    def contradictions(self) -> Iterator[str]:
+    def _contradictions(self) -> Iterator[str]:
         """Contradictions between parameters that are admissible individually."""
+        worn = f"wear = {self.wear * 1e3:g} mm"
         if self.A_B > self.A_A:
             yield f"A_B = {self.A_B:g} m² must not exceed A_A = {self.A_A:g} m²: the rod reduces the area of chamber B."
         if self.wear > self.w_max:
-            yield (
-                f"wear = {self.wear * 1e3:g} mm exceeds the facing of this truck, which can wear by"
-                f" {self.w_max * 1e3:g} mm; the clutch would need a new disc."
-            )
+            yield f"{worn} exceeds the facing of this truck, which can wear by {self.w_max * 1e3:g} mm; renew the disc."
         if 1.1 * self.A_A * self.i_w * self.wear >= self.V_0A:
-            yield f"wear = {self.wear * 1e3:g} mm with i_w = {self.i_w:g} moves the rest beyond the end of chamber A."
+            yield f"{worn} with i_w = {self.i_w:g} moves the rest beyond the end of chamber A."
         if self.e_in > self.e_out:
             yield f"e_in = {self.e_in:g} m must not exceed e_out = {self.e_out:g} m."
+        for part in self.parts:
+            yield from part.contradictions(self)
 
     @classmethod
     def names(cls) -> tuple[str, ...]:

@@ -1,0 +1,37 @@
+"""Types of trucks: their parameters are those of all trucks and those of their parts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import make_dataclass
+from functools import cache
+from typing import Any
+
+from clutchid.truck.parts import PARTS, parts_of
+from clutchid.truck.vehicle import Vehicle
+
+
+@cache
+def kind_of(letters: str) -> type[Vehicle]:
+    """Type of the trucks with the parts of these families, in the order of the slots of `clutchid.truck.parts.Parts`.
+
+    Examples
+    --------
+    >>> kind_of("A" * 9)().A_A, len(kind_of("BAAAAAAAA").names()) - len(kind_of("A" * 9).names())
+    (0.0123, 3)
+    """
+    parts = parts_of(letters)
+    words = ", ".join(part.name for part in parts)
+    namespace = {"parts": parts, "__doc__": f"A truck with {words}; all parameters in SI.", "__module__": __name__}
+    name = {"A" * len(parts): "Truck", "B" * len(parts): "TruckB"}.get(letters, f"Hybrid{letters}")
+    bases = (*(part.rows for part in reversed(parts)), Vehicle)
+    return make_dataclass(name, (), bases=bases, namespace=namespace, frozen=True, kw_only=True)
+
+
+def remade(letters: str, values: Mapping[str, Any]) -> Vehicle:
+    """A truck from its parts and parameters, as it is unpickled."""
+    return kind_of(letters)(**values)
+
+
+#: A truck of family A, by default close to the paper's plant, and one of family B.
+Truck, TruckB = (kind_of(PARTS[family].letters) for family in "AB")
