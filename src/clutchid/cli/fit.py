@@ -70,9 +70,9 @@ def answer(fit: Fit, writers: Writers, command: Command, verbose: bool) -> int:
     print_written(*written)
     if failures:
         return FAILED
-    why, what = next_step(fit, command)
-    print_rows([SummaryRow("next", f"{why}:")])
-    put(printable(f"  {what}"))
+    step = next_step(fit, command)
+    print_rows([SummaryRow("next", f"{step.why}:")])
+    put(printable(f"  {step.command}"))
     return DONE
 
 
