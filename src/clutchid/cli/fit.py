@@ -18,20 +18,18 @@ from clutchid.cli.common import (
     DbcOption,
     Flag,
     MapOption,
-    bounds,
     check_outputs,
     guarded,
     model_of,
     partition_of,
-    pressure,
     print_json,
     print_written,
-    priors,
     progress_bar,
 )
 from clutchid.cli.terminal import WIDTH, print_rows, printable_lines, put
 from clutchid.errors import ExportError, ParameterError
 from clutchid.names import printable
+from clutchid.workflow.options import bounds, pressure, priors
 
 if TYPE_CHECKING:
     from clutchid.estimation import Fit

@@ -14,13 +14,13 @@ from clutchid.cli.common import (
     MapOption,
     check_outputs,
     guarded,
-    pressure,
     print_json,
     print_written,
 )
 from clutchid.cli.terminal import put, sentences
 from clutchid.parameters import Parameters
 from clutchid.workflow import start_file
+from clutchid.workflow.options import pressure
 
 
 @guarded

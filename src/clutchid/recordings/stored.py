@@ -1,7 +1,7 @@
 """A source copied to a folder of columns: a file is parsed once, and any part of any channel is read at once.
 
-The copy has the numbers as written, so that `look`, the checks and a channel map give the same sentences on it as on the
-file. Beside each column lie its least and greatest values over every `BIN` samples.
+The copy has the numbers as written, so that `look`, the checks and a channel map give the same sentences on it as on
+the file. Beside each column lie its least and greatest values over every `BIN` samples.
 """
 
 from __future__ import annotations

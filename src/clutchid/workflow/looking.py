@@ -61,15 +61,25 @@ def looked(
     return _checked(contents, given, content, read)
 
 
-def looked_at(source: Source, ambient: float, given: ChannelMap | None, content: ParameterFile | None = None) -> Looked:
-    """The same for an opened file, such as one of stored columns.
+def contents_of(source: Source, ambient: float, given: ChannelMap | None) -> FileOverview:
+    """The contents of an opened file, such as one of stored columns."""
+    return overview_of(source, ambient, given.dbc if given else (), given)
+
+
+def checked(
+    source: Source,
+    contents: FileOverview,
+    ambient: float,
+    given: ChannelMap | None,
+    content: ParameterFile | None = None,
+) -> Looked:
+    """Checks on an opened file with these contents.
 
     Raises
     ------
     DataError
         If a map that is `given` does not fit it.
     """
-    contents = overview_of(source, ambient, given.dbc if given else (), given)
 
     def read(channels: ChannelMap | None) -> Log:
         return next(source_pieces(source, channels, ambient, _NEEDED))
