@@ -58,15 +58,15 @@ def plotted(folder: Path, grid: int, columns: Sequence[int], begin: float, end: 
     step = -(-count // width)
     if step >= 2 * BIN:
         bins = step // BIN
-        start = first // BIN
-        stop = -(-last // BIN)
-        begins = np.arange(start, stop, bins) * BIN
+        start, stop = first // BIN, -(-last // BIN)
         ends = [_merged(one.extremes(start, stop), bins) for one in several]
-        step = bins * BIN
+        stamps = clock.extremes(start, stop)[:, 0]  # of the first sample of each bin, as the time never decreases
+        half = bins // 2
     else:
-        begins = np.arange(first, last, step)
         ends = [extremes_of(one.read(first, last), step) for one in several]
-    times = _at(clock, size, np.column_stack([begins, begins + step // 2]).ravel())
+        stamps, bins, half = clock.read(first, last), step, step // 2
+    begins = np.arange(0, stamps.size, bins)
+    times = stamps[np.column_stack([begins, np.minimum(begins + half, stamps.size - 1)]).ravel()]
     return np.vstack([times, *(found.ravel() for found in ends)])
 
 
@@ -79,14 +79,14 @@ def _merged(ends: FloatArray, bins: int) -> FloatArray:
 
 
 def _index(clock: StoredColumn, size: int, time: float, *, after: bool = False) -> int:
-    """Index of the first sample at or after a time, or with `after` behind it; few pages of the file are read."""
-    if size == 0:
-        return 0
-    values = np.memmap(clock.values, np.float64, "r", shape=(size,))
-    return int(np.searchsorted(values, time, "right" if after else "left"))
+    """Index of the first sample at or after a time, or with `after` behind it; some twenty samples are read."""
 
+    def is_before(index: int) -> bool:
+        at = float(clock.read(index, index + 1)[0])
+        return at <= time if after else at < time
 
-def _at(clock: StoredColumn, size: int, indices: np.ndarray) -> FloatArray:
-    """Times of samples; of one beyond the last, that of the last."""
-    values = np.memmap(clock.values, np.float64, "r", shape=(size,))
-    return np.asarray(values[np.minimum(indices, size - 1)])
+    low, high = 0, size
+    while low < high:
+        middle = (low + high) // 2
+        low, high = (middle + 1, high) if is_before(middle) else (low, middle)
+    return low

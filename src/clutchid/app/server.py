@@ -295,7 +295,7 @@ def bound(port: int) -> socket.socket:
     ParameterError
         If the port is in use, or may not be used.
     """
-    one = socket.socket()
+    one = socket.socket(proto=socket.IPPROTO_TCP)  # known to asyncio as TCP, it sends small answers at once
     try:
         one.bind(("127.0.0.1", port))
         one.listen(128)

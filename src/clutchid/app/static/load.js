@@ -96,7 +96,7 @@ function form(verb, title, purpose, redraw) {
     redraw();
   };
   return h("section", { class: "card", "aria-label": title }, h("h2", {}, title), h("p", { class: "hint" }, purpose),
-    rows.length ? h("table", { class: "choose" }, h("thead", {}, h("tr", {}, ["fit", "verify", "recording", ""].map((text) => h("th", { scope: "col" }, text)))), h("tbody", {}, rows)) : null,
+    rows.length ? h("table", { class: "choose" }, h("thead", {}, h("tr", {}, ["fit", "verify", "recording", "has"].map((text) => h("th", { scope: "col" }, text)))), h("tbody", {}, rows)) : null,
     verb === "estimate" && h("p", { class: "field" }, h("label", { for: "start" }, "Calibration (--start)"), h("select", { id: "start", onchange: (event) => { chosen.start = event.target.value; redraw(); } },
       h("option", { value: "" }, calibrations().length ? "–" : "none yet"), calibrations().map((result) => h("option", { value: result.id, selected: result.id === chosen.start }, `${result.name} (${result.id.split("-")[1]})`)))),
     more(verb, redraw),
@@ -212,7 +212,7 @@ function downloads(result) {
   const select = (name, values) => h("select", { id: `export-${name}`, "aria-label": name === "to" ? "Export to" : "Method of the observer", onchange: (event) => { target[name] = event.target.value; } }, values.map(([value, words]) => h("option", { value, selected: target[name] === value }, words)));
   const failed = all("job").filter((job) => job.about === `${result.id} export`).at(-1);
   return h("section", { class: "downloads", "aria-label": "Downloads" }, h("h3", {}, "Downloads"),
-    found.writing ? h("p", { class: "hint" }, "Files are being written …") : h("div", { class: "buttons" }, (found.files ?? []).map(link)),
+    found.writing ? h("p", { class: "hint" }, "Files are being written …") : h("div", { class: "buttons" }, Object.keys(FILES).filter((name) => (found.files ?? []).includes(name)).map(link)),
     found.failures?.length ? notice(found.failures.join("\n")) : null,
     found.is_calibration && !found.writing && h("div", { class: "tools" }, "Export for a control unit:", select("to", [["c", "C99"], ["c,a2l", "C99 and A2L"], ["c,fmu2", "C99 and FMU 2.0"], ["c,matlab", "C99 and MATLAB"]]),
       select("method", ["joint", "joint-reduced", "states", "paper"].map((name) => [name, name])),

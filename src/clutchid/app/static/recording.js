@@ -15,7 +15,9 @@ const searches = new Map();
 let refused = "";
 let listing = null;
 let chosen = "";
-let shown = null;             // the strips of the recording that is shown
+let shown = null;             // the strips of the recording that is shown, where they are, and of what
+let holderOfShown = null;
+let keyOfShown = "";
 
 export function recordingStage(main, go) {
   const add = h("section", { class: "add", "aria-label": "Open recordings" });
@@ -34,7 +36,7 @@ export function recordingStage(main, go) {
       if (these.has(`recording ${chosen}`) || (chosen && details.dataset.of !== chosen)) drawDetails(details, go);
     },
     redraw() { shown?.redraw(); },
-    end() { shown?.end(); shown = null; },
+    end() { endStrips(); },
     choose(id) { chosen = id; drawList(list, details, go); drawDetails(details, go); },
     redrawAdd() { drawAdd(add, () => drawList(list, details, go)); },
   };
@@ -60,12 +62,10 @@ export async function take(files, redraw) {
 
 function drawAdd(add) {
   const redraw = () => drawAdd(add);
-  const input = h("input", { type: "file", multiple: true, id: "files", class: "hidden", onchange: (event) => take([...event.target.files], redraw) });
+  const input = h("input", { type: "file", multiple: true, id: "files", class: "hidden", tabindex: "-1", "aria-label": "Files", onchange: (event) => take([...event.target.files], redraw) });
   const zone = h("div", { class: "drop" },
     h("p", {}, h("strong", {}, "Drop recordings here"), h("br"), "CSV, Parquet, MDF, MATLAB, BLF, ASC; or a calibration (TOML)"),
-    h("div", { class: "buttons" }, h("label", { class: "button", for: "files", tabindex: "0", role: "button", onkeydown: (event) => {
-      if (event.key === "Enter" || event.key === " ") { event.preventDefault(); input.click(); }
-    } }, "Choose files"), input,
+    h("div", { class: "buttons" }, h("button", { type: "button", onclick: () => input.click() }, "Choose files"), input,
     h("button", { type: "button", id: "by-path", class: "plain", onclick: async () => {
       if (listing) { listing = null; redraw(); } else await list("", redraw);
     } }, listing ? "Close the list" : "Open by path")));
@@ -159,8 +159,7 @@ const scaled = (entry, convert) => (entry ? (x) => convert(entry.sign * entry.fa
 function drawDetails(details, go) {
   const recording = one("recording", chosen);
   details.dataset.of = chosen;
-  shown?.end();
-  shown = null;
+  if (!recording?.look || stripsKey(recording) !== keyOfShown) endStrips();
   if (!recording) {
     fill(details, h("div", { class: "empty" }, h("h2", {}, "Recordings"),
       h("p", {}, "Open a recording of the clutch actuator: position, duty cycles of the valves and, for a calibration, the pressure in the chamber."),
@@ -178,7 +177,7 @@ function drawDetails(details, go) {
   const time = look.grids[0]?.time;
   const facts = [look.format, plural(look.grids.length, "time grid"), look.grids.length && `${look.grids[0].samples.toLocaleString("en")} samples`,
     time && `${short(time.last_s - time.first_s, 4)} s`, time?.usual_interval_s && `${short(1 / time.usual_interval_s, 4)} Hz`].filter(Boolean);
-  const plots = h("section", { "aria-label": "Samples" });
+  const plots = shown ? holderOfShown : h("section", { "aria-label": "Samples" });  // what was zoomed stays so
   const channels = h("section", { "aria-label": "Channels" });
   fill(details, head, h("p", { class: "facts" }, facts.join(" · ")),
     recording.status === "failed" && notice(recording.message), look.status === "bad_input" && notice(look.message),
@@ -186,8 +185,16 @@ function drawDetails(details, go) {
       h("div", { class: "notice care" }, "The channels below are proposed, partly by guessing. Check them, and keep the map:", h("ul", {}, look.remarks.map((text) => h("li", {}, text))))),
     plots, channels, drawChecks(recording), drawStrokes(recording, () => drawDetails(details, go)));
   drawChannels(channels, recording, () => drawStrips(plots, recording));
-  drawStrips(plots, recording);
+  if (!shown) drawStrips(plots, recording);
 }
+
+function endStrips() {
+  shown?.end();
+  shown = null;
+}
+
+/** What the strips of a recording depend on. */
+const stripsKey = (recording) => JSON.stringify([recording.id, draftOf(recording), [...selection(recording)], recording.look.grids, recording.look.ambient]);
 
 async function forget(recording) {
   for (const kept of [drafts, plotted, messages, searches]) kept.delete(recording.id);
@@ -205,8 +212,7 @@ function selection(recording) {
 }
 
 function drawStrips(holder, recording) {
-  shown?.end();
-  shown = null;
+  endStrips();
   const { look } = recording;
   const several = look.grids.length > 1;
   const draft = draftOf(recording);
@@ -226,6 +232,7 @@ function drawStrips(holder, recording) {
   if (!panels.size || !spans.length) { fill(holder, h("p", { class: "hint" }, "Choose channels to plot below.")); return; }
   const span = [Math.min(...spans.map((one) => one[0])), Math.max(...spans.map((one) => one[1]))];
   if (!(span[1] > span[0])) span[1] = span[0] + 1;
+  [holderOfShown, keyOfShown] = [holder, stripsKey(recording)];
   shown = strips(holder, { panels: [...panels.values()], span, read: (...rest) => points(`/api/recordings/${recording.id}/plot`, ...rest) });
 }
 

@@ -1,6 +1,6 @@
 // Strips: one plot a unit, one below the other, with one time axis and one cursor; A and B are set by click and Shift+click.
 import uPlot from "./vendor/uPlot.esm.js";
-import { colour, h, short } from "./page.js";
+import { colour, h, notice, short } from "./page.js";
 
 const HEIGHT = 170;
 let keys = 0;
@@ -17,15 +17,15 @@ export function strips(holder, { panels, read, span, marks = [] }) {
   const cursors = { a: null, b: null };
   let highlighted = marks;
   const readout = h("table", { class: "readout", hidden: true });
-  const error = h("p", { class: "notice bad", role: "alert", hidden: true });
-  const area = h("div", { class: "strips", tabindex: "0", role: "group",
+  const error = h("div", {});
+  const area = h("div", { class: "strips", id: key, tabindex: "0", role: "group",
     "aria-label": "Plots over time. Plus and minus zoom, arrow keys move, 0 shows all, a and b set the cursors in the middle." });
   const button = (text, label, act) => h("button", { type: "button", class: "plain", "aria-label": label, title: label, onclick: act }, text);
   const tools = h("div", { class: "tools" },
-    button("All", "Show the whole recording", () => show(...span)), button("+", "Zoom in", () => zoom(0.5)),
+    button("All", "All: show the whole recording", () => show(...span)), button("+", "Zoom in", () => zoom(0.5)),
     button("−", "Zoom out", () => zoom(2)), button("◀", "Earlier", () => move(-0.5)), button("▶", "Later", () => move(0.5)),
-    button("A", "Set cursor A in the middle", () => set("a", (begin + end) / 2)),
-    button("B", "Set cursor B in the middle", () => set("b", (begin + end) / 2)),
+    button("A", "A: set this cursor in the middle", () => set("a", (begin + end) / 2)),
+    button("B", "B: set this cursor in the middle", () => set("b", (begin + end) / 2)),
     h("span", { class: "hint" }, "Drag to zoom, double-click for all; click sets A, Shift+click B."));
   holder.replaceChildren(tools, area, readout, error);
 
@@ -138,7 +138,7 @@ export function strips(holder, { panels, read, span, marks = [] }) {
         rows.push(row(`${one.label}${panel.unit ? ` [${panel.unit}]` : ""}`, at(plot, index + 1, a), at(plot, index + 1, b), 6));
       });
     }
-    readout.replaceChildren(h("thead", {}, h("tr", {}, ["", "A", "B", "B − A"].map((text) => h("th", { scope: "col" }, text)))), h("tbody", {}, rows));
+    readout.replaceChildren(h("thead", {}, h("tr", {}, ["signal", "A", "B", "B − A"].map((text) => h("th", { scope: "col" }, text)))), h("tbody", {}, rows));
   }
   const row = (label, a, b, digits) => h("tr", {}, h("th", { scope: "row" }, label), h("td", {}, short(a, digits)), h("td", {}, short(b, digits)),
     h("td", {}, a === null || b === null ? "–" : short(b - a, digits)));
@@ -160,7 +160,7 @@ export function strips(holder, { panels, read, span, marks = [] }) {
         return [grid, { time: found[0], by: new Map(list.map((column, i) => [column, found[i + 1]])) }];
       })));
       if (number !== asked) return;
-      error.hidden = true;
+      error.replaceChildren();
       for (const { plot, panel } of plots) {
         const parts = panel.series.map((one) => {
           const { time, by } = tables.get(one.grid);
@@ -176,8 +176,7 @@ export function strips(holder, { panels, read, span, marks = [] }) {
       area.dataset.shown = `${begin} ${end}`;
       write();
     } catch (problem) {
-      error.textContent = problem.message;
-      error.hidden = false;
+      error.replaceChildren(notice(problem.message));
     }
   }
 
