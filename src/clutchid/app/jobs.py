@@ -76,12 +76,18 @@ class Jobs:
         Called with a job whenever something of it has changed.
     done
         Called with a job and its result, or with what is known of it before it is done.
+    trace
+        Called with the traceback of an error that nobody expected.
     """
 
     def __init__(
-        self, folder: Path, changed: Callable[[Job], None], done: Callable[[Job, dict[str, Any]], None]
+        self,
+        folder: Path,
+        changed: Callable[[Job], None],
+        done: Callable[[Job, dict[str, Any]], None],
+        trace: Callable[[str], None],
     ) -> None:
-        self._folder, self._changed, self._done = folder, changed, done
+        self._folder, self._changed, self._done, self._trace = folder, changed, done, trace
         self._waiting: dict[Lane, deque[Job]] = {"files": deque(), "fits": deque()}
         self._running: dict[Lane, asyncio.Task[None]] = {}
         self._jobs: dict[str, Job] = {}
@@ -185,7 +191,7 @@ class Jobs:
             elif event["event"] == "failed":
                 job.bad_input = event["status"] == "bad_input"
                 if event.get("traceback"):
-                    print(event["traceback"], file=sys.stderr)
+                    self._trace(event["traceback"])
                 self._failed(job, event["message"])
                 return
             elif event["event"] == "done":

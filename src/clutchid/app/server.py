@@ -310,7 +310,7 @@ def bound(port: int) -> socket.socket:
 
 def serve(
     files: Sequence[Path], below: Path, base: Path, say: Callable[[str], None],
-    *, port: int = 0, browser: bool = True, keep: bool = False,
+    *, port: int = 0, browser: bool = True, keep: bool = False, trace: Callable[[str], None] = lambda _: None,
 ) -> Path:  # fmt: skip
     """Serve the page until the process is interrupted; the folder of the server, which is left only with `keep`.
 
@@ -322,6 +322,8 @@ def serve(
         Where the folder of the server is made.
     say
         Called with the address once the page is there.
+    trace
+        Called with the traceback of an error in a job that nobody expected.
     port
         Of this machine; 0 for any that is free.
 
@@ -340,7 +342,7 @@ def serve(
             if browser:
                 webbrowser.open(opening_page(folder, access.address).as_uri())
 
-        app = application(Session(folder, below, files), access, begun)
+        app = application(Session(folder, below, files, trace), access, begun)
         config = uvicorn.Config(app, log_level="critical", access_log=False, timeout_graceful_shutdown=1, ws="none")
         with contextlib.suppress(KeyboardInterrupt):  # uvicorn raises it again when it has ended
             uvicorn.Server(config).run(sockets=[one])

@@ -7,7 +7,7 @@ import os
 import shlex
 import shutil
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -49,12 +49,20 @@ class Session:
         Its own, for uploads, columns and results.
     below, given
         The folder whose files may be opened by path, and further files.
+    trace
+        Called with the traceback of an error in a job that nobody expected.
     """
 
-    def __init__(self, folder: Path, below: Path, given: Sequence[Path] = ()) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        below: Path,
+        given: Sequence[Path] = (),
+        trace: Callable[[str], None] = lambda _: None,
+    ) -> None:
         self.folder, self.below, self.given = folder, below.resolve(), tuple(given)
         self.board = Board()
-        self.jobs = Jobs(folder / "processes", self._job_changed, self._job_done)
+        self.jobs = Jobs(folder / "processes", self._job_changed, self._job_done, trace)
         self._numbers = itertools.count(1)
 
     # recordings

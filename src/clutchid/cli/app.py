@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
@@ -39,7 +40,7 @@ def app(
     keep
         Keep uploads, maps and results at the end, and print in which folder.
     debug
-        Show the traceback of an error.
+        Show the traceback of an error, also of one in a job.
     """
     for name, library in (("starlette", "Starlette"), ("uvicorn", "uvicorn")):
         if find_spec(name) is None:
@@ -53,7 +54,14 @@ def app(
         if not file.is_file():
             raise DataError(f"{file}: there is no such file.")
     kept = serve(
-        [file.absolute() for file in files], folder, cache_folder(), put, port=port, browser=browser, keep=keep
+        [file.absolute() for file in files],
+        folder,
+        cache_folder(),
+        put,
+        port=port,
+        browser=browser,
+        keep=keep,
+        trace=lambda text: put(text, to=sys.stderr) if debug else None,
     )
     if keep:
         print_written(kept)
