@@ -3,11 +3,12 @@
 import os
 import signal
 
+import numpy as np
 import psutil
 import pytest
 
 from clutchid.reports.fit_json import fit_json
-from clutchid.workflow.verbs import calibrate
+from clutchid.workflow.verbs import calibrate, observe
 from fixtures.commands import called, wait_for
 
 pytestmark = pytest.mark.slow
@@ -169,3 +170,26 @@ def test_an_export_to_something_unknown_is_refused(working, calibrated):
 
     wait_for(failed)
     assert "--to fortran" in failed()[0]["message"]
+
+
+def test_a_recording_is_observed_as_by_the_library(working, calibrated, recorded):
+    worn = upload(working, recorded / "worn.csv")
+    working.wait("recording", worn, "ready")
+    body = {"recording": worn, "start": calibrated, "method": "joint"}
+    id_ = working.ask("POST", "/api/observations", body).json["id"]
+    found = working.wait("observation", id_, "done", "failed")["found"]
+    expected = observe(recorded / "worn.csv", working.session.calibration_file(calibrated))
+    assert [row["time"] for row in found["loads"][1:]] == [row.time for row in expected.strokes]
+    assert found["loads"][-1]["curve"]["force_N"] == expected.strokes[-1].curve.force.tolist()
+    assert found["health"] == expected.health
+    answer = working.ask("GET", f"/api/observations/{id_}/plot?grid=0&columns=0,1&begin=1&end=2&width=2000")
+    pressure = np.frombuffer(answer.body).reshape(3, -1)[2]
+    assert pressure.size == pytest.approx(1000, abs=3)
+    assert set(pressure) <= set(expected.estimates()["pressure_a"])
+    assert working.ask("DELETE", f"/api/observations/{id_}").status == 200
+
+
+@pytest.mark.parametrize("change", [{"recording": "recording-99"}, {"start": "result-99"}, {"method": 3}])
+def test_an_observation_without_its_inputs_is_refused(working, cal, calibrated, change):
+    body = {"recording": cal, "start": calibrated, "method": "joint"} | change
+    assert working.ask("POST", "/api/observations", body).status == 422

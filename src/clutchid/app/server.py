@@ -69,6 +69,9 @@ def application(session: Session, access: Access, begun: Callable[[], None] = la
         Route("/api/recordings/{id}/cut", _of(session, _cut), methods=["POST"]),
         Route("/api/calibrations", _of(session, _upload_calibration), methods=["PUT"]),
         Route("/api/fits", _of(session, _fit), methods=["POST"]),
+        Route("/api/observations", _of(session, _observe), methods=["POST"]),
+        Route("/api/observations/{id}", _of(session, _forget_observation), methods=["DELETE"]),
+        Route("/api/observations/{id}/plot", _of(session, _plot_observation)),
         Route("/api/jobs/{id}", _of(session, _cancel), methods=["DELETE"]),
         Route("/api/results/{id}", _of(session, _forget_result), methods=["DELETE"]),
         Route("/api/results/{id}/plot", _of(session, _plot_result)),
@@ -226,6 +229,21 @@ async def _fit(session: Session, request: Request) -> Response:
     start = body.get("start") or None
     id_ = session.fit(_text(body, "verb"), recordings, verify, start, body.get("options", {}))
     return JSONResponse({"id": id_})
+
+
+async def _observe(session: Session, request: Request) -> Response:
+    body = await _body(request)
+    recording, start, method = (_text(body, name) for name in ("recording", "start", "method"))
+    return JSONResponse({"id": session.observe(recording, start, method, force=bool(body.get("force")))})
+
+
+async def _forget_observation(session: Session, request: Request) -> Response:
+    session.forget("observation", request.path_params["id"])
+    return JSONResponse({})
+
+
+async def _plot_observation(session: Session, request: Request) -> Response:
+    return _plot(session, request, "observation")
 
 
 async def _cancel(session: Session, request: Request) -> Response:

@@ -215,6 +215,33 @@ class Session:
         )
         return id_
 
+    def observe(self, recording: str, start: str, method: str, *, force: bool) -> str:
+        """Begin to follow a recording with the observer of a calibration; the id of what it becomes.
+
+        Raises
+        ------
+        DataError
+            If the recording or the calibration is not there.
+        """
+        item, first = self._item(recording), self.calibration_file(start)
+        id_ = self._id("observation")
+        folder = self.folder / "results" / id_
+        folder.mkdir(parents=True)
+        words = ["clutchid", "observe", item["name"], "--start", self._start_name(start), "--method", method]
+        words += ["--out", "est.parquet", *(["--map", "map.toml"] if item["map"] else [])]
+        words += ["--force"] if force else []
+        task = {
+            "do": "observe", "recording": item, "start": str(first), "method": method, "folder": str(folder),
+            "force": force,
+        }  # fmt: skip
+        name = f"observe {item['name']}"
+        self.board.put("observation", id_, {
+            "id": id_, "name": name, "method": method, "status": "waiting", "recording": recording, "start": start,
+            "found": None, "message": "", "bad_input": False, "command": shlex.join(words),
+        })  # fmt: skip
+        self.jobs.submit(name, "fits", task, id_)
+        return id_
+
     def export(self, id_: str, to: str, method: str) -> None:
         """Begin to export the observer of a calibration.
 
@@ -275,10 +302,10 @@ class Session:
 
     def _job_changed(self, job: Job) -> None:
         self.board.put("job", job.id, job.content())
-        kind = "recording" if job.about.startswith("recording") else "result"
+        kind = job.about.partition("-")[0]
         if job.status in ("failed", "cancelled") and " " not in job.about:
             self.board.update(kind, job.about, status=job.status, message=job.message, bad_input=job.bad_input)
-        elif job.status == "running" and kind == "result" and " " not in job.about:
+        elif job.status == "running" and kind != "recording" and " " not in job.about:
             known = self.board.get(kind, job.about)
             if known is not None and known["status"] == "waiting":
                 self.board.update(kind, job.about, status="running")
@@ -293,7 +320,7 @@ class Session:
             size = path.stat().st_size if path.exists() else 0
             self.board.update("recording", job.about, status="ready", look=found, size=size, message="")
         else:
-            self.board.update("result", job.about, status="done", found=found, message="")
+            self.board.update(job.about.partition("-")[0], job.about, status="done", found=found, message="")
 
     def _id(self, kind: str) -> str:
         return f"{kind}-{next(self._numbers)}"

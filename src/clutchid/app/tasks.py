@@ -348,6 +348,66 @@ def export(task: Task, events: Listener) -> dict[str, Any]:
     return {"file": Path(archive).name, "words": words, "notes": list(done.notes), "result": task["result"]}
 
 
+def observe(task: Task, events: Listener) -> dict[str, Any]:
+    """Follow a recording with the observer of a calibration, and write its columns and its loads by stroke.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `clutchid.observe`.
+    """
+    from clutchid.observer.by_stroke import curve, positions
+    from clutchid.observer.observer import start
+    from clutchid.reports.observe_text import end_rows
+
+    events.progress("reading", 0.0, "reading")
+    when_compiling(lambda _: events.progress("compiling", 0.1, "compiling the model, once per machine"))
+    content = workflow.start_file(Path(task["start"]), None)
+    item = task["recording"]
+    files = workflow.FileOptions(
+        content.actuator.parameters.P_0,
+        None if item.get("map") is None else Path(item["map"]),
+        tuple(map(Path, item.get("dbc", ()))),
+    )
+    equipment = content.actuator.equipment
+    (log,) = workflow.read_recordings([Path(item["path"])], files, equipment, measured=("pressure_a",))
+    events.progress("checks", 0.1, "checks")
+    force = bool(task.get("force"))
+    (log,) = workflow.inspected([log], content.actuator, force=force, rest=content.rest)
+    log = workflow.fast_enough(log, content, force=force)
+    events.progress("observing", 0.3, f"following {len(log):,} samples")
+    run = workflow.observed(log, content, task["method"])
+    events.progress("writing", 0.9, "writing")
+    folder = Path(task["folder"]) / "columns"
+    folder.mkdir(parents=True, exist_ok=True)
+    estimates = run.estimates()
+    names = [name for name in OBSERVED if name in estimates.columns]
+    write_column(folder, 0, CLOCK, clock_column(log.time))
+    for number, name in enumerate(names):
+        write_column(folder, 0, number, np.asarray(estimates.columns[name], dtype=np.float64))
+    grid = positions(run.observer)
+    loads = [(float(log.time[0]), 0, curve(run.observer, run.before, grid))]
+    loads += [(row.time, row.number, row.curve) for row in run.strokes]
+    shown = {
+        "columns": names,
+        "span": [float(log.time[0]), float(log.time[-1])],
+        "calibrated": curve_json(curve(run.observer, start(run.observer), grid)),
+        "loads": [{"time": time, "stroke": number, "curve": curve_json(one)} for time, number, one in loads],
+        "health": dict(run.health),
+        "summary": [row._asdict() for row in end_rows(run)],
+        "warnings": [*log.warnings],
+    }
+    result: dict[str, Any] = finite(shown)
+    return result
+
+
+#: Columns of an observed recording that are plotted.
+OBSERVED = (
+    "position", "pressure_a", "pressure_a low", "pressure_a high", "pressure_a_measured [Pa]", "innovation",
+    "innovation std", "used [1]", "nis_ratio [1]",
+)  # fmt: skip
+
+
 def finite(value: Any) -> Any:
     """A value for JSON: what is not finite is null."""
     if isinstance(value, dict):
@@ -367,4 +427,5 @@ TASKS: Mapping[str, Callable[[Task, Listener], dict[str, Any]]] = {
     "fit": fit,
     "calibration": check_calibration,
     "export": export,
+    "observe": observe,
 }

@@ -26,9 +26,9 @@ def pytest_collection_modifyitems(items):
             item.add_marker(pytest.mark.slow)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser():
-    """Chromium without a window."""
+    """Chromium without a window; it ends with the file, as its event loop is in the way of others."""
     api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed: pages are not opened.")
     if CHROMIUM is None:
         pytest.skip("there is no chromium on this machine: pages are not opened.")

@@ -1,4 +1,4 @@
-"""Both stages in both themes and at three widths, without findings of axe-core; jobs; without JavaScript."""
+"""All stages in both themes and at three widths, without findings of axe-core; jobs; without JavaScript."""
 
 from pathlib import Path
 
@@ -15,14 +15,17 @@ def findings(page):
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
-def test_both_stages_can_be_read_by_everybody_at_every_width(page, opened, theme, picture):
+def test_all_stages_can_be_read_by_everybody_at_every_width(page, opened, theme, picture):
     page.emulate_media(color_scheme=theme)
     page.reload()
     opened("cal.csv")
     page.click("text=Load")
     page.click("#run-calibrate")
     page.locator("text=Report (page)").wait_for()
-    for stage in ("recording", "load"):
+    page.click("text=On line")
+    page.click("#run-observe")
+    page.locator("#chart-online .uplot").wait_for()
+    for stage in ("online", "recording", "load"):
         page.click(f"nav a[href='#{stage}']")
         page.locator(".uplot").first.wait_for()
         for width in (1400, 900, 500):

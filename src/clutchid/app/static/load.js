@@ -12,6 +12,8 @@ const board = new Set();      // results that are overlaid
 let open = "";                // the result whose details are shown
 let plots = [];
 
+export { calibrations };
+
 export function loadStage(main) {
   const forms = h("div", { class: "forms" });
   const chart = h("section", { class: "charts", "aria-label": "Loads" });

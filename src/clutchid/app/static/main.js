@@ -2,9 +2,10 @@
 import { follow, h, learn, listen, notice } from "./page.js";
 import { jobBar } from "./jobs.js";
 import { loadStage } from "./load.js";
+import { onlineStage } from "./online.js";
 import { recordingStage, take } from "./recording.js";
 
-const STAGES = { recording: ["Recording", recordingStage], load: ["Load", loadStage] };
+const STAGES = { recording: ["Recording", recordingStage], load: ["Load", loadStage], online: ["On line", onlineStage] };
 const main = document.getElementById("main");
 const bar = jobBar(document.getElementById("jobs"));
 let stage = null;

@@ -80,7 +80,7 @@ export async function points(path, grid, columns, begin, end, width) {
 }
 
 // The objects of the server, by kind and id, and who wants to know of changes.
-const objects = { recording: new Map(), result: new Map(), job: new Map() };
+const objects = { recording: new Map(), result: new Map(), observation: new Map(), job: new Map() };
 const listeners = [];
 export const all = (kind) => [...objects[kind].values()];
 export const one = (kind, id) => objects[kind].get(id);

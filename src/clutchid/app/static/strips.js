@@ -16,6 +16,7 @@ export function strips(holder, { panels, read, span, marks = [] }) {
   let asked = 0;
   const cursors = { a: null, b: null };
   let highlighted = marks;
+  let until = Infinity;         // what comes later is not shown: a recording that is played
   const readout = h("table", { class: "readout", hidden: true });
   const error = h("div", {});
   const area = h("div", { class: "strips", id: key, tabindex: "0", role: "group",
@@ -169,7 +170,8 @@ export function strips(holder, { panels, read, span, marks = [] }) {
         });
         const shared = panel.series.every((one) => one.grid === panel.series[0].grid && (one.delay || 0) === (panel.series[0].delay || 0));
         const data = shared ? [parts[0][0], ...parts.map((part) => part[1])] : uPlot.join(parts);
-        plot.setData(data, false);
+        full.set(plot, data);
+        plot.setData(played(data), false);
         plot.setScale("x", { min: begin, max: end });
         rescale(plot);
       }
@@ -180,11 +182,14 @@ export function strips(holder, { panels, read, span, marks = [] }) {
     }
   }
 
+  const full = new Map();
+  const played = (data) => (until === Infinity ? data : data.map((values, i) => (i === 0 ? values : values.map((value, k) => (data[0][k] <= until ? value : null)))));
+
   /** The range of what is shown, with a margin. */
   function rescale(plot) {
     let [low, high] = [Infinity, -Infinity];
-    const time = plot.data[0];
-    for (const values of plot.data.slice(1)) values.forEach((value, i) => {
+    const [time, ...columns] = full.get(plot);
+    for (const values of columns) values.forEach((value, i) => {
       if (value === null || value === undefined || time[i] < begin || time[i] > end) return;
       low = Math.min(low, value);
       high = Math.max(high, value);
@@ -203,6 +208,10 @@ export function strips(holder, { panels, read, span, marks = [] }) {
   return {
     show,
     mark(from, to) { highlighted = [[from, to]]; const edge = Math.max(0.2 * (to - from), 0.05); show(from - edge, to + edge); },
+    play(time) {
+      until = time;
+      for (const { plot } of plots) if (full.has(plot)) { plot.setData(played(full.get(plot)), false); plot.redraw(false); }
+    },
     redraw() { for (const { plot } of plots) plot.redraw(true); },
     end() { observer.disconnect(); for (const { plot } of plots) plot.destroy(); },
   };
