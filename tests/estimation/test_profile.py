@@ -90,7 +90,7 @@ def costs(problem, solution, profiled):
 
         def cost(value, start):
             without = replace(problem, coordinates=left, actuator=problem.actuator.replace({name: value}))
-            there = project(without, start.x, start.at.X, lambda _: None)
+            there = project(without, start.x, start.at.X, lambda *_: None)
             # what the prior says of the number that is not free here
             return there, there.at.cost + c.of(value) ** 2
 
@@ -157,7 +157,7 @@ def test_an_estimate_that_is_pressed_to_its_bound_ends_there_and_is_narrower_to_
 ):
     limits, priors = {"F_C": (210.0, 1e3)}, {"F_C": Prior(220.0, 88.0)}
     problem = problem_of([log], plant, NAMES, bounds=limits, priors=priors)
-    pressed = project(problem, np.clip(solution.x, *problem.bounds()), solution.at.X, lambda _: None)
+    pressed = project(problem, np.clip(solution.x, *problem.bounds()), solution.at.X, lambda *_: None)
     assert problem.si(pressed.x)[0] == pytest.approx(210.0)
     uncertain = parameter_uncertainty(problem, pressed, None)
     low, high = profile_interval(problem, pressed, uncertain, "F_C")

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from clutchid import fit
+from clutchid import calibrate, fit
 from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.truck import Truck, drive
 
 EXACT = Calibration((), np.zeros((0, 0)))
 METHODS = ["simulation", "shooting", pytest.param("prediction-error", marks=pytest.mark.slow)]
@@ -15,12 +16,25 @@ def test_evaluations_are_counted_and_stages_follow_each_other(plant, worn_log, m
     reported, options = [], {} if method == "simulation" else {"calibration": EXACT}
     found = fit(
         worn_log.slice(0, 1500), plant, free="load", method=method,
-        progress=lambda stage, count: reported.append((stage, count)), **options,
+        progress=reported.append, **options,
     )  # fmt: skip
-    stages, counts = zip(*reported, strict=True)
+    searched = [step for step in reported if step.evaluations]
+    stages, counts, costs = zip(*searched, strict=True)
     assert counts == tuple(sorted({*counts}))
     assert counts[-1] <= found.evaluations
     # shooting evaluates single windows between what it reports
     assert method == "shooting" or counts == tuple(range(1, found.evaluations + 1))
     assert list(stages) == sorted(stages)
-    assert set(stages) <= {"coarse", "fine"}
+    assert set(stages) <= {"coarse search", "fine search"}
+    assert np.isfinite(costs[-1])
+    assert costs[-1] <= np.nanmax(costs)
+
+
+@pytest.mark.slow
+def test_a_calibration_names_every_stage_in_the_order_of_its_work():
+    reported = []
+    calibrate(drive(Truck(), seconds=6.0, seed=1).log, progress=reported.append)
+    stages = list(dict.fromkeys(step.stage for step in reported))
+    assert stages == [
+        "preparation", "coarse search", "fine search", "evidence", "position alone", "innovations", "verification",
+    ]  # fmt: skip

@@ -22,7 +22,7 @@ def command(line, **files):
 
 def following(fit, line, **files):
     """The words of the next command behind ``clutchid``."""
-    _, text = next_step(fit, command(line, **files))
+    _, _, text = next_step(fit, command(line, **files))
     first, *words = shlex.split(text)
     assert first == "clutchid"
     return words
@@ -67,7 +67,8 @@ def test_a_recording_with_pressure_is_calibrated_and_one_without_is_recorded_aga
     assert words == ["calibrate", "my log.csv", "--save", "CAL.toml"]
     (one,) = fitted.recordings.values()
     without = replace(fitted, recordings={"first": replace(one, measured=one.measured.without("pressure_a"))})
-    why, _ = next_step(without, command("fit 'my log.csv'"))
+    kind, why, _ = next_step(without, command("fit 'my log.csv'"))
+    assert kind == "record"
     assert why == "record once with pressure, and calibrate"
     assert following(without, "fit 'my log.csv'")[:2] == ["calibrate", "CAL.csv"]
 
@@ -81,12 +82,12 @@ def test_the_actuator_of_the_start_file_stays_unless_it_is_that_of_the_paper(fit
 
 def test_how_recordings_are_read_stays_and_force_only_for_the_same_recordings(fitted, calibrated):
     given = replace(command("fit a.csv", save="F.toml"), reading=("--map", "M.toml"), forced=True)
-    words = shlex.split(next_step(fitted, given)[1])
+    words = shlex.split(next_step(fitted, given).command)
     assert words[:6] == ["clutchid", "calibrate", "a.csv", "--map", "M.toml", "--force"]
-    words = shlex.split(next_step(calibrated, given)[1])
+    words = shlex.split(next_step(calibrated, given).command)
     assert words == ["clutchid", "estimate", "WORN.csv", "--map", "M.toml", "--start", "F.toml"]
     read = replace(given, report=Path("a.html"))
-    words = shlex.split(next_step(with_baseline(fitted), read)[1])
+    words = shlex.split(next_step(with_baseline(fitted), read).command)
     assert words[:6] == ["clutchid", "simulate", "a.csv", "--map", "M.toml", "--force"]
     assert words[6:] == ["--parameters", "F.toml", "--out", "a-pressure.csv"]
 
@@ -103,7 +104,8 @@ def test_a_calibration_is_kept_and_then_a_worn_clutch_is_read(calibrated):
 def test_a_calibration_that_is_not_to_be_trusted_is_repeated(calibrated):
     bad = replace(calibrated, baseline=None, load_curve=with_baseline(calibrated).load_curve, recordings={})
     assert bad.verdict.trust == "none"
-    why, text = next_step(bad, command("fit a.csv --save CAL.toml", save="CAL.toml"))
+    kind, why, text = next_step(bad, command("fit a.csv --save CAL.toml", save="CAL.toml"))
+    assert kind == "correct"
     assert "calibrate again" in why
     assert text == "clutchid fit a.csv --save CAL.toml"
 
@@ -157,6 +159,6 @@ def test_a_search_that_did_not_converge_is_saved_and_continued(unconverged, line
 
 def test_a_name_that_begins_with_a_dash_is_no_option(fitted):
     given = Command(("fit", "--", "-a.csv"), (Path("-a.csv"),))
-    assert shlex.split(next_step(fitted, given)[1])[:3] == ["clutchid", "calibrate", "./-a.csv"]
-    read = next_step(with_baseline(fitted), given)[1]
+    assert shlex.split(next_step(fitted, given).command)[:3] == ["clutchid", "calibrate", "./-a.csv"]
+    read = next_step(with_baseline(fitted), given).command
     assert shlex.split(read) == ["clutchid", "fit", "--report", "./-a.html", "--", "-a.csv"]

@@ -120,7 +120,7 @@ def test_two_states_of_wear_are_no_change_of_the_valves_and_lead_to_track(fitted
     assert found["recordings"] == ["new", "worn"]
     assert found["load_percent"] == pytest.approx(20.0)
     assert 0.0 < found["load_allowed_percent"] < 20.0
-    why, what = next_step(fit, COMMAND)
+    _, why, what = next_step(fit, COMMAND)
     assert why == "follow the wear"
     assert what == "clutchid track new.csv worn.csv --start CAL.toml --out WEAR.parquet"
     assert fit_json(with_baseline(fitted))["states_of_wear"] is None

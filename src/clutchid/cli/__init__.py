@@ -12,6 +12,7 @@ from io import TextIOWrapper
 from cyclopts import App
 from cyclopts.exceptions import CycloptsError
 
+from clutchid.cli.app import app as page
 from clutchid.cli.calibrate import calibrate
 from clutchid.cli.common import DONE, FAILED, complain
 from clutchid.cli.completion import register_completion
@@ -57,6 +58,7 @@ def app() -> App:
         prove,
     ):
         application.command(command)
+    application.command(page, name="app")
     register_completion(application)
     return application
 

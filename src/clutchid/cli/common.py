@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -17,13 +16,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, ParamSpec, TextIO
 from cyclopts import Parameter
 
 from clutchid.cli.terminal import OutputLost, printable_lines, put, say, sentences
-from clutchid.errors import ClutchidError, DataError, ExportError, ParameterError
+from clutchid.errors import ParameterError
 from clutchid.log import Log
-from clutchid.log.units import UNITS, known_units
 from clutchid.names import printable
+from clutchid.workflow.failures import failure
 
 if TYPE_CHECKING:
-    from clutchid.inference.uncertainty.coordinates import Prior
     from clutchid.model.compiled import Model
     from clutchid.simulation import Partition
 
@@ -55,21 +53,10 @@ def guarded(command: Callable[P, int]) -> Callable[P, int]:
         except (Exception, KeyboardInterrupt) as error:
             if debug:
                 traceback.print_exc()
-            message, status = _sentence_and_status(error, debug)
+            message, status = failure(error, debug=debug)
             return complain(message, as_json=as_json, status=status)
 
     return run
-
-
-def _sentence_and_status(error: BaseException, debug: bool) -> tuple[str, str]:
-    """The sentence for an error, and the status."""
-    if isinstance(error, ClutchidError):
-        bad = isinstance(error, (DataError, ParameterError, ExportError))
-        return str(error), "bad_input" if bad else "failed"
-    if isinstance(error, (MemoryError, KeyboardInterrupt)):
-        return "stopped." if isinstance(error, KeyboardInterrupt) else "stopped: out of memory.", "failed"
-    what = f"an error that clutchid did not expect, {type(error).__name__}: {error}."
-    return f"{what} {'Report it with the traceback.' if debug else 'Run again with --debug and report it.'}", "failed"
 
 
 def complain(message: str, *, as_json: bool, status: str) -> int:
@@ -131,26 +118,6 @@ def pieces_of(
         yield piece
 
 
-def pressure(text: str | None, default: float) -> float:
-    """A pressure option in Pa: a number in Pa, or with a unit."""
-    if text is None:
-        return default
-    number, unit = text.strip(), "Pa"
-    for name in sorted(known_units("Pa"), key=len, reverse=True):
-        if number.endswith(name):
-            number, unit = number.removesuffix(name).strip(), name
-            break
-    try:
-        value = float(number) * UNITS[unit].scale
-    except ValueError:
-        value = math.nan
-    if UNITS[unit].gauge or not (1e4 < value < 2e5):
-        raise ParameterError(
-            f"--ambient {text}: an absolute pressure between 0.1 and 2 bar is needed, for example 1.013bar or 101300."
-        )
-    return value
-
-
 def life_limit(limit: float | None) -> float | None:
     """A shift option ``--limit`` in m: what ends the life of a clutch."""
     from clutchid.wear.tables import MOST_MM
@@ -163,41 +130,6 @@ def life_limit(limit: float | None) -> float | None:
             "if the half-load position falls."
         )
     return limit * 1e-3
-
-
-def bounds(items: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """``NAME=LOW:HIGH`` options; an empty side is open."""
-    result = {}
-    for item in items:
-        match = re.fullmatch(r"\s*(\w+)\s*=([^:]*):([^:]*)", item)
-        try:
-            name, low, high = match.groups() if match else ("", "x", "x")
-            result[name] = (float(low or "-inf"), float(high or "inf"))
-        except ValueError:
-            raise ParameterError(
-                f"--bounds {item}: write NAME=LOW:HIGH in SI units, for example C_vs=1e-8:3e-8; a side may be empty."
-            ) from None
-    return result
-
-
-def priors(items: Sequence[str]) -> dict[str, Prior]:
-    """``NAME=VALUE±STD`` options."""
-    from clutchid.inference.uncertainty.coordinates import Prior
-
-    result = {}
-    for item in items:
-        match = re.fullmatch(r"\s*([^=\s]+)\s*=\s*(.+?)\s*(?:±|\+-|\+/-)\s*(.+?)\s*", item)
-        try:
-            name, mean, std = match.groups() if match else ("", "x", "x")
-            result[name] = Prior(float(mean), float(std))
-        except ValueError:
-            result[name] = Prior(math.nan, math.nan)
-        if not (math.isfinite(result[name].mean) and 0.0 < result[name].std < math.inf):
-            raise ParameterError(
-                f"--prior {item}: write NAME=VALUE±STD in SI units, STD a standard deviation above 0, "
-                "for example P_S=8.5e5±5e3."
-            )
-    return result
 
 
 def model_of(text: str | None) -> Model | None:

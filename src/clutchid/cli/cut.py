@@ -17,13 +17,13 @@ from clutchid.cli.common import (
     check_outputs,
     guarded,
     pieces_of,
-    pressure,
     print_written,
     progress_bar,
 )
 from clutchid.cli.terminal import put
 from clutchid.errors import DataError
 from clutchid.parameters import Parameters
+from clutchid.workflow.options import pressure
 
 if TYPE_CHECKING:
     from clutchid.recordings.strokes import Section

@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from clutchid.cli.common import DONE, DbcOption, Flag, MapOption, guarded, pressure, print_json, print_written
+from clutchid.cli.common import DONE, DbcOption, Flag, MapOption, guarded, print_json, print_written
 from clutchid.cli.terminal import put, say
 from clutchid.workflow import FileOptions, read_recordings, start_file
+from clutchid.workflow.options import pressure
 
 if TYPE_CHECKING:
     from clutchid.exports.exporting import Export

@@ -18,20 +18,18 @@ from clutchid.cli.common import (
     DbcOption,
     Flag,
     MapOption,
-    bounds,
     check_outputs,
     guarded,
     model_of,
     partition_of,
-    pressure,
     print_json,
     print_written,
-    priors,
     progress_bar,
 )
 from clutchid.cli.terminal import WIDTH, print_rows, printable_lines, put
 from clutchid.errors import ExportError, ParameterError
 from clutchid.names import printable
+from clutchid.workflow.options import bounds, pressure, priors
 
 if TYPE_CHECKING:
     from clutchid.estimation import Fit
@@ -70,9 +68,9 @@ def answer(fit: Fit, writers: Writers, command: Command, verbose: bool) -> int:
     print_written(*written)
     if failures:
         return FAILED
-    why, what = next_step(fit, command)
-    print_rows([SummaryRow("next", f"{why}:")])
-    put(printable(f"  {what}"))
+    step = next_step(fit, command)
+    print_rows([SummaryRow("next", f"{step.why}:")])
+    put(printable(f"  {step.command}"))
     return DONE
 
 
@@ -247,7 +245,9 @@ def fitted(verb: str, logs: Sequence[Path], measure: str, free: str, start: Path
             f"no recording given; clutchid {verb} LOG.csv. Options that take several values (--verify, --bounds, "
             "--prior, --dbc) take all that follows them: put the recordings first."
         )
+    from clutchid.numerics.progress import Step
     from clutchid.reports.next_step import Command
+    from clutchid.workflow.progress import CALIBRATION, ESTIMATE, shared
 
     request, saves, verify = options.request(measure, free), tuple(options.save or ()), tuple(options.verify or ())
     inputs: list[tuple[str, Path | None]] = [("a recording that is fitted", path) for path in logs]
@@ -258,14 +258,13 @@ def fitted(verb: str, logs: Sequence[Path], measure: str, free: str, start: Path
     actuator, request = workflow.start_of(start, model_of(options.model), request)
     ambient = pressure(options.ambient, actuator.parameters.P_0)
     files = workflow.FileOptions(ambient, options.map_, tuple(options.dbc or ()))
-    read = workflow.read_recordings(logs, files, actuator.equipment, measured=request.measure, verify=verify)
-    with progress_bar("fit") as show:
-
-        def shown(stage: str, count: int) -> None:
-            show(f"{stage} search, {count} simulations", -1.0)
-
+    with progress_bar(verb) as show:
+        usual = CALIBRATION if request.automatic else ESTIMATE
+        progress = shared(usual, lambda done: show(done.words, done.share))
+        progress(Step("reading"))
+        read = workflow.read_recordings(logs, files, actuator.equipment, measured=request.measure, verify=verify)
         fit_logs, others = read[: len(logs)], read[len(logs) :]
-        done = workflow.fit_recordings(fit_logs, actuator, request, others, shown, force=options.force)
+        done = workflow.fit_recordings(fit_logs, actuator, request, others, progress, force=options.force)
     kept = next((path for path in saves if path.suffix.lower() in ("", ".toml")), None)
     command = Command(
         tuple(sys.argv[1:]),

@@ -11,21 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import (
-    DONE,
-    FAILED,
-    DbcOption,
-    Flag,
-    MapOption,
-    guarded,
-    life_limit,
-    pressure,
-    print_json,
-    progress_of,
-)
+from clutchid.cli.common import DONE, FAILED, DbcOption, Flag, MapOption, guarded, life_limit, print_json, progress_of
 from clutchid.cli.terminal import printable_lines, put
 from clutchid.errors import ParameterError
 from clutchid.names import printable
+from clutchid.workflow.options import pressure
 
 if TYPE_CHECKING:
     from clutchid.fleets.cluster import Tls, Workers

@@ -9,12 +9,13 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, Flag, MapOption, guarded, pressure, print_json
+from clutchid.cli.common import DONE, Flag, MapOption, guarded, print_json
 from clutchid.cli.terminal import put, say
 from clutchid.errors import ParameterError
 from clutchid.log import Log
 from clutchid.parameters import Parameters
 from clutchid.workflow import FileOptions, read_recordings
+from clutchid.workflow.options import pressure
 
 
 @guarded

@@ -7,11 +7,12 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, guarded, pressure
+from clutchid.cli.common import DONE, guarded
 from clutchid.cli.observe_live import observe_live
 from clutchid.cli.observe_output import STANDARD_INPUT, ObserveOptions, answer, calibration_file, is_live
 from clutchid.errors import ParameterError
 from clutchid.workflow import FileOptions, fast_enough, inspected, observed, read_recordings
+from clutchid.workflow.options import pressure
 
 
 @guarded

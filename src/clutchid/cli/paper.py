@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from clutchid.cli.common import DONE, Flag, guarded, pressure, progress_bar
+from clutchid.cli.common import DONE, Flag, guarded, progress_bar
 from clutchid.cli.terminal import put
 from clutchid.errors import ParameterError
 from clutchid.parameters import Parameters
 from clutchid.workflow import FileOptions, read_recordings
+from clutchid.workflow.options import pressure
 
 
 @guarded

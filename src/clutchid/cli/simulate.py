@@ -15,12 +15,12 @@ from clutchid.cli.common import (
     guarded,
     model_of,
     partition_of,
-    pressure,
     print_json,
     print_written,
 )
 from clutchid.cli.terminal import put, say
 from clutchid.workflow import FileOptions, inspected, read_recordings, start_file
+from clutchid.workflow.options import pressure
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile

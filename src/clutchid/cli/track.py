@@ -17,7 +17,6 @@ from clutchid.cli.common import (
     check_outputs,
     guarded,
     life_limit,
-    pressure,
     print_json,
     print_written,
     progress_of,
@@ -25,6 +24,7 @@ from clutchid.cli.common import (
 from clutchid.cli.terminal import printable_lines, put, say
 from clutchid.errors import ExportError, ParameterError
 from clutchid.names import printable
+from clutchid.workflow.options import pressure
 
 if TYPE_CHECKING:
     pass

@@ -32,7 +32,7 @@ from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import ParameterName, base_of
 from clutchid.numerics.failure import Failure
-from clutchid.numerics.least_squares import Progress
+from clutchid.numerics.progress import Progress, report
 from clutchid.preparation.prepare import FROM_POSITION_ALONE
 from clutchid.recordings.strokes.vented_rest import merged, vented_rest
 
@@ -53,6 +53,7 @@ def fit_with(
     DataError, ParameterError
         As `clutchid.fit`.
     """
+    report(progress, "preparation")
     actuator, free = free_parameters(logs, actuator, request)
     if not method.priors:
         return fit_at(method, method.search(logs, actuator, free, None, progress))
@@ -63,6 +64,7 @@ def fit_with(
     _check_profiled(request, free)
     conditions = conditions_of(logs, actuator)
     search_result, found, departs = _searched(method, logs, actuator, free, request.calibration, progress)
+    report(progress, "evidence")
     result, problem = fit_at(method, search_result, request.calibration), search_result.problem
     if result.status == "failed":
         return result
@@ -100,6 +102,7 @@ def _with_calibration(
     # without the conditions, so that the errors hold for readings of recordings that lack them
     errors = position_only_errors(method, logs, result.actuator, kept, progress)
     kept = replace(kept, position_only=errors, conditions=conditions)
+    report(progress, "innovations")
     return replace(result, calibration=replace(kept, nis=usual_nis(result.actuator, kept, logs)))
 
 
@@ -131,6 +134,7 @@ def _searched(
         return found, (), None
     if isinstance(found.solution, Failure):
         return found, (), None
+    report(progress, "changes")
     known = explained(found, method.changes, calibration)
     cost = min(one.solution.at.cost for one in known.values())
     best = known[most_probable(known, calibration)]

@@ -149,7 +149,7 @@ class _Profile:
         x = nearest.x.copy()
         x[self.i] = value
         problem = _fixed(self.problem, self.i, value)
-        solution = project(problem, np.clip(x, *problem.bounds()), nearest.at.X, lambda _: None)
+        solution = project(problem, np.clip(x, *problem.bounds()), nearest.at.X, lambda *_: None)
         if isinstance(solution, Solution):
             self.solutions.append(solution)
         return solution

@@ -24,7 +24,7 @@ from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import listed_names, unknown_name
-from clutchid.numerics.least_squares import Progress
+from clutchid.numerics.progress import Progress, report, within
 from clutchid.preparation.prepare import check_recordings, driven
 from clutchid.preparation.pulses import lacks_changes
 from clutchid.recordings.strokes.vented_rest import Zero, from_rest
@@ -102,8 +102,8 @@ def fit(
         exchange of the sensor or with wear; or as it was recorded.
     on_failure : 'raise' or 'return'
         What to do if the start values cannot be simulated.
-    progress : function(stage, evaluations), optional
-        Called at each evaluation.
+    progress : function(step), optional
+        Called with a `clutchid.numerics.progress.Step` when a stage begins, and at each evaluation.
 
     Returns
     -------
@@ -224,6 +224,7 @@ def fit_request(
         return done
     known = done.baseline is not None and len(done.baseline.theta) > 0 and done.load_is_fitted
     readings = _one_by_one(ready, start, request, progress) if len(recordings) > 1 and known else {}
+    report(progress, "verification")
     whole = {log.name: on_samples(done.recordings[log.name], log) for log in recordings}
     return with_rests(
         verified(replace(done, recordings=whole, readings=readings), others, request), [*rested, *checked]
@@ -267,5 +268,6 @@ def _one_by_one(
     readings = {}
     for log in recordings:
         with suppress(DataError):  # too short to be read alone
-            readings[log.name] = fit_request([log], start, request.alone(log.name), (), progress)
+            alone = request.alone(log.name)
+            readings[log.name] = fit_request([log], start, alone, (), within(progress, "alone"))
     return {name: one for name, one in readings.items() if one.status != "failed"}

@@ -15,7 +15,8 @@ from clutchid.inference.uncertainty.mixture import Mixture
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
-from clutchid.numerics.least_squares import Progress, Solution
+from clutchid.numerics.least_squares import Solution
+from clutchid.numerics.progress import Progress
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,7 +16,8 @@ from clutchid.inference.uncertainty.change_prior import HYPOTHESES, Hypothesis
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
-from clutchid.numerics.least_squares import Progress, Solution
+from clutchid.numerics.least_squares import Solution
+from clutchid.numerics.progress import Progress, within
 
 
 def position_only_errors(
@@ -38,7 +39,7 @@ def position_only_errors(
     free = FreeParameters(actuator.load.names, ("position",))
     each = []
     for log in logs:
-        found = method.search([log.without("pressure_a")], actuator, free, kept, progress)
+        found = method.search([log.without("pressure_a")], actuator, free, kept, within(progress, "position alone"))
         if not isinstance(found.solution, Failure):
             each.append(_errors(found, found.solution, method.changes, log))
     if not each:

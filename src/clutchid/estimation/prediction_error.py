@@ -28,7 +28,8 @@ from clutchid.log.states import MEASURED
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.interval import QUANTILE
-from clutchid.numerics.least_squares import Linearisation, Progress, Solution, minimise, triangular
+from clutchid.numerics.least_squares import Linearisation, Solution, minimise, triangular
+from clutchid.numerics.progress import Progress, Stage, Step
 
 
 def result(search_result: SearchResult, calibration: Calibration | None) -> Fit | Failure:
@@ -152,14 +153,18 @@ def search(
     so any parameter that increases the uncertainty of the model would lower the sum of squares. Each round minimises it
     with gains and variances of the filter at the start of the round, until the step of a round is negligible.
     """
-    count, name = before, "fine" if before else "coarse"
+    count, cost = before, np.nan
+    stage: Stage = "fine search" if before else "coarse search"
 
     def evaluate(at: FloatArray, fixed_gains: Prediction | None = None) -> Prediction | Failure:
-        nonlocal count
+        nonlocal count, cost
         count += 1
         if progress:
-            progress(name, count)
-        return predict_errors(problem, at, fixed_gains)
+            progress(Step(stage, count, cost))
+        found = predict_errors(problem, at, fixed_gains)
+        if isinstance(found, Prediction):
+            cost = float(found.cost)
+        return found
 
     current, step_share, previous_move = evaluate(x), 1.0, np.zeros(x.size)
     for _ in range(rounds):

@@ -34,7 +34,7 @@ from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.interval import QUANTILE
-from clutchid.numerics.least_squares import Progress
+from clutchid.numerics.progress import Progress
 from clutchid.simulation.windows import initial_states
 
 

@@ -27,7 +27,8 @@ from clutchid.log import FloatArray, Log
 from clutchid.log.states import MEASURED
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
-from clutchid.numerics.least_squares import Linearisation, Progress, Solution, compress, minimise, triangular
+from clutchid.numerics.least_squares import Linearisation, Solution, compress, minimise, triangular
+from clutchid.numerics.progress import Progress, Stage, Step
 from clutchid.simulation.divergence import failure_message
 from clutchid.simulation.noise import Noise
 from clutchid.simulation.plan import Plan, Segment, plan
@@ -170,26 +171,29 @@ def two_stages(
     The coarse stage tries factors on the load and stops early; the fine stage continues from the best with the rms
     residuals as noise scales. The paper also optimises twice (Section 3.1).
     """
-    count = 0
+    count, cost = 0, np.nan
 
-    def evaluate(at: FloatArray, stage: str) -> Linearisation | Failure:
-        nonlocal count
+    def evaluate(at: FloatArray, stage: Stage) -> Linearisation | Failure:
+        nonlocal count, cost
         count += 1
         if progress:
-            progress(stage, count)
-        return linearise(problem, at)
+            progress(Step(stage, count, cost))
+        found = linearise(problem, at)
+        if isinstance(found, Linearisation):
+            cost = float(np.fmin(cost, found.cost))
+        return found
 
-    begin = _best_start(problem, x, lambda x: evaluate(x, "coarse"))
+    begin = _best_start(problem, x, lambda x: evaluate(x, "coarse search"))
     if isinstance(begin, Failure):
         return problem, begin
     if not _has_motion(problem):
         return problem, Solution(x, begin[1], "converged", count)
     low, high = problem.bounds()
-    coarse = minimise(lambda x: evaluate(x, "coarse"), begin, low, high, tolerance=1e-3)
+    coarse = minimise(lambda x: evaluate(x, "coarse search"), begin, low, high, tolerance=1e-3)
     problem = replace(problem, noise=Noise(measured=_rms_residuals(problem, coarse.x)))
-    again = evaluate(coarse.x, "fine")
+    again = evaluate(coarse.x, "fine search")
     assert isinstance(again, Linearisation)
-    fine = minimise(lambda x: evaluate(x, "fine"), (coarse.x, again), low, high, tolerance=1e-9)
+    fine = minimise(lambda x: evaluate(x, "fine search"), (coarse.x, again), low, high, tolerance=1e-9)
     return problem, replace(fine, evaluations=count)
 
 

@@ -48,9 +48,6 @@ class Solution(Generic[PointT]):
 
 Evaluate = Callable[[FloatArray], Linearisation | Failure]
 
-#: Called with the name of the stage and the number of simulations so far.
-Progress = Callable[[str, int], None]
-
 
 def triangular(matrix: FloatArray) -> FloatArray:
     """Upper triangular factor R of `matrix` = Q R, with at most as many rows as `matrix`."""

@@ -16,7 +16,7 @@ from clutchid.recordings.checks import AMBIENT, check_ambient
 from clutchid.recordings.columns import REQUIRED
 from clutchid.recordings.files import atomic_write, digest, reading
 from clutchid.recordings.opening import open_source
-from clutchid.recordings.source import BLOCK, in_contract
+from clutchid.recordings.source import BLOCK, Source, in_contract
 
 if TYPE_CHECKING:
     from clutchid.recordings.map.channel_map import ChannelMap
@@ -147,11 +147,23 @@ def read_pieces(
     """
     if not isinstance(path, str | PathLike):
         raise DataError(f"a recording is a clutchid.Log or the path of a file, not a {type(path).__name__}.")
-    from clutchid.recordings.recording import pieces
-
     check_ambient(ambient)
     given = _map(channels)
     source = open_source(path, (*(given.dbc if given else ()), *dbc))
+    yield from source_pieces(source, given, ambient, required, rows, progress)
+
+
+def source_pieces(
+    source: Source,
+    given: ChannelMap | None = None,
+    ambient: float = AMBIENT,
+    required: Sequence[str] = REQUIRED,
+    rows: int | None = BLOCK,
+    progress: Callable[[int, int], None] | None = None,
+) -> Iterator[Log]:
+    """Consecutive logs of an opened file, with a channel map or without, see `read_pieces`."""
+    from clutchid.recordings.recording import pieces
+
     metadata = {"source": printable(source.path.name), "ambient_Pa": repr(float(ambient))}
     if rows is None:
         metadata["sha256"] = digest(source.path)

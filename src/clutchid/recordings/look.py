@@ -21,9 +21,7 @@ from clutchid.recordings.opening import open_source
 from clutchid.recordings.overview import ColumnOverview, FileOverview, TimeAxis, TimeGridOverview, updated
 from clutchid.recordings.recording import findings, picked, scaled
 from clutchid.recordings.source import BLOCK, Places, Raster, Source, Table, in_contract
-
-#: Bytes of data up to which a time grid is read in one piece, so that every problem is counted once.
-_WHOLE = 1 << 29
+from clutchid.recordings.stored import WHOLE
 
 #: What a recording of a test rig needs, whose map assigns a force and no duty cycle.
 _RIG = ("time", "position", "force")
@@ -75,7 +73,11 @@ def look(
     """
     check_ambient(ambient)
     files = tuple(dict.fromkeys((*(channels.dbc if channels else ()), *map(Path, dbc))))
-    source = open_source(path, files)
+    return replace(overview_of(open_source(path, files), ambient, files, channels), source=str(path))
+
+
+def overview_of(source: Source, ambient: float, files: tuple[Path, ...], channels: ChannelMap | None) -> FileOverview:
+    """Contents of an opened file, see `look`; `files` are the DBC files that decode it."""
     proposal = propose(source)
     proposal = replace(proposal, channels=replace(proposal.channels, dbc=files))
     if channels is not None:
@@ -94,7 +96,7 @@ def look(
         problems += summary.problems
         warnings += [*([warning] if warning else []), *summary.warnings]
     found = tuple(rasters), tuple(problems), tuple(dict.fromkeys(warnings))
-    return FileOverview(str(path), source.format, *found, proposal, needs_map=not in_contract(source))
+    return FileOverview(str(source.path), source.format, *found, proposal, needs_map=not in_contract(source))
 
 
 def _mapped(source: Source, proposal: Proposal, channels: ChannelMap, ambient: float) -> FileOverview:
@@ -102,7 +104,7 @@ def _mapped(source: Source, proposal: Proposal, channels: ChannelMap, ambient: f
     rig = "force" in channels.channels and not any(name in channels.channels for name in INPUTS)
     picks, mismatches = picked(source, channels, _RIG if rig else REQUIRED)
     size = max((raster.size * len(raster.headings) for raster in source.rasters), default=0)
-    found, warned = findings(source, picks, ambient, None if size * 8 < _WHOLE else BLOCK)
+    found, warned = findings(source, picks, ambient, None if size * 8 < WHOLE else BLOCK)
     rasters = []
     for index, raster in enumerate(source.rasters):
         chosen = [pick for pick in picks if pick.raster == index]
@@ -170,7 +172,7 @@ class _Summary:
 
 def _raster(source: Source, index: int, summary: _Summary, axis: _Axis) -> TimeGridOverview:
     raster = source.rasters[index]
-    rows = None if raster.size * len(raster.headings) * 8 < _WHOLE else BLOCK
+    rows = None if raster.size * len(raster.headings) * 8 < WHOLE else BLOCK
     for table in source.tables(index, [heading.index for heading in raster.headings], rows):
         _add(summary, table, axis)
         if summary.checks is not None:

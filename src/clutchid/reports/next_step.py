@@ -1,4 +1,4 @@
-"""Next step after a fit, as a command that can be pasted."""
+"""Next step after a fit, as data for a page, and as a command that can be pasted."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain, count
 from pathlib import Path
+from typing import Literal, NamedTuple
 
 from clutchid.estimation import Fit
 from clutchid.estimation.assess.verdict import states_of_wear, verdict
@@ -63,8 +64,25 @@ class Command:
         return _argument(next(one for one in chain([path], numbered) if one.absolute() not in taken))
 
 
-def next_step(fit: Fit, command: Command) -> tuple[str, str]:
-    """Reason and command: continue, calibrate, read a worn clutch, follow its wear, or look at the page.
+#: What to do next: continue a search from the saved result, or save it for that; follow the wear of a vehicle;
+#: calibrate this recording, or record one with pressure; correct what the reasons say and calibrate again; keep a
+#: calibration; read a worn clutch; see both loads on a page; keep a result; simulate the pressure over time.
+StepKind = Literal[
+    "continue", "save to continue", "track", "calibrate", "record", "correct", "keep", "estimate", "report",
+    "keep result", "simulate",
+]  # fmt: skip
+
+
+class NextStep(NamedTuple):
+    """What to do next, why, and the command that does it."""
+
+    kind: StepKind
+    why: str
+    command: str
+
+
+def next_step(fit: Fit, command: Command) -> NextStep:
+    """What to do next: continue, calibrate, read a worn clutch, follow its wear, or look at the page.
 
     Parameters
     ----------
@@ -78,7 +96,7 @@ def next_step(fit: Fit, command: Command) -> tuple[str, str]:
         return _continue(command, saved)
     if states_of_wear(fit) is not None and command.start is not None and "--model" not in command.reading:
         words = ["clutchid", "track", *command.names, *command.reading, "--start", _argument(command.start)]
-        return "follow the wear", shlex.join([*words, "--out", command.new_file("WEAR.parquet")])
+        return NextStep("track", "follow the wear", shlex.join([*words, "--out", command.new_file("WEAR.parquet")]))
     if fit.baseline is not None:
         return _after_reading(command, saved)
     if fit.calibration is not None:
@@ -87,36 +105,43 @@ def next_step(fit: Fit, command: Command) -> tuple[str, str]:
     logs = [*command.names, *command.again] if measured else ["CAL.csv", *command.reading]
     own = command.start is not None and not (of_the_paper(fit) and fit.actuator.equipment == Actuator().equipment)
     words = ["clutchid", "calibrate", *logs, *(("--start", _argument(command.start)) if own and command.start else ())]
-    why = "calibrate, because this recording has pressure" if measured else "record once with pressure, and calibrate"
-    return why, shlex.join([*words, "--save", command.new_file("CAL.toml")])
+    what = shlex.join([*words, "--save", command.new_file("CAL.toml")])
+    if measured:
+        return NextStep("calibrate", "calibrate, because this recording has pressure", what)
+    return NextStep("record", "record once with pressure, and calibrate", what)
 
 
-def _continue(command: Command, saved: Path | None) -> tuple[str, str]:
+def _continue(command: Command, saved: Path | None) -> NextStep:
     if saved is None:
         kept = command.with_options("--save", command.new_file("FIT.toml"))
-        return "save the result, to continue the search from it", kept
+        return NextStep("save to continue", "save the result, to continue the search from it", kept)
     further = saved.with_name(f"{saved.stem}-continued{saved.suffix}")
     options = ("--start", _argument(saved), "--save", _argument(further))
-    return "continue the search", command.with_options(*options, without=("--start", "--save", "--report"))
+    again = command.with_options(*options, without=("--start", "--save", "--report"))
+    return NextStep("continue", "continue the search", again)
 
 
-def _after_calibration(fit: Fit, command: Command, saved: Path | None) -> tuple[str, str]:
+def _after_calibration(fit: Fit, command: Command, saved: Path | None) -> NextStep:
     if verdict(fit).trust == "none":
-        return "correct what the reasons say, and calibrate again", command.with_options()
+        return NextStep("correct", "correct what the reasons say, and calibrate again", command.with_options())
     if saved is None:
-        return "keep the calibration", command.with_options("--save", command.new_file("CAL.toml"))
+        kept = command.with_options("--save", command.new_file("CAL.toml"))
+        return NextStep("keep", "keep the calibration", kept)
     words = ["clutchid", "estimate", "WORN.csv", *command.reading, "--start", _argument(saved)]
-    return "read a worn clutch, from position alone", shlex.join(words)
+    return NextStep("estimate", "read a worn clutch, from position alone", shlex.join(words))
 
 
-def _after_reading(command: Command, saved: Path | None) -> tuple[str, str]:
+def _after_reading(command: Command, saved: Path | None) -> NextStep:
     log = command.logs[0]
     if command.report is None:
-        return "see both loads on a page", command.with_options("--report", command.new_file(f"{log.stem}.html"))
+        page = command.with_options("--report", command.new_file(f"{log.stem}.html"))
+        return NextStep("report", "see both loads on a page", page)
     if saved is None:
-        return "keep the result", command.with_options("--save", command.new_file(f"{log.stem}.toml"))
+        kept = command.with_options("--save", command.new_file(f"{log.stem}.toml"))
+        return NextStep("keep result", "keep the result", kept)
     words = ["clutchid", "simulate", command.names[0], *command.again, "--parameters", _argument(saved)]
-    return "the pressure over time", shlex.join([*words, "--out", command.new_file(f"{log.stem}-pressure.csv")])
+    what = shlex.join([*words, "--out", command.new_file(f"{log.stem}-pressure.csv")])
+    return NextStep("simulate", "the pressure over time", what)
 
 
 def _argument(path: Path) -> str:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from clutchid.model.actuator import Actuator
     from clutchid.model.compiled import Model
     from clutchid.model.equipment import Equipment
-    from clutchid.numerics.least_squares import Progress
+    from clutchid.numerics.progress import Progress
     from clutchid.observer.observer import Observer
     from clutchid.observer.recording import ObservedRecording
     from clutchid.observer.state import ObserverState
@@ -157,7 +157,9 @@ def fit_recordings(
         As `clutchid.fit`.
     """
     from clutchid.estimation.fit import fit_request
+    from clutchid.numerics.progress import report as reported
 
+    reported(progress, "checks")
     checked = inspected([*logs, *verify], actuator, force=force, rest=request.counted_from, zero=request.zero)
     return fit_request(checked[: len(logs)], actuator, request, checked[len(logs) :], progress).raised()
 

@@ -14,7 +14,7 @@ from clutchid.estimation.result import Fit
 from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
-from clutchid.numerics.least_squares import Progress
+from clutchid.numerics.progress import Progress
 from clutchid.parameters import Parameters
 from clutchid.recordings import AMBIENT
 from clutchid.recordings.strokes.vented_rest import Zero

@@ -243,9 +243,9 @@ def test_every_step_lowers_the_cost_of_its_stage(problem, start, monkeypatch):
 
 def test_progress_is_reported_with_a_growing_number_and_the_name_of_the_stage(problem, start):
     reported = []
-    answer = search(problem, *start, STAGES_FROM_CALIBRATION, lambda stage, count: reported.append((stage, count)))
-    assert list(dict.fromkeys(stage for stage, _ in reported)) == ["coarse", "fine"]
-    counts = [count for _, count in reported]
+    answer = search(problem, *start, STAGES_FROM_CALIBRATION, reported.append)
+    assert list(dict.fromkeys(step.stage for step in reported)) == ["coarse search", "fine search"]
+    counts = [step.evaluations for step in reported]
     assert counts == sorted(counts)
     assert answer.evaluations >= counts[-1]
 

@@ -8,6 +8,7 @@ the cost considerably. Each step is therefore judged after its states have been 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -32,7 +33,8 @@ from clutchid.inference.smoother.trial import (
 )
 from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure
-from clutchid.numerics.least_squares import Progress, SearchStatus, Solution
+from clutchid.numerics.least_squares import SearchStatus, Solution
+from clutchid.numerics.progress import Progress, Stage, Step
 
 #: Factors on all standard deviations, stage by stage, for a start at the priors and at calibrated values.
 STAGES_FROM_PRIOR, STAGES_FROM_CALIBRATION, FINE_STAGE = (30.0, 8.0, 2.0, 1.0), (8.0, 1.0), (1.0,)
@@ -72,6 +74,9 @@ class Effort(NamedTuple):
 UNLIMITED = Effort()
 
 
+#: Called at each evaluation with their number and the least cost so far.
+OnEvaluation = Callable[[int, float], None]
+
 #: Solution of a search by multiple shooting: its parameters, and the linearised problem there.
 ShootingSolution = Solution[LinearisedProblem]
 
@@ -105,13 +110,13 @@ def search(
     return replace(solution, evaluations=count) if isinstance(solution, Solution) else solution
 
 
-def _counted(progress: Progress | None, inflation: float, before: int) -> Callable[[int], None]:
-    name = "fine" if inflation == 1.0 else "coarse"
-    return lambda count: progress(name, before + count) if progress else None
+def _counted(progress: Progress | None, inflation: float, before: int) -> OnEvaluation:
+    stage: Stage = "fine search" if inflation == 1.0 else "coarse search"
+    return lambda count, cost: progress(Step(stage, before + count, cost)) if progress else None
 
 
 def _stage(
-    problem: Problem, start: tuple[FloatArray, Sequence[FloatArray]], on_evaluation: Callable[[int], None]
+    problem: Problem, start: tuple[FloatArray, Sequence[FloatArray]], on_evaluation: OnEvaluation
 ) -> ShootingSolution | Failure:
     """Levenberg-Marquardt on parameters and states together, for a problem that is nearly linear."""
     begin = linearise(problem, *start)
@@ -119,7 +124,7 @@ def _stage(
         return begin
     current, damping, growth, steps = begin, 1e-3, 2.0, COARSE_STEPS
     for count in range(1, 4 * COARSE_STEPS):
-        on_evaluation(count)
+        on_evaluation(count, current.cost)
         candidate = coarse_step(problem, current, damping)
         if isinstance(candidate, LinearisedProblem):
             converged = current.cost - candidate.cost < COARSE_TOLERANCE * current.cost
@@ -161,7 +166,7 @@ def project(
     problem: Problem,
     x: FloatArray,
     X: Sequence[FloatArray],
-    on_evaluation: Callable[[int], None],
+    on_evaluation: OnEvaluation,
     effort: Effort = UNLIMITED,
 ) -> ShootingSolution | Failure:
     """Minimise the cost of `problem` by variable projection.
@@ -172,8 +177,8 @@ def project(
         Free parameters, recordings and noise.
     x, X : 1, SI
         Free parameters, within their bounds, and window starts, one array per track.
-    on_evaluation : function(evaluations)
-        Called at each evaluation.
+    on_evaluation : function(evaluations, cost)
+        Called at each evaluation, with the least cost before it.
     effort : Effort
         When the search ends before it has converged.
 
@@ -194,6 +199,7 @@ def project(
     if isinstance(start, Failure):
         return start
     current, radius, fresh = start, MAX_RADIUS, False
+    counter.cost = current.cost
 
     def solution(status: SearchStatus) -> ShootingSolution:
         return Solution(current.x, current, status, counter.number + 1)
@@ -201,6 +207,7 @@ def project(
     for _ in range(MAX_STEPS):
         candidate, predicted, radius = projection.step(current, radius)
         gain, current = current.cost - candidate.cost, candidate
+        counter.cost = current.cost
         little = gain < CONVERGED_GAIN
         if predicted < CONVERGED_GAIN or (little and predicted < LITTLE_TO_GAIN and (fresh or gain > 0.0)):
             return solution("converged")
@@ -222,12 +229,13 @@ def project(
 class _Counter:
     """Counts the evaluations of a search, and reports each."""
 
-    report: Callable[[int], None]
+    report: OnEvaluation
     number: int = 0
+    cost: float = math.nan
 
     def __call__(self) -> None:
         self.number += 1
-        self.report(self.number)
+        self.report(self.number, self.cost)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,0 +1,94 @@
+"""The folder of a running server: what was uploaded, columns and results. It goes with the server.
+
+A server that was killed leaves its folder behind; the next one removes it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tempfile
+from pathlib import Path
+
+from clutchid.errors import ExportError
+from clutchid.recordings.files import reason_of
+
+_LOCK, _KEPT = "lock.json", "kept"
+
+
+def cache_folder() -> Path:
+    """The folder in which servers have theirs: that of compiled models, or as the user has set it."""
+    from platformdirs import user_cache_path
+
+    given = os.environ.get("CLUTCHID_CACHE")
+    return (Path(given) if given else user_cache_path("clutchid")) / "app"
+
+
+def make_folder(base: Path) -> Path:
+    """A new folder for this process, which only the user can read, after those of dead servers were removed.
+
+    Raises
+    ------
+    ExportError
+        If it cannot be made.
+    """
+    try:
+        base.mkdir(parents=True, exist_ok=True)
+        sweep(base)
+        folder = Path(tempfile.mkdtemp(prefix="run-", dir=base))  # of mode 0700
+        private(folder / _LOCK, json.dumps({"pid": os.getpid(), "born": _born(os.getpid())}))
+    except OSError as error:
+        raise ExportError(
+            f"{base}: no folder for recordings and results can be made there ({reason_of(error)}); name another one "
+            "with the environment variable CLUTCHID_CACHE."
+        ) from error
+    return folder
+
+
+def sweep(base: Path) -> None:
+    """Remove the folders of servers that have ended, except those that are to be kept."""
+    for folder in base.glob("run-*"):
+        try:
+            lock = json.loads((folder / _LOCK).read_text())
+            alive = _born(lock["pid"]) == lock["born"]
+        except (OSError, ValueError, KeyError, TypeError):
+            alive = False
+        if not alive and not (folder / _KEPT).exists():
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def end_folder(folder: Path, *, keep: bool) -> None:
+    """Remove the folder at the end of its server, or leave it."""
+    if keep:
+        (folder / _KEPT).touch()
+    else:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _born(pid: int) -> float | None:
+    """When a process began, in s: a number may be given again to another one. None if it has ended."""
+    import psutil
+
+    try:
+        return float(psutil.Process(pid).create_time())
+    except psutil.Error:
+        return None
+
+
+def private(path: Path, text: str) -> None:
+    """Write a file that only the user can read."""
+    with os.fdopen(os.open(path, os.O_CREAT | os.O_WRONLY | os.O_TRUNC, 0o600), "w", encoding="utf-8") as file:
+        file.write(text)
+
+
+def opening_page(folder: Path, address: str) -> Path:
+    """A page that leads to the address: a browser gets its name, so that no list of processes has the token."""
+    page = folder / "open.html"
+    private(page, f'<!doctype html><meta http-equiv="refresh" content="0;url={address}"><title>clutchid</title>\n')
+    return page
+
+
+def free_bytes(folder: Path) -> int:
+    """Bytes that are free on the disk of a folder."""
+    return shutil.disk_usage(folder).free

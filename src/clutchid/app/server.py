@@ -1,0 +1,370 @@
+"""The server: routes, the files of the page, and events; `serve` runs it until it is stopped."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import socket
+import webbrowser
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
+from starlette.routing import Mount, Route
+from starlette.staticfiles import StaticFiles
+
+from clutchid.app.folder import end_folder, make_folder, opening_page
+from clutchid.app.guard import REPORT_POLICY, Access, Guard
+from clutchid.app.plots import plotted
+from clutchid.app.session import MEDIA, METHODS, VERBS, Session
+from clutchid.app.uploads import allowed_path, check_size, listed, receive
+from clutchid.errors import ClutchidError, DataError, ParameterError
+from clutchid.log.units import UNITS
+from clutchid.recordings.columns import QUANTITIES
+from clutchid.recordings.files import reason_of
+from clutchid.workflow.failures import failure
+
+STATIC = Path(__file__).parent / "static"
+
+#: Time in s after which an event stream says that it is alive.
+PATIENCE = 15.0
+
+#: Largest body of a request that is not an upload, in bytes.
+_LARGEST_BODY = 1 << 20
+
+Endpoint = Callable[[Request], Awaitable[Response]]
+
+
+def application(session: Session, access: Access, begun: Callable[[], None] = lambda: None) -> Guard:
+    """The guarded application of a session; `begun` is called once it is up."""
+
+    @contextlib.asynccontextmanager
+    async def lifespan(_app: Starlette) -> AsyncIterator[None]:
+        for path in session.given:
+            _open_any(session, path)
+        begun()
+        with contextlib.suppress(OSError):
+            await session.jobs.warm_up()
+        yield
+        await session.jobs.close()
+
+    routes = [
+        Route("/", _index),
+        Route("/api/about", _of(session, _about)),
+        Route("/api/events", _of(session, _events)),
+        Route("/api/files", _of(session, _files)),
+        Route("/api/recordings", _of(session, _upload_recording), methods=["PUT"]),
+        Route("/api/recordings", _of(session, _open_path), methods=["POST"]),
+        Route("/api/recordings/{id}", _of(session, _forget_recording), methods=["DELETE"]),
+        Route("/api/recordings/{id}/plot", _of(session, _plot_recording)),
+        Route("/api/recordings/{id}/map", _of(session, _set_map), methods=["PUT"]),
+        Route("/api/recordings/{id}/map.toml", _of(session, _map_file)),
+        Route("/api/recordings/{id}/cut", _of(session, _cut), methods=["POST"]),
+        Route("/api/calibrations", _of(session, _upload_calibration), methods=["PUT"]),
+        Route("/api/fits", _of(session, _fit), methods=["POST"]),
+        Route("/api/observations", _of(session, _observe), methods=["POST"]),
+        Route("/api/observations/{id}", _of(session, _forget_observation), methods=["DELETE"]),
+        Route("/api/observations/{id}/plot", _of(session, _plot_observation)),
+        Route("/api/jobs/{id}", _of(session, _cancel), methods=["DELETE"]),
+        Route("/api/results/{id}", _of(session, _forget_result), methods=["DELETE"]),
+        Route("/api/results/{id}/plot", _of(session, _plot_result)),
+        Route("/api/results/{id}/export", _of(session, _export), methods=["POST"]),
+        Route("/api/results/{id}/files/{name}", _of(session, _result_file)),
+        Mount("/static", StaticFiles(directory=STATIC)),
+    ]
+    return Guard(Starlette(routes=routes, lifespan=lifespan), access)
+
+
+def _of(session: Session, handle: Callable[[Session, Request], Awaitable[Response]]) -> Endpoint:
+    """An endpoint of a session, whose errors are a sentence for the place where the input was given."""
+
+    async def endpoint(request: Request) -> Response:
+        try:
+            return await handle(session, request)
+        except ClientDisconnect:
+            return Response(status_code=400)
+        except (ClutchidError, OSError) as error:
+            sentence = reason_of(error) if type(error) is OSError else failure(error, debug=False)[0]
+            return JSONResponse({"message": sentence}, 422)
+
+    return endpoint
+
+
+async def _index(_request: Request) -> Response:
+    return FileResponse(STATIC / "index.html")
+
+
+async def _about(session: Session, _request: Request) -> Response:
+    """What does not change while the server runs: units, quantities, verbs."""
+    units = {name: {"si": unit.si, "scale": unit.scale, "gauge": unit.gauge} for name, unit in UNITS.items()}
+    return JSONResponse({
+        "version": version("clutchid"), "folder": str(session.below), "units": units, "quantities": dict(QUANTITIES),
+        "verbs": {verb: dict(options) for verb, options in VERBS.items()}, "methods": METHODS,
+    })  # fmt: skip
+
+
+async def _events(session: Session, request: Request) -> Response:
+    """All objects, and then every change of them, as server-sent events; it goes on where a page has lost it."""
+    last = request.headers.get("last-event-id") or request.query_params.get("after", "0")
+    number = int(last) if last.isdigit() else 0
+
+    async def stream() -> AsyncIterator[str]:
+        yield "retry: 500\n\n"
+        async for changes in session.board.follow(number, PATIENCE):
+            for change in changes:
+                data = json.dumps({"kind": change.kind, "id": change.id, "content": change.content}, allow_nan=False)
+                yield f"id: {change.number}\ndata: {data}\n\n"
+            if not changes:
+                yield ": alive\n\n"
+
+    return StreamingResponse(stream(), media_type="text/event-stream")
+
+
+async def _files(session: Session, request: Request) -> Response:
+    return JSONResponse(listed(request.query_params.get("under", ""), session.below))
+
+
+async def _upload_recording(session: Session, request: Request) -> Response:
+    """A recording as the body of the request, of which no second copy is made."""
+    name = request.query_params.get("name", "")
+    size = check_size(name, request.headers.get("content-length"), session.folder)
+    id_, path = session.upload_path(name)
+    await receive(request.stream(), path, size)
+    return JSONResponse({"id": session.open(path, id_, uploaded=True)})
+
+
+async def _upload_calibration(session: Session, request: Request) -> Response:
+    name = request.query_params.get("name", "")
+    size = check_size(name, request.headers.get("content-length"), session.folder)
+    if size > _LARGEST_BODY:
+        raise DataError(f"{name}: has {size / 1e6:.3g} MB, so it is no parameter file.")
+    _, path = session.upload_path(name)
+    await receive(request.stream(), path, size)
+    return JSONResponse({"id": session.open_calibration(path, path.name, move=True)})
+
+
+async def _open_path(session: Session, request: Request) -> Response:
+    body = await _body(request)
+    path = allowed_path(_text(body, "path"), session.below, session.given)
+    return JSONResponse({"id": _open_any(session, path)})
+
+
+def _open_any(session: Session, path: Path) -> str:
+    """A file as a calibration or as a recording, by its suffix."""
+    if path.suffix.lower() == ".toml":
+        return session.open_calibration(path, path.name, move=False)
+    return session.open(path)
+
+
+async def _forget_recording(session: Session, request: Request) -> Response:
+    session.forget("recording", request.path_params["id"])
+    return JSONResponse({})
+
+
+async def _forget_result(session: Session, request: Request) -> Response:
+    session.forget("result", request.path_params["id"])
+    return JSONResponse({})
+
+
+async def _plot_recording(session: Session, request: Request) -> Response:
+    return _plot(session, request, "recording")
+
+
+async def _plot_result(session: Session, request: Request) -> Response:
+    return _plot(session, request, "result")
+
+
+def _plot(session: Session, request: Request, kind: str) -> Response:
+    """Time and columns as numbers of 8 bytes, one after the other: the page knows how many columns it asked for."""
+    query = request.query_params
+    try:
+        grid = int(query["grid"])
+        columns = [int(column) for column in query["columns"].split(",") if column]
+        begin, end, width = float(query["begin"]), float(query["end"]), int(query["width"])
+    except (KeyError, ValueError):
+        raise ParameterError("plot: grid, columns, begin, end and width are needed, as numbers.") from None
+    if not (math.isfinite(begin) and math.isfinite(end)) or grid < 0 or len(columns) > 64:
+        raise ParameterError("plot: begin and end are times in s, and at most 64 columns are plotted.")
+    folder = session.columns_of(kind, request.path_params["id"])
+    try:
+        found = plotted(folder, grid, columns, begin, end, width)
+    except FileNotFoundError:
+        raise DataError("this channel has no numbers to plot.") from None
+    return Response(found.astype("<f8").tobytes(), media_type="application/octet-stream")
+
+
+async def _set_map(session: Session, request: Request) -> Response:
+    body = await _body(request)
+    channels, rate, ambient = body.get("channels"), body.get("rate"), body.get("ambient", "")
+    if not isinstance(channels, dict) or not isinstance(ambient, str) or not isinstance(rate, int | float | None):
+        raise ParameterError("map: channels by quantity are needed.")
+    session.set_map(request.path_params["id"], channels, rate, ambient)
+    return JSONResponse({})
+
+
+async def _map_file(session: Session, request: Request) -> Response:
+    known = session.board.get("recording", request.path_params["id"])
+    if known is None or known["map"] is None:
+        raise DataError("this recording has no channel map of its own.")
+    return FileResponse(known["map"], media_type=MEDIA[".toml"], headers=_attachment(f"{known['name']}.map.toml"))
+
+
+async def _cut(session: Session, request: Request) -> Response:
+    begins = (await _body(request)).get("begins")
+    if not isinstance(begins, list) or not begins or not all(isinstance(one, int | float) for one in begins):
+        raise ParameterError("cut: no stroke is chosen.")
+    return JSONResponse({"id": session.cut(request.path_params["id"], begins)})
+
+
+async def _fit(session: Session, request: Request) -> Response:
+    body = await _body(request)
+    recordings, verify = _texts(body, "recordings"), _texts(body, "verify")
+    start = body.get("start") or None
+    id_ = session.fit(_text(body, "verb"), recordings, verify, start, body.get("options", {}))
+    return JSONResponse({"id": id_})
+
+
+async def _observe(session: Session, request: Request) -> Response:
+    body = await _body(request)
+    recording, start, method = (_text(body, name) for name in ("recording", "start", "method"))
+    return JSONResponse({"id": session.observe(recording, start, method, force=bool(body.get("force")))})
+
+
+async def _forget_observation(session: Session, request: Request) -> Response:
+    session.forget("observation", request.path_params["id"])
+    return JSONResponse({})
+
+
+async def _plot_observation(session: Session, request: Request) -> Response:
+    return _plot(session, request, "observation")
+
+
+async def _cancel(session: Session, request: Request) -> Response:
+    return JSONResponse({"cancelled": session.jobs.cancel(request.path_params["id"])})
+
+
+async def _export(session: Session, request: Request) -> Response:
+    body = await _body(request)
+    session.export(request.path_params["id"], _text(body, "to"), _text(body, "method"))
+    return JSONResponse({})
+
+
+async def _result_file(session: Session, request: Request) -> Response:
+    id_, name = request.path_params["id"], request.path_params["name"]
+    path = session.file_of(id_, name)
+    if path.suffix == ".html":
+        return FileResponse(path, media_type=MEDIA[".html"], headers={"content-security-policy": REPORT_POLICY})
+    known = session.board.get("result", id_) or {}
+    shown = f"{known.get('name', '').replace(' ', '-').replace('/', '-')}-{name}"
+    return FileResponse(path, media_type=MEDIA[path.suffix], headers=_attachment(shown))
+
+
+def _attachment(name: str) -> dict[str, str]:
+    """The header of a file that is kept under a name, whatever letters it has."""
+    return {"content-disposition": f"attachment; filename*=UTF-8''{quote(name, safe='')}"}
+
+
+async def _body(request: Request) -> dict[str, Any]:
+    """The object in the body of a request.
+
+    Raises
+    ------
+    ParameterError
+        If it is no JSON object, or a large one.
+    """
+    length = request.headers.get("content-length", "")
+    if not length.isdigit() or int(length) > _LARGEST_BODY:
+        raise ParameterError("this request is too large, or does not say how large it is.")
+    try:
+        found = json.loads(await request.body())
+    except (ValueError, RecursionError):
+        found = None
+    if not isinstance(found, dict):
+        raise ParameterError("this request is no JSON object.")
+    return found
+
+
+def _text(body: dict[str, Any], name: str) -> str:
+    value = body.get(name)
+    if not isinstance(value, str):
+        raise ParameterError(f"{name}: a text is needed.")
+    return value
+
+
+def _texts(body: dict[str, Any], name: str) -> list[str]:
+    value = body.get(name, [])
+    if not isinstance(value, list) or not all(isinstance(one, str) for one in value):
+        raise ParameterError(f"{name}: a list of texts is needed.")
+    return value
+
+
+def bound(port: int) -> socket.socket:
+    """A socket of this machine alone; port 0 takes any that is free.
+
+    Raises
+    ------
+    ParameterError
+        If the port is in use, or may not be used.
+    """
+    one = socket.socket(proto=socket.IPPROTO_TCP)  # known to asyncio as TCP, it sends small answers at once
+    try:
+        one.bind(("127.0.0.1", port))
+        one.listen(128)
+    except (OSError, OverflowError) as error:
+        one.close()
+        reason = reason_of(error) if isinstance(error, OSError) else "no such port"
+        raise ParameterError(
+            f"--port {port}: cannot be used ({reason}); name another one, or leave --port out for one that is free."
+        ) from error
+    return one
+
+
+def serve(
+    files: Sequence[Path], below: Path, base: Path, say: Callable[[str], None],
+    *, port: int = 0, browser: bool = True, keep: bool = False, trace: Callable[[str], None] = lambda _: None,
+) -> Path:  # fmt: skip
+    """Serve the page until the process is interrupted; the folder of the server, which is left only with `keep`.
+
+    Parameters
+    ----------
+    files, below
+        Recordings and calibrations that are opened, and the folder whose files may be opened by path.
+    base
+        Where the folder of the server is made.
+    say
+        Called with the address once the page is there.
+    trace
+        Called with the traceback of an error in a job that nobody expected.
+    port
+        Of this machine; 0 for any that is free.
+
+    Raises
+    ------
+    ParameterError, ExportError
+        If the port is in use, or no folder can be made.
+    """
+    one = bound(port)
+    folder = make_folder(base)
+    try:
+        access = Access(one.getsockname()[1])
+
+        def begun() -> None:
+            say(access.address)
+            if browser:
+                webbrowser.open(opening_page(folder, access.address).as_uri())
+
+        app = application(Session(folder, below, files, trace), access, begun)
+        config = uvicorn.Config(app, log_level="critical", access_log=False, timeout_graceful_shutdown=1, ws="none")
+        with contextlib.suppress(KeyboardInterrupt):  # uvicorn raises it again when it has ended
+            uvicorn.Server(config).run(sockets=[one])
+    finally:
+        one.close()
+        end_folder(folder, keep=keep)
+    return folder

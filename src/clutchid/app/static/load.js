@@ -1,0 +1,253 @@
+// The stage "Load": calibrate, estimate, and a board on which results are kept, overlaid and compared.
+import { about, all, badge, copying, fill, h, notice, one, plural, points, send, short } from "./page.js";
+import { curves } from "./curves.js";
+import { strips } from "./strips.js";
+import { unchecked, worst } from "./recording.js";
+
+const chosen = { calibrate: new Set(), estimate: new Set(), verify: new Set(), start: "" };
+const options = { calibrate: {}, estimate: {} };
+const refused = { calibrate: "", estimate: "" };
+const known = new Set();      // recordings and results that were offered before
+const board = new Set();      // results that are overlaid
+let open = "";                // the result whose details are shown
+let plots = [];
+
+export { calibrations };
+
+export function loadStage(main) {
+  const forms = h("div", { class: "forms" });
+  const chart = h("section", { class: "charts", "aria-label": "Loads" });
+  const results = h("section", { "aria-label": "Results" });
+  const details = h("section", { class: "details", "aria-label": "Result" });
+  main.replaceChildren(h("div", { class: "load" }, forms, h("div", { class: "results" }, results, chart, details)));
+  const draw = (these) => {
+    offer();
+    const kinds = new Set([...(these ?? ["recording", "result"])].map((text) => text.split(" ")[0]));
+    if (!kinds.has("recording") && !kinds.has("result")) return;
+    drawForms(forms, () => draw());
+    drawResults(results, () => { drawResults(results, () => draw()); drawCharts(chart); drawDetails(details); });
+    if (!these || kinds.has("result")) { drawCharts(chart); drawDetails(details); }
+  };
+  draw();
+  return { changed: draw, redraw() { for (const plot of plots) plot?.redraw(); }, end() { for (const plot of plots) plot?.end(); plots = []; } };
+}
+
+/** Choose what is new: recordings with pressure to calibrate, without to estimate; the newest calibration to start from. */
+function offer() {
+  for (const recording of all("recording")) {
+    if (!recording.look || recording.look.checking || known.has(recording.id)) continue;
+    known.add(recording.id);
+    const pressure = "pressure_a" in recording.look.map;
+    if (pressure && !all("result").length && !chosen.calibrate.size) chosen.calibrate.add(recording.id);
+    else if (!chosen.estimate.size) chosen.estimate.add(recording.id);
+  }
+  for (const result of all("result")) {
+    if (!result.found || known.has(result.id)) continue;
+    known.add(result.id);
+    board.add(result.id);
+    open = result.id;
+    if (result.found.is_calibration) chosen.start = result.id;
+  }
+  for (const set of [chosen.calibrate, chosen.estimate, chosen.verify]) for (const id of set) if (!one("recording", id)) set.delete(id);
+  for (const id of board) if (!one("result", id)) board.delete(id);
+  if (!one("result", open)) open = all("result").at(-1)?.id ?? "";
+  if (!one("result", chosen.start)) chosen.start = "";
+}
+
+const ready = (recording) => recording.look && !recording.look.checking && recording.look.status !== "bad_input";
+const calibrations = () => all("result").filter((result) => result.found?.is_calibration && !result.found.writing);
+
+/** Why a verb cannot run yet; empty where it can. */
+function missing(verb) {
+  const these = [...chosen[verb]].map((id) => one("recording", id));
+  if (!all("recording").length) return "Open a recording first.";
+  if (!these.length) return "Choose a recording.";
+  const unread = these.find((recording) => !ready(recording));
+  if (unread) return unread.look?.status === "bad_input" ? `${unread.name} has problems: see “Recording”.` : `${unread.name} is not read yet.`;
+  const unmapped = these.find(unchecked);
+  if (unmapped) return `${unmapped.name}: check its channels under “Recording”, and keep the map.`;
+  const blind = these.find((recording) => verb === "calibrate" && !("pressure_a" in recording.look.map) && !(options[verb].measure ?? "").length);
+  if (blind) return `${blind.name} has no pressure: a calibration needs the channel pressure_a.`;
+  const bad = these.find((recording) => recording.look.checks.some((check) => check.grade === "bad"));
+  if (bad && !options[verb].force) return `A check of ${bad.name} is bad: mend it under “Recording”, or go on under “More options”.`;
+  if (verb === "estimate" && !chosen.start) return "Choose a calibration: calibrate first, or open one that was saved.";
+  return "";
+}
+
+function drawForms(forms, redraw) {
+  fill(forms, form("calibrate", "Calibrate", "Once, from a recording with pressure: the load, the valves, friction and sensors.", redraw),
+    form("estimate", "Estimate", "The load of a worn clutch from position alone, with a calibration.", redraw));
+}
+
+function form(verb, title, purpose, redraw) {
+  const why = missing(verb);
+  const pick = (set, recording, label) => h("input", { type: "checkbox", id: `${label}-${verb}-${recording.id}`, checked: set.has(recording.id), "aria-label": `${label} ${recording.name} (${verb})`,
+    onchange: (event) => { set[event.target.checked ? "add" : "delete"](recording.id); redraw(); } });
+  const rows = all("recording").map((recording) => h("tr", { draggable: "true", ondragstart: (event) => event.dataTransfer.setData("text/plain", recording.id) },
+    h("td", {}, pick(chosen[verb], recording, "fit")), h("td", {}, pick(chosen.verify, recording, "verify")),
+    h("th", { scope: "row" }, h("span", { class: `dot ${worst(recording)}` }), recording.name),
+    h("td", { class: "hint" }, recording.look ? ("pressure_a" in recording.look.map ? "with pressure" : "position only") : "reading")));
+  const run = async () => {
+    refused[verb] = "";
+    try {
+      const recordings = [...chosen[verb]];
+      const verify = [...chosen.verify].filter((id) => !chosen[verb].has(id));
+      const { id } = await send("POST", "/api/fits", { verb, recordings, verify, start: verb === "estimate" ? chosen.start : null, options: cleaned(options[verb]) });
+      open = id;
+    } catch (problem) { refused[verb] = problem.message; }
+    redraw();
+  };
+  return h("section", { class: "card", "aria-label": title }, h("h2", {}, title), h("p", { class: "hint" }, purpose),
+    rows.length ? h("table", { class: "choose" }, h("thead", {}, h("tr", {}, ["fit", "verify", "recording", "has"].map((text) => h("th", { scope: "col" }, text)))), h("tbody", {}, rows)) : null,
+    verb === "estimate" && h("p", { class: "field" }, h("label", { for: "start" }, "Calibration (--start)"), h("select", { id: "start", onchange: (event) => { chosen.start = event.target.value; redraw(); } },
+      h("option", { value: "" }, calibrations().length ? "–" : "none yet"), calibrations().map((result) => h("option", { value: result.id, selected: result.id === chosen.start }, `${result.name} (${result.id.split("-")[1]})`)))),
+    more(verb, redraw),
+    h("div", { class: "run" }, h("button", { type: "button", id: `run-${verb}`, class: "strong", disabled: Boolean(why), onclick: run }, `Run: ${title.toLowerCase()}`), why && h("span", { class: "hint" }, why)),
+    notice(refused[verb]));
+}
+
+function cleaned(given) {
+  const found = { ...given };
+  for (const name of ["bounds", "prior"]) {
+    const words = (found[name] ?? "").trim();
+    delete found[name];
+    if (words) found[name] = words.split(/\s+/);
+  }
+  return found;
+}
+
+const opened = new Set();
+
+function more(verb, redraw) {
+  const given = options[verb];
+  const text = (name, label, placeholder, help) => h("p", { class: "field" }, h("label", { for: `${verb}-${name}` }, `${label} (--${name})`),
+    h("input", { id: `${verb}-${name}`, value: given[name] ?? "", placeholder, title: help, onchange: (event) => { given[name] = event.target.value; redraw(); } }));
+  const select = (name, label, values) => h("p", { class: "field" }, h("label", { for: `${verb}-${name}` }, `${label} (--${name})`),
+    h("select", { id: `${verb}-${name}`, onchange: (event) => { given[name] = event.target.value; redraw(); } }, values.map(([value, words]) => h("option", { value, selected: (given[name] ?? "") === value }, words))));
+  return h("details", { open: opened.has(verb), ontoggle: (event) => opened[event.target.open ? "add" : "delete"](verb) }, h("summary", {}, "More options"),
+    text("free", "Free parameters", about.verbs[verb]?.free ?? "", "Comma-separated; load means all load weights, auto all that a recording with pressure can determine"),
+    text("measure", "Compared columns", about.verbs[verb]?.measure ?? "", "position, or position,pressure_a"),
+    select("method", "Method", about.methods.map((name) => [name, name || "chosen for the request"])),
+    text("bounds", "Bounds", "C_vs=1e-8:3e-8", "NAME=LOW:HIGH in SI units, separated by blanks"),
+    text("prior", "Priors", "P_S=8.5e5±5e3", "NAME=VALUE±STD in SI units, separated by blanks"),
+    text("ambient", "Ambient pressure", "1.095bar", "For gauge units"),
+    select("zero", "Vented rest that has moved", [["", "subtract"], ["keep", "keep the position as recorded"]]),
+    h("p", { class: "field" }, h("label", {}, h("input", { type: "checkbox", id: `${verb}-force`, checked: Boolean(given.force), onchange: (event) => { given.force = event.target.checked; redraw(); } }), " Go on although a check is bad (--force)")));
+}
+
+const WAITING = { waiting: "waits for another fit", running: "running", failed: "failed", cancelled: "stopped" };
+
+function drawResults(results, redraw) {
+  const rows = all("result").map((result, index) => h("tr", { class: result.id === open ? "chosen" : "" },
+    h("td", {}, result.found && h("input", { type: "checkbox", id: `show-${result.id}`, checked: board.has(result.id), "aria-label": `Overlay ${result.name}`,
+      onchange: (event) => { board[event.target.checked ? "add" : "delete"](result.id); redraw(); } })),
+    h("td", {}, h("span", { class: `swatch s${index % 6}` })),
+    h("th", { scope: "row" }, h("button", { type: "button", class: "link", id: `open-${result.id}`, "aria-pressed": String(result.id === open), onclick: () => { open = result.id; redraw(); } }, `${result.id.split("-")[1]}: ${result.name}`)),
+    h("td", {}, result.found ? result.found.trust && badge(`trust ${result.found.trust}`, grade(result.found.trust)) : badge(WAITING[result.status] ?? result.status, result.status === "failed" ? "bad" : "undetermined")),
+    h("td", {}, h("button", { type: "button", class: "plain", "aria-label": `Forget ${result.name}`, onclick: () => send("DELETE", `/api/results/${result.id}`) }, "Forget"))));
+  fill(results, h("h2", {}, "Results"), rows.length ? h("div", { class: "scroll" }, h("table", { class: "board" }, h("tbody", {}, rows))) : h("p", { class: "hint" }, "Nothing yet: run a calibration."));
+}
+
+const grade = (trust) => ({ good: "good", "with care": "suspect", none: "bad" })[trust] ?? "undetermined";
+
+let drawn = "";
+
+function drawCharts(chart) {
+  const overlaid = all("result").map((result, index) => ({ ...result, colour: index })).filter((result) => board.has(result.id) && result.found?.load_curve);
+  const loads = overlaid.map((result) => curve(`${result.id.split("-")[1]}: ${result.name}`, result.colour, result.found.load_curve.position_m, result.found.load_curve.force_N, result.found.load_curve.low_N, result.found.load_curve.high_N));
+  const changes = overlaid.filter((result) => result.found.load_change).map((result) => curve(`${result.id.split("-")[1]} since its calibration`, result.colour, result.found.load_change.position_m,
+    result.found.load_change.difference_N, result.found.load_change.low_N, result.found.load_change.high_N));
+  const now = JSON.stringify([loads, changes]);
+  if (now === drawn && chart.childElementCount) return;
+  drawn = now;
+  for (const plot of plots.splice(0)) plot?.end();
+  const [first, second] = [h("div", { class: "chart", id: "chart-load" }), h("div", { class: "chart", id: "chart-change" })];
+  fill(chart, loads.length ? first : null, changes.length ? second : null);
+  plots = [curves(first, "Load of the clutch", loads), curves(second, "Change since the calibration", changes, { zero: true })];
+}
+const curve = (label, colour, position, force, low, high) => ({ label, colour, position, force, low, high });
+
+let residuals = null;
+
+function drawDetails(details) {
+  const result = one("result", open);
+  residuals?.end();
+  residuals = null;
+  if (!result) { fill(details); return; }
+  const { found } = result;
+  const head = h("div", { class: "head" }, h("h2", {}, `${result.id.split("-")[1]}: ${result.name}`));
+  if (!found) {
+    const advice = result.bad_input ? "Mend what the sentence says, and run it again." : "";
+    fill(details, head, result.message ? notice(result.message) : h("p", { class: "hint" }, `${WAITING[result.status] ?? ""} …`), advice && h("p", { class: "hint" }, advice));
+    return;
+  }
+  const strip = h("div", {});
+  fill(details, head, found.summary && h("dl", { class: "summary" }, found.summary.map((row) => [h("dt", {}, row.label), h("dd", { class: `${row.fixed ? "fixed" : ""} ${row.mood.replace(" ", "-")}` }, row.text)])),
+    changesTable(found), found.warnings?.length ? h("details", {}, h("summary", {}, plural(found.warnings.length, "warning")), h("ul", {}, found.warnings.map((text) => h("li", {}, text)))) : null,
+    found.next && h("p", { class: "hint" }, `Next: ${found.next.why}.`),
+    downloads(result), parameters(found), found.recordings.length ? h("h3", {}, "Measured and simulated") : null, strip, repeat(result));
+  if (found.recordings.length) residuals = residualStrips(strip, result);
+}
+
+function changesTable(found) {
+  if (!found.changes?.length) return null;
+  const rows = found.changes.map((change) => h("tr", {}, h("th", { scope: "row" }, change.name), h("td", {}, change.recording), h("td", { class: "number" }, short(change.before)),
+    h("td", { class: "number" }, `${short(change.after)} ± ${short(1.96 * change.std, 2)}`), h("td", {}, change.unit), h("td", { class: "number" }, `${(100 * change.probability).toFixed(0)} %`)));
+  return h("section", {}, h("h3", {}, "What has changed since the calibration"), h("div", { class: "scroll" }, h("table", {}, h("thead", {}, h("tr", {},
+    ["parameter", "recording", "before", "after", "unit", "probability"].map((text) => h("th", { scope: "col" }, text)))), h("tbody", {}, rows))));
+}
+
+function parameters(found) {
+  const names = Object.entries(found.parameters ?? {});
+  if (!names.length) return null;
+  return h("details", {}, h("summary", {}, plural(names.length, "parameter")), h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Table of parameters" }, h("table", {}, h("thead", {}, h("tr", {},
+    ["parameter", "value", "from", "to", "unit"].map((text) => h("th", { scope: "col" }, text)))), h("tbody", {}, names.map(([name, estimate]) => h("tr", {}, h("th", { scope: "row" }, name),
+    [estimate.value, estimate.low, estimate.high].map((value) => h("td", { class: "number" }, short(value))), h("td", {}, estimate.unit)))))));
+}
+
+const FILES = { "report.html": "Report (page)", "fit.toml": "Parameters (TOML)", "fit.m": "MATLAB (.m)", "fit.mat": "MATLAB (.mat)", "result.json": "JSON", "export.zip": "Export (ZIP)" };
+const target = { to: "c", method: "joint" };
+
+function downloads(result) {
+  const { found } = result;
+  const link = (name) => h("a", { class: "button plain", href: `/api/results/${result.id}/files/${encodeURIComponent(name)}`, ...(name === "report.html" ? { target: "_blank", rel: "noopener" } : { download: "" }) }, FILES[name] ?? name);
+  const select = (name, values) => h("select", { id: `export-${name}`, "aria-label": name === "to" ? "Export to" : "Method of the observer", onchange: (event) => { target[name] = event.target.value; } }, values.map(([value, words]) => h("option", { value, selected: target[name] === value }, words)));
+  const failed = all("job").filter((job) => job.about === `${result.id} export`).at(-1);
+  return h("section", { class: "downloads", "aria-label": "Downloads" }, h("h3", {}, "Downloads"),
+    found.writing ? h("p", { class: "hint" }, "Files are being written …") : h("div", { class: "buttons" }, Object.keys(FILES).filter((name) => (found.files ?? []).includes(name)).map(link)),
+    found.failures?.length ? notice(found.failures.join("\n")) : null,
+    found.is_calibration && !found.writing && h("div", { class: "tools" }, "Export for a control unit:", select("to", [["c", "C99"], ["c,a2l", "C99 and A2L"], ["c,fmu2", "C99 and FMU 2.0"], ["c,matlab", "C99 and MATLAB"]]),
+      select("method", ["joint", "joint-reduced", "states", "paper"].map((name) => [name, name])),
+      h("button", { type: "button", id: "export", onclick: () => send("POST", `/api/results/${result.id}/export`, { ...target }) }, "Export")),
+    failed?.status === "failed" && notice(failed.message),
+    result.exports.map((one) => h("p", {}, link(one.file), ` ${one.words}`)));
+}
+
+function repeat(result) {
+  if (!result.command) return null;
+  const block = (title, text) => h("div", { class: "code" }, h("div", { class: "head" }, h("h4", {}, title), copying(text, "Copy")), h("pre", { tabindex: "0" }, text));
+  return h("details", {}, h("summary", {}, "Repeat it on the command line or in Python"), block("Command", result.command), block("Python", result.python));
+}
+
+function residualStrips(holder, result) {
+  const { recordings } = result.found;
+  const select = h("select", { "aria-label": "Recording", onchange: () => draw(Number(select.value)) }, recordings.map((one, i) => h("option", { value: String(i) }, `${one.name}${one.verified ? " (verified)" : ""}`)));
+  const area = h("div", {});
+  holder.replaceChildren(...(recordings.length > 1 ? [select] : []), area);
+  let shown = null;
+  const draw = (grid) => {
+    shown?.end();
+    const { columns, span } = recordings[grid];
+    const line = (name, label, colour, factor, more = {}) => columns.includes(name) ? [{ label, colour, grid, column: columns.indexOf(name), value: (x) => factor * x, ...more }] : [];
+    const panels = [
+      { title: "position", unit: "mm", series: [...line("position", "measured", "measured", 1e3, { width: 2 }), ...line("simulated position", "simulated", "blue", 1e3)] },
+      { title: "residual", unit: "mm", series: line("residual position", "measured − simulated", "orange", 1e3) },
+      { title: "pressure", unit: "bar", series: [...line("pressure_a", "measured", "measured", 1e-5, { width: 2 }), ...line("simulated pressure_a", "simulated", "blue", 1e-5),
+        ...line("pressure_a low", "95 % from", "blue", 1e-5, { dash: [4, 4], width: 0.75 }), ...line("pressure_a high", "to", "blue", 1e-5, { dash: [4, 4], width: 0.75 })] },
+      { title: "residual", unit: "bar", series: line("residual pressure_a", "measured − simulated", "orange", 1e-5) },
+    ].filter((panel) => panel.series.length);
+    shown = strips(area, { panels, span, read: (...rest) => points(`/api/results/${result.id}/plot`, ...rest) });
+  };
+  draw(0);
+  return { end: () => shown?.end() };
+}

@@ -1,0 +1,135 @@
+// The stage "On line": a recording played through the observer of a calibration, as a control unit would follow it.
+import { all, copying, fill, h, notice, one, plural, points, send, short } from "./page.js";
+import { curves } from "./curves.js";
+import { strips } from "./strips.js";
+import { calibrations } from "./load.js";
+import { unchecked } from "./recording.js";
+
+const METHODS = ["joint", "joint-reduced", "states", "paper"];
+const SPEEDS = [["1", "1x"], ["10", "10x"], ["inf", "as fast as it goes"]];
+const chosen = { recording: "", start: "", method: "joint", force: false };
+let refused = "";
+let open = "";
+
+export function onlineStage(main) {
+  const form = h("section", { class: "card", "aria-label": "Observe" });
+  const list = h("div", { class: "list" });
+  const player = h("section", { "aria-label": "Player" });
+  main.replaceChildren(h("div", { class: "load" }, h("div", {}, form, list), player));
+  let running = null;
+  let drawn = "";
+  const draw = (these) => {
+    const kinds = new Set([...(these ?? ["recording"])].map((text) => text.split(" ")[0]));
+    if (!["recording", "result", "observation"].some((kind) => kinds.has(kind))) return;
+    if (!one("observation", open)) open = all("observation").at(-1)?.id ?? "";
+    drawForm(form, draw);
+    fill(list, all("observation").map((run) => h("button", { type: "button", class: `item ${run.id === open ? "chosen" : ""}`, id: `item-${run.id}`, "aria-pressed": String(run.id === open),
+      onclick: () => { open = run.id; draw(); } }, h("span", { class: `dot ${run.found ? "good" : run.status === "failed" ? "bad" : ""}` }), h("span", { class: "name" }, `${run.name}, ${run.method}`), h("span", { class: "hint" }, run.found ? "" : run.status))));
+    const run = one("observation", open);
+    const now = `${open} ${run?.status} ${run?.message} ${Boolean(run?.found)}`;
+    if (now === drawn) return;
+    drawn = now;
+    running?.end();
+    running = drawPlayer(player, run);
+  };
+  draw();
+  return { changed: draw, redraw() { running?.redraw(); }, end() { running?.end(); } };
+}
+
+function missing() {
+  const recording = one("recording", chosen.recording);
+  if (!recording) return "Choose a recording.";
+  if (!recording.look || recording.look.checking) return `${recording.name} is not read yet.`;
+  if (recording.look.status === "bad_input") return `${recording.name} has problems: see “Recording”.`;
+  if (unchecked(recording)) return `${recording.name}: check its channels under “Recording”, and keep the map.`;
+  return chosen.start ? "" : "Choose a calibration: make one under “Load”, or open one that was saved.";
+}
+
+function drawForm(form, redraw) {
+  const recordings = all("recording").filter((recording) => recording.look);
+  if (!one("recording", chosen.recording)) chosen.recording = recordings.find((recording) => !("pressure_a" in recording.look.map))?.id ?? recordings.at(-1)?.id ?? "";
+  if (!one("result", chosen.start)) chosen.start = calibrations().at(-1)?.id ?? "";
+  const why = missing();
+  const select = (name, label, values) => h("p", { class: "field" }, h("label", { for: `observe-${name}` }, label), h("select", { id: `observe-${name}`, onchange: (event) => { chosen[name] = event.target.value; redraw(); } },
+    values.map(([value, words]) => h("option", { value, selected: chosen[name] === value }, words))));
+  fill(form, h("h2", {}, "Observe"), h("p", { class: "hint" }, "Load and pressure sample by sample, from position and duty cycles alone."),
+    select("recording", "Recording", [["", "–"], ...recordings.map((recording) => [recording.id, recording.name])]),
+    select("start", "Calibration (--start)", [["", calibrations().length ? "–" : "none yet"], ...calibrations().map((result) => [result.id, `${result.name} (${result.id.split("-")[1]})`])]),
+    select("method", "Method (--method)", METHODS.map((name) => [name, name])),
+    h("p", { class: "field" }, h("label", {}, h("input", { type: "checkbox", id: "observe-force", checked: chosen.force, onchange: (event) => { chosen.force = event.target.checked; } }), " Go on although a check is bad (--force)")),
+    h("div", { class: "run" }, h("button", { type: "button", id: "run-observe", class: "strong", disabled: Boolean(why), onclick: async () => {
+      try { open = (await send("POST", "/api/observations", chosen)).id; refused = ""; } catch (problem) { refused = problem.message; }
+      redraw();
+    } }, "Run: observe"), why && h("span", { class: "hint" }, why)), notice(refused));
+}
+
+function drawPlayer(player, run) {
+  if (!run) { fill(player, h("p", { class: "hint" }, "Nothing yet: run an observer.")); return null; }
+  const head = h("div", { class: "head" }, h("h2", {}, run.name), h("button", { type: "button", class: "plain", onclick: () => send("DELETE", `/api/observations/${run.id}`) }, "Forget"));
+  const { found } = run;
+  if (!found) { fill(player, head, run.message ? notice(run.message) : h("p", { class: "hint" }, `${run.status} …`)); return null; }
+  const [begin, end] = found.span;
+  let time = end;
+  let speed = 10;
+  let timer = 0;
+  let last = 0;
+  let drawnStroke = -1;
+  let chart = null;
+  const button = h("button", { type: "button", id: "play", class: "strong", onclick: () => (timer ? pause() : play()) }, "Play");
+  const slider = h("input", { type: "range", id: "time", min: String(begin), max: String(end), step: "any", value: String(end), "aria-label": "Time in s", oninput: (event) => { pause(); show(Number(event.target.value)); } });
+  const shownTime = h("span", { class: "time" });
+  const rates = h("select", { id: "speed", "aria-label": "Speed", onchange: (event) => { speed = event.target.value === "inf" ? Infinity : Number(event.target.value); } }, SPEEDS.map(([value, words]) => h("option", { value, selected: value === "10" }, words)));
+  const step = (way) => { pause(); const times = [begin, ...found.loads.map((row) => row.time), end]; show(way > 0 ? times.find((at) => at > time + 1e-9) ?? end : times.findLast((at) => at < time - 1e-9) ?? begin); };
+  const load = h("div", { class: "chart", id: "chart-online" });
+  const words = h("p", { class: "hint", id: "stroke" });
+  const area = h("div", {});
+  const raised = Object.entries(found.health).filter(([, seconds]) => seconds > 0);
+  fill(player, head, h("div", { class: "tools player" }, button, h("button", { type: "button", class: "plain", onclick: () => step(-1) }, "◀ Stroke"), h("button", { type: "button", class: "plain", id: "step", onclick: () => step(1) }, "Stroke ▶"), rates, shownTime), slider,
+    load, words, area,
+    h("dl", { class: "summary" }, found.summary.map((row) => [h("dt", {}, row.label), h("dd", { class: `${row.fixed ? "fixed" : ""} ${row.mood.replace(" ", "-")}` }, row.text)])),
+    h("h3", {}, "Faults in the whole recording"), raised.length ? h("ul", {}, raised.map(([name, seconds]) => h("li", {}, `${name}: ${short(seconds, 3)} s`))) : h("p", { class: "hint" }, "None."),
+    found.warnings.length ? h("details", {}, h("summary", {}, plural(found.warnings.length, "warning")), h("ul", {}, found.warnings.map((text) => h("li", {}, text)))) : null,
+    h("details", {}, h("summary", {}, "Repeat it on the command line"), h("div", { class: "code" }, copying(run.command, "Copy"), h("pre", { tabindex: "0" }, run.command))));
+  const line = (name, label, colour, factor, more = {}) => found.columns.includes(name) ? [{ label, colour, grid: 0, column: found.columns.indexOf(name), value: (x) => factor * x, ...more }] : [];
+  const shown = strips(area, {
+    span: [begin, end], read: (...rest) => points(`/api/observations/${run.id}/plot`, ...rest),
+    panels: [
+      { title: "position", unit: "mm", series: line("position", "position", "blue", 1e3) },
+      { title: "pressure", unit: "bar", series: [...line("pressure_a_measured [Pa]", "measured", "measured", 1e-5, { width: 2.5 }), ...line("pressure_a", "estimated", "blue", 1e-5),
+        ...line("pressure_a low", "95 % from", "blue", 1e-5, { dash: [4, 4], width: 0.75 }), ...line("pressure_a high", "to", "blue", 1e-5, { dash: [4, 4], width: 0.75 })] },
+      { title: "innovation", unit: "mm", series: line("innovation", "measured − predicted position", "orange", 1e3) },
+      { title: "usable", unit: "", series: [...line("used [1]", "position usable", "green", 1), ...line("nis_ratio [1]", "innovations against usual", "purple", 1)] },
+    ].filter((panel) => panel.series.length),
+  });
+  const pause = () => { cancelAnimationFrame(timer); timer = 0; button.textContent = "Play"; };
+  function play() {
+    if (time >= end) time = begin;
+    if (speed === Infinity) { show(end); return; }
+    button.textContent = "Pause";
+    last = performance.now();
+    const tick = (now) => {
+      const next = time + (speed * (now - last)) / 1e3;
+      last = now;
+      show(Math.min(next, end));
+      timer = next < end ? requestAnimationFrame(tick) : 0;
+      if (!timer) button.textContent = "Play";
+    };
+    timer = requestAnimationFrame(tick);
+  }
+  function show(at) {
+    time = at;
+    slider.value = String(at);
+    shownTime.textContent = `${at.toFixed(2)} of ${end.toFixed(2)} s`;
+    shown.play(at >= end ? Infinity : at);
+    const row = found.loads.findLast((one) => one.time <= at) ?? found.loads[0];
+    if (row.stroke !== drawnStroke) {
+      drawnStroke = row.stroke;
+      chart?.end();
+      const curve = (label, colour, from) => ({ label, colour, position: from.position_m, force: from.force_N, low: from.low_N, high: from.high_N });
+      chart = curves(load, "Load as it is known at this time", [curve("before the first sample", 5, found.calibrated), curve("now", 0, row.curve)]);
+      words.textContent = row.stroke ? `After stroke ${row.stroke}, which ended at ${row.time.toFixed(2)} s.` : "Before the end of the first stroke.";
+    }
+  }
+  show(end);
+  return { redraw() { shown.redraw(); chart?.redraw(); }, end() { pause(); shown.end(); chart?.end(); } };
+}

@@ -1,0 +1,337 @@
+// The stage "Recording": open files, look at them, give channels a meaning, see what the checks say, choose strokes.
+import { about, all, ask, badge, bytes, fill, h, notice, one, plural, points, send, short, upload, SERIES } from "./page.js";
+import { strips } from "./strips.js";
+
+/** Units in which SI is shown. */
+const SHOWN = { m: ["mm", 1e3], Pa: ["bar", 1e-5], "1": ["", 1], s: ["s", 1], N: ["N", 1], K: ["K", 1], "m/s": ["mm/s", 1e3] };
+const TITLES = { m: "position", Pa: "pressure", "1": "duty cycle", K: "temperature", N: "force", "m/s": "velocity", s: "time" };
+const MOST_CHANNELS = 200;
+
+const drafts = new Map();     // maps that are edited, by recording
+const plotted = new Map();    // channels that are plotted, by recording
+const messages = new Map();   // sentences of refused maps and cuts, by recording
+const uploads = new Map();    // uploads that go on: name, share, abort
+const searches = new Map();
+let refused = "";
+let listing = null;
+let chosen = "";
+let shown = null;             // the strips of the recording that is shown, where they are, and of what
+let holderOfShown = null;
+let keyOfShown = "";
+
+export function recordingStage(main, go) {
+  const add = h("section", { class: "add", "aria-label": "Open recordings" });
+  const list = h("div", { class: "list", role: "list", "aria-label": "Recordings" });
+  const details = h("div", { class: "details" });
+  main.replaceChildren(h("div", { class: "columns" }, h("aside", {}, add, list), details));
+  drawAdd(add, () => drawList(list, details, go));
+  drawList(list, details, go);
+  drawDetails(details, go);
+  return {
+    changed(these) {
+      if ([...these].some((text) => text.startsWith("recording"))) {
+        if (!one("recording", chosen)) chosen = all("recording").at(-1)?.id ?? "";
+        drawList(list, details, go);
+      }
+      if (these.has(`recording ${chosen}`) || (chosen && details.dataset.of !== chosen)) drawDetails(details, go);
+    },
+    redraw() { shown?.redraw(); },
+    end() { endStrips(); },
+    choose(id) { chosen = id; drawList(list, details, go); drawDetails(details, go); },
+    redrawAdd() { drawAdd(add, () => drawList(list, details, go)); },
+  };
+}
+
+/** Send files that were dropped or chosen: calibrations by their suffix, all others as recordings. */
+export async function take(files, redraw) {
+  refused = "";
+  for (const file of files) {
+    const kind = file.name.toLowerCase().endsWith(".toml") ? "calibrations" : "recordings";
+    const entry = { name: file.name, share: 0, abort: () => {} };
+    uploads.set(file, entry);
+    redraw();
+    try {
+      const path = `/api/${kind}?name=${encodeURIComponent(file.name)}`;
+      const { id } = await upload(path, file, (share) => { entry.share = share; redraw(); }, (abort) => { entry.abort = abort; });
+      if (kind === "recordings") chosen = id;
+    } catch (problem) { refused = problem.message; }
+    uploads.delete(file);
+    redraw();
+  }
+}
+
+function drawAdd(add) {
+  const redraw = () => drawAdd(add);
+  const input = h("input", { type: "file", multiple: true, id: "files", class: "hidden", tabindex: "-1", "aria-label": "Files", onchange: (event) => take([...event.target.files], redraw) });
+  const zone = h("div", { class: "drop" },
+    h("p", {}, h("strong", {}, "Drop recordings here"), h("br"), "CSV, Parquet, MDF, MATLAB, BLF, ASC; or a calibration (TOML)"),
+    h("div", { class: "buttons" }, h("button", { type: "button", onclick: () => input.click() }, "Choose files"), input,
+    h("button", { type: "button", id: "by-path", class: "plain", onclick: async () => {
+      if (listing) { listing = null; redraw(); } else await list("", redraw);
+    } }, listing ? "Close the list" : "Open by path")));
+  for (const name of ["dragover", "dragleave", "drop"]) zone.addEventListener(name, (event) => {
+    event.preventDefault();
+    zone.classList.toggle("over", name === "dragover");
+    if (name === "drop") take([...event.dataTransfer.files], redraw);
+  });
+  const going = [...uploads.values()].map((entry) => h("div", { class: "upload" }, h("span", {}, entry.name),
+    h("progress", { max: 1, value: entry.share, "aria-label": `Upload of ${entry.name}` }),
+    h("button", { type: "button", class: "plain", onclick: () => entry.abort() }, "Stop")));
+  fill(add, zone, going, notice(refused), listing && drawListing(redraw));
+}
+
+async function list(under, redraw) {
+  try { listing = await ask(`/api/files?under=${encodeURIComponent(under)}`); refused = ""; }
+  catch (problem) { refused = problem.message; }
+  redraw();
+}
+
+function drawListing(redraw) {
+  const entry = (text, hint, act) => h("li", {}, h("button", { type: "button", class: "link", onclick: act }, text), h("span", { class: "hint" }, hint));
+  return h("div", { class: "files" }, h("p", { class: "hint" }, listing.folder), h("ul", {},
+    listing.up !== null && entry("..", "", () => list(listing.up, redraw)),
+    listing.folders.map((one) => entry(`${one.name}/`, "", () => list(one.path, redraw))),
+    listing.files.map((file) => entry(file.name, bytes(file.size), async () => {
+      try { chosen = (await send("POST", "/api/recordings", { path: file.path })).id; refused = ""; }
+      catch (problem) { refused = problem.message; }
+      redraw();
+    })), !listing.files.length && !listing.folders.length && h("li", { class: "hint" }, "No recordings here.")));
+}
+
+const STATES = { reading: "reading", failed: "not read", ready: "", cancelled: "stopped" };
+
+/** Whether a fit needs the channel map of a recording, and nobody has kept one yet. */
+export const unchecked = (recording) => recording.look.needs_map && !recording.look.complete && !recording.map;
+
+/** The grade of the worst check of a recording. */
+export function worst(recording) {
+  if (recording.status === "failed") return "bad";
+  if (!recording.look) return "";
+  if (recording.look.status === "bad_input") return "bad";
+  if (unchecked(recording)) return "suspect";
+  const grades = recording.look.checks.map((check) => check.grade);
+  return grades.includes("bad") ? "bad" : grades.includes("suspect") || recording.look.warnings.length ? "suspect" : grades.length ? "good" : "";
+}
+
+function drawList(list, details, go) {
+  const items = all("recording").map((recording) => h("div", { role: "listitem" }, h("button", {
+    type: "button", id: `item-${recording.id}`, class: `item ${recording.id === chosen ? "chosen" : ""}`, "aria-pressed": String(recording.id === chosen),
+    onclick: () => { chosen = recording.id; drawList(list, details, go); drawDetails(details, go); },
+  }, h("span", { class: `dot ${worst(recording)}` }), h("span", { class: "name" }, recording.name),
+  h("span", { class: "hint" }, STATES[recording.status] || bytes(recording.size)))));
+  fill(list, items);
+}
+
+/** The map that is shown: as edited, or else as given or proposed. */
+function draftOf(recording) {
+  if (!drafts.has(recording.id)) drafts.set(recording.id, structuredClone(recording.look.map));
+  return drafts.get(recording.id);
+}
+
+/** The channels of a recording: number of the time grid, stored column, and what look says of them. */
+function channelsOf(recording) {
+  const { channels, grids, plots } = recording.look;
+  const found = [];
+  let next = 0;
+  grids.forEach((grid, g) => plots[g].forEach((column) => {
+    const channel = channels[next++];
+    if (channel) found.push({ ...channel, grid: g, column, key: `${g} ${column}` });
+  }));
+  return found;
+}
+
+function quantityOf(draft, channel, several) {
+  const match = Object.entries(draft).find(([, entry]) => entry.channel === channel.heading && (!several || !entry.group || entry.group === channel.group));
+  return match ? match[0] : "";
+}
+
+/** The value that is shown, its unit, and what it is called, for a channel with an entry of the map. */
+function meaning(channel, quantity, entry, ambient) {
+  const unit = about.units[entry?.unit || channel.unit];
+  const si = quantity ? about.quantities[quantity] : channel.si;
+  if (!unit || !si || unit.si !== si) return { title: channel.unit || "as written", unit: channel.unit || "", value: scaled(entry, (x) => x) };
+  const [name, factor] = SHOWN[si] ?? [si, 1];
+  const zero = unit.gauge ? ambient : 0;
+  return { title: TITLES[si] ?? quantity ?? si, unit: name, value: scaled(entry, (x) => factor * (unit.scale * x + zero)) };
+}
+const scaled = (entry, convert) => (entry ? (x) => convert(entry.sign * entry.factor * x + entry.offset) : convert);
+
+function drawDetails(details, go) {
+  const recording = one("recording", chosen);
+  details.dataset.of = chosen;
+  if (!recording?.look || stripsKey(recording) !== keyOfShown) endStrips();
+  if (!recording) {
+    fill(details, h("div", { class: "empty" }, h("h2", {}, "Recordings"),
+      h("p", {}, "Open a recording of the clutch actuator: position, duty cycles of the valves and, for a calibration, the pressure in the chamber."),
+      h("ol", {}, h("li", {}, "Look at it here, and see what the checks say."), h("li", {}, "Calibrate the new clutch under “Load”."),
+        h("li", {}, "Estimate the load of the worn one, and compare both."))));
+    return;
+  }
+  const head = h("div", { class: "head" }, h("h2", {}, recording.name),
+    h("button", { type: "button", class: "plain", onclick: () => forget(recording) }, "Forget this recording"));
+  if (!recording.look) {
+    fill(details, head, recording.message ? notice(recording.message) : h("p", { class: "hint" }, "Reading …"));
+    return;
+  }
+  const { look } = recording;
+  const time = look.grids[0]?.time;
+  const facts = [look.format, plural(look.grids.length, "time grid"), look.grids.length && `${look.grids[0].samples.toLocaleString("en")} samples`,
+    time && `${short(time.last_s - time.first_s, 4)} s`, time?.usual_interval_s && `${short(1 / time.usual_interval_s, 4)} Hz`].filter(Boolean);
+  const plots = shown ? holderOfShown : h("section", { "aria-label": "Samples" });  // what was zoomed stays so
+  const channels = h("section", { "aria-label": "Channels" });
+  fill(details, head, h("p", { class: "facts" }, facts.join(" · ")),
+    recording.status === "failed" && notice(recording.message), look.status === "bad_input" && notice(look.message),
+    look.needs_map && !recording.map && (look.complete ? h("p", { class: "hint" }, "The channels were recognised by their names; the table below has them.") :
+      h("div", { class: "notice care" }, "The channels below are proposed, partly by guessing. Check them, and keep the map:", h("ul", {}, look.remarks.map((text) => h("li", {}, text))))),
+    plots, channels, drawChecks(recording), drawStrokes(recording, () => drawDetails(details, go)));
+  drawChannels(channels, recording, () => drawStrips(plots, recording));
+  if (!shown) drawStrips(plots, recording);
+}
+
+function endStrips() {
+  shown?.end();
+  shown = null;
+}
+
+/** What the strips of a recording depend on. */
+const stripsKey = (recording) => JSON.stringify([recording.id, draftOf(recording), [...selection(recording)], recording.look.grids, recording.look.ambient]);
+
+async function forget(recording) {
+  for (const kept of [drafts, plotted, messages, searches]) kept.delete(recording.id);
+  await send("DELETE", `/api/recordings/${recording.id}`);
+}
+
+function selection(recording) {
+  if (!plotted.has(recording.id)) {
+    const several = recording.look.grids.length > 1;
+    const draft = draftOf(recording);
+    const keys = channelsOf(recording).filter((channel) => !["", "time"].includes(quantityOf(draft, channel, several))).map((channel) => channel.key);
+    plotted.set(recording.id, new Set(keys.length ? keys : channelsOf(recording).slice(1, 4).map((channel) => channel.key)));
+  }
+  return plotted.get(recording.id);
+}
+
+function drawStrips(holder, recording) {
+  endStrips();
+  const { look } = recording;
+  const several = look.grids.length > 1;
+  const draft = draftOf(recording);
+  const panels = new Map();
+  for (const channel of channelsOf(recording)) {
+    if (!selection(recording).has(channel.key)) continue;
+    const quantity = quantityOf(draft, channel, several);
+    const entry = draft[quantity];
+    const { title, unit, value } = meaning(channel, quantity, entry, look.ambient);
+    const key = `${title} ${unit}`;
+    if (!panels.has(key)) panels.set(key, { title, unit, series: [] });
+    const { series } = panels.get(key);
+    const label = quantity && quantity !== channel.heading ? `${quantity} (${channel.heading})` : channel.heading;
+    series.push({ label, colour: SERIES[series.length % SERIES.length], grid: channel.grid, column: channel.column, value, delay: entry?.delay || 0 });
+  }
+  const spans = look.grids.map((grid) => grid.time ? [grid.time.first_s, grid.time.last_s] : [0, Math.max(grid.samples - 1, 1)]);
+  if (!panels.size || !spans.length) { fill(holder, h("p", { class: "hint" }, "Choose channels to plot below.")); return; }
+  const span = [Math.min(...spans.map((one) => one[0])), Math.max(...spans.map((one) => one[1]))];
+  if (!(span[1] > span[0])) span[1] = span[0] + 1;
+  [holderOfShown, keyOfShown] = [holder, stripsKey(recording)];
+  shown = strips(holder, { panels: [...panels.values()], span, read: (...rest) => points(`/api/recordings/${recording.id}/plot`, ...rest) });
+}
+
+function drawChannels(holder, recording, replot) {
+  const { look } = recording;
+  const draft = draftOf(recording);
+  const several = look.grids.length > 1;
+  const search = searches.get(recording.id) ?? "";
+  const every = channelsOf(recording);
+  const found = every.filter((channel) => `${channel.heading} ${channel.group} ${channel.unit ?? ""}`.toLowerCase().includes(search.toLowerCase()));
+  const redraw = () => { drawChannels(holder, recording, replot); replot(); };
+  const number = (entry, name, label, width = 5) => h("input", { type: "number", step: "any", class: `w${width}`, value: String(entry[name]), "aria-label": label,
+    onchange: (event) => { entry[name] = Number(event.target.value) || (name === "factor" ? 1 : 0); redraw(); } });
+  const rows = found.slice(0, MOST_CHANNELS).map((channel, index) => {
+    const quantity = quantityOf(draft, channel, several);
+    const entry = draft[quantity];
+    const known = Object.entries(about.units).filter(([, unit]) => !quantity || unit.si === about.quantities[quantity]).map(([name]) => name);
+    const unit = entry?.unit || channel.unit || "";
+    return h("tr", {},
+      h("td", {}, h("input", { type: "checkbox", id: `plot-${index}`, checked: selection(recording).has(channel.key), "aria-label": `Plot ${channel.heading}`,
+        onchange: (event) => { selection(recording)[event.target.checked ? "add" : "delete"](channel.key); replot(); } })),
+      h("th", { scope: "row", class: "channel" }, channel.heading, several && channel.group && h("span", { class: "hint" }, ` ${channel.group}`)),
+      h("td", {}, h("select", { id: `quantity-${index}`, "aria-label": `Quantity of ${channel.heading}`, onchange: (event) => {
+        if (quantity) delete draft[quantity];
+        const name = event.target.value;
+        if (name) draft[name] = { channel: channel.heading, group: several ? channel.group : null, unit: null, sign: 1, factor: 1, offset: 0, delay: 0, longest: null, ...entry };
+        redraw();
+      } }, h("option", { value: "" }, "–"), Object.keys(about.quantities).map((name) => h("option", { value: name, selected: name === quantity }, name)))),
+      h("td", {}, entry ? h("select", { "aria-label": `Unit of ${channel.heading}`, id: `unit-${index}`, onchange: (event) => { entry.unit = event.target.value || null; redraw(); } },
+        h("option", { value: "", selected: !known.includes(unit) }, known.includes(channel.unit) ? channel.unit : "unit?"),
+        known.filter((name) => name !== channel.unit).map((name) => h("option", { value: name, selected: name === unit }, name))) : channel.unit),
+      h("td", {}, entry && quantity !== "time" && h("button", { type: "button", class: "plain sign", id: `sign-${index}`, "aria-label": `Sign of ${channel.heading}: ${entry.sign < 0 ? "minus" : "plus"}`,
+        onclick: () => { entry.sign = -entry.sign; redraw(); } }, entry.sign < 0 ? "−" : "+")),
+      h("td", {}, entry && quantity !== "time" && number(entry, "factor", `Factor of ${channel.heading}`)),
+      h("td", {}, entry && quantity !== "time" && number(entry, "offset", `Offset of ${channel.heading} in its unit`)),
+      h("td", {}, entry && quantity !== "time" && number(entry, "delay", `Delay of ${channel.heading} in s`)),
+      h("td", { class: "number" }, `${short(channel.low, 4)} to ${short(channel.high, 4)}`),
+      h("td", { class: "number" }, channel.missing ? channel.missing.toLocaleString("en") : "0"));
+  });
+  const changed = JSON.stringify(draft) !== JSON.stringify(look.map);
+  const ambient = h("input", { id: "ambient", class: "w7", value: recording.ambient, placeholder: "1.095bar" });
+  const apply = async () => {
+    try {
+      await send("PUT", `/api/recordings/${recording.id}/map`, { channels: draft, ambient: ambient.value });
+      messages.delete(recording.id);
+      drafts.delete(recording.id);
+    } catch (problem) { messages.set(recording.id, problem.message); drawChannels(holder, recording, replot); }
+  };
+  const others = look.grids.flatMap((grid) => grid.without_numbers);
+  fill(holder, h("h3", {}, "Channels"),
+    h("div", { class: "tools" }, h("input", { type: "search", id: "search", placeholder: `Search ${plural(every.length, "channel")}`, value: search, "aria-label": "Search channels",
+      oninput: (event) => { searches.set(recording.id, event.target.value); const at = event.target.selectionStart; drawChannels(holder, recording, replot); document.getElementById("search").setSelectionRange(at, at); } }),
+    h("label", { for: "ambient" }, "Ambient pressure"), ambient,
+    h("button", { type: "button", id: "apply", onclick: apply, class: changed || unchecked(recording) ? "" : "plain" }, changed ? "Apply the map and check" : "Keep as map and check"),
+    changed && h("button", { type: "button", class: "plain", onclick: () => { drafts.delete(recording.id); redraw(); } }, "Undo"),
+    recording.map && h("a", { class: "button plain", href: `/api/recordings/${recording.id}/map.toml`, download: "" }, "map.toml")),
+    notice(messages.get(recording.id)),
+    h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Table of channels" }, h("table", {}, h("thead", {}, h("tr", {},
+      ["plot", "channel", "quantity", "unit", "sign", "factor", "offset", "delay [s]", "range as written", "missing"].map((text) => h("th", { scope: "col" }, text)))), h("tbody", {}, rows))),
+    found.length > MOST_CHANNELS && h("p", { class: "hint" }, `${found.length - MOST_CHANNELS} more: search for them.`),
+    others.length ? h("p", { class: "hint" }, `Without numbers: ${others.slice(0, 20).map((other) => `${other.channel} (${other.holds})`).join(", ")}`) : null);
+}
+
+function drawChecks(recording) {
+  const { look } = recording;
+  if (look.checking) return h("section", {}, h("h3", {}, "Checks"), h("p", { class: "hint" }, "Checking …"));
+  const poor = { bad: 0, suspect: 1, undetermined: 2, good: 3 };
+  const rows = [...look.checks].sort((a, b) => poor[a.grade] - poor[b.grade]).map((check) => {
+    const place = check.sentence.match(/from (-?[\d.]+) to (-?[\d.]+) s\b/);
+    return h("tr", {}, h("td", {}, badge(check.grade, check.grade)), h("th", { scope: "row" }, check.name), h("td", {}, check.value,
+      check.grade !== "good" && h("p", { class: "sentence" }, check.sentence),
+      place && check.grade !== "good" && h("button", { type: "button", class: "plain", onclick: () => shown?.mark(Number(place[1]), Number(place[2])) }, "Show the place")));
+  });
+  return h("section", { "aria-label": "Checks" }, h("h3", {}, "Checks before a fit"),
+    rows.length ? h("table", { class: "checks" }, h("tbody", {}, rows)) : notice(look.status === "bad_input" ? "" : look.message, "care"),
+    look.warnings.length ? h("ul", { class: "notes" }, look.warnings.map((text) => h("li", {}, text))) : null,
+    look.notes.length ? h("details", {}, h("summary", {}, "What a reading assumes"), h("ul", { class: "notes" }, look.notes.map((text) => h("li", {}, text)))) : null);
+}
+
+const picked = new Map();
+
+function drawStrokes(recording, redraw) {
+  const { strokes = [] } = recording.look;
+  const only = strokes.filter((stroke) => stroke.kind === "stroke");
+  if (!only.length) return null;
+  if (!picked.has(recording.id)) picked.set(recording.id, new Set());
+  const these = picked.get(recording.id);
+  const cut = async () => {
+    try {
+      const { id } = await send("POST", `/api/recordings/${recording.id}/cut`, { begins: [...these] });
+      messages.delete(recording.id);
+      chosen = id;
+    } catch (problem) { messages.set(recording.id, problem.message); redraw(); }
+  };
+  const button = h("button", { type: "button", disabled: !these.size, onclick: cut }, "Cut out the chosen strokes");
+  return h("section", { "aria-label": "Strokes" }, h("details", {}, h("summary", {}, h("h3", {}, plural(only.length, "stroke"))),
+    h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Table of strokes" }, h("table", {}, h("tbody", {}, only.slice(0, 500).map((stroke) => h("tr", {},
+      h("td", {}, h("input", { type: "checkbox", checked: these.has(stroke.begin), "aria-label": `Choose the stroke at ${short(stroke.begin)} s`,
+        onchange: (event) => { these[event.target.checked ? "add" : "delete"](stroke.begin); button.disabled = !these.size; } })),
+      h("td", {}, stroke.label), h("td", { class: "number" }, `${short(stroke.begin)} to ${short(stroke.end)} s`),
+      h("td", {}, h("button", { type: "button", class: "plain", onclick: () => shown?.mark(stroke.begin, stroke.end) }, "Show"))))))), button));
+}

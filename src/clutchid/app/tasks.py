@@ -1,0 +1,431 @@
+"""What a job does, in its own process: open a recording, apply a map, fit, check a calibration, export."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from clutchid import workflow
+from clutchid.app.plots import CLOCK, clock_column
+from clutchid.codegen.cache import when_compiling
+from clutchid.errors import ClutchidError, DataError, ParameterError
+from clutchid.estimation.assess.comparison import comparison
+from clutchid.estimation.fit import request_of
+from clutchid.estimation.parameter_file import read_parameters
+from clutchid.estimation.result import calibrated_curve
+from clutchid.log import Log
+from clutchid.numerics.progress import Step
+from clutchid.parameters import Parameters
+from clutchid.recordings.checks import in_si
+from clutchid.recordings.columns import Heading
+from clutchid.recordings.map.channel_map import read_map
+from clutchid.recordings.opening import open_source
+from clutchid.recordings.source import BLOCK, Source
+from clutchid.recordings.stored import store, stored, write_column
+from clutchid.reports.fit_json import curve_json, fit_json
+from clutchid.reports.look_json import look_json
+from clutchid.reports.next_step import Command, next_step
+from clutchid.reports.summary import errors_text, summary
+from clutchid.workflow.looking import checked, contents_of
+from clutchid.workflow.options import bounds, pressure, priors
+from clutchid.workflow.progress import CALIBRATION, ESTIMATE, Progressed, shared
+
+if TYPE_CHECKING:
+    from clutchid.estimation import Fit
+    from clutchid.estimation.request import FitRequest
+    from clutchid.recordings.map.channel_map import ChannelMap
+
+Task = Mapping[str, Any]
+
+
+#: Most strokes and rests of a recording that are listed.
+MOST_SECTIONS = 2000
+
+
+class Listener(Protocol):
+    """Whoever hears how far a job is: the stage, the share that is done from 0 to 1, and words."""
+
+    def progress(self, stage: str, share: float | None, words: str) -> None:
+        """A stage that has begun or goes on; None where nobody knows the share."""
+
+    def part(self, result: dict[str, Any]) -> None:
+        """What is known before the job is done."""
+
+
+def open_recording(task: Task, events: Listener) -> dict[str, Any]:
+    """Copy the columns of a recording into the folder of the task, look at it and check it.
+
+    Raises
+    ------
+    DataError, MissingExtra
+        As `clutchid.read`.
+    """
+    events.progress("reading", None, "reading")
+    source = open_source(task["path"], task.get("dbc", ()))
+    folder = Path(task["folder"])
+    shutil.rmtree(folder, ignore_errors=True)
+
+    def shown(done: int, size: int) -> None:
+        events.progress("reading", 0.9 * done / max(size, 1), f"reading, {done:,} samples")
+
+    copied = store(source, folder, BLOCK, shown)
+    return _looked(copied, task, events)
+
+
+def look_again(task: Task, events: Listener) -> dict[str, Any]:
+    """Look at the stored columns of a recording with another channel map.
+
+    Raises
+    ------
+    DataError, ParameterError
+        If the map cannot be understood or does not fit.
+    """
+    return _looked(stored(Path(task["folder"])), task, events)
+
+
+def _looked(source: Source, task: Task, events: Listener) -> dict[str, Any]:
+    """The contents of a recording, the checks, and how its channels are plotted."""
+    when_compiling(lambda _: events.progress("compiling", 0.9, "compiling the model, once per machine"))
+    given = None if task.get("map") is None else read_map(task["map"])
+    ambient = pressure(task.get("ambient"), Parameters().P_0)
+    folder = Path(task["folder"])
+    _write_clocks(source, given, ambient, folder)
+    about = {"ambient": ambient, "plots": _plots(source), "strokes": [], "checking": False}
+    contents = contents_of(source, ambient, given)
+    events.part(finite({**look_json(contents, None, ""), **about, "checking": True}))
+    events.progress("checks", 0.9, "checks")
+    try:
+        found = checked(source, contents, ambient, given)
+    except DataError as error:  # the map does not fit: the file is shown nevertheless
+        plain = look_json(contents, None, "")
+        refused: dict[str, Any] = finite({**plain, **about, "status": "bad_input", "message": str(error)})
+        return refused
+    text = look_json(contents, found.inspection, found.unchecked)
+    shown: dict[str, Any] = finite({**text, **about, "strokes": _strokes(found.log)})
+    return shown
+
+
+def cut_recording(task: Task, events: Listener) -> dict[str, Any]:
+    """Write the chosen strokes of stored columns as a recording, and open it.
+
+    Raises
+    ------
+    DataError
+        If none of the chosen strokes is there any more.
+    """
+    from clutchid.recordings import source_pieces, write
+    from clutchid.recordings.strokes import cut, joined
+
+    events.progress("cutting", None, "cutting")
+    source = stored(Path(task["source"]))
+    given = None if task.get("map") is None else read_map(task["map"])
+    chosen = {round(float(begin), 6) for begin in task["begins"]}
+    pieces = source_pieces(source, given, pressure(task.get("ambient"), Parameters().P_0))
+    sections = [section for section in cut(pieces) if round(section.start, 6) in chosen]
+    if not sections:
+        raise DataError(f"{source.path.name}: no stroke is chosen.")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        write(joined(sections), task["path"])
+    return open_recording(task, events)
+
+
+def _write_clocks(source: Source, given: ChannelMap | None, ambient: float, folder: Path) -> None:
+    """The time of every grid in s, as a column: that of the map, of the file, or the number of the sample."""
+    from clutchid.recordings.map.picking import own_clock
+
+    for index, raster in enumerate(source.rasters):
+        clock = own_clock(raster)[0]
+        entry = None if given is None else given.channels.get("time")
+        if entry is not None:
+            named = next((h for h in raster.headings if h.text == entry.channel), None)
+            if named is not None:
+                clock = Heading(named.index, named.text, "time", entry.unit or named.unit)
+        rate = 1.0 if given is None or given.rate is None else given.rate
+        parts = []
+        done = 0
+        for table in source.tables(index, [] if clock is None else [clock.index], BLOCK):
+            if clock is None or clock.index not in table.numbers:
+                parts.append((done + np.arange(table.size)) / rate)
+            else:
+                parts.append(in_si(clock, table.numbers[clock.index], ambient))
+            done += table.size
+        write_column(folder, index, CLOCK, clock_column(np.concatenate(parts) if parts else np.empty(0)))
+
+
+def _plots(source: Source) -> list[list[int | None]]:
+    """By time grid, for each channel in the order of `look`, the number of its stored column."""
+    return [[heading.index for heading in raster.headings] for raster in source.rasters]
+
+
+def _strokes(log: Log | None) -> list[dict[str, Any]]:
+    """The sections of a recording with their label, start and end in s."""
+    from clutchid.recordings.strokes import cut
+
+    if log is None or not {"position", "duty_supply", "duty_exhaust"} <= {*log.columns}:
+        return []
+    sections = islice(cut(log), MOST_SECTIONS)
+    return [{"kind": one.kind, "label": one.label, "begin": one.start, "end": one.end} for one in sections]
+
+
+def _read(items: Sequence[Task], actuator: Any, request: FitRequest, ambient: float, *, verify: bool) -> list[Log]:
+    """Recordings, each with the channel map of its own; the problems of all are raised together."""
+    logs, problems = [], []
+    for item in items:
+        one = None if item.get("map") is None else Path(item["map"])
+        files = workflow.FileOptions(ambient, one, tuple(map(Path, item.get("dbc", ()))))
+        measured = () if verify else request.measure
+        try:
+            logs += workflow.read_recordings([Path(item["path"])], files, actuator.equipment, measured=measured)
+        except DataError as error:
+            problems.append(str(error))
+    DataError.raise_for(problems)
+    return logs
+
+
+def fit(task: Task, events: Listener) -> dict[str, Any]:
+    """Calibrate, or estimate a load, as the command of the same verb, and write its files into the folder of the task.
+
+    Raises
+    ------
+    DataError, ParameterError, SolveError
+        As `clutchid.fit`.
+    """
+    usual = CALIBRATION if task["verb"] == "calibrate" else ESTIMATE
+
+    def show(done: Progressed) -> None:
+        events.progress(done.step.stage, done.share, done.words)
+
+    progress = shared(usual, show)
+    when_compiling(lambda _: progress(Step("compiling")))
+    options = task["options"]
+    limits, known = bounds(options.get("bounds", ())), priors(options.get("prior", ()))
+    request = request_of(
+        options["measure"], options["free"], limits, None, options.get("method") or None, known, (), 0, options["zero"]
+    )
+    start = None if task.get("start") is None else Path(task["start"])
+    actuator, request = workflow.start_of(start, None, request)
+    ambient = pressure(options.get("ambient") or None, actuator.parameters.P_0)
+    progress(Step("reading"))
+    logs = _read(task["recordings"], actuator, request, ambient, verify=False)
+    others = _read(task.get("verify", ()), actuator, request, ambient, verify=True)
+    found = workflow.fit_recordings(logs, actuator, request, others, progress, force=bool(options.get("force")))
+    progress(Step("writing"))
+    folder = Path(task["folder"])
+    shown = _shown(found, task, folder)
+    events.part({**shown, "writing": True})
+    return {**shown, **_files(found, task, folder)}
+
+
+def _command(task: Task, save: Path | None = None, report: Path | None = None) -> Command:
+    """The command that repeats a fit."""
+    logs = tuple(Path(item["name"]) for item in task["recordings"])
+    return Command(tuple(task["arguments"]), logs, save=save, report=report)
+
+
+def _files(found: Fit, task: Task, folder: Path) -> dict[str, Any]:
+    """Write the files of a fit; their names, and why others could not be written."""
+    files, failures = ["result.json"], []
+    command = _command(task)
+    for name in ("fit.toml", "report.html", "fit.m", "fit.mat"):
+        try:
+            if name.endswith(".html"):
+                workflow.report(found, command.with_options(), folder / name)
+            else:
+                workflow.save(found, folder / name)
+            files.append(name)
+        except ClutchidError as error:
+            failures.append(f"{name}: {error}")
+    (folder / "result.json").write_text(json.dumps(finite(fit_json(found))), encoding="utf-8")
+    return {"files": files, "failures": failures}
+
+
+def _shown(found: Fit, task: Task, folder: Path) -> dict[str, Any]:
+    """What the page shows of a fit."""
+    compared = comparison(found)
+    step = next_step(found, _command(task, Path("CAL.toml"), Path("r.html")))
+    shown = {
+        **fit_json(found),
+        "summary": [row._asdict() for row in summary(found, in_full=True)],
+        "error_words": {name: errors_text(one.errors) for name, one in found.recordings.items()},
+        "is_calibration": found.calibration is not None and found.baseline is None,
+        "recordings": _residuals(found, folder / "columns"),
+        "next": {"kind": step.kind, "why": step.why},
+        "change_at": None if compared is None else {
+            f"{mm} mm": compared.at(mm * 1e-3)._asdict() for mm in (5, 6, 7, 8) if mm * 1e-3 <= compared.reach
+        },
+        "files": [],
+        "failures": [],
+        "writing": False,
+    }  # fmt: skip
+    result: dict[str, Any] = finite(shown)
+    return result
+
+
+def _residuals(found: Fit, folder: Path) -> list[dict[str, Any]]:
+    """Columns of the fitted and verified recordings, and their names by number."""
+    folder.mkdir(parents=True, exist_ok=True)
+    shown = []
+    several = [*found.recordings.items(), *found.verification.items()]
+    for grid, (name, one) in enumerate(several):
+        columns = {
+            "position": one.measured.columns.get("position"),
+            "simulated position": one.simulated.columns.get("position"),
+            "pressure_a": one.measured.columns.get("pressure_a"),
+            "simulated pressure_a": one.simulated.columns.get("pressure_a"),
+            "pressure_a low": one.simulated.columns.get("pressure_a low"),
+            "pressure_a high": one.simulated.columns.get("pressure_a high"),
+        }
+        for residual in ("position", "pressure_a"):
+            measured, simulated = columns[residual], columns[f"simulated {residual}"]
+            if measured is not None and simulated is not None and measured.shape == simulated.shape:
+                columns[f"residual {residual}"] = measured - simulated
+        kept = {name: values for name, values in columns.items() if values is not None}
+        write_column(folder, grid, CLOCK, clock_column(one.measured.time))
+        for number, values in enumerate(kept.values()):
+            write_column(folder, grid, number, values)
+        span = [float(one.measured.time[0]), float(one.measured.time[-1])]
+        shown.append({"name": name, "columns": [*kept], "span": span, "verified": name in found.verification})
+    return shown
+
+
+def check_calibration(task: Task, events: Listener) -> dict[str, Any]:
+    """What a parameter file holds, if it is a calibration.
+
+    Raises
+    ------
+    DataError, ParameterError
+        If it cannot be understood, or is no calibration.
+    """
+    events.progress("reading", None, "reading")
+    content = read_parameters(task["path"])
+    known = content.calibration
+    if known is None:
+        raise ParameterError(
+            f"{Path(task['path']).name}: is a parameter file without a calibration; a calibration is written by "
+            "`clutchid calibrate --save CAL.toml`."
+        )
+    curve = calibrated_curve(content.actuator, known)
+    shown = {
+        "status": "ok", "load_curve": None if curve is None else curve_json(curve), "is_calibration": True,
+        "trust": content.origin.trust or "",
+        "created": content.origin.created, "files": ["fit.toml"], "recordings": [], "reasons": [], "parameters": {},
+    }  # fmt: skip
+    result: dict[str, Any] = finite(shown)
+    return result
+
+
+def export(task: Task, events: Listener) -> dict[str, Any]:
+    """Export the observer of a calibration, and pack it as a ZIP file.
+
+    Raises
+    ------
+    DataError, ParameterError, ExportError
+        As `clutchid.export`.
+    """
+    from clutchid.exports.exporting import targets_of
+    from clutchid.workflow.verbs import export as exported
+
+    events.progress("export", None, "writing the C and comparing it with Python")
+    when_compiling(lambda _: events.progress("compiling", None, "compiling the model, once per machine"))
+    folder = Path(task["folder"])
+    made = folder / "export"
+    shutil.rmtree(made, ignore_errors=True)
+    done = exported(task["start"], made, to=targets_of(task["to"]), method=task.get("method", "joint"))
+    archive = shutil.make_archive(str(folder / "export"), "zip", made)
+    parity = done.parity
+    words = f"{len(done.files)} files"
+    if parity is not None:
+        holds = "holds" if done.holds else "does not hold"
+        words += f"; parity {holds} on {parity.recording}: load {100 * parity.load:.2g} % of its peak"
+    return {"file": Path(archive).name, "words": words, "notes": list(done.notes), "result": task["result"]}
+
+
+def observe(task: Task, events: Listener) -> dict[str, Any]:
+    """Follow a recording with the observer of a calibration, and write its columns and its loads by stroke.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `clutchid.observe`.
+    """
+    from clutchid.observer.by_stroke import curve, positions
+    from clutchid.observer.observer import start
+    from clutchid.reports.observe_text import end_rows
+
+    events.progress("reading", 0.0, "reading")
+    when_compiling(lambda _: events.progress("compiling", 0.1, "compiling the model, once per machine"))
+    content = workflow.start_file(Path(task["start"]), None)
+    item = task["recording"]
+    files = workflow.FileOptions(
+        content.actuator.parameters.P_0,
+        None if item.get("map") is None else Path(item["map"]),
+        tuple(map(Path, item.get("dbc", ()))),
+    )
+    equipment = content.actuator.equipment
+    (log,) = workflow.read_recordings([Path(item["path"])], files, equipment, measured=("pressure_a",))
+    events.progress("checks", 0.1, "checks")
+    force = bool(task.get("force"))
+    (log,) = workflow.inspected([log], content.actuator, force=force, rest=content.rest)
+    log = workflow.fast_enough(log, content, force=force)
+    events.progress("observing", 0.3, f"following {len(log):,} samples")
+    run = workflow.observed(log, content, task["method"])
+    events.progress("writing", 0.9, "writing")
+    folder = Path(task["folder"]) / "columns"
+    folder.mkdir(parents=True, exist_ok=True)
+    estimates = run.estimates()
+    names = [name for name in OBSERVED if name in estimates.columns]
+    write_column(folder, 0, CLOCK, clock_column(log.time))
+    for number, name in enumerate(names):
+        write_column(folder, 0, number, np.asarray(estimates.columns[name], dtype=np.float64))
+    grid = positions(run.observer)
+    loads = [(float(log.time[0]), 0, curve(run.observer, run.before, grid))]
+    loads += [(row.time, row.number, row.curve) for row in run.strokes]
+    shown = {
+        "columns": names,
+        "span": [float(log.time[0]), float(log.time[-1])],
+        "calibrated": curve_json(curve(run.observer, start(run.observer), grid)),
+        "loads": [{"time": time, "stroke": number, "curve": curve_json(one)} for time, number, one in loads],
+        "health": dict(run.health),
+        "summary": [row._asdict() for row in end_rows(run)],
+        "warnings": [*log.warnings],
+    }
+    result: dict[str, Any] = finite(shown)
+    return result
+
+
+#: Columns of an observed recording that are plotted.
+OBSERVED = (
+    "position", "pressure_a", "pressure_a low", "pressure_a high", "pressure_a_measured [Pa]", "innovation",
+    "innovation std", "used [1]", "nis_ratio [1]",
+)  # fmt: skip
+
+
+def finite(value: Any) -> Any:
+    """A value for JSON: what is not finite is null."""
+    if isinstance(value, dict):
+        return {key: finite(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(inner) for inner in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value
+
+
+#: Tasks by name.
+TASKS: Mapping[str, Callable[[Task, Listener], dict[str, Any]]] = {
+    "open": open_recording,
+    "look": look_again,
+    "cut": cut_recording,
+    "fit": fit,
+    "calibration": check_calibration,
+    "export": export,
+    "observe": observe,
+}

@@ -1,0 +1,150 @@
+"""What a page sends as a file or names by its path: safe names, limits of size and disk, and only what lies below."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import AsyncIterator, Iterable
+from pathlib import Path
+
+from clutchid.app.folder import free_bytes
+from clutchid.errors import DataError
+from clutchid.names import printable
+from clutchid.recordings.files import reason_of
+
+#: Largest upload in bytes; a larger file is opened by its path.
+LARGEST = 4 << 30
+
+#: Bytes that stay free on the disk: the columns of a recording take about as much as its file.
+SPARE = 1 << 30
+
+#: Longest name of a file in the folder of the server.
+_LONGEST = 120
+
+#: Suffixes of recordings in the list of a folder, besides the same with ``.gz``.
+SUFFIXES = (
+    ".csv", ".tsv", ".txt", ".dat", ".parquet", ".mf4", ".mdf", ".mat", ".blf", ".asc", ".trc", ".dbc", ".toml",
+)  # fmt: skip
+
+#: Most entries of a folder that are listed.
+MOST_ENTRIES = 2000
+
+
+def safe_name(text: str) -> str:
+    """A name for a file on this disk: the last part of a path, without what means something to a system.
+
+    Examples
+    --------
+    >>> safe_name("../../etc/passwd"), safe_name("Messung 7 (Größe).mf4"), safe_name("..."), safe_name("a\\x00<b>.csv")
+    ('passwd', 'Messung 7 (Größe).mf4', 'file', 'a__b_.csv')
+    """
+    last = re.split(r"[/\\]", text)[-1]
+    name = re.sub(r"[^\w .()+=@-]", "_", last).strip(" .")
+    if len(name) > _LONGEST:
+        stem, dot, suffix = name.rpartition(".")
+        name = f"{stem[: _LONGEST - len(suffix) - 1]}{dot}{suffix[:20]}"
+    return name or "file"
+
+
+def check_size(name: str, length: str | None, folder: Path) -> int:
+    """The size of an upload in bytes, before it is sent.
+
+    Raises
+    ------
+    DataError
+        If its size is not given, or it is too large for an upload or for the disk.
+    """
+    shown = printable(name)
+    if length is None or not length.isdigit():
+        raise DataError(f"{shown}: its size is not known before it is sent; open it by its path.")
+    size = int(length)
+    if size > LARGEST:
+        raise DataError(
+            f"{shown}: has {size / 1e9:.3g} GB, at most {LARGEST / 1e9:.3g} GB are sent to the page; open it by its "
+            "path, which copies nothing."
+        )
+    free = free_bytes(folder)
+    if 2 * size + SPARE > free:
+        raise DataError(
+            f"{shown}: needs {(2 * size + SPARE) / 1e9:.3g} GB on the disk of {folder}, and {free / 1e9:.3g} GB are "
+            "free; make room, or name another folder with CLUTCHID_CACHE."
+        )
+    return size
+
+
+async def receive(chunks: AsyncIterator[bytes], path: Path, size: int) -> None:
+    """Write an upload to a new file; where it breaks off, or has another size, nothing is left.
+
+    Raises
+    ------
+    DataError
+        If it is not as long as it said, or cannot be written.
+    """
+    done = 0
+    try:
+        with path.open("xb") as file:
+            async for chunk in chunks:
+                done += len(chunk)
+                if done > size:
+                    break
+                file.write(chunk)
+    except OSError as error:
+        path.unlink(missing_ok=True)
+        raise DataError(f"{path.name}: could not be kept ({reason_of(error)}).") from error
+    except BaseException:
+        path.unlink(missing_ok=True)
+        raise
+    if done != size:
+        path.unlink(missing_ok=True)
+        raise DataError(f"{path.name}: {done:,} of {size:,} bytes arrived; send it again.")
+
+
+def allowed_path(text: str, below: Path, given: Iterable[Path]) -> Path:
+    """A file that may be opened by its path: one below the folder, also by links, or one given on the command line.
+
+    Raises
+    ------
+    DataError
+        If it is another one, or there is no such file.
+    """
+    shown = printable(text)
+    if "\x00" in text:
+        raise DataError(f"{shown}: is no path.")
+    try:
+        path = (below / text).resolve()
+        known = path.is_relative_to(below) or path in {one.resolve() for one in given}
+    except (OSError, RuntimeError) as error:
+        raise DataError(f"{shown}: cannot be opened ({error}).") from error
+    if not known:
+        raise DataError(f"{shown}: does not lie below {below}; start `clutchid app --folder DIR` with another folder.")
+    if not path.is_file():
+        raise DataError(f"{shown}: there is no such file below {below}.")
+    return path
+
+
+def listed(text: str, below: Path) -> dict[str, object]:
+    """Folders and recordings in a folder below the one that is open to the page.
+
+    Raises
+    ------
+    DataError
+        If it is another folder, or cannot be read.
+    """
+    folder = (below / text).resolve()
+    if not folder.is_relative_to(below) or not folder.is_dir():
+        raise DataError(f"{printable(text)}: there is no such folder below {below}.")
+    folders, files = [], []
+    try:
+        entries = sorted(folder.iterdir(), key=lambda one: one.name.casefold())[:MOST_ENTRIES]
+        for entry in entries:
+            if entry.name.startswith("."):
+                continue
+            path = str(entry.relative_to(below))
+            if entry.is_dir():
+                folders.append({"name": entry.name, "path": path})
+            elif Path(entry.name.removesuffix(".gz")).suffix.lower() in SUFFIXES:
+                files.append({"name": entry.name, "path": path, "size": entry.stat().st_size})
+    except OSError as error:
+        raise DataError(f"{folder}: cannot be listed ({reason_of(error)}).") from error
+    inside = folder != below
+    up = str(folder.parent.relative_to(below)) if inside else None
+    return {"folder": str(folder), "up": up, "folders": folders, "files": files}

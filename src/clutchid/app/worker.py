@@ -1,0 +1,85 @@
+"""The process of one job: a task as a JSON line on standard input, events as JSON lines on standard output.
+
+It is started before a job is there, with its imports done, and waits. It ends with all that it started when the server
+closes its standard input, as when it is killed.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+import threading
+import time
+import traceback
+from typing import Any
+
+from clutchid.workflow.failures import failure
+
+#: Interval in s between two events about the same stage.
+GLANCE = 0.1
+
+
+class Events:
+    """What a job says, as JSON lines; progress of one stage is thinned out."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._file = os.fdopen(descriptor, "w", encoding="utf-8")
+        self._stage, self._last = "", 0.0
+
+    def say(self, event: str, **values: Any) -> None:
+        """Write an event at once."""
+        self._file.write(json.dumps({"event": event, **values}) + "\n")
+        self._file.flush()
+
+    def part(self, result: dict[str, Any]) -> None:
+        """Say what is known before the job is done."""
+        self.say("part", result=result)
+
+    def progress(self, stage: str, share: float | None, words: str) -> None:
+        """Say how far the job is: a new stage at once, the same at most ten times a second."""
+        now = time.monotonic()
+        if stage != self._stage or now - self._last >= GLANCE:
+            self._stage, self._last = stage, now
+            self.say("progress", stage=stage, share=share, words=words)
+
+
+def main() -> None:
+    """Wait for a task, do it, and say what came of it."""
+    events = Events(os.dup(1))
+    os.dup2(2, 1)  # what a library prints is no event
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the server, which ends its jobs
+    from clutchid.app import tasks  # with all that a job needs
+
+    events.say("ready")
+    line = sys.stdin.readline()
+    if not line:
+        return
+    threading.Thread(target=_end_with_server, daemon=True).start()
+    done_by(json.loads(line), tasks.TASKS, events)
+
+
+def done_by(task: dict[str, Any], known: Any, events: Events) -> None:
+    """Do one task of those that are `known`, and say its result or its failure."""
+    try:
+        events.say("done", result=known[task["do"]](task, events))
+    except Exception as error:
+        message, status = failure(error, debug=False)
+        events.say("failed", message=message, status=status, traceback="" if status == "bad_input" else _trace(error))
+
+
+def _trace(error: BaseException) -> str:
+    return "".join(traceback.format_exception(error))
+
+
+def _end_with_server() -> None:
+    """End this process and its group once nobody holds the other end of standard input."""
+    sys.stdin.read()
+    if hasattr(os, "killpg"):
+        os.killpg(os.getpgid(0), signal.SIGKILL)
+    os._exit(1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,68 @@
+"""``clutchid app``: a page on this machine, on which recordings are opened, looked at, fitted and compared."""
+
+from __future__ import annotations
+
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from clutchid.cli.common import DONE, Flag, guarded, print_written
+from clutchid.cli.terminal import put
+from clutchid.errors import DataError, missing
+
+
+@guarded
+def app(
+    *files: Path,
+    port: int = 0,
+    folder: Path = Path(),
+    browser: Annotated[bool, Parameter(negative="--no-browser")] = True,
+    keep: Flag = False,
+    debug: Flag = False,
+) -> int:
+    """Open a page in the browser: recordings, channel maps, calibrations and loads, all on this machine.
+
+    The address that is printed has a token; nobody without it can use the page. Ctrl-C ends it.
+
+    Parameters
+    ----------
+    files
+        Recordings and calibrations (TOML) that are opened at once.
+    port
+        Port of this machine; by default one that is free.
+    folder
+        Folder whose recordings can be opened by path, without a copy; by default the present one.
+    browser
+        Whether the browser is started.
+    keep
+        Keep uploads, maps and results at the end, and print in which folder.
+    debug
+        Show the traceback of an error, also of one in a job.
+    """
+    for name, library in (("starlette", "Starlette"), ("uvicorn", "uvicorn")):
+        if find_spec(name) is None:
+            raise missing("clutchid app", library, "app")
+    from clutchid.app.folder import cache_folder
+    from clutchid.app.server import serve
+
+    if not folder.is_dir():
+        raise DataError(f"--folder {folder}: there is no such folder.")
+    for file in files:
+        if not file.is_file():
+            raise DataError(f"{file}: there is no such file.")
+    kept = serve(
+        [file.absolute() for file in files],
+        folder,
+        cache_folder(),
+        put,
+        port=port,
+        browser=browser,
+        keep=keep,
+        trace=lambda text: put(text, to=sys.stderr) if debug else None,
+    )
+    if keep:
+        print_written(kept)
+    return DONE

@@ -1,0 +1,53 @@
+"""`Step`: where a long computation is, as data that a terminal and a page word; `Progress`: who is called with it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Literal, NamedTuple
+
+#: Stages of a fit in their order. "position alone" are the searches by which a calibration learns how a load from
+#: position alone errs, "alone" the fits of single recordings behind that of all.
+Stage = Literal[
+    "reading",
+    "checks",
+    "compiling",
+    "preparation",
+    "coarse search",
+    "fine search",
+    "changes",
+    "evidence",
+    "position alone",
+    "innovations",
+    "alone",
+    "verification",
+    "writing",
+]
+
+
+class Step(NamedTuple):
+    """A stage that has begun or goes on, its evaluations so far, and the cost of a search, NaN where there is none."""
+
+    stage: Stage
+    evaluations: int = 0
+    cost: float = math.nan
+
+
+Progress = Callable[[Step], None]
+
+
+def report(progress: Progress | None, stage: Stage) -> None:
+    """Say that a stage begins, where somebody listens."""
+    if progress is not None:
+        progress(Step(stage))
+
+
+def within(progress: Progress | None, stage: Stage) -> Progress | None:
+    """Progress of a computation within another one, all of it under the name of the outer `stage`.
+
+    Examples
+    --------
+    >>> within(print, "alone")(Step("fine search", 3, 0.5))
+    Step(stage='alone', evaluations=3, cost=0.5)
+    """
+    return None if progress is None else lambda step: progress(step._replace(stage=stage))

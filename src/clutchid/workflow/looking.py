@@ -1,0 +1,114 @@
+"""What `look` finds, for the command line and the page: the contents of a file, and the checks before a fit on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from clutchid.errors import DataError
+from clutchid.log import Log
+from clutchid.recordings import read_pieces, source_pieces
+from clutchid.recordings.look import look, overview_of
+
+if TYPE_CHECKING:
+    from clutchid.estimation.parameter_file import ParameterFile
+    from clutchid.preparation.inspection import Inspection
+    from clutchid.recordings.map.channel_map import ChannelMap
+    from clutchid.recordings.overview import FileOverview
+    from clutchid.recordings.source import Source
+
+#: What a recording needs to be checked.
+_NEEDED = ("time", "position")
+
+
+@dataclass(frozen=True, slots=True)
+class Looked:
+    """The contents of a file, and the checks on it or, in `unchecked`, why there are none.
+
+    `how` says how it was read: nothing, or with the proposed channel map. `log` is what was checked: the recording, or
+    its first million samples.
+    """
+
+    contents: FileOverview
+    inspection: Inspection | None = None
+    unchecked: str = ""
+    how: str = ""
+    log: Log | None = None
+
+    @property
+    def checks(self) -> str:
+        """The checks as text for a terminal."""
+        return self.inspection.table(self.how) if self.inspection else self.unchecked
+
+
+def looked(
+    file: Path, ambient: float, dbc: tuple[Path, ...], given: ChannelMap | None, content: ParameterFile | None = None
+) -> Looked:
+    """Look at a file, and check it against the calibration `content`, if there is one.
+
+    Raises
+    ------
+    DataError
+        If it cannot be read, or a map that is `given` does not fit it.
+    """
+    contents = look(file, ambient, dbc, given)
+
+    def read(channels: ChannelMap | None) -> Log:
+        return next(read_pieces(file, ambient=ambient, channels=channels, required=_NEEDED))
+
+    return _checked(contents, given, content, read)
+
+
+def contents_of(source: Source, ambient: float, given: ChannelMap | None) -> FileOverview:
+    """The contents of an opened file, such as one of stored columns."""
+    return overview_of(source, ambient, given.dbc if given else (), given)
+
+
+def checked(
+    source: Source,
+    contents: FileOverview,
+    ambient: float,
+    given: ChannelMap | None,
+    content: ParameterFile | None = None,
+) -> Looked:
+    """Checks on an opened file with these contents.
+
+    Raises
+    ------
+    DataError
+        If a map that is `given` does not fit it.
+    """
+
+    def read(channels: ChannelMap | None) -> Log:
+        return next(source_pieces(source, channels, ambient, _NEEDED))
+
+    return _checked(contents, given, content, read)
+
+
+def _checked(
+    contents: FileOverview,
+    given: ChannelMap | None,
+    content: ParameterFile | None,
+    read: Callable[[ChannelMap | None], Log],
+) -> Looked:
+    """Checks on the recording; a file that needs a channel map and has none is read with the proposed one."""
+    from clutchid.preparation.inspection import inspect
+
+    if contents.problems:
+        return Looked(contents, unchecked="Not checked: the recording has problems.")
+    proposed = contents.proposal.channels
+    channels = replace(given, dbc=proposed.dbc) if given else proposed if contents.needs_map else None
+    if channels is proposed and "position" not in proposed.channels:
+        why = "Not checked: no channel could be identified as the position; a channel map is needed."
+        return Looked(contents, unchecked=why)
+    try:
+        log = read(channels)
+    except DataError as error:
+        if given or contents.proposal.complete:
+            raise
+        return Looked(contents, unchecked=f"Not checked, because the proposed channel map does not fit:\n{error}")
+    how = "" if contents.proposal.complete or channels is not proposed else " with the proposed channel map"
+    found = inspect(log, content.actuator, content.rest) if content else inspect(log)
+    return Looked(contents, found, how=how, log=log)

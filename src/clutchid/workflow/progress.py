@@ -1,0 +1,105 @@
+"""Progress of a command as data: its stages, the share that is done, and words for a terminal or a page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from itertools import accumulate
+from types import MappingProxyType
+from typing import NamedTuple
+
+from clutchid.numerics.progress import Stage, Step
+
+
+class Usual(NamedTuple):
+    """What a stage usually takes: its part of the whole time, and evaluations until a search has converged."""
+
+    part: float
+    evaluations: float = math.inf
+
+
+#: Usual stages of a calibration and of an estimate of 10 s at 1 kHz, measured with `python benchmarks/app.py --stages`.
+CALIBRATION: Mapping[Stage, Usual] = MappingProxyType({
+    "reading": Usual(0.01),
+    "checks": Usual(0.05),
+    "compiling": Usual(0.0),
+    "preparation": Usual(0.29),
+    "coarse search": Usual(0.23, 15.0),
+    "fine search": Usual(0.10, 25.0),
+    "evidence": Usual(0.12),
+    "position alone": Usual(0.09, 15.0),
+    "innovations": Usual(0.08),
+    "verification": Usual(0.0),
+    "writing": Usual(0.03),
+})  # fmt: skip
+ESTIMATE: Mapping[Stage, Usual] = MappingProxyType({
+    "reading": Usual(0.03),
+    "checks": Usual(0.10),
+    "compiling": Usual(0.0),
+    "preparation": Usual(0.20),
+    "coarse search": Usual(0.14, 5.0),
+    "fine search": Usual(0.14, 10.0),
+    "changes": Usual(0.30),
+    "evidence": Usual(0.04),
+    "alone": Usual(0.0, 60.0),
+    "verification": Usual(0.0),
+    "writing": Usual(0.05),
+})  # fmt: skip
+
+_WORDS: Mapping[Stage, str] = MappingProxyType({
+    "changes": "what has changed since the calibration",
+    "evidence": "intervals and evidence",
+    "position alone": "errors of a load from position alone",
+    "innovations": "innovations of the observer",
+    "alone": "recordings one by one",
+})  # fmt: skip
+
+
+class Progressed(NamedTuple):
+    """A step of a command, in words, with the share of the usual time until it ends, from 0 to 1."""
+
+    step: Step
+    share: float
+    words: str
+
+
+def shared(usual: Mapping[Stage, Usual], show: Callable[[Progressed], None]) -> Callable[[Step], None]:
+    """Progress that calls `show` with the share that is done, which never decreases.
+
+    A search approaches the end of its part, because nobody knows when it will have converged.
+
+    Examples
+    --------
+    >>> seen = []
+    >>> progress = shared(CALIBRATION, seen.append)
+    >>> progress(Step("reading")); progress(Step("fine search", 60, 12.5))
+    >>> [(f"{one.share:.2f}", one.words) for one in seen]
+    [('0.00', 'reading'), ('0.67', 'fine search, 60 simulations, cost 12.5')]
+    """
+    parts = [one.part for one in usual.values()]
+    begins = dict(zip(usual, accumulate(parts, initial=0.0), strict=False))
+    whole, done = sum(parts), 0.0
+
+    def progress(step: Step) -> None:
+        nonlocal done
+        if step.stage in usual:
+            one = usual[step.stage]
+            inside = one.part * (1.0 - math.exp(-step.evaluations / one.evaluations))
+            done = max(done, (begins[step.stage] + inside) / whole)
+        show(Progressed(step, done, words(step)))
+
+    return progress
+
+
+def words(step: Step) -> str:
+    """A step in words: the stage, how many simulations of its search, and their least cost.
+
+    Examples
+    --------
+    >>> words(Step("changes")), words(Step("coarse search", 1))
+    ('what has changed since the calibration', 'coarse search, 1 simulation')
+    """
+    text = _WORDS.get(step.stage, step.stage)
+    if step.evaluations:
+        text += f", {step.evaluations} simulation{'' if step.evaluations == 1 else 's'}"
+    return f"{text}, cost {step.cost:.4g}" if math.isfinite(step.cost) else text

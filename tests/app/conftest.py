@@ -1,0 +1,141 @@
+"""A server in a thread of its own, asked without a network."""
+
+import asyncio
+import json
+import threading
+from dataclasses import dataclass, field
+
+import pytest
+
+from clutchid import write
+from clutchid.app.guard import Access
+from clutchid.app.server import application
+from clutchid.app.session import Session
+from clutchid.truck import Truck, drive
+from fixtures.commands import wait_for
+
+PORT = 8123
+
+
+@dataclass
+class Answer:
+    """An answer of the server."""
+
+    status: int
+    headers: dict
+    body: bytes
+
+    @property
+    def json(self):
+        return json.loads(self.body)
+
+    @property
+    def message(self):
+        return self.json["message"]
+
+
+@dataclass
+class Served:
+    """A server, and a browser that has opened it: `cookie` None is one that has not."""
+
+    session: Session
+    access: Access
+    loop: asyncio.AbstractEventLoop = field(default_factory=asyncio.new_event_loop)
+
+    def __post_init__(self):
+        self.app = application(self.session, self.access)
+
+    def ask(self, method, path, content=None, *, host=None, cookie=True, origin=True, ours=True, body=None, **headers):
+        """An answer; `content` is sent as JSON, `body` are parts of an upload, of which None is a lost connection."""
+        sent = {"host": host if host is not None else f"127.0.0.1:{PORT}"}
+        if cookie:
+            sent["cookie"] = f"{self.access.name}={self.access.cookie}" if cookie is True else cookie
+        if origin:
+            sent["origin"] = f"http://{sent['host']}" if origin is True else origin
+        if ours:
+            sent["x-clutchid"] = "1"
+        parts = body if body is not None else [b"" if content is None else json.dumps(content).encode()]
+        if "content_length" not in headers:
+            headers["content_length"] = str(sum(len(part) for part in parts if part))
+        sent |= {name.replace("_", "-"): value for name, value in headers.items() if value is not None}
+        return self.run(self._ask(method, path, sent, parts))
+
+    def run(self, work):
+        """Do work in the loop of the server."""
+        if self.loop.is_running():
+            return asyncio.run_coroutine_threadsafe(work, self.loop).result(120)
+        return self.loop.run_until_complete(work)
+
+    async def _ask(self, method, path, headers, parts):
+        path, _, query = path.partition("?")
+        scope = {
+            "type": "http", "asgi": {"version": "3.0"}, "http_version": "1.1", "method": method, "path": path,
+            "raw_path": path.encode(), "query_string": query.encode(), "root_path": "", "scheme": "http",
+            "headers": [(name.encode(), value.encode()) for name, value in headers.items()],
+            "client": ("127.0.0.1", 5000), "server": ("127.0.0.1", PORT),
+        }  # fmt: skip
+        waiting, got = [*parts], []
+
+        async def receive():
+            if not waiting:
+                await asyncio.Event().wait()
+            part = waiting.pop(0)
+            if part is None:
+                return {"type": "http.disconnect"}
+            return {"type": "http.request", "body": part, "more_body": bool(waiting)}
+
+        async def send(message):
+            got.append(message)
+
+        await self.app(scope, receive, send)
+        start = next((one for one in got if one["type"] == "http.response.start"), None)
+        assert start is not None
+        body = b"".join(one.get("body", b"") for one in got if one["type"] == "http.response.body")
+        return Answer(start["status"], {name.decode(): value.decode() for name, value in start["headers"]}, body)
+
+    def get(self, kind, id_):
+        """What a page shows of an object."""
+        return self.session.board.get(kind, id_)
+
+    def wait(self, kind, id_, *states, seconds=120.0):
+        """The object once it has one of these states."""
+        wait_for(lambda: self.get(kind, id_)["status"] in states, seconds)
+        return self.get(kind, id_)
+
+
+@pytest.fixture
+def idle(tmp_path):
+    """A server that starts no job: for what it refuses, and what it answers at once."""
+    (tmp_path / "below").mkdir()
+    served = Served(Session(tmp_path / "own", tmp_path / "below"), Access(PORT))
+    served.session.folder.mkdir()
+    served.session.jobs.submit = lambda *arguments: served.submitted.append(arguments)
+    served.submitted = []
+    yield served
+    served.loop.close()
+
+
+@pytest.fixture(scope="module")
+def working(tmp_path_factory):
+    """A server with its jobs, in a thread."""
+    folder = tmp_path_factory.mktemp("app")
+    served = Served(Session(folder / "own", folder), Access(PORT))
+    served.session.folder.mkdir()
+    thread = threading.Thread(target=served.loop.run_forever)
+    thread.start()
+    yield served
+    served.run(served.session.jobs.close())
+    served.loop.call_soon_threadsafe(served.loop.stop)
+    thread.join()
+    served.loop.close()
+
+
+@pytest.fixture(scope="session")
+def recorded(tmp_path_factory):
+    """A folder with a recording of a new clutch with pressure, and one of a worn clutch without."""
+    folder = tmp_path_factory.mktemp("recorded")
+    write(drive(Truck(), seconds=8.0, seed=1).log, folder / "cal.csv")
+    write(drive(Truck(), seconds=8.0, seed=2, pressure=False, wear=1e-3).log, folder / "worn.csv")
+    text = (folder / "cal.csv").read_text()
+    (folder / "german.csv").write_text(text.replace("position [m]", "Kupplungsweg [m]"))
+    return folder

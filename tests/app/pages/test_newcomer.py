@@ -1,0 +1,59 @@
+"""A newcomer's way: from a file with German names to the load of a worn clutch, and to the control unit."""
+
+
+def test_from_a_german_file_to_what_has_changed_and_an_export(page, opened, files, picture):
+    opened("Messung.mf4")
+    assert "the gauge unit [bar(g)] is guessed" in page.locator(".notice.care").inner_text()
+    page.click("#apply")
+    page.locator("text=map.toml").wait_for()
+    page.locator("#item-recording-1 .dot.good").wait_for()
+    page.locator("footer[hidden]").wait_for(state="attached")
+    picture(page, "recording")
+
+    opened("worn.csv", 2)
+    page.click("text=Load")
+    assert page.locator("#run-estimate").is_disabled()
+    assert "Choose a calibration" in page.locator(".card", has_text="Estimate").inner_text()
+    page.click("#run-calibrate")
+    page.locator(".summary dd.good").first.wait_for()
+    assert page.locator("#chart-load .uplot").count() == 1
+    page.locator("text=Report (page)").wait_for()
+
+    page.click("#run-estimate")
+    page.locator("#chart-change .uplot").wait_for()
+    page.locator("text=Report (page)").wait_for()
+    assert "half-load position" in page.locator(".summary").inner_text()
+    assert page.locator("table.board tr").count() == 2
+    page.locator("footer[hidden]").wait_for(state="attached")
+    picture(page, "load", full_page=True)
+
+    page.click("#open-result-3")
+    page.click("#export")
+    page.locator("text=parity holds").wait_for()
+    with page.expect_download() as download:
+        page.click("text=Export (ZIP)")
+    assert download.value.suggested_filename.endswith("export.zip")
+    page.click("text=Repeat it on the command line")
+    assert "clutchid calibrate Messung.mf4 --map map.toml" in page.locator("pre").first.inner_text()
+
+
+def test_a_calibrated_curve_takes_at_most_five_clicks(page, files):
+    clicks = 1  # the choice of a file
+    page.set_input_files("#files", str(files / "cal.csv"))
+    page.locator("#item-recording-1 .dot.good").wait_for()
+    for selector in ("text=Load", "#run-calibrate"):
+        page.click(selector)
+        clicks += 1
+    page.locator("#chart-load .uplot").wait_for()
+    assert clicks <= 5
+
+
+def test_a_report_is_opened_beside_the_page(page, opened):
+    opened("cal.csv")
+    page.click("text=Load")
+    page.click("#run-calibrate")
+    page.locator("text=Report (page)").wait_for()
+    with page.context.expect_page() as other:
+        page.click("text=Report (page)")
+    other.value.locator("h1").first.wait_for()
+    assert "cal" in other.value.locator("body").inner_text()

@@ -1,0 +1,195 @@
+"""Jobs in processes of their own: how they go on, fail, are cancelled and killed, and that nothing of them is left."""
+
+import os
+import signal
+
+import numpy as np
+import psutil
+import pytest
+
+from clutchid.reports.fit_json import fit_json
+from clutchid.workflow.verbs import calibrate, observe
+from fixtures.commands import called, wait_for
+
+pytestmark = pytest.mark.slow
+
+
+def upload(served, path, name=None):
+    """The id of an uploaded file."""
+    return served.ask("PUT", f"/api/recordings?name={name or path.name}", body=[path.read_bytes()]).json["id"]
+
+
+def processes():
+    """Processes that this one has started and that run."""
+    return [one.pid for one in psutil.Process().children(recursive=True) if one.status() != psutil.STATUS_ZOMBIE]
+
+
+@pytest.fixture(scope="module")
+def cal(working, recorded):
+    """The id of a recording with pressure."""
+    id_ = upload(working, recorded / "cal.csv")
+    wait_for(lambda: working.get("recording", id_)["look"] and not working.get("recording", id_)["look"]["checking"])
+    return id_
+
+
+@pytest.fixture(scope="module")
+def calibrated(working, cal):
+    """The id of its calibration."""
+    id_ = working.ask("POST", "/api/fits", {"verb": "calibrate", "recordings": [cal]}).json["id"]
+    wait_for(lambda: (working.get("result", id_)["found"] or {"writing": True})["writing"] is False)
+    return id_
+
+
+def fits_running(served):
+    return [one for one in served.session.board.all("job") if one["do"] == "fit" and one["status"] == "running"]
+
+
+def test_a_recording_has_its_channels_its_checks_and_its_samples(working, cal):
+    look = working.get("recording", cal)["look"]
+    assert [one["name"] for one in look["channels"]] == [
+        "time",
+        "position",
+        "duty_supply",
+        "duty_exhaust",
+        "pressure_a",
+    ]
+    assert {one["grade"] for one in look["checks"]} <= {"good", "undetermined"}
+    assert {one["kind"] for one in look["strokes"]} == {"stroke", "rest"}
+    answer = working.ask("GET", f"/api/recordings/{cal}/plot?grid=0&columns=1,4&begin=0&end=8&width=100")
+    assert len(answer.body) == 3 * 8 * 200
+
+
+def test_a_calibration_is_that_of_the_library_and_has_its_files(working, calibrated, recorded):
+    found = working.get("result", calibrated)["found"]
+    expected = fit_json(calibrate(recorded / "cal.csv"))
+    assert found["parameters"] == expected["parameters"]
+    assert found["load_curve"]["force_N"] == expected["load_curve"]["force_N"]
+    assert set(found["files"]) == {"fit.toml", "fit.m", "fit.mat", "report.html", "result.json"}
+    assert (found["failures"], found["is_calibration"], found["next"]["kind"]) == ([], True, "estimate")
+    report = working.ask("GET", f"/api/results/{calibrated}/files/report.html")
+    assert report.headers["content-security-policy"].startswith("sandbox allow-scripts; default-src 'none'")
+    stages = working.get("job", next(one["id"] for one in working.session.board.all("job") if one["do"] == "fit"))
+    assert (stages["share"], stages["stage"]) == (1.0, "writing")
+
+
+def test_a_worn_clutch_is_compared_with_the_calibration(working, calibrated, recorded):
+    worn = upload(working, recorded / "worn.csv")
+    working.wait("recording", worn, "ready")
+    body = {"verb": "estimate", "recordings": [worn], "start": calibrated}
+    id_ = working.ask("POST", "/api/fits", body).json["id"]
+    found = working.wait("result", id_, "done")["found"]
+    assert {"5 mm", "6 mm"} <= set(found["change_at"])
+    assert found["calibrated_load_curve"]["force_N"]
+    assert "residual position" in found["recordings"][0]["columns"]
+
+
+def test_a_saved_calibration_is_opened_again(working, calibrated):
+    saved = working.ask("GET", f"/api/results/{calibrated}/files/fit.toml").body
+    id_ = working.ask("PUT", "/api/calibrations?name=CAL.toml", body=[saved]).json["id"]
+    shown = working.wait("result", id_, "done")
+    assert (shown["name"], shown["found"]["trust"]) == ("CAL.toml", working.get("result", calibrated)["found"]["trust"])
+
+
+def test_a_file_that_is_no_calibration_is_refused_with_a_sentence(working):
+    id_ = working.ask("PUT", "/api/calibrations?name=MAP.toml", body=[b'[position]\nchannel = "x"\n']).json["id"]
+    assert "MAP.toml" in working.wait("result", id_, "failed")["message"] or working.get("result", id_)["message"]
+
+
+def test_names_of_another_language_are_mapped_and_fitted(working, recorded):
+    id_ = upload(working, recorded / "german.csv")
+    working.wait("recording", id_, "ready")
+    entries = working.get("recording", id_)["look"]["map"]
+    entries["position"]["sign"] = -1
+    assert working.ask("PUT", f"/api/recordings/{id_}/map", {"channels": entries}).status == 200
+    wait_for(
+        lambda: working.get("recording", id_)["look"]["checks"] and working.get("recording", id_)["status"] == "ready"
+    )
+    wait_for(lambda: any(one["grade"] == "bad" for one in working.get("recording", id_)["look"]["checks"]))
+    fit = working.ask("POST", "/api/fits", {"verb": "calibrate", "recordings": [id_]}).json["id"]
+    refused = working.wait("result", fit, "failed")
+    assert "--force" in refused["message"]
+    assert refused["bad_input"]
+
+
+def test_chosen_strokes_are_a_recording_of_their_own(working, cal):
+    strokes = [one for one in working.get("recording", cal)["look"]["strokes"] if one["kind"] == "stroke"]
+    id_ = working.ask("POST", f"/api/recordings/{cal}/cut", {"begins": [strokes[0]["begin"]]}).json["id"]
+    found = working.wait("recording", id_, "ready")
+    assert (found["name"], found["message"]) == ("cal-cut.parquet", "")
+    assert 0 < found["look"]["grids"][0]["samples"] < 8000
+
+
+def test_a_file_that_ends_its_reader_is_said_in_the_sentence_of_the_command_line(working, tmp_path, capsys):
+    poison = tmp_path / "poison.mf4"
+    poison.write_bytes(b"MDF     4.10    clutchid" + os.urandom(40) + b"\xff" * 4000)
+    id_ = upload(working, poison)
+    shown = working.wait("recording", id_, "failed", "ready")
+    said = shown["message"] or shown["look"]["message"]
+    assert called("look", poison) == 2
+    assert " ".join(said.replace(str(tmp_path), "").split())[-40:] in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_cancelled_job_ends_at_once_without_an_orphan(working, cal):
+    id_ = working.ask("POST", "/api/fits", {"verb": "calibrate", "recordings": [cal]}).json["id"]
+    wait_for(lambda: any(one["stage"] == "preparation" for one in fits_running(working)))
+    second = working.ask("POST", "/api/fits", {"verb": "calibrate", "recordings": [cal]}).json["id"]
+    assert working.get("result", second)["status"] == "waiting"
+    (job,) = fits_running(working)
+    process = working.session.jobs._jobs[job["id"]].process.pid
+    for about in (second, id_):
+        (one,) = [job for job in working.session.board.all("job") if job["about"] == about]
+        assert working.ask("DELETE", f"/api/jobs/{one['id']}").json == {"cancelled": True}
+    wait_for(lambda: process not in processes(), 5.0)
+    assert working.get("result", id_)["status"] == "cancelled"
+    assert working.ask("DELETE", "/api/jobs/job-99").json == {"cancelled": False}
+
+
+def test_a_killed_worker_is_said_and_the_next_job_goes_on(working, cal, recorded):
+    id_ = working.ask("POST", "/api/fits", {"verb": "calibrate", "recordings": [cal]}).json["id"]
+    wait_for(lambda: fits_running(working) and fits_running(working)[0]["stage"])
+    os.kill(working.session.jobs._jobs[fits_running(working)[0]["id"]].process.pid, signal.SIGKILL)
+    assert "SIGKILL" in working.wait("result", id_, "failed")["message"]
+    again = upload(working, recorded / "worn.csv")
+    assert working.wait("recording", again, "ready")["look"]
+
+
+def test_an_export_is_a_zip_file_of_the_result(working, calibrated):
+    assert working.ask("POST", f"/api/results/{calibrated}/export", {"to": "c,a2l", "method": "joint"}).status == 200
+    wait_for(lambda: working.get("result", calibrated)["exports"])
+    (one,) = working.get("result", calibrated)["exports"]
+    assert "parity holds" in one["words"]
+    assert working.ask("GET", f"/api/results/{calibrated}/files/export.zip").body[:2] == b"PK"
+
+
+def test_an_export_to_something_unknown_is_refused(working, calibrated):
+    working.ask("POST", f"/api/results/{calibrated}/export", {"to": "fortran", "method": "joint"})
+
+    def failed():
+        exports = [one for one in working.session.board.all("job") if one["do"] == "export"]
+        return [one for one in exports if one["status"] == "failed"]
+
+    wait_for(failed)
+    assert "--to fortran" in failed()[0]["message"]
+
+
+def test_a_recording_is_observed_as_by_the_library(working, calibrated, recorded):
+    worn = upload(working, recorded / "worn.csv")
+    working.wait("recording", worn, "ready")
+    body = {"recording": worn, "start": calibrated, "method": "joint"}
+    id_ = working.ask("POST", "/api/observations", body).json["id"]
+    found = working.wait("observation", id_, "done", "failed")["found"]
+    expected = observe(recorded / "worn.csv", working.session.calibration_file(calibrated))
+    assert [row["time"] for row in found["loads"][1:]] == [row.time for row in expected.strokes]
+    assert found["loads"][-1]["curve"]["force_N"] == expected.strokes[-1].curve.force.tolist()
+    assert found["health"] == expected.health
+    answer = working.ask("GET", f"/api/observations/{id_}/plot?grid=0&columns=0,1&begin=1&end=2&width=2000")
+    pressure = np.frombuffer(answer.body).reshape(3, -1)[2]
+    assert pressure.size == pytest.approx(1000, abs=3)
+    assert set(pressure) <= set(expected.estimates()["pressure_a"])
+    assert working.ask("DELETE", f"/api/observations/{id_}").status == 200
+
+
+@pytest.mark.parametrize("change", [{"recording": "recording-99"}, {"start": "result-99"}, {"method": 3}])
+def test_an_observation_without_its_inputs_is_refused(working, cal, calibrated, change):
+    body = {"recording": cal, "start": calibrated, "method": "joint"} | change
+    assert working.ask("POST", "/api/observations", body).status == 422

@@ -1,0 +1,130 @@
+"""What the page asks and the server refuses at once, with the sentence of the command line where there is one."""
+
+import pytest
+
+from clutchid.app.session import checked_options
+from clutchid.errors import ParameterError
+
+FIT = {"verb": "calibrate", "recordings": ["recording-1"]}
+
+
+@pytest.fixture
+def opened(idle):
+    """A recording that has been read."""
+    (idle.session.below / "run.csv").write_text("time [s],position [m]\n0,0\n")
+    assert idle.ask("POST", "/api/recordings", {"path": "run.csv"}).json == {"id": "recording-1"}
+    idle.session.board.update("recording", "recording-1", look={}, status="ready")
+    return idle
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ({**FIT, "verb": "explode"}, "explode: is not known; calibrate or estimate"),
+        ({**FIT, "recordings": []}, "no recording given to calibrate"),
+        ({**FIT, "recordings": "recording-1"}, "a list of texts is needed"),
+        ({**FIT, "recordings": ["recording-9"]}, "is not there any more"),
+        ({**FIT, "verb": "estimate"}, "no --start: a load is estimated from position alone with a calibration"),
+        ({**FIT, "verb": "estimate", "start": "result-7"}, "this calibration is not there any more"),
+        ({**FIT, "options": {"bounds": ["C_vs=x"]}}, "--bounds C_vs=x: write NAME=LOW:HIGH in SI units"),
+        ({**FIT, "options": {"prior": ["P_S=1±0"]}}, "--prior P_S=1±0: write NAME=VALUE±STD"),
+        ({**FIT, "options": {"ambient": "1bar(g)"}}, "--ambient 1bar(g): an absolute pressure between"),
+        ({**FIT, "options": {"method": "magic"}}, "--method magic: is not known"),
+        ({**FIT, "options": {"zero": "maybe"}}, "--zero maybe: is not known"),
+        ({**FIT, "options": {"model": "x.py:y"}}, "options: model is not known"),
+        ({**FIT, "options": [1]}, "options: a table is needed"),
+    ],
+)
+def test_a_fit_that_cannot_be_made_is_refused_with_a_sentence(opened, content, said):
+    before = len(opened.submitted)
+    answer = opened.ask("POST", "/api/fits", content)
+    assert answer.status == 422
+    assert said in answer.message
+    assert len(opened.submitted) == before
+
+
+def test_a_fit_has_the_command_and_the_python_that_repeat_it(opened):
+    options = {"free": "load,P_S", "bounds": ["P_S=8e5:9e5"], "force": True}
+    assert opened.ask("POST", "/api/fits", {**FIT, "options": options}).status == 200
+    shown = opened.get("result", "result-2")
+    assert shown["command"].endswith("run.csv --free load,P_S --force --bounds P_S=8e5:9e5")
+    assert shown["command"].startswith("clutchid calibrate ")
+    assert "clutchid.calibrate(" in shown["python"]
+    assert "free='load,P_S', bounds={'P_S': (800000.0, 900000.0)}" in shown["python"]
+    compile(shown["python"], "shown", "exec")
+
+
+@pytest.mark.parametrize("body", [b"", b"[]", b"{", b"[" * 100_000, b"\xff\xfe"])
+def test_a_body_that_is_no_object_is_refused(idle, body):
+    assert "no JSON object" in idle.ask("POST", "/api/fits", body=[body]).message
+
+
+@pytest.mark.parametrize("length", [None, "x", str(1 << 30)])
+def test_a_large_body_is_refused(idle, length):
+    assert "too large" in idle.ask("POST", "/api/fits", {}, content_length=length).message
+
+
+@pytest.mark.parametrize(
+    ("channels", "said"),
+    [
+        ({"position": {"channel": "x", "unit": "furlong"}}, "unit = 'furlong': is not known here"),
+        ({"position": {"channel": "x", "sign": 2}}, "sign = 2: must be 1 or -1"),
+        ({"speed": {"channel": "x"}}, "speed"),
+        ({"position": {"channel": "x", "delay": 3.0}}, "at most 0.5 s late"),
+        ({"position": "x"}, "write a table"),
+        ({"position": {"channel": ["x"]}}, "a string is needed"),
+        ({"position": {"channel": [None]}}, "texts and numbers"),
+        ({}, "contains no channel"),
+    ],
+)
+def test_a_map_that_is_none_is_refused_with_the_sentence_of_the_command_line(opened, channels, said):
+    answer = opened.ask("PUT", "/api/recordings/recording-1/map", {"channels": channels})
+    assert answer.status == 422
+    assert said in answer.message
+    assert str(opened.session.folder) not in answer.message
+    assert opened.get("recording", "recording-1")["map"] is None
+
+
+def test_a_map_that_fits_is_kept_and_can_be_downloaded(opened):
+    entry = {"channel": "Kupplungsweg <b>", "unit": "mm", "sign": -1, "group": None}
+    assert opened.ask("PUT", "/api/recordings/recording-1/map", {"channels": {"position": entry}}).status == 200
+    answer = opened.ask("GET", "/api/recordings/recording-1/map.toml")
+    assert 'channel = "Kupplungsweg <b>"' in answer.body.decode()
+    assert answer.headers["content-disposition"] == "attachment; filename*=UTF-8''run.csv.map.toml"
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        "",
+        "grid=0&columns=0&begin=a&end=1&width=9",
+        "grid=0&columns=0&begin=nan&end=1&width=9",
+        "grid=-1&columns=0&begin=0&end=1&width=9",
+    ],
+)
+def test_a_plot_of_nonsense_is_refused(opened, query):
+    assert opened.ask("GET", f"/api/recordings/recording-1/plot?{query}").status == 422
+
+
+@pytest.mark.parametrize("name", ["fit.toml", "..%2flock.json", "lock.json"])
+def test_only_files_of_a_result_can_be_downloaded(idle, name):
+    assert idle.ask("GET", f"/api/results/result-1/files/{name}").status in (404, 422)
+
+
+def test_a_path_elsewhere_is_refused(idle, tmp_path):
+    (tmp_path / "secret.csv").write_text("x")
+    answer = idle.ask("POST", "/api/recordings", {"path": "../secret.csv"})
+    assert "does not lie below" in answer.message
+
+
+def test_what_is_forgotten_leaves_nothing(idle):
+    idle.ask("PUT", "/api/recordings?name=a.csv", body=[b"x"])
+    assert idle.ask("DELETE", "/api/recordings/recording-1").status == 200
+    assert idle.get("recording", "recording-1") is None
+    assert [path for path in idle.session.folder.rglob("*") if path.is_file()] == []
+
+
+def test_options_that_are_left_empty_are_left_out():
+    assert checked_options({"free": " ", "method": "", "prior": [], "force": False}) == {}
+    with pytest.raises(ParameterError, match="a text is needed"):
+        checked_options({"free": 3})

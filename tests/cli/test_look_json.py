@@ -1,0 +1,64 @@
+"""``clutchid look --json``: channels, checks and map as one object, which says what the table says."""
+
+import json
+
+import pytest
+
+from clutchid import write
+from clutchid.truck import Truck, drive
+from fixtures.commands import called
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    """Four seconds of a virtual truck."""
+    path = tmp_path_factory.mktemp("look") / "run.csv"
+    write(drive(Truck(), seconds=4.0, seed=1).log, path)
+    return path
+
+
+@pytest.fixture
+def looked(capsys):
+    """Exit code and object of `look --json`."""
+
+    def run(*arguments):
+        code = called("look", *arguments, "--json")
+        return code, json.loads(capsys.readouterr().out)
+
+    return run
+
+
+def test_a_recording_has_its_channels_and_the_grades_of_its_checks(looked, recording):
+    code, found = looked(recording)
+    assert (code, found["status"]) == (0, "ok")
+    position = next(one for one in found["channels"] if one["name"] == "position")
+    assert (position["heading"], position["unit"], position["samples"], position["missing"]) == (
+        "position [m]", "m", 4000, 0,
+    )  # fmt: skip
+    assert {"name", "grade", "sentence"} <= found["checks"][0].keys()
+    assert {one["grade"] for one in found["checks"]} <= {"good", "undetermined"}
+    assert found["grids"][0]["time"]["usual_interval_s"] == pytest.approx(1e-3)
+
+
+def test_a_file_with_names_of_its_own_has_the_proposed_map(looked, recording, tmp_path):
+    foreign = tmp_path / "foreign.csv"
+    foreign.write_text(recording.read_text().replace("position [m]", "Kupplungsweg [m]"))
+    code, found = looked(foreign, "--save", tmp_path / "map.toml")
+    assert (code, found["needs_map"]) == (0, True)
+    assert found["map"]["position"]["channel"] == "Kupplungsweg [m]"
+    assert (tmp_path / "map.toml").exists()
+
+
+def test_problems_are_the_message_and_the_exit_code(looked, recording, tmp_path):
+    spoiled = tmp_path / "spoiled.csv"
+    spoiled.write_text(recording.read_text().replace("\n0.002,", "\n0.001,", 1))
+    code, found = looked(spoiled)
+    assert (code, found["status"]) == (2, "bad_input")
+    assert "time must increase" in found["message"]
+    assert found["checks"] == []
+
+
+def test_a_file_that_is_not_there_is_an_object_too(looked, tmp_path):
+    code, found = looked(tmp_path / "no.csv")
+    assert (code, found["status"]) == (2, "bad_input")
+    assert "no.csv" in found["message"]
