@@ -32,7 +32,9 @@ def test_a_folder_goes_with_its_server_unless_it_is_to_be_kept(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "lock", ['{"pid": 4194305, "born": 1.0}', "{}", "", json.dumps({"pid": os.getpid(), "born": 1.0})]
+    "lock",
+    ['{"pid": 4194305, "born": 1.0}', "{}", "", json.dumps({"pid": os.getpid(), "born": 1.0})],
+    ids=["no process", "empty", "no lock", "a later process of this number"],
 )
 def test_the_folder_of_a_server_that_was_killed_is_removed_by_the_next_one(tmp_path, lock):
     dead = tmp_path / "run-dead"
