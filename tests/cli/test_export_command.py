@@ -2,10 +2,13 @@
 
 import json
 
+import cantools.database
 import pytest
 
 import clutchid
+from clutchid.exports.exporting import NO_POSITION_ONLY
 from clutchid.recordings import read, write
+from clutchid.reports.observe_lines import results_dbc
 from fixtures.changed_logs import thinned
 from fixtures.commands import called
 
@@ -19,7 +22,7 @@ def exported(folder, tmp_path, *options):
 def test_it_writes_the_observer_and_says_that_c_and_python_are_alike(folder, tmp_path, capsys):
     assert exported(folder, tmp_path, "--check", folder / "worn.parquet") == 0
     said, errors = capsys.readouterr()
-    assert errors == ""
+    assert " ".join(errors.split()) == f"warning: {NO_POSITION_ONLY}"
     assert said.startswith("parity holds on worn, 6000 samples: load ")
     names = {path.relative_to(tmp_path / "observer").as_posix() for path in (tmp_path / "observer").rglob("*.*")}
     modules = {f"src/clutch{part}{suffix}" for part in ("", "_model", "_filter", "_data") for suffix in (".h", ".c")}
@@ -52,6 +55,19 @@ def test_without_a_compiler_the_files_are_there_and_parity_was_not_run(folder, t
     assert "parity was not run: there is no C compiler (cc)" in errors
     assert "exported" in said
     assert (tmp_path / "observer" / "src" / "clutch.c").exists()
+
+
+def test_the_dbc_beside_it_is_that_of_published_results(folder, tmp_path):
+    assert exported(folder, tmp_path, "--to", "c,dbc") == 0
+    database = cantools.database.load_file(tmp_path / "observer" / "dbc" / "clutch.dbc")
+    assert database.as_dbc_string() == cantools.database.load_string(results_dbc(), "dbc").as_dbc_string()
+
+
+def test_a_state_of_another_calibration_is_refused(folder, tmp_path, capsys, observe):
+    assert observe(folder / "first.parquet", "--save", "state.toml", "--method", "states")[0] == 0
+    assert exported(folder, tmp_path, "--resume", tmp_path / "state.toml") == 2
+    assert "of another calibration or method" in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "observer").exists()
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,15 @@ pytestmark = [
 
 def reported(folder):
     """Places by rule, as cppcheck finds them in the sources of a folder."""
-    command = ["cppcheck", "--addon=misra", "--std=c99", "--suppress=missingIncludeSystem", "-q", "--template={id}"]
+    command = [
+        "cppcheck",
+        "--addon=misra",
+        "--enable=style",
+        "--std=c99",
+        "--suppress=missingIncludeSystem",
+        "-q",
+        "--template={id}",
+    ]
     done = subprocess.run([*command, *folder.glob("*.c")], capture_output=True, text=True, check=True)
     return Counter(re.findall(r"misra-c2012-(\d+\.\d+)", done.stderr))
 

@@ -44,7 +44,7 @@ def export(
     out
         Folder to write; it is made.
     to
-        What is written, comma-separated: c, fmu2, matlab, a2l.
+        What is written, comma-separated: c, fmu2, matlab, a2l, dbc.
     method
         Method of the observer, as of `clutchid observe`.
     modes

@@ -28,11 +28,12 @@ from clutchid.log import Log, sample_interval
 from clutchid.observer.observer import Observer
 from clutchid.observer.state import ObserverState
 from clutchid.recordings.files import write_bytes
+from clutchid.reports.observe_lines import results_dbc
 
-Target = Literal["c", "fmu2", "matlab", "a2l"]
+Target = Literal["c", "fmu2", "matlab", "a2l", "dbc"]
 
 #: What an export writes, in this order.
-TARGETS: tuple[Target, ...] = ("c", "fmu2", "matlab", "a2l")
+TARGETS: tuple[Target, ...] = ("c", "fmu2", "matlab", "a2l", "dbc")
 
 #: Pages of an export, samples of its test, and samples of a recording whose costs are counted.
 PAGES, VECTORS, COSTED = ("parity", "readme"), 1500, 10_000
@@ -40,7 +41,7 @@ PAGES, VECTORS, COSTED = ("parity", "readme"), 1500, 10_000
 #: A recording may be as much faster or slower than the observer, as a share of its rate.
 RATE = 0.05
 
-
+#: Note on a calibration that was made without them.
 NO_POSITION_ONLY = (
     "The calibration does not know the errors of a load from position alone, so the band of the load leaves them out; "
     "calibrate again to include them."
@@ -150,6 +151,8 @@ def write_export(
         files |= {f"matlab/{name}": text for name, text in matlab_files(style).items()}
     if "a2l" in to:
         files[f"a2l/{style.name}.a2l"] = a2l(observer, style, title)
+    if "dbc" in to:
+        files[f"dbc/{style.name}.dbc"] = results_dbc()
     _write(folder, files)
     costs = target_costs(folder, style, samples[:COSTED], begins) if check is not None else None
     values = {

@@ -176,7 +176,7 @@ def export(
         The calibration: the result of `clutchid.calibrate`, or a file with it.
     out
         Folder to write; it is made.
-    to : 'c', 'fmu2', 'matlab', 'a2l'
+    to : 'c', 'fmu2', 'matlab', 'a2l', 'dbc'
         What is written.
     method, modes
         Method of the observer, and how many modes of the load adapt in place of its weights.
