@@ -199,7 +199,12 @@ def rms(values: FloatArray) -> float:
 
 
 def one_truck(setting: Setting, names: Sequence[str], cases: Sequence[str]) -> None:
-    """Every reading of a truck, kept; each is printed."""
+    """Every reading of a truck, kept; each is printed, after the calibrated masses."""
+    for name in names:
+        actuator, kept = calibrated(setting, name)
+        std = np.sqrt(kept.covariance_of(("M",))[0, 0])
+        masses = f"{actuator.value('M'):.1f} ± {std:.1f} kg, true {setting.kind().M:.1f} kg"
+        print(f"{setting.family}{setting.number:<6}{setting.without:<24}{'mass':<20}{name:<24}{masses}", flush=True)
     for case in cases:
         for name in names:
             found = reading(setting, name, case)
@@ -250,11 +255,15 @@ def scores(setting: Setting, name: str, case: str) -> Iterator[str]:
                 yield f"  load {what}: " + "; ".join(_gains(found.problem, found.solution, driven)[:8])
 
 
+#: Positions in m at which the load weights meet the true load: from the rest on, and to the end of all strokes.
+ALL = np.linspace(0.0, 0.0235, 500)
+
+
 def _weights(actuator: Actuator, driven: Drive) -> FloatArray:
-    """Load weights, shape (m,), nearest to the true load, and to the calibrated ones where it has no grid."""
-    phi, before = actuator.load.phi(GRID), np.array(actuator.load.theta)
+    """Load weights, shape (m,), nearest to the true load, and to the calibrated ones beyond it."""
+    phi, before = actuator.load.phi(ALL), np.array(actuator.load.theta)
     rows = np.vstack([phi, 1e-3 * np.eye(before.size)])
-    change = np.linalg.lstsq(rows, np.r_[driven.truth.load(GRID) - phi @ before, np.zeros(before.size)], rcond=None)[0]
+    change = np.linalg.lstsq(rows, np.r_[driven.truth.load(ALL) - phi @ before, np.zeros(before.size)], rcond=None)[0]
     result: FloatArray = before + change
     return result
 

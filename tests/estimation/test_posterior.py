@@ -60,10 +60,12 @@ def test_considered_numbers_have_the_covariance_of_drift_and_calibration(problem
 
 
 def test_a_calibrated_number_that_does_not_drift_is_considered_too(problem):
-    numbers, _ = consider_parameters(problem.actuator, problem.coordinates, Calibration(("K_z",), np.array([[1e-18]])))
-    assert [c.width for c in numbers if c.base == "K_z"] == pytest.approx([1e-9])
-    certain, _ = consider_parameters(problem.actuator, problem.coordinates, Calibration(("K_z",), np.array([[0.0]])))
-    assert "K_z" not in {c.base for c in certain}, "what is exactly known moves nothing"
+    numbers, _ = consider_parameters(
+        problem.actuator, problem.coordinates, Calibration(("D_zdot",), np.array([[1e-18]]))
+    )
+    assert [c.width for c in numbers if c.base == "D_zdot"] == pytest.approx([1e-9])
+    certain, _ = consider_parameters(problem.actuator, problem.coordinates, Calibration(("D_zdot",), np.array([[0.0]])))
+    assert "D_zdot" not in {c.base for c in certain}, "what is exactly known moves nothing"
 
 
 def dense_rows(uncertain, x, X):

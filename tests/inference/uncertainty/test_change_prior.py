@@ -24,6 +24,7 @@ DRIFTS = {
     "n_ve": 1e-3, "tau_vs": 2e-5, "tau_ve": 2e-5,
     "R_0vs": 6e-4, "R_0ve": 6e-4, "R_1vs": 6e-4, "R_1ve": 6e-4, "a_0vs": 1e-3, "a_0ve": 1e-3, "t_vs": 1e-3,
     "t_ve": 1e-3, "s_vs": 1e-3, "s_ve": 1e-3, "tau_y": 3e-5, "mu_h": 3e-4, "m_ve": 3e-3, "C_A0": 5e-13,
+    "K_z": 1.5e5, "R_S": 0.1, "v_S": 2e-3,
 }  # fmt: skip
 
 SWITCHED = {"t_vs", "t_ve", "s_vs", "s_ve", "a_0vs", "a_0ve"}
