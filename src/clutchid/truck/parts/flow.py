@@ -52,5 +52,5 @@ NOZZLE = Flow(
     name="nozzle", rows=NozzleRows, shared=("C_AB", "C_A0", "a_C"),
     numbers=lambda t: {"nozzle": 1.0, **_leaks(t, 1 + t.a_C * (t.cycles / LIFE) ** 2)},
     factors={"valves": scaled_by(0.93, "A_s", "A_e")}, module="nozzle",
-    converted=lambda drawn: {f"A_{hole}": AREA * drawn[f"C_{hole}"] for hole in "ser"},
+    converted=lambda drawn: {f"A_{hole}": AREA * drawn[f"C_{hole}"] for hole in ("s", "e", "r")},
 )  # fmt: skip
