@@ -73,7 +73,9 @@ def site_text(page: Path, places: dict[Path, str], stage: Path) -> str:
         if not name or re.match(r"[a-z]+:", target):
             return found[0]
         file = (page.parent / name).resolve()
-        if file.suffix != ".md":
+        if not file.is_file():
+            sys.exit(f"{page.relative_to(ROOT)}: the link {target} leads to no file.")
+        if file not in places or file.suffix != ".md":
             copied = DOCS in file.parents and file.relative_to(DOCS).as_posix()
             place = places.setdefault(file, copied or f"files/{file.name}")
             (stage / place).parent.mkdir(parents=True, exist_ok=True)
