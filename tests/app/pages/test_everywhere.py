@@ -79,3 +79,16 @@ def test_a_browser_without_javascript_is_told(browser, server):
     page.goto(server)
     assert "needs JavaScript" in page.content()
     context.close()
+
+
+def test_a_fit_that_fails_shows_its_sentence_in_place_of_the_result(page, opened):
+    opened("cal.csv")
+    page.click("text=Load")
+    page.locator(".card", has_text="Once, from a recording").locator("summary").click()
+    page.fill("#calibrate-measure", "position")
+    page.keyboard.press("Tab")
+    page.click("#run-calibrate")
+    said = page.locator(".results .details .notice.bad")
+    said.wait_for()
+    assert "'auto' needs a recording with pressure" in said.inner_text()
+    assert "failed" in page.locator(".board").inner_text()

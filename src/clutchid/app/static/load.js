@@ -10,6 +10,7 @@ const refused = { calibrate: "", estimate: "" };
 const known = new Set();      // recordings and results that were offered before
 const board = new Set();      // results that are overlaid
 let open = "";                // the result whose details are shown
+let awaited = "";             // one that was begun, and that the server has not told of yet
 let plots = [];
 
 export { calibrations };
@@ -50,7 +51,8 @@ function offer() {
   }
   for (const set of [chosen.calibrate, chosen.estimate, chosen.verify]) for (const id of set) if (!one("recording", id)) set.delete(id);
   for (const id of board) if (!one("result", id)) board.delete(id);
-  if (!one("result", open)) open = all("result").at(-1)?.id ?? "";
+  if (one("result", awaited)) awaited = "";
+  if (!one("result", open) && !awaited) open = all("result").at(-1)?.id ?? "";
   if (!one("result", chosen.start)) chosen.start = "";
 }
 
@@ -93,7 +95,7 @@ function form(verb, title, purpose, redraw) {
       const recordings = [...chosen[verb]];
       const verify = [...chosen.verify].filter((id) => !chosen[verb].has(id));
       const { id } = await send("POST", "/api/fits", { verb, recordings, verify, start: verb === "estimate" ? chosen.start : null, options: cleaned(options[verb]) });
-      open = id;
+      open = awaited = id;
     } catch (problem) { refused[verb] = problem.message; }
     redraw();
   };

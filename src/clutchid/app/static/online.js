@@ -10,6 +10,7 @@ const SPEEDS = [["1", "1x"], ["10", "10x"], ["inf", "as fast as it goes"]];
 const chosen = { recording: "", start: "", method: "joint", force: false };
 let refused = "";
 let open = "";
+let awaited = "";   // an observation that was begun, and that the server has not told of yet
 
 export function onlineStage(main) {
   const form = h("section", { class: "card", "aria-label": "Observe" });
@@ -21,7 +22,8 @@ export function onlineStage(main) {
   const draw = (these) => {
     const kinds = new Set([...(these ?? ["recording"])].map((text) => text.split(" ")[0]));
     if (!["recording", "result", "observation"].some((kind) => kinds.has(kind))) return;
-    if (!one("observation", open)) open = all("observation").at(-1)?.id ?? "";
+    if (one("observation", awaited)) awaited = "";
+    if (!one("observation", open) && !awaited) open = all("observation").at(-1)?.id ?? "";
     drawForm(form, draw);
     fill(list, all("observation").map((run) => h("button", { type: "button", class: `item ${run.id === open ? "chosen" : ""}`, id: `item-${run.id}`, "aria-pressed": String(run.id === open),
       onclick: () => { open = run.id; draw(); } }, h("span", { class: `dot ${run.found ? "good" : run.status === "failed" ? "bad" : ""}` }), h("span", { class: "name" }, `${run.name}, ${run.method}`), h("span", { class: "hint" }, run.found ? "" : run.status))));
@@ -58,7 +60,7 @@ function drawForm(form, redraw) {
     select("method", "Method (--method)", METHODS.map((name) => [name, name])),
     h("p", { class: "field" }, h("label", {}, h("input", { type: "checkbox", id: "observe-force", checked: chosen.force, onchange: (event) => { chosen.force = event.target.checked; } }), " Go on although a check is bad (--force)")),
     h("div", { class: "run" }, h("button", { type: "button", id: "run-observe", class: "strong", disabled: Boolean(why), onclick: async () => {
-      try { open = (await send("POST", "/api/observations", chosen)).id; refused = ""; } catch (problem) { refused = problem.message; }
+      try { open = awaited = (await send("POST", "/api/observations", chosen)).id; refused = ""; } catch (problem) { refused = problem.message; }
       redraw();
     } }, "Run: observe"), why && h("span", { class: "hint" }, why)), notice(refused));
 }
