@@ -82,7 +82,7 @@ def server(files):
 def page(browser, server):
     """The page as it was opened first; it must ask nothing elsewhere, and report no error."""
     context = browser.new_context(viewport={"width": 1400, "height": 950}, color_scheme="light")
-    context.set_default_timeout(60_000)
+    context.set_default_timeout(180_000)
     one = context.new_page()
     faults = []
     one.on("pageerror", lambda error: faults.append(str(error)))
