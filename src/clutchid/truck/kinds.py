@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import make_dataclass
+from dataclasses import fields, make_dataclass
 from functools import cache
 from typing import Any
 
@@ -22,10 +22,16 @@ def kind_of(letters: str) -> type[Vehicle]:
     """
     parts = parts_of(letters)
     words = ", ".join(part.name for part in parts)
-    namespace = {"parts": parts, "__doc__": f"A truck with {words}; all parameters in SI.", "__module__": __name__}
+    doc = f"A truck with {words}; all parameters in SI."
+    namespace = {"parts": parts, "__doc__": doc, "__module__": __name__, "__reduce__": _taken_apart}
     name = {"A" * len(parts): "Truck", "B" * len(parts): "TruckB"}.get(letters, f"Hybrid{letters}")
     bases = (*(part.rows for part in reversed(parts)), Vehicle)
     return make_dataclass(name, (), bases=bases, namespace=namespace, frozen=True, kw_only=True)
+
+
+def _taken_apart(truck: Vehicle) -> tuple[Any, ...]:
+    """How a truck is pickled: its type has no name in a module."""
+    return remade, (truck.parts.letters, {item.name: getattr(truck, item.name) for item in fields(truck)})
 
 
 def remade(letters: str, values: Mapping[str, Any]) -> Vehicle:

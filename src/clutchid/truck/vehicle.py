@@ -103,11 +103,6 @@ class Vehicle:
             problems = [*self._contradictions()]
         ParameterError.raise_for(problems)
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        from clutchid.truck.kinds import remade
-
-        return remade, (self.parts.letters, {item.name: getattr(self, item.name) for item in fields(self)})
-
     def _checked(self, item: Field[Any]) -> list[str]:
         name, value = item.name, getattr(self, item.name)
         if "known" in item.metadata:
