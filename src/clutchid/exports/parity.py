@@ -23,6 +23,9 @@ from clutchid.observer.health import FLAGS, health
 from clutchid.observer.observer import Observer, start
 from clutchid.observer.state import ObserverState, RestWatch, Strokes
 
+#: Standard deviation of the position sensor's noise in the trial drive in m.
+SENSOR_NOISE = 1e-5
+
 #: Columns of the results of a sample in C, see ``replay.c``.
 COLUMNS = tuple(OUTPUTS)
 
@@ -120,8 +123,10 @@ def trial_drive(observer: Observer) -> Log:
         "duty_exhaust": np.where((within > 0.6) & (within < 1.1), 1.0, 0.0),
     }
     log = Log(time, duties, "trial drive")
-    position = simulate(actuator, log).log["position"]
-    return log.with_columns(position=lagged(position, actuator.parameters.tau_y, spacing))
+    position = lagged(simulate(actuator, log).log["position"], actuator.parameters.tau_y, spacing)
+    # without noise a piston that stands is taken for a frozen sensor, in float before it is in double
+    noise = SENSOR_NOISE * np.random.default_rng(0).standard_normal(len(log))
+    return log.with_columns(position=position + noise)
 
 
 def microseconds(log: Log) -> FloatArray:
