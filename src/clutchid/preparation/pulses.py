@@ -39,6 +39,11 @@ PERIODS = (0.005, 0.008, 0.01, 0.0125, 0.016, 0.02, 0.025, 0.0333, 0.04, 0.05)
 #: the best phase beyond that by the median one, which is due to the changing duty cycle and not to the carrier.
 PHASES, CONTRAST = 20, 0.01
 
+#: A period that is not that of the duty cycles must have this factor more contrast than periods that differ from it by
+#: these shares: pulses out of step explain a carrier no more, but what a valve lags behind its duty cycles as well.
+#: Chosen on hybrids 0 to 23 (benchmarks/results/carrier.md).
+IN_STEP, OUT_OF_STEP = 4.0, (-0.07, -0.03, 0.03, 0.07)
+
 #: Least contrast for a period that is known from the duty cycles, with a single trial.
 CONTRAST_ON_GRID = 0.001
 
@@ -84,8 +89,13 @@ def find_carrier(log: Log, actuator: Actuator, periods: Sequence[float] = PERIOD
             continue
         length = max(1, round(period / step))
         contrast, phase = _contrast(log, actuator, period, length)
-        weak = _same(period, grid) and contrast > CONTRAST_ON_GRID
-        if contrast > CONTRAST or (weak and _response(log, actuator, period, phase, length) > RESPONSE):
+        if _same(period, grid):
+            found = contrast > CONTRAST or (
+                contrast > CONTRAST_ON_GRID and _response(log, actuator, period, phase, length) > RESPONSE
+            )
+        else:
+            found = contrast > max(CONTRAST, IN_STEP * _out_of_step(log, actuator, period, length))
+        if found:
             candidates[period] = (contrast if len(periods) == 1 else _contrast(log, actuator, period, common)[0], phase)
     if not candidates:
         return 0.0, 0.0
@@ -110,6 +120,11 @@ def _contrast(log: Log, actuator: Actuator, period: float, length: int) -> tuple
     actuators = [actuator.replace({"T_pwm": period, "s_pwm": centred(float(phase))}) for phase in phases]
     shares = np.array(map_pairs(lambda one, _: _explained_variance(log, one, fast, length), actuators, phases))
     return float(shares.max() - np.median(shares)), float(phases[np.argmax(shares)])
+
+
+def _out_of_step(log: Log, actuator: Actuator, period: float, length: int) -> float:
+    """Largest contrast of periods near `period`, with which pulses do not stay in step."""
+    return max(_contrast(log, actuator, period * (1.0 + share), length)[0] for share in OUT_OF_STEP)
 
 
 def _response(log: Log, actuator: Actuator, period: float, phase: float, length: int) -> float:
