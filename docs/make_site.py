@@ -153,4 +153,7 @@ if __name__ == "__main__":
     parser.add_argument("folder", type=Path, help="where the site is written")
     parser.add_argument("--gallery", action="store_true", help="draw the gallery too, or take kept pictures")
     given = parser.parse_args()
-    sys.exit(build(given.folder, given.gallery))
+    code = build(given.folder, given.gallery)
+    if code == 0:
+        print(f"written: {given.folder.resolve() / 'index.html'}")
+    sys.exit(code)

@@ -5,6 +5,7 @@ import resource
 import polars as pl
 import pytest
 
+from clutchid import Log, bundled_recording, write
 from clutchid.errors import ExportError
 from clutchid.fleets.jobs import Fleet, Job, tasks
 from clutchid.fleets.output import rows_of
@@ -124,3 +125,15 @@ def test_recordings_of_several_folders_without_a_table_are_warned_of(tmp_path):
     tracked = track(paths, tmp_path / "cal.toml")
     assert "the recordings lie in 2 folders (V1, V2) and are taken for those of one" in tracked.wear.warnings[0]
     assert not any("folders" in one for one in track(paths[:1], tmp_path / "cal.toml").wear.warnings)
+
+
+def test_a_refused_recording_is_one_line_that_says_which_command_has_force(tmp_path):
+    start, recording = tmp_path / "cal.toml", tmp_path / "r.csv"
+    start.write_text("[parameters]\n")
+    log = bundled_recording()
+    write(Log(log.time[::100], {name: column[::100] for name, column in log.columns.items()}), recording)
+    reading = read_recording(ReadingOptions(), start, recording).reading
+    assert reading.status == "bad_input"
+    assert "fast strokes have too few samples" in reading.message
+    assert reading.message.endswith(" or read it alone by estimate with --force.")
+    assert "\n" not in reading.message

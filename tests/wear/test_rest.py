@@ -1,5 +1,7 @@
 """The vented rest over a life: wear lets it fall slowly, a sensor moves it at once, a new clutch lifts it again."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -87,6 +89,14 @@ def test_what_is_left_is_unknown_after_a_sudden_change():
     assert found.left is None
     assert left_words(found) == "unknown after the load changed suddenly before r20: find the cause"
     assert any("unknown after" in line for line in wear_lines(found))
+
+
+def test_a_life_without_an_end_in_sight_is_said_without_a_number_of_strokes():
+    found = life_of(1e-6 * np.arange(30), np.zeros(30))
+    endless = replace(found, left=(4.3e5, np.inf, np.inf), axis="strokes", limit=3.5e-3)
+    assert left_words(endless) == "no end in sight to 3.50 mm of shift (430,000 strokes to no end in sight, 90 %)"
+    known = replace(endless, left=(2.2e5, 4.6e5, np.inf))
+    assert left_words(known) == "460,000 strokes to 3.50 mm of shift (220,000 to no end in sight, 90 %)"
 
 
 def test_no_wear_is_given_beyond_the_end_of_its_table():

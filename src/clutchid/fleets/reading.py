@@ -100,11 +100,18 @@ def _read(options: ReadingOptions, start: Path, path: Path) -> RecordingResult:
         read = (_observed if options.verb == "observe" else _fitted)(log, content, path, options.zero)
     except ClutchidError as error:
         status = "bad_input" if isinstance(error, DataError | ParameterError) else "failed"
-        return without_result(path, status, str(error), clock, checksum)
+        return without_result(path, status, _alone(str(error)), clock, checksum)
     except Exception as error:  # a fleet goes on
         sentence = f"an error that clutchid did not expect, {type(error).__name__}: {error}."
         return without_result(path, "failed", sentence, clock, checksum)
     return read._replace(clock=clock, sha256=checksum)
+
+
+def _alone(message: str) -> str:
+    """The message of a refused recording; many are read without --force, so it says where that option is."""
+    return message.replace(
+        f"\n{workflow.REFUSED}", " Correct the recording or its channel map, or read it alone by estimate with --force."
+    )
 
 
 def without_result(path: Path, status: str, message: str, clock: str = "", sha256: str = "") -> RecordingResult:

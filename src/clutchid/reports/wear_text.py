@@ -93,12 +93,14 @@ def left_words(wear: Wear) -> str:
         return f"unknown after the load changed suddenly before {wear.sudden.before}: find the cause"
     if wear.left is None or wear.limit is None:
         return ""
-    unit = wear.axis
     what = "of wear" if "wear" in wear.then else "of shift"
     low, median, high = wear.left
     if not np.isfinite(low):
         return f"{wear.limit / MM:.2f} mm {what} are not in sight: the trend does not reach them"
-    return f"{_rounded(median)} {unit} to {wear.limit / MM:.2f} mm {what} ({_rounded(low)} to {_rounded(high)}, 90 %)"
+    end = f"to {wear.limit / MM:.2f} mm {what}"
+    if not np.isfinite(median):
+        return f"no end in sight {end} ({_rounded(low)} {wear.axis} to no end in sight, 90 %)"
+    return f"{_rounded(median)} {wear.axis} {end} ({_rounded(low)} to {_rounded(high)}, 90 %)"
 
 
 def _rounded(value: float) -> str:

@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     from clutchid.recordings.strokes.vented_rest import VentedRest, Zero
 
 
+#: The last line of what refuses a recording for a check that is bad.
+REFUSED = "Correct the recording or its channel map, or go on with --force."
+
+
 @dataclass(frozen=True, slots=True)
 class FileOptions:
     """Options for reading files: ambient pressure in Pa for gauge units, channel map, and DBC files of bus logs."""
@@ -98,7 +102,7 @@ def inspected(
     found = [inspect(from_rest(log, rest, zero).log, actuator) for log in logs]
     bad = [str(DataError.of(one.name, list(one.bad))) for one in found if one.bad]
     if bad and not force:
-        raise DataError("\n".join([*bad, "Correct the recording or its channel map, or go on with --force."]))
+        raise DataError("\n".join([*bad, REFUSED]))
     return [replace(log, warnings=(*log.warnings, *one.warnings)) for log, one in zip(logs, found, strict=True)]
 
 
