@@ -95,6 +95,32 @@ def test_a_map_reads_a_file_that_lacks_its_pressure_unless_that_is_measured(tmp_
     assert "position: there is no channel 'Kupplungsweg_Istwert'" in capsys.readouterr().err
 
 
+def test_a_proposal_that_lacks_the_valves_names_candidates_and_says_that_it_is_not_complete(tmp_path, log, capsys):
+    file, chosen = tmp_path / "Messung.mf4", tmp_path / "MAP.toml"
+    channels = {
+        "Kupplungsweg": (25.7 - 1e3 * log["position"], "mm"),
+        "Ventil_auf": (100 * log["duty_supply"], "%"),
+        "Ventil_zu": (100 * log["duty_exhaust"], "%"),
+        "Druck_A": (log["pressure_a"] / 1e5, "bar"),
+        "Aussentemperatur": (np.full(len(log), 20.0), "°C"),
+    }
+    with asammdf.MDF(version="4.10") as mdf:
+        mdf.append([asammdf.Signal(v, log.time, unit=unit, name=name) for name, (v, unit) in channels.items()])
+        mdf.save(file)
+    assert called("look", file, "--save", chosen) == 0
+    said = capsys.readouterr().out
+    assert "  pressure_a           Druck_A\n  temperature_ambient  Aussentemperatur\n" in said
+    assert "duty_supply: no channel name matches; add it to the map (candidates: 'Ventil_auf', 'Ventil_zu')." in said
+    assert "without both duty cycles the supply pressure cannot be checked" in said
+    assert said.endswith("It is not complete: correct it as the lines with - above say, then check it with --map.\n")
+    chosen.write_text(
+        chosen.read_text() + '[duty_supply]\nchannel = "Ventil_auf"\n[duty_exhaust]\nchannel = "Ventil_zu"\n'
+    )
+    assert called("calibrate", file, "--map", chosen) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "in a channel map sign = -1, and an offset by which the end at 25.7 mm becomes 0" in said
+
+
 @pytest.mark.slow
 def test_the_next_command_of_a_calibration_with_a_map_runs_on_a_worn_file(tmp_path, log, worn, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -133,7 +133,9 @@ def test_mapped_channels_are_shown_as_mapped_with_their_time_and_findings(save):
     assert seen.rasters[0].time.rate == pytest.approx(200.0)
     assert gear.name is None
     assert "(text)" in seen.table()
-    assert seen.problems == ("no channel is assigned to duty_supply, duty_exhaust; add [duty_supply] to the map.",)
+    assert seen.problems == (
+        "no channel is assigned to duty_supply, duty_exhaust; add [duty_supply] and [duty_exhaust] to the map.",
+    )
     assert "Proposed channel map" not in seen.table()
 
 

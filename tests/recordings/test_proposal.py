@@ -51,8 +51,8 @@ def test_other_pressures_and_positions_are_left_alone(source):
     found = propose(source(columns, clock=False))
     assert chosen(found) == {"time": "time", "position": "Kupplungsweg"}
     assert found.open == (
-        "duty_supply: no channel name matches; add it to the map.",
-        "duty_exhaust: no channel name matches; add it to the map.",
+        "duty_supply: no channel name matches; add it to the map (no channel has a unit of it).",
+        "duty_exhaust: no channel name matches; add it to the map (no channel has a unit of it).",
     )
 
 
@@ -151,6 +151,7 @@ def test_a_missing_quantity_has_the_channels_with_its_unit_as_candidates(source)
     columns = {"t": ("s", TIME), "Weg": ("mm", TIME), "A": ("%", DUTY), "B": ("1", DUTY), "n": ("rpm", TIME)}
     found = propose(source(columns, clock=False))
     assert found.channels.comments["duty_supply"] == "candidates: 'A', 'B'"
+    assert "duty_supply: no channel name matches; add it to the map (candidates: 'A', 'B')." in found.open
     assert "rate" not in found.channels.comments
     without = propose(source({"Weg": ("mm", TIME), "A": (None, DUTY)}, clock=False))
     assert without.channels.comments["duty_supply"] == "candidates: 'A'"

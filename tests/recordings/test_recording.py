@@ -106,7 +106,7 @@ def test_without_stamps_the_map_has_to_name_them(source):
 
 
 def test_what_the_map_lacks_is_named(source):
-    words = r"no channel is assigned to duty_supply, duty_exhaust; add \[duty_supply\] to the map"
+    words = r"no channel is assigned to duty_supply, duty_exhaust; add \[duty_supply\] and \[duty_exhaust\] to the map"
     with pytest.raises(DataError, match=words):
         read(source(TRAVEL), POSITION)
     (log,) = read(source(TRAVEL), POSITION, required=("position",))

@@ -225,8 +225,9 @@ class FileOverview:
             lines += _raster(raster, len(self.rasters) > 1)
         if self.needs_map and self.proposal.channels.channels:
             lines += ["", "Proposed channel map (write it with --save, use it with --map):"]
+            width = max(15, *map(len, self.proposal.channels.channels))
             lines += [
-                f"  {name:<15}  {entry.channel}" + (f" [{entry.unit}]" if entry.unit else "")
+                f"  {name:<{width}}  {entry.channel}" + (f" [{entry.unit}]" if entry.unit else "")
                 + (f" of {entry.group}" if entry.group else "")
                 for name, entry in self.proposal.channels.channels.items()
             ]  # fmt: skip

@@ -127,7 +127,8 @@ def picked(
     picks, problems = pick(source, channels, required)
     missing = [name for name in required if name not in channels.channels and name != "time"]
     if missing:
-        problems = (*problems, f"no channel is assigned to {', '.join(missing)}; add [{missing[0]}] to the map.")
+        tables = " and ".join(f"[{name}]" for name in missing)
+        problems = (*problems, f"no channel is assigned to {', '.join(missing)}; add {tables} to the map.")
     return picks, problems
 
 

@@ -57,6 +57,8 @@ def test_a_sign_that_is_wrong_is_bad_and_the_supply_pressure_is_then_undetermine
     ):
         assert found(wrong, "sign of position").grade == "bad"
         assert found(wrong, "supply pressure").grade == "undetermined"
+    turned = found(log.with_columns(position=0.025 - log["position"]), "sign of position")
+    assert "in a channel map sign = -1, and an offset by which the end at 25 mm becomes 0" in turned.sentence
 
 
 def test_a_position_of_another_time_axis_has_no_sign(recorded, found):
@@ -195,7 +197,11 @@ def test_more_pressure_than_the_supply_has_is_bad(recorded, found):
 
 def test_without_pressure_no_supply_pressure_is_invented(recorded, found):
     log = recorded(5)
-    assert found(log.without("pressure_a"), "supply pressure").grade == "undetermined"
+    seen = found(log.without("pressure_a"), "supply pressure")
+    assert seen.grade == "undetermined"
+    assert seen.sentence.startswith("without the chamber pressure ")
+    undriven = found(log.without("duty_exhaust"), "supply pressure")
+    assert undriven.sentence.startswith("without both duty cycles the supply pressure cannot be checked")
 
 
 def test_a_position_outside_the_stroke_is_reported_in_the_words_of_the_simulation(recorded, found):

@@ -93,7 +93,8 @@ TOLERANCE = 0.02
 def supply_pressure(reading: InspectedRecording) -> Check:
     """Plateau of the pressure behind a supply valve that is open for long, or else a lower bound."""
     if "pressure_a" not in reading.measured or not reading.driven:
-        sentence = "without the chamber pressure the supply pressure cannot be checked; a fit keeps its start value."
+        lacking = "both duty cycles" if "pressure_a" in reading.measured else "the chamber pressure"
+        sentence = f"without {lacking} the supply pressure cannot be checked; a fit keeps its start value."
         return Check(SUPPLY_PRESSURE, "-", "undetermined", sentence)
     if pressure_unit(reading).grade != "good" or direction(reading).grade == "bad":
         sentence = (

@@ -270,12 +270,14 @@ def direction(reading: InspectedRecording) -> Check:
         f"the open supply valve changes the position by {up.sum() * 1e3:+.3g} mm in total, the open exhaust valve "
         f"by {down.sum() * 1e3:+.3g} mm"
     )
+    rest = shown(reading.extent[1], "position")
     advice = {
         "good": ".",
         "suspect": ": position and valves do not match, so a fit cannot estimate the load; check that the channels "
         "belong to one actuator and one time axis.",
         "bad": ": the sign of the position is wrong, or the duty cycles are swapped, so a fit cannot estimate the "
-        "load; invert the position (zero where the clutch is engaged), or swap the duty cycles.",
+        f"load; invert the position (in a channel map sign = -1, and an offset by which the end at {rest} becomes 0, "
+        "if the clutch is engaged there), or swap the duty cycles.",
     }
     return Check(SIGN, value, grade, facts + advice[grade])
 

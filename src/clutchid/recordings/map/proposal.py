@@ -236,8 +236,8 @@ def propose(source: Source, required: Sequence[str] = REQUIRED) -> Proposal:
         notes += _notes(name, best, others if not remark else ())
     for name in required:
         if name not in channels and not (name == "time" and timed):
-            remarks.append(_missing(name, unused[name], _set_points(source, name)))
             comments[name] = _choice(source, name, channels)
+            remarks.append(_missing(name, unused[name], _set_points(source, name), comments[name]))
             if name == "time":
                 comments["rate"] = "samples per second, for a file without time"
     return Proposal(ChannelMap(channels, comments=comments), tuple(certain), tuple(remarks), tuple(notes))
@@ -344,13 +344,17 @@ def _set_points(source: Source, name: str) -> list[str]:
     ]
 
 
-def _missing(name: str, found: Sequence[Candidate], set_points: Sequence[str]) -> str:
-    """Remark on a quantity without a channel, of which only constant ones were `found`, or set points."""
+def _missing(name: str, found: Sequence[Candidate], set_points: Sequence[str], choice: str) -> str:
+    """Remark on a quantity without a channel, of which only constant ones were `found`, or set points.
+
+    `choice` is a text with the channels that it may be.
+    """
     if not found and set_points and name not in INPUTS:
         return f"{name}: only a set point matches by name, '{set_points[0]}'; add the measured channel to the map."
     if not found:
-        also = ", or rate = 1000.0 (Hz)" if name == "time" else ""
-        return f"{name}: no channel name matches; add it to the map{also}."
+        if name == "time":
+            return "time: no channel name matches; add it to the map, or rate = 1000.0 (Hz)."
+        return f"{name}: no channel name matches; add it to the map ({choice})."
     names = ", ".join(f"'{candidate.heading.text}' (always {candidate.span.low:g})" for candidate in found[:5])
     return f"{name}: only constant channels match by name, {names}; add the right one to the map."
 
