@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from clutchid import workflow
+from clutchid.app import tables
 from clutchid.app.plots import CLOCK, clock_column
 from clutchid.codegen.cache import when_compiling
 from clutchid.errors import ClutchidError, DataError, ParameterError
@@ -401,6 +402,19 @@ def observe(task: Task, events: Listener) -> dict[str, Any]:
     return result
 
 
+def open_table(task: Task, events: Listener) -> dict[str, Any]:
+    """The table of a fleet, or the trend and the loads of a vehicle, from the files of their commands.
+
+    Raises
+    ------
+    DataError
+        As `clutchid.app.tables.opened`.
+    """
+    events.progress("reading", None, "reading")
+    found: dict[str, Any] = finite(tables.opened(Path(task["path"]), Path(task["below"]), task.get("vehicle")))
+    return found
+
+
 #: Columns of an observed recording that are plotted.
 OBSERVED = (
     "position", "pressure_a", "pressure_a low", "pressure_a high", "pressure_a_measured [Pa]", "innovation",
@@ -428,4 +442,5 @@ TASKS: Mapping[str, Callable[[Task, Listener], dict[str, Any]]] = {
     "calibration": check_calibration,
     "export": export,
     "observe": observe,
+    "table": open_table,
 }

@@ -14,7 +14,8 @@ from clutchid.wear.alarms import Alarm
 from clutchid.wear.life import Wear
 from clutchid.wear.trend import FALSE_ALARMS, Interval
 
-_ALARM = {
+#: Kinds of alarms in words.
+ALARMS = {
     "replaced": "the clutch, or its sensor, was replaced",
     "sudden": "the load changed suddenly",
     "leak": "chamber A, or what is connected to it, began to leak",
@@ -72,7 +73,7 @@ def alarm_words(alarm: Alarm) -> str:
     """One alarm."""
     when = f" on {alarm.begin:%Y-%m-%d}" if alarm.begin else ""
     where = f"between {alarm.after} and {alarm.before}" if alarm.after else f"before {alarm.before}"
-    words = f"{_ALARM[alarm.kind]} {where}{when}"
+    words = f"{ALARMS[alarm.kind]} {where}{when}"
     if alarm.kind == "leak":
         return f"{words}: {alarm.leak:.1e} m³/(Pa·s), {_lost(alarm.leak):.2g} g/s at 5 bar(g)"
     if alarm.kind == "departed":
