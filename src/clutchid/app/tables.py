@@ -241,8 +241,8 @@ def vehicle_of(files: Files, name: str) -> dict[str, Any]:
     source = files.wear or files.results
     rows = pl.DataFrame() if source is None else _read(source, own, MOST_RECORDINGS)
     if not rows.height:
-        where = "no table of recordings beside it" if source is None else f"no recordings of it in {source.name}"
-        raise DataError(f"{printable(name)}: there is {where}, so that nothing is known of it.")
+        where = "no table of recordings lies beside it" if source is None else f"{source.name} has no recordings of it"
+        raise DataError(f"{printable(name)}: {where}, so that nothing is known of it.")
     names = [str(one) for one in rows["recording"]]
     loads = _loads(files, name, names)
     trend = _trend(rows) if "shift smoothed [m]" in rows.columns else None

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from clutchid import workflow
-from clutchid.app import tables
 from clutchid.app.plots import CLOCK, clock_column
 from clutchid.codegen.cache import when_compiling
 from clutchid.errors import ClutchidError, DataError, ParameterError
@@ -410,6 +409,8 @@ def open_table(task: Task, events: Listener) -> dict[str, Any]:
     DataError
         As `clutchid.app.tables.opened`.
     """
+    from clutchid.app import tables  # half a second of imports, which other jobs need not wait for
+
     events.progress("reading", None, "reading")
     found: dict[str, Any] = finite(tables.opened(Path(task["path"]), Path(task["below"]), task.get("vehicle")))
     return found

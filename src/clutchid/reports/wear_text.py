@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from clutchid.model.valves import leak_flow
 from clutchid.parameters import Parameters
 from clutchid.reports.style import MM
 from clutchid.wear.alarms import Alarm
@@ -85,6 +84,8 @@ def alarm_words(alarm: Alarm) -> str:
 
 def _lost(conductance: float) -> float:
     """Air in g/s that a leak loses at 5 bar(g)."""
+    from clutchid.model.valves import leak_flow  # brings SymPy, which is not needed without a leak
+
     return 1e3 * float(leak_flow(6e5, 1e5, conductance, Parameters().rho_0))
 
 

@@ -4,7 +4,8 @@ import { curves } from "./curves.js";
 import { strips } from "./strips.js";
 import { take, unchecked, worst } from "./recording.js";
 
-const chosen = { calibrate: new Set(), estimate: new Set(), verify: new Set(), start: "" };
+const chosen = { calibrate: new Set(), estimate: new Set(), start: "" };
+const verified = { calibrate: new Set(), estimate: new Set() };
 const options = { calibrate: {}, estimate: {} };
 const refused = { calibrate: "", estimate: "" };
 const sent = new Map();       // files dropped for a fit that the server has not told of yet, with what they were dropped for
@@ -52,7 +53,7 @@ function offer() {
     open = result.id;
     if (result.found.is_calibration) chosen.start = result.id;
   }
-  for (const set of [chosen.calibrate, chosen.estimate, chosen.verify]) for (const id of set) if (!one("recording", id)) set.delete(id);
+  for (const set of [chosen.calibrate, chosen.estimate, verified.calibrate, verified.estimate]) for (const id of set) if (!one("recording", id)) set.delete(id);
   for (const id of board) if (!one("result", id)) board.delete(id);
   if (one("result", awaited)) awaited = "";
   if (!one("result", open) && !awaited) open = all("result").at(-1)?.id ?? "";
@@ -89,13 +90,13 @@ function form(verb, title, purpose, redraw) {
   const pick = (set, recording, label) => h("input", { type: "checkbox", id: `${label}-${verb}-${recording.id}`, checked: set.has(recording.id), "aria-label": `${label} ${recording.name} (${verb})`,
     onchange: (event) => { set[event.target.checked ? "add" : "delete"](recording.id); redraw(); } });
   const rows = all("recording").map((recording) => h("tr", { draggable: "true", ondragstart: (event) => event.dataTransfer.setData("text/plain", recording.id) },
-    h("td", {}, pick(chosen[verb], recording, "fit")), h("td", {}, pick(chosen.verify, recording, "verify")),
+    h("td", {}, pick(chosen[verb], recording, "fit")), h("td", {}, pick(verified[verb], recording, "verify")),
     h("th", { scope: "row" }, h("span", { class: `dot ${worst(recording)}` }), recording.name),
     h("td", { class: "hint" }, recording.look ? ("pressure_a" in recording.look.map ? "with pressure" : "position only") : "reading")));
   const put = (role, id) => {  // a recording is fitted or verified
-    (role === "fit" ? chosen[verb] : chosen.verify).add(id);
+    (role === "fit" ? chosen[verb] : verified[verb]).add(id);
     if (role === "verify") chosen[verb].delete(id);
-    else chosen.verify.delete(id);
+    else verified[verb].delete(id);
   };
   const slot = (role, title, set) => {
     const these = [...set].filter((id) => one("recording", id) && (role === "fit" || !chosen[verb].has(id)));
@@ -112,14 +113,14 @@ function form(verb, title, purpose, redraw) {
     refused[verb] = "";
     try {
       const recordings = [...chosen[verb]];
-      const verify = [...chosen.verify].filter((id) => !chosen[verb].has(id));
+      const verify = [...verified[verb]].filter((id) => !chosen[verb].has(id));
       const { id } = await send("POST", "/api/fits", { verb, recordings, verify, start: verb === "estimate" ? chosen.start : null, options: cleaned(options[verb]) });
       open = awaited = id;
     } catch (problem) { refused[verb] = problem.message; }
     redraw();
   };
   return h("section", { class: "card", "aria-label": title }, h("h2", {}, title), h("p", { class: "hint" }, purpose),
-    h("div", { class: "slots" }, slot("fit", "Fit", chosen[verb]), slot("verify", "Verify", chosen.verify)),
+    h("div", { class: "slots" }, slot("fit", "Fit", chosen[verb]), slot("verify", "Verify", verified[verb])),
     rows.length ? h("table", { class: "choose" }, h("thead", {}, h("tr", {}, ["fit", "verify", "recording", "has"].map((text) => h("th", { scope: "col" }, text)))), h("tbody", {}, rows)) : null,
     verb === "estimate" && h("p", { class: "field" }, h("label", { for: "start" }, "Calibration (--start)"), h("select", { id: "start", onchange: (event) => { chosen.start = event.target.value; redraw(); } },
       h("option", { value: "" }, calibrations().length ? "–" : "none yet"), calibrations().map((result) => h("option", { value: result.id, selected: result.id === chosen.start }, `${result.name} (${result.id.split("-")[1]})`)))),
