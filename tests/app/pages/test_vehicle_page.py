@@ -32,7 +32,7 @@ def names(page):
     return page.locator(".fleet tbody th").all_inner_texts()
 
 
-def test_a_fleet_is_sorted_filtered_and_leads_to_a_vehicle_and_back(fleet):
+def test_a_fleet_is_sorted_filtered_and_leads_to_a_vehicle_and_back(fleet, picture):
     page = fleet
     assert names(page) == [UNREAD, "V 2", "V 10"]
     assert page.locator("main b").count() == 0
@@ -49,6 +49,8 @@ def test_a_fleet_is_sorted_filtered_and_leads_to_a_vehicle_and_back(fleet):
     page.locator(".row", has_text="V 10").locator("td").first.click()
     page.locator("#trends .uplot").nth(1).wait_for()
     assert "was replaced between V 10 13 and V 10 14" in page.locator(".notice.bad").inner_text()
+    page.locator("footer[hidden]").wait_for(state="attached")
+    picture(page, "vehicle", full_page=True)
     page.click("#to-fleet")
     assert names(page) == ["V 10", "V 2", UNREAD]  # as it was sorted
     page.click("#vehicle-0")
@@ -56,7 +58,7 @@ def test_a_fleet_is_sorted_filtered_and_leads_to_a_vehicle_and_back(fleet):
     assert "No loads lie beside this file" in page.locator("main").inner_text()
 
 
-def test_a_vehicle_is_reached_by_keyboard_and_its_loads_are_overlaid(fleet, picture):
+def test_a_vehicle_is_reached_by_keyboard_and_its_loads_are_overlaid(fleet):
     page = fleet
     page.locator("#filter").focus()
     page.keyboard.type("good")
@@ -75,7 +77,6 @@ def test_a_vehicle_is_reached_by_keyboard_and_its_loads_are_overlaid(fleet, pict
     assert page.locator("#chart-loads .u-series:not(.edge)").count() == 4
     page.uncheck("[aria-label='Plot the load of V 2 10']")
     page.locator("footer[hidden]").wait_for(state="attached")
-    picture(page, "vehicle", full_page=True)
     page.uncheck("#forecast")
     assert "Orange and dashed" not in page.locator("#trends").inner_text()
     page.click("#theme")
