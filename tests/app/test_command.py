@@ -60,6 +60,17 @@ def test_the_server_prints_its_address_and_leaves_nothing(started, tmp_path):
 
 
 @pytest.mark.slow
+def test_another_host_is_warned_of_and_asks_for_the_token(started):
+    one, address = started("--host", "0.0.0.0")
+    with pytest.raises(urllib.error.HTTPError, match="403"):
+        urllib.request.urlopen(address.partition("?")[0], timeout=20)
+    opener(address)
+    one.send_signal(signal.SIGINT)
+    assert one.wait(20) == 0
+    assert "warning: other machines can reach this page" in " ".join(one.stderr.read().split())
+
+
+@pytest.mark.slow
 def test_the_jobs_of_a_killed_server_end_and_the_next_one_removes_its_folder(started, tmp_path):
     one, address = started()
     opener(address)
@@ -108,6 +119,7 @@ def test_a_port_that_is_in_use_is_said(capsys):
 @pytest.mark.parametrize(("arguments", "said"), [
     (["no.csv"], "no.csv: there is no such file"), (["--folder", "no"], "--folder no: there is no such folder"),
     (["--port", "99999"], "--port 99999: cannot be used"),
+    (["--host", "192.0.2.1"], "--host 192.0.2.1: is no name or IPv4 address of this machine"),
 ])  # fmt: skip
 def test_what_is_not_there_is_said_before_the_server_starts(arguments, said, capsys):
     assert called("app", "--no-browser", *arguments) == 2

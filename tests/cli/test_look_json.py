@@ -36,6 +36,7 @@ def test_a_recording_has_its_channels_and_the_grades_of_its_checks(looked, recor
         "position [m]", "m", 4000, 0,
     )  # fmt: skip
     assert {"name", "grade", "sentence"} <= found["checks"][0].keys()
+    assert {(one["begin_s"], one["end_s"]) for one in found["checks"]} == {(None, None)}
     assert {one["grade"] for one in found["checks"]} <= {"good", "undetermined"}
     assert found["grids"][0]["time"]["usual_interval_s"] == pytest.approx(1e-3)
 
@@ -47,6 +48,19 @@ def test_a_file_with_names_of_its_own_has_the_proposed_map(looked, recording, tm
     assert (code, found["needs_map"]) == (0, True)
     assert found["map"]["position"]["channel"] == "Kupplungsweg [m]"
     assert (tmp_path / "map.toml").exists()
+
+
+def test_a_check_has_the_place_where_it_fails(looked, recording, tmp_path):
+    head, *rows = recording.read_text().splitlines()
+    place = head.split(",").index("position [m]")
+    cells = [row.split(",") for row in rows]
+    for k in range(1000, 3000):
+        cells[k][place] = cells[1000][place]
+    (tmp_path / "stuck.csv").write_text("\n".join([head, *map(",".join, cells)]) + "\n")
+    _, found = looked(tmp_path / "stuck.csv")
+    (stuck,) = (one for one in found["checks"] if one["name"] == "stuck position")
+    assert stuck["grade"] == "bad"
+    assert (stuck["begin_s"], stuck["end_s"]) == (pytest.approx(1.0, abs=0.01), pytest.approx(2.999, abs=0.01))
 
 
 def test_problems_are_the_message_and_the_exit_code(looked, recording, tmp_path):

@@ -43,6 +43,46 @@ OURS = "x-clutchid"
 
 _SAFE = ("GET", "HEAD")
 
+#: A host at which a server listens on all networks of this machine.
+EVERYWHERE = "0.0.0.0"
+
+#: Names under which only this machine reaches itself.
+LOOPBACK = ("127.0.0.1", "localhost")
+
+
+def names_of(address: str, host: str) -> tuple[str, ...]:
+    """The names under which a server may be asked that listens at an address, given as a host; others are refused.
+
+    Examples
+    --------
+    >>> names_of("127.0.0.1", "localhost"), names_of("10.1.2.3", "Lab")
+    (('127.0.0.1', 'localhost'), ('10.1.2.3', 'lab'))
+    """
+    if address == LOOPBACK[0]:
+        return tuple(dict.fromkeys((*LOOPBACK, host.lower())))
+    if address != EVERYWHERE:
+        return tuple(dict.fromkeys((address, host.lower())))
+    import socket
+
+    import psutil
+
+    several = psutil.net_if_addrs().values()
+    addresses = {one.address for each in several for one in each if one.family == socket.AF_INET}
+    return (*LOOPBACK, socket.gethostname().lower(), *sorted(addresses - {*LOOPBACK}))
+
+
+def warning_of(address: str, names: tuple[str, ...]) -> str:
+    """What is said where others than this machine can reach the server; nothing where they cannot."""
+    if address == LOOPBACK[0]:
+        return ""
+    others = [name for name in names if name not in LOOPBACK]
+    return (
+        f"other machines can reach this page, as {', '.join(others)}. It asks everyone for the token, but nothing is "
+        "encrypted: who listens on the network reads the token and the recordings, and with the token everyone opens "
+        "files below --folder. Use it in a network where all are trusted; else leave --host out and forward the port "
+        "with ssh -L."
+    )
+
 
 def new_secret() -> str:
     """A text that nobody can guess, for an address."""
@@ -51,9 +91,13 @@ def new_secret() -> str:
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """What opens the server at a port: the token of the printed address, and the cookie that is given for it."""
+    """What opens the server at a port: the token of the printed address, and the cookie that is given for it.
+
+    `names` are those of this machine under which it may be asked; the first is in the address that is printed.
+    """
 
     port: int
+    names: tuple[str, ...] = LOOPBACK
     token: str = field(default_factory=new_secret)
     cookie: str = field(default_factory=new_secret)
 
@@ -65,12 +109,12 @@ class Access:
     @property
     def address(self) -> str:
         """The address that opens the page."""
-        return f"http://127.0.0.1:{self.port}/?token={self.token}"
+        return f"http://{self.names[0]}:{self.port}/?token={self.token}"
 
     @property
     def hosts(self) -> tuple[str, ...]:
         """The hosts under which the server may be asked."""
-        return f"127.0.0.1:{self.port}", f"localhost:{self.port}"
+        return tuple(f"{name}:{self.port}" for name in self.names)
 
 
 class Guard:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import math
 import socket
@@ -21,12 +22,13 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from clutchid.app.folder import end_folder, make_folder, opening_page
-from clutchid.app.guard import REPORT_POLICY, Access, Guard
+from clutchid.app.guard import LOOPBACK, REPORT_POLICY, Access, Guard, names_of, warning_of
 from clutchid.app.plots import plotted
 from clutchid.app.session import MEDIA, METHODS, VERBS, Session
-from clutchid.app.uploads import allowed_path, check_size, listed, receive
+from clutchid.app.uploads import SUFFIXES, TABLES, allowed_path, check_size, listed, receive
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.log.units import UNITS
+from clutchid.names import printable
 from clutchid.recordings.columns import QUANTITIES
 from clutchid.recordings.files import reason_of
 from clutchid.workflow.failures import failure
@@ -72,6 +74,10 @@ def application(session: Session, access: Access, begun: Callable[[], None] = la
         Route("/api/observations", _of(session, _observe), methods=["POST"]),
         Route("/api/observations/{id}", _of(session, _forget_observation), methods=["DELETE"]),
         Route("/api/observations/{id}/plot", _of(session, _plot_observation)),
+        Route("/api/tables", _of(session, _upload_table), methods=["PUT"]),
+        Route("/api/tables", _of(session, _open_table), methods=["POST"]),
+        Route("/api/tables/{id}", _of(session, _forget_table), methods=["DELETE"]),
+        Route("/api/tables/{id}/vehicles", _of(session, _open_vehicle), methods=["POST"]),
         Route("/api/jobs/{id}", _of(session, _cancel), methods=["DELETE"]),
         Route("/api/results/{id}", _of(session, _forget_result), methods=["DELETE"]),
         Route("/api/results/{id}/plot", _of(session, _plot_result)),
@@ -128,7 +134,8 @@ async def _events(session: Session, request: Request) -> Response:
 
 
 async def _files(session: Session, request: Request) -> Response:
-    return JSONResponse(listed(request.query_params.get("under", ""), session.below))
+    suffixes = TABLES if request.query_params.get("kind") == "tables" else SUFFIXES
+    return JSONResponse(listed(request.query_params.get("under", ""), session.below, suffixes))
 
 
 async def _upload_recording(session: Session, request: Request) -> Response:
@@ -246,6 +253,34 @@ async def _plot_observation(session: Session, request: Request) -> Response:
     return _plot(session, request, "observation")
 
 
+async def _upload_table(session: Session, request: Request) -> Response:
+    """A result of a track or a fleet; with `beside`, a further file of one that was sent before."""
+    name, beside = request.query_params.get("name", ""), request.query_params.get("beside", "")
+    size = check_size(name, request.headers.get("content-length"), session.folder)
+    first = session.board.get("table", beside)
+    if beside and first is None:
+        raise DataError("what this file belongs to is not there any more; send both again.")
+    id_, path = session.upload_path(name, "table", beside)
+    path.unlink(missing_ok=True)  # the same file once more
+    await receive(request.stream(), path, size)
+    return JSONResponse({"id": session.open_table(path if first is None else Path(first["path"]), id_)})
+
+
+async def _open_table(session: Session, request: Request) -> Response:
+    path = allowed_path(_text(await _body(request), "path"), session.below, ())
+    return JSONResponse({"id": session.open_table(path)})
+
+
+async def _forget_table(session: Session, request: Request) -> Response:
+    session.forget("table", request.path_params["id"])
+    return JSONResponse({})
+
+
+async def _open_vehicle(session: Session, request: Request) -> Response:
+    name = _text(await _body(request), "vehicle")
+    return JSONResponse({"id": session.open_vehicle(request.path_params["id"], name)})
+
+
 async def _cancel(session: Session, request: Request) -> Response:
     return JSONResponse({"cancelled": session.jobs.cancel(request.path_params["id"])})
 
@@ -305,20 +340,25 @@ def _texts(body: dict[str, Any], name: str) -> list[str]:
     return value
 
 
-def bound(port: int) -> socket.socket:
-    """A socket of this machine alone; port 0 takes any that is free.
+def bound(port: int, host: str = LOOPBACK[0]) -> socket.socket:
+    """A socket, by default of this machine alone; port 0 takes any that is free.
 
     Raises
     ------
     ParameterError
-        If the port is in use, or may not be used.
+        If the port is in use or may not be used, or the host is no name or IPv4 address of this machine.
     """
     one = socket.socket(proto=socket.IPPROTO_TCP)  # known to asyncio as TCP, it sends small answers at once
     try:
-        one.bind(("127.0.0.1", port))
+        one.bind((host, port))
         one.listen(128)
-    except (OSError, OverflowError) as error:
+    except (OSError, OverflowError, UnicodeError) as error:
         one.close()
+        if isinstance(error, socket.gaierror | UnicodeError) or getattr(error, "errno", 0) == errno.EADDRNOTAVAIL:
+            raise ParameterError(
+                f"--host {printable(host)}: is no name or IPv4 address of this machine; 0.0.0.0 is all of its "
+                "addresses."
+            ) from error
         reason = reason_of(error) if isinstance(error, OSError) else "no such port"
         raise ParameterError(
             f"--port {port}: cannot be used ({reason}); name another one, or leave --port out for one that is free."
@@ -328,7 +368,8 @@ def bound(port: int) -> socket.socket:
 
 def serve(
     files: Sequence[Path], below: Path, base: Path, say: Callable[[str], None],
-    *, port: int = 0, browser: bool = True, keep: bool = False, trace: Callable[[str], None] = lambda _: None,
+    *, port: int = 0, host: str = LOOPBACK[0], browser: bool = True, keep: bool = False,
+    trace: Callable[[str], None] = lambda _: None, warn: Callable[[str], None] = lambda _: None,
 ) -> Path:  # fmt: skip
     """Serve the page until the process is interrupted; the folder of the server, which is left only with `keep`.
 
@@ -342,18 +383,24 @@ def serve(
         Called with the address once the page is there.
     trace
         Called with the traceback of an error in a job that nobody expected.
-    port
-        Of this machine; 0 for any that is free.
+    warn
+        Called before the address with what is to know where others than this machine can reach the server.
+    port, host
+        Of this machine; 0 for any port that is free. At another host than 127.0.0.1 other machines reach the server,
+        which asks them for the token too.
 
     Raises
     ------
     ParameterError, ExportError
-        If the port is in use, or no folder can be made.
+        If the port or the host cannot be used, or no folder can be made.
     """
-    one = bound(port)
+    one = bound(port, host)
     folder = make_folder(base)
     try:
-        access = Access(one.getsockname()[1])
+        address, number = one.getsockname()
+        access = Access(number, names_of(address, host))
+        if warning := warning_of(address, access.names):
+            warn(warning)
 
         def begun() -> None:
             say(access.address)

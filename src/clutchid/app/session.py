@@ -67,9 +67,9 @@ class Session:
 
     # recordings
 
-    def upload_path(self, name: str) -> tuple[str, Path]:
-        """An id and a new file for an upload with this name."""
-        id_ = self._id("recording")
+    def upload_path(self, name: str, kind: str = "recording", beside: str = "") -> tuple[str, Path]:
+        """An id and a new file for an upload with this name, in a folder of its own or in that of another upload."""
+        id_ = beside or self._id(kind)
         path = self.folder / "uploads" / id_ / safe_name(name)
         path.parent.mkdir(parents=True, exist_ok=True)
         return id_, path
@@ -241,6 +241,44 @@ class Session:
         })  # fmt: skip
         self.jobs.submit(name, "fits", task, id_)
         return id_
+
+    # results of track and fleet
+
+    def open_table(self, path: Path, id_: str | None = None, vehicle: str | None = None) -> str:
+        """Begin to read a result of a track or a fleet, or a vehicle of a fleet; the id of what it becomes.
+
+        With an id that is there already it is read again, as when a file beside it has been sent. The other files of
+        the run are those beside it, if they lie below the folder that is open to the page.
+        """
+        uploads = self.folder / "uploads"
+        below = path.parent.resolve() if path.is_relative_to(uploads) else self.below
+        id_ = id_ or self._id("table")
+        name = printable(path.name) if vehicle is None else printable(vehicle)
+        self.jobs.cancel_about(id_)
+        self.board.put("table", id_, {
+            "id": id_, "name": name, "path": str(path), "folder": printable(path.parent.name), "vehicle": vehicle,
+            "status": "waiting", "found": None, "message": "", "bad_input": False,
+        })  # fmt: skip
+        task = {"do": "table", "path": str(path), "below": str(below), "vehicle": vehicle}
+        self.jobs.submit(f"open {name}", "files", task, id_)
+        return id_
+
+    def open_vehicle(self, id_: str, vehicle: str) -> str:
+        """Begin to read a vehicle of a fleet, unless that is done; the id of what it becomes.
+
+        Raises
+        ------
+        DataError
+            If the fleet, or a vehicle of this name, is not there.
+        """
+        known = self.board.get("table", id_)
+        found = known and known["found"]
+        if known is None or not found or vehicle not in found.get("vehicles", {}).get("vehicle", ()):
+            raise DataError(f"{printable(vehicle)}: there is no such vehicle in this fleet.")
+        wanted = (known["path"], vehicle)
+        same = (one for one in self.board.all("table") if (one["path"], one["vehicle"]) == wanted)
+        there = next((one["id"] for one in same if one["status"] not in ("failed", "cancelled")), None)
+        return there or self.open_table(Path(known["path"]), vehicle=vehicle)
 
     def export(self, id_: str, to: str, method: str) -> None:
         """Begin to export the observer of a calibration.

@@ -401,6 +401,21 @@ def observe(task: Task, events: Listener) -> dict[str, Any]:
     return result
 
 
+def open_table(task: Task, events: Listener) -> dict[str, Any]:
+    """The table of a fleet, or the trend and the loads of a vehicle, from the files of their commands.
+
+    Raises
+    ------
+    DataError
+        As `clutchid.app.tables.opened`.
+    """
+    from clutchid.app import tables  # half a second of imports, which other jobs need not wait for
+
+    events.progress("reading", None, "reading")
+    found: dict[str, Any] = finite(tables.opened(Path(task["path"]), Path(task["below"]), task.get("vehicle")))
+    return found
+
+
 #: Columns of an observed recording that are plotted.
 OBSERVED = (
     "position", "pressure_a", "pressure_a low", "pressure_a high", "pressure_a_measured [Pa]", "innovation",
@@ -428,4 +443,5 @@ TASKS: Mapping[str, Callable[[Task, Listener], dict[str, Any]]] = {
     "calibration": check_calibration,
     "export": export,
     "observe": observe,
+    "table": open_table,
 }

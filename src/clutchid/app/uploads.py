@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import AsyncIterator, Iterable
+from collections.abc import AsyncIterator, Collection, Iterable
 from pathlib import Path
 
 from clutchid.app.folder import free_bytes
@@ -24,6 +24,9 @@ _LONGEST = 120
 SUFFIXES = (
     ".csv", ".tsv", ".txt", ".dat", ".parquet", ".mf4", ".mdf", ".mat", ".blf", ".asc", ".trc", ".dbc", ".toml",
 )  # fmt: skip
+
+#: Suffixes of results of a track or a fleet.
+TABLES = (".parquet", ".csv", ".json")
 
 #: Most entries of a folder that are listed.
 MOST_ENTRIES = 2000
@@ -121,8 +124,8 @@ def allowed_path(text: str, below: Path, given: Iterable[Path]) -> Path:
     return path
 
 
-def listed(text: str, below: Path) -> dict[str, object]:
-    """Folders and recordings in a folder below the one that is open to the page.
+def listed(text: str, below: Path, suffixes: Collection[str] = SUFFIXES) -> dict[str, object]:
+    """Folders, and files with these suffixes, in a folder below the one that is open to the page.
 
     Raises
     ------
@@ -141,7 +144,7 @@ def listed(text: str, below: Path) -> dict[str, object]:
             path = str(entry.relative_to(below))
             if entry.is_dir():
                 folders.append({"name": entry.name, "path": path})
-            elif Path(entry.name.removesuffix(".gz")).suffix.lower() in SUFFIXES:
+            elif Path(entry.name.removesuffix(".gz")).suffix.lower() in suffixes:
                 files.append({"name": entry.name, "path": path, "size": entry.stat().st_size})
     except OSError as error:
         raise DataError(f"{folder}: cannot be listed ({reason_of(error)}).") from error

@@ -10,7 +10,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from clutchid.cli.common import DONE, Flag, guarded, print_written
-from clutchid.cli.terminal import put
+from clutchid.cli.terminal import put, say
 from clutchid.errors import DataError, missing
 
 
@@ -18,6 +18,7 @@ from clutchid.errors import DataError, missing
 def app(
     *files: Path,
     port: int = 0,
+    host: str = "127.0.0.1",
     folder: Path = Path(),
     browser: Annotated[bool, Parameter(negative="--no-browser")] = True,
     keep: Flag = False,
@@ -33,6 +34,9 @@ def app(
         Recordings and calibrations (TOML) that are opened at once.
     port
         Port of this machine; by default one that is free.
+    host
+        Address or name of this machine at which the page is served; by default only this machine reaches it. Another
+        one, or 0.0.0.0 for all, lets other machines ask, which need the token too; nothing is encrypted.
     folder
         Folder whose recordings can be opened by path, without a copy; by default the present one.
     browser
@@ -59,9 +63,11 @@ def app(
         cache_folder(),
         put,
         port=port,
+        host=host,
         browser=browser,
         keep=keep,
         trace=lambda text: put(text, to=sys.stderr) if debug else None,
+        warn=lambda text: say([text]),
     )
     if keep:
         print_written(kept)

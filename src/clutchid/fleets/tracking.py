@@ -296,6 +296,10 @@ def table_of(tracked: Tracked) -> pl.DataFrame:
         "rest shift high [m]": [one.rest.high if one.rest else nothing for one in wear.readings],
         "rest cause": [one.cause for one in wear.rests],
         "sha256": [read.sha256 for read in tracked.reads],
+        "axis": [wear.axis] * len(wear.dated),
+        "along": wear.s,
+        "limit [m]": [nothing if wear.limit is None else wear.limit] * len(wear.dated),
+        **_forecast(wear),
     }
     units = {"shift": "m", "wear": "m", "load": "1"}
     for when, bands in (("", wear.then), (" smoothed", wear.now)):
@@ -305,6 +309,16 @@ def table_of(tracked: Tracked) -> pl.DataFrame:
                 for part, values in (("", band.value), (" low", band.low), (" high", band.high))
             }
     return pl.DataFrame(columns)
+
+
+def _forecast(wear: Wear) -> dict[str, pl.Series]:
+    """What is left at the last recording, in the unit of the axis, infinite beyond the horizon; empty before it."""
+    import polars as pl
+
+    sides = (None,) * 3 if wear.left is None else (wear.left.median, wear.left.low, wear.left.high)
+    before = [None] * (len(wear.dated) - 1)
+    names = ("left", "left low", "left high")
+    return {name: pl.Series([*before, side], dtype=pl.Float64) for name, side in zip(names, sides, strict=True)}
 
 
 def load_table(keys: Mapping[str, Sequence[str]], curves: Sequence[LoadCurve | None]) -> pl.DataFrame:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-from clutchid.preparation.inspection import Inspection
+from clutchid.preparation.inspection import Check, Inspection
 from clutchid.recordings.map.channel_map import ChannelMap
 from clutchid.recordings.overview import FileOverview, TimeAxis, TimeGridOverview
 
@@ -30,7 +30,7 @@ def look_json(contents: FileOverview, inspection: Inspection | None, unchecked: 
             for grid in contents.rasters
             for column in grid.columns
         ],
-        "checks": [asdict(check) for check in checks],
+        "checks": [_check_json(check) for check in checks],
         "notes": [*(inspection.notes if inspection else ())],
         "problems": [*contents.problems],
         "warnings": [*contents.warnings],
@@ -39,6 +39,12 @@ def look_json(contents: FileOverview, inspection: Inspection | None, unchecked: 
         "needs_map": contents.needs_map,
         "complete": contents.proposal.complete,
     }
+
+
+def _check_json(check: Check) -> dict[str, Any]:
+    """A check, with the place where it fails in s, if it has one."""
+    found = asdict(check)
+    return {**found, "begin_s": found.pop("begin"), "end_s": found.pop("end")}
 
 
 def _grid_json(grid: TimeGridOverview) -> dict[str, Any]:

@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from clutchid.model.valves import leak_flow
 from clutchid.parameters import Parameters
 from clutchid.reports.style import MM
 from clutchid.wear.alarms import Alarm
 from clutchid.wear.life import Wear
 from clutchid.wear.trend import FALSE_ALARMS, Interval
 
-_ALARM = {
+#: Kinds of alarms in words.
+ALARMS = {
     "replaced": "the clutch, or its sensor, was replaced",
     "sudden": "the load changed suddenly",
     "leak": "chamber A, or what is connected to it, began to leak",
@@ -72,7 +72,7 @@ def alarm_words(alarm: Alarm) -> str:
     """One alarm."""
     when = f" on {alarm.begin:%Y-%m-%d}" if alarm.begin else ""
     where = f"between {alarm.after} and {alarm.before}" if alarm.after else f"before {alarm.before}"
-    words = f"{_ALARM[alarm.kind]} {where}{when}"
+    words = f"{ALARMS[alarm.kind]} {where}{when}"
     if alarm.kind == "leak":
         return f"{words}: {alarm.leak:.1e} m³/(Pa·s), {_lost(alarm.leak):.2g} g/s at 5 bar(g)"
     if alarm.kind == "departed":
@@ -84,6 +84,8 @@ def alarm_words(alarm: Alarm) -> str:
 
 def _lost(conductance: float) -> float:
     """Air in g/s that a leak loses at 5 bar(g)."""
+    from clutchid.model.valves import leak_flow  # brings SymPy, which is not needed without a leak
+
     return 1e3 * float(leak_flow(6e5, 1e5, conductance, Parameters().rho_0))
 
 

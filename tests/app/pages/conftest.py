@@ -18,6 +18,7 @@ from clutchid.truck import Truck, drive
 
 PICTURES = Path(__file__).resolve().parents[3] / "docs" / "images"
 CHROMIUM = shutil.which("chromium")
+AXE = (Path(__file__).parent / "vendor" / "axe.min.js").read_text(encoding="utf-8")
 
 
 def pytest_collection_modifyitems(items):
@@ -101,6 +102,18 @@ def page(browser, server):
     yield one
     context.close()
     assert faults == []
+
+
+@pytest.fixture
+def findings(page):
+    """What axe-core finds on the page: the rule, and the first element."""
+
+    def find():
+        page.evaluate(AXE)
+        found = page.evaluate("axe.run(document, {resultTypes: ['violations']})")
+        return [f"{one['id']}: {one['nodes'][0]['html'][:120]}" for one in found["violations"]]
+
+    return find
 
 
 @pytest.fixture

@@ -1,21 +1,10 @@
 """All stages in both themes and at three widths, without findings of axe-core; jobs; without JavaScript."""
 
-from pathlib import Path
-
 import pytest
-
-AXE = (Path(__file__).parent / "vendor" / "axe.min.js").read_text(encoding="utf-8")
-
-
-def findings(page):
-    """What axe-core finds: the rule, and the first element."""
-    page.evaluate(AXE)
-    found = page.evaluate("axe.run(document, {resultTypes: ['violations']})")
-    return [f"{one['id']}: {one['nodes'][0]['html'][:120]}" for one in found["violations"]]
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
-def test_all_stages_can_be_read_by_everybody_at_every_width(page, opened, theme, picture):
+def test_all_stages_can_be_read_by_everybody_at_every_width(page, opened, theme, picture, findings):
     page.emulate_media(color_scheme=theme)
     page.reload()
     opened("cal.csv")
@@ -33,7 +22,7 @@ def test_all_stages_can_be_read_by_everybody_at_every_width(page, opened, theme,
             page.wait_for_timeout(300)
             assert page.evaluate("document.documentElement.scrollWidth") <= width, (stage, width)
         page.set_viewport_size({"width": 1400, "height": 950})
-        assert findings(page) == [], stage
+        assert findings() == [], stage
     if theme == "dark":
         picture(page, "dark")
 

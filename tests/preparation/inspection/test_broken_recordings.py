@@ -102,6 +102,9 @@ def test_a_pressure_that_is_cut_off_is_bad(recorded, found):
     cut = np.minimum(log["pressure_a"], 4e5)
     seen = found(log.with_columns(pressure_a=cut), "saturation of pressure_a")
     assert (seen.grade, seen.value.endswith("at 4 bar")) == ("bad", True)
+    inside = (log.time >= seen.begin) & (log.time <= seen.end)
+    assert inside.sum() > 100
+    assert (cut[inside] == 4e5).all()
 
 
 @pytest.mark.parametrize("every", [1, 10])
@@ -112,6 +115,7 @@ def test_a_column_that_stands_still_while_the_valves_work_is_bad(recorded, froze
         assert seen.grade == "bad"
         # noise ends the stretch a few samples early at most
         assert float(seen.value.split()[0]) == pytest.approx(2.0, abs=0.05)
+        assert seen.end - seen.begin == pytest.approx(2.0, abs=0.05)
 
 
 def test_a_column_that_stands_still_at_rest_is_suspect(recorded, found):

@@ -1,12 +1,14 @@
 // The stage "Load": calibrate, estimate, and a board on which results are kept, overlaid and compared.
-import { about, all, badge, copying, fill, h, notice, one, plural, points, send, short } from "./page.js";
+import { about, all, badge, copying, dropping, fill, h, notice, one, plural, points, send, short } from "./page.js";
 import { curves } from "./curves.js";
 import { strips } from "./strips.js";
-import { unchecked, worst } from "./recording.js";
+import { take, unchecked, worst } from "./recording.js";
 
-const chosen = { calibrate: new Set(), estimate: new Set(), verify: new Set(), start: "" };
+const chosen = { calibrate: new Set(), estimate: new Set(), start: "" };
+const verified = { calibrate: new Set(), estimate: new Set() };
 const options = { calibrate: {}, estimate: {} };
 const refused = { calibrate: "", estimate: "" };
+const sent = new Map();       // files dropped for a fit that the server has not told of yet, with what they were dropped for
 const known = new Set();      // recordings and results that were offered before
 const board = new Set();      // results that are overlaid
 let open = "";                // the result whose details are shown
@@ -36,6 +38,8 @@ export function loadStage(main) {
 /** Choose what is new: recordings with pressure to calibrate, without to estimate; the newest calibration to start from. */
 function offer() {
   for (const recording of all("recording")) {
+    sent.get(recording.id)?.();
+    if (sent.delete(recording.id)) known.add(recording.id);
     if (!recording.look || recording.look.checking || known.has(recording.id)) continue;
     known.add(recording.id);
     const pressure = "pressure_a" in recording.look.map;
@@ -49,7 +53,7 @@ function offer() {
     open = result.id;
     if (result.found.is_calibration) chosen.start = result.id;
   }
-  for (const set of [chosen.calibrate, chosen.estimate, chosen.verify]) for (const id of set) if (!one("recording", id)) set.delete(id);
+  for (const set of [chosen.calibrate, chosen.estimate, verified.calibrate, verified.estimate]) for (const id of set) if (!one("recording", id)) set.delete(id);
   for (const id of board) if (!one("result", id)) board.delete(id);
   if (one("result", awaited)) awaited = "";
   if (!one("result", open) && !awaited) open = all("result").at(-1)?.id ?? "";
@@ -86,20 +90,37 @@ function form(verb, title, purpose, redraw) {
   const pick = (set, recording, label) => h("input", { type: "checkbox", id: `${label}-${verb}-${recording.id}`, checked: set.has(recording.id), "aria-label": `${label} ${recording.name} (${verb})`,
     onchange: (event) => { set[event.target.checked ? "add" : "delete"](recording.id); redraw(); } });
   const rows = all("recording").map((recording) => h("tr", { draggable: "true", ondragstart: (event) => event.dataTransfer.setData("text/plain", recording.id) },
-    h("td", {}, pick(chosen[verb], recording, "fit")), h("td", {}, pick(chosen.verify, recording, "verify")),
+    h("td", {}, pick(chosen[verb], recording, "fit")), h("td", {}, pick(verified[verb], recording, "verify")),
     h("th", { scope: "row" }, h("span", { class: `dot ${worst(recording)}` }), recording.name),
     h("td", { class: "hint" }, recording.look ? ("pressure_a" in recording.look.map ? "with pressure" : "position only") : "reading")));
+  const put = (role, id) => {  // a recording is fitted or verified
+    (role === "fit" ? chosen[verb] : verified[verb]).add(id);
+    if (role === "verify") chosen[verb].delete(id);
+    else verified[verb].delete(id);
+  };
+  const slot = (role, title, set) => {
+    const these = [...set].filter((id) => one("recording", id) && (role === "fit" || !chosen[verb].has(id)));
+    const chip = (id) => h("li", { draggable: "true", ondragstart: (event) => event.dataTransfer.setData("text/plain", id) }, one("recording", id).name,
+      h("button", { type: "button", class: "link", id: `${role}-${verb}-${id}-away`, "aria-label": `Take ${one("recording", id).name} from ${role} (${verb})`, onclick: () => { set.delete(id); redraw(); } }, "×"));
+    return dropping(h("div", { class: "drop slot", id: `${role}-${verb}` }, h("strong", {}, title), these.length ? h("ul", {}, these.map(chip)) : h("span", { class: "hint" }, "drop recordings or files here")), (event) => {
+      if (event.dataTransfer.files.length) { take([...event.dataTransfer.files], redraw, (id) => (one("recording", id) ? put(role, id) : sent.set(id, () => put(role, id)))).then((problem) => { refused[verb] = problem; redraw(); }); return; }
+      const id = event.dataTransfer.getData("text/plain");
+      if (one("recording", id)) put(role, id);
+      redraw();
+    });
+  };
   const run = async () => {
     refused[verb] = "";
     try {
       const recordings = [...chosen[verb]];
-      const verify = [...chosen.verify].filter((id) => !chosen[verb].has(id));
+      const verify = [...verified[verb]].filter((id) => !chosen[verb].has(id));
       const { id } = await send("POST", "/api/fits", { verb, recordings, verify, start: verb === "estimate" ? chosen.start : null, options: cleaned(options[verb]) });
       open = awaited = id;
     } catch (problem) { refused[verb] = problem.message; }
     redraw();
   };
   return h("section", { class: "card", "aria-label": title }, h("h2", {}, title), h("p", { class: "hint" }, purpose),
+    h("div", { class: "slots" }, slot("fit", "Fit", chosen[verb]), slot("verify", "Verify", verified[verb])),
     rows.length ? h("table", { class: "choose" }, h("thead", {}, h("tr", {}, ["fit", "verify", "recording", "has"].map((text) => h("th", { scope: "col" }, text)))), h("tbody", {}, rows)) : null,
     verb === "estimate" && h("p", { class: "field" }, h("label", { for: "start" }, "Calibration (--start)"), h("select", { id: "start", onchange: (event) => { chosen.start = event.target.value; redraw(); } },
       h("option", { value: "" }, calibrations().length ? "–" : "none yet"), calibrations().map((result) => h("option", { value: result.id, selected: result.id === chosen.start }, `${result.name} (${result.id.split("-")[1]})`)))),

@@ -1,4 +1,4 @@
-// What all parts of the page use: elements from text, requests, the objects of the server, numbers in words.
+// What all parts of the page use: elements from text, requests, the objects of the server, numbers in words, boxes for files.
 
 /** An element; children that are texts stay texts, so that no name of a file or channel becomes markup. */
 export function h(tag, properties = {}, ...children) {
@@ -80,7 +80,7 @@ export async function points(path, grid, columns, begin, end, width) {
 }
 
 // The objects of the server, by kind and id, and who wants to know of changes.
-const objects = { recording: new Map(), result: new Map(), observation: new Map(), job: new Map() };
+const objects = { recording: new Map(), result: new Map(), observation: new Map(), table: new Map(), job: new Map() };
 const listeners = [];
 export const all = (kind) => [...objects[kind].values()];
 export const one = (kind, id) => objects[kind].get(id);
@@ -146,3 +146,68 @@ export function copying(text, label) {
 
 export const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 export const SERIES = ["blue", "orange", "green", "red", "purple", "ink"];
+
+/**
+ * A box in which files are dropped, chosen, or opened by their path. Send files one after the other with their share; `send(file, upload)` calls upload(path) for the answer.
+ * A box is {id, of, title, accepts, none, take(files, redraw), open(path)}; what goes on in it is kept in it.
+ */
+export async function sending(box, files, redraw, send) {
+  box.refused = "";
+  box.uploads ??= new Map();
+  for (const file of files) {
+    const entry = { name: file.name, share: 0, abort: () => {} };
+    box.uploads.set(file, entry);
+    redraw();
+    try {
+      await send(file, (path) => upload(path, file, (share) => { entry.share = share; redraw(); }, (abort) => { entry.abort = abort; }));
+    } catch (problem) { box.refused = problem.message; }
+    box.uploads.delete(file);
+    redraw();
+  }
+  return box.refused;
+}
+
+export function drawBox(add, box) {
+  const redraw = () => drawBox(add, box);
+  const input = h("input", { type: "file", multiple: true, id: `${box.id}files`, class: "hidden", tabindex: "-1", "aria-label": `Files of ${box.of}`, onchange: (event) => box.take([...event.target.files], redraw) });
+  const zone = h("div", { class: "drop" },
+    h("p", {}, h("strong", {}, box.title), h("br"), box.accepts),
+    h("div", { class: "buttons" }, h("button", { type: "button", onclick: () => input.click() }, "Choose files"), input,
+    h("button", { type: "button", id: `${box.id}by-path`, class: "plain", "aria-expanded": String(Boolean(box.listing)), onclick: async () => {
+      if (box.listing) { box.listing = null; redraw(); } else await list(box, "", redraw);
+    } }, box.listing ? "Close the list" : "Open by path")));
+  dropping(zone, (event) => box.take([...event.dataTransfer.files], redraw));
+  const going = [...(box.uploads?.values() ?? [])].map((entry) => h("div", { class: "upload" }, h("span", {}, entry.name),
+    h("progress", { max: 1, value: entry.share, "aria-label": `Upload of ${entry.name}` }),
+    h("button", { type: "button", class: "plain", onclick: () => entry.abort() }, "Stop")));
+  fill(add, zone, going, notice(box.refused), box.listing && drawListing(box, redraw));
+}
+
+/** Let an element take what is dropped on it. */
+export function dropping(zone, take) {
+  for (const name of ["dragover", "dragleave", "drop"]) zone.addEventListener(name, (event) => {
+    event.preventDefault();
+    zone.classList.toggle("over", name === "dragover");
+    if (name === "drop") take(event);
+  });
+  return zone;
+}
+
+async function list(box, under, redraw) {
+  try { box.listing = await ask(`/api/files?${new URLSearchParams({ under, kind: box.of })}`); box.refused = ""; }
+  catch (problem) { box.refused = problem.message; }
+  redraw();
+}
+
+function drawListing(box, redraw) {
+  const { listing } = box;
+  const entry = (text, hint, act) => h("li", {}, h("button", { type: "button", class: "link", onclick: act }, text), h("span", { class: "hint" }, hint));
+  return h("div", { class: "files" }, h("p", { class: "hint" }, listing.folder), h("ul", {},
+    listing.up !== null && entry("..", "", () => list(box, listing.up, redraw)),
+    listing.folders.map((one) => entry(`${one.name}/`, "", () => list(box, one.path, redraw))),
+    listing.files.map((file) => entry(file.name, bytes(file.size), async () => {
+      try { await box.open(file.path); box.refused = ""; }
+      catch (problem) { box.refused = problem.message; }
+      redraw();
+    })), !listing.files.length && !listing.folders.length && h("li", { class: "hint" }, box.none)));
+}

@@ -1,5 +1,5 @@
 // The stage "Recording": open files, look at them, give channels a meaning, see what the checks say, choose strokes.
-import { about, all, ask, badge, bytes, fill, h, notice, one, plural, points, send, short, upload, SERIES } from "./page.js";
+import { about, all, badge, bytes, drawBox, fill, h, notice, one, plural, points, send, sending, short, SERIES } from "./page.js";
 import { strips } from "./strips.js";
 
 /** Units in which SI is shown. */
@@ -10,10 +10,9 @@ const MOST_CHANNELS = 200;
 const drafts = new Map();     // maps that are edited, by recording
 const plotted = new Map();    // channels that are plotted, by recording
 const messages = new Map();   // sentences of refused maps and cuts, by recording
-const uploads = new Map();    // uploads that go on: name, share, abort
 const searches = new Map();
-let refused = "";
-let listing = null;
+const box = { id: "", of: "recordings", title: "Drop recordings here", accepts: "CSV, Parquet, MDF, MATLAB, BLF, ASC; or a calibration (TOML)", take, none: "No recordings here.",
+  open: async (path) => { chosen = (await send("POST", "/api/recordings", { path })).id; } };
 let chosen = "";
 let shown = null;             // the strips of the recording that is shown, where they are, and of what
 let holderOfShown = null;
@@ -42,61 +41,16 @@ export function recordingStage(main, go) {
   };
 }
 
-/** Send files that were dropped or chosen: calibrations by their suffix, all others as recordings. */
-export async function take(files, redraw) {
-  refused = "";
-  for (const file of files) {
+/** Send files that were dropped or chosen: calibrations by their suffix, all others as recordings, whose ids `sent` gets; what was refused. */
+export async function take(files, redraw, sent = () => {}) {
+  return sending(box, files, redraw, async (file, upload) => {
     const kind = file.name.toLowerCase().endsWith(".toml") ? "calibrations" : "recordings";
-    const entry = { name: file.name, share: 0, abort: () => {} };
-    uploads.set(file, entry);
-    redraw();
-    try {
-      const path = `/api/${kind}?name=${encodeURIComponent(file.name)}`;
-      const { id } = await upload(path, file, (share) => { entry.share = share; redraw(); }, (abort) => { entry.abort = abort; });
-      if (kind === "recordings") chosen = id;
-    } catch (problem) { refused = problem.message; }
-    uploads.delete(file);
-    redraw();
-  }
-}
-
-function drawAdd(add) {
-  const redraw = () => drawAdd(add);
-  const input = h("input", { type: "file", multiple: true, id: "files", class: "hidden", tabindex: "-1", "aria-label": "Files", onchange: (event) => take([...event.target.files], redraw) });
-  const zone = h("div", { class: "drop" },
-    h("p", {}, h("strong", {}, "Drop recordings here"), h("br"), "CSV, Parquet, MDF, MATLAB, BLF, ASC; or a calibration (TOML)"),
-    h("div", { class: "buttons" }, h("button", { type: "button", onclick: () => input.click() }, "Choose files"), input,
-    h("button", { type: "button", id: "by-path", class: "plain", onclick: async () => {
-      if (listing) { listing = null; redraw(); } else await list("", redraw);
-    } }, listing ? "Close the list" : "Open by path")));
-  for (const name of ["dragover", "dragleave", "drop"]) zone.addEventListener(name, (event) => {
-    event.preventDefault();
-    zone.classList.toggle("over", name === "dragover");
-    if (name === "drop") take([...event.dataTransfer.files], redraw);
+    const { id } = await upload(`/api/${kind}?name=${encodeURIComponent(file.name)}`);
+    if (kind === "recordings") { chosen = id; sent(id); }
   });
-  const going = [...uploads.values()].map((entry) => h("div", { class: "upload" }, h("span", {}, entry.name),
-    h("progress", { max: 1, value: entry.share, "aria-label": `Upload of ${entry.name}` }),
-    h("button", { type: "button", class: "plain", onclick: () => entry.abort() }, "Stop")));
-  fill(add, zone, going, notice(refused), listing && drawListing(redraw));
 }
 
-async function list(under, redraw) {
-  try { listing = await ask(`/api/files?under=${encodeURIComponent(under)}`); refused = ""; }
-  catch (problem) { refused = problem.message; }
-  redraw();
-}
-
-function drawListing(redraw) {
-  const entry = (text, hint, act) => h("li", {}, h("button", { type: "button", class: "link", onclick: act }, text), h("span", { class: "hint" }, hint));
-  return h("div", { class: "files" }, h("p", { class: "hint" }, listing.folder), h("ul", {},
-    listing.up !== null && entry("..", "", () => list(listing.up, redraw)),
-    listing.folders.map((one) => entry(`${one.name}/`, "", () => list(one.path, redraw))),
-    listing.files.map((file) => entry(file.name, bytes(file.size), async () => {
-      try { chosen = (await send("POST", "/api/recordings", { path: file.path })).id; refused = ""; }
-      catch (problem) { refused = problem.message; }
-      redraw();
-    })), !listing.files.length && !listing.folders.length && h("li", { class: "hint" }, "No recordings here.")));
-}
+const drawAdd = (add) => drawBox(add, box);
 
 const STATES = { reading: "reading", failed: "not read", ready: "", cancelled: "stopped" };
 
@@ -301,10 +255,10 @@ function drawChecks(recording) {
   if (look.checking) return h("section", {}, h("h3", {}, "Checks"), h("p", { class: "hint" }, "Checking …"));
   const poor = { bad: 0, suspect: 1, undetermined: 2, good: 3 };
   const rows = [...look.checks].sort((a, b) => poor[a.grade] - poor[b.grade]).map((check) => {
-    const place = check.sentence.match(/from (-?[\d.]+) to (-?[\d.]+) s\b/);
+    const place = check.begin_s !== null;
     return h("tr", {}, h("td", {}, badge(check.grade, check.grade)), h("th", { scope: "row" }, check.name), h("td", {}, check.value,
       check.grade !== "good" && h("p", { class: "sentence" }, check.sentence),
-      place && check.grade !== "good" && h("button", { type: "button", class: "plain", onclick: () => shown?.mark(Number(place[1]), Number(place[2])) }, "Show the place")));
+      place && check.grade !== "good" && h("button", { type: "button", class: "plain", onclick: () => shown?.mark(check.begin_s, check.end_s) }, "Show the place")));
   });
   return h("section", { "aria-label": "Checks" }, h("h3", {}, "Checks before a fit"),
     rows.length ? h("table", { class: "checks" }, h("tbody", {}, rows)) : notice(look.status === "bad_input" ? "" : look.message, "care"),

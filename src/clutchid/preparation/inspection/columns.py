@@ -41,7 +41,7 @@ def saturation(reading: InspectedRecording, name: str) -> Check:
         "sensor or its channel saturates there. A fit would take this limit for an end stop and distort the load "
         "before it; extend the range of the channel, or leave these samples empty."
     )
-    return Check(title, f"{seconds:.3g} s at {shown(level, name)}", "bad", sentence)
+    return Check(title, f"{seconds:.3g} s at {shown(level, name)}", "bad", sentence, *_longest(reading, name, level))
 
 
 def no_noise(name: str) -> str:
@@ -52,6 +52,15 @@ def no_noise(name: str) -> str:
 def _total(found: Runs, level: float, longer: int) -> int:
     """Number of samples in the long runs at one level."""
     return int(found.length[(found.value == level) & (found.length > longer)].sum())
+
+
+def _longest(reading: InspectedRecording, name: str, level: float) -> tuple[float, float]:
+    """Start and end in s of the longest run at one level."""
+    found = reading.runs[name]
+    at = np.flatnonzero(found.value == level)
+    k = at[np.argmax(found.length[at])]
+    first, last = found.start[k], found.start[k] + found.length[k] - 1
+    return float(reading.log.time[first]), float(reading.log.time[last])
 
 
 #: Shortest time in s that counts as stuck: shorter ones are lost messages, which a logger fills with the last value.
@@ -87,7 +96,7 @@ def stuck(reading: InspectedRecording, name: str) -> Check:
         "open valve should change it: the sensor was stuck or its last value was repeated. A fit would take it for a "
         "piston at rest and estimate a load that does not exist; leave these samples empty."
     )
-    return Check(title, f"{seconds:.3g} s from {start:.3f} s", grade, sentence)
+    return Check(title, f"{seconds:.3g} s from {start:.3f} s", grade, sentence, start, stop)
 
 
 def _frozen(reading: InspectedRecording, name: str) -> list[tuple[float, float]]:

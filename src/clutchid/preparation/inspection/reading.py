@@ -30,12 +30,17 @@ _TITLES = ("check", "result", "grade")
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """Result of one check: its name, the value with its unit, the grade, and a sentence that says what to do."""
+    """Result of one check: its name, the value with its unit, the grade, and a sentence that says what to do.
+
+    `begin` and `end` in s are the longest place where it fails; None where it is of the whole recording.
+    """
 
     name: str
     value: str
     grade: Grade
     sentence: str
+    begin: float | None = None
+    end: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,371 @@
+"""Results of `track` and `fleet` for the page: the table of a fleet, and the trend and the loads of one vehicle.
+
+Everything is read from the files that these commands have written; a number that is infinite is the text "inf".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from clutchid.errors import DataError
+from clutchid.fleets.output import CURVES, RESULTS, VEHICLES, WEAR
+from clutchid.fleets.tracking import curves_path
+from clutchid.inference.uncertainty.estimates import LoadCurve
+from clutchid.log import FloatArray
+from clutchid.names import natural, printable
+from clutchid.recordings.files import reason_of
+from clutchid.reports.fit_json import curve_json
+from clutchid.reports.wear_text import ALARMS
+from clutchid.wear.life import COUNTED
+from clutchid.wear.trend import LIFE
+
+if TYPE_CHECKING:
+    import polars as pl
+
+#: Most vehicles of a fleet, recordings of a vehicle, and loads of it, which are taken evenly over its life.
+MOST_VEHICLES, MOST_RECORDINGS, MOST_LOADS = 20_000, 5_000, 200
+
+#: Most rows that are read of a file.
+MOST_ROWS = 2_000_000
+
+#: Positions in mm at which the table of a vehicle has its load.
+PLACES = (5, 6, 7, 8)
+
+#: Columns by which the files of a run are known.
+_KNOWN = {
+    "wear": ("recording", "outcome", "shift smoothed [m]"),
+    "vehicles": ("vehicle", "counted", "load_change"),
+    "results": ("recording", "vehicle", "peak_N"),
+}
+
+
+class Files(NamedTuple):
+    """The files of a track or a fleet, as far as they are there: its tables, and the loads of its recordings."""
+
+    wear: Path | None
+    vehicles: Path | None
+    results: Path | None
+    loads: tuple[Path, ...]
+
+
+def files_of(path: Path, below: Path) -> Files:
+    """The files that belong to a result, all of them below a folder, also where they are links.
+
+    Raises
+    ------
+    DataError
+        If the file is no result of these commands.
+    """
+    path = path.with_name(path.name.replace(".load.", ".", 1)) if ".load." in path.name else path
+    names = {"wear": WEAR, "vehicles": VEHICLES, "results": RESULTS}
+    kind = next((kind for kind, columns in _KNOWN.items() if {*columns} <= {*_columns(path)}), None)
+    if kind is None:
+        raise DataError(
+            f"{printable(path.name)}: is no result of `clutchid track` (FILE.parquet of --out) or of `clutchid fleet` "
+            f"({VEHICLES}, {RESULTS} or {WEAR} of its folder)."
+        )
+    found = {other: _inside(path.with_name(name), below) for other, name in names.items()}
+    own = _inside(curves_path(path), below)
+    if own is not None or (kind == "wear" and found["results"] is None):  # that of a single vehicle
+        return Files(path, None, None, (own,) if own else ())
+    parts = [*sorted((path.parent / CURVES).glob("part-*.parquet")), *sorted(path.parent.glob("part-*.parquet"))]
+    return Files(**(found | {kind: path}), loads=tuple(part for part in parts if _inside(part, below)))
+
+
+def _inside(path: Path, below: Path) -> Path | None:
+    """A file that is there, and lies below the folder."""
+    return path if path.is_file() and path.resolve().is_relative_to(below) else None
+
+
+def _scanned(path: Path) -> pl.LazyFrame:
+    """A table in a file: Parquet, CSV with a heading, or JSON with an object a row."""
+    import polars as pl
+
+    if path.suffix.lower() == ".csv":
+        return pl.scan_csv(path, infer_schema_length=None)
+    if path.suffix.lower() == ".json":
+        return pl.read_json(path, infer_schema_length=None).lazy()
+    return pl.scan_parquet(path)
+
+
+def _read(path: Path, where: pl.Expr | None = None, most: int = MOST_ROWS) -> pl.DataFrame:
+    """The rows of a file, or those of a condition, at most so many.
+
+    Raises
+    ------
+    DataError
+        If it cannot be read as a table.
+    """
+    import polars as pl
+
+    try:
+        frame = _scanned(path)
+        found: pl.DataFrame = (frame if where is None else frame.filter(where)).head(most).collect()
+    except (OSError, pl.exceptions.PolarsError, ValueError) as error:
+        why = reason_of(error) if type(error) is OSError else str(error).splitlines()[0][:200]
+        raise DataError(f"{printable(path.name)}: cannot be read as a table ({why}).") from error
+    return found
+
+
+def _columns(path: Path) -> Sequence[str]:
+    return _read(path, most=0).columns
+
+
+def opened(path: Path, below: Path, vehicle: str | None) -> dict[str, Any]:
+    """A vehicle, or a fleet, from the files of a run.
+
+    Parameters
+    ----------
+    path, below
+        The file that was opened, and the folder that the others of the run must lie in.
+    vehicle
+        Name of one of a fleet; None for what the files hold.
+
+    Raises
+    ------
+    DataError
+        If it is no such file, or there is no such vehicle.
+    """
+    files = files_of(path, below)
+    if vehicle is not None:
+        return vehicle_of(files, vehicle)
+    if files.vehicles is None and files.results is None and files.wear is not None:
+        names = _read(files.wear)["vehicle"].unique().to_list()
+        if len(names) <= 1:
+            return vehicle_of(files, names[0] if names else "")
+    return fleet_of(files)
+
+
+# a fleet
+
+#: Values of a vehicle with their bands, and how each of its columns begins and ends.
+_BANDS = {"shift": ("shift", "_mm"), "wear": ("wear", "_mm"), "load": ("load_change", ""), "left": ("left", "")}
+
+
+def fleet_of(files: Files) -> dict[str, Any]:
+    """The vehicles of a fleet, a list of values a column, in the order of their names."""
+    if files.vehicles is not None:
+        rows = _read(files.vehicles).to_dicts()
+    elif files.wear is not None:
+        rows = _last_rows(_read(files.wear))
+    else:
+        rows = []
+    newest = {} if files.results is None else _newest(_read(files.results))
+    rows = rows or [{"vehicle": name, **one} for name, one in newest.items()]
+    rows.sort(key=lambda row: natural(str(row["vehicle"])))
+    shown = rows[:MOST_VEHICLES]
+    columns: dict[str, list[Any]] = {
+        name: [row.get(name) for row in shown]
+        for name in ("vehicle", "type", "recordings", "counted", "last", "axis", "alarms")
+    }
+    for name, (head, unit) in _BANDS.items():
+        columns[name] = [_band([row.get(f"{head}{side}{unit}") for side in ("", "_low", "_high")]) for row in shown]
+    for name in ("trust", "peak", "half_load"):
+        columns[name] = [newest.get(row["vehicle"], {}).get(name) for row in shown]
+    return {"kind": "fleet", "vehicles": columns, "count": len(rows), "trends": files.wear is not None, "lives": LIFE}
+
+
+def _band(sides: Sequence[Any]) -> list[float | str | None] | None:
+    """A value with its ends; None where it is not known."""
+    found = [_number(side) for side in sides]
+    return None if found[0] is None else found
+
+
+def _number(value: Any) -> float | str | None:
+    """A number for JSON: infinity is "inf", what is none is None."""
+    if not isinstance(value, int | float) or np.isnan(value):
+        return None
+    return float(f"{value:.6g}") if np.isfinite(value) else "inf"
+
+
+def _last_rows(wear: pl.DataFrame) -> list[dict[str, Any]]:
+    """The vehicles of a table of wear, as the table of vehicles has them."""
+    found = []
+    for (name,), group in wear.group_by(["vehicle"], maintain_order=True):
+        last = group.row(-1, named=True)
+        row = {
+            "vehicle": name, "recordings": group.height, "axis": last.get("axis"), "last": _last(group["begin"]),
+            "counted": sum(outcome in COUNTED for outcome in group["outcome"]),
+            "alarms": "; ".join(_alarm_words(kind) for text in group["alarm"] if text for kind in text.split(", ")),
+        }  # fmt: skip
+        counts = bool(row["counted"])
+        for side, tail in (("", ""), (" low", "_low"), (" high", "_high")):
+            for quantity in ("shift", "wear"):
+                value = last.get(f"{quantity}{side} [m]") if counts else None
+                row[f"{quantity}{tail}_mm"] = None if value is None else 1e3 * value
+            row[f"load_change{tail}"] = last.get(f"load{side} [1]") if counts else None
+            row[f"left{tail}"] = last.get(f"left{side}")
+        found.append(row)
+    return found
+
+
+def _last(begins: pl.Series) -> str | None:
+    known = [text for text in begins.to_list() if text]
+    return str(known[-1]) if known else None
+
+
+def _newest(results: pl.DataFrame) -> dict[str, dict[str, Any]]:
+    """By vehicle: how many recordings, and the trust, peak and half-load position of the last one with a load."""
+    found: dict[str, dict[str, Any]] = {}
+    for row in results.iter_rows(named=True):
+        one = found.setdefault(
+            row["vehicle"], {"type": row.get("type"), "recordings": 0, "counted": 0, "trust": row["trust"]}
+        )
+        one["recordings"] += 1
+        peak = _band([row[f"peak{side}_N"] for side in ("", "_low", "_high")])
+        if peak is None:
+            continue
+        half = _band([row[f"half_load{side}_mm"] for side in ("", "_low", "_high")])
+        one |= {"counted": one["counted"] + 1, "trust": row["trust"], "peak": peak, "half_load": half}
+    return found
+
+
+# a vehicle
+
+
+def vehicle_of(files: Files, name: str) -> dict[str, Any]:
+    """One vehicle: its recordings in their order, its trend if there is one, and its loads.
+
+    Raises
+    ------
+    DataError
+        If the files have no such vehicle.
+    """
+    import polars as pl
+
+    own = pl.col("vehicle") == name
+    source = files.wear or files.results
+    rows = pl.DataFrame() if source is None else _read(source, own, MOST_RECORDINGS)
+    if not rows.height:
+        where = "no table of recordings lies beside it" if source is None else f"{source.name} has no recordings of it"
+        raise DataError(f"{printable(name)}: {where}, so that nothing is known of it.")
+    names = [str(one) for one in rows["recording"]]
+    loads = _loads(files, name, names)
+    trend = _trend(rows) if "shift smoothed [m]" in rows.columns else None
+    return {
+        "kind": "vehicle", "vehicle": name, "type": _type(files, own),
+        "recordings": [_recording(row, loads.get(row["recording"])) for row in rows.iter_rows(named=True)],
+        "trend": trend,
+        "loads": [{"recording": one, "curve": curve_json(_rounded(loads[one]))} for one in _evenly(names, loads)],
+        "load_count": len(loads), "places": PLACES,
+    }  # fmt: skip
+
+
+def _type(files: Files, own: pl.Expr) -> str:
+    """The type of a vehicle, from the first table that has it; a table of wear has none."""
+    path = files.vehicles or files.results
+    rows = None if path is None else _read(path, own, 1)
+    return str(rows["type"][0] or "") if rows is not None and rows.height and "type" in rows.columns else ""
+
+
+def _rounded(load: LoadCurve) -> LoadCurve:
+    """A load to 0.1 N at positions to 1 um, which is less to send."""
+    return LoadCurve(load.position.round(6), load.force.round(1), load.low.round(1), load.high.round(1))
+
+
+def _evenly(names: Sequence[str], loads: Mapping[str, LoadCurve]) -> list[str]:
+    """Recordings with a load, at most so many, evenly from the first to the last."""
+    known = [name for name in names if name in loads]
+    if not known:
+        return []
+    chosen = np.unique(np.linspace(0, len(known) - 1, MOST_LOADS).round().astype(int))
+    return [known[i] for i in chosen.tolist()]
+
+
+def _recording(row: Mapping[str, Any], load: LoadCurve | None) -> dict[str, Any]:
+    """What the table of a vehicle has of a recording, in SI, and its load at `PLACES`."""
+    if "outcome" in row:
+        half = [row.get(f"half_load{side} [m]") for side in ("", " low", " high")]
+        shift, change = row.get("shift measured [m]"), row.get("load measured [1]")
+    else:
+        millimetres = [row.get(f"half_load{side}_mm") for side in ("", "_low", "_high")]
+        half = [None if one is None else 1e-3 * one for one in millimetres]
+        shift = None if row.get("shift_mm") is None else 1e-3 * row["shift_mm"]
+        change = row.get("load_change")
+    said = row.get("reason") or ("" if row.get("status") == "ok" else row.get("message"))
+    return {
+        "recording": row["recording"], "begin": row.get("begin"), "strokes": _number(row.get("strokes [1]")),
+        "odometer": _number(row.get("odometer [km]")), "status": row.get("status"), "trust": row.get("trust"),
+        "outcome": row.get("outcome"), "said": said or "", "shift": _number(shift), "change": _number(change),
+        "half_load": _band(half), "at": None if load is None else _at_places(load),
+    }  # fmt: skip
+
+
+def _at_places(load: LoadCurve) -> list[list[float | str | None] | None]:
+    """The load in N with its interval at each of `PLACES` that it reaches."""
+    position, *sides = load.table().T
+    return [
+        _band([np.interp(1e-3 * place, position, side) for side in sides]) if 1e-3 * place <= position[-1] else None
+        for place in PLACES
+    ]
+
+
+def _trend(rows: pl.DataFrame) -> dict[str, Any]:
+    """The trend given all recordings, alarms, limit and forecast, over the axis of the trend."""
+    along, axis = _along(rows)
+    units = {"wear": "m", "shift": "m", "load": "1"}
+    heads = {name: unit for name, unit in units.items() if f"{name} smoothed [{unit}]" in rows.columns}
+
+    def band(name: str, when: str) -> list[list[float | str | None]]:
+        columns = [f"{name}{when}{side} [{heads[name]}]" for side in ("", " low", " high")]
+        return [[_number(value) for value in rows[column]] for column in columns]
+
+    known = {name for name in heads if rows[f"{name} smoothed [{units[name]}]"].is_not_null().any()}
+    last = rows.row(-1, named=True)
+    limit = _number(last.get("limit [m]"))
+    return {
+        "axis": axis, "along": [_number(value) for value in along],
+        "counted": sum(outcome in COUNTED for outcome in rows["outcome"]),
+        "bands": {name: band(name, " smoothed") for name in units if name in known},
+        "now": {name: [side[-1] for side in band(name, "")] for name in units if name in known},
+        "limit": None if limit is None else {"of": "wear" if "wear" in known else "shift", "value": limit},
+        "left": _band([last.get(name) for name in ("left", "left low", "left high")]),
+        "alarms": _alarms(rows),
+    }  # fmt: skip
+
+
+def _along(rows: pl.DataFrame) -> tuple[FloatArray, str]:
+    """Where the recordings are in the life, and its unit; files of earlier versions have neither."""
+    if "along" in rows.columns:
+        return rows["along"].to_numpy(), str(rows["axis"][0])
+    for column, axis in (("strokes [1]", "strokes"), ("odometer [km]", "km")):
+        values = np.asarray(rows[column].to_numpy(), dtype=np.float64)
+        if np.isfinite(values).all() and (np.diff(values) >= 0.0).all():
+            return values, axis
+    return np.arange(rows.height, dtype=np.float64), "recordings"
+
+
+def _alarms(rows: pl.DataFrame) -> list[dict[str, Any]]:
+    """The alarms in their order, each at its recording, with a sentence."""
+    found = []
+    names, begins = rows["recording"].to_list(), rows["begin"].to_list()
+    for index, text in enumerate(rows["alarm"]):
+        for kind in (text or "").split(", ") if text else ():
+            when = f" on {begins[index][:10]}" if begins[index] else ""
+            where = f"between {names[index - 1]} and {names[index]}" if index else f"before {names[index]}"
+            words = f"{_alarm_words(kind)} {where}{when}"
+            found.append({"index": index, "kind": kind, "words": f"{words[0].upper()}{words[1:]}."})
+    return found
+
+
+def _alarm_words(kind: str) -> str:
+    return ALARMS.get(kind, kind)
+
+
+def _loads(files: Files, vehicle: str, names: Sequence[str]) -> dict[str, LoadCurve]:
+    """The loads of a vehicle by recording."""
+    import polars as pl
+
+    found: dict[str, LoadCurve] = {}
+    for path in files.loads:
+        several = "vehicle" in _columns(path)
+        wanted = pl.col("vehicle") == vehicle if several else pl.col("recording").is_in(names)
+        frame = _read(path, wanted)
+        for (name,), group in frame.group_by(["recording"], maintain_order=True):
+            columns = ("position [m]", "force [N]", "force low [N]", "force high [N]")
+            found[str(name)] = LoadCurve(*(group[column].to_numpy() for column in columns))
+    return found

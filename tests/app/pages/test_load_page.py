@@ -1,0 +1,39 @@
+"""The stage "Load": recordings and files are dropped on what they are for, or chosen by keyboard."""
+
+DROP = """(target, name) => {
+  const files = new DataTransfer();
+  files.items.add(new File([window.dropped], name));
+  target.dispatchEvent(new DragEvent("drop", { dataTransfer: files, bubbles: true, cancelable: true }));
+}"""
+
+
+def test_a_recording_is_dragged_to_verify_and_back_and_the_ticks_follow(page, opened):
+    opened("cal.csv")
+    opened("worn.csv", 2)
+    page.click("nav >> text=Load")
+    assert "cal.csv" in page.locator("#fit-calibrate").inner_text()
+    row = page.locator(".card[aria-label=Calibrate] .choose tbody tr", has_text="worn.csv").locator("th")
+    row.drag_to(page.locator("#verify-calibrate"))
+    page.locator("#verify-calibrate li", has_text="worn.csv").wait_for()
+    assert page.locator("#verify-calibrate-recording-2").is_checked()
+    page.locator("#verify-calibrate li").drag_to(page.locator("#fit-calibrate"))
+    page.locator("#fit-calibrate li", has_text="worn.csv").wait_for()
+    assert not page.locator("#verify-calibrate-recording-2").is_checked()
+    page.locator("#fit-calibrate-recording-2-away").focus()
+    page.keyboard.press("Enter")
+    assert not page.locator("#fit-calibrate-recording-2").is_checked()
+    page.locator("#verify-calibrate-recording-2").focus()
+    page.keyboard.press("Space")
+    page.locator("#verify-calibrate li", has_text="worn.csv").wait_for()
+    assert page.locator("#run-calibrate").is_enabled()
+
+
+def test_a_file_is_dropped_on_what_it_is_for(page, opened, files):
+    opened("cal.csv")
+    page.click("nav >> text=Load")
+    page.evaluate("text => { window.dropped = text; }", (files / "worn.csv").read_text())
+    page.locator("#verify-calibrate").evaluate(DROP, "other.csv")
+    page.locator("#verify-calibrate li", has_text="other.csv").wait_for()
+    page.locator(".choose", has_text="position only").first.wait_for()
+    assert page.locator("#fit-estimate li").count() == 0  # it was said what it is for
+    assert page.url.endswith("#load")

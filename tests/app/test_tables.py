@@ -1,0 +1,245 @@
+"""Results of track and fleet: what the page gets of their files, and which files it may read."""
+
+import json
+
+import polars as pl
+import pytest
+
+from clutchid.app.session import Session
+from clutchid.app.tables import MOST_LOADS, PLACES, files_of, opened
+from clutchid.app.tasks import finite
+from clutchid.errors import DataError
+from fixtures.results import REPLACED, STEADY, UNREAD, lives, write_fleet, write_track
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """The folder of a fleet."""
+    return write_fleet(tmp_path_factory.mktemp("run").resolve())
+
+
+@pytest.fixture(scope="module")
+def track(tmp_path_factory):
+    """The rows of a track, with the loads beside them."""
+    return write_track(tmp_path_factory.mktemp("track").resolve())
+
+
+def shown(path, vehicle=None):
+    """What the page gets, as JSON that has no NaN and no infinity."""
+    return json.loads(json.dumps(finite(opened(path, path.parent, vehicle)), allow_nan=False))
+
+
+def test_a_track_has_its_trend_its_forecast_and_its_loads(track):
+    found, known = shown(track), lives()[STEADY].wear
+    trend = found["trend"]
+    assert (found["kind"], found["vehicle"], trend["axis"], trend["counted"]) == ("vehicle", STEADY, "strokes", 19)
+    assert trend["along"] == known.s.tolist()
+    assert [side[-1] for side in trend["bands"]["shift"]] == pytest.approx(known.now["shift"].last, rel=1e-5)
+    assert trend["now"]["shift"] == pytest.approx(known.then["shift"].last, rel=1e-5)
+    assert trend["left"] == pytest.approx([known.left.median, known.left.low, known.left.high], rel=1e-5)
+    assert trend["limit"] == {"of": "shift", "value": 5e-4}
+    assert len(found["loads"]) == 20
+    first = found["recordings"][0]
+    assert [band[0] for band in first["at"]] == pytest.approx([4241.4, 4525.7, 4706.8, 4820.1], rel=1e-4)
+    assert len(first["at"]) == len(PLACES)
+    assert found["recordings"][7]["outcome"] == "left out"
+    assert "the next recording fits the trend without it" in found["recordings"][7]["said"]
+
+
+def test_the_loads_of_a_track_lead_to_its_rows_and_without_them_the_trend_is_there(track, tmp_path):
+    assert shown(track.with_name("wear.load.parquet"))["vehicle"] == STEADY
+    (tmp_path / "alone.parquet").write_bytes(track.read_bytes())
+    found = shown(tmp_path / "alone.parquet")
+    assert (found["loads"], found["recordings"][0]["at"]) == ([], None)
+    assert found["trend"]["limit"]["value"] == 5e-4
+
+
+def test_a_trend_that_never_reaches_its_limit_has_no_end_in_sight(track, tmp_path):
+    rows = pl.read_parquet(track).with_columns(pl.when(pl.col("left").is_not_null()).then(float("inf")).alias("left"))
+    rows.write_parquet(tmp_path / "endless.parquet")
+    assert shown(tmp_path / "endless.parquet")["trend"]["left"][0] == "inf"
+
+
+def test_an_earlier_version_of_the_file_is_shown_over_strokes_without_a_forecast(track, tmp_path):
+    old = pl.read_parquet(track).drop("axis", "along", "limit [m]", "left", "left low", "left high")
+    old.write_parquet(tmp_path / "old.parquet")
+    trend = shown(tmp_path / "old.parquet")["trend"]
+    assert (trend["axis"], trend["along"][-1], trend["limit"], trend["left"]) == ("strokes", 190_000, None, None)
+
+
+def test_a_replaced_clutch_is_an_alarm_at_its_recording(run):
+    found = shown(run / "vehicles.parquet", REPLACED)
+    (alarm,) = found["trend"]["alarms"]
+    assert (alarm["index"], alarm["kind"]) == (14, "replaced")
+    assert alarm["words"] == "The clutch, or its sensor, was replaced between V 10 13 and V 10 14 on 2025-04-15."
+    assert found["type"] == "A"
+    assert found["recordings"][14]["outcome"] == "jump"
+    assert [load["recording"] for load in found["loads"]] == [f"V 10 {k:02d}" for k in range(20)]
+
+
+@pytest.mark.parametrize("name", ["vehicles.parquet", "results.parquet", "wear.parquet"])
+def test_each_table_of_a_run_opens_the_same_fleet(run, name):
+    found = shown(run / name)
+    vehicles = found["vehicles"]
+    assert (found["kind"], vehicles["vehicle"]) == ("fleet", [UNREAD, STEADY, REPLACED])  # V 2 before V 10
+    assert vehicles["counted"] == [0, 19, 20]
+    assert (vehicles["trust"], vehicles["shift"][0]) == (["none", "good", "good"], None)
+    assert vehicles["peak"][1] == [5000.0, 4910.0, 5110.0]
+    assert "was replaced between V 10 13 and V 10 14" in vehicles["alarms"][2]
+    assert found["trends"]
+
+
+def test_a_table_of_wear_alone_is_a_fleet_as_well(run, tmp_path):
+    (tmp_path / "several.parquet").write_bytes((run / "wear.parquet").read_bytes())
+    (tmp_path / "results.parquet").write_bytes((run / "results.parquet").read_bytes())
+    found, whole = (shown(path)["vehicles"] for path in (tmp_path / "several.parquet", run / "vehicles.parquet"))
+    for column in ("vehicle", "counted", "left", "shift", "trust"):
+        assert found[column] == whole[column]
+
+
+def test_a_fleet_without_trends_has_loads_and_trust(run, tmp_path):
+    (tmp_path / "results.parquet").write_bytes((run / "results.parquet").read_bytes())
+    (tmp_path / "curves").mkdir()
+    (tmp_path / "curves" / "part-00000.parquet").write_bytes((run / "curves" / "part-00000.parquet").read_bytes())
+    fleet = shown(tmp_path / "results.parquet")
+    assert (fleet["trends"], fleet["vehicles"]["recordings"]) == (False, [2, 20, 20])
+    found = shown(tmp_path / "results.parquet", STEADY)
+    assert (found["trend"], len(found["loads"]), found["recordings"][0]["trust"]) == (None, 20, "good")
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".json"])
+def test_a_table_that_was_saved_in_another_format_is_read_as_well(track, tmp_path, suffix):
+    rows = pl.read_parquet(track)
+    path = tmp_path / f"wear{suffix}"
+    (rows.write_csv if suffix == ".csv" else rows.write_json)(path)
+    found, whole = shown(path), shown(track)
+    assert found["trend"] == whole["trend"]
+    assert [row["shift"] for row in found["recordings"]] == [row["shift"] for row in whole["recordings"]]
+
+
+def test_of_many_loads_some_are_plotted_evenly_with_the_first_and_the_last(track, monkeypatch):
+    monkeypatch.setattr("clutchid.app.tables.MOST_LOADS", 3)
+    found = shown(track)
+    assert [load["recording"] for load in found["loads"]] == ["V 2 00", "V 2 10", "V 2 19"]
+    assert (found["load_count"], MOST_LOADS) == (20, 200)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("a.parquet", b"PAR1", "a.parquet: cannot be read as a table"),
+        ("a.csv", b"time [s],position [m]\n0,0\n", "a.csv: is no result of `clutchid track`"),
+        ("a.json", b"{", "a.json: cannot be read as a table"),
+        ("a.json", b'{"status": "ok"}', "a.json: is no result of `clutchid track`"),
+        ("a.csv", b"", "a.csv: cannot be read as a table"),
+    ],
+)
+def test_another_file_is_a_sentence(tmp_path, name, content, said):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(DataError) as error:
+        opened(tmp_path / name, tmp_path, None)
+    assert said in str(error.value)
+    assert str(tmp_path) not in str(error.value)
+
+
+def test_a_vehicle_that_is_not_there_is_a_sentence(run):
+    with pytest.raises(DataError, match=r"V 9: wear\.parquet has no recordings of it"):
+        opened(run / "vehicles.parquet", run, "V 9")
+
+
+def test_a_file_beside_the_opened_one_is_not_read_where_it_lies_elsewhere(run, tmp_path):
+    below = (tmp_path / "below").resolve()
+    below.mkdir()
+    (below / "results.parquet").write_bytes((run / "results.parquet").read_bytes())
+    (below / "wear.parquet").symlink_to(run / "wear.parquet")
+    (below / "curves").symlink_to(run / "curves")
+    found = files_of(below / "results.parquet", below)
+    assert (found.wear, found.loads) == (None, ())
+    (below / "own.parquet").write_bytes((run / "wear.parquet").read_bytes())
+    (below / "wear.parquet").unlink()
+    (below / "wear.parquet").symlink_to(below / "own.parquet")
+    assert files_of(below / "results.parquet", below).wear == below / "wear.parquet"
+
+
+# requests
+
+
+def table(idle, id_="table-1"):
+    return idle.get("table", id_)
+
+
+def test_a_result_below_the_folder_is_opened_by_its_path(idle, run):
+    (idle.session.below / "wear.parquet").write_bytes((run / "wear.parquet").read_bytes())
+    assert idle.ask("POST", "/api/tables", {"path": "wear.parquet"}).json == {"id": "table-1"}
+    ((_, _, task, about),) = idle.submitted
+    assert (task["do"], task["below"], about) == ("table", str(idle.session.below), "table-1")
+    listed = idle.ask("GET", "/api/files?under=&kind=tables").json["files"]
+    assert [one["name"] for one in listed] == ["wear.parquet"]
+
+
+@pytest.mark.parametrize("path", ["../secret.parquet", "/etc/passwd", "link.parquet", "a\x00b", "no.parquet"])
+def test_a_result_elsewhere_is_refused(idle, tmp_path, path):
+    (tmp_path / "secret.parquet").write_bytes(b"x")
+    (idle.session.below / "link.parquet").symlink_to(tmp_path / "secret.parquet")
+    assert idle.ask("POST", "/api/tables", {"path": path}).status == 422
+    assert idle.submitted == []
+
+
+def test_files_of_one_run_that_are_sent_lie_beside_each_other_and_are_forgotten_together(idle, track):
+    first = idle.ask("PUT", "/api/tables?name=wear.parquet", body=[track.read_bytes()]).json["id"]
+    loads = track.with_name("wear.load.parquet").read_bytes()
+    for _ in range(2):  # once more is no error
+        second = idle.ask("PUT", f"/api/tables?name=wear.load.parquet&beside={first}", body=[loads])
+        assert second.json == {"id": first}
+    task = idle.submitted[-1][2]
+    path = idle.session.folder / "uploads" / first
+    assert (task["path"], task["below"]) == (str(path / "wear.parquet"), str(path.resolve()))
+    assert len(shown(path.resolve() / "wear.parquet")["loads"]) == 20
+    assert idle.ask("DELETE", f"/api/tables/{first}").status == 200
+    assert not path.exists()
+    assert table(idle) is None
+
+
+@pytest.mark.parametrize("beside", ["table-9", "../..", "recording-1"])
+def test_a_file_is_not_sent_beside_what_is_not_there(idle, beside):
+    answer = idle.ask("PUT", f"/api/tables?name=wear.parquet&beside={beside}", body=[b"x"])
+    assert "is not there any more" in answer.message
+    assert [path for path in idle.session.folder.rglob("*") if path.is_file()] == []
+
+
+def test_a_vehicle_of_a_fleet_is_opened_once_and_no_other_name(idle, run):
+    (idle.session.below / "vehicles.parquet").write_bytes((run / "vehicles.parquet").read_bytes())
+    idle.ask("POST", "/api/tables", {"path": "vehicles.parquet"})
+    assert "no such vehicle" in idle.ask("POST", "/api/tables/table-1/vehicles", {"vehicle": STEADY}).message
+    idle.session.board.update("table", "table-1", found=shown(run / "vehicles.parquet"), status="done")
+    for _ in range(2):
+        assert idle.ask("POST", "/api/tables/table-1/vehicles", {"vehicle": UNREAD}).json == {"id": "table-2"}
+    assert table(idle, "table-2")["vehicle"] == UNREAD
+    assert idle.submitted[-1][2]["vehicle"] == UNREAD
+    for vehicle in ("V 9", "../x"):
+        assert "no such vehicle" in idle.ask("POST", "/api/tables/table-1/vehicles", {"vehicle": vehicle}).message
+    assert "no such vehicle" in idle.ask("POST", "/api/tables/table-2/vehicles", {"vehicle": STEADY}).message
+
+
+@pytest.mark.slow
+def test_a_job_reads_a_fleet_and_its_vehicles_and_says_what_is_none(working, run):
+    below = working.session.below
+    for path in run.rglob("*.parquet"):
+        (below / "run" / path.parent.relative_to(run)).mkdir(parents=True, exist_ok=True)
+        (below / "run" / path.relative_to(run)).write_bytes(path.read_bytes())
+    fleet = working.ask("POST", "/api/tables", {"path": "run/results.parquet"}).json["id"]
+    assert working.wait("table", fleet, "done", "failed")["found"]["count"] == 3
+    one = working.ask("POST", f"/api/tables/{fleet}/vehicles", {"vehicle": REPLACED}).json["id"]
+    assert working.wait("table", one, "done", "failed")["found"]["trend"]["alarms"][0]["kind"] == "replaced"
+    other = working.ask("POST", "/api/tables", {"path": "run/curves/part-00000.parquet"}).json["id"]
+    said = working.wait("table", other, "done", "failed")
+    assert (said["status"], said["bad_input"]) == ("failed", True)
+    assert "part-00000.parquet: is no result of `clutchid track`" in said["message"]
+
+
+def test_a_session_knows_the_name_of_a_file_as_text_only(tmp_path):
+    (tmp_path / "below").mkdir()
+    session = Session(tmp_path / "own", tmp_path / "below")
+    session.jobs.submit = lambda *_: None
+    id_ = session.open_table(tmp_path / "below" / "a\x1b[31m.parquet")
+    assert "\x1b" not in session.board.get("table", id_)["name"]
