@@ -85,6 +85,15 @@ def test_a_map_that_is_none_is_refused_with_the_sentence_of_the_command_line(ope
     assert opened.get("recording", "recording-1")["map"] is None
 
 
+def test_a_map_that_was_written_to_a_file_is_given_to_another_recording(opened):
+    text = 'rate = 1000.0\n[position]\nchannel = "Weg"\nunit = "mm"\n'
+    assert opened.ask("PUT", "/api/recordings/recording-1/map", {"toml": text}).status == 200
+    body = opened.ask("GET", "/api/recordings/recording-1/map.toml").body.decode()
+    assert "rate = 1000.0" in body
+    assert 'channel = "Weg"' in body
+    assert "is no TOML file" in opened.ask("PUT", "/api/recordings/recording-1/map", {"toml": "[position"}).message
+
+
 def test_a_map_that_fits_is_kept_and_can_be_downloaded(opened):
     entry = {"channel": "Kupplungsweg <b>", "unit": "mm", "sign": -1, "group": None}
     assert opened.ask("PUT", "/api/recordings/recording-1/map", {"channels": {"position": entry}}).status == 200

@@ -7,6 +7,7 @@ import errno
 import json
 import math
 import socket
+import tomllib
 import webbrowser
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from importlib.metadata import version
@@ -210,10 +211,27 @@ def _plot(session: Session, request: Request, kind: str) -> Response:
 async def _set_map(session: Session, request: Request) -> Response:
     body = await _body(request)
     channels, rate, ambient = body.get("channels"), body.get("rate"), body.get("ambient", "")
+    if isinstance(body.get("toml"), str):
+        channels = toml_of(body["toml"])
+        rate = channels.pop("rate", None)
     if not isinstance(channels, dict) or not isinstance(ambient, str) or not isinstance(rate, int | float | None):
         raise ParameterError("map: channels by quantity are needed.")
     session.set_map(request.path_params["id"], channels, rate, ambient)
     return JSONResponse({})
+
+
+def toml_of(text: str) -> dict[str, Any]:
+    """Entries of a channel map that was written to a file.
+
+    Raises
+    ------
+    ParameterError
+        If it is no TOML.
+    """
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ParameterError(f"map: is no TOML file: {error}.") from None
 
 
 async def _map_file(session: Session, request: Request) -> Response:

@@ -305,11 +305,14 @@ def check_calibration(task: Task, events: Listener) -> dict[str, Any]:
         If it cannot be understood, or is no calibration.
     """
     events.progress("reading", None, "reading")
-    content = read_parameters(task["path"])
+    try:
+        content = read_parameters(task["path"])
+    except ParameterError as error:
+        raise ParameterError(_no_calibration(task) or str(error).replace(task["path"], task["name"])) from None
     known = content.calibration
     if known is None:
         raise ParameterError(
-            f"{Path(task['path']).name}: is a parameter file without a calibration; a calibration is written by "
+            f"{task['name']}: is a parameter file without a calibration; a calibration is written by "
             "`clutchid calibrate --save CAL.toml`."
         )
     curve = calibrated_curve(content.actuator, known)
@@ -320,6 +323,15 @@ def check_calibration(task: Task, events: Listener) -> dict[str, Any]:
     }  # fmt: skip
     result: dict[str, Any] = finite(shown)
     return result
+
+
+def _no_calibration(task: Task) -> str:
+    """Advice for a channel map that was taken for a calibration; empty for other files."""
+    try:
+        read_map(task["path"])
+    except (DataError, ParameterError):
+        return ""
+    return f"{task['name']}: is a channel map; give it to a recording with “Use a map” in its table of channels."
 
 
 def export(task: Task, events: Listener) -> dict[str, Any]:

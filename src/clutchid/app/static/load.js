@@ -43,8 +43,9 @@ function offer() {
     if (!recording.look || recording.look.checking || known.has(recording.id)) continue;
     known.add(recording.id);
     const pressure = "pressure_a" in recording.look.map;
+    const calibrated = calibrations().some((result) => result.recordings.includes(recording.id));
     if (pressure && !all("result").length && !chosen.calibrate.size) chosen.calibrate.add(recording.id);
-    else if (!chosen.estimate.size) chosen.estimate.add(recording.id);
+    else if (!calibrated && !chosen.estimate.size) chosen.estimate.add(recording.id);
   }
   for (const result of all("result")) {
     if (!result.found || known.has(result.id)) continue;

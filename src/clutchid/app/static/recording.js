@@ -7,7 +7,7 @@ const SHOWN = { m: ["mm", 1e3], Pa: ["bar", 1e-5], "1": ["", 1], s: ["s", 1], N:
 const TITLES = { m: "position", Pa: "pressure", "1": "duty cycle", K: "temperature", N: "force", "m/s": "velocity", s: "time" };
 const MOST_CHANNELS = 200;
 
-const drafts = new Map();     // maps that are edited, by recording
+const drafts = new Map();     // by recording the map as it is edited, the one last given, and the one shown by the server then
 const plotted = new Map();    // channels that are plotted, by recording
 const messages = new Map();   // sentences of refused maps and cuts, by recording
 const searches = new Map();
@@ -76,10 +76,19 @@ function drawList(list, details, go) {
   fill(list, items);
 }
 
-/** The map that is shown: as edited, or else as given or proposed. */
+/** The map that is shown: as edited, or else as given or proposed. One that was given stays until the server shows it. */
 function draftOf(recording) {
-  if (!drafts.has(recording.id)) drafts.set(recording.id, structuredClone(recording.look.map));
-  return drafts.get(recording.id);
+  const kept = drafts.get(recording.id);
+  const shown = JSON.stringify(recording.look.map);
+  if (kept && (isEdited(recording) || kept.shown === shown)) return kept.map;
+  const map = structuredClone(recording.look.map);
+  drafts.set(recording.id, { map, given: shown, shown });
+  return map;
+}
+
+function isEdited(recording) {
+  const kept = drafts.get(recording.id);
+  return Boolean(kept) && JSON.stringify(kept.map) !== kept.given;
 }
 
 /** The channels of a recording: number of the time grid, stored column, and what look says of them. */
@@ -226,11 +235,20 @@ function drawChannels(holder, recording, replot) {
       h("td", { class: "number" }, `${short(channel.low, 4)} to ${short(channel.high, 4)}`),
       h("td", { class: "number" }, channel.missing ? channel.missing.toLocaleString("en") : "0"));
   });
-  const changed = JSON.stringify(draft) !== JSON.stringify(look.map);
+  const changed = isEdited(recording);
   const ambient = h("input", { id: "ambient", class: "w7", value: recording.ambient, placeholder: "1.095bar" });
   const apply = async () => {
     try {
       await send("PUT", `/api/recordings/${recording.id}/map`, { channels: draft, ambient: ambient.value });
+      messages.delete(recording.id);
+      Object.assign(drafts.get(recording.id) ?? {}, { given: JSON.stringify(draft) });
+    } catch (problem) { messages.set(recording.id, problem.message); drawChannels(holder, recording, replot); }
+  };
+  const use = async (event) => {
+    const [file] = event.target.files;
+    if (!file) return;
+    try {
+      await send("PUT", `/api/recordings/${recording.id}/map`, { toml: await file.text(), ambient: ambient.value });
       messages.delete(recording.id);
       drafts.delete(recording.id);
     } catch (problem) { messages.set(recording.id, problem.message); drawChannels(holder, recording, replot); }
@@ -242,6 +260,7 @@ function drawChannels(holder, recording, replot) {
     h("label", { for: "ambient" }, "Ambient pressure"), ambient,
     h("button", { type: "button", id: "apply", onclick: apply, class: changed || unchecked(recording) ? "" : "plain" }, changed ? "Apply the map and check" : "Keep as map and check"),
     changed && h("button", { type: "button", class: "plain", onclick: () => { drafts.delete(recording.id); redraw(); } }, "Undo"),
+    h("label", { class: "button plain" }, "Use a map …", h("input", { type: "file", id: "use-map", accept: ".toml", class: "hidden", onchange: use })),
     recording.map && h("a", { class: "button plain", href: `/api/recordings/${recording.id}/map.toml`, download: "" }, "map.toml")),
     notice(messages.get(recording.id)),
     h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Table of channels" }, h("table", {}, h("thead", {}, h("tr", {},
