@@ -134,7 +134,7 @@ def error(problem: Problem, found: FloatArray | tuple[FloatArray, ...]) -> str:
     return f"{rms * 100:.2g} % rms, {largest * 100:.2g} % at worst"
 
 
-def rows(seconds: float = 10.0, peers: Sequence[Peer] = PEERS, rounds: int = 15, budget: float = 4.0) -> list[Row]:
+def rows(seconds: float = 10.0, peers: Sequence[Peer] = PEERS, rounds: int = 15, budget: float = 2.0) -> list[Row]:
     """The rows for 3, 7 and 15 parameters; solvers that need seconds for a run are asked for three only."""
     found = []
     for names in (WEIGHTS, SEVEN, FIFTEEN):

@@ -184,7 +184,7 @@ def error(problem: Problem, states: FloatArray | tuple[FloatArray, ...]) -> str:
 
 
 def rows(
-    cases: Sequence[tuple[float, float]] = CASES, peers: Sequence[Peer] = PEERS, rounds: int = 15, budget: float = 4.0
+    cases: Sequence[tuple[float, float]] = CASES, peers: Sequence[Peer] = PEERS, rounds: int = 15, budget: float = 2.0
 ) -> list[Row]:
     """The rows of all cases; a slow peer runs once a rate, and stands scaled in the rows of longer recordings."""
     found: list[Row] = []
