@@ -24,11 +24,10 @@ import files
 import sensitivities
 from peer import Peer, Row
 
-import clutchid
 import estimation
 import simulation
 
-PACKAGES = ("numpy", "scipy", "numba", "casadi", "jax", "diffrax", "scikit-sundae", "asammdf", "polars")
+PACKAGES = ("clutchid", "numpy", "scipy", "numba", "casadi", "jax", "diffrax", "scikit-sundae", "asammdf", "polars")
 
 
 class Part(NamedTuple):
@@ -155,7 +154,7 @@ def machine() -> dict[str, str]:
         found["processor"] = models[0] if models else found["processor"]
     if hasattr(os, "getloadavg"):
         found["load at the start"] = f"{os.getloadavg()[0]:.1f}"
-    found["clutchid"], found["Python"] = clutchid.__version__, platform.python_version()
+    found["Python"] = platform.python_version()
     for name in PACKAGES:
         try:
             found[name] = importlib.metadata.version(name)
