@@ -49,6 +49,11 @@ class Drive:
     x0: FloatArray
 
 
+def clutch() -> Actuator:
+    """The paper's actuator, with a load of all three weights."""
+    return Actuator().replace({"theta_2": -0.58e5, "theta_3": 0.39e5})
+
+
 def drive(seconds: float, rate: float, seed: int) -> Drive:
     """Strokes, holds and releases of random strength, drawn from `seed`, sampled with `rate` Hz."""
     random = np.random.default_rng(seed)
@@ -60,7 +65,7 @@ def drive(seconds: float, rate: float, seed: int) -> Drive:
             length = int(random.uniform(0.05, 0.4) * rate)
             u[at : at + length, valve] = random.uniform(0.1, 1.0)
             at += length + int(random.uniform(0.05, 0.5) * rate)
-    actuator = Actuator().replace({"theta_2": -0.58e5, "theta_3": 0.39e5})
+    actuator = clutch()
     ambient = actuator.parameters.P_0
     return Drive(
         u=u,

@@ -39,7 +39,7 @@ NAVIGATION = {
     "Commands": ["commands/*"],
     "Python": ["python", "gallery/index", "api/index"],
     "Physics": ["models", "equations", "friction", "deviations"],
-    "Methods": ["methods", "derivations", "derivations_online", "benchmarks", "results/*"],
+    "Methods": ["methods", "derivations", "derivations_online", "benchmarks", "peers", "results/*"],
     "Project": ["formats", "architecture", "contributing", "changelog", "cite"],
 }  # fmt: skip
 

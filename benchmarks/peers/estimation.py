@@ -1,0 +1,205 @@
+"""Part (c): three load weights from a recording by the paper's method, from many starts and over noise seeds."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from peer import FloatArray, Peer, Row
+from problem import NOISE, THETA, WEIGHTS, Problem, recording
+from recorded import casadi_function, jax_states
+
+from clutchid import Actuator, Load, Log, fit
+from simulation import scipy_peer
+
+#: Weights are searched in these units, N/m.
+UNIT = 1e5
+
+#: A search has succeeded if no weight is further from the truth than so many standard deviations of the bound.
+NEAR = 5.0
+
+Estimate = Callable[[Log, FloatArray], FloatArray]
+
+
+class Run(NamedTuple):
+    """A finished search: seconds, and weights in N/m."""
+
+    seconds: float
+    theta: FloatArray
+
+
+def clutchid(problem: Problem) -> Estimate:
+    """`clutchid.fit` as a user calls it, with inspection, covariance, verdict."""
+    del problem
+    names = Load().names
+
+    def estimate(log: Log, start: FloatArray) -> FloatArray:
+        found = fit(log, Actuator(load=Load(tuple(start))), free="load").parameters
+        return np.array([found[name].value for name in names])
+
+    return estimate
+
+
+#: Difference for derivatives in `UNIT`: 1 kN/m moves the piston by 15 µm, a thousand times what a solver's steps do.
+STEP = 1e-2
+
+
+def searched(
+    position: Callable[[FloatArray], FloatArray], jacobian: Callable[[FloatArray], FloatArray] | None = None
+) -> Estimate:
+    """SciPy's `least_squares` on position and its Jacobian, which take weights in N/m; without one on differences."""
+    from scipy.optimize import least_squares
+
+    def slopes(theta: FloatArray) -> FloatArray:
+        if jacobian is not None:
+            return jacobian(theta)
+        at, step = position(theta), STEP * UNIT
+        return np.column_stack([(position(theta + step * unit) - at) / step for unit in np.eye(3)])
+
+    def estimate(log: Log, start: FloatArray) -> FloatArray:
+        def residuals(x: FloatArray) -> FloatArray:
+            return (position(x * UNIT) - log["position"]) / NOISE
+
+        def scaled(x: FloatArray) -> FloatArray:
+            return slopes(x * UNIT) * UNIT / NOISE
+
+        bounds = ([0.0, -np.inf, 0.0], np.inf)
+        return UNIT * least_squares(residuals, start / UNIT, scaled, bounds, x_scale=[1, 0.1, 0.1]).x
+
+    return estimate
+
+
+def casadi_peer(problem: Problem) -> Estimate:
+    """`least_squares` on CasADi's compiled Runge-Kutta; residuals take a function without derivatives."""
+    run, plain = (casadi_function(problem, True, columns) for columns in (True, False))
+    zero = problem.drive.x0[0]
+
+    def position(theta: FloatArray) -> FloatArray:
+        return np.concatenate([[zero], plain(theta)[0]])
+
+    def jacobian(theta: FloatArray) -> FloatArray:
+        return np.vstack([np.zeros(3), run(theta)[5::5].T])
+
+    return searched(position, jacobian)
+
+
+def jax_peer(problem: Problem) -> Estimate:
+    """`least_squares` on the loop of JAX."""
+    import jax
+
+    states = jax_states(problem)
+    position = jax.jit(lambda q: states(q)[:, 0])
+    jacobian = jax.jit(jax.jacfwd(position))
+    return searched(lambda q: np.asarray(position(q)), lambda q: np.asarray(jacobian(q)))
+
+
+def scipy_search(problem: Problem, method: str) -> Estimate:
+    """`least_squares` with finite differences on `solve_ivp`."""
+
+    def position(theta: FloatArray) -> FloatArray:
+        return np.asarray(scipy_peer(problem.at(theta), method)().value)[:, 0]
+
+    return searched(position)
+
+
+#: `longest` is the number of starts here.
+PEERS = (
+    Peer("clutchid.fit", (), clutchid),
+    Peer("CasADi compiled, least_squares", ("casadi", "gcc"), casadi_peer),
+    Peer("JAX, least_squares", ("jax",), jax_peer),
+    Peer("SciPy LSODA, least_squares", ("scipy",), partial(scipy_search, method="LSODA"), 1),
+    Peer("SciPy RK45, least_squares", ("scipy",), partial(scipy_search, method="RK45"), 1),
+    Peer("Octave ode45, lsqnonlin", ("octave-optim",), clutchid, 1),
+)
+
+
+def bound(problem: Problem) -> FloatArray:
+    """Standard deviations of the Cramér-Rao bound of the weights for white noise, N/m."""
+    J = problem.reference_jacobian / NOISE
+    return np.sqrt(np.diag(np.linalg.inv(J.T @ J)))
+
+
+def noisy(problem: Problem, seed: int) -> Log:
+    """A recording of the reference, so that no peer fits data of its own steps, with noise drawn from `seed`."""
+    d = problem.drive
+    noise = np.random.default_rng(seed).normal(0, NOISE, problem.time.size)
+    columns = {"duty_supply": d.u[:, 0], "duty_exhaust": d.u[:, 1], "position": problem.reference[:, 0] + noise}
+    return Log(problem.time, columns)
+
+
+def drawn_starts(count: int) -> FloatArray:
+    """Weights to start from, N/m, shape (count, 3): the paper's first, then far around it."""
+    random = np.random.default_rng(7)
+    low, high = np.array([4e5, -1e5, 0.0]), np.array([16e5, 1e5, 3e5])
+    return np.vstack([[9e5, 0.0, 0.0], random.uniform(low, high, (count - 1, 3))])
+
+
+def posed(seconds: float) -> Problem:
+    """The recording's simulation at the true weights."""
+    log = recording(seconds)
+    inputs = np.column_stack([log["duty_supply"], log["duty_exhaust"]])
+    return Problem(seconds, names=WEIGHTS, actuator=Actuator(load=Load(THETA)), inputs=inputs)
+
+
+def rows(seconds: float = 4.0, starts: int = 20, peers: Sequence[Peer] = PEERS) -> list[Row]:
+    """A search from every start, each on a recording with noise of its own, peers in turn."""
+    problem, case = posed(seconds), f"{seconds:g} s at 1000 Hz, {starts} starts"
+    deviations = bound(problem)
+    found, ready = {}, []
+    points = drawn_starts(starts)
+    for peer in peers:
+        if lacking := peer.missing():
+            found[peer.name] = Row("c", case, peer.name, note=f"absent: {', '.join(lacking)} not installed")
+            continue
+        begin = time.perf_counter()
+        estimate = peer.prepare(problem)
+        if peer.longest > 1:
+            estimate(noisy(problem, 0), points[0])
+        ready.append((peer, estimate, time.perf_counter() - begin))
+    runs: dict[str, list[Run]] = {peer.name: [] for peer, _, _ in ready}
+    for seed, start in enumerate(points):
+        log = noisy(problem, seed)
+        for peer, estimate, _ in ready:
+            if seed < peer.longest:
+                begin = time.perf_counter()
+                theta = estimate(log, start)
+                runs[peer.name].append(Run(time.perf_counter() - begin, theta))
+    first = [run.seconds for run in runs[ready[0][0].name]]
+    for peer, _, prepared in ready:
+        times = [run.seconds for run in runs[peer.name]]
+        off = np.array([np.abs(run.theta - THETA) / deviations for run in runs[peer.name]]).max(axis=1)
+        low, middle, high = np.quantile(times, [0.25, 0.5, 0.75])
+        words = f"{np.sum(off < NEAR)} of {off.size} succeeded, worst weight off by {np.median(off):.2g} σ (median)"
+        ratio = float(np.median([a / b for a, b in zip(times, first, strict=False)]))
+        note = "" if len(times) == starts else f"{len(times)} of {starts} starts"
+        found[peer.name] = Row("c", case, peer.name, middle, low, high, len(times), ratio, prepared, words, note)
+    return [found[peer.name] for peer in peers]
+
+
+def coverage(seeds: int, seconds: float = 4.0, exact_start: bool = False) -> str:
+    """How often clutchid's 95 % intervals hold the true weights, and its spread against the bound.
+
+    With `exact_start` the first sample, at which clutchid starts the piston, has no noise.
+    """
+    problem = posed(seconds)
+    deviations, hits, thetas = bound(problem), np.zeros(3), []
+    for seed in range(1000, 1000 + seeds):
+        log = noisy(problem, seed)
+        if exact_start:
+            log = log.with_columns(position=np.concatenate([problem.reference[:1, 0], log["position"][1:]]))
+        parameters = fit(log, free="load").parameters
+        estimates = [parameters[name] for name in WEIGHTS]
+        hits += [e.low <= true <= e.high for e, true in zip(estimates, THETA, strict=True)]
+        thetas.append([e.value for e in estimates])
+    spread = np.std(thetas, axis=0, ddof=1) / deviations
+    bias = (np.mean(thetas, axis=0) - THETA) / deviations
+    shares = ", ".join(f"{share:.1%}" for share in hits / seeds)
+    start = ", with a first sample without noise," if exact_start else ""
+    return (
+        f"Over {seeds} noise seeds{start} the 95 % intervals of theta_1, theta_2, theta_3 hold the truth in {shares} "
+        f"(target 93 to 97 %); standard deviations are {', '.join(f'{s:.2f}' for s in spread)} of the "
+        f"Cramér-Rao bound, the mean is off by {', '.join(f'{b:.2f}' for b in bias)} of it."
+    )

@@ -1,0 +1,299 @@
+"""clutchid side by side with what a user would take instead: ``python benchmarks/peers/run.py [--only a,b]``.
+
+Same equations, same work, one run of one machine; every row has its error beside its time. Peers that are not installed
+are named as absent; ``pip install -r benchmarks/peers/requirements.txt`` brings those that pip has, beside clutchid.
+
+(a) one simulation, (b) with exact sensitivities, (c) an estimation of three load weights from many starts, (g) reading
+of files. ``--from FILE`` writes the page of a run that ``--json FILE`` kept.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.metadata
+import json
+import math
+import os
+import platform
+import subprocess
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import files
+import sensitivities
+from peer import Peer, Row
+
+import estimation
+import simulation
+
+PACKAGES = ("clutchid", "numpy", "scipy", "numba", "casadi", "jax", "diffrax", "scikit-sundae", "asammdf", "polars")
+
+
+class Part(NamedTuple):
+    """A part of the comparison: a title, what the reader must know, its rows, and what the targets are held against."""
+
+    title: str
+    words: str
+    rows: Callable[[argparse.Namespace], list[Row]]
+    targets: Callable[[Sequence[Row], argparse.Namespace], list[str]]
+
+
+def compared(rows: Sequence[Row], case: str, peer: str) -> float:
+    """Ratio of a peer to clutchid in a case; NaN where it did not run."""
+    return next((row.ratio for row in rows if (row.case, row.peer) == (case, peer)), math.nan)
+
+
+def judged(what: str, value: float, limit: float, least: bool = False) -> str:
+    """A target with the measured value."""
+    if math.isnan(value):
+        return f"{what}: not measured."
+    met = value >= limit if least else value <= limit
+    return f"{what}: {value:.3g}, target at {'least' if least else 'most'} {limit:g}, {'met' if met else '**missed**'}."
+
+
+def simulation_targets(rows: Sequence[Row], options: argparse.Namespace) -> list[str]:
+    """Time of the loop over that of C."""
+    del options
+    cases = dict.fromkeys(row.case for row in rows)
+    return [judged(f"{case}, loop over C", 1 / compared(rows, case, simulation.PEERS[2].name), 0.75) for case in cases]
+
+
+def sensitivity_targets(rows: Sequence[Row], options: argparse.Namespace) -> list[str]:
+    """Columns over one run, and CasADi's C over clutchid."""
+    del options
+    found = []
+    for case in dict.fromkeys(row.case for row in rows):
+        limit = {"3": 1.8, "15": 4.0}.get(case.partition(" ")[0])
+        if limit is not None:
+            found.append(judged(f"{case}, over one run", 1 / compared(rows, case, sensitivities.ONE_RUN), limit))
+        ratio = compared(rows, case, "CasADi, Runge-Kutta, compiled")
+        found.append(judged(f"{case}, CasADi compiled over clutchid", ratio, 5.0, least=True))
+    return found
+
+
+def estimation_targets(rows: Sequence[Row], options: argparse.Namespace) -> list[str]:
+    """The best peer over clutchid, and coverage."""
+    best = min((row for row in rows[1:] if row.runs), key=lambda row: row.ratio, default=None)
+    words = f"best peer ({best.peer}) over clutchid" if best else "best peer over clutchid"
+    found = [judged(words, best.ratio if best else math.nan, 10.0, least=True)]
+    if options.seeds:
+        found += [estimation.coverage(options.seeds, exact_start=exact) for exact in (False, True)]
+    return found
+
+
+SIMULATION = """The actuator of the paper, five states, on random strokes, holds and releases. Solvers with steps of
+their own have a relative tolerance of 1e-6 and start anew at every edge of an input, the best they can be given; their
+right-hand side is scalar, printed from the same expressions, with numbers for all parameters. clutchid, C, CasADi and
+JAX take the same classical Runge-Kutta steps of 1 ms: those are less exact where the piston hits an end stop. Error:
+largest difference of position and pressure from steps 64 times finer."""
+
+SENSITIVITIES = f"""Derivatives of the position to the load weights, then also to
+{", ".join(sensitivities.SEVEN[3:])}, then also to {", ".join(sensitivities.FIFTEEN[7:])}. Those of
+clutchid, CasADi's Runge-Kutta and JAX are the exact derivatives of the simulation with steps of 1 ms, which is what a
+search for a minimum needs; the error is against the derivatives with steps 64 times finer, of the worst column. It is
+largest for an instant at an impact on an end stop. Differences as `least_squares` makes them have the noise of a
+solver's own steps, over the step of the difference."""
+
+ESTIMATION = """Three load weights from 4 s of position at 1 kHz, the reference (steps 64 times finer) with 30 µm of
+white noise, each start with noise of its own; the first start is the paper's. A search has succeeded if every weight is
+within five standard deviations (σ) of the Cramér-Rao bound. clutchid's time has its inspection of the recording,
+covariance and verdict in it, the peers' only the search. The peers are given the true start of the piston, for which
+the bound holds too; clutchid starts at the first measured sample, with its noise, as it has to on a recording."""
+
+FILES = """Position, duty cycles and pressure. `clutchid.read` finds the format, the channels and their units, and
+checks time and values, foreign formats in a guarded process of their own; the packages alone are given the names of the
+columns and return arrays."""
+
+
+def wanted(peers: Sequence[Peer], options: argparse.Namespace) -> list[Peer]:
+    """Peers whose names do not begin with one that is left out."""
+    left_out = tuple(name for name in options.without.split(",") if name)
+    return [peer for peer in peers if not peer.name.startswith(left_out)] if left_out else list(peers)
+
+
+def simulated(options: argparse.Namespace) -> list[Row]:
+    """Rows of part (a)."""
+    return simulation.rows(peers=wanted(simulation.PEERS, options), rounds=options.rounds)
+
+
+def differentiated(options: argparse.Namespace) -> list[Row]:
+    """Rows of part (b)."""
+    return sensitivities.rows(peers=wanted(sensitivities.PEERS, options), rounds=options.rounds)
+
+
+def estimated(options: argparse.Namespace) -> list[Row]:
+    """Rows of part (c)."""
+    return estimation.rows(starts=options.starts, peers=wanted(estimation.PEERS, options))
+
+
+def read(options: argparse.Namespace) -> list[Row]:
+    """Rows of part (g)."""
+    return files.rows(rounds=options.rounds)
+
+
+def no_targets(_rows: Sequence[Row], _options: argparse.Namespace) -> list[str]:
+    """For a part without targets."""
+    return []
+
+
+PARTS = {
+    "a": Part("One simulation", SIMULATION, simulated, simulation_targets),
+    "b": Part("With exact sensitivities", SENSITIVITIES, differentiated, sensitivity_targets),
+    "c": Part("An estimation", ESTIMATION, estimated, estimation_targets),
+    "g": Part("Reading of files", FILES, read, no_targets),
+}
+
+
+def machine() -> dict[str, str]:
+    """Processor, Python and versions of packages and programs; those that are absent are left out."""
+    found = {"processor": platform.processor() or platform.machine(), "cores": str(os.cpu_count())}
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        models = [line.partition(":")[2].strip() for line in info.read_text().splitlines() if "model name" in line]
+        found["processor"] = models[0] if models else found["processor"]
+    if hasattr(os, "getloadavg"):
+        found["load at the start"] = f"{os.getloadavg()[0]:.1f}"
+    found["Python"] = platform.python_version()
+    for name in PACKAGES:
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    for program in ("gcc", "octave-cli"):
+        try:
+            done = subprocess.run([program, "--version"], check=True, capture_output=True, text=True)
+            found[program] = done.stdout.splitlines()[0].split()[-1]
+        except (OSError, subprocess.CalledProcessError):
+            continue
+    return found
+
+
+def seconds(value: float) -> str:
+    """A time with a unit of its size."""
+    for unit, factor in (("µs", 1e6), ("ms", 1e3)):
+        if value * factor < 1000:
+            return f"{value * factor:.3g} {unit}"
+    return f"{value:.4g} s"
+
+
+def table(rows: Sequence[Row]) -> list[str]:
+    """Lines of Markdown, a table a case."""
+    text: list[str] = []
+    for case in dict.fromkeys(row.case for row in rows):
+        text += ["", f"**{case}**", "", "| | median | quartiles | runs | over clutchid | error | first run | |"]
+        text += ["|---|---|---|---|---|---|---|---|"]
+        for row in rows:
+            if row.case == case and not row.runs:
+                text.append(f"| {row.peer} | | | | | | | {row.note} |")
+            elif row.case == case:
+                spread = f"{seconds(row.low)} .. {seconds(row.high)}"
+                text.append(
+                    f"| {row.peer} | {seconds(row.median)} | {spread} | {row.runs} | {row.ratio:.3g} | {row.error} "
+                    f"| {seconds(row.prepared)} | {row.note} |"
+                )
+    return text
+
+
+INTRODUCTION = """clutchid and what a user would take instead, on the same equations and the same work, each part in one
+run; this page is what the commands below wrote. Times are medians with quartiles, peers run in turn, round after round,
+and a turn of (a), (b) is the least of up to five runs within 0.1 s; a ratio is the median of the rounds' ratios, above
+1 where the peer takes longer; *first run* has what a peer compiles. clutchid's kernels were in its cache. A slow peer
+is timed on a shorter recording, and the table says so."""
+
+NOT_AHEAD = """## Where clutchid is not ahead
+
+- **Exactness.** At an impact on an end stop a step of 1 ms is too long for an error below a micrometre; solvers with
+  steps of their own are exact there, and so are their derivatives. Away from the stops it makes no difference.
+- **Short recordings.** `clutchid.simulate` checks the log, chooses steps and makes a log of all states; for a second
+  of recording that takes many times as long as the loop itself.
+- **Estimation.** A search by `least_squares` on compiled CasADi is nearer than the target of ten times, where the
+  compiling of CasADi, a minute, is left out. clutchid starts the piston at the first measured sample: the noise of that
+  one sample makes theta_2 and theta_3 less certain than the bound, which the intervals do not have in them.
+- **Files.** Reading takes longer than by the package of the format alone, for what `clutchid.read` does beside it.
+- **Not compared yet:** the observer against Kalman filters of other packages."""
+
+
+class Found(NamedTuple):
+    """A part that has run: its command, the machine, its rows, and what the targets are held against."""
+
+    command: str
+    machine: dict[str, str]
+    rows: list[Row]
+    targets: list[str]
+
+
+def page(found: dict[str, Found]) -> str:
+    """The page as Markdown."""
+    text = ["# Side by side", "", INTRODUCTION]
+    for key in sorted(found):
+        part = found[key]
+        versions = ", ".join(f"{name} {value}" for name, value in part.machine.items())
+        text += ["", f"## {PARTS[key].title}", "", PARTS[key].words]
+        text += ["", f"`{part.command}` on: {versions}.", *table(part.rows)]
+        text += ["", *(f"- {line}" for line in part.targets)] if part.targets else []
+    return "\n".join([*text, "", NOT_AHEAD]) + "\n"
+
+
+def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
+    """The options."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", default=",".join(PARTS), help="parts, with commas")
+    parser.add_argument("--without", default="", help="beginnings of the names of peers to leave out, with commas")
+    parser.add_argument("--rounds", type=int, default=15, help="of a fast peer")
+    parser.add_argument("--starts", type=int, default=20, help="of an estimation")
+    parser.add_argument("--seeds", type=int, default=1000, help="noise seeds for the coverage of intervals; 0 for none")
+    parser.add_argument("--json", type=Path, help="file for all rows; parts that it has already stay")
+    parser.add_argument("--from", dest="kept", type=Path, help="such a file, whose page is written without a run")
+    parser.add_argument("--out", type=Path, help="file for the page; else it is printed")
+    return parser.parse_args(arguments)
+
+
+def measured(options: argparse.Namespace) -> dict[str, Found]:
+    """Run the parts; after each, what is there is kept in the file for rows, beside the other parts in it."""
+    versions, defaults = machine(), parsed([])
+    given = {name: getattr(options, name) for name in ("only", "without", "rounds", "starts", "seeds")}
+    chosen = [f"--{name} {value}" for name, value in given.items() if value != getattr(defaults, name)]
+    command = " ".join(["python benchmarks/peers/run.py", *chosen])
+    found = kept(options.json) if options.json and options.json.exists() else {}
+    for key in options.only.split(","):
+        rows = PARTS[key].rows(options)
+        found[key] = Found(command, versions, rows, PARTS[key].targets(rows, options))
+        if options.json:
+            content = {k: part._asdict() | {"rows": [row._asdict() for row in part.rows]} for k, part in found.items()}
+            options.json.write_text(json.dumps(finite(content), indent=1) + "\n", encoding="utf-8")
+    return found
+
+
+def kept(path: Path) -> dict[str, Found]:
+    """What earlier runs kept."""
+    found = {}
+    for key, part in json.loads(path.read_text(encoding="utf-8")).items():
+        rows = [Row(**{k: math.nan if v is None else v for k, v in row.items()}) for row in part["rows"]]
+        found[key] = Found(**(part | {"rows": rows}))
+    return found
+
+
+def finite(value: object) -> object:
+    """The value with None for numbers that are not finite, as JSON has none."""
+    if isinstance(value, dict):
+        return {key: finite(inner) for key, inner in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [finite(inner) for inner in value]
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    return value
+
+
+def main() -> None:
+    """Run the parts, or take an earlier run, and write the page."""
+    options = parsed()
+    text = page(kept(options.kept) if options.kept else measured(options))
+    if options.out:
+        options.out.write_text(text, encoding="utf-8")
+    else:
+        print(text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,219 @@
+"""Part (a): one ballistic simulation of the actuator, five states."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import tempfile
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from equations import octave_rates, python_rates
+from peer import FloatArray, Peer, Result, Row, compare
+from problem import USUAL, Problem, own
+from recorded import casadi_function, diffrax_states, jax_states
+
+from clutchid import Log, simulate
+
+#: Relative tolerance of all solvers with steps of their own, and a hundredth of it of the usual size of a state.
+TOLERANCE = 1e-6
+
+
+def kernel(problem: Problem) -> Callable[[], Result]:
+    """clutchid's compiled loop on arrays."""
+    out = np.zeros((problem.time.size, 5))
+    run = own.numba_run(problem.drive, out)
+    return lambda: Result(out) if run() == -1 else Result(out * np.nan)
+
+
+def public(problem: Problem) -> Callable[[], Result]:
+    """`clutchid.simulate` on a log."""
+    log = Log(problem.time, {"duty_supply": problem.drive.u[:, 0], "duty_exhaust": problem.drive.u[:, 1]})
+    names = ("position", "velocity", "pressure_a", "pressure_b", "deflection")
+
+    def run() -> Result:
+        found = simulate(problem.actuator, log).log
+        return Result(tuple(found[name] for name in names))
+
+    return run
+
+
+def c(problem: Problem) -> Callable[[], Result]:
+    """The same expressions in C, compiled with all that gcc has."""
+    out = np.zeros((problem.time.size, 5))
+    run = own.c_run(problem.drive, out, Path(tempfile.mkdtemp()))
+    return lambda: Result(out) if run() == -1 else Result(out * np.nan)
+
+
+def scipy_peer(problem: Problem, method: str) -> Callable[[], Result]:
+    """`solve_ivp` on a scalar right-hand side, started anew at every edge of an input."""
+    from scipy.integrate import solve_ivp
+
+    rates = python_rates(problem.values)
+    table = problem.drive.breakpoints.tolist(), problem.drive.load.tolist()
+
+    def solve(time: FloatArray, x: FloatArray, u: FloatArray) -> FloatArray:
+        u_vs, u_ve = map(float, u)
+        solved = solve_ivp(
+            lambda _, at: rates(*at.tolist(), u_vs, u_ve, table), (time[0], time[-1]), x, method, time,
+            rtol=TOLERANCE, atol=TOLERANCE * 1e-2 * USUAL,
+        )  # fmt: skip
+        return solved.y.T
+
+    return lambda: Result(problem.by_pieces(solve))
+
+
+def sundae(problem: Problem) -> Callable[[], Result]:
+    """SUNDIALS' CVODE by scikit-sundae on the same right-hand side."""
+    from sksundae.cvode import CVODE
+
+    rates = python_rates(problem.values)
+    table = problem.drive.breakpoints.tolist(), problem.drive.load.tolist()
+
+    def solve(time: FloatArray, x: FloatArray, u: FloatArray) -> FloatArray:
+        u_vs, u_ve = map(float, u)
+
+        def law(_: float, at: FloatArray, rate: FloatArray) -> None:
+            rate[:] = rates(*at.tolist(), u_vs, u_ve, table)
+
+        solver = CVODE(law, rtol=TOLERANCE, atol=TOLERANCE * 1e-2 * USUAL, max_num_steps=100_000)
+        if time.size == 2:  # two instants ask for all steps
+            return np.vstack([x, solver.solve(np.array([time[0], time.mean(), time[1]]), x).y[-1]])
+        return solver.solve(time, x).y
+
+    return lambda: Result(problem.by_pieces(solve))
+
+
+OCTAVE = r"""
+1;
+f = fopen('time'); time = fread(f, Inf, 'double'); fclose(f);
+f = fopen('inputs'); u = fread(f, [2, Inf], 'double'); fclose(f);
+f = fopen('edges'); edges = fread(f, Inf, 'double') + 1; fclose(f);
+table.b = BREAKPOINTS; table.c = COEFFICIENTS;
+options = odeset('RelTol', RTOL, 'AbsTol', ATOL);
+states = zeros(numel(time), 5); states(1, :) = START;
+clock = tic;
+for k = 1:numel(edges) - 1
+    a = edges(k); b = edges(k + 1); v = u(1, a); w = u(2, a);
+    [t, x] = ode45(@(t, x) rates(x, v, w, table), time(a:b), states(a, :)', options);
+    if (b == a + 1) x = x([1, end], :); end
+    states(a:b, :) = x;
+end
+printf('seconds %.9f\n', toc(clock));
+f = fopen('states', 'w'); fwrite(f, states', 'double'); fclose(f);
+"""
+
+
+def octave(problem: Problem) -> Callable[[], Result]:
+    """GNU Octave's `ode45`, in a process of its own that measures itself, so without its start."""
+    folder, d = Path(tempfile.mkdtemp()), problem.drive
+
+    def matrix(rows: FloatArray) -> str:
+        return "[" + "; ".join(" ".join(map(repr, map(float, row))) for row in np.atleast_2d(rows)) + "]"
+
+    (folder / "rates.m").write_text(octave_rates(problem.values))
+    numbers = {
+        "BREAKPOINTS": matrix(d.breakpoints), "COEFFICIENTS": matrix(d.load), "RTOL": repr(TOLERANCE),
+        "ATOL": matrix(TOLERANCE * 1e-2 * USUAL), "START": matrix(d.x0),
+    }  # fmt: skip
+    (folder / "run.m").write_text(re.sub("|".join(numbers), lambda found: numbers[found[0]], OCTAVE))
+    problem.time.tofile(folder / "time")
+    np.ascontiguousarray(d.u).tofile(folder / "inputs")
+    np.array(problem.edges, float).tofile(folder / "edges")
+
+    def run() -> Result:
+        done = subprocess.run(
+            ["octave-cli", "--norc", "--quiet", "run.m"], cwd=folder, check=False, capture_output=True, text=True
+        )
+        found = re.search(r"seconds ([\d.]+)", done.stdout)
+        if found is None:
+            raise RuntimeError(done.stderr[-200:])
+        return Result(np.fromfile(folder / "states").reshape(-1, 5), float(found[1]))
+
+    return run
+
+
+def casadi_peer(problem: Problem, compiled: bool) -> Callable[[], Result]:
+    """The same Runge-Kutta steps recorded by CasADi, in its virtual machine or as its own C."""
+    run, none = casadi_function(problem, compiled), np.zeros(0)
+    return lambda: Result(np.vstack([problem.drive.x0, run(none).T]))
+
+
+def jax_peer(problem: Problem) -> Callable[[], Result]:
+    """The same Runge-Kutta steps in a loop of JAX."""
+    import jax
+
+    run, none = jax.jit(jax_states(problem)), np.zeros(0)
+    return lambda: Result(np.asarray(run(none)))
+
+
+def diffrax_peer(problem: Problem) -> Callable[[], Result]:
+    """diffrax's Tsit5."""
+    import jax
+
+    run, none = jax.jit(diffrax_states(problem, TOLERANCE, False)), np.zeros(0)
+    return lambda: Result(np.asarray(run(none)))
+
+
+PEERS = (
+    Peer("clutchid, compiled loop", (), kernel),
+    Peer("clutchid.simulate", (), public),
+    Peer("C, gcc -O3 -march=native -ffast-math", ("gcc",), c),
+    Peer("CasADi, Runge-Kutta, compiled", ("casadi", "gcc"), partial(casadi_peer, compiled=True), 10),
+    Peer("CasADi, Runge-Kutta", ("casadi",), partial(casadi_peer, compiled=False), 10),
+    Peer("JAX, Runge-Kutta in a scan", ("jax",), jax_peer, 10),
+    Peer("diffrax, Tsit5", ("diffrax",), diffrax_peer, 1.5),
+    Peer("scikit-sundae, CVODE", ("sksundae",), sundae, 1.5),
+    Peer("SciPy, LSODA", ("scipy",), partial(scipy_peer, method="LSODA"), 1.5),
+    Peer("SciPy, RK45", ("scipy",), partial(scipy_peer, method="RK45"), 1.5),
+    Peer("SciPy, Radau", ("scipy",), partial(scipy_peer, method="Radau"), 1.5),
+    Peer("Octave, ode45", ("octave-cli",), octave, 1.5),
+)
+
+#: Lengths in s and rates in Hz.
+CASES = ((1.5, 1000.0), (10.0, 1000.0), (600.0, 1000.0), (10.0, 100.0))
+
+
+def error(problem: Problem, states: FloatArray | tuple[FloatArray, ...]) -> str:
+    """Largest differences of position and pressure from the reference."""
+    found = np.column_stack(states) if isinstance(states, tuple) else states
+    off = np.abs(found - problem.reference).max(axis=0)
+    return f"{off[0] * 1e6:.2g} µm, {off[2]:.2g} Pa"
+
+
+def rows(
+    cases: Sequence[tuple[float, float]] = CASES, peers: Sequence[Peer] = PEERS, rounds: int = 15, budget: float = 2.0
+) -> list[Row]:
+    """The rows of all cases; a slow peer runs once a rate, and stands scaled in the rows of longer recordings."""
+    found: list[Row] = []
+    known: dict[tuple[str, float, float], Row] = {}
+    for seconds, rate in cases:
+        case = f"{seconds:g} s at {rate:g} Hz"
+        length = {peer.name: min(seconds, peer.longest) for peer in peers}
+        new = [peer for peer in peers if (peer.name, rate, length[peer.name]) not in known]
+        fresh = compare("a", case, new, lambda s, rate=rate: Problem(s, rate), seconds, error, rounds, budget)
+        known |= {(row.peer, rate, length[row.peer]): row for row in fresh if length[row.peer] == seconds}
+        by_name = {row.peer: row for row in fresh}
+        for peer in peers:
+            row = by_name.get(peer.name)
+            if row is None:
+                row = scaled(known[peer.name, rate, length[peer.name]], case, seconds / length[peer.name], fresh[0])
+            found.append(row)
+    return found
+
+
+def scaled(row: Row, case: str, scale: float, first: Row) -> Row:
+    """The row of a shorter case for a longer one; its ratio is that of medians."""
+    if row.runs == 0:
+        return row._replace(case=case)
+    low, median, high = (value * scale for value in (row.low, row.median, row.high))
+    ratio, note = median / first.median, f"scaled from {row.case}"
+    return row._replace(case=case, low=low, median=median, high=high, ratio=ratio, note=note)
+
+
+def largest_error(problem: Problem, states: FloatArray | tuple[FloatArray, ...]) -> float:
+    """Largest difference of the position from the reference in m."""
+    position = states[0] if isinstance(states, tuple) else states[:, 0]
+    return float(np.abs(position - problem.reference[:, 0]).max())
