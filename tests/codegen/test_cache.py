@@ -15,7 +15,8 @@ from pathlib import Path
 
 import pytest
 
-from clutchid.codegen.cache import load_module, when_compiling
+from clutchid.codegen import cache
+from clutchid.codegen.cache import keep_text, load_module, when_compiling
 
 owned = pytest.mark.skipif(not hasattr(os, "getuid"), reason="this system knows no owners of folders")
 
@@ -341,6 +342,46 @@ def test_machine_code_stays_in_the_cache_folder_whatever_numba_is_set_to(source,
     assert [_twice(source), _twice(source)] == [True, False]
     assert _machine_code(source, "nbi").is_file()
     assert not (tmp_path / "elsewhere").exists()
+
+
+@pytest.fixture
+def brought(source, tmp_path, monkeypatch):
+    """The file of a text that came with the wheel."""
+    monkeypatch.setattr(cache, "TEXTS", tmp_path / "texts")
+    return keep_text(tmp_path / "texts", "numbers", [source], "value = 42\n")
+
+
+def test_a_text_that_came_with_the_wheel_is_not_built_and_its_module_is_the_same(source, brought, monkeypatch):
+    first = load_module("numbers", [source], _never)
+    assert first.value == 42
+    monkeypatch.setattr(cache, "TEXTS", source.parent / "none")
+    monkeypatch.setenv("CLUTCHID_CACHE", str(source.parent / "another"))
+    second = load_module("numbers", [source], lambda: "value = 42\n")
+    assert Path(second.__file__).read_bytes() == Path(first.__file__).read_bytes()
+    assert Path(second.__file__).parent.name == Path(first.__file__).parent.name
+
+
+def _another_source(source, _brought, _monkeypatch):
+    source.write_text("x = 2")
+
+
+def _another_comment(source, _brought, _monkeypatch):
+    source.write_text("x = 1  # one")
+
+
+def _another_sympy(_source, _brought, monkeypatch):
+    known = cache.version
+    monkeypatch.setattr(cache, "version", lambda name: "1.13.0" if name == "sympy" else known(name))
+
+
+def _damage(_source, brought, _monkeypatch):
+    brought.write_bytes(brought.read_bytes()[:-1])
+
+
+@pytest.mark.parametrize("change", [_another_source, _another_comment, _another_sympy, _damage])
+def test_a_text_of_other_sources_or_another_sympy_and_a_damaged_one_are_not_used(source, brought, monkeypatch, change):
+    change(source, brought, monkeypatch)
+    assert load_module("numbers", [source], lambda: "value = 1\n").value == 1
 
 
 HOSTILE = """

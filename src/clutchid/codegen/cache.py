@@ -1,7 +1,8 @@
 """Generated modules on disk, so that a warm process neither derives, prints nor compiles.
 
 Two keys lead to machine code. The sources of a text, without comments and docstrings, find the text; the text finds the
-folder that it lies in with its machine code. So an edit that leaves the text as it is compiles nothing.
+folder that it lies in with its machine code. So an edit that leaves the text as it is compiles nothing. The wheel holds
+the texts of the standard models, found by their sources as they are and the version of SymPy that made them.
 """
 
 from __future__ import annotations
@@ -24,6 +25,9 @@ from pathlib import Path
 from types import ModuleType
 
 _LIBRARIES = ("numba", "llvmlite", "sympy", "numpy")
+
+#: Texts that a wheel brings along; a tree of sources has none.
+TEXTS = Path(__file__).with_name("texts")
 
 #: First line of a module: this and the SHA-256 of all that follows, so that a damaged file is known.
 _MARK = b"# made by clutchid, sha256 of the rest: "
@@ -67,7 +71,29 @@ def load_module(name: str, sources: Iterable[Path], build: Callable[[], str]) ->
                 return _executed(name, path)
         except OSError as problem:  # a full disk
             warnings.warn(f"{folder} cannot keep compiled models: {problem}.", RuntimeWarning, stacklevel=2)
-    return _unwritten(name, build())
+    text = _brought(name, paths)
+    return _unwritten(name, build() if text is None else text.decode())
+
+
+def keep_text(folder: Path, name: str, sources: Iterable[Path], text: str) -> Path:
+    """A file in `folder` with the text of the module `name`, which `load_module` takes where it lies in `TEXTS`."""
+    path = _kept(folder, name, sorted(sources))
+    _write(path, _marked(text.encode()))
+    return path
+
+
+def _kept(folder: Path, name: str, sources: Sequence[Path]) -> Path:
+    # by the files as they are: how Python shows their meaning changes with its version
+    parts = [part for path in sources for part in (path.name.encode(), path.read_bytes())]
+    return folder / f"{name}-{_digest([*parts, version('sympy').encode()])}.txt"
+
+
+def _brought(name: str, sources: Sequence[Path]) -> bytes | None:
+    """The text that came with the wheel, unless a source or SymPy is another or the file is damaged."""
+    if not TEXTS.is_dir():
+        return None
+    path = _kept(TEXTS, name, sources)
+    return path.read_bytes().partition(b"\n")[2] if _whole(path) else None
 
 
 def generator_files(*folders: Path) -> list[Path]:
@@ -93,10 +119,10 @@ def _cached(folder: Path, name: str, sources: Sequence[Path], build: Callable[[]
     path, signs = _found(folder, name, sources)
     if path is None:
         announce()
-        text = build().encode()
+        text = _brought(name, sources) or build().encode()
         path = folder / _digest([text, *_versions()]) / f"{name}.py"
         if not _whole(path):
-            _write(path, _mark(text) + b"\n" + text)
+            _write(path, _marked(text))
     for sign in signs:
         _write(sign, path.parent.name.encode())
     return path
@@ -131,6 +157,10 @@ def _whole(path: Path) -> bool:
     except OSError:
         return False
     return mark == _mark(text)
+
+
+def _marked(text: bytes) -> bytes:
+    return _mark(text) + b"\n" + text
 
 
 def _mark(text: bytes) -> bytes:

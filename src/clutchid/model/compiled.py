@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any, TypeAlias
 
-from clutchid.codegen.cache import generator_files, load_module
+from clutchid.codegen.cache import generator_files, keep_text, load_module
 from clutchid.codegen.system import System
 from clutchid.log.states import STATES, State
 from clutchid.model.own.model import OwnModel
@@ -82,8 +82,7 @@ def kernels(model: Model) -> ModuleType:
         If there is no such variant.
     """
     check_model(model)
-    name = f"own_{model.sha256[:16]}" if isinstance(model, OwnModel) else model.replace("-", "_")
-    module = load_module(name, _sources(), lambda: _kernels_text(model))
+    module = load_module(_module_name(model), _sources(), lambda: _kernels_text(model))
     for name in ("opening", "passed_pulses"):
         setattr(module, name, getattr(functions(), name))
     return module
@@ -171,6 +170,16 @@ def compile_ahead(models: Iterable[Model] = tuple(VARIANTS)) -> None:
             step(model, few)
     functions().opening.compile((x, types.float64, types.float64))
     functions().passed_pulses.compile((x, x, x, x, types.float64, types.float64))
+
+
+def write_texts(folder: Path) -> list[Path]:
+    """The texts of `kernels` for all variants and of `functions`, as files in `folder` that a wheel brings along."""
+    texts = {_module_name(variant): _kernels_text(variant) for variant in VARIANTS} | {"functions": _functions_text()}
+    return [keep_text(folder, name, _sources(), text) for name, text in texts.items()]
+
+
+def _module_name(model: Model) -> str:
+    return f"own_{model.sha256[:16]}" if isinstance(model, OwnModel) else model.replace("-", "_")
 
 
 def _sources() -> list[Path]:
