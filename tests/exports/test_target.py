@@ -1,5 +1,6 @@
 """An exported observer on a control unit: it builds, has the outputs that it must have, and its costs are known."""
 
+import re
 import shutil
 import subprocess
 from collections.abc import Callable
@@ -118,7 +119,8 @@ def test_a_cortex_m4_has_the_outputs_of_this_computer(
     assert not tested.returncode, tested.stdout + tested.stderr
     assert "parity: ok" in tested.stdout
     ran = make(folder / "example", "run", *STRICT)
-    assert "unit: 1000000 us, 0 strokes" in ran.stdout, ran.stdout + ran.stderr
+    # the emulated timer follows the clock of this computer: on a busy one a sample comes before the line is printed
+    assert re.search(r"unit: 10\d\d000 us, 0 strokes", ran.stdout), ran.stdout + ran.stderr
 
 
 @ON_TARGET
