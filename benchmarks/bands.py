@@ -141,7 +141,7 @@ def with_filter(one: Stored, weight: float = FILTER_WEIGHT) -> Band:
 
 
 #: Bands as they are used.
-USED_ALONE, USED_WITH_SUPPLY = "and 0.3 of the evidence, as used", "and half of the joint filter, as used"
+USED_ALONE, USED_WITH_SUPPLY = "and 0.3 of the evidence, as used", "and 0.3 of the joint filter, as used"
 
 #: Bands that are compared, by what is recorded.
 BANDS: Mapping[str, Mapping[str, Callable[[Stored], Band]]] = {
@@ -153,13 +153,13 @@ BANDS: Mapping[str, Mapping[str, Callable[[Stored], Band]]] = {
         "bootstraps, all evidence": lambda one: band_of(posterior(one, bootstraps(one))),
         "  and times 1.1": lambda one: band_of(posterior(one, bootstraps(one)), 1.1),
         "bootstraps, 0.3 of the evidence": lambda one: band_of(posterior(one, bootstraps(one, BAND.evidence))),
-        "0.3, and half of the joint filter": with_filter,
+        "0.3, and half of the joint filter": lambda one: with_filter(one, 0.5),
     },
     "supply": {
         "before": before,
         USED_ALONE: lambda one: band_of(posterior(one, weights(one))),
         USED_WITH_SUPPLY: with_filter,
-        "  0.3 of it": lambda one: with_filter(one, 0.3),
+        "  half of it": lambda one: with_filter(one, 0.5),
         "  0.7 of it": lambda one: with_filter(one, 0.7),
     },
 }

@@ -18,7 +18,7 @@ from clutchid.model.actuator import Actuator
 
 #: Weight of the joint filter where the valves have not changed, which it takes to be as calibrated. Provenance:
 #: `benchmarks/bands.py`, docs/derivations.md, "Intervals".
-FILTER_WEIGHT = 0.5
+FILTER_WEIGHT = 0.3
 
 
 def with_filtered_load(
