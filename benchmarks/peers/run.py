@@ -208,8 +208,8 @@ NOT_AHEAD = """## Where clutchid is not ahead
 - **Short recordings.** `clutchid.simulate` checks the log, chooses steps and makes a log of all states; for a second
   of recording that takes many times as long as the loop itself.
 - **Estimation.** A search by `least_squares` on compiled CasADi is nearer than the target of ten times, where the
-  compiling of CasADi (first run) is left out. clutchid starts the piston at the first measured sample: the noise of that
-  one sample makes theta_2 and theta_3 less certain than the bound, which the intervals do not have in them.
+  compiling of CasADi (first run) is left out. clutchid starts the piston at the first measured sample: the noise of
+  that one sample makes theta_2 and theta_3 less certain than the bound, which the intervals do not have in them.
 - **Files.** Reading takes longer than by the package of the format alone, for what `clutchid.read` does beside it.
 - **Not compared yet:** the observer against Kalman filters of other packages."""
 
