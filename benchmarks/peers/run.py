@@ -78,7 +78,7 @@ def estimation_targets(rows: Sequence[Row], options: argparse.Namespace) -> list
     words = f"best peer ({best.peer}) over clutchid" if best else "best peer over clutchid"
     found = [judged(words, best.ratio if best else math.nan, 10.0, least=True)]
     if options.seeds:
-        found += [estimation.coverage(options.seeds, exact_start=exact) for exact in (False, True)]
+        found += [estimation.coverage(options.seeds, rest=rest) for rest in (estimation.REST, 0.0)]
     return found
 
 
@@ -99,7 +99,7 @@ ESTIMATION = """Three load weights from 4 s of position at 1 kHz, the reference 
 white noise, each start with noise of its own; the first start is the paper's. A search has succeeded if every weight is
 within five standard deviations (σ) of the Cramér-Rao bound. clutchid's time has its inspection of the recording,
 covariance and verdict in it, the peers' only the search. The peers are given the true start of the piston, for which
-the bound holds too; clutchid starts at the first measured sample, with its noise, as it has to on a recording."""
+the bound holds too; clutchid takes it from the rest of 0.3 s before the first stroke."""
 
 FILES = """Position, duty cycles and pressure. `clutchid.read` finds the format, the channels and their units, and
 checks time and values, foreign formats in a guarded process of their own; the packages alone are given the names of the
@@ -208,8 +208,8 @@ NOT_AHEAD = """## Where clutchid is not ahead
 - **Short recordings.** `clutchid.simulate` checks the log, chooses steps and makes a log of all states; for a second
   of recording that takes many times as long as the loop itself.
 - **Estimation.** A search by `least_squares` on compiled CasADi is nearer than the target of ten times, where the
-  compiling of CasADi (first run) is left out. clutchid starts the piston at the first measured sample: the noise of
-  that one sample makes theta_2 and theta_3 less certain than the bound, which the intervals do not have in them.
+  compiling of CasADi (first run) is left out. A recording without a rest before its first stroke starts at its first
+  sample, whose noise makes theta_2 and theta_3 less certain than the bound; the intervals do not have it in them.
 - **Files.** Reading takes longer than by the package of the format alone, for what `clutchid.read` does beside it.
 - **Not compared yet:** the observer against Kalman filters of other packages."""
 

@@ -72,7 +72,7 @@ def site(tmp_path_factory, request):
     else:
         done = subprocess.run([sys.executable, DOCS / "make_site.py", out], capture_output=True, text=True, check=False)
         log.write_text(f"{done.stdout}{done.stderr}{done.returncode}{DONE}", encoding="utf-8")
-    assert log.read_text(encoding="utf-8") == f"0{DONE}"
+    assert log.read_text(encoding="utf-8") == f"written: {out}/index.html\n0{DONE}"
     return out
 
 
