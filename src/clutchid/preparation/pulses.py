@@ -94,7 +94,7 @@ def find_carrier(log: Log, actuator: Actuator, periods: Sequence[float] = PERIOD
                 contrast > CONTRAST_ON_GRID and _response(log, actuator, period, phase, length) > RESPONSE
             )
         else:
-            found = contrast > max(CONTRAST, IN_STEP * _out_of_step(log, actuator, period, length))
+            found = contrast > CONTRAST and contrast > IN_STEP * _out_of_step(log, actuator, period, length)
         if found:
             candidates[period] = (contrast if len(periods) == 1 else _contrast(log, actuator, period, common)[0], phase)
     if not candidates:
