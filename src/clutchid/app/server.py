@@ -212,7 +212,7 @@ async def _set_map(session: Session, request: Request) -> Response:
     body = await _body(request)
     channels, rate, ambient = body.get("channels"), body.get("rate"), body.get("ambient", "")
     if isinstance(body.get("toml"), str):
-        channels = toml_of(body["toml"])
+        channels = _toml_of(body["toml"])
         rate = channels.pop("rate", None)
     if not isinstance(channels, dict) or not isinstance(ambient, str) or not isinstance(rate, int | float | None):
         raise ParameterError("map: channels by quantity are needed.")
@@ -220,7 +220,7 @@ async def _set_map(session: Session, request: Request) -> Response:
     return JSONResponse({})
 
 
-def toml_of(text: str) -> dict[str, Any]:
+def _toml_of(text: str) -> dict[str, Any]:
     """Entries of a channel map that was written to a file.
 
     Raises

@@ -237,21 +237,17 @@ function drawChannels(holder, recording, replot) {
   });
   const changed = isEdited(recording);
   const ambient = h("input", { id: "ambient", class: "w7", value: recording.ambient, placeholder: "1.095bar" });
-  const apply = async () => {
+  const put = async (map, then) => {
     try {
-      await send("PUT", `/api/recordings/${recording.id}/map`, { channels: draft, ambient: ambient.value });
+      await send("PUT", `/api/recordings/${recording.id}/map`, { ...map, ambient: ambient.value });
       messages.delete(recording.id);
-      Object.assign(drafts.get(recording.id) ?? {}, { given: JSON.stringify(draft) });
+      then();
     } catch (problem) { messages.set(recording.id, problem.message); drawChannels(holder, recording, replot); }
   };
+  const apply = () => put({ channels: draft }, () => Object.assign(drafts.get(recording.id) ?? {}, { given: JSON.stringify(draft) }));
   const use = async (event) => {
     const [file] = event.target.files;
-    if (!file) return;
-    try {
-      await send("PUT", `/api/recordings/${recording.id}/map`, { toml: await file.text(), ambient: ambient.value });
-      messages.delete(recording.id);
-      drafts.delete(recording.id);
-    } catch (problem) { messages.set(recording.id, problem.message); drawChannels(holder, recording, replot); }
+    if (file) await put({ toml: await file.text() }, () => drafts.delete(recording.id));
   };
   const others = look.grids.flatMap((grid) => grid.without_numbers);
   fill(holder, h("h3", {}, "Channels"),
