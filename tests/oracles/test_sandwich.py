@@ -146,3 +146,16 @@ def test_unknown_starts_of_many_segments_do_not_cost_the_degrees_of_freedom_of_w
     assert told.quantile() == pytest.approx(1.96, abs=0.01)
     # 1 / sum of squares, but for the sampling error of its estimate, sqrt(2 / 10^4), seven times
     assert told.matrix[0, 0] == pytest.approx(1 / (R[0, 0] ** 2), rel=0.1)
+
+
+def test_constants_with_an_error_shift_the_estimate_by_their_pull():
+    generator = np.random.default_rng(11)
+    n, trials, std = 200, 2000, np.array([0.5, 0.2])
+    J, j = generator.standard_normal((n, 3)) * [1.0, 1e4, 1e-3], generator.standard_normal((n, 2))
+    R, pseudo, scores = factor_of(J), np.linalg.pinv(J), [J * generator.standard_normal((n, 1))]
+    added = sandwich(R, scores, constants=J.T @ j * std).matrix - sandwich(R, scores).matrix
+    # the estimate moves by the error of a constant times the pull of its column
+    moved = (pseudo @ j @ (std[:, None] * generator.standard_normal((2, trials)))).T
+    scale = np.sqrt(np.diag(added))
+    # the scatter of a variance over 2000 trials is sqrt(2 / 2000) of it
+    np.testing.assert_allclose(np.cov(moved.T) / np.outer(scale, scale), added / np.outer(scale, scale), atol=0.1)

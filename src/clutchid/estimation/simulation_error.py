@@ -270,8 +270,11 @@ def linearise(problem: Problem, x: FloatArray) -> Linearisation | Failure:
     return Linearisation(R[:width, :width], R[:width, width], cost, count)
 
 
-def residuals(problem: Problem, x: FloatArray) -> Iterator[SegmentResiduals | Failure]:
-    """The residuals of each segment at `x`; missing samples are left out, element by element."""
+def residuals(problem: Problem, x: FloatArray, rests: bool = False) -> Iterator[SegmentResiduals | Failure]:
+    """The residuals of each segment at `x`; missing samples are left out, element by element.
+
+    With `rests`, J has a last column more, per m of the start position, where that is taken from a rest.
+    """
     try:
         actuator = problem.actuator_of(x, problem.stems[0])
     except ParameterError as error:
@@ -281,7 +284,8 @@ def residuals(problem: Problem, x: FloatArray) -> Iterator[SegmentResiduals | Fa
     watched = [actuator.states.index(MEASURED[name].state) for name in problem.measure]
     slopes = problem.slopes(x)
     for one, segment, at in _segments(problem):
-        which = columns(actuator, [*shared, *(problem.coordinates[i].base for i in at)])
+        last = [POSITION_START] if rests and segment.rest > 0 else []
+        which = columns(actuator, [*shared, *(problem.coordinates[i].base for i in at), *last])
         x0 = start_state(segment, actuator, _start(problem, segment, at, x, actuator))
         start = x0, start_sensitivities(segment, actuator, which, estimated=bool(at))
         states, sens, _, failed = run_with_sensitivities(segment, arrays, start, which, watched)
@@ -290,7 +294,8 @@ def residuals(problem: Problem, x: FloatArray) -> Iterator[SegmentResiduals | Fa
             return
         places = [*range(len(shared)), *at]
         measured = {name: one.log[name][segment.start : segment.stop] for name in problem.measure}
-        yield SegmentResiduals(one, segment, places, *_compared(problem, measured, states, sens * slopes[places]))
+        scaled = sens * np.append(slopes[places], np.ones(len(last)))
+        yield SegmentResiduals(one, segment, places, *_compared(problem, measured, states, scaled))
 
 
 def _compared(
@@ -421,17 +426,26 @@ def _recordings(problem: Problem, x: FloatArray, fitted: Actuator) -> list[Compa
 
 
 def _covariance(problem: Problem, solution: Solution[Linearisation]) -> Covariance:
-    scores = []
-    for one in residuals(problem, solution.x):
+    scores, constants = [], []
+    for one in residuals(problem, solution.x, rests=True):
         assert not isinstance(one, Failure)
+        width = len(one.places)
         # all columns of a sample share one score, which includes their correlation
-        local = np.zeros((len(one.segment), one.J.shape[1]))
-        np.add.at(local, one.samples, one.J * one.r[:, None])
+        local = np.zeros((len(one.segment), width))
+        np.add.at(local, one.samples, one.J[:, :width] * one.r[:, None])
         rows = np.zeros((len(one.segment), solution.x.size))
         rows[:, one.places] = local
         scores.append(rows)
+        gradient = np.zeros(solution.x.size)
+        gradient[one.places] = one.J[:, :width].T @ one.J[:, width:].sum(axis=1)
+        constants.append(gradient * _start_std(problem, one.segment))
     known = identifiable(solution.at.R) & ~_at_active_bound(problem, solution) & _has_motion(problem)
-    return sandwich(solution.at.R, scores, known, len(_shared(problem)))
+    return sandwich(solution.at.R, scores, known, len(_shared(problem)), np.transpose(constants))
+
+
+def _start_std(problem: Problem, segment: Segment) -> float:
+    """Standard deviation in m of a start position that is the median of a rest: a sample's, where the rest is one."""
+    return problem.noise.measured.get("position", 0.0) * min(1.0, float(np.sqrt(0.5 * np.pi / max(1, segment.rest))))
 
 
 def _at_active_bound(problem: Problem, solution: Solution[Linearisation]) -> NDArray[np.bool_]:

@@ -39,9 +39,10 @@ class Segment:
     """A stretch of a recording without holes in its inputs.
 
     `start` and `stop` are sample numbers in the recording; `jump` and `measured` say where and with what the state is
-    re-initialised. `vented`: Eq. (24) gives the start; else position and pressure there are unknown, unless
-    `pressure_start` is measured. `open_std` (n - 1,) is the standard deviation in s of the time that a fully open valve
-    is open in each interval, 0 where the recording has every change of the duty cycles.
+    re-initialised. `vented`: Eq. (24) gives the start, and `rest` samples before the supply valve opens its position;
+    else position and pressure there are unknown, unless `pressure_start` is measured. `open_std` (n - 1,) is the
+    standard deviation in s of the time that a fully open valve is open in each interval, 0 where the recording has
+    every change of the duty cycles.
     """
 
     start: int
@@ -55,6 +56,7 @@ class Segment:
     position_start: float
     pressure_start: float
     vented: bool
+    rest: int = 0
 
     def __len__(self) -> int:
         return self.stop - self.start
@@ -209,6 +211,7 @@ def _segment(
         position_start=float(np.clip(first, -OUTSIDE, actuator.parameters.y_max + OUTSIDE)),
         pressure_start=_first_finite(pressure[: max(2, int(REST_TIME / dt[0]))], np.nan),
         vented=vented,
+        rest=rest.size if vented else 0,
     )
 
 

@@ -170,11 +170,16 @@ class Covariance:
 
 
 def sandwich(
-    R: FloatArray, scores: Sequence[FloatArray], known: NDArray[np.bool_] | None = None, shared: int | None = None
+    R: FloatArray,
+    scores: Sequence[FloatArray],
+    known: NDArray[np.bool_] | None = None,
+    shared: int | None = None,
+    constants: FloatArray | None = None,
 ) -> Covariance:
     r"""Covariance of a least-squares estimate with autocorrelated residuals.
 
-    .. math:: P = H^{-1} \Big( \sum_{|l| \le b} (1 - |l| / (b + 1)) \sum_t s_t s_{t+l}^T \Big) H^{-1}, \quad H = R^T R
+    .. math:: P = H^{-1} \Big( C C^T + \sum_{|l| \le b} (1 - |l| / (b + 1)) \sum_t s_t s_{t+l}^T \Big) H^{-1},
+        \quad H = R^T R
 
     Parameters
     ----------
@@ -187,12 +192,15 @@ def sandwich(
     shared : int, optional
         The first `shared` parameters belong to all segments, the others to one each: only the first cost degrees of
         freedom of the whole, and only their scores choose the bandwidth. By default all.
+    constants : (k, c), optional
+        C: the gradient of the cost by a change of one standard deviation of each constant that is known with an error
+        only, such as a measured start; the errors are independent.
 
     Notes
     -----
     Bartlett weights (Newey and West 1987), bandwidth b by Andrews (1991) with a first-order autoregression for each
     parameter's score. Simulation errors stay correlated for seconds: the usual formula for white residuals would give
-    intervals many times too narrow.
+    intervals many times too narrow. C is that of a consider covariance (Tapley, Schutz and Born 2004, section 6.2).
     """
     k = R.shape[0]
     common = k if shared is None or shared == 0 else shared
@@ -214,8 +222,11 @@ def sandwich(
     middle = sum((_lag_sum(block, bandwidth) for block in blocks), np.zeros((known.sum(), known.sum())))
     count = sum(block.shape[0] for block in blocks)
     root = (inverse / norms[known]).T @ _square_root(middle)
-    inner = root @ root.T
-    matrix[np.ix_(known, known)] = inner * count / max(1.0, count - common)
+    inner = root @ root.T * count / max(1.0, count - common)
+    if constants is not None:
+        shift = (inverse / norms[known]).T @ (constants[known] / norms[known, None])
+        inner += shift @ shift.T
+    matrix[np.ix_(known, known)] = inner
     return Covariance(matrix, max(1.0, 1.5 * count / (bandwidth + 1) - common))
 
 
