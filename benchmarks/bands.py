@@ -60,16 +60,18 @@ class Band(NamedTuple):
 
 def stored(folder: Path, family: str, numbers: Sequence[int], recorded: str) -> list[Stored]:
     """The readings in a folder with 'position' alone or with the 'supply' recorded."""
-    found = []
-    for number in numbers:
-        path = folder / f"{family}_{number:05d}.npz"
-        if path.exists():
-            arrays = np.load(path)
-            for case in CASES:
-                head = f"{case}/{recorded}/"
-                own = {name.removeprefix(head): arrays[name] for name in arrays.files if name.startswith(head)}
-                found.append(Stored(number, case, own))
-    return found
+    paths = {number: folder / f"{family}_{number:05d}.npz" for number in numbers}
+    return [one for number, path in paths.items() if path.exists() for one in of_file(path, number, recorded)]
+
+
+def of_file(path: Path, truck: int, recorded: str) -> list[Stored]:
+    """The readings of a file, in the order in which they were made."""
+    arrays, found = np.load(path), dict[str, dict[str, Any]]()
+    for key in arrays.files:
+        case, columns, name = key.split("/")
+        if columns == recorded:
+            found.setdefault(case, {})[name] = arrays[key]
+    return [Stored(truck, case, own) for case, own in found.items()]
 
 
 class Weights(NamedTuple):
@@ -199,7 +201,7 @@ def score(one: Stored, band: Band) -> Score:
 def area(readings: Sequence[Stored], scores: Sequence[Score]) -> float:
     """Area under the curve of the expected error for bad loads, within the cases; NaN where none or all are bad."""
     ordered = pairs = 0.0
-    for case in CASES:
+    for case in {one.case for one in readings}:
         own = [s for one, s in zip(readings, scores, strict=True) if one.case == case]
         wrong, right = ([s.expected for s in own if (s.error > BAD_ERROR) is which] for which in (True, False))
         apart = np.sign(np.subtract.outer(wrong, right))

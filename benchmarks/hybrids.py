@@ -2,29 +2,28 @@
 
 Hybrids have parts of both families (`clutchid drive --family h:SEED`). Each is calibrated once with pressure; its worn
 clutch is then read from position alone, unchanged and under four of the other cases of `widening.py`, which the hybrids
-take in turn. Errors as there. A result is stored as soon as a hybrid is read, so the same command goes on after an
-interruption. The table has a row a part: median / worst error over all readings of the hybrids with that part, and in
-brackets those of unchanged ones.
+take in turn, with the supply pressure recorded and without, and stored as by `readings.py`. The same command goes on
+after an interruption. Bands, errors and scores are those of `bands.py`; the table of parts has a row a part, over all
+hybrids with that part.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from widening import LATE, calibrated, reading, worn_clutch
+from bands import BANDS, USED, Score, Stored, area, by_expected_error, of_file, score
+from readings import LACKING, store
+from widening import LATE
 
 from clutchid.errors import ClutchidError
+from clutchid.estimation.parameter_file import read_parameters
 from clutchid.truck import Vehicle, truck
 from clutchid.truck.parts import PARTS
-
-#: Columns that the recordings lack.
-CONDITIONS = ("temperature_ambient", "pressure_supply")
 
 UNCHANGED = "nothing"
 
@@ -62,102 +61,105 @@ def names(kind: Vehicle) -> dict[str, str]:
     return {**found, "zero": kind.zero}
 
 
-def one_hybrid(seed: int) -> dict[str, Any]:
-    """Calibration and readings of a hybrid as plain values."""
-    family = f"h:{seed}"
-    kind = truck(0, family)
-    result: dict[str, Any] = {"hybrid": seed, "letters": kind.parts.letters, "parts": names(kind), "readings": {}}
-    try:
-        once = calibrated(0, family, CONDITIONS, "shooting")
-    except ClutchidError as error:
-        return {**result, "failed": f"calibration: {error}"}
-    result["trust"] = once.verdict.trust
-    for case in cases(seed):
-        found = reading(worn_clutch(0, family, case), CONDITIONS, once, {})
-        result["readings"][case] = None if found is None else found._asdict()
-    return result
+def path_of(seed: int, out: Path) -> Path:
+    """The file of a hybrid's readings, as `readings.py` writes it; beside it lies its calibration, `.toml`."""
+    return out / f"h_{seed:05d}.npz"
 
 
-def run(seeds: Sequence[int], out: Path) -> None:
-    """Read those hybrids that are not stored yet."""
-    out.mkdir(parents=True, exist_ok=True)
-    for seed in seeds:
-        path = out / f"hybrid_{seed:03d}.json"
-        if path.exists():
-            continue
-        result = one_hybrid(seed)
-        part = path.with_suffix(".part")
-        part.write_text(json.dumps(result), encoding="utf-8")
-        part.replace(path)
-        errors = {case: one and round(one["error"], 2) for case, one in result["readings"].items()}
-        print(f"h:{seed} {result['letters']} {errors} {result.get('failed', '')}", flush=True)
+class Read(NamedTuple):
+    """A reading of a hybrid: its band as before and as it is used, against the truth."""
+
+    hybrid: int
+    one: Stored
+    before: Score
+    used: Score
 
 
-def stored(out: Path, seeds: Sequence[int]) -> list[dict[str, Any]]:
-    """Results of those hybrids that are there."""
-    paths = [out / f"hybrid_{seed:03d}.json" for seed in seeds]
-    return [json.loads(path.read_text(encoding="utf-8")) for path in paths if path.exists()]
+def read(seeds: Sequence[int], out: Path, recorded: str) -> list[Read]:
+    """The readings of those hybrids that are stored, with the position alone or with the supply recorded."""
+    before, used = (BANDS[recorded][name] for name in ("before", USED[recorded]))
+    return [
+        Read(seed, one, score(one, before(one)), score(one, used(one)))
+        for seed in seeds
+        if path_of(seed, out).exists()
+        for one in of_file(path_of(seed, out), seed, recorded)
+    ]
 
 
-def readings(results: Sequence[Mapping[str, Any]], *wanted: str) -> list[Mapping[str, Any]]:
-    """Readings that were not refused, of some cases or of all."""
-    both = ((case, one) for result in results for case, one in result["readings"].items())
-    return [one for case, one in both if one and (not wanted or case in wanted)]
+def of(found: Sequence[Read], *wanted: str) -> list[Read]:
+    """The readings of some cases."""
+    return [one for one in found if one.one.case in wanted]
 
 
-def cells(found: Sequence[Mapping[str, Any]]) -> str:
-    """Number, median and worst error, share covered and width of some readings."""
-    if not found:
-        return "0 | - | - | -"
-    error, covered, width = (np.array([one[key] for one in found]) for key in ("error", "covered", "width"))
-    errors = f"{np.median(error):.2f} / {error.max():.2f}"
-    return f"{len(found)} | {errors} | {100 * covered.mean():.0f} % | {np.median(width):.1f}"
+def cells(scores: Sequence[Score]) -> str:
+    """Median and worst error, share covered, median width and mean interval score of some readings."""
+    if not scores:
+        return "- | - | - | -"
+    error, covered, width, interval, _ = np.transpose(scores)
+    return (
+        f"{np.median(error):.2f} / {error.max():.2f} | {covered.mean():.0f} | {np.median(width):.1f} | "
+        f"{interval.mean():.1f}"
+    )
 
 
-def by_part(results: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, str, list[Mapping[str, Any]]]]:
+def used(found: Sequence[Read]) -> str:
+    """Cells of some readings as they are used."""
+    return cells([one.used for one in found])
+
+
+HEAD = "error | covered | width | score"
+
+
+def of_cases(found: Sequence[Read]) -> Iterator[str]:
+    """A row a case, as before and as used."""
+    yield f"| case | readings | before: {HEAD} | now: {HEAD} |\n|{'---|' * 10}"
+    for case in (UNCHANGED, *OTHERS, "all"):
+        some = found if case == "all" else of(found, case)
+        yield f"| {case} | {len(some)} | {cells([one.before for one in some])} | {used(some)} |"
+    areas = [area([r.one for r in found], scores) for scores in ([r.before for r in found], [r.used for r in found])]
+    trucks = [np.mean([r.used.covered for r in found if r.hybrid == hybrid]) for hybrid in {r.hybrid for r in found}]
+    yield (
+        f"\nArea {areas[0]:.2f} before, {areas[1]:.2f} now. Covered by hybrid {np.mean(trucks):.1f} ± "
+        f"{np.std(trucks, ddof=1) / np.sqrt(len(trucks)):.1f} %, {min(trucks):.0f} % at worst. By expected error: "
+        f"{by_expected_error([r.used for r in found])}.\n"
+    )
+
+
+def by_part(seeds: Sequence[int]) -> Iterator[tuple[str, str, list[int]]]:
     """Slot, part and the hybrids that have it."""
+    parts = {seed: names(truck(0, f"h:{seed}")) for seed in seeds}
     for slot in (*PARTS["A"]._fields, "zero"):
-        for part in sorted({result["parts"][slot] for result in results}):
-            yield slot, part, [result for result in results if result["parts"][slot] == part]
+        for part in sorted({own[slot] for own in parts.values()}):
+            yield slot, part, [seed for seed in seeds if parts[seed][slot] == part]
 
 
-def of_cases(results: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """A row a case."""
-    yield "| case | readings | error | covered | width |\n|---|---|---|---|---|"
-    for case in (UNCHANGED, *OTHERS):
-        yield f"| {case} | {cells(readings(results, case))} |"
-    yield f"| all | {cells(readings(results))} |\n"
-
-
-def of_parts(results: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+def of_parts(seeds: Sequence[int], alone: Sequence[Read], supply: Sequence[Read]) -> Iterator[str]:
     """A row a part, and the part with the largest median."""
-    head = "readings | error | covered | width"
-    yield f"| slot | part | hybrids | unchanged: {head} | all: {head} |\n|{'---|' * 11}"
+    yield (
+        f"| slot | part | hybrids | unchanged, position: {HEAD} | all, position: {HEAD} | all, with supply: {HEAD} |\n"
+        f"|{'---|' * 15}"
+    )
     worst = (0.0, "", "")
-    for slot, part, some in by_part(results):
-        found = readings(some)
-        yield f"| {slot} | {part} | {len(some)} | {cells(readings(some, UNCHANGED))} | {cells(found)} |"
-        if found and len(some) >= LEAST:
-            worst = max(worst, (float(np.median([one["error"] for one in found])), part, slot))
+    for slot, part, some in by_part(seeds):
+        own, with_supply = ([one for one in found if one.hybrid in some] for found in (alone, supply))
+        yield f"| {slot} | {part} | {len(some)} | {used(of(own, UNCHANGED))} | {used(own)} | {used(with_supply)} |"
+        if own and len(some) >= LEAST:
+            worst = max(worst, (float(np.median([one.used.error for one in own])), part, slot))
     yield f"\nLargest median of a part of {LEAST} hybrids or more: {worst[1]} ({worst[2]}), {worst[0]:.2f} %.\n"
 
 
-def worst_reading(result: Mapping[str, Any]) -> tuple[float, str]:
-    """Error and case of the worst reading of a hybrid."""
-    return max(((one["error"], case) for case, one in result["readings"].items() if one), default=(0.0, "none"))
-
-
-def of_worst(results: Sequence[Mapping[str, Any]], number: int = 8) -> Iterator[str]:
-    """The hybrids with the worst readings, and what was refused."""
+def of_worst(found: Sequence[Read], out: Path, number: int = 8) -> Iterator[str]:
+    """The hybrids with the worst readings."""
     yield "| hybrid | parts | calibration | worst case | error | unchanged |\n|---|---|---|---|---|---|"
-    for result in sorted(results, key=worst_reading, reverse=True)[:number]:
-        error, case = worst_reading(result)
-        same = result["readings"].get(UNCHANGED)
-        words = (f"h:{result['hybrid']}", result["letters"], result.get("trust", "failed"), case, f"{error:.2f}")
-        yield f"| {' | '.join(words)} | {'refused' if same is None else round(same['error'], 2)} |"
-    refused = sum(one is None for result in results for one in result["readings"].values())
-    failed = sum("failed" in result for result in results)
-    yield f"\n{len(results)} hybrids; {failed} calibrations failed, {refused} readings were refused."
+    worst: dict[int, Read] = {}
+    for one in sorted(found, key=lambda one: one.used.error, reverse=True):
+        worst.setdefault(one.hybrid, one)
+    same = {one.hybrid: f"{one.used.error:.2f}" for one in of(found, UNCHANGED)}
+    for one in list(worst.values())[:number]:
+        trust = read_parameters(path_of(one.hybrid, out).with_suffix(".toml")).origin.trust
+        letters = truck(0, f"h:{one.hybrid}").parts.letters
+        words = (f"h:{one.hybrid}", letters, trust, one.one.case, f"{one.used.error:.2f}")
+        yield f"| {' | '.join(words)} | {same.get(one.hybrid, 'refused')} |"
 
 
 def main() -> None:
@@ -169,11 +171,19 @@ def main() -> None:
     options.add_argument("--table", action="store_true", help="print the tables only")
     chosen = options.parse_args()
     os.environ |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
-    seeds = range(chosen.seed, chosen.seed + chosen.hybrids)
-    if not chosen.table:
-        run(seeds, chosen.out)
-    results = stored(chosen.out, seeds)
-    print("\n".join((*of_cases(results), *of_parts(results), *of_worst(results))))
+    wanted, failed = range(chosen.seed, chosen.seed + chosen.hybrids), 0
+    for seed in wanted if not chosen.table else ():
+        try:
+            store(path_of(seed, chosen.out), 0, f"h:{seed}", cases(seed))
+        except ClutchidError as error:
+            failed += 1
+            print(f"h:{seed}: {error}", flush=True)
+    seeds = [seed for seed in wanted if path_of(seed, chosen.out).exists()]
+    alone, supply = (read(seeds, chosen.out, recorded) for recorded in LACKING)
+    print("Position alone:\n", *of_cases(alone), "Supply recorded:\n", *of_cases(supply), sep="\n")
+    print(*of_parts(seeds, alone, supply), *of_worst(alone, chosen.out), sep="\n")
+    refused = sum(len(cases(seed)) for seed in seeds) - len(alone)
+    print(f"\n{len(seeds)} hybrids; {failed} calibrations failed, {refused} readings were refused.")
 
 
 if __name__ == "__main__":

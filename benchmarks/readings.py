@@ -3,7 +3,8 @@
 Every truck is calibrated once with pressure and the supply pressure recorded, into ``DIR/A_00000.toml``. Its worn
 clutch is read under the cases of `widening.py` from position alone, with the supply pressure recorded and without, and
 followed by observers. ``DIR/A_00000.npz`` has every reading as plain arrays named CASE/RECORDED/ARRAY, from which
-`bands.py` computes any band without a fit. What is there is not made again, so that a run can be stopped.
+`bands.py` computes any band without a fit. What is there is not made again, so that a run can be stopped. A reading
+that is refused is printed and has no arrays.
 
 The arrays, with the h hypotheses in the order of `HYPOTHESES`, at the points of `GRID`: `truth` (points,) in N;
 `searched`, `score` and `odds` (h,); `load` (h, points) and its standard deviations `std` and, for a share of 1 of the
@@ -23,6 +24,7 @@ from typing import Any
 import numpy as np
 from widening import LATE, calibrated, worn_clutch
 
+from clutchid.errors import ClutchidError, SolveError
 from clutchid.estimation.departure import relative_misfit
 from clutchid.estimation.hypotheses import (
     Explanation,
@@ -42,7 +44,9 @@ from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.change_prior import HYPOTHESES, log_odds
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
+from clutchid.numerics.failure import Failure
 from clutchid.observer import observe_recording, observer
+from clutchid.recordings.strokes.vented_rest import from_rest
 from clutchid.truck import GRID
 
 #: Changes between calibration and use.
@@ -69,16 +73,22 @@ def calibration_of(number: int, family: str, path: Path) -> ParameterFile:
     return read_parameters(path)
 
 
-def one_truck(number: int, family: str, path: Path) -> dict[str, Any]:
-    """All readings of a truck with the calibration in a file."""
+def one_truck(number: int, family: str, path: Path, cases: Sequence[str] = CASES) -> dict[str, Any]:
+    """Readings of a truck under some cases, with the calibration in a file."""
     once = calibration_of(number, family, path)
     assert once.calibration is not None, "a calibration with pressure keeps one"
     found: dict[str, Any] = {}
-    for case in CASES:
+    for case in cases:
         worn = worn_clutch(number, family, case)
         for recorded, without in LACKING.items():
             log = worn.log.without(*without)
-            arrays = {**reading(log, once.actuator, once.calibration), **observed(log, once.actuator, once.calibration)}
+            try:
+                counted = from_rest(log, once.calibration.rest, "subtract").log
+                arrays = reading(counted, once.actuator, once.calibration)
+            except ClutchidError as error:
+                print(f"{family} {number}, {case}, {recorded}: {error}", flush=True)
+                continue
+            arrays |= observed(log, once.actuator, once.calibration)
             arrays["truth"] = worn.truth.load(GRID)
             found |= {f"{case}/{recorded}/{name}": array for name, array in arrays.items()}
     return found
@@ -89,7 +99,10 @@ def reading(log: Log, actuator: Actuator, calibration: Calibration) -> dict[str,
     functions = SHOOTING.changes
     assert functions is not None, "shooting weighs hypotheses"
     free = FreeParameters(actuator.load.names, ("position",))
-    known = explained(SHOOTING.search([log], actuator, free, calibration, None), functions, calibration)
+    first = SHOOTING.search([log], actuator, free, calibration, None)
+    if isinstance(first.solution, Failure):
+        raise SolveError(str(first.solution))
+    known = explained(first, functions, calibration)
     best = known[most_probable(known, calibration)]
     problem, each = best.result.problem, [known.get(hypothesis, best) for hypothesis in HYPOTHESES]
     plain, grease = (mixture(known, calibration, 1.0, band) for band in (PLAIN, GREASE))
@@ -144,19 +157,18 @@ def observed(log: Log, actuator: Actuator, calibration: Calibration) -> dict[str
     return found
 
 
-def store(folder: Path, family: str, numbers: Sequence[int]) -> None:
-    """Read the trucks that have no file yet."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for number in numbers:
-        path = folder / f"{family}_{number:05d}.npz"
-        if not path.exists():
-            begin = time.perf_counter()
-            arrays = one_truck(number, family, path.with_suffix(".toml"))
-            part = path.with_suffix(".part")
-            with part.open("wb") as file:
-                np.savez_compressed(file, **arrays)
-            part.rename(path)
-            print(f"{path.name}: {time.perf_counter() - begin:.0f} s", flush=True)
+def store(path: Path, number: int, family: str, cases: Sequence[str] = CASES) -> None:
+    """Read a truck that has no file yet."""
+    if path.exists():
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    begin = time.perf_counter()
+    arrays = one_truck(number, family, path.with_suffix(".toml"), cases)
+    part = path.with_suffix(".part")
+    with part.open("wb") as file:
+        np.savez_compressed(file, **arrays)
+    part.rename(path)
+    print(f"{path.name}: {time.perf_counter() - begin:.0f} s", flush=True)
 
 
 def main() -> None:
@@ -168,7 +180,8 @@ def main() -> None:
     options.add_argument("--seed", type=int, default=0)
     chosen = options.parse_args()
     os.environ |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
-    store(chosen.folder, chosen.family, range(chosen.seed, chosen.seed + chosen.trucks))
+    for number in range(chosen.seed, chosen.seed + chosen.trucks):
+        store(chosen.folder / f"{chosen.family}_{number:05d}.npz", number, chosen.family)
 
 
 if __name__ == "__main__":
