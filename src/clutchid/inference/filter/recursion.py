@@ -355,6 +355,13 @@ def stroke_ends(stroke: IntArray, position: float) -> bool:
 
 
 @kernel
+def copy(to: FloatArray, values: FloatArray) -> None:
+    """The first of the values, as many as `to` has; a slice that is assigned compiles for a second, for its error."""
+    for j in range(to.size):
+        to[j] = values[j]
+
+
+@kernel
 def drift(T: FloatArray, root: FloatArray, W: FloatArray) -> None:
     """Add root root' to the covariance T T' of the parameters; the states move with them along D.
 
@@ -368,10 +375,12 @@ def drift(T: FloatArray, root: FloatArray, W: FloatArray) -> None:
         Scratch.
     """
     k = T.shape[0]
-    W[:, :k] = T
-    W[:, k:] = root
+    for i in range(k):
+        copy(W[i, :k], T[i])
+        copy(W[i, k:], root[i])
     triangularise(W)
-    T[:] = W[:, :k]
+    for i in range(k):
+        copy(T[i], W[i])
 
 
 @kernel
@@ -411,7 +420,7 @@ def write_watched(watched: FloatArray, of_state: FloatArray) -> None:
     k, square = watched.size - 1, 0.0
     for j in range(k, of_state.size):
         square += of_state[j] * of_state[j]
-    watched[:k] = of_state[:k]
+    copy(watched[:k], of_state)
     watched[k] = math.sqrt(square)
 
 
@@ -477,5 +486,5 @@ def follow(
             write_watched(watched[row], state.S[settings.at_watched])
         if stroke_ends(state.stroke, x[at_position]) and arrays.drifts.size > 0:
             drift(state.T, arrays.drifts, arrays.scratch.room)
-        states[row] = x[: states.shape[1]]
+        copy(states[row], x)
     return -1
