@@ -1,25 +1,23 @@
-"""The expressions of the paper's model as text or values for a peer: Python, Octave, and whatever has `where`."""
+"""The expressions of the paper's model as text for a peer: Python, Octave, and whatever has a choice."""
 
 from __future__ import annotations
 
-import math
-from bisect import bisect_right
-from collections.abc import Callable, Collection, Mapping, Sequence
-from types import SimpleNamespace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import sympy as sp
+from plain import STATES, WEIGHTS
 
 from clutchid.codegen.language import FUNCTIONS, PYTHON, Language
 from clutchid.codegen.program import Assign, Branch, Lookup, Statement, right_hand_side, targets
 from clutchid.model.isothermal import isothermal
 from clutchid.parameters import Parameters
 
-STATES = ("y", "v", "p_A", "p_B", "z")
 OCTAVE = Language("double", "{}", "&&", "||", "!", "true", "false", {name: name for name in FUNCTIONS})
 
-#: Below 0 only in an arm that is not taken; a peer that computes all arms needs a root, and its derivative, there too.
-SMALLEST = 1e-12
+#: For a peer that has a root and a choice of its own.
+CHOSEN = replace(PYTHON, functions={"sqrt": "sqrt"})
 
 
 class Equations(NamedTuple):
@@ -82,25 +80,11 @@ def lines(statements: Sequence[Statement], python: bool, indent: str = "    ") -
     return text
 
 
-def python_rates(values: Mapping[str, float]) -> Callable[..., tuple[float, ...]]:
-    """``rates(y, v, p_A, p_B, z, u_vs, u_ve, table)`` in scalar Python."""
+def python_text(values: Mapping[str, float]) -> str:
+    """``rates(y, v, p_A, p_B, z, u_vs, u_ve, table)`` in scalar Python, for `plain.scalar_rates`."""
     model = equations(values)
-    arguments = ", ".join((*STATES, "u_vs", "u_ve", "table"))
-    result = ", ".join(map(str, model.rates))
-    source = "\n".join([f"def rates({arguments}):", *lines(model.statements, True), f"    return ({result},)"])
-    # a solver tries steps that end below vacuum, before it rejects them
-    guarded = SimpleNamespace(sqrt=lambda x: math.sqrt(x) if x > 0.0 else 0.0)
-    names: dict[str, Any] = {"math": guarded, "lookup": lookup}
-    exec(compile(source, "the model in Python", "exec"), names)
-    function: Callable[..., tuple[float, ...]] = names["rates"]
-    return function
-
-
-def lookup(y: float, table: tuple[list[float], list[list[float]]]) -> float:
-    """A piecewise cubic at y: breakpoints and coefficients as lists, which scalar Python reads fastest."""
-    segment = bisect_right(table[0], y)
-    d, c = y - table[0][max(segment - 1, 0)], table[1][segment]
-    return ((c[3] * d + c[2]) * d + c[1]) * d + c[0]
+    arguments, result = ", ".join((*STATES, "u_vs", "u_ve", "table")), ", ".join(map(str, model.rates))
+    return "\n".join([f"def rates({arguments}):", *lines(model.statements, True), f"    return ({result},)"])
 
 
 def octave_rates(values: Mapping[str, float]) -> str:
@@ -118,64 +102,46 @@ def octave_rates(values: Mapping[str, float]) -> str:
     return "\n".join([head, *unpacked, *body, f"    dx = [{result}];", "end", *table])
 
 
-class Operations(NamedTuple):
-    """What a peer that records expressions has for a root, the larger of two, and a choice."""
-
-    sqrt: Callable[[Any], Any]
-    larger: Callable[[Any, Any], Any]
-    where: Callable[[Any, Any, Any], Any]
-
-
-class Compiled(NamedTuple):
-    """The rates as a function of named values, for a peer that computes all arms and chooses."""
-
-    model: Equations
-    operations: Operations
-
-    def __call__(self, known: dict[str, Any], table: Callable[[Any], Any]) -> list[Any]:
-        """The rates; `known` has states, inputs and free parameters by name, `table` is the load over the position."""
-        all_known = dict(known)
-        self._compute(self.model.statements, all_known, table)
-        return [all_known[str(rate)] for rate in self.model.rates]
-
-    def _compute(self, statements: Sequence[Statement], known: dict[str, Any], table: Callable[[Any], Any]) -> None:
-        for statement in statements:
-            if isinstance(statement, Assign):
-                known[str(statement.target)] = self._value(statement.value, known)
-            elif isinstance(statement, Lookup):
-                known[str(statement.value)] = table(known[str(statement.argument)])
-            else:
-                arms = []
-                for condition, arm in statement.arms:
-                    inner = dict(known)
-                    self._compute(arm, inner, table)
-                    arms.append((condition, inner))
-                for target in map(str, targets(statement)):
-                    value = arms[-1][1][target]
-                    for condition, inner in arms[-2::-1]:
-                        value = self.operations.where(self._value(condition, known), inner[target], value)
-                    known[target] = value
-
-    def _value(self, value: Any, known: Mapping[str, Any]) -> Any:
-        symbols = sorted(sp.sympify(value).free_symbols, key=str)
-        root = {"sqrt": lambda x: self.operations.sqrt(self.operations.larger(x, SMALLEST))}
-        return sp.lambdify(symbols, value, modules=[root])(*(known[str(symbol)] for symbol in symbols))
+def chosen_text(values: Mapping[str, float], free: Sequence[str] = ()) -> str:
+    """The rates for a peer that computes all arms and chooses, for `plain.Model`; free load weights are in `load`."""
+    model = equations(values, free)
+    others = [f"{name}" for name in free if name not in WEIGHTS]
+    arguments = ", ".join(("where", "sqrt", "load", *STATES, "u_vs", "u_ve", *others))
+    text, names = _chosen(model.statements, {}, "")
+    result = ", ".join(str(names[rate]) for rate in model.rates)
+    return "\n".join([f"def rates({arguments}):", *text, f"    return {result}"]) + "\n"
 
 
-def load_expression(
-    y: Any, weights: Sequence[Any], breakpoints: Sequence[float], basis: Any, where: Callable[[Any, Any, Any], Any]
-) -> Any:
-    """The load of `weights` over y, a choice of cubics; `basis` has shape (weights, segments, 4)."""
-    segments, powers = range(basis.shape[1]), range(4)
-    combined = [
-        [sum(w * float(b[s, k]) for w, b in zip(weights, basis, strict=True)) for k in powers] for s in segments
-    ]
-    value = None
-    for s, c in enumerate(combined):
-        d = y - float(breakpoints[max(s - 1, 0)])
-        piece = ((c[3] * d + c[2]) * d + c[1]) * d + c[0]
-        value = piece if value is None else where(y >= float(breakpoints[s - 1]), piece, value)
-    return value
+def _chosen(
+    statements: Sequence[Statement], known: Mapping[Any, sp.Symbol], mark: str
+) -> tuple[list[str], dict[Any, sp.Symbol]]:
+    """Lines, and names after them; what an arm assigns has a name of its own, which ends with the arm's `mark`."""
+    text, names = list[str](), dict(known)
+
+    def assign(target: Any, value: str) -> None:
+        names[target] = sp.Symbol(f"{target}{mark}")
+        text.append(f"    {names[target]} = {value}")
+
+    def printed(value: Any) -> str:
+        return CHOSEN.print(sp.sympify(value).xreplace(names))
+
+    for statement in statements:
+        if isinstance(statement, Assign):
+            assign(statement.target, printed(statement.value))
+        elif isinstance(statement, Lookup):
+            assign(statement.value, f"load({printed(statement.argument)})")
+        else:
+            arms = []
+            for number, (condition, arm) in enumerate(statement.arms):
+                inner, found = _chosen(arm, names, f"{mark}__{number}")
+                text += inner
+                arms.append((printed(condition), found))
+            for target in targets(statement):
+                value = str(arms[-1][1][target])
+                for condition, found in arms[-2::-1]:
+                    value = f"where({condition}, {found[target]}, {value})"
+                assign(target, value)
+    return text, names
 
 
 def parameter_values(array: Any) -> dict[str, float]:

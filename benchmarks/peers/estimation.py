@@ -8,15 +8,13 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from equations import python_text
 from peer import FloatArray, Peer, Row
-from problem import NOISE, THETA, WEIGHTS, Problem, recording
+from plain import WEIGHTS, scipy_position, searched
+from problem import NOISE, THETA, Problem, recording
 from recorded import casadi_function, jax_states
 
 from clutchid import Actuator, Load, Log, fit
-from simulation import scipy_peer
-
-#: Weights are searched in these units, N/m.
-UNIT = 1e5
 
 #: A search has succeeded if no weight is further from the truth than so many standard deviations of the bound.
 NEAR = 5.0
@@ -46,33 +44,12 @@ def clutchid(problem: Problem) -> Estimate:
     return estimate
 
 
-#: Difference for derivatives in `UNIT`: 1 kN/m moves the piston by 15 µm, a thousand times what a solver's steps do.
-STEP = 1e-2
-
-
-def searched(
+def posed_search(
     position: Callable[[FloatArray], FloatArray], jacobian: Callable[[FloatArray], FloatArray] | None = None
 ) -> Estimate:
-    """SciPy's `least_squares` on position and its Jacobian, which take weights in N/m; without one on differences."""
-    from scipy.optimize import least_squares
-
-    def slopes(theta: FloatArray) -> FloatArray:
-        if jacobian is not None:
-            return jacobian(theta)
-        at, step = position(theta), STEP * UNIT
-        return np.column_stack([(position(theta + step * unit) - at) / step for unit in np.eye(3)])
-
-    def estimate(log: Log, start: FloatArray) -> FloatArray:
-        def residuals(x: FloatArray) -> FloatArray:
-            return (position(x * UNIT) - log["position"]) / NOISE
-
-        def scaled(x: FloatArray) -> FloatArray:
-            return slopes(x * UNIT) * UNIT / NOISE
-
-        bounds = ([0.0, -np.inf, 0.0], np.inf)
-        return UNIT * least_squares(residuals, start / UNIT, scaled, bounds, x_scale=[1, 0.1, 0.1]).x
-
-    return estimate
+    """`plain.searched` on the position of a log."""
+    estimate = searched(NOISE, position, jacobian)
+    return lambda log, start: estimate(log["position"], start)
 
 
 def casadi_peer(problem: Problem) -> Estimate:
@@ -86,7 +63,7 @@ def casadi_peer(problem: Problem) -> Estimate:
     def jacobian(theta: FloatArray) -> FloatArray:
         return np.vstack([np.zeros(3), run(theta)[5::5].T])
 
-    return searched(position, jacobian)
+    return posed_search(position, jacobian)
 
 
 def jax_peer(problem: Problem) -> Estimate:
@@ -96,16 +73,13 @@ def jax_peer(problem: Problem) -> Estimate:
     states = jax_states(problem)
     position = jax.jit(lambda q: states(q)[:, 0])
     jacobian = jax.jit(jax.jacfwd(position))
-    return searched(lambda q: np.asarray(position(q)), lambda q: np.asarray(jacobian(q)))
+    return posed_search(lambda q: np.asarray(position(q)), lambda q: np.asarray(jacobian(q)))
 
 
 def scipy_search(problem: Problem, method: str) -> Estimate:
     """`least_squares` with finite differences on `solve_ivp`."""
 
-    def position(theta: FloatArray) -> FloatArray:
-        return np.asarray(scipy_peer(problem.at(theta), method)().value)[:, 0]
-
-    return searched(position)
+    return posed_search(scipy_position(python_text(problem.values), problem.given, method))
 
 
 #: `longest` is the number of starts here.

@@ -6,7 +6,6 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,22 +16,19 @@ from clutchid.simulation.run import Columns, columns
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
 import kernels as own
-from equations import parameter_values
+from equations import chosen_text, parameter_values
 from fit import NOISE, THETA, recording
 from peer import FloatArray
+from plain import WEIGHTS, Model, Recording, by_pieces
 
-__all__ = ["FIFTEEN", "NOISE", "SEVEN", "THETA", "USUAL", "WEIGHTS", "Problem", "own", "recording", "sensitivities"]
+__all__ = ["FIFTEEN", "NOISE", "SEVEN", "THETA", "Problem", "own", "recording", "sensitivities"]
 
 CLUTCH = own.clutch()
-
-#: Natural sizes of the states: 10 mm, 0.1 m/s, 1 bar, 1 bar, 0.1 mm.
-USUAL = np.array([1e-2, 1e-1, 1e5, 1e5, 1e-4])
 
 #: Integration steps of the reference for every step of clutchid.
 FINER = 64
 
 #: Free parameters of the sensitivities, in the order in which a calibration frees them.
-WEIGHTS = ("theta_1", "theta_2", "theta_3")
 SEVEN = (*WEIGHTS, "D_v", "F_C", "C_vs", "C_ve")
 FIFTEEN = (*SEVEN, "V_0A", "M", "K_z", "D_zdot", "P_S", "y_max", "A_A", "R_0vs")
 
@@ -107,15 +103,28 @@ class Problem:
         return replace(self.drive, substeps=self.drive.substeps * np.int32(FINER))
 
     def by_pieces(self, solve: Callable[[FloatArray, FloatArray, FloatArray], FloatArray]) -> FloatArray:
-        """States at the samples from ``solve(time, x, u)``, started anew at every edge of an input.
+        """States at the samples from ``solve(time, x, u)``, started anew at every edge of an input."""
+        return by_pieces(solve, self.time, self.drive.u, self.drive.x0, self.edges)
 
-        That is the best a solver with steps of its own can be given: no input changes within one of its steps.
-        """
-        states = np.empty((self.time.size, 5))
-        states[0] = self.drive.x0
-        for a, b in pairwise(self.edges):
-            states[a : b + 1] = solve(self.time[a : b + 1], states[a], self.drive.u[a])
-        return states
+    @property
+    def table(self) -> tuple[list[float], list[list[float]]]:
+        """The load as breakpoints and coefficients, for `plain.lookup`."""
+        return self.drive.breakpoints.tolist(), self.drive.load.tolist()
+
+    @property
+    def given(self) -> Recording:
+        """What `plain.scipy_position` takes of it."""
+        load = self.actuator.load
+        return Recording(
+            load.breakpoints, load.coefficients, self.time, self.drive.u, self.drive.x0, np.array(self.edges)
+        )
+
+    @property
+    def model(self) -> Model:
+        """The model with the values of `names` free, for a peer that records expressions."""
+        load = self.actuator.load
+        fixed = {name: self.actuator.value(name) for name in WEIGHTS if name not in self.names}
+        return Model(chosen_text(self.values, self.names), self.names, fixed, load.breakpoints, load.coefficients)
 
 
 def sensitivities(problem: Problem, drive: own.Drive) -> Callable[[], FloatArray]:

@@ -7,12 +7,11 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from equations import python_rates
+from equations import python_text
 from peer import FloatArray, Peer, Result, Row, compare
-from problem import FIFTEEN, SEVEN, USUAL, WEIGHTS, Problem, own, sensitivities
-from recorded import casadi_function, casadi_rates, diffrax_states, jax_states, positions
-
-from simulation import TOLERANCE, scipy_peer
+from plain import TOLERANCE, USUAL, WEIGHTS, casadi_rates, scipy_position
+from problem import FIFTEEN, SEVEN, Problem, own, sensitivities
+from recorded import casadi_function, diffrax_states, jax_states, positions
 
 #: The run without derivatives, which stands in the table for its time alone.
 ONE_RUN = "clutchid, without derivatives"
@@ -41,7 +40,7 @@ def cvodes(problem: Problem, checked: bool) -> Callable[[], Result]:
     """CasADi's CVODES with its forward sensitivities; with `checked` (`quad_err_con`) these count in the error test."""
     import casadi as ca
 
-    x, u, q, rate = casadi_rates(problem)
+    x, u, q, rate = casadi_rates(problem.model)
     usual, point, d = ca.DM(USUAL), problem.point, problem.drive
     given = ca.vertcat(u, q)
     ode = ca.substitute(rate, x, x * usual) / usual
@@ -96,15 +95,13 @@ def finite_differences(problem: Problem, step: float | None) -> Callable[[], Res
     """Those of `least_squares` on `solve_ivp` LSODA; `step` is its `diff_step`, None its default of 1.5e-8."""
     from scipy.optimize import least_squares
 
-    point = problem.point
-
-    def position(scale: FloatArray) -> FloatArray:
-        return scipy_peer(problem.at(scale * point), "LSODA")().value[:, 0]  # type: ignore[call-overload,no-any-return]
-
-    python_rates(problem.values)  # SymPy is warm
+    point, position = problem.point, scipy_position(python_text(problem.values), problem.given, "LSODA")
 
     def run() -> Result:
-        return Result(least_squares(position, np.ones(point.size), diff_step=step, max_nfev=1).jac / point)
+        return Result(
+            least_squares(lambda scale: position(scale * point), np.ones(point.size), diff_step=step, max_nfev=1).jac
+            / point
+        )
 
     return run
 

@@ -10,15 +10,13 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from equations import octave_rates, python_rates
+from equations import octave_rates, python_text
 from peer import FloatArray, Peer, Result, Row, compare
-from problem import USUAL, Problem, own
+from plain import TOLERANCE, USUAL, scalar_rates, solve_ivp
+from problem import Problem, own
 from recorded import casadi_function, diffrax_states, jax_states
 
 from clutchid import Log, simulate
-
-#: Relative tolerance of all solvers with steps of their own, and a hundredth of it of the usual size of a state.
-TOLERANCE = 1e-6
 
 
 def kernel(problem: Problem) -> Callable[[], Result]:
@@ -49,19 +47,7 @@ def c(problem: Problem) -> Callable[[], Result]:
 
 def scipy_peer(problem: Problem, method: str) -> Callable[[], Result]:
     """`solve_ivp` on a scalar right-hand side, started anew at every edge of an input."""
-    from scipy.integrate import solve_ivp
-
-    rates = python_rates(problem.values)
-    table = problem.drive.breakpoints.tolist(), problem.drive.load.tolist()
-
-    def solve(time: FloatArray, x: FloatArray, u: FloatArray) -> FloatArray:
-        u_vs, u_ve = map(float, u)
-        solved = solve_ivp(
-            lambda _, at: rates(*at.tolist(), u_vs, u_ve, table), (time[0], time[-1]), x, method, time,
-            rtol=TOLERANCE, atol=TOLERANCE * 1e-2 * USUAL,
-        )  # fmt: skip
-        return solved.y.T
-
+    solve = solve_ivp(scalar_rates(python_text(problem.values)), problem.table, method)
     return lambda: Result(problem.by_pieces(solve))
 
 
@@ -69,8 +55,7 @@ def sundae(problem: Problem) -> Callable[[], Result]:
     """SUNDIALS' CVODE by scikit-sundae on the same right-hand side."""
     from sksundae.cvode import CVODE
 
-    rates = python_rates(problem.values)
-    table = problem.drive.breakpoints.tolist(), problem.drive.load.tolist()
+    rates, table = scalar_rates(python_text(problem.values)), problem.table
 
     def solve(time: FloatArray, x: FloatArray, u: FloatArray) -> FloatArray:
         u_vs, u_ve = map(float, u)
