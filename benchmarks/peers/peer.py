@@ -39,7 +39,10 @@ class Peer(NamedTuple):
 
 
 class Row(NamedTuple):
-    """A line of the table: seconds, quartiles and runs; `ratio` is the time over that of the first peer, by round."""
+    """A line of the table: seconds, quartiles and runs; `ratio` is the time over that of the first peer, by round.
+
+    `more` are further times in s, for which the part has titles.
+    """
 
     part: str
     case: str
@@ -52,6 +55,7 @@ class Row(NamedTuple):
     prepared: float = np.nan
     error: str = ""
     note: str = ""
+    more: tuple[float, ...] = ()
 
 
 #: Runs of a turn, and s after which there is no further one.
