@@ -231,6 +231,7 @@ def compared(case: str, followed: Followed, peers: Sequence[Peer], rounds: int, 
         low, middle, high, *tail = np.quantile(np.concatenate(each), [0.25, 0.5, 0.75, 0.99, 0.999])
         ratio = float(np.median([np.median(a) / b for a, b in zip(each, first, strict=False)]))
         steps, note = sum(map(len, each)), SHARED.get(name, "")
+        tail = [np.nan, np.nan] if note else tail
         rows[name] = rows[name]._replace(
             median=middle, low=low, high=high, runs=steps, ratio=ratio, more=tuple(map(float, tail)), note=note
         )

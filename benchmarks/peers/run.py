@@ -3,8 +3,9 @@
 Same equations, same work, one run of one machine; every row has its error beside its time. Peers that are not installed
 are named as absent; ``pip install -r benchmarks/peers/requirements.txt`` brings those that pip has, beside clutchid.
 
-(a) one simulation, (b) with exact sensitivities, (c) an estimation of three load weights from many starts, (g) reading
-of files. ``--from FILE`` writes the page of a run that ``--json FILE`` kept.
+(a) one simulation, (b) with exact sensitivities, (c) an estimation of three load weights from many starts, (e) one step
+of the observer, (f) a fit from the start of a process, (g) reading of files. ``--from FILE`` writes the page of a run
+that ``--json FILE`` kept. ``--only e,f`` takes about five minutes, with ``--rounds 1`` two.
 """
 
 from __future__ import annotations
@@ -20,23 +21,34 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import cold
 import files
+import observers
 import sensitivities
+from ekf import WARM
+from ekf_in_c import FLAGS
 from peer import Peer, Row
 
 import estimation
 import simulation
 
-PACKAGES = ("clutchid", "numpy", "scipy", "numba", "casadi", "jax", "diffrax", "scikit-sundae", "asammdf", "polars")
+PACKAGES = (
+    "clutchid", "numpy", "scipy", "numba", "casadi", "jax", "diffrax", "scikit-sundae", "filterpy", "archimedes",
+    "asammdf", "polars",
+)  # fmt: skip
 
 
 class Part(NamedTuple):
-    """A part of the comparison: a title, what the reader must know, its rows, and what the targets are held against."""
+    """A part of the comparison: a title, what the reader must know, its rows, and what the targets are held against.
+
+    `more` are the titles of the times that its rows have beside the quartiles.
+    """
 
     title: str
     words: str
     rows: Callable[[argparse.Namespace], list[Row]]
     targets: Callable[[Sequence[Row], argparse.Namespace], list[str]]
+    more: tuple[str, ...] = ()
 
 
 def compared(rows: Sequence[Row], case: str, peer: str) -> float:
@@ -82,6 +94,15 @@ def estimation_targets(rows: Sequence[Row], options: argparse.Namespace) -> list
     return found
 
 
+def observer_targets(rows: Sequence[Row], options: argparse.Namespace) -> list[str]:
+    """The C of Archimedes over that of clutchid."""
+    del options
+    names = [peer.name for peer in observers.IN_C if peer.name.startswith(observers.ARCHIMEDES)]
+    found = [(row.ratio, row.peer) for row in rows if row.peer in names and row.runs]
+    ratio, name = min(found, default=(math.nan, observers.ARCHIMEDES))
+    return [judged(f"{name}, over clutchid's exported C", ratio, 1.0, least=True)]
+
+
 SIMULATION = """The actuator of the paper, five states, on random strokes, holds and releases. Solvers with steps of
 their own have a relative tolerance of 1e-6 and start anew at every edge of an input, the best they can be given; their
 right-hand side is scalar, printed from the same expressions, with numbers for all parameters. clutchid, C, CasADi and
@@ -100,6 +121,25 @@ white noise, each start with noise of its own; the first start is the paper's. A
 within five standard deviations (σ) of the Cramér-Rao bound. clutchid's time has its inspection of the recording,
 covariance and verdict in it, the peers' only the search. The peers are given the true start of the piston, for which
 the bound holds too; clutchid takes it from the rest of 0.3 s before the first stroke."""
+
+OBSERVER = f"""A recording as in (c), of 20 s, followed from the load of the paper: every filter predicts over 1 ms by
+Runge-Kutta and updates by the position, with the same prior and noise, in double. The peers are extended Kalman filters
+of 8 states, 5 of the actuator and 3 load weights, with a covariance of 8 by 8. clutchid's has 6 states, the sixth the
+output of the sensor, and in place of a covariance a root of it with 9 columns, 3 of them for the weights; it takes two
+steps in 1 ms where the actuator is stiff, one elsewhere. It also looks for frozen sensors, holes, outliers and a moved
+rest, and counts strokes. *clutchid, exported C* and all rows from Python correct at every sample and learn while the
+piston rests too, as the peers do; *as shipped* it corrects at every tenth sample, and learns while the piston moves.
+Archimedes is used as its documentation does, with the rates of kind SX, and once with the whole step of that kind;
+filterpy has no derivatives and takes differences. C is compiled by `gcc {" ".join(FLAGS)}`. Each step is timed alone,
+by `clock_gettime` in C and by `perf_counter_ns` in Python; the first {WARM} steps of a pass do not count, and *runs* are
+steps. Error: rms of the pressure in chamber A, and of the load over the stroke at the end, in % of its peak."""
+
+COLD = """The fit of (c) from its first start, from the start of a process to its end: Python, imports, the model,
+what is compiled, and the search. *Cold*, nothing is compiled in advance but the byte code of the packages; *warm* is
+the second process, with what the first one left on disk: clutchid's kernels in its cache, CasADi's library beside the
+script, which looks for it there, and JAX's compilation cache, which is off by default and was switched on. clutchid is
+as a wheel installs it. The peers get the model as printed text and do not import clutchid. *Processor* is the time of
+all processors, with that of the C compiler; wall time is longer than that on a busy machine."""
 
 FILES = """Position, duty cycles and pressure. `clutchid.read` finds the format, the channels and their units, and
 checks time and values, foreign formats in a guarded process of their own; the packages alone are given the names of the
@@ -127,6 +167,17 @@ def estimated(options: argparse.Namespace) -> list[Row]:
     return estimation.rows(starts=options.starts, peers=wanted(estimation.PEERS, options))
 
 
+def observed(options: argparse.Namespace) -> list[Row]:
+    """Rows of part (e)."""
+    peers = (wanted(each, options) for each in (observers.IN_PYTHON, observers.IN_C))
+    return observers.rows(20.0, *peers, rounds=options.rounds)
+
+
+def started(options: argparse.Namespace) -> list[Row]:
+    """Rows of part (f)."""
+    return cold.rows(peers=wanted(cold.PEERS, options), rounds=min(options.rounds, 3))
+
+
 def read(options: argparse.Namespace) -> list[Row]:
     """Rows of part (g)."""
     return files.rows(rounds=options.rounds)
@@ -141,6 +192,8 @@ PARTS = {
     "a": Part("One simulation", SIMULATION, simulated, simulation_targets),
     "b": Part("With exact sensitivities", SENSITIVITIES, differentiated, sensitivity_targets),
     "c": Part("An estimation", ESTIMATION, estimated, estimation_targets),
+    "e": Part("One step of the observer", OBSERVER, observed, observer_targets, ("p99", "p99.9")),
+    "f": Part("From a cold machine and a warm one", COLD, started, no_targets, ("processor",)),
     "g": Part("Reading of files", FILES, read, no_targets),
 }
 
@@ -170,35 +223,41 @@ def machine() -> dict[str, str]:
 
 
 def seconds(value: float) -> str:
-    """A time with a unit of its size."""
-    for unit, factor in (("µs", 1e6), ("ms", 1e3)):
+    """A time with a unit of its size; nothing for one that was not measured."""
+    if math.isnan(value):
+        return ""
+    for unit, factor in (("ns", 1e9), ("µs", 1e6), ("ms", 1e3)):
         if value * factor < 1000:
             return f"{value * factor:.3g} {unit}"
     return f"{value:.4g} s"
 
 
-def table(rows: Sequence[Row]) -> list[str]:
-    """Lines of Markdown, a table a case."""
+def table(rows: Sequence[Row], more: Sequence[str] = ()) -> list[str]:
+    """Lines of Markdown, a table a case; `more` are titles of further times."""
     text: list[str] = []
+    titles = ["", "median", "quartiles", *more, "runs", "over clutchid", "error", "first run", ""]
     for case in dict.fromkeys(row.case for row in rows):
-        text += ["", f"**{case}**", "", "| | median | quartiles | runs | over clutchid | error | first run | |"]
-        text += ["|---|---|---|---|---|---|---|---|"]
+        text += ["", f"**{case}**", "", line(titles), "|" + "---|" * len(titles)]
         for row in rows:
             if row.case == case and not row.runs:
-                text.append(f"| {row.peer} | | | | | | | {row.note} |")
+                text.append(line([row.peer, *[""] * (len(titles) - 2), row.note]))
             elif row.case == case:
                 spread = f"{seconds(row.low)} .. {seconds(row.high)}"
-                text.append(
-                    f"| {row.peer} | {seconds(row.median)} | {spread} | {row.runs} | {row.ratio:.3g} | {row.error} "
-                    f"| {seconds(row.prepared)} | {row.note} |"
-                )
+                times = [seconds(row.median), spread, *map(seconds, row.more)]
+                beside = [f"{row.runs}", f"{row.ratio:.3g}", row.error, seconds(row.prepared), row.note]
+                text.append(line([row.peer, *times, *beside]))
     return text
+
+
+def line(cells: Sequence[str]) -> str:
+    """A row of a table in Markdown."""
+    return "".join(f"| {cell} " if cell else "| " for cell in cells) + "|"
 
 
 INTRODUCTION = """clutchid and what a user would take instead, on the same equations and the same work, each part in one
 run; this page is what the commands below wrote. Times are medians with quartiles, peers run in turn, round after round,
 and a turn of (a), (b) is the least of up to five runs within 0.1 s; a ratio is the median of the rounds' ratios, above
-1 where the peer takes longer; *first run* has what a peer compiles. clutchid's kernels were in its cache. A slow peer
+1 where the peer takes longer; *first run* has what a peer compiles. clutchid's kernels were in its cache, except in (f). A slow peer
 is timed on a shorter recording, and the table says so."""
 
 NOT_AHEAD = """## Where clutchid is not ahead
@@ -211,7 +270,11 @@ NOT_AHEAD = """## Where clutchid is not ahead
   compiling of CasADi (first run) is left out. A recording without a rest before its first stroke starts at its first
   sample, whose noise makes theta_2 and theta_3 less certain than the bound; the intervals do not have it in them.
 - **Files.** Reading takes longer than by the package of the format alone, for what `clutchid.read` does beside it.
-- **Not compared yet:** the observer against Kalman filters of other packages."""
+- **Single samples from Python.** `clutchid.observe` checks each block, watches the sensors and copies its state: a
+  call with one sample takes longer than a step of the peers. It pays from blocks of some ten samples on, and the
+  exported C has no such calls.
+- **The first fit of a new process.** With nothing compiled SciPy has its result first; with everything compiled CasADi
+  has, whose script imports less."""
 
 
 class Found(NamedTuple):
@@ -230,7 +293,7 @@ def page(found: dict[str, Found]) -> str:
         part = found[key]
         versions = ", ".join(f"{name} {value}" for name, value in part.machine.items())
         text += ["", f"## {PARTS[key].title}", "", PARTS[key].words]
-        text += ["", f"`{part.command}` on: {versions}.", *table(part.rows)]
+        text += ["", f"`{part.command}` on: {versions}.", *table(part.rows, PARTS[key].more)]
         text += ["", *(f"- {line}" for line in part.targets)] if part.targets else []
     return "\n".join([*text, "", NOT_AHEAD]) + "\n"
 
@@ -270,6 +333,7 @@ def kept(path: Path) -> dict[str, Found]:
     found = {}
     for key, part in json.loads(path.read_text(encoding="utf-8")).items():
         rows = [Row(**{k: math.nan if v is None else v for k, v in row.items()}) for row in part["rows"]]
+        rows = [row._replace(more=tuple(math.nan if v is None else v for v in row.more)) for row in rows]
         found[key] = Found(**(part | {"rows": rows}))
     return found
 

@@ -1,9 +1,11 @@
 """The comparison with other packages: each peer solves the equations, and the page has a row for all of them."""
 
+import math
 import sys
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytestmark = pytest.mark.slow
@@ -40,3 +42,25 @@ def test_the_page_names_a_peer_that_is_not_installed_as_absent(peers):
     page = run.page({"a": run.Found("command", {"Python": "3"}, rows, [])})
     assert "absent: no_such_package not installed" in page
     assert "| clutchid, compiled loop |" in page
+
+
+def test_the_model_without_branches_has_the_rates_of_the_model(peers):
+    problem, plain, equations = peers("problem").Problem(0.1), peers("plain"), peers("equations")
+    expected = plain.scalar_rates(equations.python_text(problem.values))
+    choose = plain.Operations(math.sqrt, max, lambda condition, yes, no: yes if condition else no)
+    found, random = problem.model.rates(choose), np.random.default_rng(0)
+    low, high = [-1e-3, -0.3, 1.0e5, 0.8e5, -2e-4], [26e-3, 0.3, 9.1e5, 1.3e5, 2e-4]
+    for _ in range(200):
+        x, u = random.uniform(low, high).tolist(), random.uniform(0.0, 1.0, 2).tolist()
+        assert found(x, u, []) == pytest.approx(expected(*x, *u, problem.table), rel=1e-12)
+
+
+def test_the_exported_c_follows_as_the_observer_does_and_the_page_has_its_slowest_steps(peers):
+    run, observers, peer = peers("run"), peers("observers"), peers("peer")
+    chosen = (observers.IN_PYTHON[2], observers.IN_C[0], peer.Peer("none", ("no_such_package",), observers.whole))
+    rows = observers.compared("2 s", peers("ekf").Followed(2.0), chosen, rounds=1, budget=1.0)
+    page = run.page({"e": run.Found("command", {"Python": "3"}, rows, [])})
+    assert "| p99 | p99.9 |" in page
+    assert "absent: no_such_package not installed" in page
+    assert not rows[1].note.startswith("failed")
+    assert rows[0].error == rows[1].error
