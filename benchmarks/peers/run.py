@@ -131,8 +131,8 @@ rest, and counts strokes. *clutchid, exported C* and all rows from Python correc
 piston rests too, as the peers do; *as shipped* it corrects at every tenth sample, and learns while the piston moves.
 Archimedes is used as its documentation does, with the rates of kind SX, and once with the whole step of that kind;
 filterpy has no derivatives and takes differences. C is compiled by `gcc {" ".join(FLAGS)}`. Each step is timed alone,
-by `clock_gettime` in C and by `perf_counter_ns` in Python; the first {WARM} steps of a pass do not count, and *runs* are
-steps. Error: rms of the pressure in chamber A, and of the load over the stroke at the end, in % of its peak."""
+by `clock_gettime` in C and by `perf_counter_ns` in Python; the first {WARM} steps of a pass do not count, and *runs*
+are steps. Error: rms of the pressure in chamber A, and of the load over the stroke at the end, in % of its peak."""
 
 COLD = """The fit of (c) from its first start, from the start of a process to its end: Python, imports, the model,
 what is compiled, and the search. *Cold*, nothing is compiled in advance but the byte code of the packages; *warm* is
@@ -257,8 +257,8 @@ def line(cells: Sequence[str]) -> str:
 INTRODUCTION = """clutchid and what a user would take instead, on the same equations and the same work, each part in one
 run; this page is what the commands below wrote. Times are medians with quartiles, peers run in turn, round after round,
 and a turn of (a), (b) is the least of up to five runs within 0.1 s; a ratio is the median of the rounds' ratios, above
-1 where the peer takes longer; *first run* has what a peer compiles. clutchid's kernels were in its cache, except in (f). A slow peer
-is timed on a shorter recording, and the table says so."""
+1 where the peer takes longer; *first run* has what a peer compiles. clutchid's kernels were in its cache, except in
+(f). A slow peer is timed on a shorter recording, and the table says so."""
 
 NOT_AHEAD = """## Where clutchid is not ahead
 
@@ -268,7 +268,7 @@ NOT_AHEAD = """## Where clutchid is not ahead
   of recording that takes many times as long as the loop itself.
 - **Estimation.** A search by `least_squares` on compiled CasADi is nearer than the target of ten times, where the
   compiling of CasADi (first run) is left out. A recording without a rest before its first stroke starts at its first
-  sample, whose noise makes theta_2 and theta_3 less certain than the bound; the intervals do not have it in them.
+  sample, whose noise makes theta_2 and theta_3 less certain than the bound; the intervals say so.
 - **Files.** Reading takes longer than by the package of the format alone, for what `clutchid.read` does beside it.
 - **Single samples from Python.** `clutchid.observe` checks each block, watches the sensors and copies its state: a
   call with one sample takes longer than a step of the peers. It pays from blocks of some ten samples on, and the
