@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from equations import python_text
 from peer import FloatArray, Peer, Row
-from plain import WEIGHTS, scipy_position, searched
+from plain import WEIGHTS, casadi_search, scipy_position, searched
 from problem import NOISE, THETA, Problem, recording
-from recorded import casadi_function, jax_states
+from recorded import casadi_library, jax_states
 
 from clutchid import Actuator, Load, Log, fit
 
@@ -54,16 +54,8 @@ def posed_search(
 
 def casadi_peer(problem: Problem) -> Estimate:
     """`least_squares` on CasADi's compiled Runge-Kutta; residuals take a function without derivatives."""
-    run, plain = (casadi_function(problem, True, columns) for columns in (True, False))
-    zero = problem.drive.x0[0]
-
-    def position(theta: FloatArray) -> FloatArray:
-        return np.concatenate([[zero], plain(theta)[0]])
-
-    def jacobian(theta: FloatArray) -> FloatArray:
-        return np.vstack([np.zeros(3), run(theta)[5::5].T])
-
-    return posed_search(position, jacobian)
+    estimate = casadi_search(NOISE, casadi_library(problem), casadi_library(problem, columns=False))
+    return lambda log, start: estimate(log["position"], start)
 
 
 def jax_peer(problem: Problem) -> Estimate:

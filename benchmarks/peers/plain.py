@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
 from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
@@ -274,3 +275,49 @@ def searched(
         return found
 
     return estimate
+
+
+class Library(NamedTuple):
+    """A run over all samples as compiled C of CasADi: the file, its sizes, and what it starts from."""
+
+    path: str
+    sizes: tuple[int, int, int, int]
+    start: FloatArray
+    inputs: FloatArray
+
+
+def linked(library: Library) -> Callable[[FloatArray], FloatArray]:
+    """The run as a function of the free values, called with our own arrays, without conversions."""
+    whole = ctypes.CDLL(library.path).whole
+    start, inputs = library.start, np.asfortranarray(library.inputs)
+    arguments, results = (ctypes.c_void_p * library.sizes[0])(), (ctypes.c_void_p * library.sizes[1])()
+    whole_iw, whole_w = np.zeros(max(library.sizes[2], 1), np.int64), np.zeros(max(library.sizes[3], 1))
+    out = np.zeros((start.size, inputs.shape[1]), order="F")
+
+    def run(point: FloatArray) -> FloatArray:
+        q = np.ascontiguousarray(point, float)
+        arguments[0], arguments[1], arguments[2] = start.ctypes.data, inputs.ctypes.data, q.ctypes.data
+        results[0] = out.ctypes.data
+        failed = whole(
+            arguments, results, ctypes.c_void_p(whole_iw.ctypes.data), ctypes.c_void_p(whole_w.ctypes.data), 0
+        )
+        if failed:
+            raise RuntimeError(f"CasADi's C returned {failed}.")
+        return out
+
+    return run
+
+
+def casadi_search(
+    noise: float, with_columns: Library, without: Library
+) -> Callable[[FloatArray, FloatArray], FloatArray]:
+    """`searched` on CasADi's compiled Runge-Kutta; residuals take a function without derivatives."""
+    run, plain, zero = linked(with_columns), linked(without), without.start[0]
+
+    def position(theta: FloatArray) -> FloatArray:
+        return np.concatenate([[zero], plain(theta)[0]])
+
+    def jacobian(theta: FloatArray) -> FloatArray:
+        return np.vstack([np.zeros(3), run(theta)[5::5].T])
+
+    return searched(noise, position, jacobian)

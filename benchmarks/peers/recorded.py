@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import subprocess
 import tempfile
 from collections.abc import Callable
@@ -11,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from peer import FloatArray, Result
-from plain import casadi_run, jax_rates, jax_run
+from plain import Library, casadi_run, jax_rates, jax_run, linked
 from problem import Problem
 
 
@@ -23,21 +22,27 @@ def casadi_function(problem: Problem, compiled: bool, columns: bool = True) -> C
     """
     import casadi as ca
 
-    steps, k, n = int(problem.drive.substeps[0]), len(problem.names), problem.time.size - 1
-    columns = columns and k > 0
-    whole = casadi_run(problem.model, "whole", n, 1 / problem.rate / steps, steps, columns)
-    start = np.concatenate([problem.drive.x0, np.zeros(5 * k if columns else 0)])
-    inputs = np.asfortranarray(problem.drive.u[:-1].T)
     if compiled:
-        return _linked(whole, start, inputs, n)
+        return linked(casadi_library(problem, columns))
+    whole, start, inputs = _casadi_run(problem, columns)
     given = ca.DM(start), ca.DM(inputs)
     return lambda point: whole(*given, ca.DM(point)).full()
 
 
-def _linked(whole: Any, start: FloatArray, inputs: FloatArray, n: int) -> Callable[[FloatArray], FloatArray]:
-    """CasADi's C of a function, compiled as the limit is and called with our own arrays, without conversions."""
+def _casadi_run(problem: Problem, columns: bool) -> tuple[Any, FloatArray, FloatArray]:
+    """The run over all samples as a function of CasADi, the states that it starts from, and the inputs by column."""
+    steps, k, n = int(problem.drive.substeps[0]), len(problem.names), problem.time.size - 1
+    columns = columns and k > 0
+    whole = casadi_run(problem.model, "whole", n, 1 / problem.rate / steps, steps, columns)
+    start = np.concatenate([problem.drive.x0, np.zeros(5 * k if columns else 0)])
+    return whole, start, np.asfortranarray(problem.drive.u[:-1].T)
+
+
+def casadi_library(problem: Problem, columns: bool = True) -> Library:
+    """The run of `casadi_function` as CasADi's C, compiled as the limit is."""
     import casadi as ca
 
+    whole, start, inputs = _casadi_run(problem, columns)
     folder = Path(tempfile.mkdtemp())
     maker = ca.CodeGenerator("whole.c")
     maker.add(whole)
@@ -45,24 +50,8 @@ def _linked(whole: Any, start: FloatArray, inputs: FloatArray, n: int) -> Callab
     flags = ("-O3", "-march=native", "-ffast-math", "-fPIC")
     subprocess.run(["gcc", *flags, "-w", "-c", "whole.c"], cwd=folder, check=True)
     subprocess.run(["gcc", "-shared", "-o", "whole.so", "whole.o", "-lm"], cwd=folder, check=True)
-    library = ctypes.CDLL(str(folder / "whole.so"))
-    sizes = [whole.sz_arg(), whole.sz_res(), whole.sz_iw(), whole.sz_w()]
-    arguments, results = (ctypes.c_void_p * sizes[0])(), (ctypes.c_void_p * sizes[1])()
-    whole_iw, whole_w = np.zeros(max(sizes[2], 1), np.int64), np.zeros(max(sizes[3], 1))
-    out = np.zeros((start.size, n), order="F")
-
-    def run(point: FloatArray) -> FloatArray:
-        q = np.ascontiguousarray(point, float)
-        arguments[0], arguments[1], arguments[2] = start.ctypes.data, inputs.ctypes.data, q.ctypes.data
-        results[0] = out.ctypes.data
-        failed = library.whole(
-            arguments, results, ctypes.c_void_p(whole_iw.ctypes.data), ctypes.c_void_p(whole_w.ctypes.data), 0
-        )
-        if failed:
-            raise RuntimeError(f"CasADi's C returned {failed}.")
-        return out
-
-    return run
+    sizes = whole.sz_arg(), whole.sz_res(), whole.sz_iw(), whole.sz_w()
+    return Library(str(folder / "whole.so"), sizes, start, inputs)
 
 
 def jax_states(problem: Problem) -> Callable[[Any], Any]:
