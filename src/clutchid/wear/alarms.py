@@ -7,7 +7,7 @@ from datetime import datetime
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from clutchid.estimation.assess.comparison import Measurement
 from clutchid.log import FloatArray
@@ -65,7 +65,7 @@ def rest_moves(
     replaced
         Numbers of the recordings before which the load became that of a new clutch.
     """
-    z = float(stats.norm.ppf(1.0 - FALSE_ALARMS / 2.0))
+    z = float(special.ndtri(1.0 - FALSE_ALARMS / 2.0))
     found: list[RestMove] = []
     base = before = None
     for k, rest in enumerate(rests):

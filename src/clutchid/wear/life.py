@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from clutchid.log import FloatArray
 from clutchid.numerics.interval import QUANTILE
@@ -59,7 +59,7 @@ def remaining(name: str, mean: FloatArray, covariance: FloatArray, limit: float,
     value = mean[0] + mean[1] * ahead
     noise = np.array([growth_noise(name, life, float(ds))[0, 0] for ds in ahead])
     variance = covariance[0, 0] + 2 * ahead * covariance[0, 1] + ahead**2 * covariance[1, 1] + noise
-    reached = np.maximum.accumulate(stats.norm.cdf(sign * (value - limit) / np.sqrt(variance)))
+    reached = np.maximum.accumulate(special.ndtr(sign * (value - limit) / np.sqrt(variance)))
     return Remaining(*(_first(reached, ahead, quantile) for quantile in QUANTILES))
 
 

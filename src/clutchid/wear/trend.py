@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from clutchid.estimation.assess.comparison import SHARES, WORTH, Measurement
 from clutchid.log import FloatArray
@@ -233,7 +233,7 @@ class _Used(NamedTuple):
 
     def limit(self, values: int) -> float:
         """Deviance of `values` values that `FALSE_ALARMS` of them exceed, the noise being known as well as it is."""
-        return values * float(stats.f.ppf(1.0 - FALSE_ALARMS, values, WORTH + self.number))
+        return values * float(special.fdtri(values, WORTH + self.number, 1.0 - FALSE_ALARMS))
 
 
 class _Corrected(NamedTuple):
