@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import AsyncIterator, Collection, Iterable
+from collections.abc import AsyncGenerator, Collection, Iterable
+from contextlib import aclosing
 from pathlib import Path
 
 from clutchid.app.folder import free_bytes
@@ -74,7 +75,7 @@ def check_size(name: str, length: str | None, folder: Path) -> int:
     return size
 
 
-async def receive(chunks: AsyncIterator[bytes], path: Path, size: int) -> None:
+async def receive(chunks: AsyncGenerator[bytes, None], path: Path, size: int) -> None:
     """Write an upload to a new file; where it breaks off, or has another size, nothing is left.
 
     Raises
@@ -85,11 +86,12 @@ async def receive(chunks: AsyncIterator[bytes], path: Path, size: int) -> None:
     done = 0
     try:
         with path.open("xb") as file:
-            async for chunk in chunks:
-                done += len(chunk)
-                if done > size:
-                    break
-                file.write(chunk)
+            async with aclosing(chunks):  # it may end before they do
+                async for chunk in chunks:
+                    done += len(chunk)
+                    if done > size:
+                        break
+                    file.write(chunk)
     except OSError as error:
         path.unlink(missing_ok=True)
         raise DataError(f"{path.name}: could not be kept ({reason_of(error)}).") from error
