@@ -371,7 +371,7 @@ def _another_comment(source, _brought, _monkeypatch):
 
 def _another_sympy(_source, _brought, monkeypatch):
     known = cache.version
-    monkeypatch.setattr(cache, "version", lambda name: "1.13.0" if name == "sympy" else known(name))
+    monkeypatch.setattr(cache, "version", lambda name: known(name) + (".post1" if name == "sympy" else ""))
 
 
 def _damage(_source, brought, _monkeypatch):
