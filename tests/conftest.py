@@ -6,6 +6,7 @@ from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,6 +37,15 @@ ROOT = HERE.parent
 # The same examples on every run, and nothing left on disk; an example may take long when the machine is busy.
 settings.register_profile("clutchid", derandomize=True, database=None, deadline=None)
 settings.load_profile("clutchid")
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """All tests of a file in one worker, so that its fixtures (a site, a fleet, a calibration) are made once."""
+    from xdist.scheduler import LoadFileScheduling
+
+    return LoadFileScheduling(config, log)
+
 
 #: Load of the synthetic recordings in N/m: all three weights are at work, theta_2 is negative as in Table 1.
 THETA = (9.0e5, -0.3e5, 0.6e5)

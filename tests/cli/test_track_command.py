@@ -3,6 +3,8 @@
 import csv
 import json
 import shutil
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
 
 import numpy as np
 import polars as pl
@@ -46,11 +48,19 @@ def run(folder, *options, recordings="V1"):
     return called("track", folder / recordings, "--start", folder / "cal.toml", *options)
 
 
-def test_the_life_of_a_clutch_is_tracked(folder, capsys, monkeypatch):
-    monkeypatch.setattr("clutchid.cli.common.EVERY", 0.0)
+@pytest.fixture(scope="module")
+def told(folder):
+    """What a run of one worker prints on standard output and on standard error."""
     files = ("--out", folder / "wear.parquet", "--report", folder / "wear.html", "--table", folder / "table.csv")
-    assert run(folder, *files, "--limit", "0.2") == 0
-    shown, said = capsys.readouterr()
+    shown, said = StringIO(), StringIO()
+    with pytest.MonkeyPatch.context() as changed, redirect_stdout(shown), redirect_stderr(said):
+        changed.setattr("clutchid.cli.common.EVERY", 0.0)
+        assert run(folder, *files, "--limit", "0.2") == 0
+    return shown.getvalue(), said.getvalue()
+
+
+def test_the_life_of_a_clutch_is_tracked(folder, told):
+    shown, said = told
     assert "track: 8 of 8 recordings, " in said
     assert "6 of 9 count" in shown
     assert "2 without a measurement (bad_input)" in shown
@@ -76,16 +86,15 @@ def test_the_life_of_a_clutch_is_tracked(folder, capsys, monkeypatch):
     assert "http" not in page.replace("http://www.w3.org", "").replace("http-equiv", "")
 
 
-def test_the_object_has_the_keys_of_every_result(folder, capsys):
-    table = ("--table", folder / "table.csv")
-    assert run(folder, "--out", folder / "again.parquet", *table, "--json", "--workers", 2) == 0
+def test_the_object_has_the_keys_of_every_result_and_two_workers_the_same_table(folder, told, capsys):
+    options = ("--table", folder / "table.csv", "--limit", "0.2", "--json", "--workers", 2)
+    assert run(folder, "--out", folder / "again.parquet", *options) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["status"] == "warning"
     assert found["wear"]["vehicle"] == "V1"
     assert found["wear"]["alarms"][0]["kind"] == "replaced"
     assert found["logs"]["r9"]["status"] == "bad_input"
-    assert run(folder, "--out", folder / "alone.parquet", *table) == 0
-    assert (folder / "again.parquet").read_bytes() == (folder / "alone.parquet").read_bytes()
+    assert (folder / "again.parquet").read_bytes() == (folder / "wear.parquet").read_bytes()
 
 
 @pytest.mark.parametrize(
