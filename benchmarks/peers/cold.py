@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import octave
 from equations import chosen_text, python_text
 from peer import FloatArray, Peer, Row
 from plain import WEIGHTS
@@ -48,24 +49,21 @@ def installed(folder: Path) -> None:
 
 
 def files(problem: Problem, folder: Path) -> None:
-    """The recording, the model as text, and the program in `folder`."""
-    given, log = problem.given, noisy(problem, 0)
-    np.savez(
-        folder / "given.npz", **given._asdict(), measured=log["position"], noise=NOISE, start=drawn_starts(1)[0]
-    )  # fmt: skip
+    """The recording, the model as text, and the programs in `folder`."""
+    given, measured, start = problem.given, noisy(problem, 0)["position"], drawn_starts(1)[0]
+    np.savez(folder / "given.npz", **given._asdict(), measured=measured, noise=NOISE, start=start)
+    octave.write_search(problem, folder, measured, start)
     (folder / "rates.py").write_text(python_text(problem.values), encoding="utf-8")
     (folder / "chosen.py").write_text(chosen_text(problem.values, WEIGHTS), encoding="utf-8")
     for name in ("fresh.py", "plain.py"):
         shutil.copy(Path(__file__).with_name(name), folder)
 
 
-def process(name: str, folder: Path, installation: Path) -> Process:
-    """`fresh.py` for a peer in a folder, which keeps what is compiled."""
+def process(command: Sequence[str], folder: Path, installation: Path) -> Process:
+    """The program of a peer in a folder, which keeps what is compiled."""
     own = {"PYTHONPATH": str(installation), "CLUTCHID_CACHE": str(folder / "cache")}
     begin, used = time.perf_counter(), _processor()
-    done = subprocess.run(
-        [sys.executable, "fresh.py", name], cwd=folder, env=os.environ | own, check=True, capture_output=True, text=True
-    )
+    done = subprocess.run(command, cwd=folder, env=os.environ | own, check=True, capture_output=True, text=True)
     return Process(time.perf_counter() - begin, _processor() - used, np.array(done.stdout.split(), float))
 
 
@@ -75,17 +73,22 @@ def _processor() -> float:
     return times.children_user + times.children_system
 
 
-def peer(name: str) -> Callable[[Problem], Callable[[Path, Path], Process]]:
-    """A peer of `fresh.py`, prepared."""
-    return lambda _problem: partial(process, name)
+def peer(*command: str) -> Callable[[Problem], Callable[[Path, Path], Process]]:
+    """A peer that is a program, prepared."""
+    return lambda _problem: partial(process, command)
+
+
+def fresh(name: str) -> Callable[[Problem], Callable[[Path, Path], Process]]:
+    """A peer of `fresh.py`."""
+    return peer(sys.executable, "fresh.py", name)
 
 
 PEERS = (
-    Peer("clutchid.fit", (), peer("clutchid")),
-    Peer("SciPy LSODA, least_squares", ("scipy",), peer("scipy")),
-    Peer("CasADi compiled, least_squares", ("casadi", "gcc"), peer("casadi")),
-    Peer("JAX, least_squares", ("jax",), peer("jax")),
-    Peer("Octave ode45, lsqnonlin", ("octave-optim",), peer("octave")),
+    Peer("clutchid.fit", (), fresh("clutchid")),
+    Peer("SciPy LSODA, least_squares", ("scipy",), fresh("scipy")),
+    Peer("CasADi compiled, least_squares", ("casadi", "gcc"), fresh("casadi")),
+    Peer("JAX, least_squares", ("jax",), fresh("jax")),
+    Peer("Octave ode45, lsqnonlin", ("octave-optim",), peer(*octave.COMMAND, "search.m")),
 )
 
 

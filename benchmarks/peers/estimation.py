@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import octave
 from equations import python_text
 from peer import FloatArray, Peer, Row
-from plain import WEIGHTS, casadi_search, scipy_position, searched
+from plain import STATES, UNIT, WEIGHTS, casadi_search, jax_rates, scipy_position, searched
 from problem import NOISE, THETA, Problem, recording
 from recorded import casadi_library, jax_states
 
@@ -74,6 +77,48 @@ def scipy_search(problem: Problem, method: str) -> Estimate:
     return posed_search(scipy_position(python_text(problem.values), problem.given, method))
 
 
+def aeroid_peer(problem: Problem) -> Estimate:
+    """`aeroid.identify` with the exact Jacobian of its loop of JAX, which it compiles anew for every recording.
+
+    Its inputs are straight lines between samples: a sample 1 µs before every edge holds the one before. Its parameters
+    are divided by their start, and a weight may start at 0: 1 stands for that.
+    """
+    import aeroid
+    import jax.numpy as jnp
+
+    rates, edges, d = jax_rates(problem.model), np.array(problem.edges[1:-1]), problem.drive
+    shift = dict(zip(WEIGHTS, (0.0, 1.0, 1.0), strict=True))
+
+    def dynamics(_: float, x: FloatArray, u: FloatArray, p: Mapping[str, float]) -> FloatArray:
+        found: FloatArray = rates(x, u, jnp.stack([(p[name] - shift[name]) * UNIT for name in WEIGHTS]))
+        return found
+
+    def estimate(log: Log, start: FloatArray) -> FloatArray:
+        guess = {name: value / UNIT + shift[name] for name, value in zip(WEIGHTS, start, strict=True)}
+        model = aeroid.Model(STATES, ("supply", "exhaust"), guess, dynamics)
+        held = {"supply": d.u[:, 0], "exhaust": d.u[:, 1], "y": log["position"]}
+        channels = {name: np.insert(a, edges, a[edges - (name != "y")]) for name, a in held.items()}
+        data = aeroid.FlightData(np.insert(problem.time, edges, problem.time[edges] - 1e-6), channels)
+        found = aeroid.identify(
+            model, data, WEIGHTS, gradient="jax", outputs=["y"], weights={"y": 1 / NOISE}, x0=d.x0,
+            bounds={name: (shift[name], np.inf) for name in ("theta_1", "theta_3")},
+        )  # fmt: skip
+        return np.array([(found.parameters[name] - shift[name]) * UNIT for name in WEIGHTS])
+
+    return estimate
+
+
+def octave_search(problem: Problem) -> Estimate:
+    """`lsqnonlin` of GNU Octave on its `ode45`; the half second in which its process starts counts."""
+    folder = Path(tempfile.mkdtemp())
+
+    def estimate(log: Log, start: FloatArray) -> FloatArray:
+        octave.write_search(problem, folder, log["position"], start)
+        return np.array(octave.printed(folder, "search.m").split(), float)
+
+    return estimate
+
+
 #: `longest` is the number of starts here.
 PEERS = (
     Peer("clutchid.fit", (), clutchid),
@@ -81,7 +126,8 @@ PEERS = (
     Peer("JAX, least_squares", ("jax",), jax_peer),
     Peer("SciPy LSODA, least_squares", ("scipy",), partial(scipy_search, method="LSODA"), 1),
     Peer("SciPy RK45, least_squares", ("scipy",), partial(scipy_search, method="RK45"), 1),
-    Peer("Octave ode45, lsqnonlin", ("octave-optim",), clutchid, 1),
+    Peer("AeroID, output error, gradient of JAX", ("aeroid", "jax"), aeroid_peer),
+    Peer("Octave ode45, lsqnonlin", ("octave-optim",), octave_search, 1),
 )
 
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import importlib.util
 import shutil
+import subprocess
 import time
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,8 +26,8 @@ class Result(NamedTuple):
 class Peer(NamedTuple):
     """Something a user would take instead.
 
-    `needs` are modules or programs; `prepare` takes a problem and returns the run that is timed, so that compiling is
-    not timed with it. A problem longer than `longest` s is shortened to that, and its time is scaled.
+    `needs` are modules, programs, and packages of Octave; `prepare` takes a problem and returns the run that is timed,
+    so that compiling is not timed with it. A problem longer than `longest` s is shortened to that, and its time scaled.
     """
 
     name: str
@@ -35,7 +37,19 @@ class Peer(NamedTuple):
 
     def missing(self) -> list[str]:
         """Those of `needs` that are not installed."""
-        return [n for n in self.needs if importlib.util.find_spec(n) is None and shutil.which(n) is None]
+        return [name for name in self.needs if not installed(name)]
+
+
+@cache
+def installed(name: str) -> bool:
+    """Whether a module, a program or, as `octave-NAME`, a package of Octave is on this machine."""
+    package = name.removeprefix("octave-")
+    if package not in (name, "cli"):
+        if shutil.which("octave-cli") is None:
+            return False
+        load = ["octave-cli", "--norc", "--quiet", "--eval", f"pkg load {package}"]
+        return subprocess.run(load, check=False, capture_output=True).returncode == 0
+    return importlib.util.find_spec(name) is not None or shutil.which(name) is not None
 
 
 class Row(NamedTuple):

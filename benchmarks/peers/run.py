@@ -36,7 +36,7 @@ import simulation
 
 PACKAGES = (
     "clutchid", "numpy", "scipy", "numba", "casadi", "jax", "diffrax", "scikit-sundae", "filterpy", "archimedes",
-    "asammdf", "polars",
+    "aeroid", "asammdf", "polars",
 )  # fmt: skip
 
 

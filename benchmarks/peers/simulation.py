@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import re
-import subprocess
 import tempfile
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-from equations import octave_rates, python_text
+import octave
+from equations import python_text
 from peer import FloatArray, Peer, Result, Row, compare
 from plain import TOLERANCE, USUAL, scalar_rates, solve_ivp
 from problem import Problem, own
@@ -71,51 +70,14 @@ def sundae(problem: Problem) -> Callable[[], Result]:
     return lambda: Result(problem.by_pieces(solve))
 
 
-OCTAVE = r"""
-1;
-f = fopen('time'); time = fread(f, Inf, 'double'); fclose(f);
-f = fopen('inputs'); u = fread(f, [2, Inf], 'double'); fclose(f);
-f = fopen('edges'); edges = fread(f, Inf, 'double') + 1; fclose(f);
-table.b = BREAKPOINTS; table.c = COEFFICIENTS;
-options = odeset('RelTol', RTOL, 'AbsTol', ATOL);
-states = zeros(numel(time), 5); states(1, :) = START;
-clock = tic;
-for k = 1:numel(edges) - 1
-    a = edges(k); b = edges(k + 1); v = u(1, a); w = u(2, a);
-    [t, x] = ode45(@(t, x) rates(x, v, w, table), time(a:b), states(a, :)', options);
-    if (b == a + 1) x = x([1, end], :); end
-    states(a:b, :) = x;
-end
-printf('seconds %.9f\n', toc(clock));
-f = fopen('states', 'w'); fwrite(f, states', 'double'); fclose(f);
-"""
-
-
-def octave(problem: Problem) -> Callable[[], Result]:
+def octave_peer(problem: Problem) -> Callable[[], Result]:
     """GNU Octave's `ode45`, in a process of its own that measures itself, so without its start."""
-    folder, d = Path(tempfile.mkdtemp()), problem.drive
-
-    def matrix(rows: FloatArray) -> str:
-        return "[" + "; ".join(" ".join(map(repr, map(float, row))) for row in np.atleast_2d(rows)) + "]"
-
-    (folder / "rates.m").write_text(octave_rates(problem.values))
-    numbers = {
-        "BREAKPOINTS": matrix(d.breakpoints), "COEFFICIENTS": matrix(d.load), "RTOL": repr(TOLERANCE),
-        "ATOL": matrix(TOLERANCE * 1e-2 * USUAL), "START": matrix(d.x0),
-    }  # fmt: skip
-    (folder / "run.m").write_text(re.sub("|".join(numbers), lambda found: numbers[found[0]], OCTAVE))
-    problem.time.tofile(folder / "time")
-    np.ascontiguousarray(d.u).tofile(folder / "inputs")
-    np.array(problem.edges, float).tofile(folder / "edges")
+    folder = Path(tempfile.mkdtemp())
+    octave.write_simulation(problem, folder)
 
     def run() -> Result:
-        done = subprocess.run(
-            ["octave-cli", "--norc", "--quiet", "run.m"], cwd=folder, check=False, capture_output=True, text=True
-        )
-        found = re.search(r"seconds ([\d.]+)", done.stdout)
-        if found is None:
-            raise RuntimeError(done.stderr[-200:])
-        return Result(np.fromfile(folder / "states").reshape(-1, 5), float(found[1]))
+        seconds = float(octave.printed(folder, "once.m").removeprefix("seconds "))
+        return Result(np.fromfile(folder / "states").reshape(-1, 5), seconds)
 
     return run
 
@@ -154,7 +116,7 @@ PEERS = (
     Peer("SciPy, LSODA", ("scipy",), partial(scipy_peer, method="LSODA"), 1.5),
     Peer("SciPy, RK45", ("scipy",), partial(scipy_peer, method="RK45"), 1.5),
     Peer("SciPy, Radau", ("scipy",), partial(scipy_peer, method="Radau"), 1.5),
-    Peer("Octave, ode45", ("octave-cli",), octave, 1.5),
+    Peer("Octave, ode45", ("octave-cli",), octave_peer, 1.5),
 )
 
 #: Lengths in s and rates in Hz.
