@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
@@ -129,16 +129,17 @@ class Kernels:
 
 
 @pytest.fixture(scope="session")
-def compiled(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[System], Kernels]]:
+def compiled(tmp_path_factory: pytest.TempPathFactory) -> Callable[[System], Kernels]:
     """Builds kernels of a system in a folder of this session."""
     done: dict[str, Kernels] = {}
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("CLUTCHID_CACHE", str(tmp_path_factory.mktemp("kernels")))
+    folder = tmp_path_factory.mktemp("kernels")
 
-        def build(system: System) -> Kernels:
-            if system.name not in done:
+    def build(system: System) -> Kernels:
+        if system.name not in done:
+            with pytest.MonkeyPatch.context() as patch:  # no longer: later tests would compile all models anew
+                patch.setenv("CLUTCHID_CACHE", str(folder))
                 module = load_module(system.name, [Path(__file__)], lambda: numba_source(system))
-                done[system.name] = Kernels(system, module)
-            return done[system.name]
+            done[system.name] = Kernels(system, module)
+        return done[system.name]
 
-        yield build
+    return build
