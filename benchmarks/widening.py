@@ -25,6 +25,7 @@ import numpy as np
 
 from clutchid import DataError, Fit, Prior, SolveError, fit
 from clutchid.estimation.fit import MethodName
+from clutchid.estimation.parameter_file import ParameterFile
 from clutchid.log import INPUTS
 from clutchid.study.proving.ground import SECONDS, STROKES
 from clutchid.study.proving.scores import Answer, score
@@ -156,7 +157,9 @@ def seeds(number: int) -> list[int]:
     return drawn
 
 
-def reading(worn: Drive, without: Sequence[str], once: Fit, wanted: Mapping[str, Any]) -> Reading | None:
+def reading(
+    worn: Drive, without: Sequence[str], once: Fit | ParameterFile, wanted: Mapping[str, Any]
+) -> Reading | None:
     """The load of a worn clutch from position alone, against the truth; None if it is refused or the search fails."""
     begin = time.perf_counter()
     try:

@@ -1,6 +1,7 @@
 """A recording of a worn clutch that is observed in many ways, and what is observed in its file."""
 
 import json
+import subprocess
 
 import polars as pl
 import pytest
@@ -29,6 +30,19 @@ def folder(tmp_path_factory, plant, recorded_by):
     outputs = ("--out", made / "file" / "est.parquet", "--save", made / "file" / "state.toml")
     assert called("observe", made / "worn.csv", "--start", made / "cal.toml", *outputs) == 0
     return made
+
+
+@pytest.fixture
+def command(capsys, monkeypatch):
+    """Call a command in this process, in a folder; its exit code and what it printed, as of a process of its own."""
+
+    def run(*arguments, cwd=None):
+        if cwd is not None:
+            monkeypatch.chdir(cwd)
+        capsys.readouterr()
+        return subprocess.CompletedProcess(arguments, called(*arguments), *capsys.readouterr())
+
+    return run
 
 
 @pytest.fixture

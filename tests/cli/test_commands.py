@@ -1,4 +1,4 @@
-"""The command line as a user meets it: real processes, exit codes, one JSON object, nothing half-written."""
+"""The command line as a user meets it: exit codes, one JSON object, nothing half-written; some as real processes."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +19,8 @@ from clutchid.estimation.assess import evidence
 from fixtures.commands import called, process
 
 pytestmark = pytest.mark.slow
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
 
 KEYS = {"status", "message", "parameters", "load_curve", "errors", "logs", "warnings"}
 EXAMPLE = Path(clutchid.__file__).parent / "study/paper/data/truck1_calibration.csv"
@@ -40,8 +43,8 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_fit_finds_the_load_and_prints_one_json_object(recording: Path) -> None:
-    done = process("fit", recording, "--json")
+def test_fit_finds_the_load_and_prints_one_json_object(command: Command, recording: Path) -> None:
+    done = command("fit", recording, "--json")
     assert done.returncode == 0, done.stderr
     answer = json.loads(done.stdout)
     assert answer.keys() >= KEYS
@@ -75,9 +78,9 @@ def test_a_saved_fit_starts_a_fit_and_a_simulation(recording: Path, tmp_path: Pa
     assert rms == pytest.approx(3e-5, rel=0.05)
 
 
-def test_verify_report_and_partition_work_together(recording: Path, tmp_path: Path) -> None:
+def test_verify_report_and_partition_work_together(command: Command, recording: Path, tmp_path: Path) -> None:
     page = tmp_path / "page.html"
-    done = process("fit", recording, "--parts", "4", "--carry", "q", "--verify", recording, "--report", page, "--json")
+    done = command("fit", recording, "--parts", "4", "--carry", "q", "--verify", recording, "--report", page, "--json")
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["verify"].keys() == {"strokes"}
     assert page.read_text(encoding="utf-8").lstrip().lower().startswith("<!doctype html>")
@@ -96,9 +99,9 @@ def test_what_a_verdict_rests_on_is_computed_once(
     assert len(calls) == 2
 
 
-def test_pressure_and_named_parameters_can_be_fitted() -> None:
+def test_pressure_and_named_parameters_can_be_fitted(command: Command) -> None:
     arguments = ("--measure", "position,pressure_a", "--free", "load,C_vs,C_ve", "--bounds", "C_vs=1e-8:4e-8")
-    done = process("fit", EXAMPLE, *arguments, "--json")
+    done = command("fit", EXAMPLE, *arguments, "--json")
     assert done.returncode == 0, done.stderr
     answer = json.loads(done.stdout)
     assert answer["parameters"].keys() == {"theta_1", "theta_2", "theta_3", "C_vs", "C_ve"}
@@ -140,11 +143,11 @@ def test_pressure_and_named_parameters_can_be_fitted() -> None:
     ],
 )
 def test_bad_input_is_one_sentence_and_exit_code_two(
-    arguments: list[str], words: list[str], recording: Path, tmp_path: Path
+    command: Command, arguments: list[str], words: list[str], recording: Path, tmp_path: Path
 ) -> None:
     before = recording.read_bytes()
     words_given = [word.replace("NAME", tmp_path.name) for word in arguments]
-    done = process(*(recording if word == "LOG" else word for word in words_given), cwd=tmp_path)
+    done = command(*(recording if word == "LOG" else word for word in words_given), cwd=tmp_path)
     assert recording.read_bytes() == before
     assert done.returncode == 2, done.stderr
     assert "Traceback" not in done.stderr
@@ -153,10 +156,12 @@ def test_bad_input_is_one_sentence_and_exit_code_two(
     assert not list(tmp_path.iterdir())
 
 
-def test_start_values_that_blow_up_the_simulation_fail_with_time_and_state(recording: Path, tmp_path: Path) -> None:
+def test_start_values_that_blow_up_the_simulation_fail_with_time_and_state(
+    command: Command, recording: Path, tmp_path: Path
+) -> None:
     start = tmp_path / "start.toml"
     start.write_text("[parameters]\ntheta_2 = -1e9\n")
-    done = process("fit", recording, "--start", start, "--json")
+    done = command("fit", recording, "--start", start, "--json")
     answer = json.loads(done.stdout)
     assert (done.returncode, answer["status"]) == (1, "failed")
     assert " s in " in answer["message"]
@@ -165,10 +170,10 @@ def test_start_values_that_blow_up_the_simulation_fail_with_time_and_state(recor
 
 @pytest.mark.parametrize("arguments", [["--free", "C_sv"], ["--nonsense"]])
 def test_debug_shows_the_traceback_and_keeps_the_exit_code_and_the_object(
-    recording: Path, arguments: list[str]
+    command: Command, recording: Path, arguments: list[str]
 ) -> None:
     for options in (["--debug"], ["--debug", "--json"], ["--json"]):
-        done = process("fit", recording, *arguments, *options)
+        done = command("fit", recording, *arguments, *options)
         assert (done.returncode, "Traceback" in done.stderr) == (2, "--debug" in options)
         if "--json" in options:
             answer = json.loads(done.stdout)
@@ -201,45 +206,47 @@ def test_results_are_printed_whatever_the_encoding_of_the_terminal(recording: Pa
     assert done.stdout.isascii()
 
 
-def test_a_simulation_tells_the_warnings_of_the_recording(recording: Path, tmp_path: Path) -> None:
+def test_a_simulation_tells_the_warnings_of_the_recording(command: Command, recording: Path, tmp_path: Path) -> None:
     lines = recording.read_text().splitlines()
     holed, start = tmp_path / "holed.csv", tmp_path / "p.toml"
     holed.write_text("\n".join([lines[0], *lines[1:3000], *lines[3100:]]) + "\n")
     start.write_text("[parameters]\ntheta_1 = 8.5e5\ntheta_2 = -2e4\ntheta_3 = 1e5\n")
     arguments = ("simulate", holed, "--parameters", start, "--out", tmp_path / "s.csv")
-    done = process(*arguments, "--json")
+    done = command(*arguments, "--json")
     answer = json.loads(done.stdout)
     assert (done.returncode, answer["status"]) == (0, "warning")
     assert clutchid.read(holed).warnings
     assert set(clutchid.read(holed).warnings) <= set(answer["warnings"])
     assert len(set(answer["warnings"])) == len(answer["warnings"])
-    done = process(*arguments)
+    done = command(*arguments)
     assert done.stderr.splitlines() == [f"warning: {warning}" for warning in answer["warnings"]]
     said, written = done.stdout.splitlines()
     assert said.startswith("simulated holed: position ")
     assert written.startswith("written: ")
 
 
-def test_starts_are_used_for_the_very_recording_that_they_were_estimated_from(recording: Path, tmp_path: Path) -> None:
+def test_starts_are_used_for_the_very_recording_that_they_were_estimated_from(
+    command: Command, recording: Path, tmp_path: Path
+) -> None:
     lines = recording.read_text().splitlines()
     moving, saved, out = tmp_path / "moving.csv", tmp_path / "fit.toml", tmp_path / "s.csv"
     moving.write_text("\n".join([lines[0], *lines[200:]]) + "\n")
-    assert process("fit", moving, "--save", saved).returncode == 0
+    assert command("fit", moving, "--save", saved).returncode == 0
     arguments = ("simulate", moving, "--parameters", saved, "--out", out, "--json")
     content = clutchid.read_parameters(saved)
     shifted = replace(content, starts={"moving": tuple((y + 1e-3, p) for y, p in content.starts["moving"])})
     clutchid.write_parameters(shifted, saved)
-    assert json.loads(process(*arguments).stdout)["warnings"] == []
+    assert json.loads(command(*arguments).stdout)["warnings"] == []
     assert clutchid.read(out)["position"][0] == pytest.approx(shifted.starts["moving"][0][0], abs=1e-9)
     moving.write_text("\n".join([lines[0], *lines[200:-1]]) + "\n")
-    answer = json.loads(process(*arguments).stdout)
+    answer = json.loads(command(*arguments).stdout)
     assert answer["status"] == "warning"
     assert "estimated again" in answer["warnings"][0]
     assert clutchid.read(out)["position"][0] == pytest.approx(content.starts["moving"][0][0], abs=1e-4)
 
 
-def test_the_peak_of_the_load_is_looked_for_where_was_driven(recording: Path) -> None:
-    done = process("fit", recording)
+def test_the_peak_of_the_load_is_looked_for_where_was_driven(command: Command, recording: Path) -> None:
+    done = command("fit", recording)
     driven = float(np.nanmax(clutchid.read(recording)["position"])) * 1e3
     found = re.search(r"^load +greatest .* N at ([\d.]+) mm of the recorded ([\d.]+)", done.stdout, re.MULTILINE)
     peak, reach = found.groups()
@@ -247,18 +254,20 @@ def test_the_peak_of_the_load_is_looked_for_where_was_driven(recording: Path) ->
     assert float(peak) <= driven < 24
 
 
-def test_the_noise_scales_stand_in_the_object_and_in_the_saved_file(recording: Path, tmp_path: Path) -> None:
+def test_the_noise_scales_stand_in_the_object_and_in_the_saved_file(
+    command: Command, recording: Path, tmp_path: Path
+) -> None:
     saved = tmp_path / "fit.toml"
-    answer = json.loads(process("fit", recording, "--json", "--save", saved).stdout)
+    answer = json.loads(command("fit", recording, "--json", "--save", saved).stdout)
     assert answer["noise_scales"].keys() == {"position"}
     assert answer["noise_scales"]["position"] == pytest.approx(3e-5, rel=0.1)
     assert clutchid.read_parameters(saved).fit["noise_scales"] == pytest.approx(answer["noise_scales"])
 
 
-def test_a_failed_save_leaves_the_old_file_as_it_was(recording: Path, tmp_path: Path) -> None:
+def test_a_failed_save_leaves_the_old_file_as_it_was(command: Command, recording: Path, tmp_path: Path) -> None:
     kept = tmp_path / "fit.toml"
     kept.write_text("# mine\n")
-    assert process("fit", recording, "--save", kept, "--free", "C_sv").returncode == 2
+    assert command("fit", recording, "--save", kept, "--free", "C_sv").returncode == 2
     assert kept.read_text() == "# mine\n"
 
 
@@ -272,19 +281,21 @@ def test_a_failed_save_leaves_the_old_file_as_it_was(recording: Path, tmp_path: 
         ("[parameters]\nC_vs = 'much'\nP_S = -1.0\n", ["C_vs", "P_S"]),
     ],
 )
-def test_a_bad_parameter_file_names_every_problem(text: str, words: list[str], recording: Path, tmp_path: Path) -> None:
+def test_a_bad_parameter_file_names_every_problem(
+    command: Command, text: str, words: list[str], recording: Path, tmp_path: Path
+) -> None:
     path = tmp_path / "start.toml"
     path.write_text(text)
-    done = process("fit", recording, "--start", path)
+    done = command("fit", recording, "--start", path)
     assert done.returncode == 2, done.stderr
     for word in words:
         assert word in done.stderr
 
 
-def test_the_files_model_wins_over_another_one(recording: Path, tmp_path: Path) -> None:
+def test_the_files_model_wins_over_another_one(command: Command, recording: Path, tmp_path: Path) -> None:
     path = tmp_path / "start.toml"
     path.write_text("[model]\nvariant = 'isothermal'\n")
-    done = process("fit", recording, "--start", path, "--model", "energy-balance")
+    done = command("fit", recording, "--start", path, "--model", "energy-balance")
     assert done.returncode == 2
     assert "leave --model out" in done.stderr
 

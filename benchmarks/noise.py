@@ -1,0 +1,121 @@
+"""Noise by maximum likelihood of innovations: ``python benchmarks/noise.py DIR --family h --trucks 24``.
+
+DIR has calibrations as `readings.py` and `hybrids.py` store them. The observer follows each calibration recording with
+the noise of position and that of the model (states, flow) multiplied by factors of a grid; the likeliest factors are
+those of the largest Gaussian likelihood of the innovations while the piston moves, an outlier counted as one at the
+gate. The worn clutch is then read from position alone with the usual noise and with that one. Errors and bands in % of
+the peak, as in `widening.py`; results: benchmarks/results/noise.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from importlib import import_module
+from itertools import product
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from readings import LACKING, calibration_of
+from widening import LATE, reading, seeds, worn_clutch
+
+from clutchid.estimation.parameter_file import ParameterFile
+from clutchid.log import Log
+from clutchid.observer import observe, observer, start
+from clutchid.simulation.noise import Noise
+from clutchid.study.proving.ground import SECONDS
+from clutchid.truck import drive, truck
+
+#: Factors of the noise of position and of that of the model, and the changes under which a worn clutch is read.
+POSITION, MODEL = (0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0), (0.25, 0.5, 1.0, 2.0, 4.0)
+CASES = ("nothing", "warm", "cold", "valves", LATE)
+
+
+#: Modules whose noise is changed; the package exports a function of the name of the first one.
+on_line, posed = map(import_module, ("clutchid.observer.observer", "clutchid.estimation.problem"))
+
+
+class Factors(NamedTuple):
+    """Of the standard deviations of position and model."""
+
+    position: float = 1.0
+    model: float = 1.0
+
+
+@contextmanager
+def noise(factors: Factors) -> Iterator[None]:
+    """Estimates and observers with other noise."""
+
+    def scaled(**given: Any) -> Noise:
+        usual = Noise(**given)
+        measured = {**usual.measured, "position": usual.measured["position"] * factors.position}
+        states = {name: value * factors.model for name, value in usual.states.items()}
+        return replace(usual, measured=measured, states=states, flow=usual.flow * factors.model)
+
+    posed.Noise = on_line.Noise = scaled  # type: ignore[attr-defined]
+    try:
+        yield
+    finally:
+        posed.Noise = on_line.Noise = Noise  # type: ignore[attr-defined]
+
+
+def log_likelihood(once: ParameterFile, log: Log) -> float:
+    """Gaussian log-likelihood of the innovations of the position while the piston moves, up to a constant."""
+    one = observer(once.actuator, calibration=once.calibration)
+    _, found = observe(one, start(one), log)
+    e, variance = found.innovations[:, 0], found.innovations[:, 1]
+    speed = np.abs(found.states[:, once.actuator.states.index("v")])
+    moving = np.isfinite(e) & (speed > one.joint.settings.least_speed)
+    squared = np.minimum(e[moving] ** 2 / variance[moving], one.joint.noise.outlier**2)
+    return float(-0.5 * np.sum(squared + np.log(variance[moving])))
+
+
+def likeliest(once: ParameterFile, log: Log) -> tuple[Factors, float]:
+    """The factors of the largest likelihood, and its logarithm above that of the usual noise."""
+    found = {}
+    for factors in map(Factors._make, product(POSITION, MODEL)):
+        with noise(factors):
+            found[factors] = log_likelihood(once, log)
+    best = max(found, key=lambda factors: found[factors])
+    return best, found[best] - found[Factors()]
+
+
+def main() -> None:
+    """A line a reading, and a line over all."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("folder", type=Path)
+    options.add_argument("--family", default="h", choices=("A", "B", "h"))
+    options.add_argument("--trucks", type=int, default=8)
+    options.add_argument("--seed", type=int, default=0)
+    chosen = options.parse_args()
+    os.environ |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
+    pairs = []
+    for seed in range(chosen.seed, chosen.seed + chosen.trucks):
+        number, family = (0, f"h:{seed}") if chosen.family == "h" else (seed, chosen.family)
+        once = calibration_of(number, family, chosen.folder / f"{chosen.family}_{seed:05d}.toml")
+        new = drive(truck(number, family), seconds=SECONDS, seed=seeds(number)[0], conditions=True).log
+        best, gain = likeliest(once, new.without(*LACKING["position"]))
+        print(f"{family} {number}: position {best.position:g}, model {best.model:g}, +{gain:.0f}", flush=True)
+        for case in CASES:
+            worn, found = worn_clutch(number, family, case), []
+            for factors in (Factors(), best):
+                with noise(factors):
+                    found.append(reading(worn, LACKING["position"], once, {}))
+            if None not in found:
+                pairs.append([(r.error, 100 * r.covered, r.width) for r in found if r is not None])
+                usual, other = pairs[-1]
+                print(f"  {case}: {usual[0]:.2f} -> {other[0]:.2f}, width {usual[2]:.1f} -> {other[2]:.1f}", flush=True)
+    for name, which in zip(("usual", "likeliest"), np.swapaxes(pairs, 0, 1), strict=True):
+        error, covered, width = which.T
+        print(
+            f"{name}: error {np.median(error):.2f} / {error.max():.2f}, mean {error.mean():.2f}, covered "
+            f"{covered.mean():.1f} %, width {np.median(width):.1f}, {len(error)} readings"
+        )
+
+
+if __name__ == "__main__":
+    main()
