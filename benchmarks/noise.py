@@ -3,8 +3,8 @@
 DIR has calibrations as `readings.py` and `hybrids.py` store them. The observer follows each calibration recording with
 the noise of position and that of the model (states, flow) multiplied by factors of a grid; the likeliest factors are
 those of the largest Gaussian likelihood of the innovations while the piston moves, an outlier counted as one at the
-gate. The worn clutch is then read from position alone with the usual noise and with that one. Errors and bands in % of
-the peak, as in `widening.py`; results: benchmarks/results/noise.md.
+gate. The worn clutch is then read from position alone with the usual noise, with that one, and with that one and a
+calibration that has it too. Errors and bands in % of the peak, as in `widening.py`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from readings import LACKING, calibration_of
-from widening import LATE, reading, seeds, worn_clutch
+from widening import LATE, calibrated, reading, seeds, worn_clutch
 
 from clutchid.estimation.parameter_file import ParameterFile
 from clutchid.log import Log
@@ -93,26 +93,28 @@ def main() -> None:
     options.add_argument("--seed", type=int, default=0)
     chosen = options.parse_args()
     os.environ |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
-    pairs = []
+    rows = []
     for seed in range(chosen.seed, chosen.seed + chosen.trucks):
         number, family = (0, f"h:{seed}") if chosen.family == "h" else (seed, chosen.family)
         once = calibration_of(number, family, chosen.folder / f"{chosen.family}_{seed:05d}.toml")
         new = drive(truck(number, family), seconds=SECONDS, seed=seeds(number)[0], conditions=True).log
         best, gain = likeliest(once, new.without(*LACKING["position"]))
         print(f"{family} {number}: position {best.position:g}, model {best.model:g}, +{gain:.0f}", flush=True)
+        with noise(best):
+            anew = calibrated(number, family, LACKING["supply"], "shooting")
         for case in CASES:
-            worn, found = worn_clutch(number, family, case), []
-            for factors in (Factors(), best):
+            worn = worn_clutch(number, family, case)
+            found = []
+            for calibration, factors in ((once, Factors()), (once, best), (anew, best)):
                 with noise(factors):
-                    found.append(reading(worn, LACKING["position"], once, {}))
+                    found.append(reading(worn, LACKING["position"], calibration, {}))
             if None not in found:
-                pairs.append([(r.error, 100 * r.covered, r.width) for r in found if r is not None])
-                usual, other = pairs[-1]
-                print(f"  {case}: {usual[0]:.2f} -> {other[0]:.2f}, width {usual[2]:.1f} -> {other[2]:.1f}", flush=True)
-    for name, which in zip(("usual", "likeliest"), np.swapaxes(pairs, 0, 1), strict=True):
-        error, covered, width = which.T
+                rows.append([(r.error, 100 * r.covered, r.width) for r in found if r is not None])
+                print(f"  {case}: " + ", ".join(f"{e:.2f} (width {w:.1f})" for e, _, w in rows[-1]), flush=True)
+    titles = "usual noise", "likeliest in the reading", "and in the calibration"
+    for title, (error, covered, width) in zip(titles, np.transpose(rows, (1, 2, 0)), strict=True):
         print(
-            f"{name}: error {np.median(error):.2f} / {error.max():.2f}, mean {error.mean():.2f}, covered "
+            f"{title}: error {np.median(error):.2f} / {error.max():.2f}, mean {error.mean():.2f}, covered "
             f"{covered.mean():.1f} %, width {np.median(width):.1f}, {len(error)} readings"
         )
 

@@ -131,7 +131,8 @@ ESTIMATION = """Three load weights from 4 s of position at 1 kHz, the reference 
 white noise, each start with noise of its own; the first start is the paper's. A search has succeeded if every weight is
 within five standard deviations (σ) of the Cramér-Rao bound. clutchid's time has its inspection of the recording,
 covariance and verdict in it, the peers' only the search. The peers are given the true start of the piston, for which
-the bound holds too; clutchid takes it from the rest of 0.3 s before the first stroke."""
+the bound holds too; clutchid takes it from the rest of 0.3 s before the first stroke. AeroID compiles its loop anew for
+every recording."""
 
 RECORDINGS = """CSV files as in (c), each with noise and a true load of its own, the weights scattered by 3 %; three
 load weights of each are wanted. Each way is a command, from its start to its end. `clutchid fleet` also checks every
