@@ -153,7 +153,7 @@ def test_every_worker_ends_with_the_process_that_waits_for_it(name, how):
         time.sleep(1.5)  # they are at work
         workers = [child for child in children if child.name() != "sleep"]
         process.send_signal(how)
-        process.wait()
+        assert process.wait(timeout=5.0) == -how
         assert workers
         assert not psutil.wait_procs(workers, timeout=5.0)[1]
     finally:
