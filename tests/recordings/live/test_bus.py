@@ -23,6 +23,13 @@ MAP = ChannelMap({
 })  # fmt: skip
 
 
+@pytest.fixture(autouse=True)
+def _everybody_has_left():
+    """The bus is closed when the next test begins, which would send to who is about to leave and wait for ever."""
+    yield
+    wait_for(lambda: "test" not in can.interfaces.virtual.channels, 10.0)
+
+
 def ramp(seconds):
     time = np.arange(round(1e3 * seconds)) * 1e-3
     return Log(time, {"position": 1e-3 * time, "duty_supply": 0.1 + 0.0 * time, "duty_exhaust": 0.0 * time})
