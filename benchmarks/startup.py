@@ -1,9 +1,10 @@
-"""What a first start costs: ``python benchmarks/startup.py [--repeat N]``.
+"""What a first start costs: ``python benchmarks/startup.py [--repeat N] [--kernels]``.
 
 Whole processes on the bundled recording, each first with an empty cache and then with the cache that it left: a plain
 `clutchid fit` (position, three weights) and a first calibration (`--free auto`). Printed are both times, what the first
 takes more, and the same of the processor time, which a busy machine changes less. The texts of the standard models lie
-in the wheel, so measure with the wheel installed; a tree of sources derives them.
+in the wheel, so measure with the wheel installed; a tree of sources derives them. With `--kernels`, how long Numba
+compiles each kernel of a first calibration, with and without those that it calls.
 """
 
 from __future__ import annotations
@@ -14,7 +15,11 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import defaultdict
 from pathlib import Path
+from typing import Any
+
+from numba.core import event
 
 import clutchid
 
@@ -25,12 +30,14 @@ COMMANDS = {
 }
 
 
+RECORDING = Path(clutchid.__file__).parent / "study/paper/data/truck1_calibration.csv"
+
+
 def seconds(arguments: tuple[str, ...], cache: Path) -> tuple[float, float]:
     """Wall and processor time in s of `clutchid fit` as a process of its own."""
-    recording = Path(clutchid.__file__).parent / "study/paper/data/truck1_calibration.csv"
-    command = [sys.executable, "-m", "clutchid", "fit", str(recording), *arguments]
+    fit = [sys.executable, "-m", "clutchid", "fit", str(RECORDING), *arguments]
     begin, used = time.perf_counter(), _processor()
-    subprocess.run(command, check=True, capture_output=True, env={**os.environ, "CLUTCHID_CACHE": str(cache)})
+    subprocess.run(fit, check=True, capture_output=True, env={**os.environ, "CLUTCHID_CACHE": str(cache)})
     return time.perf_counter() - begin, _processor() - used
 
 
@@ -40,11 +47,50 @@ def _processor() -> float:
     return times.children_user + times.children_system
 
 
+class Compilations(event.Listener):
+    """Times in s of the kernels that Numba compiles: `whole` with those that they call, `own` without."""
+
+    def __init__(self) -> None:
+        self.whole: defaultdict[str, float] = defaultdict(float)
+        self.own: defaultdict[str, float] = defaultdict(float)
+        self._open: list[tuple[str, float]] = []
+
+    def on_start(self, begins: Any) -> None:
+        """A kernel begins to be compiled."""
+        self._open.append((begins.data["dispatcher"].py_func.__name__, time.perf_counter()))
+
+    def on_end(self, _: Any) -> None:
+        """A kernel is compiled; its time is none of that which called it."""
+        name, begun = self._open.pop()
+        taken = time.perf_counter() - begun
+        self.whole[name] += taken
+        self.own[name] += taken
+        if self._open:
+            self.own[self._open[-1][0]] -= taken
+
+
+def by_kernel() -> None:
+    """Print how long each kernel of a first calibration is compiled, the longest first."""
+    found = Compilations()
+    with tempfile.TemporaryDirectory() as cache, event.install_listener("numba:compile", found):
+        os.environ["CLUTCHID_CACHE"] = cache
+        clutchid.calibrate(clutchid.read(RECORDING))
+    print(f"{'kernel':<24} {'with callees':>12} {'own':>8}")
+    for name in sorted(found.whole, key=found.whole.__getitem__, reverse=True):
+        print(f"{name:<24} {found.whole[name]:>10.1f} s {found.own[name]:>6.1f} s")
+    print(f"{'all':<24} {sum(found.own.values()):>21.1f} s")
+
+
 def main() -> None:
     """Print a table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeat", type=int, default=1)
-    rounds = parser.parse_args().repeat
+    parser.add_argument("--kernels", action="store_true")
+    chosen = parser.parse_args()
+    if chosen.kernels:
+        by_kernel()
+        return
+    rounds = chosen.repeat
     times = f"{'warm':>8} {'more':>8}"
     print(f"{'command':<14} {'empty cache':>12} {times} {'target':>8} {'processor':>12} {times}")
     for _ in range(rounds):
