@@ -39,8 +39,8 @@ class Errors(NamedTuple):
 
 #: As `benchmarks/wear.py` measured them on types 0 to 3: benchmarks/results/wear.md.
 MEASURED = {
-    "A": (Errors(26e-6, 0.29, 0.14, 0.18), Errors(0.0075, 0.69, 0.49, 0.71)),
-    "B": (Errors(72e-6, 0.25, 0.06, 0.12), Errors(0.024, 1.01, 0.17, 0.29)),
+    "A": (Errors(44e-6, 0.20, 0.07, 0.09), Errors(0.0135, 0.30, 0.29, 0.29)),
+    "B": (Errors(78e-6, 0.18, 0.05, 0.09), Errors(0.025, 0.36, 0.12, 0.17)),
 }
 
 
