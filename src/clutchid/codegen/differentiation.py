@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TypeAlias
 
 import sympy as sp
@@ -150,8 +151,9 @@ class DifferentiatedProgram:
     jump: JumpProgram
 
 
+@lru_cache(maxsize=16)
 def differentiated(system: System) -> DifferentiatedProgram:
-    """Differentiate and stage `system` once, for all printers.
+    """Differentiate and stage `system` once, for all printers and every time that it is printed again.
 
     Raises
     ------

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 
+@cache
 def template(name: str, package: str = "clutchid.codegen") -> Any:
     """The template in the file `name` of the folder ``templates`` of `package`.
 
