@@ -145,7 +145,9 @@ def build(out: Path, with_gallery: bool = False) -> int:
     with tempfile.TemporaryDirectory() as folder:
         stage(Path(folder) / "pages", with_gallery)
         doctrees = str(Path(folder) / "doctrees")
-        return build_main(["-q", "-W", "--keep-going", "-d", doctrees, str(Path(folder) / "pages"), str(out)])
+        return build_main(
+            ["-q", "-j", "auto", "-W", "--keep-going", "-d", doctrees, str(Path(folder) / "pages"), str(out)]
+        )
 
 
 if __name__ == "__main__":
