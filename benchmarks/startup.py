@@ -30,14 +30,12 @@ COMMANDS = {
 }
 
 
-RECORDING = Path(clutchid.__file__).parent / "study/paper/data/truck1_calibration.csv"
-
-
 def seconds(arguments: tuple[str, ...], cache: Path) -> tuple[float, float]:
     """Wall and processor time in s of `clutchid fit` as a process of its own."""
-    fit = [sys.executable, "-m", "clutchid", "fit", str(RECORDING), *arguments]
+    recording = Path(clutchid.__file__).parent / "study/paper/data/truck1_calibration.csv"
+    command = [sys.executable, "-m", "clutchid", "fit", str(recording), *arguments]
     begin, used = time.perf_counter(), _processor()
-    subprocess.run(fit, check=True, capture_output=True, env={**os.environ, "CLUTCHID_CACHE": str(cache)})
+    subprocess.run(command, check=True, capture_output=True, env={**os.environ, "CLUTCHID_CACHE": str(cache)})
     return time.perf_counter() - begin, _processor() - used
 
 
@@ -74,7 +72,7 @@ def by_kernel() -> None:
     found = Compilations()
     with tempfile.TemporaryDirectory() as cache, event.install_listener("numba:compile", found):
         os.environ["CLUTCHID_CACHE"] = cache
-        clutchid.calibrate(clutchid.read(RECORDING))
+        clutchid.calibrate(clutchid.bundled_recording())
     print(f"{'kernel':<24} {'with callees':>12} {'own':>8}")
     for name in sorted(found.whole, key=found.whole.__getitem__, reverse=True):
         print(f"{name:<24} {found.whole[name]:>10.1f} s {found.own[name]:>6.1f} s")

@@ -9,8 +9,9 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
-from typing import Literal
+from typing import Any, Literal
 
 from clutchid.log import Log
 from clutchid.reports.tables import Link, ReportTable, to_html
@@ -110,14 +111,20 @@ class Page:
         return any(isinstance(block, Sortable) for section in self.sections for block in section.blocks)
 
 
-def render(page: Page) -> str:
-    """The page as self-contained HTML, with a question mark for each letter that cannot be shown."""
+@cache
+def _environment() -> Any:
+    """The environment of the pages, which keeps the templates that it has compiled."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    environment = Environment(
+    return Environment(
         loader=PackageLoader("clutchid.reports"), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
+
+
+def render(page: Page) -> str:
+    """The page as self-contained HTML, with a question mark for each letter that cannot be shown."""
+    environment = _environment()
     template = environment.get_template("page.html.j2")
     script = environment.get_template("sortable.js").render() if page.has_script else ""
     html = template.render(

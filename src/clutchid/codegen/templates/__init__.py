@@ -6,7 +6,6 @@ from functools import cache
 from typing import Any
 
 
-@cache
 def template(name: str, package: str = "clutchid.codegen") -> Any:
     """The template in the file `name` of the folder ``templates`` of `package`.
 
@@ -15,13 +14,18 @@ def template(name: str, package: str = "clutchid.codegen") -> Any:
     jinja2.TemplateNotFound
         If there is no such file.
     """
+    return _environment(package).get_template(name)
+
+
+@cache
+def _environment(package: str) -> Any:
+    """The environment of a package, which keeps the templates that it has compiled."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    environment = Environment(
+    return Environment(
         loader=PackageLoader(package),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    return environment.get_template(name)
