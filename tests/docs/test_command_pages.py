@@ -22,9 +22,8 @@ def arguments(command: str) -> list[Argument]:
 
 
 def options(command: str) -> set[str]:
-    """The options of a command, without the negation of a list, which is of no use."""
-    names = {name for argument in arguments(command) for name in argument.names}
-    return {name for name in names if name.startswith("--") and not name.startswith("--empty-")}
+    """The options of a command."""
+    return {name for argument in arguments(command) for name in argument.names if name.startswith("--")}
 
 
 def text(command: str) -> str:

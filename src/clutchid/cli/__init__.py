@@ -5,16 +5,16 @@ from __future__ import annotations
 import errno
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from io import TextIOWrapper
 
-from cyclopts import App
+from cyclopts import App, Parameter
 from cyclopts.exceptions import CycloptsError
 
 from clutchid.cli.app import app as page
 from clutchid.cli.calibrate import calibrate
-from clutchid.cli.common import DONE, FAILED, complain
+from clutchid.cli.common import COMMON, DONE, FAILED, complain
 from clutchid.cli.completion import register_completion
 from clutchid.cli.cut import cut
 from clutchid.cli.drive import drive
@@ -32,33 +32,46 @@ from clutchid.cli.terminal import discard_output, put
 from clutchid.cli.track import track
 from clutchid.codegen.cache import when_compiling
 
+#: First lines of `clutchid --help`.
+HELP = """Estimate the load of a truck clutch on the piston of its pneumatic actuator, from a recording.
+
+Begin with `clutchid look LOG.csv`, which shows what is in a recording and checks it. Then calibrate the truck once from
+a recording with pressure, and estimate the load of later recordings from the position alone.
+"""
+
+#: Every command and its usage: the files come first, because options with several values take all that follows them.
+COMMANDS: tuple[tuple[Callable[..., int], str], ...] = (
+    (look, "FILE [OPTIONS]"),
+    (fit, "LOGS... [OPTIONS]"),
+    (calibrate, "LOGS... --save CAL.toml [OPTIONS]"),
+    (estimate, "LOGS... --start CAL.toml [OPTIONS]"),
+    (page, "[FILES...] [OPTIONS]"),
+    (simulate, "LOG --parameters FIT.toml --out SIM.parquet [OPTIONS]"),
+    (observe, "LOG --start CAL.toml --out EST.parquet [OPTIONS]"),
+    (export, "CALIBRATION --out FOLDER [OPTIONS]"),
+    (track, "LOGS... --start CAL.toml --out WEAR.parquet [OPTIONS]"),
+    (fleet, "SOURCE --start CAL.toml --out FOLDER [OPTIONS]"),
+    (cut, "RECORDING --out BEST.parquet [OPTIONS]"),
+    (friction, "FILES... [OPTIONS]"),
+    (drive, "--out LOG.parquet [OPTIONS]"),
+    (prove, "--out FOLDER [OPTIONS]"),
+    (paper, "--out FOLDER [OPTIONS]"),
+)
+
 
 def app() -> App:
     """The application with all commands."""
     application = App(
         name="clutchid",
-        help="From a recording of an electropneumatic clutch actuator to the load that the clutch puts on its piston.",
+        help=HELP,
         version=version("clutchid"),
         result_action="return_value",
+        group_parameters=COMMON,
     )
-    for command in (
-        calibrate,
-        estimate,
-        fit,
-        simulate,
-        observe,
-        export,
-        track,
-        fleet,
-        paper,
-        look,
-        cut,
-        friction,
-        drive,
-        prove,
-    ):
-        application.command(command)
-    application.command(page, name="app")
+    lists = Parameter(negative_iterable=())  # no --empty-NAME
+    for place, (command, usage) in enumerate(COMMANDS):
+        line = f"Usage: clutchid {command.__name__} {usage}"
+        application.command(command, usage=line, sort_key=place, default_parameter=lists)
     register_completion(application)
     return application
 

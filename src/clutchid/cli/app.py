@@ -9,7 +9,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, Flag, guarded, print_written
+from clutchid.cli.common import DONE, OutputFlag, guarded, print_written
 from clutchid.cli.terminal import put, say
 from clutchid.errors import DataError, missing
 
@@ -21,8 +21,8 @@ def app(
     host: str = "127.0.0.1",
     folder: Path = Path(),
     browser: Annotated[bool, Parameter(negative="--no-browser")] = True,
-    keep: Flag = False,
-    debug: Flag = False,
+    keep: OutputFlag = False,
+    debug: OutputFlag = False,
 ) -> int:
     """Open a page in the browser: recordings, channel maps, calibrations and loads, all on this machine.
 

@@ -16,7 +16,7 @@ def calibrate(
     start: Path | None = None,
     options: FitOptions = DEFAULTS,
 ) -> int:
-    """Calibrate a truck once, from recordings with pressure: its load, and all that they can determine beside it.
+    """Calibrate a truck once, from recordings with pressure: its load, valves, friction and sensors.
 
     Save the calibration, and estimate the load of the worn clutch from position alone with it: `clutchid estimate
     WORN.csv --start CAL.toml`. It is `clutchid fit --measure position,pressure_a --free auto`.

@@ -13,7 +13,7 @@ from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Annotated, Any, Literal, ParamSpec, TextIO
 
-from cyclopts import Parameter
+from cyclopts import Group, Parameter
 
 from clutchid.cli.terminal import OutputLost, printable_lines, put, say, sentences
 from clutchid.errors import ParameterError
@@ -27,10 +27,22 @@ if TYPE_CHECKING:
 
 P = ParamSpec("P")
 
-#: Options of several commands: a flag, a channel map, and DBC files.
-Flag = Annotated[bool, Parameter(negative="")]
-MapOption = Annotated[Path | None, Parameter(name="--map")]
-DbcOption = Annotated[list[Path] | None, Parameter(consume_multiple=True)]
+#: Groups of options in the help of every command, in this order.
+COMMON = Group("Common options", sort_key=1)
+SEARCH = Parameter(group=Group("Method and search", sort_key=2))
+FLEET = Parameter(group=Group("Fleet and workers", sort_key=3))
+FILES = Parameter(group=Group("Files", sort_key=4))
+OUTPUT = Parameter(group=Group("Output", sort_key=5))
+
+#: Options of several commands: how recordings are read, and what is printed and written.
+Flag = Annotated[bool, Parameter(negative="", show_default=False)]
+MapOption = Annotated[Path | None, Parameter(name="--map"), FILES]
+DbcOption = Annotated[list[Path] | None, Parameter(consume_multiple=True), FILES]
+AmbientOption = Annotated[str | None, FILES]
+ForceFlag = Annotated[Flag, FILES]
+OutOption = Annotated[Path, OUTPUT]
+PathOutput = Annotated[Path | None, OUTPUT]
+OutputFlag = Annotated[Flag, OUTPUT]
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
 

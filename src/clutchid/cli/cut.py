@@ -11,9 +11,12 @@ from typing import TYPE_CHECKING
 
 from clutchid.cli.common import (
     DONE,
+    AmbientOption,
     DbcOption,
-    Flag,
     MapOption,
+    OutOption,
+    OutputFlag,
+    PathOutput,
     check_outputs,
     guarded,
     pieces_of,
@@ -34,15 +37,15 @@ def cut(
     recording: Path,
     /,
     *,
-    out: Path,
-    table: Path | None = None,
+    out: OutOption,
+    table: PathOutput = None,
     seconds: float = 60.0,
     map_: MapOption = None,
     dbc: DbcOption = None,
-    ambient: str | None = None,
-    debug: Flag = False,
+    ambient: AmbientOption = None,
+    debug: OutputFlag = False,
 ) -> int:
-    """Cut a recording of any length into strokes and rests, and write those with the most information about the load.
+    """Cut a long recording into strokes and rests, and write those with the most information about the load.
 
     The recording is read in pieces, so that a day at 1 kHz needs no more memory than a minute.
 

@@ -8,7 +8,19 @@ from typing import Annotated, Literal, NamedTuple
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, Flag, guarded, print_json, print_written, progress_of
+from clutchid.cli.common import (
+    DONE,
+    FILES,
+    FLEET,
+    Flag,
+    OutOption,
+    OutputFlag,
+    PathOutput,
+    guarded,
+    print_json,
+    print_written,
+    progress_of,
+)
 from clutchid.errors import ParameterError
 
 
@@ -62,7 +74,7 @@ class RecordingOptions(NamedTuple):
 @guarded
 def drive(
     *,
-    out: Path,
+    out: OutOption,
     family: str = "A",
     truck: int = 0,
     seed: int = 0,
@@ -72,20 +84,20 @@ def drive(
     temperature: float | None = None,
     supply: float | None = None,
     manoeuvre: str = "mix",
-    change: Annotated[list[str] | None, Parameter(negative="")] = None,
-    truth: Path | None = None,
-    pressure: bool = True,
-    conditions: Flag = False,
-    bus: Flag = False,
-    dropouts: int = 0,
-    offset: float = 0.0,
-    zero: Literal["learned", "kept"] | None = None,
-    late: float = 0.0,
-    service: Annotated[FleetOptions, Parameter(name="*")] = SINGLE,
-    json: Flag = False,
-    debug: Flag = False,
+    change: list[str] | None = None,
+    truth: PathOutput = None,
+    pressure: Annotated[bool, FILES] = True,
+    conditions: Annotated[Flag, FILES] = False,
+    bus: Annotated[Flag, FILES] = False,
+    dropouts: Annotated[int, FILES] = 0,
+    offset: Annotated[float, FILES] = 0.0,
+    zero: Annotated[Literal["learned", "kept"] | None, FILES] = None,
+    late: Annotated[float, FILES] = 0.0,
+    service: Annotated[FleetOptions, Parameter(name="*"), FLEET] = SINGLE,
+    json: OutputFlag = False,
+    debug: OutputFlag = False,
 ) -> int:
-    """Simulate a virtual truck, more detailed than the model, and write a recording and, separately, its truth.
+    """Make a recording of a virtual truck, which has more physics than the model, and whose load is known.
 
     With --fleet, many vehicles in service: recordings over months and seasons, in which supplies drift, clutches wear
     and are replaced, sensors are exchanged, leaks begin and files go wrong.

@@ -17,7 +17,7 @@ def estimate(
     free: str = "load",
     options: FitOptions = DEFAULTS,
 ) -> int:
-    """Estimate the load of a clutch from position alone, and what has changed since its calibration.
+    """Estimate the load from position alone, with a calibration, and what has changed since.
 
     The calibration is made once with pressure: `clutchid calibrate CAL.csv --save CAL.toml`. It is `clutchid fit
     --start CAL.toml --free load`.

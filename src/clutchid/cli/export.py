@@ -3,9 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from clutchid.cli.common import DONE, DbcOption, Flag, MapOption, guarded, print_json, print_written
+from clutchid.cli.common import (
+    DONE,
+    FILES,
+    SEARCH,
+    AmbientOption,
+    DbcOption,
+    Flag,
+    MapOption,
+    OutOption,
+    OutputFlag,
+    guarded,
+    print_json,
+    print_written,
+)
 from clutchid.cli.terminal import put, say
 from clutchid.workflow import FileOptions, read_recordings, start_file
 from clutchid.workflow.options import pressure
@@ -19,23 +32,23 @@ def export(
     calibration: Path,
     /,
     *,
-    out: Path,
+    out: OutOption,
     to: str = "c",
-    method: Literal["joint", "joint-reduced", "states", "paper"] = "joint",
-    modes: int | None = None,
+    method: Annotated[Literal["joint", "joint-reduced", "states", "paper"], SEARCH] = "joint",
+    modes: Annotated[int | None, SEARCH] = None,
     real: Literal["float", "double"] = "float",
     rates: Literal["one", "two"] = "one",
     name: str = "clutch",
-    resume: Path | None = None,
-    check: Path | None = None,
+    resume: Annotated[Path | None, FILES] = None,
+    check: Annotated[Path | None, FILES] = None,
     model: Flag = False,
-    ambient: str | None = None,
+    ambient: AmbientOption = None,
     map_: MapOption = None,
     dbc: DbcOption = None,
-    json: Flag = False,
-    debug: Flag = False,
+    json: OutputFlag = False,
+    debug: OutputFlag = False,
 ) -> int:
-    """Write the on-line observer of a calibration as C99 for a control unit, and compare it with the one in Python.
+    """Write the observer of a calibration as C99 for a control unit, and compare it with the one in Python.
 
     Parameters
     ----------

@@ -15,9 +15,15 @@ from clutchid import workflow
 from clutchid.cli.common import (
     DONE,
     FAILED,
+    FILES,
+    OUTPUT,
+    SEARCH,
+    AmbientOption,
     DbcOption,
-    Flag,
+    ForceFlag,
     MapOption,
+    OutputFlag,
+    PathOutput,
     check_outputs,
     guarded,
     model_of,
@@ -107,13 +113,13 @@ class FitOptions:
     bounds_
         Bounds in SI units, NAME=LOW:HIGH; several may follow each other; a side may be empty.
     every
-        Partitioned: reset to the measured position after every N samples.
+        Restart the simulation at the measured position after every N samples.
     parts
-        Partitioned: reset to the measured position at the start of N equal parts.
+        Restart the simulation at the measured position at the start of N equal parts.
     carry
-        At a reset, keep the pressures (p, the paper and the default) or the masses of air (q).
+        At a restart, keep the pressures (p, the paper and the default) or the masses of air (q).
     take
-        Reset to all measured columns (the default), or to the position alone. With `--every 1 --carry q --take
+        Restart at all measured columns (the default), or at the position alone. With `--every 1 --carry q --take
         position` the measured position is an input, and only the air is simulated.
     model
         Model variant: isothermal (the paper), energy-balance, either with -stribeck; or FILE.py:NAME, a model of your
@@ -156,27 +162,27 @@ class FitOptions:
         Show the traceback of an error.
     """
 
-    bounds_: Annotated[list[str] | None, Parameter(name="--bounds", consume_multiple=True)] = None
-    every: int | None = None
-    parts: int | None = None
-    carry: Literal["p", "q"] | None = None
-    take: Literal["all", "position"] | None = None
-    model: str | None = None
-    method: Literal["simulation", "shooting", "prediction-error"] | None = None
-    prior: Annotated[list[str] | None, Parameter(consume_multiple=True)] = None
-    profile: str = ""
-    bootstrap: int = 0
-    verify: Annotated[list[Path] | None, Parameter(name="--verify", consume_multiple=True)] = None
-    save: Annotated[list[Path] | None, Parameter(negative="")] = None
-    report: Path | None = None
-    ambient: str | None = None
+    bounds_: Annotated[list[str] | None, Parameter(name="--bounds", consume_multiple=True), SEARCH] = None
+    every: Annotated[int | None, SEARCH] = None
+    parts: Annotated[int | None, SEARCH] = None
+    carry: Annotated[Literal["p", "q"] | None, SEARCH] = None
+    take: Annotated[Literal["all", "position"] | None, SEARCH] = None
+    model: Annotated[str | None, SEARCH] = None
+    method: Annotated[Literal["simulation", "shooting", "prediction-error"] | None, SEARCH] = None
+    prior: Annotated[list[str] | None, Parameter(consume_multiple=True), SEARCH] = None
+    profile: Annotated[str, Parameter(show_default=False), SEARCH] = ""
+    bootstrap: Annotated[int, SEARCH] = 0
+    verify: Annotated[list[Path] | None, Parameter(consume_multiple=True), FILES] = None
+    save: Annotated[list[Path] | None, OUTPUT] = None
+    report: PathOutput = None
+    ambient: AmbientOption = None
     map_: MapOption = None
     dbc: DbcOption = None
-    zero: Literal["subtract", "keep"] = "subtract"
-    force: Flag = False
-    verbose: Flag = False
-    json: Flag = False
-    debug: Flag = False
+    zero: Annotated[Literal["subtract", "keep"], FILES] = "subtract"
+    force: ForceFlag = False
+    verbose: OutputFlag = False
+    json: OutputFlag = False
+    debug: OutputFlag = False
 
     def request(self, measure: str, free: str) -> FitRequest:
         """The request of a fit with these options.
@@ -217,10 +223,11 @@ def fit(
     start: Path | None = None,
     options: FitOptions = DEFAULTS,
 ) -> int:
-    """Estimate the clutch load, and other parameters, from recordings.
+    """Estimate the load, and any other parameters, by any method; without options, by that of the paper.
 
-    The general verb; `calibrate` and `estimate` are for every day. Without options: position only, ballistic, theta_1
-    to theta_3 free, everything else from Appendix A of the paper.
+    The general command; `calibrate` and `estimate` are for every day. Without options it assumes the truck of the
+    paper (Appendix A), simulates the recording from its start to its end, and fits three weights of the load to the
+    position; ± is then noise only, because the error of what is assumed is not in it.
 
     Parameters
     ----------

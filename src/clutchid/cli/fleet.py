@@ -11,7 +11,21 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, FAILED, DbcOption, Flag, MapOption, guarded, life_limit, print_json, progress_of
+from clutchid.cli.common import (
+    DONE,
+    FAILED,
+    FLEET,
+    AmbientOption,
+    DbcOption,
+    Flag,
+    MapOption,
+    OutOption,
+    OutputFlag,
+    guarded,
+    life_limit,
+    print_json,
+    progress_of,
+)
 from clutchid.cli.terminal import printable_lines, put
 from clutchid.errors import ParameterError
 from clutchid.names import printable
@@ -46,7 +60,7 @@ class Scheduler:
         PEM file with the key of that certificate.
     """
 
-    scheduler: str = ""
+    scheduler: Annotated[str, Parameter(show_default=False)] = ""
     tls_ca: Path | None = None
     tls_cert: Path | None = None
     tls_key: Path | None = None
@@ -93,7 +107,7 @@ class WorkerLimits:
 
     workers: int = 1
     timeout: float = 600.0
-    memory: str = ""
+    memory: Annotated[str, Parameter(show_default=False)] = ""
 
 
 #: One worker on this machine.
@@ -106,17 +120,17 @@ def fleet(
     /,
     *,
     start: Path,
-    out: Path,
+    out: OutOption,
     verb: Literal["fit", "observe", "track"] = "fit",
-    pool: Annotated[WorkerLimits, Parameter(name="*")] = ONE_PROCESS,
-    scheduler: Annotated[Scheduler, Parameter(name="*")] = NO_SCHEDULER,
+    pool: Annotated[WorkerLimits, Parameter(name="*"), FLEET] = ONE_PROCESS,
+    scheduler: Annotated[Scheduler, Parameter(name="*"), FLEET] = NO_SCHEDULER,
     limit: float | None = None,
-    retry: Flag = False,
-    ambient: str | None = None,
+    retry: Annotated[Flag, FLEET] = False,
+    ambient: AmbientOption = None,
     map_: MapOption = None,
     dbc: DbcOption = None,
-    json: Flag = False,
-    debug: Flag = False,
+    json: OutputFlag = False,
+    debug: OutputFlag = False,
 ) -> int:
     """Read the load of every recording of a fleet, and follow the wear of its vehicles.
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, Flag, MapOption, guarded, print_json
+from clutchid.cli.common import DONE, AmbientOption, MapOption, OutputFlag, guarded, print_json
 from clutchid.cli.terminal import put, say
 from clutchid.errors import ParameterError
 from clutchid.log import Log
@@ -23,12 +23,12 @@ def friction(
     *files: Path,
     law: Literal["coulomb", "lugre"] = "coulomb",
     area: float | None = None,
-    fix: Annotated[list[str] | None, Parameter(consume_multiple=True, negative="")] = None,
+    fix: Annotated[list[str] | None, Parameter(consume_multiple=True)] = None,
     inertia: float | None = None,
     map_: MapOption = None,
-    ambient: str | None = None,
-    json: Flag = False,
-    debug: Flag = False,
+    ambient: AmbientOption = None,
+    json: OutputFlag = False,
+    debug: OutputFlag = False,
 ) -> int:
     """Estimate the friction of a seal from recordings of a test rig.
 

@@ -9,9 +9,11 @@ from pathlib import Path
 from clutchid.cli.common import (
     BAD_INPUT,
     DONE,
+    AmbientOption,
     DbcOption,
-    Flag,
     MapOption,
+    OutputFlag,
+    PathOutput,
     check_outputs,
     guarded,
     print_json,
@@ -28,15 +30,15 @@ def look(
     file: Path,
     /,
     *,
-    save: Path | None = None,
+    save: PathOutput = None,
     map_: MapOption = None,
     dbc: DbcOption = None,
-    ambient: str | None = None,
+    ambient: AmbientOption = None,
     start: Path | None = None,
-    json: Flag = False,
-    debug: Flag = False,
+    json: OutputFlag = False,
+    debug: OutputFlag = False,
 ) -> int:
-    """List the channels of a recording with unit, time grid, range and holes, all problems, and a channel map.
+    """List what is in a recording, and check it: channels, units, ranges, holes; propose a channel map.
 
     Parameters
     ----------

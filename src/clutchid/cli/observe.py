@@ -22,7 +22,7 @@ def observe(
     *,
     options: ObserveOptions,
 ) -> int:
-    """Follow the load and the pressure of a recording from position and duty cycles alone, sample by sample.
+    """Estimate load and pressure sample by sample, as a control unit would, from a file or live.
 
     The observer starts from the load of a calibration, and only looks back: it is what a control unit could know at
     each sample.

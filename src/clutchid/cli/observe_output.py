@@ -15,7 +15,22 @@ from typing import TYPE_CHECKING, Annotated, Literal, TextIO
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DbcOption, Flag, MapOption, check_outputs, print_json, print_written
+from clutchid.cli.common import (
+    FILES,
+    OUTPUT,
+    SEARCH,
+    AmbientOption,
+    DbcOption,
+    Flag,
+    ForceFlag,
+    MapOption,
+    OutOption,
+    OutputFlag,
+    PathOutput,
+    check_outputs,
+    print_json,
+    print_written,
+)
 from clutchid.cli.observe_sinks import say_unhurried
 from clutchid.cli.terminal import print_rows, printable_lines, put, say
 from clutchid.errors import ExportError, ParameterError
@@ -83,22 +98,22 @@ class ObserveOptions:
     """
 
     start: Path
-    out: Path
-    method: str = "joint"
-    save: Path | None = None
-    resume: Path | None = None
-    report: Path | None = None
-    ambient: str | None = None
+    out: OutOption
+    method: Annotated[str, SEARCH] = "joint"
+    save: PathOutput = None
+    resume: Annotated[Path | None, FILES] = None
+    report: PathOutput = None
+    ambient: AmbientOption = None
     map_: MapOption = None
     dbc: DbcOption = None
-    zero: Literal["subtract", "keep"] = "subtract"
+    zero: Annotated[Literal["subtract", "keep"], FILES] = "subtract"
     follow: Flag = False
-    publish: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None
-    publish_every: float | None = None
-    view: Flag = False
-    force: Flag = False
-    json: Flag = False
-    debug: Flag = False
+    publish: Annotated[str | None, Parameter(allow_leading_hyphen=True), OUTPUT] = None
+    publish_every: Annotated[float | None, OUTPUT] = None
+    view: OutputFlag = False
+    force: ForceFlag = False
+    json: OutputFlag = False
+    debug: OutputFlag = False
 
     @property
     def by_stroke(self) -> Path:

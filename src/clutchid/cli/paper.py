@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
-from clutchid.cli.common import DONE, Flag, guarded, progress_bar
+from clutchid.cli.common import DONE, FILES, AmbientOption, OutOption, OutputFlag, guarded, progress_bar
 from clutchid.cli.terminal import put
 from clutchid.errors import ParameterError
 from clutchid.parameters import Parameters
@@ -15,13 +16,13 @@ from clutchid.workflow.options import pressure
 @guarded
 def paper(
     *,
-    out: Path,
-    fit: Path | None = None,
-    verify: Path | None = None,
-    ambient: str | None = None,
-    debug: Flag = False,
+    out: OutOption,
+    fit: Annotated[Path | None, FILES] = None,
+    verify: Annotated[Path | None, FILES] = None,
+    ambient: AmbientOption = None,
+    debug: OutputFlag = False,
 ) -> int:
-    """Repeat the paper's study: Eq. (21), Tables 1 and 2, Figures 2 to 8, verification, as one HTML page.
+    """Repeat the study of the paper as one HTML page: Eq. (21), Tables 1 and 2, Figures 2 to 8, verification.
 
     Parameters
     ----------

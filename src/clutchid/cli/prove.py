@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from textwrap import fill
 from typing import Annotated
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, FAILED, Flag, guarded, print_written, progress_of
+from clutchid.cli.common import DONE, FAILED, FLEET, OutOption, OutputFlag, guarded, print_written, progress_of
 from clutchid.cli.fleet import NO_SCHEDULER, Scheduler
 from clutchid.cli.terminal import WIDTH, put
 from clutchid.errors import ParameterError
@@ -17,20 +16,20 @@ from clutchid.errors import ParameterError
 @guarded
 def prove(
     *,
-    out: Path,
+    out: OutOption,
     family: str = "A",
     trucks: int = 24,
     seed: int = 0,
     workflow: str = "paper",
-    change: Annotated[list[str] | None, Parameter(negative="")] = None,
-    workers: int = 1,
-    scheduler: Annotated[Scheduler, Parameter(name="*")] = NO_SCHEDULER,
-    debug: Flag = False,
+    change: list[str] | None = None,
+    workers: Annotated[int, FLEET] = 1,
+    scheduler: Annotated[Scheduler, Parameter(name="*"), FLEET] = NO_SCHEDULER,
+    debug: OutputFlag = False,
 ) -> int:
-    """Evaluate a workflow on virtual trucks: one calibration recording with pressure, two worn ones with position only.
+    """Measure how good a method is, on virtual trucks whose load is known.
 
-    Results are saved per truck; an interrupted run is continued. Choose methods on seeds 0 to 23, report them on 1000
-    to 1023.
+    Each truck gives a calibration recording with pressure and two worn ones with position only. Results are saved per
+    truck; an interrupted run is continued. Choose methods on seeds 0 to 23, report them on 1000 to 1023.
 
     Parameters
     ----------

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from clutchid.cli.common import (
     DONE,
+    FILES,
+    SEARCH,
+    AmbientOption,
     DbcOption,
-    Flag,
+    ForceFlag,
     MapOption,
+    OutOption,
+    OutputFlag,
     check_outputs,
     guarded,
     model_of,
@@ -35,20 +40,20 @@ def simulate(
     /,
     *,
     parameters: Path,
-    out: Path,
-    model: str | None = None,
-    every: int | None = None,
-    parts: int | None = None,
-    carry: Literal["p", "q"] | None = None,
-    band: Path | None = None,
-    ambient: str | None = None,
+    out: OutOption,
+    model: Annotated[str | None, SEARCH] = None,
+    every: Annotated[int | None, SEARCH] = None,
+    parts: Annotated[int | None, SEARCH] = None,
+    carry: Annotated[Literal["p", "q"] | None, SEARCH] = None,
+    band: Annotated[Path | None, FILES] = None,
+    ambient: AmbientOption = None,
     map_: MapOption = None,
     dbc: DbcOption = None,
-    force: Flag = False,
-    json: Flag = False,
-    debug: Flag = False,
+    force: ForceFlag = False,
+    json: OutputFlag = False,
+    debug: OutputFlag = False,
 ) -> int:
-    """Simulate an actuator with the inputs of a recording and write all states.
+    """Simulate an actuator with the duty cycles of a recording, and write all states, such as the pressure.
 
     If the recording does not start vented and at rest, position and pressure at its start are taken from the parameter
     file if it has them for exactly this file, else estimated from the measured position.
@@ -64,11 +69,11 @@ def simulate(
     model
         FILE.py:NAME, the model of your own that the parameter file was saved with; the file is executed.
     every
-        Reset to the measured position after every N samples.
+        Restart at the measured position after every N samples.
     parts
-        Reset to the measured position at the start of N equal parts.
+        Restart at the measured position at the start of N equal parts.
     carry
-        At a reset, keep the pressures (p, the default) or the masses of air (q).
+        At a restart, keep the pressures (p, the default) or the masses of air (q).
     band
         Recording with pressure of the same actuator with on/off valves; the errors of its simulation give the interval.
     ambient

@@ -7,13 +7,18 @@ import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from clutchid.cli.common import (
     DONE,
+    FILES,
+    FLEET,
+    AmbientOption,
     DbcOption,
-    Flag,
     MapOption,
+    OutOption,
+    OutputFlag,
+    PathOutput,
     check_outputs,
     guarded,
     life_limit,
@@ -34,20 +39,20 @@ if TYPE_CHECKING:
 def track(
     *logs: Path,
     start: Path,
-    out: Path,
-    table: Path | None = None,
+    out: OutOption,
+    table: Annotated[Path | None, FILES] = None,
     limit: float | None = None,
-    wear_table: Path | None = None,
-    report: Path | None = None,
-    workers: int = 1,
-    ambient: str | None = None,
+    wear_table: Annotated[Path | None, FILES] = None,
+    report: PathOutput = None,
+    workers: Annotated[int, FLEET] = 1,
+    ambient: AmbientOption = None,
     map_: MapOption = None,
     dbc: DbcOption = None,
-    zero: Literal["subtract", "keep"] = "subtract",
-    json: Flag = False,
-    debug: Flag = False,
+    zero: Annotated[Literal["subtract", "keep"], FILES] = "subtract",
+    json: OutputFlag = False,
+    debug: OutputFlag = False,
 ) -> int:
-    """Follow the wear of one clutch through its recordings: trend with bands, replaced clutches, what is left.
+    """Follow the wear of one clutch through its recordings: trend, replaced clutches, remaining life.
 
     Every recording is read from position alone, as `clutchid estimate` does. One that cannot be read is a row with
     its reason.
@@ -109,7 +114,7 @@ def track(
 
 
 def _check(
-    out: Path, report: Path | None, start: Path, table: Path | None, wear_table: Path | None, logs: Sequence[Path]
+    out: OutOption, report: Path | None, start: Path, table: Path | None, wear_table: Path | None, logs: Sequence[Path]
 ) -> None:
     """Check before any work that the files can be written."""
     if out.suffix.lower() != ".parquet":
