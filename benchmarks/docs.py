@@ -6,6 +6,8 @@ folder. Words must be equal and numbers to two digits, or to the last decimal th
 lines, and in a line for a word. Blocks below ``<!-- long -->`` run only here; the others run in ``tests/docs`` too. A
 fenced block below ``<!-- file NAME -->`` is written to the folder.
 
+The README shows commands of `SOURCE`, which runs them.
+
 With ``--write`` the pages get what is printed now: of an output with a line ``...`` as many lines before and behind it
 as there were.
 """
@@ -31,6 +33,7 @@ from unittest import mock
 from clutchid.cli import main as clutchid
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
+README, SOURCE = DOCS.parent / "README.md", DOCS / "first_hour.md"
 
 #: Stands for any number of lines, or for a word in a line.
 SKIP = "..."
@@ -122,6 +125,14 @@ def differences(page: str, *, long: bool) -> list[Difference]:
                 if not same(step.expected, printed):
                     found.append(Difference(block.line, step, printed))
     return found
+
+
+def excerpts(page: str, source: str) -> list[Difference]:
+    """The commands of a page of which another page shows another output, or none."""
+    printed = {step.command: step.expected for block in blocks(source) for step in block.steps}
+    steps = [(block.line, step) for block in blocks(page) for step in block.steps]
+    others = ((line, step, printed.get(step.command, "")) for line, step in steps)
+    return [Difference(*other) for other in others if not same(other[1].expected, other[2])]
 
 
 def run(command: str, last: int = 0) -> tuple[int, str]:
@@ -239,10 +250,11 @@ def main() -> None:
     parser.add_argument("--write", action="store_true", help="put what is printed now into the pages")
     options = parser.parse_args()
     failed = False
-    for page in [path.resolve() for path in options.pages] or pages():
+    for page in [path.resolve() for path in options.pages] or [*pages(), README]:
         text = page.read_text(encoding="utf-8")
         begin = time.perf_counter()
-        found = differences(text, long=True)
+        excerpt = page == README
+        found = excerpts(text, SOURCE.read_text(encoding="utf-8")) if excerpt else differences(text, long=True)
         print(f"{page.name}: {len(found)} different, {time.perf_counter() - begin:.1f} s", flush=True)
         if options.write:
             page.write_text(rewritten(text, found), encoding="utf-8")

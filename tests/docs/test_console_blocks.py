@@ -27,6 +27,14 @@ def test_the_commands_of_a_page_print_what_it_shows(page):
     assert not found, "\n".join([*map(str, found), f"if that is right: python benchmarks/docs.py {page} --write"])
 
 
+def test_the_readme_shows_what_the_first_hour_prints():
+    readme, source = (path.read_text(encoding="utf-8") for path in (console.README, console.SOURCE))
+    assert len([step for block in console.blocks(readme) for step in block.steps]) == 3
+    found = console.excerpts(readme, source)
+    assert not found, "\n".join([*map(str, found), "if that is right: python benchmarks/docs.py README.md --write"])
+    assert len(console.excerpts(readme, source.replace("trust    good", "trust    none"))) == 2
+
+
 def test_most_pages_of_commands_have_an_example_that_runs():
     text = {name: page.read_text(encoding="utf-8") for name, page in PAGES.items()}
     short = {name for name, page in text.items() if any(b.steps and not b.long for b in console.blocks(page))}

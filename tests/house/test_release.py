@@ -39,9 +39,9 @@ def test_an_index_gets_a_readme_without_links_or_pictures_that_lead_nowhere():
     for change in PROJECT["tool"]["hatch"]["metadata"]["hooks"]["fancy-pypi-readme"]["substitutions"]:
         shown = re.sub(change["pattern"], change["replacement"], shown)
     assert re.findall(r"\]\((?!https?:)", shown) == []
-    assert "dotted are the true loads" not in shown, "the caption of a picture that is left out"
+    assert "Dotted are the true loads" not in shown, "the caption of a picture that is left out"
     assert len(shown) > 0.8 * len(text("README.md"))
-    assert "docs/index.md leads from here" in shown
+    assert "docs/index.md leads on from here" in shown
 
 
 def test_the_citation_has_the_authors_and_the_title_of_the_paper():

@@ -124,3 +124,40 @@ def test_two_states_of_wear_are_no_change_of_the_valves_and_lead_to_track(fitted
     assert why == "follow the wear"
     assert what == "clutchid track new.csv worn.csv --start CAL.toml --out WEAR.parquet"
     assert fit_json(with_baseline(fitted))["states_of_wear"] is None
+
+
+@pytest.mark.slow
+def test_every_place_says_that_an_interval_without_a_calibration_is_noise_only(fitted, shown):
+    said = verdict(fitted).experience
+    assert said.startswith("± is noise only: on virtual trucks the load of fits like this was 18 % of its peak off")
+    places = shown(fitted)
+    assert [where for where, text in places.items() if said not in text] == []
+    assert "± is noise only" in verdict(fitted).meaning
+    assert "N at 95 %, noise only." in places["page"]
+    assert fit_json(fitted)["verdict"]["noise_only"]
+    reading = with_baseline(fitted)
+    assert not fit_json(reading)["verdict"]["noise_only"]
+    assert [where for where, text in shown(reading).items() if "noise only" in text] == []
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        (lambda fit: {"actuator": fit.actuator.replace({"P_S": 8e5})}, "of another truck than that of the paper"),
+        (lambda fit: {"scales": {**fit.scales, "pressure_a": 1e3}}, "with pressure"),
+        (lambda fit: {"actuator": fit.actuator.replace({"theta_1": 9e5, "F_C": 400.0})}, "with another friction"),
+        (lambda fit: {"method": "shooting"}, "by another method"),
+    ],
+)
+def test_a_fit_without_a_calibration_that_virtual_trucks_did_not_make_has_no_figures_of_theirs(fitted, change, what):
+    judged = verdict(replace(fitted, **change(fitted)))
+    assert judged.noise_only, what
+    assert judged.experience == "± is noise only: the error of what is assumed is not in it."
+
+
+def test_a_calibration_and_a_load_that_is_not_fitted_have_no_such_words(fitted):
+    weights = fitted.actuator.load.names
+    fixed = replace(fitted, parameters={n: e for n, e in fitted.parameters.items() if n not in weights})
+    for fit in (replace(fitted, calibration=calibration_like(fitted)), with_baseline(fitted), fixed):
+        assert not verdict(fit).noise_only
+        assert "noise" not in verdict(fit).experience

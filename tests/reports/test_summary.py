@@ -38,7 +38,8 @@ def change(name="C_vs", group=VALVES, probability=0.9, recording="first"):
 
 
 def test_the_rows_are_trust_load_what_is_assumed_and_errors(fitted):
-    assert [row.label for row in summary(fitted)] == ["trust", "load", "", "assumed", "errors"]
+    assert [row.label for row in summary(fitted)] == ["trust", "", "load", "", "assumed", "errors"]
+    assert summary(fitted)[1].text == fitted.verdict.experience
     assert summary(fitted)[0].mood == summary(fitted)[0].text == fitted.verdict.trust == "good"
     assert summary(replace(fitted, converged=False))[0].mood == "with care"
 

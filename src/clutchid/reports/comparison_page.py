@@ -10,7 +10,7 @@ import numpy as np
 
 from clutchid.estimation import Fit
 from clutchid.estimation.assess.comparison import ENGAGING, Comparison, HalfLoad, comparison
-from clutchid.estimation.assess.verdict import verdict
+from clutchid.estimation.assess.verdict import of_the_paper, verdict
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.names import capital
@@ -18,7 +18,7 @@ from clutchid.reports.changes import assumed_sentences, since_calibration
 from clutchid.reports.figures import draw, fill, label, legend, mark_span, new_figure, svg
 from clutchid.reports.html import Block, Bullets, Notice, PageSection, Picture, Text
 from clutchid.reports.style import MM, STYLE, Line
-from clutchid.reports.summary import POSITIONS, interval_words, of_the_paper
+from clutchid.reports.summary import POSITIONS, interval_words
 from clutchid.reports.tables import STEP, Cell, Column, ReportTable
 
 if TYPE_CHECKING:

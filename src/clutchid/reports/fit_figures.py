@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from clutchid.estimation import Fit
 from clutchid.estimation.assess.comparison import ENGAGING, half_load_band
 from clutchid.estimation.assess.evidence import reach
+from clutchid.estimation.assess.verdict import noise_only
 from clutchid.estimation.result import Recording
 from clutchid.log import FloatArray, Log
 from clutchid.parameters import Parameters
@@ -68,7 +69,8 @@ def load_figure(fit: Fit) -> Figure:
     x, force = curve.position / MM, curve.force
     mark_span(axis, ENGAGING[0] / MM, ENGAGING[1] / MM, "the clutch engages, 5 to 8 mm")
     banded = np.isfinite(curve.low) & np.isfinite(curve.high)
-    fill(axis, x, curve.low, curve.high, Line(STYLE.blue, "95 % band", opacity=0.2, layer=1))
+    band = "95 % band, noise only" if noise_only(fit) else "95 % band"
+    fill(axis, x, curve.low, curve.high, Line(STYLE.blue, band, opacity=0.2, layer=1))
     inside = curve.position <= furthest
     draw(axis, x[inside], force[inside], Line(STYLE.blue, "load", 2.0))
     outside = curve.position >= (curve.position[inside][-1] if inside.any() else 0.0)

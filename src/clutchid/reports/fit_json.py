@@ -142,6 +142,7 @@ def verdict_json(fit: Fit) -> dict[str, Any]:
         "unseen": list(judged.unseen),
         "notes": list(judged.notes),
         "experience": judged.experience or None,
+        "noise_only": judged.noise_only,
         "diagnostics": {
             name: {
                 "position_fit_over_1_s_percent": found.predictions[name],

@@ -14,7 +14,7 @@ from clutchid.estimation import Fit
 from clutchid.estimation.assess.comparison import ENGAGING, half_load_band
 from clutchid.estimation.assess.evidence import Evidence, as_recorded, evidence, reach
 from clutchid.estimation.assess.innovations import calibration_innovations
-from clutchid.estimation.assess.verdict import verdict
+from clutchid.estimation.assess.verdict import noise_only, verdict
 from clutchid.estimation.result import Errors, Recording
 from clutchid.recordings.files import write_text
 from clutchid.reports.comparison_page import comparison_sections
@@ -191,7 +191,7 @@ def _sentence(fit: Fit) -> str:
     half = (curve.high - curve.low)[engaging] / 2
     if not np.isfinite(half).all():
         return f"{text}; the interval there is infinite."
-    return f"{text}, ± {half.max():.0f} N at 95 %."
+    return f"{text}, ± {half.max():.0f} N at 95 %{', noise only' if noise_only(fit) else ''}."
 
 
 def _half_sentence(fit: Fit) -> str:

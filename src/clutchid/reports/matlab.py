@@ -139,6 +139,7 @@ def _content(fit: Fit) -> dict[str, Any]:
         },
         "trust": verdict(fit).trust,
         "reasons": verdict(fit).reasons,
+        "experience": verdict(fit).experience,
         "parameters": {name: _parameter(fit, name, actuator.value(name), fit.parameters.get(name)) for name in names},
         "covariance": {"names": tuple(fit.parameters), "matrix": fit.covariance},
         "changes": [change_json(change) for change in fit.changes],

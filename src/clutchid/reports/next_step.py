@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from clutchid.estimation import Fit
-from clutchid.estimation.assess.verdict import states_of_wear, verdict
+from clutchid.estimation.assess.verdict import of_the_paper, states_of_wear, verdict
 from clutchid.model import Actuator
-from clutchid.reports.summary import of_the_paper
 
 
 @dataclass(frozen=True, slots=True)

@@ -97,7 +97,8 @@ def printed_fit(fit: Fit) -> str:
 
     first, *rest = repr(fit).splitlines()
     judged = verdict(fit)
-    trust = [f"  trust: {judged.trust}", *(f"    {reason}" for reason in judged.reasons)]
+    sentences = [*judged.reasons, *([judged.experience] if judged.experience else [])]
+    trust = [f"  trust: {judged.trust}", *(f"    {sentence}" for sentence in sentences)]
     return "\n".join([first, *trust, *rest])
 
 

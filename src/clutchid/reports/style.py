@@ -11,9 +11,11 @@ MM, BAR = 1e-3, 1e5
 
 @dataclass(frozen=True, slots=True)
 class Style:
-    """Sizes in inches and points, colours that colour-blind readers can distinguish (Okabe and Ito).
+    """Sizes in inches and points, colours that colour-blind readers can distinguish.
 
-    A figure is as wide as its page allows: its text is 11 px high on a page of 500 px, 16 px where it is widest.
+    They are those of Okabe and Ito, with grey, green and purple moved apart: `tests/reports/test_style.py` computes
+    the distances. A figure is as wide as its page allows: its text is 11 px high on a page of 500 px, 16 px where it
+    is widest.
     """
 
     width: float = 6.0
@@ -21,15 +23,15 @@ class Style:
     font_size: float = 10.0
     ink: str = "#1a1a1a"
     grid: str = "#e3e3e3"
-    measured: str = "#8c8c8c"
+    measured: str = "#b0b0b0"
     blue: str = "#0072b2"
     orange: str = "#e69f00"
-    green: str = "#009e73"
+    green: str = "#00a473"
     red: str = "#d55e00"
-    purple: str = "#cc79a7"
+    purple: str = "#c27dd6"
     span: str = "#fdf3d7"
     #: Dark to light, for an increasing parameter.
-    ordered: tuple[str, ...] = ("#440154", "#3b528b", "#21918c", "#43b244", "#c8b400")
+    ordered: tuple[str, ...] = ("#5b005e", "#2342af", "#1b62fd", "#5daff9", "#94e190")
 
 
 STYLE = Style()

@@ -14,7 +14,7 @@ from clutchid.estimation import Fit
 from clutchid.estimation.assess.comparison import Comparison, HalfLoad, comparison, half_load_band
 from clutchid.estimation.assess.evidence import reach
 from clutchid.estimation.assess.rest import moved_rests
-from clutchid.estimation.assess.verdict import states_of_wear, verdict
+from clutchid.estimation.assess.verdict import of_the_paper, states_of_wear, verdict
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.reports.changes import assumed_sentences, rest_words, short_changes
 from clutchid.reports.style import MM
@@ -98,8 +98,8 @@ def _trust(fit: Fit, in_full: bool) -> list[SummaryRow]:
     shown = judged.reasons if in_full else judged.reasons[:MOST_REASONS]
     more = len(judged.reasons) - len(shown)
     rows = [SummaryRow("trust", judged.trust, judged.trust), *(SummaryRow("", reason) for reason in shown)]
-    rows += [SummaryRow("", judged.experience)] if judged.experience else []
-    return [*rows, SummaryRow("", f"{more} more reason{'s' if more > 1 else ''}: --verbose")] if more else rows
+    rows += [SummaryRow("", f"{more} more reason{'s' if more > 1 else ''}: --verbose")] if more else []
+    return [*rows, SummaryRow("", judged.experience)] if judged.experience else rows
 
 
 def other_warnings(fit: Fit) -> list[str]:
@@ -222,12 +222,6 @@ def baseline_name(baseline: Calibration) -> str:
     known = [origin.created[:10], f"trust {origin.trust}" if origin.trust else ""]
     brackets = ", ".join(part for part in known if part)
     return f"{origin.name} ({brackets})" if brackets else origin.name
-
-
-def of_the_paper(fit: Fit) -> bool:
-    """Whether every parameter that was not fitted has its value from Appendix A."""
-    fixed = [name for name in fit.actuator.parameter_names if name not in fit.parameters]
-    return all(fit.actuator.value(name) == fit.actuator.default(name) for name in fixed)
 
 
 def _readings(single: Mapping[str, Fit]) -> list[str]:

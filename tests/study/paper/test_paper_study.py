@@ -13,6 +13,7 @@ from clutchid.study import halves, paper_study
 from clutchid.study.paper import study as paper
 from clutchid.study.paper.figures import FIGURES, figure_5
 from clutchid.study.paper.page import DEVIATIONS
+from clutchid.study.paper.recording import true_load
 from clutchid.study.paper.results import StudyResults
 from clutchid.study.paper.tables import TABLES, equation_21
 from fixtures.figures import legends_on_the_engaging_range
@@ -54,6 +55,13 @@ def test_a_force_is_in_newtons_and_no_legend_covers_a_load_where_the_clutch_enga
     assert legends_on_the_engaging_range(figure) == 0
 
 
+def test_the_printed_loads_of_another_truck_have_nothing_of_this_recording_beside_them(study, logs):
+    panels = figure_5(study.cases, logs[0], true_load(logs[0])).axes
+    labels = [{line.get_label() for line in axis.get_lines()} for axis in panels]
+    of_this = {"true load", "Eq. (25), slow"}
+    assert [of_this & found for found in labels] == [of_this, of_this, of_this, set()]
+
+
 def test_the_page_loads_nothing_and_every_number_of_every_table_stands_on_it(study, html, loads_nothing):
     assert loads_nothing(html)
     for table in study.tables.values():
@@ -63,7 +71,7 @@ def test_the_page_loads_nothing_and_every_number_of_every_table_stands_on_it(stu
 
 
 def test_intervals_on_the_page_are_95_percent_and_the_table_has_standard_errors(study, html):
-    (weights,) = re.findall(r"θ = \((.*?)\)·10⁵ N/m \(95 % intervals\)", html)
+    (weights,) = re.findall(r"θ = \((.*?)\)·10⁵ N/m \(95 % intervals, noise only\)", html)
     halves_shown = [float(half) for half in re.findall(r"± ([\d.]+)", weights)]
     table = study.tables["table_1"]
     at = [i for i, column in enumerate(table.columns) if column.heading == "standard\nerror"]
@@ -79,6 +87,7 @@ def test_the_page_lists_every_deviation(html):
 
 def test_the_page_says_that_the_data_are_simulated_and_how_to_repeat_it(study, html, logs):
     assert "simulated, not measured" in html
+    assert '<p class="subtitle">A simulated recording of a virtual truck, ' in html
     assert f"clutchid paper --out {study.page.parent}" in html
     assert logs[0].metadata["sha256"] in html
 
@@ -95,6 +104,7 @@ def test_a_study_without_pressure_and_without_a_known_load_is_whole(drive, tmp_p
     study = paper_study(first, replace(second, warnings=("mind <this>",)), tmp_path)
     html = study.page.read_text(encoding="utf-8")
     assert "true load is unknown" in html
+    assert '<p class="subtitle">After Langjord' in html
     assert "mine &amp; &lt;yours&gt;, first half" in html
     assert "<yours>" not in html
     assert '<p class="notice warning">mind &lt;this&gt;</p>' in html

@@ -93,7 +93,7 @@ def _over_time(axes: Sequence[Axes], cases: Sequence[Case], name: str, unit: flo
 def case_line(case: Case) -> Line:
     """Line style of a case: ballistic thick and black, N from dark to light."""
     number = case.method.number
-    return _BALLISTIC if number is None else Line(_NUMBER[number], f"N = {number}", 0.9)
+    return _BALLISTIC if number is None else Line(_NUMBER[number], f"N = {number}", 1.1)
 
 
 def figure_5(cases: Sequence[Case], log: Log, truth: TrueLoad | None) -> Figure:
@@ -109,7 +109,9 @@ def figure_5(cases: Sequence[Case], log: Log, truth: TrueLoad | None) -> Figure:
         ("(d) printed Table 1, slope 0.001", _printed_loads()),
     ]
     for axis, (title, curves) in zip(axes, panels, strict=True):
-        _load_background(axis, static, truth)
+        mark_span(axis, 5, 8)
+        if axis is not axes[-1]:  # the printed loads are of another truck
+            _load_background(axis, static, truth)
         for line, load in curves:
             draw(axis, y / MM, load.force(y), line)
         label(axis, y="load [N]", title=title)
@@ -135,8 +137,7 @@ def _printed_loads() -> list[tuple[Line, Load]]:
 
 
 def _load_background(axis: Axes, static: tuple[FloatArray, FloatArray], truth: TrueLoad | None) -> None:
-    """Common content of the load panels: engagement range, static estimate and true load."""
-    mark_span(axis, 5, 8)
+    """What is known of the load of the recording besides the estimates: static estimate and true load."""
     position, force = static
     if truth is not None:
         draw(axis, truth.position / MM, truth.force, Line(STYLE.orange, "true load", 3.4, opacity=0.8, layer=1.6))

@@ -79,20 +79,20 @@ def _figure_5(found: StudyResults) -> str:
         "The load characteristics; shaded: 5 to 8 mm, where the clutch engages. At 8 mm the estimates range from "
         f"{spread('parts', 'p')} in (a), {spread('every', 'p')} in (b) and {spread('every', 'q')} in (c), where the "
         "masses of air are carried. (d) shows the printed weights in their published basis; they belong to "
-        "another truck. "
+        "another truck, so nothing of this recording is beside them. "
     )
     if "pressure_a" in found.fit_log:
         text += (
-            f"Dots: Eq. (25) from the measured pressure where the piston is slower than {SLOW / MM:.0f} mm/s; Coulomb "
-            f"friction shifts them by up to {found.case(_BALLISTIC).fit.actuator.parameters.F_C:.0f} N above or below "
-            "the load. "
+            f"Dots in (a) to (c): Eq. (25) from the measured pressure where the piston is slower than {SLOW / MM:.0f} "
+            f"mm/s; Coulomb friction shifts them by up to {found.case(_BALLISTIC).fit.actuator.parameters.F_C:.0f} N "
+            "above or below the load. "
         )
     if found.truth is not None:
         error = load_error(found.case(_BALLISTIC), found.truth)
         text += (
-            f"The true load is known here: the rms error of the ballistic estimate is {error.engaging:.0f} N between 5 "
-            f"and 8 mm and {error.everywhere:.0f} N overall; the smallest possible with these three splines is "
-            f"{best_possible(found.truth):.0f} N overall."
+            f"The true load is known here (orange): the rms error of the ballistic estimate is {error.engaging:.0f} N "
+            f"between 5 and 8 mm and {error.everywhere:.0f} N overall; the smallest possible with these three splines "
+            f"is {best_possible(found.truth):.0f} N overall."
         )
     return text
 
@@ -208,8 +208,8 @@ def study_page(
     )
     return Page(
         "Clutch load characteristics: the paper's study repeated",
-        "After Langjord, Johansen, Snare and Bratli, “Estimation of electropneumatic clutch actuator load "
-        "characteristics”, Section 3",
+        f"{_SIMULATED if found.truth is not None else ''}After Langjord, Johansen, Snare and Bratli, “Estimation of "
+        "electropneumatic clutch actuator load characteristics”, Section 3",
         sections,
         provenance([found.fit_log, found.verify_log], command),
     )
@@ -236,8 +236,8 @@ def _abstract(found: StudyResults) -> str:
         f"The load of a clutch was estimated from <i>{escape(found.fit_log.name)}</i> ({_length(found.fit_log)}) with "
         f"the position as the only measured quantity, and checked on <i>{escape(found.verify_log.name)}</i> "
         f"({_length(found.verify_log)}), which was not fitted. The ballistic fit gives θ = ({_weights(case.fit)})·10⁵ "
-        f"N/m (95 % intervals), a load with a peak of {force[at]:.0f} N at {y[at] / MM:.1f} mm. A simulation "
-        f"with it has an rms position error of {millimetres(first.position_rms)} on the first recording and "
+        f"N/m (95 % intervals, noise only), a load with a peak of {force[at]:.0f} N at {y[at] / MM:.1f} mm. A "
+        f"simulation with it has an rms position error of {millimetres(first.position_rms)} on the first recording and "
         f"{millimetres(second.position_rms)} on the second"
     )
     if first.pressure_a_rms is not None and second.pressure_a_rms is not None:
@@ -333,6 +333,9 @@ def _data(found: StudyResults) -> str:
         "simulated."
     )
 
+
+#: Before the source, under the title.
+_SIMULATED = "A simulated recording of a virtual truck, not the paper's data. "
 
 _METHOD = (
     "The fifth-order model (23) with the parameters of the paper's Appendix was simulated with the recorded duty "
