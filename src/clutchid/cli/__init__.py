@@ -43,7 +43,7 @@ a recording with pressure, and estimate the load of later recordings from the po
 COMMANDS: tuple[tuple[Callable[..., int], str], ...] = (
     (look, "FILE [OPTIONS]"),
     (fit, "LOGS... [OPTIONS]"),
-    (calibrate, "LOGS... --save CAL.toml [OPTIONS]"),
+    (calibrate, "LOGS... [--save CAL.toml] [OPTIONS]"),
     (estimate, "LOGS... --start CAL.toml [OPTIONS]"),
     (page, "[FILES...] [OPTIONS]"),
     (simulate, "LOG --parameters FIT.toml --out SIM.parquet [OPTIONS]"),
