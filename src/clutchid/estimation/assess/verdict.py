@@ -159,7 +159,7 @@ Trust = Literal["good", "with care", "none"]
 #: paper` prints 17.9 and 37.4, with `--family B` 21.9 and 38.3.
 PAPER_OFF, PAPER_HELD = 18, 37
 
-#: What the interval of a fit without a calibration lacks.
+#: What the interval of a fit without a calibration is.
 NOISE_ONLY = "± is noise only"
 
 #: What each trust means.
