@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from clutchid.reports.figures import draw, label, legend, new_figure, png, thinned, thinned_band
+from clutchid.reports.figures import draw, draw_over_time, label, legend, new_figure, png, thinned, thinned_band
 from clutchid.reports.style import STYLE, Line
 
 numbers = st.floats(-1e6, 1e6) | st.just(float("nan"))
@@ -64,3 +64,13 @@ assert "matplotlib.pyplot" not in sys.modules
 assert before == matplotlib.rcParams.copy()
 """
     subprocess.run([sys.executable, "-W", "error", "-c", code], check=True)
+
+
+def test_a_line_over_time_breaks_at_a_hole():
+    _, (axis,) = new_figure([1.0])
+    time = np.r_[np.arange(100), 500 + np.arange(100)] * 1e-3
+    draw_over_time(axis, time, np.r_[np.zeros(100), np.ones(100)], Line(STYLE.blue, ""))
+    x, y = axis.lines[0].get_data()
+    assert np.isnan(y[(x > time[99]) & (x < time[100])]).any()
+    draw_over_time(axis, time[:100], time[:100], Line(STYLE.blue, ""))
+    assert np.array_equal(axis.lines[1].get_ydata(), time[:100])

@@ -6,7 +6,7 @@ import pytest
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.log import Log
 from clutchid.observer import known, observe_recording, observer
-from clutchid.reports.figures import BINS, thinned
+from clutchid.reports.figures import BINS, thinned, with_gaps
 from clutchid.reports.html import render
 from clutchid.reports.observe_page import (
     health_table,
@@ -16,7 +16,6 @@ from clutchid.reports.observe_page import (
     parameter_table,
     samples_figure,
     strokes_figure,
-    with_gaps,
 )
 from clutchid.reports.observe_text import load_sentence, loads, observe_json, observe_sentence
 

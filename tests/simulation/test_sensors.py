@@ -9,8 +9,10 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+from clutchid.log import Log
+from clutchid.parameters import Parameters
 from clutchid.simulation.comparison import SHORTEST_LAG
-from clutchid.simulation.sensors import lag_coefficients, lagged, sensor_output
+from clutchid.simulation.sensors import lag_coefficients, lagged, sensor_output, without_sensors
 from fixtures.sensors import lag_derivative
 
 STEP = 1e-3
@@ -92,6 +94,16 @@ def test_what_is_not_known_stays_so_and_each_stretch_is_lagged_on_its_own():
     for part in (slice(5, 100), slice(120, 200), slice(203, 297)):
         assert record[part] == pytest.approx(lagged(values[part], 2e-3, STEP) + 1e-4, abs=1e-15)
     assert record[201] == values[201] + 1e-4, "of a sample alone the lag is not known"
+
+
+def test_nothing_lasts_across_a_hole_in_time():
+    time = np.r_[TIME[:100], TIME[:100] + 5.0]
+    values = np.repeat([15e-3, 1e-3], 100) + 1e-3 * np.r_[TIME[:100], TIME[:100]]
+    record = sensor_output(values, time, 8e-3, 1e-4)
+    for part in (slice(0, 100), slice(100, 200)):
+        assert record[part] == pytest.approx(sensor_output(values[part], time[part], 8e-3, 1e-4), abs=1e-12)
+    earlier = without_sensors(Log(time, {"position": record}), Parameters(tau_y=8e-3, e_y=1e-4))
+    assert np.abs(earlier["position"] - values).max() < 2e-5
 
 
 def test_without_values_there_is_no_output():

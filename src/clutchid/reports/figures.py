@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from clutchid.log import FloatArray, Log
+from clutchid.log import HOLE, FloatArray, Log, sample_interval
 from clutchid.reports.style import STYLE, Line, Style
 
 if TYPE_CHECKING:
@@ -121,6 +121,38 @@ def draw(axis: Axes, x: FloatArray, y: FloatArray, line: Line) -> None:
     )  # fmt: skip
 
 
+def draw_over_time(axis: Axes, time: FloatArray, y: FloatArray, line: Line) -> None:
+    """Draw a curve over time; a hole in time leaves a gap."""
+    t, (values,) = with_gaps(time, [y], sample_interval(time, np.inf))
+    draw(axis, t, values, line)
+
+
+def fill_over_time(axis: Axes, time: FloatArray, low: FloatArray, high: FloatArray, line: Line) -> None:
+    """Draw a band over time; a hole in time leaves a gap."""
+    t, (below, above) = with_gaps(time, [low, high], sample_interval(time, np.inf))
+    fill(axis, t, below, above, line)
+
+
+def with_gaps(time: FloatArray, columns: Sequence[FloatArray], usual: float) -> tuple[FloatArray, list[FloatArray]]:
+    """Curves with NaN in the holes in time, enough of them that a decimated curve has a gap as well.
+
+    Parameters
+    ----------
+    usual : s
+        Time from one sample to the next.
+
+    Examples
+    --------
+    >>> with_gaps(np.array([0.0, 1.0, 9.0]), [np.ones(3)], 1.0)[1]
+    [array([ 1.,  1., nan, nan, nan,  1.])]
+    """
+    holes = np.flatnonzero(np.diff(time) > HOLE * usual)
+    count = 2 * -(-time.size // BINS) + 1
+    at = np.repeat(holes + 1, count)
+    between = (time[holes, None] + np.diff(time)[holes, None] * np.linspace(0.0, 1.0, count + 2)[1:-1]).ravel()
+    return np.insert(time, at, between), [np.insert(column, at, np.nan) for column in columns]
+
+
 def fill(axis: Axes, x: FloatArray, low: FloatArray, high: FloatArray, line: Line) -> None:
     """Draw a band between two curves, decimated so that its extremes stay visible; NaN leaves a gap."""
     x, low, high = thinned_band(x, low, high)
@@ -132,8 +164,8 @@ def fill(axis: Axes, x: FloatArray, low: FloatArray, high: FloatArray, line: Lin
 
 def draw_duties(axis: Axes, log: Log) -> None:
     """Draw the duty cycles of both valves over time, in the lowest panel of a figure."""
-    draw(axis, log.time, log["duty_supply"], Line(STYLE.green, "supply", 0.9))
-    draw(axis, log.time, -log["duty_exhaust"], Line(STYLE.purple, "exhaust (negative)", 0.9))
+    draw_over_time(axis, log.time, log["duty_supply"], Line(STYLE.green, "supply", 0.9))
+    draw_over_time(axis, log.time, -log["duty_exhaust"], Line(STYLE.purple, "exhaust (negative)", 0.9))
     label(axis, "time [s]", "duty cycle [1]")
     axis.set_xlim(float(log.time[0]), float(log.time[-1]))
 

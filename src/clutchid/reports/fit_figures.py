@@ -16,7 +16,18 @@ from clutchid.log import FloatArray, Log
 from clutchid.parameters import Parameters
 from clutchid.recordings.signals.excitation import HOLD_SPEED, SHORTEST_REST, SLOW_WINDOW, VENTED_POSITION
 from clutchid.recordings.signals.sampled import runs, velocity
-from clutchid.reports.figures import BINS, draw, draw_duties, fill, label, legend, mark_span, new_figure
+from clutchid.reports.figures import (
+    BINS,
+    draw,
+    draw_duties,
+    draw_over_time,
+    fill,
+    fill_over_time,
+    label,
+    legend,
+    mark_span,
+    new_figure,
+)
 from clutchid.reports.style import BAR, MM, STYLE, Line
 
 if TYPE_CHECKING:
@@ -122,8 +133,8 @@ def recording_figure(recording: Recording, reliable: NDArray[np.bool_] | None = 
     figure, axes = new_figure([2.0, 1.15, 1.8, *([1.15] if with_pressure else []), 1.05])
     position, error, pressure, duty = axes[0], axes[1], axes[2], axes[-1]
     t = measured.time
-    draw(position, t, measured["position"] / MM, Line(STYLE.measured, "measured", 2.2))
-    draw(position, t, simulated["position"] / MM, Line(STYLE.blue, "simulated"))
+    draw_over_time(position, t, measured["position"] / MM, Line(STYLE.measured, "measured", 2.2))
+    draw_over_time(position, t, simulated["position"] / MM, Line(STYLE.blue, "simulated"))
     _difference(error, t, (measured["position"] - simulated["position"]) / MM)
     _pressure(pressure, measured, simulated, reliable)
     if with_pressure:
@@ -140,7 +151,7 @@ def recording_figure(recording: Recording, reliable: NDArray[np.bool_] | None = 
 
 
 def _difference(axis: Axes, t: FloatArray, residual: FloatArray) -> None:
-    draw(axis, t, residual, Line(STYLE.red, "", 0.8))
+    draw_over_time(axis, t, residual, Line(STYLE.red, "", 0.8))
     axis.axhline(0.0, color=STYLE.ink, linewidth=0.7)
 
 
@@ -155,8 +166,8 @@ def _pressure(axis: Axes, measured: Log, simulated: Log, reliable: NDArray[np.bo
             linewidth=0, label="unreliable: no vented rest, or beyond the reach", zorder=0,
         )  # fmt: skip
     if "pressure_a" in measured:
-        draw(axis, t, measured["pressure_a"] / BAR, Line(STYLE.measured, "measured", 2.2))
+        draw_over_time(axis, t, measured["pressure_a"] / BAR, Line(STYLE.measured, "measured", 2.2))
     if "pressure_a low" in simulated:
         low, high = simulated["pressure_a low"] / BAR, simulated["pressure_a high"] / BAR
-        fill(axis, t, low, high, Line(STYLE.blue, "95 % band", opacity=0.3))
-    draw(axis, t, simulated["pressure_a"] / BAR, Line(STYLE.blue, name))
+        fill_over_time(axis, t, low, high, Line(STYLE.blue, "95 % band", opacity=0.3))
+    draw_over_time(axis, t, simulated["pressure_a"] / BAR, Line(STYLE.blue, name))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from clutchid.log import Log
-from clutchid.reports.figures import draw, fill, label, legend, new_figure, svg
+from clutchid.reports.figures import draw_over_time, fill_over_time, label, legend, new_figure, svg
 from clutchid.reports.style import BAR, MM, STYLE, Line
 
 if TYPE_CHECKING:
@@ -47,10 +47,10 @@ def log_figure(log: Log) -> Figure:
     for axis, (y, lines) in zip(axes, panels, strict=False):
         if "pressure_a" in lines and {"pressure_a low", "pressure_a high"} <= set(log.columns):
             low, high = log["pressure_a low"] / BAR, log["pressure_a high"] / BAR
-            fill(axis, log.time, low, high, Line(STYLE.blue, "95 % band", opacity=0.3))
+            fill_over_time(axis, log.time, low, high, Line(STYLE.blue, "95 % band", opacity=0.3))
         for name, (unit, line) in lines.items():
             if name in log:
-                draw(axis, log.time, log[name] / unit, line)
+                draw_over_time(axis, log.time, log[name] / unit, line)
         label(axis, y=y)
         legend(axis, 4)
     label(axes[-1], "time [s]")

@@ -14,7 +14,7 @@ from clutchid.estimation.assess.innovations import innovation_statistics
 from clutchid.estimation.assess.observed import indicators, observed_verdict
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.inference.uncertainty.estimates import Estimate, LoadCurve
-from clutchid.log import HOLE, FloatArray
+from clutchid.log import FloatArray
 from clutchid.names import capital
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.by_stroke import curve, known, positions
@@ -22,7 +22,18 @@ from clutchid.observer.health import FLAGS, LIVE_FLAGS
 from clutchid.observer.recording import ObservedRecording
 from clutchid.recordings.files import write_text
 from clutchid.reports.diagnosis_page import verdict_blocks
-from clutchid.reports.figures import BINS, draw, draw_duties, fill, label, legend, mark_span, new_figure, png, svg
+from clutchid.reports.figures import (
+    draw,
+    draw_duties,
+    fill,
+    label,
+    legend,
+    mark_span,
+    new_figure,
+    png,
+    svg,
+    with_gaps,
+)
 from clutchid.reports.html import Block, Details, Notice, Page, PageSection, Picture, Text, provenance, render
 from clutchid.reports.innovations import innovation_blocks
 from clutchid.reports.observe_text import Loads, load_sentence, loads
@@ -149,26 +160,6 @@ def _innovations(axis: Axes, run: ObservedRecording) -> None:
     if corrected.any():
         most = 1.5 * float(np.nanpercentile(np.fmax(bound, np.abs(innovation)), SHOWN))
         axis.set_ylim(-most, most)
-
-
-def with_gaps(time: FloatArray, columns: Sequence[FloatArray], usual: float) -> tuple[FloatArray, list[FloatArray]]:
-    """Curves with NaN in the holes in time, enough of them that a decimated curve has a gap as well.
-
-    Parameters
-    ----------
-    usual : s
-        Time from one sample to the next.
-
-    Examples
-    --------
-    >>> with_gaps(np.array([0.0, 1.0, 9.0]), [np.ones(3)], 1.0)[1]
-    [array([ 1.,  1., nan, nan, nan,  1.])]
-    """
-    holes = np.flatnonzero(np.diff(time) > HOLE * usual)
-    count = 2 * -(-time.size // BINS) + 1
-    at = np.repeat(holes + 1, count)
-    between = (time[holes, None] + np.diff(time)[holes, None] * np.linspace(0.0, 1.0, count + 2)[1:-1]).ravel()
-    return np.insert(time, at, between), [np.insert(column, at, np.nan) for column in columns]
 
 
 _AFTER = "after the recording"

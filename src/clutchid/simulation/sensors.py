@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from clutchid.codegen.kernels import kernels_in
-from clutchid.log import FloatArray, Log, sample_interval
+from clutchid.log import FloatArray, Log, holes, sample_interval
 from clutchid.parameters import Parameters
+from clutchid.recordings.signals.sampled import runs
 
 _KERNELS = "clutchid.simulation.comparison"
 
@@ -69,14 +70,19 @@ def lag_coefficients(tau: float, dt: FloatArray) -> FloatArray:
 
 
 def sensor_output(values: FloatArray, time: FloatArray, lag: float, offset: float) -> FloatArray:
-    """Output of a sensor with a lag in s and an offset for `values` at `time`; NaN where they are NaN."""
+    """Output of a sensor with a lag in s and an offset for `values` at `time`; NaN where they are NaN.
+
+    Nothing lasts across a hole in time: the values behind it belong to another segment, and start anew.
+    """
     if time.size < 2:
         return values + offset
     record = np.full_like(values, np.nan)
     step = sample_interval(time)
-    known = np.flatnonzero(np.isfinite(values))
-    for part in np.split(known, np.flatnonzero(np.diff(known) > 1) + 1):
-        record[part] = lagged(values[part], lag, step)
+    known = np.isfinite(values)
+    for a, b in runs(known[:-1] & known[1:] & ~holes(time)):
+        record[a : b + 1] = lagged(values[a : b + 1], lag, step)
+    alone = known & np.isnan(record)
+    record[alone] = values[alone]
     return record + offset
 
 
@@ -109,10 +115,10 @@ def with_sensors(simulated: Log, p: Parameters) -> Log:
 def without_sensors(log: Log, p: Parameters) -> Log:
     """A recording corrected for lags and offsets of its sensors: later samples, shifted back in time."""
     lags = {"position": (p.tau_y, p.e_y), "pressure_a": (p.tau_p, p.e_p)}
-    return log.with_columns(
-        **{
-            name: np.interp(log.time + lag, log.time, log[name]) - offset
-            for name, (lag, offset) in lags.items()
-            if name in log
-        }
-    )
+    parts = np.split(np.arange(len(log)), np.flatnonzero(holes(log.time)) + 1)
+    columns = {
+        name: np.concatenate([np.interp(log.time[at] + lag, log.time[at], log[name][at]) for at in parts]) - offset
+        for name, (lag, offset) in lags.items()
+        if name in log
+    }
+    return log.with_columns(**columns)
