@@ -5,7 +5,7 @@ import pytest
 
 from clutchid.observer import live as module
 from clutchid.observer import observe_recording, start
-from clutchid.observer.health import FLAGS, LIVE_FLAGS
+from clutchid.observer.health import LIVE_FLAGS
 from clutchid.observer.live import after_block, checked, live_run
 from fixtures.changed_logs import picked, spoiled
 
@@ -39,7 +39,7 @@ def test_samples_strokes_and_state_are_those_of_the_whole_recording(joint, log, 
     assert run.usable
     recent = run.recent()
     assert np.array_equal(recent.samples.states, whole.samples.states, equal_nan=True)
-    assert {name: recent.health[name] for name in FLAGS} == pytest.approx(dict(whole.health))
+    assert {name: recent.health[name] for name in whole.health} == pytest.approx(dict(whole.health))
 
 
 def test_what_is_kept_does_not_grow(joint, log, monkeypatch):

@@ -6,13 +6,17 @@ import numpy as np
 import pytest
 
 from clutchid.errors import DataError
+from clutchid.estimation.assess.observed import indicators, observed_verdict
+from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import Log
 from clutchid.observer import curve, known, observe, observe_recording, observer, start
 from clutchid.observer.by_stroke import positions
-from clutchid.observer.health import FLAGS
+from clutchid.observer.health import FLAGS, VALUE_FLAGS
 from clutchid.observer.prior import ASSUMED
 from clutchid.observer.recording import spacing
 from clutchid.observer.state import FROZEN
+from clutchid.recordings.signals.sampled import velocity
+from clutchid.recordings.strokes.vented_rest import vented_rest
 from fixtures.changed_logs import picked, thinned
 
 
@@ -22,7 +26,7 @@ def run(joint, log):
 
 
 def moving(log):
-    return int(np.argmax(np.abs(np.gradient(log["position"], log.time)) > 0.1))
+    return int(np.argmax(np.abs(velocity(log.time, log["position"], 0.01)) > 0.1))
 
 
 def test_the_samples_are_those_of_the_observer_and_keep_what_was_recorded(run, joint, log):
@@ -57,7 +61,9 @@ def test_a_run_in_two_parts_gives_the_same_samples_strokes_and_health(run, joint
         assert [(row.time, row.number, row.known) for row in rows] == [
             (row.time, row.number, row.known) for row in run.strokes
         ]
-        assert {name: first.health[name] + second.health[name] for name in FLAGS} == pytest.approx(dict(run.health))
+        assert {name: first.health[name] + second.health[name] for name in (*FLAGS, *VALUE_FLAGS)} == pytest.approx(
+            dict(run.health)
+        )
 
 
 def test_a_row_of_a_stroke_has_the_load_and_parameters_as_they_were_known_then(run, joint, log):
@@ -99,7 +105,7 @@ def test_with_the_method_states_of_the_load_of_each_stroke_only_the_supply_is_no
 
 
 def test_a_sound_recording_raises_no_flag(run):
-    assert set(run.health) == set(FLAGS)
+    assert set(run.health) == {*FLAGS, *VALUE_FLAGS}
     assert not any(run.health.values())
 
 
@@ -108,13 +114,15 @@ def test_every_fault_is_flagged_with_its_seconds(joint, log):
     position[2000:2300] = np.nan
     at = moving(log)
     position[at : at + 500] = position[at]
-    position[3000:3040] = -6e-4
-    position[3000:3040:2] -= 1e-5
+    position[3500:3600] += np.interp(np.arange(100), [0, 30, 69, 99], [0.0, -1e-3, -1e-3, 0.0])
+    position[[3700, 3800, 3801]] = 65.535e-3, 5e-3, 5e-3
     duty[4000:4200] = np.nan
     found = observe_recording(joint, log.with_columns(position=position, duty_supply=duty)).health
-    assert found["position_missing"] == pytest.approx(0.3)
+    assert found["position_missing"] == pytest.approx(0.3 + found["position_none"] + found["position_jumps"])
+    assert found["position_none"] == pytest.approx(0.001)
+    assert found["position_jumps"] == pytest.approx(0.002)
     assert found["position_frozen"] == pytest.approx(0.5 - FROZEN * 1e-3)
-    assert found["position_beyond_stops"] == pytest.approx(0.04)
+    assert found["position_beyond_stops"] == pytest.approx(1e-3 * np.sum(position < -5e-4))
     assert found["duty_missing"] == pytest.approx(0.2)
     assert found["time_missing"] == 0.0
     assert found["outlier"] > 0.0
@@ -148,3 +156,44 @@ def test_the_spacing_is_that_of_the_first_samples_and_needs_two(log):
     assert spacing(Log(jitter, {})) == 1e-3
     with pytest.raises(DataError, match="1 samples; an observer needs two at least"):
         spacing(log.slice(0, 1))
+
+
+def test_a_position_that_is_no_value_counts_as_missing_in_blocks_of_any_length(joint, log):
+    spikes = np.random.default_rng(3).integers(100, len(log), 30)
+    bad = np.isin(np.arange(len(log)), spikes)
+    spiked = log.with_columns(position=np.where(bad, np.where(spikes[0] % 2, 65.535e-3, 0.0), log["position"]))
+    kept = np.abs(spiked["position"] - log["position"]) < 1e-3
+    found = observe_recording(joint, spiked)
+    missing = observe_recording(joint, log.with_columns(position=np.where(kept, spiked["position"], np.nan)))
+    assert np.array_equal(found.samples.states, missing.samples.states, equal_nan=True)
+    first = observe_recording(joint, spiked.slice(0, int(spikes.min()) + 1))
+    second = observe_recording(joint, spiked.slice(int(spikes.min()) + 1, len(log)), first.after)
+    assert np.array_equal(second.after.theta, found.after.theta)
+    assert found.health["position_none"] + found.health["position_jumps"] == pytest.approx(1e-3 * np.sum(~kept))
+
+
+def test_a_code_for_none_in_a_duty_cycle_is_a_missing_input(joint, log):
+    duty = np.where(np.arange(len(log)) == 700, 655.35, log["duty_supply"])
+    found = observe_recording(joint, log.with_columns(duty_supply=duty))
+    assert found.health["duty_missing"] == pytest.approx(0.001)
+    with pytest.raises(DataError, match="a duty cycle is from 0 to 1"):
+        observe_recording(joint, log.with_columns(duty_supply=100.0 + log["duty_supply"]))
+
+
+def test_a_position_that_jumps_and_stays_is_not_used_until_a_rest_has_shown_its_zero(plant, log):
+    calibration = Calibration((), np.zeros((0, 0)), rest=vented_rest(log.slice(0, 4000)))
+    one = observer(plant, calibration=calibration)
+    moved = log.with_columns(position=log["position"] + 1e-3 * (np.arange(len(log)) >= 1300))
+    found, sound = observe_recording(one, moved), observe_recording(one, log)
+    assert found.health["position_jumps"] == pytest.approx(1.0, abs=0.01)
+    assert found.health["zero_unknown"] > 0.0
+    verdict = observed_verdict(indicators(found))
+    assert any("jumped as no piston moves" in reason for reason in verdict.reasons)
+    at = positions(one)
+    load, truth = curve(one, found.after, at), curve(one, sound.after, at)
+    inside = (truth.force > load.low) & (truth.force < load.high)
+    assert verdict.trust == "none" or inside.all()
+    first = observe_recording(one, moved.slice(0, 1700))
+    assert np.array_equal(
+        observe_recording(one, moved.slice(1700, len(log)), first.after).after.theta, found.after.theta
+    )

@@ -40,7 +40,8 @@ def test_the_larger_load_of_a_worn_clutch_stands_above_the_calibrated_one(follow
 
 def test_flags_are_listed_and_an_unknown_pressure_is_said(followed):
     run, part = followed
-    torn = part.log.with_columns(duty_supply=np.full(len(part.log), np.nan))
+    backwards = part.log["position"][::-1].copy()
+    torn = part.log.with_columns(duty_supply=np.full(len(part.log), np.nan), position=backwards)
     later = type(torn)(torn.time + 1.0, torn.columns, torn.name)
     view = observe_view(*after_block(run, later, {**NONE, "late": 3}), 80)
     assert "pressure unknown" in view

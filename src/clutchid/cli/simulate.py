@@ -91,6 +91,7 @@ def simulate(
     """
     from clutchid.inference.uncertainty.switching_band import switching_band
     from clutchid.recordings import write
+    from clutchid.recordings.signals.values import values_of
 
     inputs = [
         ("the recording itself", log),
@@ -101,7 +102,7 @@ def simulate(
     partition, content = partition_of(every, parts, carry), start_file(parameters, model_of(model))
     air, files = pressure(ambient, content.actuator.parameters.P_0), [log] if band is None else [log, band]
     read = read_recordings(files, FileOptions(air, map_, tuple(dbc or ())), content.actuator.equipment)
-    rested = [content.from_rest(each) for each in read]
+    rested = [content.from_rest(values_of(each, content.actuator).warned) for each in read]
     recording, *others = inspected([one.log for one in rested], content.actuator, force=force)
     done, from_file = _simulated(recording, content, partition)
     known = [(other, _simulated(other, content, partition)[0].log) for other in others]

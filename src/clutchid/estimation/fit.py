@@ -25,7 +25,7 @@ from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import listed_names, unknown_name
 from clutchid.numerics.progress import Progress, report, within
-from clutchid.preparation.prepare import check_recordings, driven
+from clutchid.preparation.prepare import check_recordings, driven, usable
 from clutchid.preparation.pulses import lacks_changes
 from clutchid.recordings.strokes.vented_rest import Zero, from_rest
 from clutchid.simulation.inputs import with_inputs
@@ -211,10 +211,9 @@ def fit_request(
         As `fit`.
     """
     start = actuator or Actuator(model=AUTOMATIC if request.automatic else "isothermal")
-    ready = driven(logs, start.equipment)
+    ready, apart = (usable(driven(several, start.equipment), start) for several in (logs, verify))
     rested, checked = (
-        [from_rest(log, request.counted_from, request.zero) for log in several]
-        for several in (ready, driven(verify, start.equipment))
+        [from_rest(log, request.counted_from, request.zero) for log in several] for several in (ready, apart)
     )
     recordings, others = [one.log for one in rested], [one.log for one in checked]
     check_recordings(recordings, others, request.measure, start.parameters.y_max)

@@ -177,9 +177,9 @@ def _observed(log: Log, content: ParameterFile, path: Path, zero: Zero) -> Recor
         raise DataError(slow)
     run = workflow.observed(checked, content, zero=zero)
     after = loads(run).after
-    half = half_load_band(after, float(np.nanmax(checked["position"])))
+    half = half_load_band(after, float(np.nanmax(run.log["position"])))
     status = "warning" if checked.warnings or any(run.health.values()) else "ok"
-    trust, shift = observed_verdict(indicators(run)).trust, from_rest(log, rest, zero).shift
+    trust, shift = observed_verdict(indicators(run)).trust, from_rest(run.log, rest, zero).shift
     reading = WearReading(status, observe_sentence(run), trust, None, rest=shift, reason=_ONLY_ITS_END)
     return RecordingResult(path, reading, curve=after, half_load=half)
 

@@ -61,6 +61,8 @@ class Observed(NamedTuple):
         Whether chamber A leaked at the end of the stroke before.
     rest : m, (n,)
         How far the vented rest has moved since the calibration, as known at that sample.
+    no_zero : (n,)
+        Whether the position has jumped, and no vented rest has shown its zero since: it is not used.
     """
 
     time: FloatArray
@@ -71,6 +73,7 @@ class Observed(NamedTuple):
     mismatch: FloatArray
     leaking: Mask
     rest: FloatArray
+    no_zero: Mask
 
 
 def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[ObserverState, Observed]:
@@ -90,9 +93,9 @@ def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[Obser
     duties = np.column_stack([block[name] for name in INPUTS])
     supply = block.columns.get("pressure_supply", np.full(n, np.nan))
     found, stretches = _nothing(observer, block.time), _stretches(observer, block.time, duties)
-    rest, moves = _rests(observer, state, block, duties, stretches, found.rest)
+    rest, moves = _rests(observer, state, block, duties, stretches, found)
     counted = subtracted(observer, found.rest)
-    samples = Tail(block.time, duties, block["position"] - counted, supply)
+    samples = Tail(block.time, duties, np.where(found.no_zero, np.nan, block["position"] - counted), supply)
     strokes, ends = count_strokes(state.strokes, block.time, block["position"])
     for begin, end in stretches:
         if not _continues(observer, state, block.time[begin], duties[begin]):
@@ -107,6 +110,9 @@ def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[Obser
     running = mismatches(observer, state.mismatch, found.states, found.innovations)
     found.mismatch[:] = running
     known = running[np.isfinite(running)]
+    if n:
+        latest = float(block.time[-1]) if np.isfinite(duties[-1]).all() else float("nan")
+        state = replace(state, latest=latest)
     state = replace(state, rest=rest, strokes=strokes, mismatch=float(known[-1]) if known.size else state.mismatch)
     return state, found
 
@@ -122,21 +128,22 @@ def _rests(
     block: Log,
     duties: FloatArray,
     stretches: Sequence[tuple[int, int]],
-    found: FloatArray,
+    found: Observed,
 ) -> tuple[RestWatch, list[int]]:
-    """State of the vented rest after a block, and the samples at which its shift changes; fills `found`."""
+    """State of the vented rest after a block, and the samples at which its shift is known anew; fills `found`."""
     watch, moves = state.rest, list[int]()
     before = observer.calibration.rest if observer.calibration else None
     pace = rest_pace(observer.spacing, observer.actuator.parameters.y_max)
     for begin, end in stretches:
-        if not _continues(observer, state, block.time[begin], duties[begin]) or begin > 0:
+        if begin > 0 or not block.time[begin] - state.latest <= HOLE * observer.spacing:
             watch = new_stretch(watch)
-        found[begin:end] = watch.shift
+        found.rest[begin:end] = watch.shift
+        found.no_zero[begin:end] = (block.time[begin:end] >= state.jumped) & np.isnan(watch.lowest)
         if before is None or not np.isfinite(duties[begin]).all():
             continue
         watch, changes = watch_rest(watch, before, pace, block["position"][begin:end], duties[begin:end])
         for at, shift in changes:
-            found[begin + at : end] = shift
+            found.rest[begin + at : end], found.no_zero[begin + at : end] = shift, False
             moves.append(begin + at)
     return watch, moves
 
@@ -152,10 +159,9 @@ def _nothing(observer: Observer, time: FloatArray) -> Observed:
     """Results of samples of which none can be used, to be filled."""
     n = time.size
     states = np.full((n, len(observer.actuator.states)), np.nan)
-    flags = np.zeros((2, n), dtype=bool)
-    return Observed(
-        time, states, states.copy(), np.full((n, 2), np.nan), flags[0], np.full(n, np.nan), flags[1], np.zeros(n)
-    )
+    used, leaking, no_zero = np.zeros((3, n), dtype=bool)
+    innovations, mismatch = np.full((n, 2), np.nan), np.full(n, np.nan)
+    return Observed(time, states, states.copy(), innovations, used, mismatch, leaking, np.zeros(n), no_zero)
 
 
 def _piece(

@@ -12,6 +12,8 @@ from clutchid.observer.following import Observed, subtracted
 from clutchid.observer.mismatch import UNLIKE
 from clutchid.observer.observer import Observer
 from clutchid.observer.state import Mask
+from clutchid.recordings.signals import plausible
+from clutchid.recordings.signals.values import Verdicts
 
 #: A position further outside of the stroke than this in m is beyond the stops.
 BEYOND = 0.5e-3
@@ -29,6 +31,14 @@ FLAGS: Mapping[str, str] = MappingProxyType({
     "rest_moved": "the vented rest is not where it was at the calibration: the position sensor has moved, or wear",
     "unlike_calibration": "the innovations are much larger than in the calibration recordings: look for a fault, or "
     "calibrate again",
+})  # fmt: skip
+
+#: What the flags of positions that are no values mean; Python has them, the exported C not yet.
+VALUE_FLAGS: Mapping[str, str] = MappingProxyType({
+    "position_none": "the position is no value, far outside of the stroke, and was left out",
+    "position_jumps": "the position jumps as no piston moves, and was left out",
+    "zero_unknown": "the position jumped and stayed, and no vented rest has shown its zero since: it was left out",
+    "repeated_samples": "the logger repeated its last samples in all channels, and nothing was estimated",
 })  # fmt: skip
 
 #: What the flags of a live recording mean besides.
@@ -67,17 +77,26 @@ def health(observer: Observer, earlier: FloatArray, log: Log, samples: Observed)
         "duty_missing": spacing * int(np.sum(~driven)),
         "time_missing": float(np.sum(steps[steps > HOLE * spacing] - spacing)),
         "outlier": spacing * observer.joint.settings.every * int(outliers.sum()),
-        "diverged": spacing * int(np.sum(known & driven & ~followed)),
+        "diverged": spacing * int(np.sum(known & driven & ~followed & ~samples.no_zero)),
         "leak": spacing * int(np.sum(samples.leaking)),
         "rest_moved": spacing * int(np.sum(samples.rest != 0.0)),
         "unlike_calibration": spacing * observer.joint.settings.every * int(np.sum(samples.mismatch > UNLIKE)),
     }
 
 
-def live_health(
-    observer: Observer, earlier: FloatArray, log: Log, samples: Observed, left_out: Mapping[str, int]
-) -> dict[str, float]:
-    """Seconds of each of `FLAGS` and of `LIVE_FLAGS` in a block.
+def value_health(observer: Observer, verdicts: Verdicts, samples: Observed) -> dict[str, float]:
+    """Seconds of `VALUE_FLAGS` in a recording, by the verdicts on its positions."""
+    masks = (
+        verdicts == plausible.BEYOND,
+        np.isin(verdicts, (plausible.STEP, plausible.SEAM)),
+        samples.no_zero,
+        verdicts == plausible.REPEATED,
+    )
+    return {name: observer.spacing * int(np.sum(mask)) for name, mask in zip(VALUE_FLAGS, masks, strict=True)}
+
+
+def live_health(observer: Observer, earlier: FloatArray, log: Log, left_out: Mapping[str, int]) -> dict[str, float]:
+    """Seconds of each of `LIVE_FLAGS` in a block.
 
     Parameters
     ----------
@@ -89,5 +108,4 @@ def live_health(
     steps = np.diff(np.append(earlier[-1:], log.time))
     lost = np.round(steps[steps <= HOLE * spacing] / spacing) - 1.0
     counts = {**left_out, "lost": int(np.sum(np.maximum(lost, 0.0)))}
-    found = health(observer, earlier, log, samples) if len(log) else dict.fromkeys(FLAGS, 0.0)
-    return {**found, **{name: spacing * counts[name] for name in LIVE_FLAGS}}
+    return {name: spacing * counts[name] for name in LIVE_FLAGS}

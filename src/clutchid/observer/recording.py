@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,11 +15,13 @@ from clutchid.model.actuator import Actuator
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.by_stroke import StrokeRow, follow_strokes, known, positions
 from clutchid.observer.following import Observed, observe, subtracted
-from clutchid.observer.health import health
+from clutchid.observer.health import health, value_health
 from clutchid.observer.mismatch import normalised
 from clutchid.observer.observer import Observer, observer, start
 from clutchid.observer.state import ObserverState
 from clutchid.preparation.pulses import Duties, duties_in
+from clutchid.recordings.signals import plausible
+from clutchid.recordings.signals.values import Verdicts, limits, outside, watched, with_inputs_in_range
 
 #: As many intervals at the start of a recording give the time from one sample to the next, rounded to so many digits:
 #: what is known before the recording has ended, and the same for its parts.
@@ -44,7 +46,7 @@ class ObservedRecording:
     observer
         It.
     log
-        The recording.
+        The recording; what is no value is missing.
     before, after
         States of the observer before the first and after the last sample.
     samples
@@ -167,7 +169,7 @@ def observe_recording(observer: Observer, log: Log, state: ObserverState | None 
     """
     before = start(observer) if state is None else state
     check_pace(observer, log)
-    found = follow_block(observer, before, log)
+    found = follow_block(observer, before, with_inputs_in_range(log))
     if not usable(log):
         raise DataError(no_sample(log.name))
     return found
@@ -203,17 +205,47 @@ def no_sample(name: str) -> str:
     return f"{name}: no sample has a position and both duty cycles, all finite; there is nothing to observe."
 
 
-def follow_block(observer: Observer, before: ObserverState, log: Log) -> ObservedRecording:
-    """Follow a part of a recording, of any length.
+def follow_block(
+    observer: Observer, before: ObserverState, log: Log, earlier: FloatArray | None = None
+) -> ObservedRecording:
+    """Follow a part of a recording, of any length; `earlier` are the times in s just before, by default of the state.
 
     Raises
     ------
     DataError
         As `observe`.
     """
-    after, samples, rows = follow_strokes(observer, before, log)
-    found = health(observer, before.tail.time, log, samples)
-    return ObservedRecording(observer, log, before, after, samples, tuple(rows), found, duration(observer, log.time))
+    known, verdicts, state = only_values(observer, before, log)
+    after, samples, rows = follow_strokes(observer, state, known)
+    times = before.tail.time if earlier is None else earlier
+    found = {**health(observer, times, known, samples), **value_health(observer, verdicts, samples)}
+    seconds = duration(observer, log.time)
+    return ObservedRecording(observer, known, before, after, samples, tuple(rows), found, seconds)
+
+
+def only_values(observer: Observer, state: ObserverState, log: Log) -> tuple[Log, Verdicts, ObserverState]:
+    """A part of a recording in which what is no value is missing, the verdicts on its positions, and the state after.
+
+    As `clutchid.recordings.signals.values.values_of`, but for a jump of the position, which is believed a second later:
+    there a stretch ends. `observe` alone and the exported C follow the samples as they are.
+
+    Raises
+    ------
+    DataError
+        If it lacks a column.
+    """
+    lacks = [name for name in ("position", *INPUTS) if name not in log]
+    if lacks:
+        raise DataError(f"{log.name}: no column '{lacks[0]}'; it has {', '.join(log.columns)}.")
+    bounds = limits(observer.actuator, "position", observer.spacing)
+    verdicts, _, watch = watched(state.values, bounds, log, "position")
+    ends, jumps = np.isin(verdicts, (plausible.SEAM, plausible.REPEATED)), verdicts == plausible.SEAM
+    wrong = {"position": ~np.isin(verdicts, (plausible.VALUE, plausible.EXPLAINED)), **dict.fromkeys(INPUTS, ends)}
+    if "pressure_supply" in log:
+        wrong["pressure_supply"] = outside("pressure_supply", log["pressure_supply"])
+    columns = {name: np.where(mask, np.nan, log[name]) for name, mask in wrong.items() if mask.any()}
+    after = replace(state, values=watch, jumped=float(np.min(log.time[jumps], initial=state.jumped)))
+    return replace(log, columns={**log.columns, **columns}) if columns else log, verdicts, after
 
 
 def usual_nis(actuator: Actuator, calibration: Calibration, logs: Sequence[Log]) -> float:

@@ -40,7 +40,7 @@ def rest_pace(spacing: float, stroke: float) -> RestPace:
 def watch_rest(
     watch: RestWatch, before: VentedRest, pace: RestPace, position: FloatArray, duties: FloatArray
 ) -> tuple[RestWatch, list[tuple[int, float]]]:
-    """Follow the vented rest through samples of a stretch; where its shift changes, and to what in m.
+    """Follow the vented rest through samples of a stretch; where its shift changes or is first seen, and what it is.
 
     A new level changes the shift only where its interval excludes it, so that recordings without a rest at the stop
     keep what an earlier one showed. Blocks of any length give the same.
@@ -55,15 +55,15 @@ def watch_rest(
     low = (position <= LOW) & (duties[:, 0] <= CLOSED)
     high = position > LOW
     changes: list[tuple[int, float]] = []
-    at = 0
+    at, unknown = 0, bool(np.isnan(watch.lowest))
     for a, b in runs(low):
         watch = _passed(watch, high[at:a])
         watch, levels = _low(watch, pace, position[a:b], duties[a:b, 1] > CLOSED)
         for index, lowest, returned in levels:
             shift = _believed(watch.shift, before, VentedRest(lowest, _median(returned), before.quantum))
-            if shift != watch.shift:
+            if shift != watch.shift or unknown:
                 changes.append((a + index, shift))
-                watch = watch._replace(shift=shift)
+                watch, unknown = watch._replace(shift=shift), False
         at = b
     return _passed(watch, high[at:]), changes
 

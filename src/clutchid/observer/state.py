@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +13,7 @@ from clutchid.inference.filter.setup import STROKE_BEGINS, STROKE_ENDS
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.recordings.signals.excitation import VENTED_POSITION
+from clutchid.recordings.signals.values import new_watch
 from clutchid.simulation.inputs import held_inputs
 from clutchid.simulation.plan import OUTSIDE, Segment
 
@@ -174,7 +175,9 @@ class ObserverState:
     `number` counts the samples of the stretch. `sound` are theta and T at the end of the last stroke, to which the
     observer goes back if it diverges; `mismatch` is the present mean of the NIS over the usual one, see `mismatch`;
     `leaking` says whether chamber A leaked at the end of the last stroke; `rest` is what is known of the vented rest,
-    and `zero` what is subtracted from the position in m.
+    and `zero` what is subtracted from the position in m; `values` watches for positions that are no values, and
+    `jumped` is the time in s from which on one that jumped has stayed, infinite without; `latest` is the time of the
+    last sample, NaN where its duty cycles were missing.
     """
 
     filter: RuleState | None
@@ -189,3 +192,6 @@ class ObserverState:
     leaking: bool = False
     rest: RestWatch = NOTHING
     zero: float = 0.0
+    values: FloatArray = field(default_factory=new_watch)
+    jumped: float = float("inf")
+    latest: float = float("nan")

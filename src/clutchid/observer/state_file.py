@@ -24,7 +24,7 @@ from clutchid.recordings.files import write_text
 from clutchid.recordings.records import read_toml
 from clutchid.recordings.strokes.vented_rest import FURTHEST
 
-FORMAT = 7
+FORMAT = 8
 
 
 def write_state(
@@ -55,6 +55,9 @@ def write_state(
         "mismatch": state.mismatch,
         "leaking": state.leaking,
         "zero": state.zero,
+        "jumped": state.jumped,
+        "latest": state.latest,
+        "values": state.values.tolist(),
         "rest": {**state.rest._asdict(), "returned": list(state.rest.returned), "window": state.rest.window.tolist()},
         "parameters": {"theta": state.theta.tolist(), "root": state.T.tolist()},
         "sound": {"theta": state.sound[0].tolist(), "root": state.sound[1].tolist()},
@@ -164,7 +167,12 @@ def _state(observer: Observer, content: dict[str, Any]) -> ObserverState:
     strokes = Strokes(_count(content["strokes"], "ended"), began)
     number, mismatch = _count(content, "number"), _number(content, "mismatch")
     leaking, zero, rest = _flag(content, "leaking"), _number(content, "zero"), _rest(content["rest"])
-    return ObserverState(saved, theta, root, tail, deviations, sound, number, strokes, mismatch, leaking, rest, zero)
+    values = np.array(content["values"], dtype=np.float64).reshape(made.values.shape)
+    jumped, latest = _number(content, "jumped"), _number(content, "latest")
+    return ObserverState(
+        saved, theta, root, tail, deviations, sound, number, strokes, mismatch, leaking, rest, zero, values, jumped,
+        latest,
+    )  # fmt: skip
 
 
 def _rest(content: dict[str, Any]) -> RestWatch:

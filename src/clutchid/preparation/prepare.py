@@ -13,6 +13,8 @@ from clutchid.log import FloatArray, Log, sample_interval
 from clutchid.model.actuator import Actuator
 from clutchid.model.equipment import Equipment
 from clutchid.preparation.pulses import FindPhase, find_phase, frequent_resets, pulsed
+from clutchid.recordings.signals.values import values_of
+from clutchid.recordings.strokes.vented_rest import other_zeros
 from clutchid.simulation.plan import Plan, Segment, outside_stroke, plan
 from clutchid.simulation.stiffness import TOP_SPEED, local_stiffness, stiffness, substeps
 from clutchid.simulation.windows import RESET_INTERVAL, Track, samples, tracks
@@ -69,6 +71,19 @@ def check_recordings(logs: Sequence[Log], others: Sequence[Log], measure: Sequen
 def driven(logs: Sequence[Log], equipment: Equipment) -> list[Log]:
     """Logs with distinct names, and with duty cycles for both valves of the model."""
     return [equipment.driven(log) for log in _uniquely_named(list(logs))]
+
+
+def usable(logs: Sequence[Log], actuator: Actuator) -> list[Log]:
+    """Logs in which what is no value is missing, with a warning each; see `clutchid.recordings.signals.values`.
+
+    Raises
+    ------
+    DataError
+        If the position of one counts from another zero after a jump.
+    """
+    found = [values_of(log, actuator) for log in logs]
+    DataError.raise_for([sentence for values in found for sentence in other_zeros(values)])
+    return [values.warned for values in found]
 
 
 def _uniquely_named(logs: list[Log]) -> list[Log]:

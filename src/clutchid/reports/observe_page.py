@@ -18,7 +18,7 @@ from clutchid.log import FloatArray
 from clutchid.names import capital
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.by_stroke import curve, known, positions
-from clutchid.observer.health import FLAGS, LIVE_FLAGS
+from clutchid.observer.health import FLAGS, LIVE_FLAGS, VALUE_FLAGS
 from clutchid.observer.recording import ObservedRecording
 from clutchid.recordings.files import write_text
 from clutchid.reports.diagnosis_page import verdict_blocks
@@ -163,7 +163,7 @@ def _innovations(axis: Axes, run: ObservedRecording) -> None:
 
 
 _AFTER = "after the recording"
-_MEANINGS = {**FLAGS, **LIVE_FLAGS}
+_MEANINGS = {**FLAGS, **VALUE_FLAGS, **LIVE_FLAGS}
 _LOADS = (
     "Load before and after the recording over the position of the piston, each with its pointwise 95 % band, and the "
     "change. The band before is that of a clutch that may have worn since. Shaded: 5 to 8 mm, where the clutch engages."

@@ -13,6 +13,7 @@ from clutchid.errors import ParameterError, SolveError
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import check_names, listed_names
+from clutchid.recordings.signals.values import values_of
 from clutchid.simulation.divergence import failure_message
 from clutchid.simulation.inputs import cut_warnings, input_span, with_inputs
 from clutchid.simulation.partition import Partition
@@ -126,7 +127,8 @@ def simulate(
     >>> f"{t[np.argmax(stroke.log['position'] > 0.02)]:.2f} s"
     '0.15 s'
     """
-    log = actuator.equipment.driven(log if isinstance(log, Log) else _read(log, actuator))
+    found = values_of(actuator.equipment.driven(log if isinstance(log, Log) else _read(log, actuator)), actuator)
+    log = found.log
     span = input_span(log)
     prepared = plan(with_inputs(log), actuator, stiffness(actuator, top_speed(partition)), partition)
     if starts is not None and len(starts) != len(prepared.segments):
@@ -153,7 +155,7 @@ def simulate(
         log=simulated_log(replace(prepared, log=log), everywhere, actuator),
         status="failed" if message else "ok",
         message=message or "simulated to the end",
-        warnings=(*cut_warnings(log, span), *prepared.warnings),
+        warnings=(*found.warnings, *cut_warnings(log, span), *prepared.warnings),
         sensitivities={name: all_sens[:, :, c] for c, name in enumerate(which.names)},
     )
 

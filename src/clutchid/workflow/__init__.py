@@ -97,13 +97,18 @@ def inspected(
         If a check is bad, unless with `force`; the text has the sentences of `clutchid look`.
     """
     from clutchid.preparation.inspection import inspect
+    from clutchid.recordings.signals.values import values_of
     from clutchid.recordings.strokes.vented_rest import from_rest
 
-    found = [inspect(from_rest(log, rest, zero).log, actuator) for log in logs]
+    values = [values_of(log, actuator) for log in logs]
+    found = [inspect(from_rest(each.log, rest, zero).log, actuator) for each in values]
     bad = [str(DataError.of(one.name, list(one.bad))) for one in found if one.bad]
     if bad and not force:
         raise DataError("\n".join([*bad, REFUSED]))
-    return [replace(log, warnings=(*log.warnings, *one.warnings)) for log, one in zip(logs, found, strict=True)]
+    return [
+        replace(log, warnings=(*each.warned.warnings, *one.warnings))
+        for log, each, one in zip(logs, values, found, strict=True)
+    ]
 
 
 def start_file(path: Path, model: Model | None) -> ParameterFile:

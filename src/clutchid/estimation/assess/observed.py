@@ -14,7 +14,7 @@ from clutchid.estimation.assess.rest import kept_rest
 from clutchid.estimation.assess.verdict import Trust, Verdict
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.observer.by_stroke import curve
-from clutchid.observer.health import FLAGS
+from clutchid.observer.health import FLAGS, VALUE_FLAGS
 from clutchid.observer.mismatch import UNLIKE
 from clutchid.observer.recording import ObservedRecording
 
@@ -50,6 +50,9 @@ FLAGGED: Mapping[str, Limit] = {
     "duty_missing": Limit(0.2, 0.8),
     "time_missing": Limit(0.2, 0.8),
     "outlier": Limit(0.05, 0.5),
+    "position_none": Limit(0.05, 0.5),
+    "position_jumps": Limit(0.05, 0.5),
+    "repeated_samples": Limit(0.2, 0.8),
     "diverged": Limit(0.0, 0.5),
     "leak": Limit(0.0),
 }
@@ -60,7 +63,8 @@ class Indicators(NamedTuple):
 
     Whether the load `adapts`, how many `strokes` have ended, the half width of its band from 5 to 8 mm as a share of
     its peak, the NIS ratio (NaN: not known), the share of the time of each flag, whether the supply pressure of the
-    calibration is assumed, and how far in m a vented rest has moved that is not subtracted from the position.
+    calibration is assumed, how far in m a vented rest has moved that is not subtracted from the position, whether the
+    position has jumped and stayed, and whether a vented rest has shown its zero since.
     """
 
     adapts: bool
@@ -70,6 +74,8 @@ class Indicators(NamedTuple):
     flagged: Mapping[str, float]
     supply_assumed: bool
     kept: float = 0.0
+    jumped: bool = False
+    zeroed: bool = True
 
 
 def engaging_load(run: ObservedRecording) -> LoadCurve:
@@ -92,6 +98,8 @@ def indicators(run: ObservedRecording) -> Indicators:
         {name: seconds / run.seconds for name, seconds in run.health.items()},
         run.assumes_supply,
         run.after.rest.shift if run.observer.zero == "keep" else 0.0,
+        bool(np.isfinite(run.after.jumped)),
+        bool(np.isfinite(run.after.rest.lowest)) and run.observer.zero == "subtract",
     )
 
 
@@ -107,7 +115,7 @@ def observed_verdict(found: Indicators) -> Verdict:
     """
     reasons = [
         *_of_strokes(found), *_of_band(found), *_of_mismatch(found), *_of_flags(found), *_of_supply(found),
-        *kept_rest(found.kept),
+        *kept_rest(found.kept), *_of_jumps(found),
     ]  # fmt: skip
     trust: Trust = "none" if any(one.grave for one in reasons) else "with care" if reasons else "good"
     return Verdict(trust, tuple(one.text for one in reasons), flawed=any(one.grave for one in reasons))
@@ -152,13 +160,27 @@ def _of_mismatch(found: Indicators) -> list[Reason]:
     return [Reason(text, found.mismatch > MISMATCH.none)]
 
 
+_MEANINGS = {**FLAGS, **VALUE_FLAGS}
+
+
 def _of_flags(found: Indicators) -> list[Reason]:
     reasons = []
     for name, limit in FLAGGED.items():
         share = found.flagged.get(name, 0.0)
         if share > limit.care:
-            reasons.append(Reason(f"{FLAGS[name]} ({100 * share:.2g} % of the time).", share > limit.none))
+            reasons.append(Reason(f"{_MEANINGS[name]} ({100 * share:.2g} % of the time).", share > limit.none))
     return reasons
+
+
+def _of_jumps(found: Indicators) -> list[Reason]:
+    if not found.jumped:
+        return []
+    since = "it counts from the vented rest since" if found.zeroed else "no vented rest has shown its zero since"
+    text = (
+        "the position jumped as no piston moves, and stayed: its sensor was set to zero anew, or two recordings are "
+        f"joined; {since}."
+    )
+    return [Reason(text, not found.zeroed)]
 
 
 def _of_supply(found: Indicators) -> list[Reason]:

@@ -16,6 +16,7 @@ from clutchid.preparation.inspection.air import conditions, missing_conditions, 
 from clutchid.preparation.inspection.columns import (
     direction,
     motion,
+    no_values,
     position_range,
     quantisation,
     rest_check,
@@ -24,6 +25,7 @@ from clutchid.preparation.inspection.columns import (
 )
 from clutchid.preparation.inspection.reading import Check, Grade, InspectedRecording, Inspection
 from clutchid.preparation.inspection.timing import sample_rate, time_shift
+from clutchid.recordings.signals.values import values_of
 from clutchid.recordings.strokes.vented_rest import VentedRest, from_rest
 
 __all__ = ["Check", "Grade", "Inspection", "inspect"]
@@ -60,8 +62,10 @@ def inspect(log: Log, actuator: Actuator | None = None, rest: VentedRest | None 
     >>> [f"{check.name}: {check.grade}" for check in inspect(turned).checks if check.grade == "bad"]
     ['range of position: bad', 'sign of position: bad']
     """
-    rested = from_rest(log, rest)
-    reading = InspectedRecording(rested.log, actuator or Actuator())
+    compared = actuator or Actuator()
+    values = values_of(log, compared)
+    rested = from_rest(values.log, rest)
+    reading = InspectedRecording(rested.log, compared)
     checks: list[Check] = [sample_rate(reading)]
     for check in (saturation, quantisation, stuck):
         checks += [check(reading, name) for name in reading.measured]
@@ -74,4 +78,5 @@ def inspect(log: Log, actuator: Actuator | None = None, rest: VentedRest | None 
         checks.append(pressure_unit(reading))
     checks += [time_shift(reading), supply_pressure(reading), *conditions(reading)]
     checks += [rest_check(rested)] if rest else []
+    checks += [no_values(fault) for fault in values.faults]
     return Inspection(log.name, tuple(checks), missing_conditions(reading))

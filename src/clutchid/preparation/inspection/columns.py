@@ -9,6 +9,7 @@ import numpy as np
 from clutchid.log import INPUTS, FloatArray
 from clutchid.preparation.inspection.reading import Check, Grade, InspectedRecording, shown, spread_over
 from clutchid.recordings.signals.sampled import LEFT_OUT, Runs
+from clutchid.recordings.signals.values import Fault
 from clutchid.recordings.strokes.vented_rest import ZeroedLog
 from clutchid.simulation.plan import outside_stroke
 
@@ -319,3 +320,10 @@ def rest_check(rested: ZeroedLog) -> Check:
         "unless --zero keep is given."
     )
     return Check(VENTED_REST, value, "suspect", sentence)
+
+
+def no_values(fault: Fault) -> Check:
+    """Samples that are no values, which every fit leaves out."""
+    what = f"values of {fault.channel}"
+    count = "a jump" if fault.kind == "seam" else f"{fault.samples:,} missing"
+    return Check(what, f"{count} from {fault.first:.3f} s", "suspect", fault.sentence, fault.first, fault.first)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from clutchid.log import Log, sample_interval
 from clutchid.numerics.interval import QUANTILE
 from clutchid.recordings.signals.excitation import VENTED_POSITION
 from clutchid.recordings.signals.sampled import runs
+from clutchid.recordings.signals.values import Values
 from clutchid.recordings.strokes.rest_level import (
     CALM,
     CLOSED,
@@ -212,6 +214,27 @@ def rest_shift(before: VentedRest, now: VentedRest) -> RestShift | None:
     else:  # a recording may begin with a hold
         return None
     return RestShift(value, value - half, value + half) if abs(value) <= FURTHEST else None
+
+
+def other_zeros(values: Values) -> list[str]:
+    """Why a recording cannot be read as one where its position jumps and stays: a zero for each part, in sentences.
+
+    Where the vented rest is the same before and after, two recordings of one truck may be joined, and only a segment
+    ends there.
+    """
+    log, problems = values.log, []
+    ends = [int(np.searchsorted(log.time, fault.first)) for fault in values.faults if fault.moves_zero]
+    rests = [vented_rest(log.slice(a, b)) for a, b in pairwise([0, *ends, len(log)])] if ends else []
+    for end, (before, now) in zip(ends, pairwise(rests), strict=True):
+        shift = rest_shift(before, now) if before and now else None
+        if shift is not None and not shift.moved:
+            continue
+        known = f"its vented rest moves by {shift}" if shift else "no vented rest shows whether its zero is the same"
+        problems.append(
+            f"{log.name}: the position jumps at {log.time[end]:.3f} s and stays, and {known}: its sensor was set to "
+            "zero anew, or two recordings are joined; cut the recording there, and read its parts one by one."
+        )
+    return problems
 
 
 class ZeroedLog(NamedTuple):
