@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import _thread
 import os
 import signal
 import sys
 import threading
 from collections.abc import Callable
 from typing import Any
+
+from clutchid.systems import STOPS, interrupt_main
 
 #: Time in s after which an interrupt that was ignored comes again: what ignored it has ended by then.
 BEHIND = 0.05
@@ -23,7 +24,8 @@ def main() -> None:
 
     try:
         signal.signal(signal.SIGINT, known)
-        signal.signal(signal.SIGTERM, signal.default_int_handler)  # like Ctrl-C: nothing half-written is left
+        for number in STOPS[1:]:  # like Ctrl-C: nothing half-written is left
+            signal.signal(number, signal.default_int_handler)
         run()
     except KeyboardInterrupt:
         sys.exit("clutchid: stopped.")
@@ -52,21 +54,13 @@ def keeping_interrupts(hook: Callable[[Any], object]) -> Callable[[Any], object]
 
     def handle(error: Any) -> None:
         if error.exc_type is KeyboardInterrupt:
-            again = threading.Timer(BEHIND, _interrupt)
+            again = threading.Timer(BEHIND, interrupt_main)
             again.daemon = True
             again.start()
         else:
             hook(error)
 
     return handle
-
-
-def _interrupt() -> None:
-    """Interrupt the main thread, also where it waits; without signals to threads, once it goes on."""
-    if hasattr(signal, "pthread_kill"):
-        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
-    else:
-        _thread.interrupt_main()
 
 
 if __name__ == "__main__":

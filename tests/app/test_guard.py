@@ -1,11 +1,12 @@
 """Who may ask the server: each way in that another page or user could try is refused."""
 
+import mimetypes
 import re
 
 import pytest
 
 from clutchid.app.guard import CONTENT_POLICY, HEADERS, LOOPBACK, Access, names_of, warning_of
-from clutchid.app.server import bound
+from clutchid.app.server import application, bound
 from clutchid.errors import ParameterError
 
 #: Port of the server, see `Served`.
@@ -99,6 +100,12 @@ def test_a_web_socket_is_not_answered(idle):
 )
 def test_only_files_of_the_page_are_served(idle, path):
     assert idle.ask("GET", path).status == 404
+
+
+def test_a_browser_runs_the_scripts_whatever_the_system_calls_them(idle):
+    mimetypes.add_type("text/plain", ".js")  # as the registry of Windows may
+    idle.app = application(idle.session, idle.access)
+    assert idle.ask("GET", "/static/main.js").headers["content-type"].startswith("text/javascript")
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ from clutchid.fleets.output import vehicles_of, write_results, write_vehicles
 from clutchid.fleets.reading import ReadingOptions, RecordingResult, read_recording
 from clutchid.fleets.store import StoredResult, store
 from clutchid.fleets.tracking import LifeLimits, track, write_tracked
+from clutchid.systems import is_device
 from clutchid.wear.history import WearReading
 
 pytestmark = pytest.mark.slow
@@ -28,7 +29,12 @@ def written(out, fleet, read):
 
 @pytest.mark.parametrize(
     ("vehicles", "kept"),
-    [(("A0", "a0"), "A0.html"), (("n" * 300, "n" * 299 + "m"), ""), (("ü" * 200, "x/y", "x_y"), "x_y.html")],
+    [
+        (("A0", "a0"), "A0.html"),
+        (("n" * 300, "n" * 299 + "m"), ""),
+        (("ü" * 200, "x/y", "x_y"), "x_y.html"),
+        (("aux", "COM1.7"), ""),
+    ],
 )
 def test_every_vehicle_has_a_page_that_any_system_can_have(tmp_path, vehicles, kept):
     jobs = tuple(Job(vehicle, "r", "", tmp_path / "r.parquet", tmp_path) for vehicle in sorted(vehicles))
@@ -42,6 +48,7 @@ def test_every_vehicle_has_a_page_that_any_system_can_have(tmp_path, vehicles, k
     assert len({page.casefold() for page in pages}) == len(vehicles)
     assert max(len(page.encode()) for page in pages) < 200
     assert not kept or kept in pages
+    assert not any(map(is_device, pages))
 
 
 def test_a_file_whose_name_is_no_text_is_a_row_and_the_others_go_on(tmp_path):

@@ -22,7 +22,7 @@ def cache_folder() -> Path:
     from platformdirs import user_cache_path
 
     given = os.environ.get("CLUTCHID_CACHE")
-    return (Path(given) if given else user_cache_path("clutchid")) / "app"
+    return (Path(given) if given else user_cache_path("clutchid", appauthor=False)) / "app"
 
 
 def make_folder(base: Path) -> Path:
@@ -50,7 +50,7 @@ def sweep(base: Path) -> None:
     """Remove the folders of servers that have ended, except those that are to be kept."""
     for folder in base.glob("run-*"):
         try:
-            lock = json.loads((folder / _LOCK).read_text())
+            lock = json.loads((folder / _LOCK).read_text(encoding="utf-8"))
             alive = _born(lock["pid"]) == lock["born"]
         except (OSError, ValueError, KeyError, TypeError):
             alive = False

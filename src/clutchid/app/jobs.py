@@ -11,7 +11,6 @@ import itertools
 import json
 import os
 import shutil
-import signal
 import sys
 import time
 from asyncio.subprocess import DEVNULL, PIPE, Process
@@ -20,6 +19,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
+
+from clutchid.systems import APART, ending, interpreter, kill_session
 
 #: Longest event in bytes.
 _LONGEST = 1 << 24
@@ -201,8 +202,9 @@ class Jobs:
                 return
         code = await process.wait()
         if job.status == "running":
-            how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
-            self._failed(job, f"the process of this job ended ({how}); memory may have run out. Start it again.")
+            self._failed(
+                job, f"the process of this job ended ({ending(code)}); memory may have run out. Start it again."
+            )
 
     def _failed(self, job: Job, message: str) -> None:
         job.status, job.message, job.ended = "failed", message, time.time()
@@ -212,10 +214,11 @@ class Jobs:
         folder = self._folder / f"process-{next(self._numbers)}"
         folder.mkdir(mode=0o700, parents=True)
         temporary = dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(folder))
+        python, additions = interpreter()
         process = await asyncio.create_subprocess_exec(
-            sys.executable, "-P", "-c", _START, json.dumps(sys.path),
-            stdin=PIPE, stdout=PIPE, stderr=DEVNULL, limit=_LONGEST, start_new_session=True,
-            env={**os.environ, **temporary},
+            python, "-P", "-c", _START, json.dumps(sys.path),
+            stdin=PIPE, stdout=PIPE, stderr=DEVNULL, limit=_LONGEST,
+            env={**os.environ, **additions, **temporary}, **APART,
         )  # fmt: skip
         return _Spare(process, folder)
 
@@ -225,7 +228,4 @@ def kill_group(process: Process) -> None:
     with contextlib.suppress(ProcessLookupError, PermissionError):
         if process.returncode is not None:
             return  # its number may be that of another process by now
-        if hasattr(os, "killpg"):
-            os.killpg(process.pid, signal.SIGKILL)
-        else:
-            process.kill()
+        kill_session(process.pid)

@@ -6,6 +6,7 @@ import contextlib
 import errno
 import json
 import math
+import mimetypes
 import socket
 import tomllib
 import webbrowser
@@ -58,6 +59,7 @@ def application(session: Session, access: Access, begun: Callable[[], None] = la
         yield
         await session.jobs.close()
 
+    mimetypes.add_type("text/javascript", ".js")  # Windows may have another one, and a browser runs no other
     routes = [
         Route("/", _index),
         Route("/api/about", _of(session, _about)),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import os
-import shlex
 import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -18,6 +17,7 @@ from clutchid.app.jobs import Job, Jobs
 from clutchid.app.uploads import safe_name
 from clutchid.errors import DataError, ParameterError
 from clutchid.names import printable
+from clutchid.systems import command_line, replace
 from clutchid.workflow.options import bounds, pressure, priors
 
 #: What a fit on the page asks for, by verb: the defaults of the commands of the same name.
@@ -115,7 +115,7 @@ class Session:
             raise ParameterError(str(error).replace(str(tried), "map")) from None
         except TypeError:  # what JSON has and TOML has not
             raise ParameterError("map: entries of a channel map are texts and numbers.") from None
-        tried.replace(kept)
+        replace(tried, kept)
         self.jobs.cancel_about(id_)
         self.board.update("recording", id_, map=str(kept), ambient=ambient, status="reading", message="")
         task = {
@@ -190,8 +190,8 @@ class Session:
         self.board.put("result", id_, {
             "id": id_, "verb": verb, "name": f"{verb} {names}", "status": "waiting", "recordings": [*recordings],
             "verify": [*verify], "start": start, "options": used, "made": time.time(), "found": None, "message": "",
-            "bad_input": False, "command": shlex.join(arguments), "python": _python(verb, several, others, begun, used),
-            "exports": [],
+            "bad_input": False, "command": command_line(arguments), "exports": [],
+            "python": _python(verb, several, others, begun, used),
         })  # fmt: skip
         self.jobs.submit(f"{verb} {names}", "fits", task, id_)
         return id_
@@ -202,7 +202,7 @@ class Session:
         kept = self.folder / "results" / id_ / "fit.toml"
         kept.parent.mkdir(parents=True)
         if move:
-            path.replace(kept)
+            replace(path, kept)
         else:
             shutil.copyfile(path, kept)
         self.board.put("result", id_, {
@@ -237,7 +237,7 @@ class Session:
         name = f"observe {item['name']}"
         self.board.put("observation", id_, {
             "id": id_, "name": name, "method": method, "status": "waiting", "recording": recording, "start": start,
-            "found": None, "message": "", "bad_input": False, "command": shlex.join(words),
+            "found": None, "message": "", "bad_input": False, "command": command_line(words),
         })  # fmt: skip
         self.jobs.submit(name, "fits", task, id_)
         return id_

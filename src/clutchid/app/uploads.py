@@ -11,6 +11,7 @@ from clutchid.app.folder import free_bytes
 from clutchid.errors import DataError
 from clutchid.names import printable
 from clutchid.recordings.files import reason_of
+from clutchid.systems import is_device
 
 #: Largest upload in bytes; a larger file is opened by its path.
 LARGEST = 4 << 30
@@ -40,13 +41,15 @@ def safe_name(text: str) -> str:
     --------
     >>> safe_name("../../etc/passwd"), safe_name("Messung 7 (Größe).mf4"), safe_name("..."), safe_name("a\\x00<b>.csv")
     ('passwd', 'Messung 7 (Größe).mf4', 'file', 'a__b_.csv')
+    >>> safe_name("aux.csv")
+    '_aux.csv'
     """
     last = re.split(r"[/\\]", text)[-1]
     name = re.sub(r"[^\w .()+=@-]", "_", last).strip(" .")
     if len(name) > _LONGEST:
         stem, dot, suffix = name.rpartition(".")
         name = f"{stem[: _LONGEST - len(suffix) - 1]}{dot}{suffix[:20]}"
-    return name or "file"
+    return f"_{name}" if is_device(name) else name or "file"
 
 
 def check_size(name: str, length: str | None, folder: Path) -> int:
@@ -143,7 +146,7 @@ def listed(text: str, below: Path, suffixes: Collection[str] = SUFFIXES) -> dict
         for entry in entries:
             if entry.name.startswith("."):
                 continue
-            path = str(entry.relative_to(below))
+            path = entry.relative_to(below).as_posix()
             if entry.is_dir():
                 folders.append({"name": entry.name, "path": path})
             elif Path(entry.name.removesuffix(".gz")).suffix.lower() in suffixes:
@@ -151,5 +154,5 @@ def listed(text: str, below: Path, suffixes: Collection[str] = SUFFIXES) -> dict
     except OSError as error:
         raise DataError(f"{folder}: cannot be listed ({reason_of(error)}).") from error
     inside = folder != below
-    up = str(folder.parent.relative_to(below)) if inside else None
+    up = folder.parent.relative_to(below).as_posix() if inside else None
     return {"folder": str(folder), "up": up, "folders": folders, "files": files}

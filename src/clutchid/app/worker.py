@@ -15,6 +15,7 @@ import time
 import traceback
 from typing import Any
 
+from clutchid.systems import end_session
 from clutchid.workflow.failures import failure
 
 #: Interval in s between two events about the same stage.
@@ -76,9 +77,7 @@ def _trace(error: BaseException) -> str:
 def _end_with_server() -> None:
     """End this process and its group once nobody holds the other end of standard input."""
     sys.stdin.read()
-    if hasattr(os, "killpg"):
-        os.killpg(os.getpgid(0), signal.SIGKILL)
-    os._exit(1)
+    end_session()
 
 
 if __name__ == "__main__":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import sys
 import traceback
 from collections.abc import Callable, Sequence
@@ -31,6 +30,7 @@ from clutchid.cli.simulate import simulate
 from clutchid.cli.terminal import discard_output, put
 from clutchid.cli.track import track
 from clutchid.codegen.cache import when_compiling
+from clutchid.systems import is_closed_pipe
 
 #: First lines of `clutchid --help`.
 HELP = """Estimate the load of a truck clutch on the piston of its pneumatic actuator, from a recording.
@@ -89,7 +89,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except OSError as error:  # `OutputLost`, or what printed the help met
         code = FAILED
         discard_output()
-        if error.errno != errno.EPIPE:  # a closed pipe is normal, as in `clutchid look F | head`
+        if not is_closed_pipe(error):  # a closed pipe is normal, as in `clutchid look F | head`
             put(f"clutchid: standard output cannot be written ({error.strerror or error}).", to=sys.stderr)
     sys.exit(code)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,6 +28,7 @@ from clutchid.cli.common import (
 from clutchid.cli.terminal import printable_lines, put
 from clutchid.errors import ParameterError
 from clutchid.names import printable
+from clutchid.systems import command_line
 from clutchid.workflow.options import pressure
 
 if TYPE_CHECKING:
@@ -172,7 +172,7 @@ def fleet(
         done = verbs.fleet(
             source, start, out, verb=verb, place=place, limit=shift, retry=retry,
             ambient=pressure(ambient, math.nan), channels=map_, dbc=dbc or (),
-            command=printable(f"clutchid {shlex.join(sys.argv[1:])}"), progress=progress,
+            command=printable(f"clutchid {command_line(sys.argv[1:])}"), progress=progress,
         )  # fmt: skip
     _say(done, as_json=json)
     return DONE if {"ok", "warning"} & {*done.statuses} else FAILED

@@ -35,6 +35,7 @@ from clutchid.errors import DataError, ExportError
 from clutchid.log import INPUTS, Log
 from clutchid.names import printable
 from clutchid.recordings.live.bus import bus_name
+from clutchid.systems import HANG_UPS, STOPS
 from clutchid.workflow import observer_of
 
 if TYPE_CHECKING:
@@ -42,9 +43,6 @@ if TYPE_CHECKING:
     from clutchid.observer.live import LiveRun
     from clutchid.observer.state import Tail
     from clutchid.recordings.live.arrival import LiveBlock
-
-#: Signals that end a recording, and stop the command at once when they come again.
-STOPS = (signal.SIGINT, signal.SIGTERM)
 
 #: Time in s from one saved state to the next; as much is lost where the power is.
 MINUTE = 60.0
@@ -86,7 +84,7 @@ def _answered(run: LiveRun, trouble: str, content: ParameterFile, options: Obser
 
 @contextmanager
 def stop_signals() -> Iterator[Stopped]:
-    """Function that says whether Ctrl-C, SIGTERM or SIGHUP came; a second one stops at once, as everywhere else.
+    """Function that says whether a signal of `STOPS` or `HANG_UPS` came; a second one of `STOPS` stops at once.
 
     A terminal that is closed sends SIGHUP, several times: it stops nothing at once, and is left ignored where it is.
     """
@@ -100,8 +98,8 @@ def stop_signals() -> Iterator[Stopped]:
     if threading.current_thread() is not threading.main_thread():
         yield lambda: False
         return
-    hang_up = [signal.SIGHUP] if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN else []
-    before = {number: signal.signal(number, ask) for number in (*STOPS, *hang_up)}
+    hang_ups = [number for number in HANG_UPS if signal.getsignal(number) != signal.SIG_IGN]
+    before = {number: signal.signal(number, ask) for number in (*STOPS, *hang_ups)}
     try:
         yield lambda: bool(asked)
     finally:

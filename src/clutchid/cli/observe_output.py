@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shlex
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -36,6 +35,7 @@ from clutchid.cli.terminal import print_rows, printable_lines, put, say
 from clutchid.errors import ExportError, ParameterError
 from clutchid.names import printable
 from clutchid.recordings.live.bus import BusName, bus_name
+from clutchid.systems import command_line
 from clutchid.workflow import start_file
 
 if TYPE_CHECKING:
@@ -183,7 +183,7 @@ class ObserveOptions:
         from clutchid.reports.observe_page import observe_page
 
         origin = origin_of(run.log)
-        command = printable(f"clutchid {shlex.join(sys.argv[1:])}")
+        command = printable(f"clutchid {command_line(sys.argv[1:])}")
         each = (
             (self.save, lambda path: write_state(run.observer, run.after, path, origin)),
             (self.report, lambda path: observe_page(run, content.origin, command, path)),
@@ -273,7 +273,7 @@ class FileTroubles:
         """
         from clutchid.recordings.spool import spooled
 
-        begun, open_, before = False, True, _number(path)
+        begun, open_, before = False, True, _identity(path)
         try:
             with spooled(path, lambda place: self._move(path, place)) as add:
 
@@ -291,7 +291,7 @@ class FileTroubles:
         except ExportError as error:
             if not begun:
                 raise
-            if _number(path) == before:  # what was there, or nothing
+            if _identity(path) == before:  # what was there, or nothing
                 self.moved[path] = None
             self._note(f"{error} What came before is kept.")
 
@@ -334,12 +334,13 @@ class FileTroubles:
             self._move(path, place)
 
 
-def _number(path: Path) -> int | None:
-    """Number of a file on its disk, None where there is none."""
+def _identity(path: Path) -> tuple[int, int] | None:
+    """What another file in the same place differs by, on every system; None where there is none."""
     try:
-        return path.stat().st_ino
+        status = path.stat()
     except OSError:
         return None
+    return status.st_ino, status.st_mtime_ns
 
 
 def offer(options: ObserveOptions) -> list[Path]:
@@ -352,6 +353,6 @@ def offer(options: ObserveOptions) -> list[Path]:
     names = " and ".join(map(str, found))
     sentence = f"an earlier run ended before it wrote {options.out}: what it had observed is in {names}."
     if options.save is not None and options.save.exists() and options.resume is None:
-        sentence += f" Its state is in {options.save}: go on from it with --resume {shlex.quote(str(options.save))}."
+        sentence += f" Its state is in {options.save}: go on from it with --resume {command_line([str(options.save)])}."
     say_unhurried([sentence])
     return found

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import errno
-import os
-import select
-import stat
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, redirect_stderr, suppress
+from contextlib import ExitStack, contextmanager, redirect_stderr, suppress
 from functools import partial
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TextIO
 
 from clutchid.cli.terminal import discard_output, printable_lines, put
+from clutchid.systems import Outgoing, is_closed_pipe
 
 if TYPE_CHECKING:
     from clutchid.observer.live import LiveRun
@@ -47,8 +44,8 @@ def published_lines(every: float, stopped: Stopped) -> Iterator[Sink]:
     """
     from clutchid.reports.observe_lines import observe_lines
 
-    with _own_descriptor(sys.stdout) as descriptor:
-        send = _as_printed if descriptor is None else _sender(descriptor, stopped)
+    with _outgoing(sys.stdout) as out:
+        send = _as_printed if out is None else _sender(out, stopped)
         open_, stalled = True, False
 
         def publish(before: LiveRun, after: LiveRun, part: ObservedRecording) -> None:
@@ -62,7 +59,7 @@ def published_lines(every: float, stopped: Stopped) -> Iterator[Sink]:
             except OSError as error:
                 open_ = False
                 discard_output()
-                reason = "closed" if error.errno == errno.EPIPE else f"lost ({error.strerror or error})"
+                reason = "closed" if is_closed_pipe(error) else f"lost ({error.strerror or error})"
                 say_unhurried([f"standard output was {reason}: nothing is published any more, the recording goes on."])
                 return
             if stalled and not earlier and not stopped():
@@ -92,60 +89,46 @@ def _as_printed(text: bytes, *, wait: bool) -> bool:
     return True
 
 
-def _sender(descriptor: int, stopped: Stopped, patience: float | None = None) -> _Send:
-    """Function that sends to a descriptor, which is given `patience` seconds, by default `STALL`, to take a part."""
-    unsent = b""
+def _sender(out: Outgoing, stopped: Stopped, patience: float | None = None) -> _Send:
+    """Function that sends to `out`, which is given `patience` seconds, by default `STALL`, to take a part."""
 
     def send(text: bytes, *, wait: bool) -> bool:
-        nonlocal unsent
         each = STALL if patience is None else patience
-        unsent = _sent(descriptor, unsent, stopped, each if wait else 0.0)
-        unsent = unsent or _sent(descriptor, text, stopped, each)
-        return not unsent
+        if _left(out, stopped, each if wait else 0.0):
+            return False
+        out.send(text)
+        return not _left(out, stopped, each)
 
     return send
 
 
 @contextmanager
-def _own_descriptor(stream: TextIO) -> Iterator[int | None]:
-    """Descriptor of a standard stream; None where it has none.
-
-    A pipe and a terminal are opened anew where that is possible, so that they do not block, for us alone.
-    """
-    try:
-        descriptor = stream.fileno()
-        stream.flush()
-    except (AttributeError, OSError, ValueError):
-        yield None
-        return
-    own = -1
-    with suppress(OSError):
-        if stat.S_ISFIFO(os.fstat(descriptor).st_mode) or os.isatty(descriptor):
-            own = os.open(f"/proc/self/fd/{descriptor}", os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
-    try:
-        yield descriptor if own < 0 else own
-    finally:
-        if own >= 0:
-            os.close(own)
+def _outgoing(stream: TextIO) -> Iterator[Outgoing | None]:
+    """A standard stream that is written without waiting for its reader; None where it has no descriptor."""
+    with ExitStack() as stack:
+        try:
+            stream.flush()
+            out = stack.enter_context(Outgoing(stream.fileno()))
+        except (AttributeError, OSError, ValueError):
+            yield None
+            return
+        yield out
 
 
-def _sent(descriptor: int, text: bytes, stopped: Stopped, patience: float) -> bytes:
-    """Rest of a text that a descriptor did not take: it is given `patience` seconds from one part to the next.
+def _left(out: Outgoing, stopped: Stopped, patience: float) -> int:
+    """Number of bytes that were not taken: there are `patience` seconds from one part to the next.
 
-    With 0 the first part must go at once, as after a stall.
+    With 0 the first part must have gone, as after a stall.
     """
     since = time.monotonic()
-    while text:
+    while out.left:
         patience = min(patience, STALL_STOPPED) if stopped() else patience
         rest = max(since + patience - time.monotonic(), 0.0)
-        if not select.select([], [descriptor], [], min(rest, PATIENCE))[1]:
-            if rest == 0.0:
-                break
-            continue
-        with suppress(BlockingIOError):
-            text = text[os.write(descriptor, text[: select.PIPE_BUF]) :]
+        if out.wait(min(rest, PATIENCE)):
             since, patience = time.monotonic(), max(patience, STALL_AGAIN)
-    return text
+        elif rest == 0.0:
+            break
+    return out.left
 
 
 @contextmanager
@@ -210,8 +193,8 @@ def view(stopped: Stopped) -> Iterator[Sink]:
 
     shown = -FRAME
     last: Callable[[], Text] | None = None
-    with _own_descriptor(sys.stderr) as descriptor:
-        open_, deliver = True, _as_printed if descriptor is None else _sender(descriptor, stopped, 0.0)
+    with _outgoing(sys.stderr) as out:
+        open_, deliver = True, _as_printed if out is None else _sender(out, stopped, STALL_AGAIN)
 
         def send(text: bytes, *, wait: bool) -> bool:
             nonlocal open_
@@ -242,11 +225,11 @@ def view(stopped: Stopped) -> Iterator[Sink]:
 @contextmanager
 def unhurried_errors() -> Iterator[None]:
     """Standard error that is written at the end of the ``with`` block, and waits for no reader that takes nothing."""
-    with _own_descriptor(sys.stderr) as descriptor:
-        if descriptor is None:
+    with _outgoing(sys.stderr) as out:
+        if out is None:
             yield
             return
-        collected = _Collected(_sender(descriptor, lambda: False, STALL_STOPPED), sys.stderr.isatty())
+        collected = _Collected(_sender(out, lambda: False, STALL_STOPPED), sys.stderr.isatty())
         try:
             with redirect_stderr(collected):
                 yield
@@ -262,9 +245,9 @@ def say_unhurried(warnings: Iterable[str]) -> None:
     """
     text = "".join(f"warning: {printable_lines(warning)}\n" for warning in warnings)
     shown = hasattr(sys.stderr, "rich_proxied_file")  # above the view, which does not block
-    with suppress(OSError, ValueError), _own_descriptor(sys.stderr) as descriptor:
-        if descriptor is None or shown:
+    with suppress(OSError, ValueError), _outgoing(sys.stderr) as out:
+        if out is None or shown:
             put(text.removesuffix("\n"), to=sys.stderr)
         else:
             encoding = sys.stderr.encoding or "utf-8"
-            _sent(descriptor, text.encode(encoding, "backslashreplace"), lambda: False, STALL_STOPPED)
+            _sender(out, lambda: False, STALL_STOPPED)(text.encode(encoding, "backslashreplace"), wait=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -29,6 +28,7 @@ from clutchid.cli.common import (
 from clutchid.cli.terminal import printable_lines, put, say
 from clutchid.errors import ExportError, ParameterError
 from clutchid.names import printable
+from clutchid.systems import command_line
 from clutchid.workflow.options import pressure
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ def track(
         )  # fmt: skip
     tracking.write_tracked(found, out)
     if report is not None:
-        wear_page(found.wear, found.curves, printable(f"clutchid {shlex.join(sys.argv[1:])}"), report)
+        wear_page(found.wear, found.curves, printable(f"clutchid {command_line(sys.argv[1:])}"), report)
     if json:
         print_json(wear_json(found.wear))
         return DONE

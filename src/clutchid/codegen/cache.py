@@ -24,6 +24,8 @@ from importlib.metadata import version
 from pathlib import Path
 from types import ModuleType
 
+from clutchid.systems import replace
+
 _LIBRARIES = ("numba", "llvmlite", "sympy", "numpy")
 
 #: Texts that a wheel brings along; a tree of sources has none.
@@ -271,7 +273,7 @@ def _write(path: Path, content: bytes) -> None:
         with os.fdopen(handle, "wb") as file:
             file.write(content)
         os.utime(temporary, (0, 0))
-        Path(temporary).replace(path)
+        replace(Path(temporary), path)
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import io
-import platform
 import subprocess
-import sys
 import uuid
 import zipfile
 from collections.abc import Iterable, Mapping, Sequence
@@ -37,6 +35,7 @@ from clutchid.observer.state import ObserverState
 from clutchid.parameters import Row
 from clutchid.simulation.inputs import ROUNDING
 from clutchid.simulation.stiffness import MOST_SUBSTEPS, STABLE_STEP, stiffness
+from clutchid.systems import is_linux64
 
 Kind = Literal["Real", "Integer", "Boolean", "String"]
 Causality = Literal["input", "output", "parameter", "local"]
@@ -335,7 +334,7 @@ def _linux_binary(sources: Mapping[str, bytes]) -> bytes | None:
         If the compiler fails.
     """
     cc = compiler()
-    if cc is None or sys.platform != "linux" or platform.machine() != "x86_64":
+    if cc is None or not is_linux64():
         return None
     header = template("fmi2Functions.h.j2", "clutchid.exports").render()
     with TemporaryDirectory() as folder:
@@ -343,7 +342,7 @@ def _linux_binary(sources: Mapping[str, bytes]) -> bytes | None:
             (Path(folder) / name).write_bytes(text)
         names = sorted(name for name in sources if name.endswith(".c"))
         command = [cc, *FLAGS_OF_COMPILER, "-o", "fmu.so", *names, "-lm"]
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        done = subprocess.run(command, cwd=folder, capture_output=True, encoding="utf-8", errors="replace", check=False)
         if done.returncode:
             raise ExportError(f"{cc} cannot compile the FMU:\n{done.stderr.strip()}")
         return (Path(folder) / "fmu.so").read_bytes()

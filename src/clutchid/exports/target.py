@@ -173,12 +173,12 @@ def _measured(
     folder: Path, place: Path, style: CStyle, samples: FloatArray, begins_us: int, flags: tuple[str, ...]
 ) -> TargetCosts | str:
     for name in ("startup.c", "linker.ld"):
-        (place / name).write_text(template(f"{name}.j2", "clutchid.exports").render())
+        (place / name).write_text(template(f"{name}.j2", "clutchid.exports").render(), encoding="utf-8")
     program = template("costs.c.j2", "clutchid.exports").render(
         _style_values(style) | {"begins_us": begins_us, "loops": _LOOPS}
     )
-    (place / "costs.c").write_text(program)
-    (place / "samples.S").write_text(_SAMPLES)
+    (place / "costs.c").write_text(program, encoding="utf-8")
+    (place / "samples.S").write_text(_SAMPLES, encoding="utf-8")
     (place / "samples.bin").write_bytes(_binary(samples, style))
     sources = [folder / "src" / f"{style.name}{part}.c" for part in ("", "_data", "_filter", "_model")]
     objects = [f"{source.stem}.o" for source in sources]
@@ -194,7 +194,7 @@ def _measured(
     if isinstance(run, str):
         return run
     found = {name: int(value) for name, value in (line.split() for line in run.stdout.splitlines())}
-    return _costs(found, (place / "costs.map").read_text(), objects)
+    return _costs(found, (place / "costs.map").read_text(encoding="utf-8"), objects)
 
 
 _SAMPLES = """    .syntax unified
@@ -218,7 +218,9 @@ def _binary(samples: FloatArray, style: CStyle) -> bytes:
 
 def _run(command: Sequence[str], place: Path) -> subprocess.CompletedProcess[str] | str:
     try:
-        done = subprocess.run(command, cwd=place, capture_output=True, text=True, timeout=600, check=False)
+        done = subprocess.run(
+            command, cwd=place, capture_output=True, encoding="utf-8", errors="replace", timeout=600, check=False
+        )
     except subprocess.TimeoutExpired:
         return f"{command[0]} took more than 600 s: no costs were measured."
     if done.returncode:

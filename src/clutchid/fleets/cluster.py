@@ -347,7 +347,7 @@ def _memory_of_machine() -> int:
     total = int(psutil.virtual_memory().total)
     for name in _CONTAINER:
         with suppress(OSError, ValueError):  # "max" is no number
-            total = min(total, int(Path(name).read_text()))
+            total = min(total, int(Path(name).read_text(encoding="utf-8")))
     return total
 
 

@@ -25,6 +25,7 @@ from clutchid.reports.fleet_page import fleet_page
 from clutchid.reports.fleet_tables import ReasonCount, VehicleRow
 from clutchid.reports.wear_page import wear_page
 from clutchid.reports.wear_text import alarm_words
+from clutchid.systems import is_device
 from clutchid.wear.trend import Interval
 
 if TYPE_CHECKING:
@@ -225,8 +226,8 @@ def _page_name(vehicle: str, taken: set[str]) -> str:
     A name that cannot be that of a file, or differs from another one by case only, is marked by its checksum.
     """
     name = re.sub(r"[^\w.-]", "_", vehicle).encode()[:_LONGEST_NAME].decode(errors="ignore")
-    if name != vehicle or name.startswith(".") or _same(name) in taken:
-        name = f"{name.lstrip('.')}-{hashlib.sha256(vehicle.encode()).hexdigest()[:8]}"
+    if name != vehicle or name.startswith(".") or is_device(name) or _same(name) in taken:
+        name = f"{'_' if is_device(name) else ''}{name.lstrip('.')}-{hashlib.sha256(vehicle.encode()).hexdigest()[:8]}"
     taken.add(_same(name))
     return name
 

@@ -8,6 +8,8 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from typing import TypeVar
 
+from clutchid.systems import processors
+
 First = TypeVar("First")
 Second = TypeVar("Second")
 Answer = TypeVar("Answer")
@@ -39,7 +41,7 @@ def map_pairs(
 
 def _threads() -> int:
     allowed = os.environ.get("OMP_NUM_THREADS", "")
-    return int(allowed) if allowed.isdigit() and int(allowed) > 0 else len(os.sched_getaffinity(0))
+    return int(allowed) if allowed.isdigit() and int(allowed) > 0 else processors()
 
 
 @cache

@@ -2,52 +2,16 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
 import pickle
-import signal
 import sys
-import threading
-import time
 from collections.abc import Callable
 from importlib import import_module
 from typing import IO, NamedTuple
 
 from clutchid.errors import ClutchidError
 from clutchid.processes.frames import Parts, receive, send
-
-#: Request to Linux for a signal when the thread that started this process has ended.
-_PR_SET_PDEATHSIG = 1
-
-#: Interval in s at which a process looks for the one that started it, where the system has no such request.
-_GLANCE = 0.5
-
-
-def end_with_parent(parent: int) -> None:
-    """Let this process end when the process `parent`, which started it, is gone, however it went.
-
-    Linux ends it at once, also within a kernel that runs, when the thread that started it has ended; elsewhere a thread
-    of this process notices within half a second.
-    """
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
-        if os.getppid() != parent:  # it ended before this one could ask
-            os._exit(1)
-    else:
-        threading.Thread(target=_wait, args=(parent,), daemon=True).start()
-
-
-def _wait(parent: int) -> None:
-    """End this process after the other one."""
-    if os.name == "posix":
-        while os.getppid() == parent:  # another process becomes the parent then
-            time.sleep(_GLANCE)
-    else:
-        import psutil
-
-        while psutil.pid_exists(parent):
-            time.sleep(_GLANCE)
-    os._exit(1)
+from clutchid.systems import end_with_parent, limit_allocations
 
 
 def _nothing() -> None:
@@ -76,7 +40,7 @@ def main(parent: str, name: str, allocations: str) -> None:
     end_with_parent(int(parent))
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-    _limit_allocations(int(allocations))
+    limit_allocations(int(allocations))
     module, _, function = name.partition(":")
     serve(getattr(import_module(module), function)(), sys.stdin.buffer, answers)
 
@@ -106,11 +70,3 @@ def _worked(question: Parts) -> Parts:
     except Exception as error:
         found = ("unexpected", f"{type(error).__name__}: {error}")
     return [pickle.dumps(found, protocol=5)]
-
-
-def _limit_allocations(most: int) -> None:
-    if most and sys.platform == "linux":
-        import resource
-
-        _, hard = resource.getrlimit(resource.RLIMIT_DATA)
-        resource.setrlimit(resource.RLIMIT_DATA, (most if hard < 0 else min(most, hard), hard))

@@ -7,7 +7,6 @@ import json
 import os
 import queue
 import shutil
-import signal
 import subprocess
 import sys
 import tempfile
@@ -21,6 +20,7 @@ from functools import cache
 from typing import IO, Literal, NamedTuple
 
 from clutchid.processes.frames import Parts, receive, send
+from clutchid.systems import APART, ending, interpreter
 
 #: Interval in s at which memory and time are looked at while an answer is awaited.
 _GLANCE = 0.05
@@ -127,7 +127,7 @@ class Worker:
                 if limits.seconds and time.monotonic() - begin > limits.seconds:
                     return WorkerEnd("time")
                 continue
-            return WorkerEnd("itself", _ending(self._process.wait())) if answer is None else answer
+            return WorkerEnd("itself", ending(self._process.wait())) if answer is None else answer
 
     def _resident(self) -> int:
         """Bytes of memory that the process has; 0 once it has ended."""
@@ -144,8 +144,9 @@ def _started(service: str, allocations: int, environment: Mapping[str, str]) -> 
 
     It ends with the thread that started it, so that one which lasts as long as this process starts all of them.
     """
-    command = [sys.executable, "-P", "-c", _START, json.dumps(sys.path), str(os.getpid()), service, str(allocations)]
-    return _starter(os.getpid()).submit(_popen, command, {**os.environ, **environment}).result()
+    python, additions = interpreter()
+    command = [python, "-P", "-c", _START, json.dumps(sys.path), str(os.getpid()), service, str(allocations)]
+    return _starter(os.getpid()).submit(_popen, command, {**os.environ, **additions, **environment}).result()
 
 
 def _popen(command: list[str], environment: Mapping[str, str]) -> subprocess.Popen[bytes]:
@@ -156,7 +157,7 @@ def _popen(command: list[str], environment: Mapping[str, str]) -> subprocess.Pop
         pipesize=_PIPE,
         stderr=subprocess.DEVNULL,
         env=environment,
-        start_new_session=True,  # Ctrl-C is for clutchid, which ends its workers itself
+        **APART,  # Ctrl-C is for clutchid, which ends its workers itself
     )
 
 
@@ -185,13 +186,3 @@ def _collect(stream: IO[bytes], answers: queue.Queue[list[bytearray] | None]) ->
         while True:
             answers.put(receive(stream))
     answers.put(None)
-
-
-def _ending(code: int) -> str:
-    """End of a process, in words."""
-    if code >= 0 or os.name != "posix":
-        return f"exit code {code}"
-    try:
-        return signal.Signals(-code).name
-    except ValueError:
-        return f"signal {-code}"

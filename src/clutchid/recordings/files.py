@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from clutchid.errors import ClutchidError, DataError, ExportError
+from clutchid.systems import is_in_use, replace
 
 if TYPE_CHECKING:
     import polars as pl
@@ -54,7 +55,7 @@ def atomic_write(path: str | PathLike[str]) -> Iterator[Path]:
         yield temporary
         if target.exists():
             shutil.copymode(target, temporary)
-        temporary.replace(target)
+        replace(temporary, target)
     except Exception as error:
         reason = _failure(error, temporary)
         if reason is None:
@@ -70,6 +71,8 @@ def _failure(error: Exception, temporary: Path | None) -> str | None:
     if isinstance(error, ClutchidError):
         return None
     if isinstance(error, OSError):
+        if error.filename2 is not None and is_in_use(error):
+            return "another program, or this one, has it open; close it there"
         own = error.filename is None or temporary is None or str(error.filename) == str(temporary)
         return reason_of(error) if own else None
     polars = sys.modules.get("polars")

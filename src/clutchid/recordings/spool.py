@@ -6,7 +6,6 @@ was killed, or whose computer lost its power. A disk that is full, or a folder t
 
 from __future__ import annotations
 
-import ctypes
 import json
 import os
 import shutil
@@ -24,6 +23,7 @@ from clutchid.recordings.files import atomic_write, reason_of, writable_target
 from clutchid.recordings.formats.parquet.file import KEY
 from clutchid.recordings.formats.parquet.footer import MAGIC, RowGroups, appended, footer_bytes
 from clutchid.recordings.source import to_frame
+from clutchid.systems import give_memory_back, lock, replace, reserve
 
 #: Numbers in a piece of a Parquet file, which holds up a live recording for some 40 ms; and blocks that are joined
 #: before: a short one takes more than its numbers.
@@ -77,10 +77,10 @@ def spooled(path: str | PathLike[str], moved: Callable[[Path], None] | None = No
     folder: Path | None = None
     try:
         folder = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=target.parent))
-        with (folder / _TARGET).open("w") as name, (folder / _DATA).open("wb+", buffering=0) as data:
+        with (folder / _TARGET).open("w", encoding="utf-8") as name, (folder / _DATA).open("wb+", buffering=0) as data:
             json.dump(target.name, name)
             name.flush()
-            _lock(name.fileno())
+            lock(name.fileno())
             _reserve(folder / _RESERVED)
             add, end = (_as_text if suffix == ".csv" else _as_parquet)(data, folder, path)
             yield add
@@ -114,14 +114,15 @@ def recovered(path: str | PathLike[str]) -> list[Path]:
     for folder in sorted(target.parent.glob(f"{_PREFIX}*")):
         with suppress(OSError):  # with nothing in it: its run could not remove it from a write-protected folder
             folder.rmdir()
-        with suppress(OSError, ValueError), (folder / _TARGET).open("r+") as name:
-            if json.load(name) != target.name or not _lock(name.fileno()):
-                continue
-            if _is_whole(folder, target.suffix.lower()):
-                free = _free_name(target)
-                (folder / _DATA).replace(free)
-                found.append(free)
-            shutil.rmtree(folder)
+        with suppress(OSError, ValueError):
+            with (folder / _TARGET).open("r+", encoding="utf-8") as name:
+                if json.load(name) != target.name or not lock(name.fileno()):
+                    continue
+                if _is_whole(folder, target.suffix.lower()):
+                    free = _free_name(target)
+                    replace(folder / _DATA, free)
+                    found.append(free)
+            shutil.rmtree(folder)  # once it is closed: Windows removes no open file
     return found
 
 
@@ -191,21 +192,10 @@ def _free_name(target: Path) -> Path:
     return next(path for path in each if not path.exists())
 
 
-def _lock(descriptor: int) -> bool:
-    """Lock a file as long as this process holds it open; False if another one does, or where there are no locks."""
-    try:
-        import fcntl
-
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except (ImportError, OSError):
-        return False
-    return True
-
-
 def _reserve(path: Path) -> None:
     """Keep a part of the disk free for the end, where that can be."""
-    with suppress(OSError, AttributeError), path.open("wb") as file:
-        os.posix_fallocate(file.fileno(), 0, RESERVE)
+    with suppress(OSError), path.open("wb") as file:
+        reserve(file, RESERVE)
 
 
 def _release(folder: Path) -> None:
@@ -222,15 +212,17 @@ def _finish(data: BinaryIO, end: bytes, source: Path, target: Path, moved: Calla
             shutil.copymode(target, source)
         else:
             source.chmod(0o666 & ~_mask())
-        source.replace(target)
+        data.close()  # Windows replaces no open file
+        replace(source, target)
     except OSError:
         if moved is None:
             raise
-        moved(_copied(data, end, target.name))
+        with source.open("rb") if data.closed else data as written:
+            moved(_copied(written, end, target.name))
 
 
 def _copied(data: BinaryIO, end: bytes, name: str) -> Path:
-    """A copy of the open file, with its end, in the folder for temporary files."""
+    """A copy of an open file, with its end, in the folder for temporary files."""
     other = Path(tempfile.mkdtemp(prefix="clutchid-")) / name
     with other.open("wb") as file:
         begin = data.seek(0, os.SEEK_END)
@@ -315,7 +307,7 @@ def _as_parquet(data: BinaryIO, folder: Path, path: str | PathLike[str]) -> tupl
             _write_part(write, piece)
             raise
         del piece
-        _give_back()
+        give_memory_back()  # in pools a live recording grows by 20 MiB an hour
 
     def add(block: Log, *, now: bool = False) -> None:
         nonlocal size
@@ -344,12 +336,6 @@ def _as_parquet(data: BinaryIO, folder: Path, path: str | PathLike[str]) -> tupl
     return add, end
 
 
-def _give_back() -> None:
-    """Give freed memory back to the system: in glibc's pools a live recording grows by 20 MiB an hour."""
-    with suppress(OSError, AttributeError, TypeError):  # another C library
-        ctypes.CDLL(None).malloc_trim(0)
-
-
 def _write_part(write: Callable[[Log], None], piece: Log) -> None:
     """Write as much of a piece as fits."""
     begin, rows = 0, len(piece) // 2
@@ -370,7 +356,7 @@ def _note(path: Path, groups: RowGroups, *, synced: bool = False) -> None:
             file.flush()
             if synced:
                 os.fsync(file.fileno())
-        temporary.replace(path)
+        replace(temporary, path)
 
 
 @contextmanager

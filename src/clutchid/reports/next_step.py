@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain, count
@@ -12,6 +11,7 @@ from typing import Literal, NamedTuple
 from clutchid.estimation import Fit
 from clutchid.estimation.assess.verdict import of_the_paper, states_of_wear, verdict
 from clutchid.model import Actuator
+from clutchid.systems import command_line
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class Command:
                 kept.append(argument)
             skip = not skip and argument in without  # its value follows
         at = kept.index("--") if "--" in kept else len(kept)  # what follows is no option
-        return shlex.join(["clutchid", *kept[:at], *options, *kept[at:]])
+        return command_line(["clutchid", *kept[:at], *options, *kept[at:]])
 
     @property
     def names(self) -> list[str]:
@@ -95,7 +95,7 @@ def next_step(fit: Fit, command: Command) -> NextStep:
         return _continue(command, saved)
     if states_of_wear(fit) is not None and command.start is not None and "--model" not in command.reading:
         words = ["clutchid", "track", *command.names, *command.reading, "--start", _argument(command.start)]
-        return NextStep("track", "follow the wear", shlex.join([*words, "--out", command.new_file("WEAR.parquet")]))
+        return NextStep("track", "follow the wear", command_line([*words, "--out", command.new_file("WEAR.parquet")]))
     if fit.baseline is not None:
         return _after_reading(command, saved)
     if fit.calibration is not None:
@@ -104,7 +104,7 @@ def next_step(fit: Fit, command: Command) -> NextStep:
     logs = [*command.names, *command.again] if measured else ["CAL.csv", *command.reading]
     own = command.start is not None and not (of_the_paper(fit) and fit.actuator.equipment == Actuator().equipment)
     words = ["clutchid", "calibrate", *logs, *(("--start", _argument(command.start)) if own and command.start else ())]
-    what = shlex.join([*words, "--save", command.new_file("CAL.toml")])
+    what = command_line([*words, "--save", command.new_file("CAL.toml")])
     if measured:
         return NextStep("calibrate", "calibrate, because this recording has pressure", what)
     return NextStep("record", "record once with pressure, and calibrate", what)
@@ -127,7 +127,7 @@ def _after_calibration(fit: Fit, command: Command, saved: Path | None) -> NextSt
         kept = command.with_options("--save", command.new_file("CAL.toml"))
         return NextStep("keep", "keep the calibration", kept)
     words = ["clutchid", "estimate", "WORN.csv", *command.reading, "--start", _argument(saved)]
-    return NextStep("estimate", "read a worn clutch, from position alone", shlex.join(words))
+    return NextStep("estimate", "read a worn clutch, from position alone", command_line(words))
 
 
 def _after_reading(command: Command, saved: Path | None) -> NextStep:
@@ -139,7 +139,7 @@ def _after_reading(command: Command, saved: Path | None) -> NextStep:
         kept = command.with_options("--save", command.new_file(f"{log.stem}.toml"))
         return NextStep("keep result", "keep the result", kept)
     words = ["clutchid", "simulate", command.names[0], *command.again, "--parameters", _argument(saved)]
-    what = shlex.join([*words, "--out", command.new_file(f"{log.stem}-pressure.csv")])
+    what = command_line([*words, "--out", command.new_file(f"{log.stem}-pressure.csv")])
     return NextStep("simulate", "the pressure over time", what)
 
 

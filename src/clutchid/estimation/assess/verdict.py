@@ -15,6 +15,7 @@ from clutchid.estimation.assess.reasons import BAD_ERROR, bound_notes, reasons, 
 from clutchid.estimation.result import Fit
 from clutchid.inference.uncertainty.identifiability import listed
 from clutchid.model.actuator import Actuator
+from clutchid.systems import command_line
 
 #: Probability that recordings of one state of wear are taken for several, as of a 95 % interval.
 FALSE_ALARM = 0.05
@@ -144,12 +145,10 @@ def _how_far(most: ReadingDifference) -> list[str]:
 
 def track_command(fit: Fit) -> str:
     """The command that follows the wear over the recordings of a fit, with the names of its files."""
-    import shlex
-
     logs = [r.measured.metadata.get("source", r.measured.name) for r in fit.recordings.values()]
     origin = fit.baseline.origin if fit.baseline else None
     start = origin.name if origin and origin.name else "CAL.toml"
-    return shlex.join(["clutchid", "track", *logs, "--start", start, "--out", "WEAR.parquet"])
+    return command_line(["clutchid", "track", *logs, "--start", start, "--out", "WEAR.parquet"])
 
 
 Trust = Literal["good", "with care", "none"]

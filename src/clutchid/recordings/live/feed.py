@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import select
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -11,6 +10,7 @@ from pathlib import Path
 from clutchid.errors import DataError
 from clutchid.recordings.files import plain_file, reason_of
 from clutchid.recordings.formats.kinds import head_of, kind_of
+from clutchid.systems import Incoming
 
 #: Time in s for which arriving bytes are collected, so that a block is worth its cost; bytes of a piece at most.
 PACE, MOST = 0.02, 1 << 20
@@ -18,56 +18,52 @@ PACE, MOST = 0.02, 1 << 20
 #: Time in s after which a feed that waits asks whether it is stopped.
 PATIENCE = 0.1
 
-#: Time in s for which a pipe is left to fill: to wake for each line costs more than the lines.
-NAP = 0.005
-
-#: Bytes that are read at once.
-_CHUNK = 1 << 16
-
 Stopped = Callable[[], bool]
 
 
 def from_descriptor(descriptor: int, stopped: Stopped) -> Iterator[bytes]:
     """Bytes of an open pipe or file as they arrive, until it ends or is stopped.
 
-    Where it ends in an unfinished line, that line is ended; where it is stopped, it is not.
+    Where it ends in an unfinished line, that line is ended; where it is stopped, it is not, and what was read counts.
 
     Raises
     ------
     DataError
         If it cannot be read.
     """
-    last = b"\n"
+    last, ended, stopping = b"\n", False, False
     try:
-        while not stopped():
-            if not select.select([descriptor], [], [], PATIENCE)[0]:
-                continue
-            collected, ended = _collected(descriptor)
-            if collected:
-                last = collected[-1:]
-                yield collected
-            if ended:
-                if last != b"\n":
-                    yield b"\n"
-                return
+        with Incoming(descriptor) as feed:
+            while not ended:
+                if stopped():
+                    stopping = True
+                    feed.close()
+                collected, ended = _collected(feed)
+                if collected:
+                    last = collected[-1:]
+                    yield collected
+                elif stopping:
+                    return
+        if last != b"\n" and not stopping:
+            yield b"\n"
     except OSError as error:
         raise DataError(f"standard input: cannot be read ({reason_of(error)}).") from error
 
 
-def _collected(descriptor: int) -> tuple[bytes, bool]:
-    """Bytes that arrive within `PACE`, and whether the feed has ended."""
+def _collected(feed: Incoming) -> tuple[bytes, bool]:
+    """Bytes that arrive within `PACE` of the first, which is waited for, and whether the feed has ended."""
     parts: list[bytes] = []
-    size, until = 0, time.monotonic() + PACE
+    size, until = 0, time.monotonic() + PATIENCE
     while size < MOST and (rest := until - time.monotonic()) > 0.0:
-        if not select.select([descriptor], [], [], rest)[0]:
+        part = feed.next(rest)
+        if part is None:
             break
-        part = os.read(descriptor, _CHUNK)
         if not part:
             return b"".join(parts), True
+        if not parts:
+            until = time.monotonic() + PACE
         parts.append(part)
         size += len(part)
-        if len(part) < _CHUNK:
-            time.sleep(NAP)
     return b"".join(parts), False
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -19,6 +18,7 @@ from clutchid.study.paper.figures import FIGURES
 from clutchid.study.paper.page import study_page
 from clutchid.study.paper.results import Case, Progress, find
 from clutchid.study.paper.tables import TABLES
+from clutchid.systems import command_line
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -135,4 +135,4 @@ def _command(fit_log: Log, verify_log: Log, out: Path) -> str:
     if "true_load" not in fit_log.metadata:
         words += ["--fit", fit_log.metadata.get("source", fit_log.name)]
         words += ["--verify", verify_log.metadata.get("source", verify_log.name)]
-    return shlex.join([*words, "--out", str(out)])
+    return command_line([*words, "--out", str(out)])

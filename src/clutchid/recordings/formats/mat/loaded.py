@@ -212,7 +212,7 @@ class _OnDisk:
         """See `samples`; the file leaves the memory again."""
         array: NDArray[Any] = np.ndarray(numbers.shape, self.dtype, self.pages, order="F")
         found = samples(array, numbers, channel, start, stop)
-        if hasattr(mmap, "MADV_DONTNEED"):
+        if hasattr(self.pages, "madvise") and hasattr(mmap, "MADV_DONTNEED"):
             self.pages.madvise(mmap.MADV_DONTNEED)
         return found
 
