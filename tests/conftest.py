@@ -48,6 +48,9 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     return LoadFileScheduling(config, log)
 
 
+#: A Python of another system, which no test may become.
+collect_ignore = ["fixtures/another_system"]
+
 #: Load of the synthetic recordings in N/m: all three weights are at work, theta_2 is negative as in Table 1.
 THETA = (9.0e5, -0.3e5, 0.6e5)
 
