@@ -1,0 +1,376 @@
+"""Is another truck's calibration recognised? ``python benchmarks/pairs.py OUT --family A --family B --trucks 24``.
+
+Every truck is calibrated once with pressure, into ``OUT/A_00000.toml``. Then recordings of worn clutches are read from
+position alone: those of all other trucks ("pair"), those of its own truck under the cases of `readings.py`, with the
+supply pressure recorded and without, and with leaks of chamber A ("leak 1e-10"), and its own calibration recording
+("calibration"). The order is drawn so that a part of a run is a fair sample of all; ``--budget SECONDS`` ends it,
+and a further run goes on where it ended.
+
+Each reading is a line of ``OUT/readings.jsonl``: what was read, the verdict of today, and all that a rule may use, so
+that rules are judged without reading again: ``python benchmarks/pairs.py OUT --analyse``. For the k free parameters of
+the reading and the m others that differ between trucks (`names`, with `mean`, `width` and `positive` of their
+coordinates), `R` is the triangular factor ``[R | q]`` of the data at `x`, by rows; `posterior` and `std` are those of
+the mixture over `hypotheses`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+#: Leaks of chamber A in m³/(Pa·s).
+LEAKS = (5e-11, 1e-10, 1.5e-10, 2e-10, 2.5e-10, 4e-10)
+
+#: Parameters that differ between trucks, but are not freed in a reading.
+FIXED = ("P_0", "M", "D_zdot", "V_0B", "b_vs", "m_vs", "b_ve", "m_ve", "gamma", "h_B", "tau_S", "tau_G", "F_h", "K_h")
+
+#: Digits of stored numbers.
+DIGITS = 6
+
+
+class Item(NamedTuple):
+    """A recording of truck `number` under a case, to be read with the calibration of truck `calibration`."""
+
+    family: str
+    calibration: int
+    number: int
+    case: str
+    recorded: str = "position"
+
+    @property
+    def key(self) -> str:
+        """Key of the reading in the file."""
+        return "/".join(map(str, self))
+
+
+def items(family: str, calibration: int, numbers: Sequence[int]) -> list[tuple[float, Item]]:
+    """All readings with a calibration, by their place in the order of all; each kind is spread evenly."""
+    from readings import CASES, LACKING
+
+    rng = np.random.default_rng([calibration, ord(family), 49])
+    kinds = (
+        [Item(family, calibration, other, "pair") for other in numbers if other != calibration],
+        [Item(family, calibration, calibration, case, recorded) for case in CASES for recorded in LACKING],
+        [Item(family, calibration, calibration, f"leak {leak:g}") for leak in LEAKS],
+    )
+    found = [(0.0, Item(family, calibration, calibration, "calibration"))]
+    for kind in kinds:
+        places = (np.arange(len(kind)) + rng.uniform()) / max(1, len(kind))
+        found += [(float(place), kind[i]) for place, i in zip(places, rng.permutation(len(kind)), strict=True)]
+    return found
+
+
+def calibration_file(folder: Path, family: str, number: int) -> Path:
+    """Where the calibration of a truck is kept."""
+    return folder / f"{family}_{number:05d}.toml"
+
+
+def calibrate(folder: Path, family: str, number: int) -> float:
+    """Make the calibration of a truck; seconds of processor time."""
+    from readings import calibration_of
+
+    begin = time.process_time()
+    path = calibration_file(folder, family, number)
+    part = path.with_suffix(".part.toml")
+    calibration_of(number, family, part)
+    part.rename(path)
+    return time.process_time() - begin
+
+
+def recording(item: Item) -> tuple[Any, Any]:
+    """The recording of an item without its pressure, and the truth."""
+    from readings import LACKING
+    from widening import SECONDS, seeds, worn_clutch
+
+    from clutchid.truck import drive, truck
+
+    if item.case == "calibration":
+        kind = truck(item.number, item.family)
+        done = drive(kind, seconds=SECONDS, seed=seeds(item.number)[0], name="worn", conditions=True)
+    elif item.case.startswith("leak "):
+        kind = truck(item.number, item.family)
+        leaking = kind.replace({"C_A0": kind.C_A0 + float(item.case.removeprefix("leak "))})
+        done = worn_clutch(item.number, item.family, "nothing", kind=leaking)
+    else:
+        done = worn_clutch(item.number, item.family, "nothing" if item.case == "pair" else item.case)
+    without = [name for name in ("pressure_a", *LACKING[item.recorded]) if name in done.log]
+    return done.log.without(*without), done.truth
+
+
+def read(folder: Path, item: Item) -> dict[str, Any]:
+    """One reading, as plain values; `refused` says why there is none."""
+    from clutchid import fit
+    from clutchid.errors import ClutchidError
+    from clutchid.estimation import calibrate as module
+    from clutchid.estimation.parameter_file import read_parameters
+    from clutchid.truck import GRID
+
+    content: dict[str, Any] = {**item._asdict(), "key": item.key}
+    once = read_parameters(calibration_file(folder, item.family, item.calibration))
+    log, truth = recording(item)
+    explanations: dict[Any, Any] = {}
+    explained = module.explained
+
+    def remembered(*arguments: Any) -> Any:
+        explanations.update(explained(*arguments))
+        return explanations
+
+    begin = time.process_time()
+    module.explained = remembered
+    try:
+        result = fit(log, once.actuator, calibration=once.calibration, on_failure="return")
+    except ClutchidError as error:
+        return {**content, "refused": str(error)}
+    finally:
+        module.explained = explained
+    content |= {"seconds": time.process_time() - begin, "status": result.status, "evaluations": result.evaluations}
+    content |= verdict_of(result) | load_of(result, once, truth.load(GRID), GRID)
+    if explanations:
+        content |= evidence_of(explanations, once, log)
+        content["nis"] = observed(log, once)
+    return rounded(content)
+
+
+def verdict_of(result: Any) -> dict[str, Any]:
+    """The verdict of today and what it is made from."""
+    from clutchid.estimation.assess.reasons import expected_error
+    from clutchid.estimation.assess.verdict import verdict
+
+    judged = verdict(result)
+    departure = result.departure
+    rest = next(iter(result.recordings.values())).rest if result.recordings else None
+    return {
+        "trust": judged.trust,
+        "reasons": list(judged.reasons),
+        "converged": result.converged,
+        "departure": list(departure) if departure else None,
+        "expected_error": expected_error(result) if departure else None,
+        "changes": [[c.name, c.before, c.after, c.std, c.probability] for c in result.changes],
+        "rest": rest.value if rest else None,
+    }
+
+
+def load_of(result: Any, once: Any, true: np.ndarray, grid: np.ndarray) -> dict[str, Any]:
+    """The load that was read with its band, the true one, and that of the calibration, in N."""
+    curve = result.load_curve
+    return {
+        "true": true,
+        "load": np.interp(grid, curve.position, curve.force),
+        "low": np.interp(grid, curve.position, curve.low),
+        "high": np.interp(grid, curve.position, curve.high),
+        "calibrated": once.actuator.load.force(grid),
+    }
+
+
+def evidence_of(known: dict[Any, Any], once: Any, log: Any) -> dict[str, Any]:
+    """Posterior over the hypotheses, and the information of the data about all that differs between trucks."""
+    from clutchid.estimation.departure import relative_misfit
+    from clutchid.estimation.hypotheses import mixture, most_probable, score
+    from clutchid.inference.smoother.problem import data_factor, linearise
+    from clutchid.inference.uncertainty.change_prior import HYPOTHESES
+    from clutchid.inference.uncertainty.coordinates import coordinates
+    from clutchid.numerics.failure import Failure
+
+    calibration = once.calibration
+    best = known[most_probable(known, calibration)]
+    problem, at = best.result.problem, best.solution
+    weighed = mixture(known, calibration)
+    bases = {c.base for c in problem.coordinates}
+    actuator = problem.actuator
+    fixed = [n for n in FIXED if n in actuator.acting and n not in bases and actuator.value(n) != 0.0]
+    extra = coordinates(actuator, fixed, {}, {})
+    wide = problem.widened(extra)
+    x = np.concatenate([at.x, np.zeros(len(extra))])
+    linear = linearise(wide, x, at.at.X)
+    factor = None if isinstance(linear, Failure) else data_factor(wide, linear)
+    usual = calibration.position_only
+    return {
+        "T_pwm": actuator.parameters.T_pwm,
+        "names": [c.base for c in wide.coordinates],
+        "mean": [c.mean for c in wide.coordinates],
+        "width": [c.width for c in wide.coordinates],
+        "positive": [c.positive for c in wide.coordinates],
+        "changing": [i for i, c in enumerate(problem.coordinates) if c.name in problem.changing],
+        "x": at.x,
+        "posterior": weighed.x,
+        "std": np.sqrt(np.diag(weighed.covariance)),
+        "hypotheses": ["+".join(h) for h in weighed.hypotheses],
+        "probabilities": weighed.probabilities,
+        "searched": ["+".join(h) for h in known],
+        "misfits": [relative_misfit(one.solution.at.cost, [log], calibration) for one in known.values()],
+        "costs": [one.solution.at.cost for one in known.values()],
+        "scores": [score(one.under(h), h, calibration) for h, one in known.items()],
+        "best": "+".join(most_probable(known, calibration)),
+        "all_scores": [score(known.get(h, best).under(h), h, calibration) for h in HYPOTHESES],
+        "dispersion": usual.dispersion if usual else 1.0,
+        "R": None if factor is None else factor[np.triu_indices_from(factor)],
+    }
+
+
+def observed(log: Any, once: Any) -> float:
+    """Mean of the innovations of the joint observer over those of the calibration recordings; NaN if it refuses."""
+    from clutchid.errors import ClutchidError
+    from clutchid.observer import observe_recording, observer
+
+    try:
+        return float(observe_recording(observer(once.actuator, calibration=once.calibration), log).after.mismatch)
+    except ClutchidError:
+        return float("nan")
+
+
+def rounded(value: Any) -> Any:
+    """Plain values with `DIGITS` digits."""
+    if isinstance(value, dict):
+        return {key: rounded(one) for key, one in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [rounded(one) for one in value]
+    if isinstance(value, (float, np.floating)):
+        return float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def compiled(variant: str) -> None:
+    """Compile the kernels of a model variant."""
+    from clutchid.model.compiled import compile_ahead
+
+    compile_ahead([variant])
+
+
+def driven(family: str) -> None:
+    """Compile the loop of a family's trucks."""
+    from clutchid.truck import drive, truck
+
+    drive(truck(0, family), seconds=1.0, seed=0)
+
+
+def stored(path: Path) -> list[dict[str, Any]]:
+    """The readings of a file; a line that was cut off is left out."""
+    found = []
+    if path.exists():
+        for line in path.read_text(encoding="utf-8").splitlines():
+            try:
+                found.append(json.loads(line))
+            except ValueError:
+                continue
+    return found
+
+
+def read_all(folder: Path, wanted: Sequence[tuple[float, Item]], workers: int, budget: float) -> None:
+    """Calibrate and read until all is there or the budget is spent; then the workers are ended."""
+    begin, path = time.perf_counter(), folder / "readings.jsonl"
+    there = {one["key"] for one in stored(path)}
+    queue = [item for _, item in sorted(wanted, key=lambda pair: pair[0]) if item.key not in there]
+    needed = sorted({(item.family, item.calibration) for item in queue}, reverse=True)
+    missing = [one for one in needed if not calibration_file(folder, *one).exists()]
+    ready = set(needed) - set(missing)
+    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
+    from clutchid.model.variants import VARIANTS
+
+    ahead = [pool.submit(driven, family) for family, _ in {one[0]: one for one in needed}.items()]
+    ahead += [pool.submit(compiled, variant) for variant in VARIANTS if "energy" in variant]
+    wait(ahead, budget)
+    print(f"compiled after {time.perf_counter() - begin:.0f} s", flush=True)
+    calibrations = {pool.submit(calibrate, folder, *one): one for one in missing}
+    running: dict[Future[Any], Any] = {}
+    done = 0
+    with path.open("a", encoding="utf-8") as file:
+        while (queue or running) and time.perf_counter() - begin < budget:
+            free = workers - len(running) - len(calibrations)
+            chosen = [item for item in queue if (item.family, item.calibration) in ready][: max(0, free)]
+            for item in chosen:
+                queue.remove(item)
+                running[pool.submit(read, folder, item)] = item
+            if not running and not calibrations:
+                break
+            ended, _ = wait([*running, *calibrations], 5.0, return_when=FIRST_COMPLETED)
+            for one in ended:
+                failure = one.exception()
+                what = calibrations.pop(one) if one in calibrations else running.pop(one)
+                if failure is not None:
+                    print(f"{what}: {type(failure).__name__}: {failure}", flush=True)
+                elif isinstance(what, Item):
+                    file.write(json.dumps(one.result()) + "\n")
+                    file.flush()
+                    done += 1
+                else:
+                    ready.add(what)
+                    print(f"{what}: calibrated, {one.result():.0f} s of processor time", flush=True)
+    print(f"{done} readings after {time.perf_counter() - begin:.0f} s, {len(queue)} are left", flush=True)
+    for process in list(pool._processes.values()):  # a reading may take a minute, which the budget does not have
+        process.terminate()
+    pool.shutdown(wait=False, cancel_futures=True)
+
+
+def kind_of(one: dict[str, Any]) -> str:
+    """Kind of a reading: pair, right (its own truck), leak or calibration."""
+    first: str = one["case"].partition(" ")[0]
+    return first if first in ("pair", "leak", "calibration") else "right"
+
+
+def error_of(one: dict[str, Any]) -> float:
+    """Error of the load, rms in % of the peak."""
+    error = np.array(one["load"]) - np.array(one["true"])
+    return 100.0 * float(np.sqrt(np.mean(error**2))) / max(one["true"])
+
+
+def inside(one: dict[str, Any]) -> float:
+    """Share of the points in the band in %."""
+    low, high, true = (np.array(one[name], dtype=float) for name in ("low", "high", "true"))
+    return 100.0 * float(np.mean((low <= true) & (true <= high)))
+
+
+def by_case(read_: Sequence[dict[str, Any]]) -> Iterator[str]:
+    """A line a case: trust good / with care / none, error, coverage."""
+    yield f"{'case':<28}{'readings':>9}{'good/care/none':>16}{'error, worst':>20}{'covered':>9}{'named another':>15}"
+    for name in dict.fromkeys(f"{one['family']} {one['case']}, {one['recorded']}" for one in read_):
+        own = [one for one in read_ if f"{one['family']} {one['case']}, {one['recorded']}" == name]
+        trusts = "/".join(str(sum(one["trust"] == t for one in own)) for t in ("good", "with care", "none"))
+        errors = [error_of(one) for one in own]
+        named = sum("of another truck" in " ".join(one["reasons"]) for one in own)
+        covered = np.mean([inside(one) for one in own])
+        error = f"{np.median(errors):.2f} / {max(errors):.2f}"
+        yield f"{name:<28}{len(own):>9}{trusts:>16}{error:>20}{covered:>8.0f} %{named:>15}"
+
+
+def analyse(folder: Path) -> None:
+    """Print what the stored readings show."""
+    every = stored(folder / "readings.jsonl")
+    refused = [one for one in every if "refused" in one]
+    readings = [one for one in every if "refused" not in one]
+    for line in by_case(sorted(readings, key=lambda one: (one["family"], kind_of(one), one["case"], one["recorded"]))):
+        print(line)
+    print(f"{len(refused)} refused: {sorted({one['key'] for one in refused})}")
+
+
+def main() -> None:
+    """Read pairs of trucks, or analyse what is stored."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("folder", type=Path)
+    options.add_argument("--family", action="append", choices=("A", "B"), help="default: both")
+    options.add_argument("--trucks", type=int, default=24)
+    options.add_argument("--seed", type=int, default=3500)
+    options.add_argument("--workers", type=int, default=1)
+    options.add_argument("--budget", type=float, default=1e9, help="seconds after which the run ends")
+    options.add_argument("--analyse", action="store_true")
+    chosen = options.parse_args()
+    if chosen.analyse:
+        analyse(chosen.folder)
+        return
+    os.environ |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
+    chosen.folder.mkdir(parents=True, exist_ok=True)
+    numbers = range(chosen.seed, chosen.seed + chosen.trucks)
+    wanted = [one for family in chosen.family or ("A", "B") for n in numbers for one in items(family, n, numbers)]
+    read_all(chosen.folder, wanted, chosen.workers, chosen.budget)
+
+
+if __name__ == "__main__":
+    main()
