@@ -341,6 +341,86 @@ def by_case(read_: Sequence[dict[str, Any]]) -> Iterator[str]:
         yield f"{name:<28}{len(own):>9}{trusts:>16}{error:>20}{covered:>8.0f} %{named:>15}"
 
 
+def statistics(folder: Path, one: dict[str, Any]) -> dict[str, float]:
+    """What a rule may compare, of a stored reading; without what a recorded supply adds to the information."""
+    from scipy.special import chdtr
+
+    from clutchid.estimation.parameter_file import read_parameters
+    from clutchid.inference.uncertainty.change_prior import HYPOTHESES, change_covariance
+    from clutchid.inference.uncertainty.coordinates import CURVATURE, coordinates, smoothness
+    from clutchid.inference.uncertainty.gaussian import GaussianPosterior, gaussian_posterior
+    from clutchid.parameters import GROUPS
+
+    actuator = read_parameters(calibration_file(folder, one["family"], one["calibration"])).actuator
+    names, k, at = one["names"], len(one["x"]), one["changing"]
+    x, width, mean = np.array(one["x"]), np.array(one["width"][:k]), np.array(one["mean"][:k])
+    positive, changing = np.array(one["positive"][:k]), [one["names"][i] for i in at]
+    si = np.where(positive, mean * np.exp(np.where(positive, width * x, 0.0)), mean + width * x)
+    sizes = np.where(positive, mean * width, width)[at]
+    weights = {n: v for n, v in zip(names[:k], si.tolist(), strict=True) if n in actuator.load.names}
+    bent = smoothness(actuator.replace(weights), names[:k], actuator.load.theta, CURVATURE)
+    bent[:, :-1] *= np.where(positive, width * si, width)
+    factor = np.zeros((len(names) + 1, len(names) + 1))
+    factor[np.triu_indices(len(names) + 1)] = one["R"]
+    data = factor[:, [*range(k), -1]] / np.sqrt(max(1.0, one["dispersion"]))
+
+    def covariance(hypothesis: Sequence[str]) -> np.ndarray:
+        return np.asarray(change_covariance(actuator, changing, tuple(hypothesis)) / np.outer(sizes, sizes))
+
+    def posterior(prior: np.ndarray) -> GaussianPosterior:
+        root = np.eye(k)
+        root[np.ix_(at, at)] = np.linalg.inv(np.linalg.cholesky(prior))
+        rows = np.vstack([np.column_stack([root, root @ x]), bent])
+        return gaussian_posterior(data, rows, float(np.linalg.slogdet(root)[1]))
+
+    everything = covariance(tuple(GROUPS))
+    own = [i for i, name in enumerate(changing) if name != "C_A0"]
+    counted, moved = everything[np.ix_(own, own)], np.array(one["posterior"])[at][own]
+    left = posterior(everything).covariance[np.ix_(at, at)][np.ix_(own, own)]
+    distance = float(moved @ np.linalg.solve(counted, moved))
+    expected = len(own) - float(np.trace(np.linalg.solve(counted, left)))
+    spread = np.array([c.width * (c.mean if c.positive else 1.0) for c in coordinates(actuator, changing, {}, {})])
+    between = covariance(("supply pressure", "temperature and grease")) + np.diag(2.0 * (spread / sizes) ** 2)
+    evidence = max(posterior(covariance(h)).log_evidence for h in HYPOTHESES)
+    whole, parameters, misfit = one["departure"][:3]
+    return {
+        "chi-square of what the data determine": float(chdtr(expected, distance)),
+        "squared distance": whole,
+        "distance beyond all parameters": (whole - parameters) / np.sqrt(2.0 * parameters),
+        "evidence of another truck": posterior(between).log_evidence - evidence,
+        "largest deviation": float(np.max(np.abs(moved) / np.sqrt(np.diag(counted)))),
+        "misfit": misfit,
+        "misfit without a change": one["misfits"][0],
+        "innovations (NIS)": one["nis"] or 0.0,
+    }
+
+
+def rules(folder: Path, read_: Sequence[dict[str, Any]]) -> Iterator[str]:
+    """A line a statistic: how well a limit that even calibrations choose does on odd ones.
+
+    The limit is the largest value of the right readings of even calibrations that have a use today.
+    """
+    wanted = [one for one in read_ if kind_of(one) in ("pair", "right") and one.get("R")]
+    values = [statistics(folder, one) for one in wanted]
+    odd = np.array([one["calibration"] % 2 == 1 for one in wanted])
+    right = np.array([kind_of(one) == "right" and one["trust"] != "none" for one in wanted])
+    pair = np.array([kind_of(one) == "pair" for one in wanted])
+    yield f"{'statistic':<40}{'limit':>9}{'pairs above':>14}{'right above':>14}{'least pair':>12}{'largest right':>15}"
+    for name in values[0]:
+        v = np.array([one[name] for one in values])
+        limit = float(v[right & ~odd].max())
+        above = [f"{int((v[part & odd] > limit).sum())} of {int((part & odd).sum())}" for part in (pair, right)]
+        ends = f"{v[pair].min():>12.3g}{v[right].max():>15.3g}"
+        yield f"{name:<40}{limit:>9.3g}{above[0]:>14}{above[1]:>14}{ends}"
+    v = np.array([one["chi-square of what the data determine"] for one in values])
+    for level in (0.9, 0.95, 0.99):
+        counts = [f"{int((v[part] > level).sum())} of {int(part.sum())} {what}" for part, what in (
+            (pair & ~odd, "pairs of even calibrations"), (pair & odd, "of odd"),
+            (right & ~odd, "right ones with a use"), (right & odd, "of odd"),
+        )]  # fmt: skip
+        yield f"chi-square beyond {level:g}: {', '.join(counts)}"
+
+
 def analyse(folder: Path) -> None:
     """Print what the stored readings show."""
     every = stored(folder / "readings.jsonl")
@@ -348,7 +428,9 @@ def analyse(folder: Path) -> None:
     readings = [one for one in every if "refused" not in one]
     for line in by_case(sorted(readings, key=lambda one: (one["family"], kind_of(one), one["case"], one["recorded"]))):
         print(line)
-    print(f"{len(refused)} refused: {sorted({one['key'] for one in refused})}")
+    print(f"{len(refused)} refused: {sorted({one['key'] for one in refused})}\n")
+    for line in rules(folder, readings):
+        print(line)
 
 
 def main() -> None:

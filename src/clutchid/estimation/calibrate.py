@@ -144,7 +144,7 @@ def _searched(
     settled = method.changes.settle(problem, best.solution, posterior.x)
     if isinstance(settled, Failure):
         settled, posterior = best.solution, posterior.moved(best.solution.x - posterior.x)
-    departs = departure(problem, posterior.x, cost, logs, calibration)
+    departs = departure(best, posterior.x, cost, logs, calibration)
     return replace(best.result, solution=settled, posterior=posterior), changes(problem, posterior), departs
 
 

@@ -56,24 +56,43 @@ class Change:
     group: str
 
 
+class Moved(NamedTuple):
+    """A parameter that has moved since the calibration.
+
+    Attributes
+    ----------
+    name
+        Of the parameter.
+    before, after : SI
+        Calibrated value, and that of the reading.
+    """
+
+    name: str
+    before: float
+    after: float
+
+
 class Departure(NamedTuple):
     """Departure of recordings from a calibration.
 
     Attributes
     ----------
     distance : 1
-        Squared Mahalanobis distance of the `parameters` that may change from their calibrated values, under the prior
-        that all groups have changed: about their number where the truck has.
-    parameters
-        Number of parameters that may change.
+        Squared Mahalanobis distance of what may change from its calibrated values, under the prior that all groups have
+        changed. A leak does not count: it is a fault of this truck, whatever its size.
+    expected : 1
+        That of a truck drawn from this prior: the number of parameters that the data determine, at most all.
     misfit : 1
         Cost for each second in motion over that of the calibration recordings read from position alone; NaN if that is
         not known.
+    moved
+        The parameters that have moved farthest, in standard deviations of this prior.
     """
 
     distance: float
-    parameters: int
+    expected: float
     misfit: float
+    moved: tuple[Moved, ...] = ()
 
 
 Status = Literal["ok", "warning", "failed"]

@@ -14,7 +14,7 @@ from clutchid.estimation.assess.comparison import ENGAGING
 from clutchid.estimation.assess.diagnostics import BEYOND, LEAST_CORRELATION, MOST_OUTSIDE, ColumnDiagnosis
 from clutchid.estimation.assess.evidence import HORIZON, Evidence, Reason, evidence, information, once_a_fit, reach
 from clutchid.estimation.assess.rest import rest_reasons
-from clutchid.estimation.result import Departure, Fit, physical_limits
+from clutchid.estimation.result import Departure, Fit, Moved, physical_limits
 from clutchid.inference.uncertainty.gaussian import spectrum
 from clutchid.inference.uncertainty.identifiability import collinear, listed
 from clutchid.log import sample_interval
@@ -85,9 +85,10 @@ GOOD_ERROR, POOR_ERROR = 1.7, 3.3
 BAD_ERROR = 2.0
 SHARES_OFF = ((1.7, 6.0), (2.5, 12.0), (3.3, 24.0), (np.inf, 45.0))
 
-#: Distance from the calibration beyond the number of parameters, in standard deviations of chi-square: beyond the first
-#: no change alone explains it, beyond the second the calibration is of another truck.
-FAR, ANOTHER = 2.0, 4.0
+#: Probability that a change moves a truck less far from its calibration, by the prior of changes: beyond the first the
+#: inputs may be wrong, beyond the second the calibration is of another truck. Provenance: `benchmarks/pairs.py`,
+#: benchmarks/results/verdicts.md.
+FAR, ANOTHER = 0.90, 0.99
 
 #: Cost for each second in motion over that of the calibration: beyond the first the model misses part of the recording.
 MISFIT, POOR_MISFIT = 1.5, 2.2
@@ -102,7 +103,7 @@ def reading_reasons(fit: Fit) -> list[Reason]:
         return []
     origin = fit.baseline.origin
     name = origin.name if origin and origin.name else "of this fit"
-    return [*_another_truck(fit.departure, name), *_poor_fit(fit.departure.misfit), *_expected_error(fit)]
+    return [*_another_truck(fit, fit.departure, name), *_poor_fit(fit.departure.misfit), *_expected_error(fit)]
 
 
 def expected_error(fit: Fit) -> float:
@@ -125,26 +126,36 @@ def share_off(fit: Fit) -> float:
 def departs(fit: Fit) -> bool:
     """Whether the truck is farther from its calibration, or the recording costs more, than any change explains."""
     found = fit.departure
-    return found is not None and (_beyond(found) > ANOTHER or found.misfit > POOR_MISFIT)
+    return found is not None and (_nearer(found) > ANOTHER or found.misfit > POOR_MISFIT)
 
 
-def _beyond(departure: Departure) -> float:
-    """Distance from the calibration beyond the number of parameters, in standard deviations of chi-square."""
-    return (departure.distance - departure.parameters) / float(np.sqrt(2.0 * departure.parameters))
+def _nearer(departure: Departure) -> float:
+    """Probability that a change moves a truck less far (chi-square); NaN where the data determine nothing."""
+    from scipy.special import chdtr
+
+    return float(chdtr(departure.expected, departure.distance)) if departure.expected > 0.0 else float("nan")
 
 
-def _another_truck(departure: Departure, name: str) -> list[Reason]:
-    """Parameters farther from the calibration than a change explains."""
-    distance, count, _ = departure
-    beyond = _beyond(departure)
-    measure = f"(squared distance {distance:.0f} over {count} parameters)"
-    if beyond > ANOTHER:
-        text = f"the calibration {name} seems to be of another truck: what may change is farther from it than a change "
-        return [Reason(f"{text}explains {measure}; take the calibration of this truck, or make one.", True)]
-    if beyond > FAR:
-        text = f"what may change is far from the calibration {name} {measure}: "
-        return [Reason(f"{text}inputs that are late or a sensor that is off do that; check them.")]
-    return []
+def _another_truck(fit: Fit, departure: Departure, name: str) -> list[Reason]:
+    """Parameters farther from the calibration than a change explains, with those that have moved farthest."""
+    nearer = _nearer(departure)
+    if not nearer > FAR:
+        return []
+    why = (
+        f"{listed([_move(fit, one) for one in departure.moved])} (squared distance {departure.distance:.0f}, that of a "
+    )
+    why += f"change is {departure.expected:.0f})"
+    if nearer > ANOTHER:
+        text = (
+            f"the calibration {name} seems to be of another truck: no change explains {why}; take the calibration of "
+        )
+        return [Reason(f"{text}this truck, or make one.", True)]
+    text = f"what may change is far from the calibration {name}: {why}; "
+    return [Reason(f"{text}inputs that are late or a sensor that is off do that, check them.")]
+
+
+def _move(fit: Fit, moved: Moved) -> str:
+    return f"{moved.name} {moved.before:.3g} -> {moved.after:.3g}{fit.actuator.unit_behind(moved.name)}"
 
 
 def _poor_fit(ratio: float) -> list[Reason]:
