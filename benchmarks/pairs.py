@@ -2,9 +2,10 @@
 
 Every truck is calibrated once with pressure, into ``OUT/A_00000.toml``. Then recordings of worn clutches are read from
 position alone: those of all other trucks ("pair"), those of its own truck under the cases of `readings.py`, with the
-supply pressure recorded and without, and with leaks of chamber A ("leak 1e-10"), and its own calibration recording
-("calibration"). The order is drawn so that a part of a run is a fair sample of all; ``--budget SECONDS`` ends it,
-and a further run goes on where it ended.
+supply pressure recorded and without ("right"), and with leaks of chamber A, alone and beside other changes
+("leak 1e-10"), and its own calibration recording ("calibration"). ``--kind`` takes one of these kinds. The order is
+drawn so that a part of a run is a fair sample of all; ``--budget SECONDS`` ends it, and a further run goes on where it
+ended.
 
 Each reading is a line of ``OUT/readings.jsonl``: what was read, the verdict of today, and all that a rule may use, so
 that rules are judged without reading again: ``python benchmarks/pairs.py OUT --analyse``. For the k free parameters of
@@ -29,6 +30,9 @@ import numpy as np
 
 #: Leaks of chamber A in m³/(Pa·s).
 LEAKS = (5e-11, 1e-10, 1.5e-10, 2e-10, 2.5e-10, 4e-10)
+
+#: The leak that begins beside other changes, and these.
+BESIDE = 1e-10, ("supply and warm", "supply and cold", "cold and valves")
 
 #: Parameters that differ between trucks, but are not freed in a reading.
 FIXED = ("P_0", "M", "D_zdot", "V_0B", "b_vs", "m_vs", "b_ve", "m_ve", "gamma", "h_B", "tau_S", "tau_G", "F_h", "K_h")
@@ -60,7 +64,8 @@ def items(family: str, calibration: int, numbers: Sequence[int]) -> list[tuple[f
     kinds = (
         [Item(family, calibration, other, "pair") for other in numbers if other != calibration],
         [Item(family, calibration, calibration, case, recorded) for case in CASES for recorded in LACKING],
-        [Item(family, calibration, calibration, f"leak {leak:g}") for leak in LEAKS],
+        [Item(family, calibration, calibration, f"leak {leak:g}") for leak in LEAKS]
+        + [Item(family, calibration, calibration, f"leak {BESIDE[0]:g}, {case}") for case in BESIDE[1]],
     )
     found = [(0.0, Item(family, calibration, calibration, "calibration"))]
     for kind in kinds:
@@ -98,8 +103,9 @@ def recording(item: Item) -> tuple[Any, Any]:
         done = drive(kind, seconds=SECONDS, seed=seeds(item.number)[0], name="worn", conditions=True)
     elif item.case.startswith("leak "):
         kind = truck(item.number, item.family)
-        leaking = kind.replace({"C_A0": kind.C_A0 + float(item.case.removeprefix("leak "))})
-        done = worn_clutch(item.number, item.family, "nothing", kind=leaking)
+        leak, _, case = item.case.removeprefix("leak ").partition(", ")
+        leaking = kind.replace({"C_A0": kind.C_A0 + float(leak)})
+        done = worn_clutch(item.number, item.family, case or "nothing", kind=leaking)
     else:
         done = worn_clutch(item.number, item.family, "nothing" if item.case == "pair" else item.case)
     without = [name for name in ("pressure_a", *LACKING[item.recorded]) if name in done.log]
@@ -441,6 +447,7 @@ def main() -> None:
     options.add_argument("--trucks", type=int, default=24)
     options.add_argument("--seed", type=int, default=3500)
     options.add_argument("--workers", type=int, default=1)
+    options.add_argument("--kind", choices=("pair", "right", "leak", "calibration"), help="default: all")
     options.add_argument("--budget", type=float, default=1e9, help="seconds after which the run ends")
     options.add_argument("--analyse", action="store_true")
     chosen = options.parse_args()
@@ -451,6 +458,7 @@ def main() -> None:
     chosen.folder.mkdir(parents=True, exist_ok=True)
     numbers = range(chosen.seed, chosen.seed + chosen.trucks)
     wanted = [one for family in chosen.family or ("A", "B") for n in numbers for one in items(family, n, numbers)]
+    wanted = [(place, item) for place, item in wanted if chosen.kind in (None, kind_of(item._asdict()))]
     read_all(chosen.folder, wanted, chosen.workers, chosen.budget)
 
 

@@ -84,3 +84,17 @@ def test_another_shape_of_the_load_is_no_leak(calibrated, recorded_by, plant):
     log = recorded_by(bent, seconds=6.0, seed=5, name="worn", driven=1).without("pressure_a")
     found = leak_of(read(log, calibrated))
     assert found is None or found.probability < 0.5
+
+
+@pytest.mark.slow
+def test_the_band_of_an_actuator_that_leaks_holds_beside_two_other_changes(worn, recorded_by, calibrated):
+    kelvin = 30.0 / worn.value("T_0")
+    colder, flow = 1.0 - kelvin, 1.0 + kelvin / 2.0
+    by = {"P_S": 0.95, "D_v": 2.0, "T_0": colder, "T_w": colder, "C_vs": flow, "C_ve": flow}
+    changed = {name: share * worn.value(name) for name, share in by.items()}
+    leaking = worn.replace(changed | {"C_A0": 1e-10})
+    log = recorded_by(leaking, seconds=6.0, seed=5, name="worn", driven=1).without("pressure_a")
+    curve, true = read(log, calibrated).load_curve, worn.load.force(Y)
+    low, high = (np.interp(Y, curve.position, end) for end in (curve.low, curve.high))
+    # without a hypothesis of all three 25 % of the points were inside
+    assert np.mean((low <= true) & (true <= high)) > 0.9

@@ -10,13 +10,14 @@ from clutchid.estimation.hypotheses import Explanation
 from clutchid.estimation.result import Departure, Moved
 from clutchid.inference.problem import Problem, with_hypothesis
 from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.change_prior import FAULT
 from clutchid.log import FloatArray, Log
 from clutchid.parameters import GROUPS
 from clutchid.recordings.signals.excitation import HOLD_SPEED, SLOW_WINDOW
 from clutchid.recordings.signals.sampled import velocity
 
-#: The group that does not count in a distance, and how many parameters a departure names.
-FAULT, NAMED = "leak", 3
+#: How many parameters a departure names.
+NAMED = 3
 
 
 def departure(

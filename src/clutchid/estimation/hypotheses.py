@@ -118,10 +118,10 @@ def probabilities(known: Explanations, calibration: Calibration) -> FloatArray:
 def flattened(scores: FloatArray, part: float) -> FloatArray:
     """Weights of all hypotheses for the interval, (h,), from the logarithms of their odds.
 
-    Of the logarithm of their evidence only `part` counts, and two changes at once are not less probable than each.
+    Of the logarithm of their evidence only `part` counts, and several changes at once are not less probable than each.
     """
     odds = np.array([log_odds(hypothesis) for hypothesis in HYPOTHESES])
-    together = np.array([len(hypothesis) > 1 for hypothesis in HYPOTHESES]) * LOG_ODDS_TOGETHER
+    together = np.array([max(0, len(hypothesis) - 1) for hypothesis in HYPOTHESES]) * LOG_ODDS_TOGETHER
     return softmax(part * (scores - odds) + odds - together)
 
 

@@ -17,7 +17,7 @@ from clutchid.estimation.assess.reasons import (
     slow_reasons,
 )
 from clutchid.estimation.assess.verdict import verdict
-from clutchid.estimation.result import Departure, Moved
+from clutchid.estimation.result import Change, Departure, Moved
 from fixtures.baselines import ORIGIN, with_baseline
 
 NEAR = Departure(distance=5.0, expected=15.1, misfit=1.0, moved=(Moved("F_C", 109.0, 185.0), Moved("R_1ve", 0.93, 0.9)))
@@ -61,6 +61,16 @@ def test_parameters_far_from_the_calibration_are_those_of_another_truck(reading,
 
 def test_where_the_data_determine_no_change_there_is_no_other_truck(reading):
     assert verdict(replace(reading, departure=Departure(0.0, 0.0, 1.0))).trust == "good"
+
+
+@pytest.mark.parametrize(("leak", "trust"), [(2e-10, "good"), (4e-10, "with care"), (5.3e-10, "none")])
+def test_the_load_of_an_actuator_that_leaks_much_is_not_good(reading, leak, trust):
+    change = Change("drive", "C_A0", 0.0, leak, 4e-12, "m³/(Pa·s)", 1.0, "leak")
+    judged = verdict(replace(reading, changes=(change,)))
+    assert judged.trust == trust
+    assert [f"leaks {what}" in reason for reason in judged.reasons for what in ("so much", "too much")] == {
+        "good": [], "with care": [True, False], "none": [False, True],
+    }[trust]  # fmt: skip
 
 
 @pytest.mark.parametrize(("ratio", "trust"), [(1.4, "good"), (1.6, "with care"), (3.0, "none"), (np.nan, "good")])

@@ -1,9 +1,12 @@
 """The prior for changes between recordings: what changes together, by how much, and what cannot change."""
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 
 from clutchid.inference.uncertainty.change_prior import (
+    FAULT,
     HYPOTHESES,
     change_covariance,
     change_priors,
@@ -81,15 +84,20 @@ def test_where_nothing_has_changed_every_parameter_drifts_a_little_by_itself(act
     assert np.sqrt(covariance[names.index("P_S"), names.index("P_S")]) == pytest.approx(DRIFTS["P_S"])
 
 
-def test_a_hypothesis_adds_the_changes_of_its_groups_and_those_of_two_groups_add_up(actuator):
+def test_a_leak_is_weighed_beside_any_two_other_changes():
+    others = [group for group in GROUPS if group != FAULT]
+    assert {h for h in HYPOTHESES if len(h) > 2} == {(*pair, FAULT) for pair in combinations(others, 2)}
+    assert len(HYPOTHESES) == 1 + len(GROUPS) + len(GROUPS) * (len(GROUPS) - 1) / 2 + len(others)
+
+
+def test_a_hypothesis_adds_the_changes_of_its_groups_and_those_of_several_groups_add_up(actuator):
     names = changeable(actuator)
     none = change_covariance(actuator, names, ())
     added = {h: change_covariance(actuator, names, h) - none for h in HYPOTHESES}
-    assert len(HYPOTHESES) == 1 + len(GROUPS) + len(GROUPS) * (len(GROUPS) - 1) / 2
     scale = np.sqrt(np.diag(change_covariance(actuator, names, tuple(GROUPS))))
-    for pair in HYPOTHESES[1 + len(GROUPS) :]:
-        both = added[(pair[0],)] + added[(pair[1],)]
-        np.testing.assert_allclose(added[pair] / np.outer(scale, scale), both / np.outer(scale, scale), atol=1e-12)
+    for several in HYPOTHESES[1 + len(GROUPS) :]:
+        total = np.sum([added[(group,)] for group in several], axis=0)
+        np.testing.assert_allclose(added[several] / np.outer(scale, scale), total / np.outer(scale, scale), atol=1e-12)
     for group in GROUPS:
         moved = {name for name, by in zip(names, np.diag(added[(group,)]), strict=True) if by > 0.0}
         assert moved == {name for one in directions(actuator.rows, group) for name in one} & set(names)

@@ -27,10 +27,15 @@ Direction = Mapping[str, float]
 #: Groups that have changed; none of them if nothing has.
 Hypothesis = tuple[str, ...]
 
-#: All hypotheses: nothing, one group, or two.
-HYPOTHESES: tuple[Hypothesis, ...] = tuple(h for size in (0, 1, 2) for h in combinations(GROUPS, size))
+#: The group that is a fault and stays until it is mended, so that two others may change beside it.
+FAULT = "leak"
 
-#: Logarithm of the prior odds that two changes at once have in addition to their own.
+#: All hypotheses: nothing, one group, two, or a leak and two others.
+HYPOTHESES: tuple[Hypothesis, ...] = tuple(
+    h for size in range(4) for h in combinations(GROUPS, size) if size < 3 or FAULT in h
+)
+
+#: Logarithm of the prior odds that each further change at once has in addition to its own.
 LOG_ODDS_TOGETHER = -2.0
 
 
