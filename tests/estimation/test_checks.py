@@ -37,21 +37,19 @@ def test_a_profiled_number_has_its_own_interval_and_the_rest_is_as_before(shot, 
     assert any(note.startswith("F_C: ") and "by profile likelihood" in note for note in result.notes)
 
 
-def test_a_nonquadratic_interval_is_noted_with_both(shot, plain, monkeypatch):
+def test_a_nonquadratic_interval_is_noted_with_both(shot, plain):
     low, high = plain.parameters["F_C"].low, plain.parameters["F_C"].high
-    monkeypatch.setattr(module, "profile_interval", lambda *_: (0.5 * low, high))
-    note = checked(plain, shot, None, ("F_C",), 0).notes[-1]
+    note = checked(plain, shot, None, ("F_C",), 0, lambda *_: (0.5 * low, high)).notes[-1]
     assert f"{0.5 * low:.4g} to {high:.4g} N by profile likelihood" in note
     assert f"gives {low:.4g} to {high:.4g}." in note
 
 
-def test_the_interval_of_a_load_weight_is_shifted_as_its_value_is(shot, plain, monkeypatch):
+def test_the_interval_of_a_load_weight_is_shifted_as_its_value_is(shot, plain):
     name = plain.actuator.load.names[8]
     value = plain.parameters[name].value
     # bias of a calibration: 100 N
     moved = replace(plain, parameters={**plain.parameters, name: replace(plain.parameters[name], value=value - 100.0)})
-    monkeypatch.setattr(module, "profile_interval", lambda *_: (value - 30.0, value + 40.0))
-    estimate = checked(moved, shot, None, (name,), 0).parameters[name]
+    estimate = checked(moved, shot, None, (name,), 0, lambda *_: (value - 30.0, value + 40.0)).parameters[name]
     assert (estimate.low, estimate.high) == pytest.approx((value - 130.0, value - 60.0))
 
 

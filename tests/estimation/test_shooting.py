@@ -7,7 +7,7 @@ import pytest
 
 from clutchid.estimation import shooting as module
 from clutchid.estimation.request import FreeParameters
-from clutchid.estimation.shooting import MEMORY, shoot
+from clutchid.estimation.shooting import MEMORY, SHOOTING, shoot
 from clutchid.inference.smoother.search import UNLIMITED
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.change_prior import changeable
@@ -63,6 +63,16 @@ def test_a_recording_without_a_single_position_leaves_what_was_known(plant, driv
     nothing = drive_log.slice(0, 2000).with_columns(position=np.full(2000, np.nan))
     shot = shoot([nothing.without("pressure_a")], plant, FreeParameters(("C_vs",), ("position",)))
     assert shot.solution.x == pytest.approx([0.0], abs=1e-6)
+
+
+def test_a_search_ends_in_the_problem_linearised_there_so_that_it_can_be_evaluated_again(plant, drive_log):
+    free = FreeParameters(("theta_5", "C_vs"), ("position",))
+    shot = shoot([drive_log.slice(0, 1500).without("pressure_a")], plant, free, EXACT)
+    again = SHOOTING.evaluated(shot.problem, shot.solution.x, shot.solution.at.X)
+    assert again.cost == shot.solution.at.cost
+    for one, other in zip(again.chains, shot.solution.at.chains, strict=True):
+        assert np.array_equal(one.windows.linearised.jacobian, other.windows.linearised.jacobian)
+        assert np.array_equal(one.windows.linearised.r, other.windows.linearised.r)
 
 
 def test_a_narrow_prior_far_from_the_start_value_is_reached(plant, drive_log):

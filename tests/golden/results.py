@@ -1,44 +1,41 @@
-"""Golden results: every way to a result, run once and flattened to names and numbers.
+"""Golden results: every way to a result, evaluated where its searches have ended, flattened to names and numbers.
 
-Run as a program it prints one group as JSON, so that a test has it from a process of its own with one thread:
+Run as a program it prints one group as JSON, so that a test has it from a process of its own, as it begins, with one
+thread. With the argument `search` it searches, and prints the ends; without, it takes the kept ones from its input:
 
-    OMP_NUM_THREADS=1 python tests/golden/results.py GROUP
+    cd tests && python -m golden.results GROUP search > ENDS.json
+    cd tests && python -m golden.results GROUP < ASKED.json    # {"ends": ENDS, "again": [NUMBER, ...]}
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
 import sys
 import tempfile
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import clutchid
-from clutchid import Actuator, Fit, Log, Partition, fit, simulate
+from clutchid import Actuator, Fit, Log, Partition, simulate
+from clutchid.estimation.fit import fit_request
+from clutchid.estimation.method import Method
+from clutchid.estimation.request import FitRequest
 from clutchid.log import FloatArray
+from golden.comparison import some
+from golden.ends import Recorder, Replay
+from golden.trucks import trucks
 
 Numbers = dict[str, Any]
 
-#: Libraries whose rounding enters the results.
-LIBRARIES = ("numba", "llvmlite", "numpy", "scipy", "sympy")
+#: Methods by name, which search or are evaluated at kept ends.
+Methods = Mapping[str, Method]
 
 PRESSURE = ("position", "pressure_a")
-
-
-def machine() -> dict[str, str]:
-    """What the last bits depend on: the processor that the compiler writes for, and the libraries."""
-    import llvmlite.binding as llvm
-
-    features = ",".join(sorted(name for name, there in llvm.get_host_cpu_features().items() if there))
-    known = hashlib.sha256(features.encode()).hexdigest()[:16]
-    return {"processor": f"{llvm.get_host_cpu_name()} {known}", **{name: version(name) for name in LIBRARIES}}
 
 
 def part(begin: float, end: float) -> Log:
@@ -55,51 +52,52 @@ def position_only(log: Log) -> Log:
 
 
 def flat(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
-    """Names and leaves of nested dictionaries and lists; a long list of numbers is one leaf."""
+    """Names and leaves of nested dictionaries and lists; a list of numbers is one leaf, a covariance its `parts`."""
     if isinstance(value, dict):
         for key, inner in value.items():
             yield from flat(inner, f"{name}/{key}")
-    elif isinstance(value, (list, tuple)) and any(isinstance(inner, (dict, list, tuple, str)) for inner in value):
+    elif isinstance(value, list) and value and all(isinstance(row, list) and len(row) == len(value) for row in value):
+        yield from flat(parts(np.array(value, dtype=float)), name)
+    elif isinstance(value, list) and any(isinstance(inner, (dict, list, str)) for inner in value):
         for i, inner in enumerate(value):
             yield from flat(inner, f"{name}/{i}")
     else:
-        yield name, list(value) if isinstance(value, tuple) else value
+        yield name, value
 
 
-def of_columns(columns: Mapping[str, FloatArray]) -> Numbers:
-    """Every column as some of its samples and the hash of all."""
-    return {
-        name: {"sha256": hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest(), "samples": sampled(values)}
-        for name, values in columns.items()
-        if name not in ("duty_supply", "duty_exhaust")
-    }
-
-
-def sampled(values: FloatArray) -> list[float]:
-    """Every 997th row of a column or of a matrix, as one list."""
-    rows: list[float] = np.asarray(values)[::997].ravel().tolist()
-    return rows
+def parts(covariance: FloatArray) -> Numbers:
+    """Standard deviations of a covariance (k, k), and its correlations times a vector that any of them moves."""
+    std = np.sqrt(np.diag(covariance))
+    known = np.isfinite(std) & (std > 0.0)
+    correlation = covariance[np.ix_(known, known)] / np.outer(std[known], std[known])
+    return {"std": std.tolist(), "correlation": (correlation @ np.cos(np.arange(known.sum()))).tolist()}
 
 
 def of_fit(result: Fit) -> Numbers:
-    """The JSON object of a fit, its parameter file (with the covariance) and its simulations."""
+    """The JSON object of a fit with every tenth point of its curves, its parameter file, and its simulations."""
     from clutchid.reports.fit_json import fit_json
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "fit.toml"
         clutchid.write_parameters(clutchid.parameter_file(result), path)
         text = path.read_text(encoding="utf-8")
-    kept = tomllib.loads(text)
-    del kept["fit"]["versions"], kept["fit"]["created"]
+    written = tomllib.loads(text)
+    del written["fit"]["versions"], written["fit"]["created"]
+    if result.baseline is not None:
+        del written["fit"]["calibration"]  # that of the calibration
+    json_object = fit_json(result)
+    for curve in ("load_curve", "calibrated_load_curve", "load_change"):
+        if isinstance(json_object.get(curve), dict):
+            json_object[curve] = {n: v[::10] if isinstance(v, list) else v for n, v in json_object[curve].items()}
     return {
-        "json": fit_json(result),
-        "file": kept,
-        "keys of the file": [line.partition(" = ")[0] for line in text.splitlines() if " = " in line],
-        "simulated": {name: of_columns(recording.simulated.columns) for name, recording in result.recordings.items()},
+        "json": json_object,
+        "file": written,
+        "keys of the file": "; ".join(line.partition(" = ")[0] for line in text.splitlines() if " = " in line),
+        "simulated": {name: some(recording.simulated.columns, 11) for name, recording in result.recordings.items()},
     }
 
 
-def simulation() -> Numbers:
+def simulation(methods: Methods) -> Numbers:
     """The paper's model along a recording, ballistic and partitioned, with sensitivities; and the richest variant."""
     log = part(0.0, 5.0)
     rich = Actuator(model="energy-balance-stribeck").replace({"T_pwm": 0.01, "s_vs": 0.07, "s_ve": 0.07})
@@ -110,66 +108,94 @@ def simulation() -> Numbers:
         "energy balance": simulate(rich, log, partition=every, sensitivities=("theta_1", "h_A", "t_vs")),
     }
     return {
-        name: {"log": of_columns(run.log.columns), "sensitivities": of_columns(run.sensitivities)}
+        name: {
+            "log": some(run.log.columns, 11),
+            "sensitivities": {
+                name: some({f"state {i}": column for i, column in enumerate(values.T)}, 7)
+                for name, values in run.sensitivities.items()
+            },
+        }
         for name, run in runs.items()
     }
 
 
-def paper() -> Numbers:
+def paper(methods: Methods) -> Numbers:
     """The paper's method: ballistic, partitioned, with pressure, several recordings, one of them verified."""
     log, other = part(0.0, 15.0), part(15.0, 25.0)
+
+    def fit(logs: list[Log], request: FitRequest, verify: tuple[Log, ...] = ()) -> Numbers:
+        return of_fit(fit_request(logs, None, request, verify, methods=methods))
+
+    several = FitRequest(free=("load", "F_C"), bounds={"F_C": (100.0, 300.0)})
     return {
-        "ballistic": of_fit(fit(log)),
-        "every 200, q": of_fit(fit(log, partition=Partition(every=200, carry="q"))),
-        "both measured": of_fit(fit(log, measure=PRESSURE, free=("load", "P_S"), verify=[other])),
-        "two recordings": of_fit(fit([log, other], free=("load", "F_C"), bounds={"F_C": (100.0, 300.0)})),
+        "ballistic": fit([log], FitRequest()),
+        "every 200, q": fit([log], FitRequest(partition=Partition(every=200, carry="q"))),
+        "both measured": fit([log], FitRequest(PRESSURE, ("load", "P_S")), (other,)),
+        "two recordings": fit([log, other], several),
+        "a start of one sample": fit([_opening()], FitRequest()),
     }
 
 
-def shooting() -> Numbers:
-    """Shooting without a calibration: three splines, own numbers of a recording, priors, profile and bootstrap."""
+def _opening() -> Log:
+    """A recording that begins with the opening of the supply valve, so that its position at rest is one sample."""
     log = part(0.0, 6.0)
-    options: dict[str, Any] = {"free": ("load", "C_vs", "P_S@EACH"), "measure": PRESSURE}
+    first = int(np.argmax(log["duty_supply"] > Actuator().parameters.R_0vs))
+    return replace(log.slice(first, len(log)), name="opening")
+
+
+def shooting(methods: Methods) -> Numbers:
+    """Shooting without a calibration: three splines, own numbers of a recording, priors, profile and bootstrap."""
     prior = {"C_vs": clutchid.Prior(19e-9, 2e-9)}
-    return {"three splines": of_fit(fit(log, method="shooting", priors=prior, profile=("C_vs",), **options))}
+    request = FitRequest(PRESSURE, ("load", "C_vs", "P_S@EACH"), method="shooting", priors=prior, profile=("C_vs",))
+    return {"three splines": of_fit(fit_request([part(0.0, 6.0)], None, request, methods=methods))}
 
 
-def automatic() -> Numbers:
+def automatic(methods: Methods) -> Numbers:
     """A calibration by `auto`; the load of a later recording; the same where the grease differs from the calibrated."""
-    once = fit(part(0.0, 10.0), measure=PRESSURE, free=("auto",))
+    once = fit_request([part(0.0, 10.0)], None, FitRequest(PRESSURE, ("auto",)), methods=methods)
     later, again = position_only(part(14.0, 22.0)), part(22.0, 24.0)
-    read = fit(later, once.actuator, calibration=once.calibration, verify=[again], bootstrap=20)
+    request = FitRequest(calibration=once.calibration)
     thicker = once.actuator.replace({"D_v": 1.3 * once.actuator.value("D_v")})
+    checked = replace(request, bootstrap=20)
     return {
         "calibration": of_fit(once),
-        "reading": of_fit(read),
-        "changed": of_fit(fit(later, thicker, calibration=once.calibration)),
+        "reading": of_fit(fit_request([later], once.actuator, checked, [again], methods=methods)),
+        "changed": of_fit(fit_request([later], thicker, request, methods=methods)),
     }
 
 
-def prediction_error() -> Numbers:
+def prediction_error(methods: Methods) -> Numbers:
     """A calibration by prediction errors with a few free numbers, and the load of a later recording."""
     begin = Actuator(model="energy-balance-stribeck", load=clutchid.Load.on_b_splines())
-    once = fit(part(0.0, 5.0), begin, measure=PRESSURE, free=("load", "C_vs", "tau_y"), method="prediction-error")
-    read = fit(position_only(part(5.0, 9.0)), once.actuator, calibration=once.calibration)
+    request = FitRequest(PRESSURE, ("load", "C_vs", "tau_y"), method="prediction-error")
+    once = fit_request([part(0.0, 5.0)], begin, request, methods=methods)
+    reading = FitRequest(calibration=once.calibration)
+    read = fit_request([position_only(part(5.0, 9.0))], once.actuator, reading, methods=methods)
     return {"calibration": of_fit(once), "reading": of_fit(read)}
 
 
-def trucks() -> Numbers:
-    """Virtual trucks of both families and their recordings."""
-    from trucks import trucks as of_both_families
-
-    return of_both_families()
-
-
-GROUPS: dict[str, Callable[[], Numbers]] = {
-    group.__name__: group for group in (simulation, paper, shooting, automatic, prediction_error, trucks)
+FITS: dict[str, Callable[[Methods], Numbers]] = {
+    group.__name__: group for group in (simulation, paper, shooting, automatic, prediction_error)
 }
 
 
+def results(group: str, ends: Recorder | Replay) -> Numbers:
+    """Results of a group whose searches are recorded or replayed."""
+    return trucks(ends.drive) if group == "trucks" else FITS[group](ends.methods())
+
+
 def main() -> None:
-    """Print one group with the machine that made it."""
-    print(json.dumps({"machine": machine(), "results": dict(flat(GROUPS[sys.argv[1]]()))}))
+    """Print the ends of a group, or its results at those of the input, with the searches that are done again."""
+    group, *search = sys.argv[1:]
+    if search:
+        recorder = Recorder()
+        results(group, recorder)
+        print(json.dumps(recorder.ends))
+        return
+    asked = json.load(sys.stdin)
+    replay = Replay(asked["ends"], asked["again"])
+    leaves = dict(flat(results(group, replay)))
+    print(json.dumps({"results": leaves, "searched": replay.searched}))
 
 
 if __name__ == "__main__":

@@ -1,15 +1,15 @@
-"""Golden trucks: types, changes, loads and recordings of both families, new and worn, as hashes and some samples."""
+"""Golden trucks: types, changes, loads and recordings of both families, new and worn."""
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
-from clutchid.log import FloatArray
-from clutchid.truck import CHANGES, MANOEUVRES, Drive, Vehicle, aged, changed, drive, load_curve, respond, truck
+from clutchid.truck import CHANGES, MANOEUVRES, Drive, Vehicle, aged, changed, load_curve, respond, truck
+from clutchid.truck.load_table import LoadTable
+from golden.comparison import some
 
 #: Types by family: every valve, drive, friction, load and way of holding the duty cycles is among them.
 NUMBERS = {"A": (*range(13), 1003), "B": (*range(16), 1003)}
@@ -27,71 +27,79 @@ OPTIONS: tuple[Mapping[str, Any], ...] = (
 )
 
 
-def hash_of(kind: Vehicle) -> str:
-    """Hash of every parameter of a truck, those that name a variant too, in the order of their names."""
-    known = {name: getattr(kind, name) for name in (*type(kind).names(), "load", "drive", "valve", "spool", "duty")
-             if hasattr(kind, name)}  # fmt: skip
-    known |= {"friction": kind.friction} if hasattr(kind, "friction") else {}
-    bits = [f"{name} {value if isinstance(value, str) else float(value).hex()}" for name, value in known.items()]
-    return hashlib.sha256("\n".join(sorted(bits)).encode()).hexdigest()[:16]
+class Driven(Protocol):
+    """`clutchid.truck.drive` with a name, whose duty cycles are recorded or replayed."""
+
+    def __call__(self, name: str, kind: Vehicle, **options: Any) -> Drive: ...
 
 
-def hashed(*columns: FloatArray) -> str:
-    """Hash of all bits of arrays."""
-    bits = b"".join(np.ascontiguousarray(values, dtype=np.float64).tobytes() for values in columns)
-    return hashlib.sha256(bits).hexdigest()[:16]
+def parameters(kind: Vehicle) -> dict[str, float | str]:
+    """Every parameter of a truck, those that name a variant too."""
+    names = (*type(kind).names(), "load", "drive", "valve", "spool", "duty", "friction")
+    values = {name: getattr(kind, name) for name in sorted(set(names)) if hasattr(kind, name)}
+    return {name: value if isinstance(value, str) else float(value) for name, value in values.items()}
+
+
+def other(kind: Vehicle, than: Vehicle) -> dict[str, float | str]:
+    """The parameters of a truck that are not those of another one."""
+    before = parameters(than)
+    return {name: value for name, value in parameters(kind).items() if value != before.get(name)}
+
+
+def of_load(curve: LoadTable) -> dict[str, Any]:
+    """A load at every twentieth breakpoint, and the size of its coefficients."""
+    at, size = curve.breakpoints[::20], np.sqrt(np.mean(curve.coefficients**2, axis=0))
+    return {"rest": curve.rest, "touch": curve.touch, "force": curve.force(at).tolist(), "size": size.tolist()}
 
 
 def of_drive(done: Drive) -> dict[str, Any]:
-    """Hashes of every column of a recording and of its truth, and some samples of the position."""
-    columns = {"time": done.log.time, **done.log.columns, "wanted": done.wanted}
+    """Columns of a recording, and its true position without a sensor that rounds."""
+    columns = {"time": done.log.time, **done.log.columns, "wanted": done.wanted, "true": done.truth.states["position"]}
     truth = {"zero": done.truth.zero, "shift": done.truth.shift, "touch": done.truth.touch}
-    return {
-        "log": {name: hashed(values) for name, values in columns.items()},
-        "truth": hashed(*(values for _, values in sorted(done.truth.states.items()))),
-        "at": {name: float(value).hex() for name, value in truth.items()},
-        "samples": done.log["position"][::499].tolist(),
-    }
+    return some(columns, 7) | truth
 
 
-def of_load(kind: Vehicle) -> str:
-    """Hash of the table of a load."""
-    curve = load_curve(kind)
-    return hashed(curve.breakpoints, curve.coefficients)
+def of_response(done: Drive) -> dict[str, Any]:
+    """All true states, and the columns of sensors without noise."""
+    truth = {f"true {name}": values for name, values in done.truth.states.items()}
+    return some({**truth, "position": done.log["position"], "pressure_a": done.log["pressure_a"]}, 4)
 
 
-def recordings(family: str, number: int) -> Iterator[tuple[str, Drive]]:
-    """Short drives of a type: one of each manoeuvre in turn, changes and temperatures in turn, a response."""
+def recordings(family: str, number: int, drive: Driven) -> Iterator[tuple[str, Drive]]:
+    """Short drives of a type: one of each manoeuvre in turn, changes and temperatures in turn."""
     kind, names = truck(number, family), list(MANOEUVRES)
-    options = OPTIONS[number % len(OPTIONS)]
-    manoeuvre = names[number % len(names)]
-    yield "plain", drive(kind, seconds=3.0, seed=number, manoeuvre=manoeuvre, **options)
-    yield "worn", drive(kind, seconds=3.0, seed=100 + number, wear=1.5e-3, cycles=4.5e5, manoeuvre="strokes")
-    for i, change in enumerate(CHANGES):
-        if (number + i) % 3 == 0:
-            yield change, drive(kind, seconds=2.5, seed=7 * number + i, change=change, conditions=True)
-    both = ("supply", "warm") if number % 2 else ("cold", "valves", "seals")
-    yield "+".join(both), drive(kind, seconds=2.5, seed=200 + number, change=both, wear=1e-3, cycles=3e5)
-    yield "cool", drive(kind, seconds=2.0, seed=300 + number, temperature=kind.T_0 - 10.0, manoeuvre="ramps")
+    options, manoeuvre = OPTIONS[number % len(OPTIONS)], names[number % len(names)]
+    yield "plain", drive(f"{family}{number} plain", kind, seconds=3.0, seed=number, manoeuvre=manoeuvre, **options)
+    change = list(CHANGES)[number % len(CHANGES)]
+    yield change, drive(
+        f"{family}{number} {change}", kind, seconds=2.5, seed=100 + number, wear=1.5e-3, cycles=4.5e5, change=change,
+        conditions=True, manoeuvre="strokes",
+    )  # fmt: skip
+    if number % 4 == 0:
+        both = ("cold", "valves", "seals") if number % 8 else ("supply", "warm")
+        yield "cool", drive(
+            f"{family}{number} cool", kind, seconds=2.0, seed=300 + number, temperature=kind.T_0 - 10.0, change=both,
+            manoeuvre="ramps",
+        )  # fmt: skip
+
+
+def response(kind: Vehicle) -> Drive:
+    """Response to duty cycles that fill and vent the chamber."""
     t = np.arange(2500)
-    supply, exhaust = np.clip(0.6 * np.sin(t / 200), 0, 1), np.clip(-0.7 * np.sin(t / 200), 0, 1)
-    yield "response", respond(kind, supply, exhaust)
+    return respond(kind, np.clip(0.6 * np.sin(t / 200), 0, 1), np.clip(-0.7 * np.sin(t / 200), 0, 1))
 
 
-def trucks() -> dict[str, Any]:
-    """Types, all of their changes, their loads and recordings; of two of each family half a minute."""
-    found: dict[str, Any] = {}
+def trucks(drive: Driven) -> dict[str, Any]:
+    """Types, all of their changes, their loads and recordings."""
+    results: dict[str, Any] = {}
     for family, numbers in NUMBERS.items():
         for number in numbers:
-            kind = truck(number, family)
-            old = aged(kind, 2e-3, 6e5)
-            found[f"{family}{number}"] = {
-                "type": hash_of(kind),
-                "changes": {change: hash_of(changed(kind, change)) for change in CHANGES},
-                "loads": {"new": of_load(kind), "worn": of_load(old)},
-                "recordings": {name: of_drive(done) for name, done in recordings(family, number)},
+            kind, first = truck(number, family), truck(numbers[0], family)
+            results[f"{family}{number}"] = {
+                "type": parameters(kind) if number == numbers[0] else other(kind, first),
+                "changes": {change: other(changed(kind, change), kind) for change in CHANGES},
+                "loads": {"new": of_load(load_curve(kind)), "worn": of_load(load_curve(aged(kind, 2e-3, 6e5)))},
+                "response": of_response(response(kind)),
+                **{name: of_drive(done) for name, done in recordings(family, number, drive)},
             }
-        for number in (1, 5):
-            done = drive(number, family=family, seconds=30.0, seed=number)
-            found[f"{family}{number}"]["recordings"]["half a minute"] = of_drive(done)
-    return found
+    return results

@@ -21,6 +21,18 @@ def shift():
     return drive(Truck(), manoeuvre="gear-shift", seconds=10, seed=4)
 
 
+def test_recorded_duty_cycles_replay_a_drive_bit_by_bit_and_others_are_refused():
+    options = {"manoeuvre": "strokes", "seconds": 1.0, "seed": 3}
+    once = drive(Truck(), **options)
+    duties = np.column_stack([once.log["duty_supply"], once.log["duty_exhaust"]])
+    again = drive(Truck(), **options, duties=duties)
+    for name, values in {**once.log.columns, **once.truth.states}.items():
+        assert np.array_equal({**again.log.columns, **again.truth.states}[name], values), name
+    for wrong in (duties[1:], duties[:, :1], duties + 0.5):
+        with pytest.raises(ParameterError, match="two columns of 1000 values between 0 and 1"):
+            drive(Truck(), **options, duties=wrong)
+
+
 def first_time(done, condition) -> float:
     return float(done.truth.time[np.argmax(condition)])
 

@@ -209,6 +209,9 @@ def _extrapolated(earlier: tuple[float, float], last: tuple[float, float]) -> fl
     return float(min(last[0] + step, MAX_GROWTH * last[0]))
 
 
+#: Interval of one free parameter, as `profile_interval` searches for it.
+ProfileInterval = Callable[[Problem, ShootingSolution, Posterior, str], tuple[float, float] | Failure]
+
 #: Intervals are too narrow if the bootstrap scatters by this factor more: 8 strokes give a deviation to a quarter only.
 TOO_NARROW = 1.5
 
@@ -219,6 +222,7 @@ def checked(
     calibration: Calibration | None,
     profiled: Sequence[str],
     draws: int,
+    profile: ProfileInterval = profile_interval,
 ) -> Fit:
     """`result` with profile-likelihood intervals of the parameters `profiled`, and a bootstrap check of its intervals.
 
@@ -234,6 +238,8 @@ def checked(
         Free parameters, NAME or NAME@STEM.
     draws : 1
         Of the bootstrap over strokes; 0 for none.
+    profile : function
+        Searches for the interval of a parameter.
 
     Raises
     ------
@@ -247,12 +253,13 @@ def checked(
     if isinstance(uncertain, Failure):
         return result
     for name in profiled:
-        result = _profiled(result, problem, solution, uncertain, name)
+        result = _profiled(result, problem, solution, name, profile(problem, solution, uncertain, name))
     return _bootstrapped(result, problem, solution, uncertain, draws) if draws else result
 
 
-def _profiled(result: Fit, problem: Problem, solution: ShootingSolution, uncertain: Posterior, name: str) -> Fit:
-    interval = profile_interval(problem, solution, uncertain, name)
+def _profiled(
+    result: Fit, problem: Problem, solution: ShootingSolution, name: str, interval: tuple[float, float] | Failure
+) -> Fit:
     estimate = result.parameters[name]
     if isinstance(interval, Failure):
         note = f"{name}: no interval by profile likelihood: {interval.message}"

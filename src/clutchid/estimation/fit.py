@@ -199,8 +199,9 @@ def fit_request(
     request: FitRequest,
     verify: Sequence[Log] = (),
     progress: Progress | None = None,
+    methods: Mapping[str, Method] = METHODS,
 ) -> Fit:
-    """Fit `request` to recordings, and simulate the recordings `verify` with the result.
+    """Fit `request` to recordings by one of `methods`, and simulate the recordings `verify` with the result.
 
     Several recordings whose load is read from a calibration are also read one by one, because a load that they share is
     meant for one state of wear. Status "failed" if the start values cannot be simulated.
@@ -217,12 +218,12 @@ def fit_request(
     )
     recordings, others = [one.log for one in rested], [one.log for one in checked]
     check_recordings(recordings, others, request.measure, start.parameters.y_max)
-    method = method_of(request, recordings, start)
+    method = method_of(request, recordings, start, methods)
     done = fit_with(method, [with_inputs(log) for log in recordings], start, request, progress)
     if done.status == "failed":
         return done
     known = done.baseline is not None and len(done.baseline.theta) > 0 and done.load_is_fitted
-    readings = _one_by_one(ready, start, request, progress) if len(recordings) > 1 and known else {}
+    readings = _one_by_one(ready, start, request, progress, methods) if len(recordings) > 1 and known else {}
     report(progress, "verification")
     whole = {log.name: on_samples(done.recordings[log.name], log) for log in recordings}
     return with_rests(
@@ -230,7 +231,9 @@ def fit_request(
     )
 
 
-def method_of(request: FitRequest, logs: Sequence[Log], actuator: Actuator) -> Method:
+def method_of(
+    request: FitRequest, logs: Sequence[Log], actuator: Actuator, methods: Mapping[str, Method] = METHODS
+) -> Method:
     """The method of a request: the requested one, else that of its calibration, else the simplest that supports it.
 
     With a calibration, recordings that lack changes of the duty cycles need 'prediction-error': there the process noise
@@ -245,9 +248,9 @@ def method_of(request: FitRequest, logs: Sequence[Log], actuator: Actuator) -> M
     if request.calibration and not request.checks and any(lacks_changes(log, actuator) for log in logs):
         needed = "prediction-error"
     name = request.method or (needed if request.has_priors else "simulation")
-    if name not in METHODS:
-        raise ParameterError(unknown_name(name, METHODS, "method"))
-    method = METHODS[name]
+    if name not in methods:
+        raise ParameterError(unknown_name(name, methods, "method"))
+    method = methods[name]
     if request.checks and not method.check:
         raise ParameterError(f"profile and bootstrap need the method 'shooting', not '{name}'.")
     if request.partition is not None and method.partition:
@@ -261,12 +264,16 @@ def method_of(request: FitRequest, logs: Sequence[Log], actuator: Actuator) -> M
 
 
 def _one_by_one(
-    recordings: Sequence[Log], start: Actuator, request: FitRequest, progress: Progress | None
+    recordings: Sequence[Log],
+    start: Actuator,
+    request: FitRequest,
+    progress: Progress | None,
+    methods: Mapping[str, Method],
 ) -> dict[str, Fit]:
     """The recordings read alone, by name, without those that cannot be."""
     readings = {}
     for log in recordings:
         with suppress(DataError):  # too short to be read alone
             alone = request.alone(log.name)
-            readings[log.name] = fit_request([log], start, alone, (), within(progress, "alone"))
+            readings[log.name] = fit_request([log], start, alone, (), within(progress, "alone"), methods)
     return {name: one for name, one in readings.items() if one.status != "failed"}

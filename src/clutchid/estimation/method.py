@@ -17,6 +17,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Solution
 from clutchid.numerics.progress import Progress
+from clutchid.preparation.pulses import FindPhase
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,6 +41,7 @@ class ChangeFunctions:
     `refine` goes on from a result with another prior, from x; `data_factor` is the
     triangular factor ``[R | q]`` of the data alone at a solution; `dispersion` that of
     `clutchid.inference.smoother.residuals`; `settle` moves a solution to x, with the states that belong to it.
+    `refine` and `settle` iterate; they end in `Method.evaluated`.
     """
 
     refine: Callable[[SearchResult, Problem, FloatArray], SearchResult]
@@ -52,13 +54,20 @@ class ChangeFunctions:
 class Method:
     """A method of estimation: its search, the `Fit` at the end of it, and the requests that it supports.
 
+    `problem` has the free parameters and the prepared recordings; the function in it finds the phase of a carrier, that
+    of the method where it is None. `search` is all that iterates: it ends in ``evaluated(problem, x, X)``, which makes
+    the rows of the cost at parameters x and window starts X, and `result` is a function of these rows. A result can
+    therefore be repeated from x and X alone.
+
     `priors`: priors, parameters of single recordings, 'auto' and calibrations. `check` adds profile likelihood and a
     bootstrap to a result. Without `changes` a load from position alone is read as if nothing had changed. `partition`
     is empty if the method supports a partition, else the reason why not.
     """
 
     name: str
+    problem: Callable[[Sequence[Log], Actuator, FreeParameters, Calibration | None, FindPhase | None], Problem]
     search: Callable[[Sequence[Log], Actuator, FreeParameters, Calibration | None, Progress | None], SearchResult]
+    evaluated: Callable[[Problem, FloatArray, Sequence[FloatArray]], Any]
     result: Callable[[SearchResult, Calibration | None], Fit | Failure]
     priors: bool = True
     check: Callable[[Fit, SearchResult, Calibration | None, Sequence[str], int], Fit] | None = None

@@ -30,6 +30,7 @@ from clutchid.numerics.failure import Failure
 from clutchid.numerics.interval import QUANTILE
 from clutchid.numerics.least_squares import Linearisation, Solution, minimise, triangular
 from clutchid.numerics.progress import Progress, Stage, Step
+from clutchid.preparation.pulses import FindPhase
 
 
 def result(search_result: SearchResult, calibration: Calibration | None) -> Fit | Failure:
@@ -133,7 +134,7 @@ def predict(
     DataError, ParameterError
         As `clutchid.fit`.
     """
-    problem = fit_problem(logs, actuator, free, calibration, phase_finder(actuator, free, calibration))
+    problem = problem_of(logs, actuator, free, calibration)
     x = start_point(problem, free)
     if free.start is not None:
         return SearchResult(problem, search(problem, x, FINE_ROUNDS, progress, 1))
@@ -142,6 +143,22 @@ def predict(
         return SearchResult(problem, coarse)
     problem = replace(problem, noise=replace(problem.noise, measured=noise_scales(problem, coarse.at)))
     return SearchResult(problem, search(problem, coarse.x, FINE_ROUNDS, progress, coarse.evaluations))
+
+
+def problem_of(
+    logs: Sequence[Log],
+    actuator: Actuator,
+    free: FreeParameters,
+    calibration: Calibration | None = None,
+    find: FindPhase | None = None,
+) -> Problem:
+    """The problem of `predict`; `find` is the function that finds the phase of a carrier."""
+    return fit_problem(logs, actuator, free, calibration, find or phase_finder(actuator, free, calibration))
+
+
+def evaluated(problem: Problem, x: FloatArray, _: Sequence[FloatArray] = ()) -> Prediction | Failure:
+    """The recordings filtered at x; a filter has no window starts."""
+    return predict_errors(problem, x)
 
 
 def search(
@@ -206,4 +223,11 @@ def minimise_round(
 
 
 #: Prediction error through a Kalman filter.
-PREDICTION_ERROR = Method("prediction-error", predict, result, partition="a Kalman filter is corrected at every sample")
+PREDICTION_ERROR = Method(
+    "prediction-error",
+    problem_of,
+    predict,
+    evaluated,
+    result,
+    partition="a Kalman filter is corrected at every sample",
+)

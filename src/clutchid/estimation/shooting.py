@@ -16,7 +16,7 @@ from clutchid.estimation.problem import fit_problem, start_point
 from clutchid.estimation.request import FreeParameters
 from clutchid.estimation.result import Compared, Fit, compare, position_and_pressure
 from clutchid.inference.problem import Problem
-from clutchid.inference.smoother.problem import data_factor
+from clutchid.inference.smoother.problem import data_factor, linearise
 from clutchid.inference.smoother.residuals import dispersion, noise_scales, sensor_outputs, trajectory
 from clutchid.inference.smoother.search import (
     FINE_STAGE,
@@ -35,6 +35,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.interval import QUANTILE
 from clutchid.numerics.progress import Progress
+from clutchid.preparation.pulses import FindPhase
 from clutchid.simulation.windows import initial_states
 
 
@@ -104,8 +105,7 @@ def shoot(
     DataError, ParameterError
         As `clutchid.fit`.
     """
-    problem = fit_problem(logs, actuator, free, calibration, phase_finder(actuator, free, calibration))
-    problem = replace(problem, noise=replace(problem.noise, memory=MEMORY))
+    problem = problem_of(logs, actuator, free, calibration)
     X = _states(problem, [plan.actuator for plan in problem.plans])
     if isinstance(X, Failure):
         return SearchResult(problem, X)
@@ -119,7 +119,27 @@ def shoot(
         fine = _fine(problem, coarse.x, coarse.at.X, effort, progress, coarse.evaluations)
     else:
         fine = _fine(problem, x, X, effort, progress)
-    return SearchResult(problem, fine, effort=effort)
+    return SearchResult(problem, _ended(problem, fine), effort=effort)
+
+
+def problem_of(
+    logs: Sequence[Log],
+    actuator: Actuator,
+    free: FreeParameters,
+    calibration: Calibration | None = None,
+    find: FindPhase | None = None,
+) -> Problem:
+    """The problem of `shoot`; `find` is the function that finds the phase of a carrier."""
+    problem = fit_problem(logs, actuator, free, calibration, find or phase_finder(actuator, free, calibration))
+    return replace(problem, noise=replace(problem.noise, memory=MEMORY))
+
+
+def _ended(problem: Problem, solution: ShootingSolution | Failure) -> ShootingSolution | Failure:
+    """The end of a search, linearised there: the search itself keeps derivatives from nearby points."""
+    if isinstance(solution, Failure):
+        return solution
+    at = linearise(problem, solution.x, solution.at.X)
+    return at if isinstance(at, Failure) else replace(solution, at=at)
 
 
 def _effort(problem: Problem, logs: Sequence[Log], calibration: Calibration | None) -> Effort:
@@ -170,7 +190,12 @@ def _states(problem: Problem, actuators: Sequence[Actuator]) -> States | Failure
 def refine(found: SearchResult, problem: Problem, x: FloatArray) -> SearchResult:
     """The search of `found` continued from x with the prior of `problem`."""
     X = () if isinstance(found.solution, Failure) else found.solution.at.X
-    return replace(found, problem=problem, solution=_fine(problem, x, X, found.effort._replace(patience=np.inf), None))
+    fine = _fine(problem, x, X, found.effort._replace(patience=np.inf), None)
+    return replace(found, problem=problem, solution=_ended(problem, fine))
+
+
+def _settled(problem: Problem, solution: ShootingSolution, x: FloatArray) -> ShootingSolution | Failure:
+    return _ended(problem, settled(problem, solution, x))
 
 
 def _cost(solution: ShootingSolution) -> float:
@@ -188,9 +213,11 @@ def _dispersion(problem: Problem, solution: ShootingSolution) -> float:
 #: Multiple shooting with soft continuity.
 SHOOTING = Method(
     "shooting",
+    problem_of,
     shoot,
+    linearise,
     result,
     check=checked,
-    changes=ChangeFunctions(refine, _data_factor, _dispersion, settled),
+    changes=ChangeFunctions(refine, _data_factor, _dispersion, _settled),
     partition="multiple shooting uses its own windows",
 )

@@ -70,14 +70,29 @@ def search(
         As `clutchid.fit`.
     """
     assert calibration is None, "the method has no priors"
+    problem, x = _prepared(logs, actuator, free)
+    problem, solution = two_stages(problem, x, progress)
+    return SearchResult(problem, solution)
+
+
+def problem_of(logs: Sequence[Log], actuator: Actuator, free: FreeParameters, *_: object) -> Problem:
+    """The problem of `search`, without a calibration or the phase of a carrier."""
+    return _prepared(logs, actuator, free)[0]
+
+
+def evaluated(problem: Problem, x: FloatArray, _: Sequence[FloatArray] = ()) -> Linearisation | Failure:
+    """The residuals at x, which has the unknown starts of segments; there are no windows."""
+    return linearise(problem, x)
+
+
+def _prepared(logs: Sequence[Log], actuator: Actuator, free: FreeParameters) -> tuple[Problem, FloatArray]:
     limits = bounds_of(free.names, actuator, free.bounds)
     start = actuator.replace({name: float(np.clip(actuator.value(name), *limits[name])) for name in free.names})
     rate = stiffness_over(start, limits, top_speed(free.partition))
     plans = [plan(log, start, rate, free.partition, "pressure_a" in free.measure) for log in logs]
     problem, x = build_problem(start, plans, free.names, free.measure, limits)
     _check_size(problem)
-    problem, solution = two_stages(problem, x, progress)
-    return SearchResult(problem, solution)
+    return problem, x
 
 
 def build_problem(
@@ -489,4 +504,4 @@ def _at_bounds(problem: Problem, x: FloatArray) -> list[str]:
 
 
 #: The paper's method.
-SIMULATION = Method("simulation", search, result, priors=False)
+SIMULATION = Method("simulation", problem_of, search, evaluated, result, priors=False)

@@ -71,7 +71,7 @@ def drive(
     recorder: Literal["controller", "bus"] = "controller", dropouts: int = 0,
     stuck: tuple[float, float] | None = None, conditions: bool = False, change: str | Sequence[str] = (),
     supply: float | None = None, offset: float = 0.0, zero: Zero | None = None, late: float = 0.0,
-    name: str = "drive",
+    duties: FloatArray | None = None, name: str = "drive",
 ) -> Drive:  # fmt: skip
     """Drive `truck` in a closed position loop and record it.
 
@@ -112,6 +112,9 @@ def drive(
         falls with wear; that of the truck by default, which is learned in families A and B.
     late : s
         Delay of the recorded duty cycles against the position, in whole ms.
+    duties : 1, (n, 2), optional
+        Duty cycles of supply and exhaust at every millisecond, such as those of an earlier drive, instead of those of
+        the position loop: rounding may turn a quantised reading, after which a closed loop takes another course.
     name : str
         Name of the recording.
 
@@ -147,7 +150,8 @@ def drive(
     wanted = set_point(manoeuvre, seconds, points, of_course)
     noise = sensor.position_noise(truck, wanted.size, of_noise)
     shift = offset + (_fallen(truck, curve) if truck.zero == "kept" else 0.0)
-    course = Course(wanted, np.full((wanted.size, 2), np.nan), noise, _samples(stuck), shift)
+    forced = np.full((wanted.size, 2), np.nan) if duties is None else _duties(duties, wanted.size)
+    course = Course(wanted, forced, noise, _samples(stuck), shift)
     p_S, working = truck.parts.supply.start(truck, of_air)
     done = run(truck, course, start=at_rest(truck, curve, p_S), working=working)
     read = sensor.measured_pressure(truck, done.pressure, of_air) if pressure else None
@@ -219,12 +223,20 @@ def respond(truck: Vehicle, duty_supply: FloatArray, duty_exhaust: FloatArray) -
     >>> f"{stroke.log.time[np.argmax(stroke.truth.states['position'] > 0.02)]:.2f} s"
     '0.13 s'
     """
-    forced = np.column_stack([duty_supply, duty_exhaust]).astype(np.float64)
-    if len(forced) < 2 or not np.all((forced >= 0) & (forced <= 1)):
-        raise ParameterError("duty cycles: two columns of at least 2 values between 0 and 1 are needed.")
+    forced = _duties(np.column_stack([duty_supply, duty_exhaust]))
     curve, nothing = load_curve(truck), np.zeros(len(forced))
     done = run(truck.replace({"q_y": 0.0}), Course(nothing, forced, nothing))
     return Drive(_recorded(done, done.pressure, "response", {}), truth_of(truck, curve, done), nothing)
+
+
+def _duties(duties: FloatArray, size: int | None = None) -> FloatArray:
+    """Duty cycles, shape (n, 2); ParameterError if they are not such, or not of `size` samples."""
+    forced = np.asarray(duties, dtype=np.float64)
+    shape = max(2, len(forced)) if size is None else size, 2
+    if forced.shape != shape or not np.all((forced >= 0) & (forced <= 1)):
+        many = "at least 2" if size is None else size
+        raise ParameterError(f"duty cycles: two columns of {many} values between 0 and 1 are needed.")
+    return forced
 
 
 def _samples(span: tuple[float, float] | None) -> tuple[int, int]:

@@ -66,6 +66,15 @@ def test_draws_have_the_covariance_of_the_dense_inverse(length):
     assert root @ root.T == pytest.approx(covariance, rel=1e-8, abs=1e-9)
 
 
+@LENGTHS
+def test_draws_do_not_depend_on_the_signs_of_rows_which_rounding_may_turn(length):
+    chain, rng = without_residuals(eliminate(*chain_of(length))), np.random.default_rng(1)
+    theta, noise = rng.standard_normal((K, 7)), rng.standard_normal((length, STATES, 7))
+    signs = np.where(rng.standard_normal((length, STATES, 1)) > 0.0, 1.0, -1.0)
+    turned = recover(Eliminated(chain.rows, signs * chain.state_rows), theta, noise)
+    np.testing.assert_allclose(turned, recover(chain, theta, noise), rtol=1e-12, atol=1e-12)
+
+
 def test_a_state_without_rows_of_its_own_is_determined_by_its_neighbours():
     first, own, links = chain_of(4)
     own[2] = 0.0

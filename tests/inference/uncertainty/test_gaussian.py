@@ -72,6 +72,9 @@ def test_a_square_root_gives_its_covariance_back_also_where_that_is_singular():
     for covariance in (rows @ rows.T, rows.T @ rows, np.zeros((2, 2))):
         root = square_root(covariance)
         np.testing.assert_allclose(root @ root.T, covariance, atol=1e-12)
+        # the one that is lower triangular with a positive diagonal: eigenvectors have any sign
+        np.testing.assert_allclose(np.triu(root, 1), 0.0, atol=1e-12)
+        assert np.all(np.diag(root) >= 0.0)
     # a rounding error below zero is taken as zero
     assert np.isfinite(square_root(np.diag([1.0, -1e-18]))).all()
 

@@ -76,7 +76,8 @@ def recover(chain: Eliminated, theta: FloatArray, noise: FloatArray | None = Non
     n = chain.state_rows.shape[1]
     states = -chain.state_rows[:, :, -1:] - chain.state_rows[:, :, 2 * n : -1] @ theta
     if noise is not None:
-        states += noise
+        # each row as if its diagonal were positive: its sign is that of a difference, which rounding may turn
+        states += np.sign(np.diagonal(chain.state_rows, axis1=1, axis2=2))[:, :, None] * noise
     if not kernels_in(_KERNELS).substitute(chain.state_rows, states):
         raise np.linalg.LinAlgError("the chain does not determine its states.")
     return states

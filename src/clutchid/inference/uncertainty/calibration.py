@@ -11,6 +11,7 @@ import numpy as np
 from clutchid.inference.uncertainty.change_prior import drift
 from clutchid.inference.uncertainty.conditions import NOT_RECORDED, RecordedConditions
 from clutchid.inference.uncertainty.coordinates import Coordinate
+from clutchid.inference.uncertainty.gaussian import square_root
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.parameters import in_order
@@ -176,5 +177,4 @@ def consider_parameters(
         value = actuator.value(names[i])
         considered.append(Coordinate(names[i], None, value, float(width[i]), False, row.low, row.high))
     correlation = matrix[np.ix_(kept, kept)] / np.outer(width[kept], width[kept])
-    values, vectors = np.linalg.eigh(correlation)
-    return tuple(considered), vectors * np.sqrt(np.maximum(values, 0.0))
+    return tuple(considered), square_root(correlation)

@@ -54,9 +54,13 @@ def gaussian_posterior(data: FloatArray, prior: FloatArray, log_root: float, sca
 
 
 def square_root(covariance: FloatArray) -> FloatArray:
-    """A root L of a covariance, L L', also of one that is singular to rounding."""
+    """The lower triangular root L of a covariance L L', also of one that is singular to rounding.
+
+    Draws made with it are the same on every machine: eigenvectors have any sign, and any direction among equals.
+    """
     values, vectors = np.linalg.eigh(covariance)
-    result: FloatArray = vectors * np.sqrt(np.maximum(values, 0.0))
+    upper = triangular((vectors * np.sqrt(np.maximum(values, 0.0))).T)
+    result: FloatArray = upper.T * np.where(np.diag(upper) < 0.0, -1.0, 1.0)
     return result
 
 
@@ -221,20 +225,13 @@ def sandwich(
     bandwidth = _bandwidth(leading)
     middle = sum((_lag_sum(block, bandwidth) for block in blocks), np.zeros((known.sum(), known.sum())))
     count = sum(block.shape[0] for block in blocks)
-    root = (inverse / norms[known]).T @ _square_root(middle)
+    root = (inverse / norms[known]).T @ square_root(0.5 * (middle + middle.T))
     inner = root @ root.T * count / max(1.0, count - common)
     if constants is not None:
         shift = (inverse / norms[known]).T @ (constants[known] / norms[known, None])
         inner += shift @ shift.T
     matrix[np.ix_(known, known)] = inner
     return Covariance(matrix, max(1.0, 1.5 * count / (bandwidth + 1) - common))
-
-
-def _square_root(matrix: FloatArray) -> FloatArray:
-    """L with ``L L^T = matrix``, so that rounding cannot make a variance negative."""
-    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
-    result: FloatArray = vectors * np.sqrt(np.maximum(values, 0.0))
-    return result
 
 
 def _pseudo_inverse(R: FloatArray) -> FloatArray:

@@ -1,0 +1,106 @@
+"""Comparison of results with kept ones: one tolerance for all machines, and the list of what is different."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from clutchid.log import FloatArray
+
+#: How the name of a column ends, whose leaf is that of `some`.
+SOME = " samples"
+
+#: A number in a sentence.
+NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+
+
+def differences(kept: Mapping[str, Any], now: Mapping[str, Any], tolerance: Callable[[str], float]) -> list[str]:
+    """Results that are not what they were, one line each.
+
+    Numbers may differ by the `tolerance` of their name times the largest of their list, or samples times the range of
+    their column. Of
+    sentences all words are compared, and all numbers at their printed digits. Rounding to these digits turns one of
+    them in about a million, by one unit of the last, so that in a whole group one may be different.
+    """
+    lines = [f"{name}: kept, but not there now." for name in kept if name not in now]
+    lines += [f"{name}: new." for name in now if name not in kept]
+    turned: list[tuple[tuple[str, ...], str]] = []
+    for name in (name for name in kept if name in now):
+        old, new = kept[name], now[name]
+        if isinstance(old, str) and isinstance(new, str):
+            if old != new:
+                line = f"{name}:\n    kept {old}\n    now  {new}"
+                pair = turned_digits(old, new)
+                if pair is None:
+                    lines.append(line)
+                else:
+                    turned.append((pair, line))
+        elif line := different(old, new, tolerance(name) * scale(name, old)):
+            lines.append(f"{name}: {line}")
+    return lines + ([line for _, line in turned] if len({pair for pair, _ in turned}) > 1 else [])
+
+
+def some(columns: Mapping[str, FloatArray], count: int) -> dict[str, list[float]]:
+    """Every column but the duty cycles as its range, its rms, and a `count` of samples or one more."""
+    return {
+        name + SOME: [
+            float(np.nanmax(values) - np.nanmin(values)),
+            float(np.sqrt(np.nanmean(values**2))),
+            *np.asarray(values)[:: len(values) // count].tolist(),
+        ]
+        for name, values in columns.items()
+        if not name.startswith("duty_")
+    }
+
+
+def scale(name: str, value: Any) -> float:
+    """Size of a result, in its own unit, that the tolerance is a share of."""
+    sizes = [abs(number) for number in np.ravel(value).tolist() if is_number(number)]
+    return (sizes[0] if name.endswith(SOME) else max(sizes)) if sizes else 0.0
+
+
+def is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def different(old: Any, new: Any, allowed: float) -> str:
+    """The largest difference of numbers beyond the allowed one, or of anything else; empty if there is none."""
+    if any(value is None or isinstance(value, (bool, int, str)) for value in (old, new)):
+        return "" if type(old) is type(new) and old == new else f"kept {old!r}, now {new!r}"
+    one, other = as_numbers(old), as_numbers(new)
+    if one.shape != other.shape:
+        return f"kept {one.size} values, now {other.size}"
+    same = (one == other) | (np.isnan(one) & np.isnan(other))
+    with np.errstate(invalid="ignore"):
+        apart = np.where(same, 0.0, np.nan_to_num(np.abs(one - other), nan=np.inf))
+    if np.all(apart <= allowed):
+        return ""
+    at = int(np.argmax(apart))
+    place = f"[{at}]" if isinstance(old, list) else ""
+    return f"kept {one[at]:.10g}, now {other[at]:.10g}{place}: {apart[at]:.2g} apart, allowed {allowed:.2g}"
+
+
+def as_numbers(values: Any) -> FloatArray:
+    """A number or a list of numbers, in which None is not a number."""
+    return np.array([np.nan if value is None else value for value in np.ravel(values).tolist()], dtype=float)
+
+
+def turned_digits(old: str, new: str) -> tuple[str, ...] | None:
+    """The one number, before and after, that rounding to its digits has turned; None if there is another difference."""
+    if NUMBER.sub("#", old) != NUMBER.sub("#", new):
+        return None
+    pairs = {(a, b) for a, b in zip(NUMBER.findall(old), NUMBER.findall(new), strict=True) if a != b}
+    if len(pairs) != 1:
+        return None
+    before, after = pairs.pop()
+    return (before, after) if abs(float(before) - float(after)) <= 1.001 * max(unit(before), unit(after)) else None
+
+
+def unit(number: str) -> float:
+    """Unit of the last printed digit."""
+    mantissa, _, exponent = number.partition("e")
+    return 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
