@@ -80,7 +80,7 @@ def rms(error):
 
 
 @pytest.mark.slow
-def test_where_nothing_has_changed_that_is_most_probable_and_costs_at_most_a_thousandth_of_the_peak(
+def test_where_nothing_has_changed_that_is_most_probable_and_costs_at_most_two_thousandths_of_the_peak(
     known_of, calibrated, trucks
 ):
     known, kept = known_of("same"), calibrated.calibration
@@ -88,7 +88,7 @@ def test_where_nothing_has_changed_that_is_most_probable_and_costs_at_most_a_tho
     assert everything.hypotheses[np.argmax(everything.probabilities)] == ()
     peak = trucks["same"].load.force(Y).max()
     cost = load_of(known, everything.x, "same") - load_of(known, nothing, "same")
-    assert rms(cost) < 1e-3 * peak
+    assert rms(cost) < 2e-3 * peak
 
 
 @pytest.mark.slow

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -14,6 +13,9 @@ from clutchid.log import FloatArray
 #: How the name of a column ends, whose leaf is that of `some`.
 SOME = " samples"
 
+#: How the names of lists end whose numbers have one unit, and may pass through zero.
+ONE_UNIT = ("_N", "_m", "_percent", "/force", "/correlation")
+
 #: A number in a sentence.
 NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
@@ -21,10 +23,9 @@ NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 def differences(kept: Mapping[str, Any], now: Mapping[str, Any], tolerance: Callable[[str], float]) -> list[str]:
     """Results that are not what they were, one line each.
 
-    Numbers may differ by the `tolerance` of their name times the largest of their list, or samples times the range of
-    their column. Of
-    sentences all words are compared, and all numbers at their printed digits. Rounding to these digits turns one of
-    them in about a million, by one unit of the last, so that in a whole group one may be different.
+    A number may differ by the `tolerance` of its name times its `scale`. Of sentences all words are compared, and all
+    numbers at their printed digits. Rounding to these digits turns one of them in about a million, by one unit of the
+    last, so that in a whole group one may be different.
     """
     lines = [f"{name}: kept, but not there now." for name in kept if name not in now]
     lines += [f"{name}: new." for name in now if name not in kept]
@@ -39,7 +40,7 @@ def differences(kept: Mapping[str, Any], now: Mapping[str, Any], tolerance: Call
                     lines.append(line)
                 else:
                     turned.append((pair, line))
-        elif line := different(old, new, tolerance(name) * scale(name, old)):
+        elif line := different(name, old, new, tolerance(name)):
             lines.append(f"{name}: {line}")
     return lines + ([line for _, line in turned] if len({pair for pair, _ in turned}) > 1 else [])
 
@@ -57,18 +58,16 @@ def some(columns: Mapping[str, FloatArray], count: int) -> dict[str, list[float]
     }
 
 
-def scale(name: str, value: Any) -> float:
-    """Size of a result, in its own unit, that the tolerance is a share of."""
-    sizes = [abs(number) for number in np.ravel(value).tolist() if is_number(number)]
-    return (sizes[0] if name.endswith(SOME) else max(sizes)) if sizes else 0.0
+def scale(name: str, value: Any) -> FloatArray:
+    """Sizes that the tolerance is a share of: of a number, the largest of its list, or the range of its column."""
+    sizes = np.nan_to_num(np.abs(as_numbers(value)), nan=0.0, posinf=0.0)
+    if sizes.size == 0 or not name.endswith((SOME, *ONE_UNIT)):
+        return sizes
+    return np.full(sizes.size, sizes[0] if name.endswith(SOME) else sizes.max())
 
 
-def is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def different(old: Any, new: Any, allowed: float) -> str:
-    """The largest difference of numbers beyond the allowed one, or of anything else; empty if there is none."""
+def different(name: str, old: Any, new: Any, tolerance: float) -> str:
+    """The worst difference of numbers beyond the allowed one, or of anything else; empty if there is none."""
     if any(value is None or isinstance(value, (bool, int, str)) for value in (old, new)):
         return "" if type(old) is type(new) and old == new else f"kept {old!r}, now {new!r}"
     one, other = as_numbers(old), as_numbers(new)
@@ -77,11 +76,12 @@ def different(old: Any, new: Any, allowed: float) -> str:
     same = (one == other) | (np.isnan(one) & np.isnan(other))
     with np.errstate(invalid="ignore"):
         apart = np.where(same, 0.0, np.nan_to_num(np.abs(one - other), nan=np.inf))
+    allowed = tolerance * scale(name, old)
     if np.all(apart <= allowed):
         return ""
-    at = int(np.argmax(apart))
+    at = int(np.argmax(apart / np.maximum(allowed, np.finfo(float).tiny)))
     place = f"[{at}]" if isinstance(old, list) else ""
-    return f"kept {one[at]:.10g}, now {other[at]:.10g}{place}: {apart[at]:.2g} apart, allowed {allowed:.2g}"
+    return f"kept {one[at]:.10g}, now {other[at]:.10g}{place}: {apart[at]:.2g} apart, allowed {allowed[at]:.2g}"
 
 
 def as_numbers(values: Any) -> FloatArray:
