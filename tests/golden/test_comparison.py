@@ -20,7 +20,7 @@ def listed(kept, now):
         (None, None),
     ],
 )
-def test_rounding_passes(kept, now):
+def test_a_difference_by_rounding_passes(kept, now):
     assert listed(kept, now) == []
 
 

@@ -66,7 +66,7 @@ def evaluated(group):
     now = program(group, given=json.dumps(asked))
     if WRITE:
         rows = [
-            f"{json.dumps(name)}: {json.dumps(written(value, tolerance(group, name)))}"
+            f"{json.dumps(name)}: {json.dumps(written(value, tolerance(group, name)), ensure_ascii=False)}"
             for name, value in now["results"].items()
         ]
         (HERE / f"{group}.json").write_text("{\n" + ",\n".join(rows) + "\n}\n", encoding="utf-8")
