@@ -1,16 +1,20 @@
 """Alarms and forecasts on many vehicles whose readings are DRAWN from measured errors of a reading, not read.
 
     python benchmarks/wear_drawn.py --family A --vehicles 1000
+    python benchmarks/wear_drawn.py --vehicles 300 --months 42 --days 90 --odd 0.02 --faults 0.1    (few, and spoiled)
 
 Service of four years, a recording a week (`clutchid drive --fleet` with the same seed has the same vehicles); shift and
 load of a reading are the true ones plus a constant error of the vehicle, one by air temperature, and one of its own, as
 `benchmarks/wear.py` measured them. Exchanged sensors and leaks change nothing here. A clutch is found to be
-replaced if an alarm names one of the two recordings from it on; every other alarm is false.
+replaced if an alarm names one of the two recordings from it on; every other alarm is false. `--odd` is the share of
+readings that miss by far, `--faults` that of vehicles whose load changes suddenly, by a fault that stays until the
+clutch is replaced. The alarms of the trend of shift and load, and of that with a table of wear, are counted by kind.
 """
 
 from __future__ import annotations
 
 import argparse
+from collections import Counter
 from collections.abc import Sequence
 from itertools import groupby
 from typing import NamedTuple
@@ -44,14 +48,21 @@ MEASURED = {
 }
 
 
+#: Spread of a reading that misses by far, and of a sudden change: shift [m] and load.
+ODD, FAULT = (0.3e-3, 0.1), (0.3e-3, 0.1)
+
+
 class Life(NamedTuple):
-    """What one vehicle adds: shift errors in m, whether the band holds, replacements and found ones, false alarms."""
+    """What one vehicle adds: shift errors in m, whether the band holds, and its events by kind of what an alarm says.
+
+    `replaced` and `faults` are the alarm of each true event, "" where it is missed; `false` the alarms without event.
+    """
 
     errors: FloatArray
     covered: FloatArray
-    replaced: int
-    found: int
-    false: int
+    replaced: list[str]
+    faults: list[str]
+    false: list[str]
     recordings: int
 
 
@@ -64,17 +75,44 @@ def table_of(family: str, number: int) -> WearTable:
     return WearTable(wear, half - half[0], load / load[0] - 1.0)
 
 
-def drawn(service: Sequence[Visit], table: WearTable, random: np.random.Generator) -> list[WearReading]:
+class Spoiled(NamedTuple):
+    """Share of readings that miss by far, and of vehicles whose load changes suddenly."""
+
+    odd: float = 0.0
+    faults: float = 0.0
+
+
+class Truth(NamedTuple):
+    """Half-load shift in m and load by recording, with the fault, and the recording before which it began, or None."""
+
+    shift: FloatArray
+    load: FloatArray
+    fault: int | None
+
+
+def truth(service: Sequence[Visit], table: WearTable, faults: float, random: np.random.Generator) -> Truth:
+    """True shift and load; a fault begins at any recording and ends with the clutch."""
+    values = [np.interp([visit.wear for visit in service], table.wear, one) for one in (table.shift, table.load)]
+    if len(service) < 5 or random.uniform() >= faults:
+        return Truth(*values, None)
+    begin = int(random.integers(2, len(service) - 2))
+    end = next((k for k in range(begin, len(service)) if service[k].event == "clutch replaced"), len(service))
+    for one, size in zip(values, FAULT, strict=True):
+        one[begin:end] += size * random.standard_normal()
+    return Truth(*values, begin if end > begin else None)
+
+
+def drawn(service: Sequence[Visit], true: Truth, odd: float, random: np.random.Generator) -> list[WearReading]:
     """The readings of a vehicle; those of a file that was cut off are missing."""
     errors = MEASURED[service[0].family]
     fixed = [(e.constant * random.standard_normal(), e.warm * random.standard_normal()) for e in errors]
     readings = []
-    for visit in service:
+    for visit, *values in zip(service, true.shift, true.load, strict=True):
         warmer = (visit.temperature - REFERENCE) / 10.0
-        true = [float(np.interp(visit.wear, table.wear, values)) for values in (table.shift, table.load)]
+        misses = random.standard_normal(2) * ODD if odd and random.uniform() < odd else (0.0, 0.0)
         read = [
-            value + e.std * (constant + warm * warmer + e.own * random.standard_normal())
-            for value, e, (constant, warm) in zip(true, errors, fixed, strict=True)
+            value + e.std * (constant + warm * warmer + e.own * random.standard_normal()) + miss
+            for value, e, (constant, warm), miss in zip(values, errors, fixed, misses, strict=True)
         ]
         measured = Measurement(read[0], errors[0].std, read[1], errors[1].std, visit.temperature)
         readings.append(WearReading("ok", "", "good", None if visit.fault == "cut off" else measured))
@@ -87,16 +125,19 @@ def history(service: Sequence[Visit]) -> History:
     return History(tuple(range(len(dated))), dated, "strokes", np.array([v.strokes for v in service]))
 
 
-def life(service: Sequence[Visit], wear: Wear, table: WearTable) -> Life:
+def life(service: Sequence[Visit], wear: Wear, true: Truth) -> Life:
     """How the trend of one vehicle compares with the truth."""
-    true = np.interp([v.wear for v in service], table.wear, table.shift)
     band = wear.then["shift"]
-    inside = (band.low <= true) & (true <= band.high)
-    replaced = {k for k, v in enumerate(service) if v.event == "clutch replaced" and 0 < k < len(service) - 1}
-    alarms = {next(k for k, v in enumerate(service) if v.recording == alarm.before) for alarm in wear.alarms}
-    found = {k for k in replaced if alarms & {k, k + 1}}
-    false = [k for k in alarms if not {k, k - 1} & replaced]
-    return Life((band.value - true)[10:], inside[10:], len(replaced), len(found), len(false), len(service))
+    inside = (band.low <= true.shift) & (true.shift <= band.high)
+    names = {visit.recording: k for k, visit in enumerate(service)}
+    alarms = {names[alarm.before]: alarm.kind for alarm in wear.alarms}
+    new = [k for k, v in enumerate(service) if v.event == "clutch replaced" and k]
+    replaced = [k for k in new if k < len(service) - 1]  # at the last one an alarm is right, and none is not wrong
+    faults = [] if true.fault is None else [true.fault]
+    kinds = [[alarms.get(k, alarms.get(k + 1, "")) for k in events] for events in (replaced, faults)]
+    false = [kind for k, kind in alarms.items() if not {k, k - 1} & {*new, *faults}]
+    begin = min(10, len(service) // 2)
+    return Life((band.value - true.shift)[begin:], inside[begin:], *kinds, false, len(service))
 
 
 def forecast(
@@ -126,37 +167,65 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--types", type=int, default=4)
     parser.add_argument("--seed", type=int, default=5000)
+    parser.add_argument("--months", type=float, default=48.0)
+    parser.add_argument("--days", type=float, default=7.0)
+    parser.add_argument("--odd", type=float, default=0.0)
+    parser.add_argument("--faults", type=float, default=0.0)
     options = parser.parse_args()
     tables = {n: table_of(options.family, n) for n in range(options.first, options.first + options.types)}
     random = np.random.default_rng(options.seed)
-    lives: list[tuple[int, Life, bool | None, bool | None]] = []
-    for service in visits(options.vehicles, 48.0, options.family, options.first, options.types, options.seed):
+    lives: list[Row] = []
+    fleet = visits(
+        options.vehicles, options.months, options.family, options.first, options.types, options.seed, options.days
+    )
+    for service in fleet:
         table = tables[service[0].number]
-        readings = drawn(service, table, random)
-        one = life(service, wear_of("", history(service), readings), table)
-        both = (forecast(service, readings, table, known=known) for known in (False, True))
-        lives.append((service[0].number, one, *both))
-    lives.sort(key=lambda row: row[0])
-    for number, some in groupby(lives, key=lambda row: row[0]):
+        true = truth(service, table, options.faults, random)
+        readings = drawn(service, true, options.odd, random)
+        both = [life(service, wear_of("", history(service), readings, known), true) for known in (None, table)]
+        held = [] if true.fault else [forecast(service, readings, table, known=known) for known in (False, True)]
+        lives.append(Row(service[0].number, *both, *(held or (None, None))))
+    lives.sort(key=lambda row: row.number)
+    for number, some in groupby(lives, key=lambda row: row.number):
         report(f"type {number}", tables[number], list(some))
     report("all", None, lives)
 
 
-def report(name: str, table: WearTable | None, some: Sequence[tuple[int, Life, bool | None, bool | None]]) -> None:
+class Row(NamedTuple):
+    """A vehicle: number of its type, its life without and with a table, and whether its forecasts hold."""
+
+    number: int
+    alone: Life
+    known: Life
+    left_alone: bool | None
+    left_known: bool | None
+
+
+def report(name: str, table: WearTable | None, some: Sequence[Row]) -> None:
     """Print the rates of some vehicles."""
-    found = [row[1] for row in some]
-    errors = 1e3 * np.abs(np.concatenate([one.errors for one in found]))
-    covered = 100.0 * np.mean(np.concatenate([one.covered for one in found]))
-    replaced, seen = sum(one.replaced for one in found), sum(one.found for one in found)
-    rate = 1e3 * sum(one.false for one in found) / sum(one.recordings for one in found)
-    held = [[row[k] for row in some if row[k] is not None] for k in (2, 3)]
-    words = [f"{100 * np.mean(one):.0f} % of {len(one)}" if one else "-" for one in held]
     moves = f", {1e3 * table.shift[-1]:+.2f} mm and {100 * table.load[-1]:+.0f} % when worn out" if table else ""
-    print(
-        f"{name}{moves}: shift {np.median(errors):.3f} / {errors.max():.3f} mm off, covered {covered:.0f} %; "
-        f"replaced found {100 * seen / max(replaced, 1):.0f} % of {replaced}; {rate:.2f} false alarms in 1,000 "
-        f"recordings; what is left covered {words[0]} by a shift, {words[1]} with a table"
-    )
+    print(f"{name}{moves}:")
+    for words, found, held in (
+        ("shift", [row.alone for row in some], [row.left_alone for row in some]),
+        ("table", [row.known for row in some], [row.left_known for row in some]),
+    ):
+        errors = 1e3 * np.abs(np.concatenate([one.errors for one in found]))
+        covered = 100.0 * np.mean(np.concatenate([one.covered for one in found]))
+        recordings = sum(one.recordings for one in found)
+        events = [Counter(kind for one in found for kind in getattr(one, event)) for event in ("replaced", "faults")]
+        false = Counter(kind for one in found for kind in one.false)
+        holds = [one for one in held if one is not None]
+        left = f"{100 * np.mean(holds):.0f} % of {len(holds)}" if holds else "-"
+        print(
+            f"  {words}: {np.median(errors):.3f} / {errors.max():.3f} mm off, covered {covered:.0f} %; "
+            f"replaced {_counts(events[0])}; faults {_counts(events[1])}; false in {recordings} recordings "
+            f"{_counts(false)}; what is left covered {left}"
+        )
+
+
+def _counts(kinds: Counter[str]) -> str:
+    """Numbers by kind of alarm."""
+    return ", ".join(f"{number} {kind or 'missed'}" for kind, number in kinds.most_common()) or "none"
 
 
 if __name__ == "__main__":

@@ -43,7 +43,7 @@ def test_a_track_has_its_trend_its_forecast_and_its_loads(track):
     assert [band[0] for band in first["at"]] == pytest.approx([4241.4, 4525.7, 4706.8, 4820.1], rel=1e-4)
     assert len(first["at"]) == len(PLACES)
     assert found["recordings"][7]["outcome"] == "left out"
-    assert "the next recording fits the trend without it" in found["recordings"][7]["said"]
+    assert "the next recordings fit the trend without it" in found["recordings"][7]["said"]
 
 
 def test_the_loads_of_a_track_lead_to_its_rows_and_without_them_the_trend_is_there(track, tmp_path):

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from clutchid.reports.wear_text import alarm_words
+from clutchid.reports.wear_text import alarm_words, change_words, left_words
 from clutchid.wear.history import Leak
 from clutchid.wear.life import remaining
 from clutchid.wear.trend import FALSE_ALARMS, LEAKING, LEAKS, WearTable
-from fixtures.lives import life, reading
+from fixtures.lives import leaking_life, life, reading
 
 #: 1 mm of shift in 1e7 strokes.
 RATE = 1e-10
@@ -35,6 +35,54 @@ def test_a_replaced_clutch_is_an_alarm_and_a_new_trend():
     (sudden,) = life_of(np.where(np.arange(40) < 30, shifts, shifts + 0.3e-3)).alarms
     assert sudden.kind == "sudden"
     assert sudden.shift > 0.2e-3
+
+
+@pytest.mark.parametrize("with_table", [False, True])
+def test_a_wrong_reading_is_no_new_clutch_and_the_true_one_is_found(with_table):
+    wear = leaking_life(with_table=with_table)
+    assert [(alarm.kind, alarm.before) for alarm in wear.alarms] == [("replaced", "r12")]
+    assert [k for k, outcome in enumerate(wear.outcomes) if outcome == "left out"] == [9]
+    last = wear.present["shift"]
+    assert last.high - last.low < 0.15e-3
+    assert abs(last.value) < 0.06e-3
+    assert wear.outcomes[12:] == ("jump", "used")
+    if with_table:
+        assert 0.0 <= wear.present["wear"].low < 0.15e-3 < wear.present["wear"].high < 0.6e-3, "it has worn by 0.15 mm"
+
+
+@pytest.mark.parametrize("with_table", [False, True])
+def test_what_is_not_sure_is_no_alarm_and_waits(with_table):
+    wear = leaking_life(with_table=with_table, count=10)
+    assert wear.alarms == ()
+    assert wear.outcomes[9] == "left out"
+    assert "the next recordings will say" in wear.reasons[9]
+
+
+def test_a_change_between_fault_and_new_clutch_is_unknown():
+    shifts, loads = 4e-10 * 1e4 * np.arange(40.0), 1.6e-7 * 1e4 * np.arange(40.0)
+    shifts[30:] += 0.06e-3 - shifts[30]
+    loads[30:] += 0.06 - loads[30]
+    wear = life_of(shifts, loads=loads, limit=0.5e-3)
+    (alarm,) = wear.alarms
+    assert (alarm.kind, alarm.before) == ("unknown", "r30")
+    assert alarm.probability >= 0.95
+    assert "which the recordings so far do not tell apart" in alarm_words(alarm)
+    assert wear.left is None
+    assert left_words(wear) == "unknown after the load changed before r30: find the cause"
+
+
+def test_a_rate_is_known_from_readings_and_not_after_a_sudden_change():
+    shifts = RATE * 1e4 * np.arange(40)
+    assert life_of(shifts).present_rate.value == pytest.approx(RATE, rel=0.2)
+    assert np.isnan(life_of(shifts[:3]).present_rate.value), "that of the prior"
+    assert np.isnan(life_of(np.where(np.arange(40) < 30, shifts, shifts + 0.3e-3)).present_rate.value)
+
+
+def test_a_wear_of_anything_in_its_table_is_unknown():
+    y = np.linspace(0.0, 3.5e-3, 8)
+    wear = life([reading(0.0, 0.0)], table=WearTable(y, 1e-3 * y, 0.1 * y))
+    assert np.isnan(wear.present["wear"].value)
+    assert change_words(wear).startswith("wear of the facing unknown")
 
 
 def alarmed(leaks=(), departs=(), missing=(), leak=2e-11):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from clutchid.estimation.assess.comparison import SHARES, Measurement
-from clutchid.wear.trend import FALSE_ALARMS, GROWTH, LIFE, REFERENCE, WearTable, follow, smoothed, trend_model
+from clutchid.wear.trend import CHANGES, FALSE_ALARMS, GROWTH, LIFE, REFERENCE, WearTable, follow, smoothed, trend_model
 
 STRIDE, STD = 7000.0, (0.03e-3, 0.012)
 MODEL = trend_model(LIFE["strokes"])
@@ -17,7 +17,7 @@ def clutch(random, count, temperature=False):
     x[: MODEL.errors] = random.standard_normal(MODEL.errors) * [
         value for name in MODEL.quantities for value in (GROWTH[name].start, GROWTH[name].rate / MODEL.life)
     ]
-    x[MODEL.errors :] = random.standard_normal(4) * [
+    x[MODEL.errors : MODEL.changes] = random.standard_normal(4) * [
         part * std for name, std in zip(("shift", "load"), STD, strict=True)
         for part in (SHARES[name].common, SHARES[name].by_temperature)
     ]  # fmt: skip
@@ -35,8 +35,13 @@ def clutch(random, count, temperature=False):
     return np.array(true), measured
 
 
+def steps_of(s, measured, model=MODEL):
+    """Steps of the most probable path."""
+    return follow(model, s, measured)[0].steps
+
+
 def motion():
-    step = follow(MODEL, np.array([0.0, STRIDE]), [None, None])
+    step = steps_of(np.array([0.0, STRIDE]), [None, None])
     F = step[1].transition
     Q = step[1].predicted_covariance - F @ step[0].covariance @ F.T
     return F, Q, np.linalg.cholesky(Q + 1e-30 * np.eye(MODEL.size))
@@ -46,7 +51,7 @@ def test_the_trend_of_its_own_clutches_is_covered_and_smoothing_sharpens_it():
     random, inside, errors = np.random.default_rng(1), [], []
     for _ in range(120):
         true, measured = clutch(random, 30, temperature=True)
-        steps = follow(MODEL, STRIDE * np.arange(30), measured)
+        steps = steps_of(STRIDE * np.arange(30), measured)
         later = smoothed(steps)
         for k in (9, 29):
             std = np.sqrt(np.diag(steps[k].covariance))
@@ -62,13 +67,13 @@ def test_the_trend_of_its_own_clutches_is_covered_and_smoothing_sharpens_it():
 def test_filter_and_smoother_are_batch_least_squares():
     _, measured = clutch(np.random.default_rng(2), 6)
     s = STRIDE * np.arange(6)
-    steps = follow(MODEL, s, measured)
+    steps = steps_of(s, measured)
     assert {step.outcome for step in steps} == {"used"}
     # dense: all states at once, with the noise scale that each measurement was given
     F, Q, _ = motion()
     n, rows, right = MODEL.size, [], []
-    start = follow(MODEL, s[:1], [None])[0]
-    prior = follow(MODEL, s[:1], [measured[0]])[0].predicted_covariance
+    start = steps_of(s[:1], [None])[0]
+    prior = steps_of(s[:1], [measured[0]])[0].predicted_covariance
 
     def put(blocks, value, covariance):
         whitened = np.linalg.inv(np.linalg.cholesky(covariance))
@@ -80,9 +85,9 @@ def test_filter_and_smoother_are_batch_least_squares():
 
     assert np.array_equal(start.mean, np.zeros(n))
     put([(0, np.eye(n))], np.zeros(n), prior)
-    tiny = np.diag([0.0, 0.0, 0.0, 0.0, 1e-22, 1e-22, 1e-18, 1e-18])
+    tiny = np.diag([0.0, 0.0, 0.0, 0.0, 1e-22, 1e-22, 1e-18, 1e-18, 1e-22, 1e-18])
     H = np.zeros((2, n))
-    H[0, [0, 4]], H[1, [2, 6]] = 1.0, 1.0
+    H[0, [0, 4, 8]], H[1, [2, 6, 9]] = 1.0, 1.0
     scale, number, total = 1.0, 0, 0.0
     for k, one in enumerate(measured):
         if k:
@@ -102,8 +107,8 @@ def test_a_replaced_clutch_is_found_within_two_recordings():
     for _ in range(60):
         _, measured = clutch(random, 20)
         jumped = [one._replace(shift=one.shift - 0.12e-3) if k >= 12 else one for k, one in enumerate(measured)]
-        steps = follow(MODEL, STRIDE * np.arange(20), jumped)
-        found += any(step.outcome == "jump" for step in steps[12:14])
+        steps = steps_of(STRIDE * np.arange(20), jumped)
+        found += any(step.outcome in CHANGES for step in steps[12:14])
     assert found >= 57
 
 
@@ -111,8 +116,12 @@ def test_false_alarms_are_as_rare_as_chosen():
     random, alarms, outliers, count = np.random.default_rng(4), 0, 0, 0
     for _ in range(100):
         _, measured = clutch(random, 40, temperature=True)
-        outcomes = [step.outcome for step in follow(MODEL, STRIDE * np.arange(40), measured)]
-        alarms, outliers, count = alarms + outcomes.count("jump"), outliers + outcomes.count("left out"), count + 40
+        outcomes = [step.outcome for step in steps_of(STRIDE * np.arange(40), measured)]
+        alarms, outliers, count = (
+            alarms + sum(map(outcomes.count, CHANGES)),
+            outliers + outcomes.count("left out"),
+            count + 40,
+        )
     assert alarms <= 4 * FALSE_ALARMS * count / 2  # 4 expected at most; two in a row are needed
     assert outliers <= 4 * FALSE_ALARMS * count
 
@@ -122,8 +131,8 @@ def test_a_single_odd_reading_is_left_out_and_does_not_move_the_trend():
     odd = [one._replace(shift=one.shift + 0.5e-3) if k == 10 else one for k, one in enumerate(measured)]
     missing = [None if k == 10 else one for k, one in enumerate(measured)]
     s = STRIDE * np.arange(20)
-    assert follow(MODEL, s, odd)[10].outcome == "left out"
-    assert follow(MODEL, s, odd)[-1].mean == pytest.approx(follow(MODEL, s, missing)[-1].mean)
+    assert steps_of(s, odd)[10].outcome == "left out"
+    assert steps_of(s, odd)[-1].mean == pytest.approx(steps_of(s, missing)[-1].mean)
 
 
 def test_with_a_table_the_facing_is_the_quantity_and_its_end_is_extrapolated():
@@ -133,7 +142,7 @@ def test_with_a_table_the_facing_is_the_quantity_and_its_end_is_extrapolated():
     true = 2.0e-3 + 20e-6 * np.arange(30)
     shift, load = (np.interp(true, wear, values) for values in table[1:])
     measured = [Measurement(a, STD[0], b, STD[1], np.nan) for a, b in zip(shift, load, strict=True)]
-    steps = follow(model, 6000.0 * np.arange(30), measured)
+    steps = steps_of(6000.0 * np.arange(30), measured, model)
     assert steps[-1].mean[0] == pytest.approx(true[-1], abs=0.2e-3)
     assert abs(steps[-1].mean[0] - true[-1]) < 1.96 * np.sqrt(steps[-1].covariance[0, 0])
     assert model.channels[1][1](np.array([7e-3])) == pytest.approx([0.16])

@@ -253,14 +253,12 @@ def _row(one: FleetVehicle, page: str) -> VehicleRow:
     """The state of a vehicle at its last recording."""
     wear = one.tracked.wear
     counted = sum(wear.counted)
-    now = {name: band.last for name, band in wear.then.items() if counted}
-    rates = wear.rate.get("wear") or wear.rate["shift"]
-    rate = rates.last.value if counted else np.nan
+    now = wear.present if counted else {}
     left = Interval(wear.left.median, wear.left.low, wear.left.high) if wear.left else UNKNOWN
     last = next((dated.begin for dated in reversed(wear.dated) if dated.begin), None)
     return VehicleRow(
         wear.vehicle, one.type, len(wear.dated), counted, Counter(reading.status for reading in wear.readings), last,
-        now.get("shift", UNKNOWN), now.get("load", UNKNOWN), now.get("wear", UNKNOWN), rate, left,
+        now.get("shift", UNKNOWN), now.get("load", UNKNOWN), now.get("wear", UNKNOWN), wear.present_rate.value, left,
         wear.axis, tuple(map(alarm_words, wear.alarms)), page, np.nan if wear.limit is None else wear.limit,
     )  # fmt: skip
 

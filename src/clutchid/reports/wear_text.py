@@ -17,6 +17,7 @@ from clutchid.wear.trend import FALSE_ALARMS, Interval
 ALARMS = {
     "replaced": "the clutch, or its sensor, was replaced",
     "sudden": "the load changed suddenly",
+    "unknown": "the load changed, by a new clutch or a fault, which the recordings so far do not tell apart,",
     "leak": "chamber A, or what is connected to it, began to leak",
     "departed": "the actuator departed from its calibration farther than a change explains",
     "sensor moved": "the position sensor, or its bracket, moved or was exchanged",
@@ -48,21 +49,21 @@ def recordings_words(wear: Wear) -> str:
 
 def change_words(wear: Wear) -> str:
     """The change since the calibration at the last recording."""
-    shift, load = (wear.then[name].last for name in ("shift", "load"))
+    present = wear.present
+    shift, load = present["shift"], present["load"]
     words = (
         f"half-load position {shift[0] / MM:+.3f} mm ({shift[1] / MM:+.3f} to {shift[2] / MM:+.3f}), "
         f"load over 5 to 8 mm {100 * load[0]:+.1f} % ({100 * load[1]:+.1f} to {100 * load[2]:+.1f})"
     )
-    if "wear" in wear.then:
-        worn = wear.then["wear"].last
-        words = f"{_worn(wear, worn)}; {words}"
-    return words
+    return f"{_worn(wear, present['wear'])}; {words}" if "wear" in present else words
 
 
 def _worn(wear: Wear, worn: Interval) -> str:
     """Wear of the facing with its band, as far as its table goes."""
     interval = f"({worn[1] / MM:.2f} to {worn[2] / MM:.2f})"
     end = wear.end_of_table
+    if np.isnan(worn.value):
+        return "wear of the facing unknown, anything that its table has"
     if end is not None and worn[0] >= end:
         return f"facing worn beyond the end of its table, {end / MM:.2f} mm {interval}"
     return f"facing worn by {worn[0] / MM:.2f} mm {interval}"
@@ -92,7 +93,8 @@ def _lost(conductance: float) -> float:
 def left_words(wear: Wear) -> str:
     """Remaining life until the limit; nothing without one."""
     if wear.limit is not None and wear.sudden:
-        return f"unknown after the load changed suddenly before {wear.sudden.before}: find the cause"
+        how = "suddenly " if wear.sudden.kind == "sudden" else ""
+        return f"unknown after the load changed {how}before {wear.sudden.before}: find the cause"
     if wear.left is None or wear.limit is None:
         return ""
     what = "of wear" if "wear" in wear.then else "of shift"
@@ -131,7 +133,7 @@ def wear_json(wear: Wear) -> dict[str, Any]:
         "wear": {
             "vehicle": wear.vehicle,
             "axis": wear.axis,
-            "quantities": {name: band.last._asdict() for name, band in wear.then.items()} if counted else {},
+            "quantities": {name: last._asdict() for name, last in wear.present.items()} if counted else {},
             "alarms": [
                 {**alarm._asdict(), "begin": alarm.begin.isoformat() if alarm.begin else None} for alarm in wear.alarms
             ],

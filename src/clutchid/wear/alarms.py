@@ -11,10 +11,22 @@ from scipy import special
 
 from clutchid.estimation.assess.comparison import Measurement
 from clutchid.log import FloatArray
-from clutchid.numerics.interval import QUANTILE
 from clutchid.recordings.strokes.vented_rest import RestShift
 from clutchid.wear.history import Dated, Leak, WearReading
-from clutchid.wear.trend import AGED, AS_NEW, DEPARTED, FALL, FALSE_ALARMS, FASTER, LEAKING, LEAKS, Band, Step
+from clutchid.wear.trend import (
+    AGED,
+    DEPARTED,
+    FALL,
+    FALSE_ALARMS,
+    FASTER,
+    LEAKING,
+    LEAKS,
+    Band,
+    Verdict,
+)
+
+#: Kinds of alarms of a change of the load.
+CHANGED = ("replaced", "sudden", "unknown")
 
 Cause = Literal["", "sensor", "wear", "new clutch"]
 
@@ -113,9 +125,9 @@ class Alarm(NamedTuple):
     begin
         Time of the recording that shows it; None if unknown.
     kind
-        'replaced' where the load jumped and the clutch is like new, 'sudden' where it jumped else; 'leak' where chamber
-        A begins to leak; 'departed' from where the calibration does not hold; 'sensor moved' where the vented rest
-        moved as wear does not move it.
+        'replaced' where the load became that of a new clutch, 'sudden' where it changed else, 'unknown' where it
+        changed and the readings do not say which; 'leak' where chamber A begins to leak; 'departed' from where the
+        calibration does not hold; 'sensor moved' where the vented rest moved as wear does not move it.
     shift : m
         Change of the half-load position there.
     load : 1
@@ -124,6 +136,8 @@ class Alarm(NamedTuple):
         Conductance of a leak.
     rest : m
         Move of the vented rest.
+    probability : 1
+        Of a change of the load, given all recordings: that of its kind, or if that is unknown of any change.
     """
 
     after: str
@@ -134,18 +148,19 @@ class Alarm(NamedTuple):
     load: float
     leak: float = 0.0
     rest: float = 0.0
+    probability: float = 1.0
 
 
 def alarms(
     dated: Sequence[Dated],
     readings: Sequence[WearReading],
-    steps: Sequence[Step],
+    verdicts: Sequence[Verdict],
     then: dict[str, Band],
     rests: Sequence[RestMove],
 ) -> tuple[Alarm, ...]:
     """All alarms in the order of the recordings; `then` is the trend as known at each, `rests` how the rest moved."""
     leaks = [one.leak is not None and _is_fault(one.leak) for one in readings]
-    found = [(k, _jump(dated, steps, then, k)) for k, step in enumerate(steps) if step.outcome == "jump"]
+    found = [(k, _change(dated, verdicts, then, k)) for k, one in enumerate(verdicts) if one.outcome in CHANGED]
     for kind, flags, least in (
         ("leak", leaks, LEAKS),
         ("departed", [one.departs for one in readings], DEPARTED),
@@ -162,27 +177,17 @@ def alarms(
     return tuple(alarm for _, alarm in sorted(found, key=lambda one: one[0]))
 
 
-def replaced(dated: Sequence[Dated], steps: Sequence[Step], then: dict[str, Band]) -> frozenset[int]:
-    """Numbers of the recordings before which the load became that of a new clutch."""
-    return frozenset(
-        k for k, step in enumerate(steps) if step.outcome == "jump" and _jump(dated, steps, then, k).kind == "replaced"
-    )
-
-
 def _is_fault(leak: Leak) -> bool:
     """Whether a leak is certain, and larger than that of seals that age."""
     return leak.probability > LEAKING and leak.conductance > AGED
 
 
-def _jump(dated: Sequence[Dated], steps: Sequence[Step], then: dict[str, Band], k: int) -> Alarm:
-    """The alarm of a jump before recording `k`."""
-    earlier = max((j for j in range(k) if steps[j].outcome in ("used", "jump")), default=0)
-    change = {name: (then[name].value[earlier], then[name].value[k]) for name in ("shift", "load")}
-    std = {name: (then[name].high[k] - then[name].low[k]) / (2 * QUANTILE) for name in change}
-    as_new = all(abs(after) <= AS_NEW * abs(before) + 2 * std[name] for name, (before, after) in change.items())
-    moved = [after - before for before, after in change.values()]
-    kind = "replaced" if as_new else "sudden"
-    return Alarm(dated[earlier].name, dated[k].name, dated[k].begin, kind, moved[0], moved[1])
+def _change(dated: Sequence[Dated], verdicts: Sequence[Verdict], then: dict[str, Band], k: int) -> Alarm:
+    """The alarm of a change before recording `k`."""
+    earlier = max((j for j in range(k) if verdicts[j].outcome in ("used", *CHANGED)), default=0)
+    shift, load = (float(then[name].value[k] - then[name].value[earlier]) for name in ("shift", "load"))
+    kind, share = verdicts[k]
+    return Alarm(dated[earlier].name, dated[k].name, dated[k].begin, kind, shift, load, probability=share)
 
 
 def _begins(flags: Sequence[bool], read: Sequence[bool], least: int) -> list[int]:

@@ -11,9 +11,26 @@ from scipy import special
 
 from clutchid.log import FloatArray
 from clutchid.numerics.interval import QUANTILE
-from clutchid.wear.alarms import Alarm, RestMove, alarms, replaced, rest_moves
+from clutchid.wear.alarms import CHANGED, Alarm, RestMove, alarms, rest_moves
 from clutchid.wear.history import Axis, Dated, History, WearReading
-from clutchid.wear.trend import LIFE, Band, Function, TrendModel, WearTable, follow, growth_noise, smoothed, trend_model
+from clutchid.wear.trend import (
+    CHANNELS,
+    GROWTH,
+    LIFE,
+    SURE,
+    Band,
+    Interval,
+    TrendModel,
+    WearTable,
+    follow,
+    growth_noise,
+    smoothed,
+    trend_model,
+    verdicts,
+)
+
+#: What is not known.
+UNKNOWN = Interval(*[float("nan")] * 3)
 
 #: Quantiles of a forecast: its 90 % interval and its median.
 QUANTILES = (0.05, 0.5, 0.95)
@@ -77,9 +94,15 @@ def _first(reached: FloatArray, ahead: FloatArray, quantile: float) -> float:
 #: Outcomes of the measurements that count in the trend.
 COUNTED = ("used", "jump")
 
-#: Why an outlier does not count: of the last recording, and of any other.
-_WAITS = "outlier: the trend does not expect it, and the next recording will say whether the clutch has changed."
-_ALONE = "outlier: the trend does not expect it, and the next recording fits the trend without it."
+#: A rate is known where its standard deviation is below this share of that before any reading. A guess.
+KNOWN = 0.5
+
+#: Share of the table of wear that a band of the wear may hold; beyond, the wear is unknown. 0.95 of it is no knowledge.
+ANYTHING = 0.9
+
+#: Why an outlier does not count: where it may be the first recording of a change, and where it is not.
+_WAITS = "outlier: the trend does not expect it, and the next recordings will say whether the clutch has changed."
+_ALONE = "outlier: the trend does not expect it, and the next recordings fit the trend without it."
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,13 +136,15 @@ class Wear:
     limit : m
         Shift or wear that ends the life; None without one.
     left : axis
-        Remaining life; None without a limit, and after a sudden change.
+        Remaining life; None without a limit, and after a change that no new clutch explains.
     warnings
         What contradicts in the recordings and the table, one sentence each.
     rests
         Moves of the vented rest, a row a recording.
     end_of_table : m
         Wear beyond which the table says nothing, and where it is cut off; None without a table.
+    waiting
+        Numbers of the outliers that may be the first recording of a change.
 
     Examples
     --------
@@ -145,12 +170,33 @@ class Wear:
     warnings: tuple[str, ...]
     rests: tuple[RestMove, ...] = ()
     end_of_table: float | None = None
+    waiting: frozenset[int] = frozenset()
 
     @property
     def sudden(self) -> Alarm | None:
-        """A sudden change of the load after which nothing replaced the clutch: what is left is not known after it."""
-        jumps = [alarm for alarm in self.alarms if alarm.kind in ("replaced", "sudden")]
-        return jumps[-1] if jumps and jumps[-1].kind == "sudden" else None
+        """A change of the load that no new clutch is known to explain: rate and what is left are unknown after it."""
+        changes = [alarm for alarm in self.alarms if alarm.kind in CHANGED]
+        return changes[-1] if changes and changes[-1].kind != "replaced" else None
+
+    @property
+    def present(self) -> dict[str, Interval]:
+        """Quantities at the last recording; NaN for wear whose band says no more than its table."""
+        last = {name: band.last for name, band in self.then.items()}
+        if "wear" in last and last["wear"].high - last["wear"].low > ANYTHING * (self.end_of_table or np.inf):
+            last["wear"] = UNKNOWN
+        return last
+
+    @property
+    def present_rate(self) -> Interval:
+        """Rate of wear, or without a table of shift, in m per unit of `s`; NaN where it is not known.
+
+        It is not after a sudden change, nor where readings determine it little better than the prior does.
+        """
+        name = "wear" if "wear" in self.rate else "shift"
+        rate = self.rate[name].last
+        prior = GROWTH[name].rate / LIFE[self.axis]
+        known = any(self.counted) and self.sudden is None and rate.high - rate.low < 2 * QUANTILE * KNOWN * prior
+        return rate if known else UNKNOWN
 
     @property
     def counted(self) -> tuple[bool, ...]:
@@ -160,9 +206,8 @@ class Wear:
     @property
     def reasons(self) -> tuple[str, ...]:
         """Reason why each recording does not count in the trend, in a sentence; empty for one that does."""
-        measured = [k for k, one in enumerate(self.readings) if one.measurement is not None]
         return tuple(
-            "" if counts else one.unmeasured or (_WAITS if k == measured[-1] else _ALONE)
+            "" if counts else one.unmeasured or (_WAITS if k in self.waiting else _ALONE)
             for k, (one, counts) in enumerate(zip(self.readings, self.counted, strict=True))
         )
 
@@ -189,27 +234,28 @@ def wear_of(
     dated = tuple(history.dated[i] for i in history.order)
     life = LIFE[history.axis]
     model = trend_model(life, table)
-    steps = follow(model, history.s, [one.measurement for one in ordered])
-    later = smoothed(steps)
-    then = _bands(model, [(step.mean, step.covariance) for step in steps], table)
+    paths = follow(model, history.s, [one.measurement for one in ordered])
+    filtered = [[(step.mean, step.covariance) for step in path.steps] for path in paths]
+    later = [smoothed(path.steps) for path in paths]
+    shares = np.array([path.probability for path in paths])
+    then = _bands(model, shares, filtered, table)
     name, end = _limit(table, limit)
-    q = 2 * model.quantities.index(name) if name in model.quantities else 0
-    last = steps[-1]
-    any_used = any(step.outcome in COUNTED for step in steps)
-    moves = rest_moves(
-        history.s, life, [one.rest for one in ordered], [one.measurement for one in ordered],
-        replaced(dated, steps, then),
-    )  # fmt: skip
-    found = alarms(dated, ordered, steps, then, moves)
+    found = verdicts(paths)
+    new = {k for k, one in enumerate(found) if one.outcome == "replaced"}
+    moves = rest_moves(history.s, life, [one.rest for one in ordered], [one.measurement for one in ordered], new)
+    outcomes = tuple("jump" if one.outcome in CHANGED else one.outcome for one in found)
+    waiting = (k for k, one in enumerate(found) if one.outcome == "left out" and one.probability < SURE)
     wear = Wear(
-        vehicle, history.axis, history.s, dated, tuple(ordered), tuple(step.outcome for step in steps),
-        then, _bands(model, later, table), _state_bands(model, later, 1), found,
+        vehicle, history.axis, history.s, dated, tuple(ordered), outcomes, then,
+        _bands(model, shares, later, table), _rates(model, shares, later), alarms(dated, ordered, found, then, moves),
         limit if table is None else end, None, history.warnings, tuple(moves),
-        None if table is None else float(table.wear[-1]),
+        None if table is None else float(table.wear[-1]), frozenset(waiting),
     )  # fmt: skip
-    if end is None or not any_used or wear.sudden:
+    if end is None or not any(wear.counted) or wear.sudden:
         return wear
-    left = remaining(name, last.mean[q : q + 2], last.covariance[q : q + 2, q : q + 2], end, life)
+    q = 2 * model.quantities.index(name)
+    mean, covariance = _mixed(shares, [states[-1] for states in filtered])
+    left = remaining(name, mean[q : q + 2], covariance[q : q + 2, q : q + 2], end, life)
     return replace(wear, left=left)
 
 
@@ -223,30 +269,63 @@ def _limit(table: WearTable | None, limit: float | None) -> tuple[str, float | N
     return "wear", float(table.wear[beyond[0] if beyond.size else -1])
 
 
+#: Mean and covariance of a state.
+State = tuple[FloatArray, FloatArray]
+
+#: Nodes and weights of expectations over the standard normal distribution.
+NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(15)
+
+
+def _mixed(shares: FloatArray, states: Sequence[State]) -> State:
+    """Mean and covariance of a mixture."""
+    mean = np.asarray(sum(share * one for share, (one, _) in zip(shares, states, strict=True)))
+    spread = (share * (P + np.outer(one - mean, one - mean)) for share, (one, P) in zip(shares, states, strict=True))
+    return mean, np.asarray(sum(spread))
+
+
 def _bands(
-    model: TrendModel, states: Sequence[tuple[FloatArray, FloatArray]], table: WearTable | None
+    model: TrendModel, shares: FloatArray, paths: Sequence[Sequence[State]], table: WearTable | None
 ) -> dict[str, Band]:
-    """Quantities with their bands; with a table also the shift and the load that belong to the wear, up to its end."""
-    found = _state_bands(model, states, 0)
-    if table is None:
-        return found
-    channels = zip(("shift", "load"), model.channels, strict=True)
-    mapped = {name: _mapped(function, found["wear"]) for name, (_, function) in channels}
-    return {"wear": Band(*(np.minimum(side, table.wear[-1]) for side in found["wear"])), **mapped}
+    """Shift and load, and with a table the wear up to its end, over the recordings of all paths."""
+    names = (*(("wear",) if table is not None else ()), *CHANNELS)
+    over = [_mixed(shares, [_quantities(model, *state) for state in states]) for states in zip(*paths, strict=True)]
+    bands = dict(zip(names, _band_of(over), strict=True))
+    if table is not None:
+        bands["wear"] = Band(*(np.minimum(side, table.wear[-1]) for side in _worn(bands["wear"])))
+    return bands
 
 
-def _mapped(function: Function, band: Band) -> Band:
-    """A function of a quantity over its band, which need not be monotone."""
-    shares = np.linspace(0.0, 1.0, 21)[:, None]
-    over = function(band.low + shares * (band.high - band.low))
-    return Band(function(band.value), over.min(axis=0), over.max(axis=0))
+def _worn(band: Band) -> Band:
+    """Median and 95 % interval of a wear, given that a facing does not grow."""
+    std = (band.high - band.low) / (2 * QUANTILE)
+    positive, tail = special.ndtr(band.value / std), special.ndtr(-QUANTILE)
+    return Band(*(band.value - std * special.ndtri(above * positive) for above in (0.5, 1.0 - tail, tail)))
 
 
-def _state_bands(model: TrendModel, states: Sequence[tuple[FloatArray, FloatArray]], rate: int) -> dict[str, Band]:
-    """The quantities with their bands, or with `rate` 1 their rates."""
+def _rates(model: TrendModel, shares: FloatArray, paths: Sequence[Sequence[State]]) -> dict[str, Band]:
+    """Rates of the quantities."""
+    rates = slice(1, model.errors, 2)
+    over = [
+        _mixed(shares, [(mean[rates], P[rates, rates]) for mean, P in states]) for states in zip(*paths, strict=True)
+    ]
+    return dict(zip(model.quantities, _band_of(over), strict=True))
+
+
+def _band_of(states: Sequence[State]) -> list[Band]:
+    """A band for each element of the states."""
     values = np.array([mean for mean, _ in states])
     half = QUANTILE * np.sqrt(np.array([np.diag(P) for _, P in states]))
-    columns = {name: 2 * q + rate for q, name in enumerate(model.quantities)}
-    return {
-        name: Band(values[:, i], values[:, i] - half[:, i], values[:, i] + half[:, i]) for name, i in columns.items()
-    }
+    return [Band(value, value - side, value + side) for value, side in zip(values.T, half.T, strict=True)]
+
+
+def _quantities(model: TrendModel, mean: FloatArray, P: FloatArray) -> State:
+    """Wear, where there is a table, and each channel without its errors, f(u) + a, with their variances."""
+    values, variances = ([mean[0]], [P[0, 0]]) if model.quantities == ("wear",) else ([], [])
+    for c, (q, function) in enumerate(model.channels):
+        i, width = model.changes + c, np.sqrt(P[2 * q, 2 * q])
+        slope = P[i, 2 * q] / width
+        at = function(mean[2 * q] + width * NODES) + mean[i] + slope * NODES
+        value = np.average(at, weights=WEIGHTS)
+        values.append(value)
+        variances.append(np.average((at - value) ** 2, weights=WEIGHTS) + P[i, i] - slope**2)
+    return np.array(values), np.diag(variances)

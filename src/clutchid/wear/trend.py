@@ -1,15 +1,20 @@
-r"""Trend of a clutch's wear over its recordings: a Kalman filter and smoother with a test for jumps.
+r"""Trend of a clutch's wear over its recordings: Kalman filters and smoothers over what may have happened.
 
 A quantity grows at a rate that walks, :math:`du = r\,ds + dw_u, \; dr = dw_r`, over strokes, distance or time s. Each
-channel (shift, load) measures :math:`f(u) + b + g\,(T - T_{ref}) + v`: the constant error b and that by temperature g
-are the same for all recordings of a vehicle, v is not.
+channel (shift, load) measures :math:`f(u) + a + b + g\,(T - T_{ref}) + v`: the constant error b and that by temperature
+g are the same for all recordings of a vehicle, v is not; a is the sum of the sudden changes of this clutch.
+
+Before each measurement the clutch may have been replaced, or its load changed suddenly, or the measurement may be an
+outlier. A sequence of these is a path with a filter of its own; the posterior probabilities of the paths, by Bayes'
+rule, are those of the alarms (multiple hypothesis tracking: Reid, 1979, IEEE Trans. Automatic Control 24(6), 843-854).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy import special
@@ -50,15 +55,43 @@ SCATTER = 0.05
 #: Air temperature in K that counts as that of the calibration where it had none.
 REFERENCE = 293.15
 
-#: Share of false alarms among recordings.
+
+class Occurrence(NamedTuple):
+    """How often events happen: a replaced clutch and a sudden change in a life, an outlier in a recording."""
+
+    replaced: float
+    sudden: float
+    outlier: float
+
+
+#: Guesses on the generous side: a clutch is replaced once in a life, has a fault once in twenty, and one reading in a
+#: hundred misses.
+OCCURRENCE = Occurrence(1.0, 0.05, 0.01)
+
+#: Spread of new clutches of a type around the calibrated one, as a share of that of a first value; and of the rate of
+#: the next clutch of a vehicle around that of the one before, as a share of that of a first rate and of it. Guesses.
+NEW, NEXT_RATE = 0.05, 0.25
+
+#: Scale of the error of an outlier in standard deviations of its reading; it has the tails of a Cauchy distribution.
+#: A guess.
+OUTLYING = 3.0
+
+#: Probability above which the kind of a change is stated, else it is unknown.
+SURE = 0.95
+
+#: False alarms in a recording, at most: benchmarks/results/wear.md, "Alarms by kind", has none to 1 in 1,000.
 FALSE_ALARMS = 1e-3
+
+#: Share of the measurements of an unchanged clutch that are used without a look at what else they may be.
+EXPECTED = 0.95
+
+#: Measurements after which a decision is final, and the least probability and the largest number of paths that are
+#: followed. Guesses on the generous side.
+LAG, LEAST, PATHS = 4, 1e-4, 16
 
 #: Fall of the vented rest in m over a life of a clutch without an adjuster, whose rest falls by 6.3 times the wear of a
 #: facing of 3.5 mm; and how many times faster than so far the rest may fall. Guesses on the generous side.
 FALL, FASTER = 22e-3, 5.0
-
-#: A jump that ends within this share of the former change from the new clutch is a replaced clutch.
-AS_NEW = 0.4
 
 #: Recordings in a row that read a leak, with a probability above the second: by chance alone at most `FALSE_ALARMS`.
 LEAKS, LEAKING = 2, 1.0 - FALSE_ALARMS**0.5
@@ -71,6 +104,10 @@ DEPARTED = 3
 
 
 Function = Callable[[FloatArray], FloatArray]
+
+#: What a recording is in the trend; those that are a change of the clutch.
+Outcome = Literal["used", "left out", "replaced", "sudden", "missing"]
+CHANGES: tuple[Outcome, Outcome] = ("replaced", "sudden")
 
 #: The channels of a measurement, with the state that their constant error takes first.
 CHANNELS = ("shift", "load")
@@ -117,8 +154,8 @@ class WearTable(NamedTuple):
 class TrendModel:
     """Quantities that grow, and which one each channel measures, by a function of it.
 
-    The state is (value, rate) of each quantity, then (constant error, error in 10 K) of each channel. `life` is how
-    much of s a life has.
+    The state is (value, rate) of each quantity, then (constant error, error in 10 K) of each channel, then the sum of
+    the sudden changes of each channel. `life` is how much of s a life has.
     """
 
     quantities: tuple[str, ...]
@@ -131,15 +168,21 @@ class TrendModel:
         return 2 * len(self.quantities)
 
     @property
+    def changes(self) -> int:
+        """Index of the first channel's sudden changes in the state."""
+        return self.errors + 2 * len(self.channels)
+
+    @property
     def size(self) -> int:
         """Length of the state."""
-        return self.errors + 2 * len(self.channels)
+        return self.changes + len(self.channels)
 
 
 class Step(NamedTuple):
     """A recording in the trend: state before and after it, how it moved there, and what became of its measurement.
 
-    `outcome` is "used", "left out" (an outlier), "jump" (something changed before it) or "missing".
+    `outcome` is "used", "left out" (an outlier), "missing", or, where the clutch or its load changed before it,
+    "replaced" or "sudden".
     """
 
     s: float
@@ -148,8 +191,15 @@ class Step(NamedTuple):
     mean: FloatArray
     covariance: FloatArray
     transition: FloatArray
-    outcome: str
+    outcome: Outcome
     deviance: float
+
+
+class Path(NamedTuple):
+    """A sequence of outcomes, with its posterior probability and its steps."""
+
+    probability: float
+    steps: tuple[Step, ...]
 
 
 def trend_model(life: float, table: WearTable | None = None) -> TrendModel:
@@ -176,35 +226,62 @@ def _interpolated(x: FloatArray, values: FloatArray) -> Function:
     return at
 
 
-def follow(model: TrendModel, s: FloatArray, measurements: Sequence[Measurement | None]) -> list[Step]:
-    """The trend along recordings at `s`, in order; what is missing is only predicted.
-
-    A measurement that the trend does not expect, with a probability below `FALSE_ALARMS`, is a jump if it and the next
-    one fit so much better with a jump before them; else it is an outlier. The last one waits for the next.
-    """
-    steps: list[Step] = []
-    known = _Used(0.0, 0)
-    mean, covariance = _start(model, measurements)
+def follow(model: TrendModel, s: FloatArray, measurements: Sequence[Measurement | None]) -> tuple[Path, ...]:
+    """The paths along recordings at `s`, in order, the most probable first; what is missing is only predicted."""
+    tracks = [_Track(0.0, *_start(model, measurements), _Used(0.0, 0), ())]
+    measured: list[int] = []
+    last = 0.0
     for k, (at, now) in enumerate(zip(s, measurements, strict=True)):
-        F, Q = _motion(model, float(at - s[k - 1]) if k else 0.0)
-        predicted, P = F @ mean, F @ covariance @ F.T + Q
-        mean, covariance, outcome, deviance = predicted, P, "missing", float("nan")
-        if now is not None:
-            used = _corrected(model, predicted, P, now, known.scale)
-            mean, covariance, outcome, deviance = used.mean, used.covariance, "used", used.deviance
-            if deviance > known.limit(len(model.channels)):
-                after = _after(s, measurements, k)
-                jumped = P + _jump(model)
-                if after is not None and _is_jump(model, (predicted, P, jumped), now, after, known):
-                    P = jumped
-                    mean, covariance, _ = _corrected(model, predicted, P, now, known.scale)
-                    outcome = "jump"
-                else:
-                    mean, covariance, outcome = predicted, P, "left out"
-            else:
-                known = _Used(known.deviance + deviance, known.number + len(model.channels))
-        steps.append(Step(float(at), predicted, P, mean, covariance, F, outcome, deviance))
-    return steps
+        ds = float(at - s[k - 1]) if k else 0.0
+        if now is None:
+            tracks = [_missed(model, track, float(at), ds) for track in tracks]
+            continue
+        since = float(at) - last if measured else 0.0
+        tracks = [after for track in tracks for after in _branches(model, track, (float(at), ds, since), now)]
+        measured, last = [*measured, k], float(at)
+        tracks = _pruned(tracks, measured[-LAG - 1] if len(measured) > LAG else None)
+    shares = _shares(tracks)
+    found = [Path(float(share), track.steps) for share, track in zip(shares, tracks, strict=True)]
+    return tuple(sorted(found, key=lambda path: -path.probability))
+
+
+class Verdict(NamedTuple):
+    """What a recording is in the trend given all, and the probability of that.
+
+    `outcome` is that of a step, or "unknown" where the load has changed and whether by a new clutch is not sure.
+    """
+
+    outcome: Outcome | Literal["unknown"]
+    probability: float
+
+
+def verdicts(paths: Sequence[Path]) -> list[Verdict]:
+    """What each recording is: a change only where one is sure, there or at a neighbour that is less probable."""
+    measured = [k for k, step in enumerate(paths[0].steps) if step.outcome != "missing"]
+    change = [probability(paths, [k], CHANGES) for k in measured]
+    found = [Verdict("missing", 1.0)] * len(paths[0].steps)
+    for i, k in enumerate(measured):
+        around = slice(max(i - 1, 0), i + 2)
+        nearest = [k, *measured[around]]
+        shares = {kind: sum(path.probability for path in paths if _change(path, nearest) == kind) for kind in CHANGES}
+        if sum(shares.values()) >= SURE and change[i] == max(change[around]):
+            kind = max(shares, key=shares.__getitem__)
+            sure = shares[kind] >= SURE
+            found[k] = Verdict(kind, shares[kind]) if sure else Verdict("unknown", sum(shares.values()))
+        else:
+            used, outlier = (probability(paths, [k], (name,)) for name in ("used", "left out"))
+            found[k] = Verdict("used", used) if used >= 0.5 else Verdict("left out", outlier)
+    return found
+
+
+def _change(path: Path, recordings: Sequence[int]) -> Outcome | None:
+    """What a path has changed at the first of the recordings where it has."""
+    return next((path.steps[k].outcome for k in recordings if path.steps[k].outcome in CHANGES), None)
+
+
+def probability(paths: Sequence[Path], recordings: Collection[int], outcomes: Collection[str]) -> float:
+    """Posterior probability that one of the recordings has one of the outcomes."""
+    return sum(path.probability for path in paths if any(path.steps[k].outcome in outcomes for k in recordings))
 
 
 def smoothed(steps: Sequence[Step]) -> list[tuple[FloatArray, FloatArray]]:
@@ -232,13 +309,105 @@ class _Used(NamedTuple):
         return (WORTH + self.deviance) / (WORTH + self.number)
 
     def limit(self, values: int) -> float:
-        """Deviance of `values` values that `FALSE_ALARMS` of them exceed, the noise being known as well as it is."""
-        return values * float(special.fdtri(values, WORTH + self.number, 1.0 - FALSE_ALARMS))
+        """Deviance of `values` values that a share `EXPECTED` of them does not exceed."""
+        return values * float(special.fdtri(values, self.freedom, EXPECTED))
+
+    @property
+    def freedom(self) -> float:
+        """Degrees of freedom with which the scale is known."""
+        return WORTH + self.number
+
+
+def _log_density(innovation: FloatArray, S: FloatArray, freedom: float) -> float:
+    """Logarithm of the density of Student's multivariate t."""
+    d, deviance = innovation.size, float(innovation @ np.linalg.solve(S, innovation))
+    norm = special.gammaln((freedom + d) / 2) - special.gammaln(freedom / 2) - d / 2 * np.log(freedom * np.pi)
+    return float(norm - np.linalg.slogdet(S)[1] / 2 - (freedom + d) / 2 * np.log1p(deviance / freedom))
+
+
+class _Track(NamedTuple):
+    """A path while it is followed: logarithm of its weight, its state, its noise, and its steps."""
+
+    weight: float
+    mean: FloatArray
+    covariance: FloatArray
+    used: _Used
+    steps: tuple[Step, ...]
+
+
+def _missed(model: TrendModel, track: _Track, at: float, ds: float) -> _Track:
+    """A path at a recording without a measurement."""
+    F, Q = _motion(model, ds)
+    mean, P = F @ track.mean, F @ track.covariance @ F.T + Q
+    return track._replace(
+        mean=mean, covariance=P, steps=(*track.steps, Step(at, mean, P, mean, P, F, "missing", float("nan")))
+    )
+
+
+def _branches(model: TrendModel, track: _Track, where: tuple[float, float, float], now: Measurement) -> list[_Track]:
+    """A path at a measurement, once for each of its outcomes; one that the trend expects has one."""
+    _, _, since = where
+    expected = _branch(model, track, where, now, "used")
+    if track.used.number and expected.steps[-1].deviance <= track.used.limit(len(model.channels)):
+        return [expected]
+    priors: dict[Outcome, float] = {"left out": OCCURRENCE.outlier}
+    if since > 0.0:  # nothing changes before the first measurement
+        priors |= {name: -np.expm1(-getattr(OCCURRENCE, name) * since / model.life) for name in CHANGES}
+    others = [(_branch(model, track, where, now, outcome), prior) for outcome, prior in priors.items()]
+    branches = [(expected, max(1.0 - sum(priors.values()), OCCURRENCE.outlier)), *others]
+    return [branch._replace(weight=branch.weight + float(np.log(prior))) for branch, prior in branches]
+
+
+def _branch(
+    model: TrendModel, track: _Track, where: tuple[float, float, float], now: Measurement, outcome: Outcome
+) -> _Track:
+    """A path at a measurement with an outcome, weighed by its likelihood."""
+    at, ds, since = where
+    F, Q = _changed(model, track.mean, (ds, since), outcome)
+    mean, P = F @ track.mean, F @ track.covariance @ F.T + Q
+    after, used = _corrected(model, mean, P, now, track.used.scale), track.used
+    S, freedom = after.S, track.used.freedom
+    if outcome == "left out":
+        S, freedom = S + np.diag((OUTLYING * np.array([now.shift_std, now.load_std])) ** 2), 1.0
+        after = after._replace(mean=mean, covariance=P)
+    elif outcome == "used":
+        used = _Used(used.deviance + after.deviance, used.number + len(model.channels))
+    step = Step(at, mean, P, after.mean, after.covariance, F, outcome, after.deviance)
+    weight = track.weight + _log_density(after.innovation, S, freedom)
+    return _Track(weight, after.mean, after.covariance, used, (*track.steps, step))
+
+
+def _pruned(tracks: Sequence[_Track], final: int | None) -> list[_Track]:
+    """The most probable paths; of those that differ at recording `final`, only the ones that agree with the best.
+
+    Where that is a change whose kind is not sure, both kinds are followed.
+    """
+    shares = dict(zip(map(id, tracks), _shares(tracks), strict=True))
+    if final is not None:
+        by_outcome: dict[Outcome, float] = defaultdict(float)
+        for track in tracks:
+            by_outcome[track.steps[final].outcome] += shares[id(track)]
+        best = max(by_outcome, key=by_outcome.__getitem__)
+        followed = {name for name in CHANGES if best in CHANGES and by_outcome[name] > 1.0 - SURE} | {best}
+        tracks = [track for track in tracks if track.steps[final].outcome in followed]
+    most = sorted(tracks, key=lambda track: -track.weight)[:PATHS]
+    return [track for track in most if shares[id(track)] >= LEAST * shares[id(most[0])]]
+
+
+def _shares(tracks: Sequence[_Track]) -> FloatArray:
+    """Probabilities of paths."""
+    weights = np.array([track.weight for track in tracks])
+    shares = np.exp(weights - weights.max())
+    return np.asarray(shares / shares.sum(), dtype=np.float64)
 
 
 class _Corrected(NamedTuple):
+    """State after a measurement, the measurement's innovation with its covariance, and their deviance."""
+
     mean: FloatArray
     covariance: FloatArray
+    innovation: FloatArray
+    S: FloatArray
     deviance: float
 
 
@@ -253,6 +422,7 @@ def _start(model: TrendModel, measurements: Sequence[Measurement | None]) -> tup
     ):
         i, shares = model.errors + 2 * c, SHARES[name]
         variances[i : i + 2] = (shares.common * std) ** 2, (shares.by_temperature * std) ** 2
+    variances[model.changes :] = (NONE * _sizes()) ** 2
     return np.zeros(model.size), np.diag(variances)
 
 
@@ -271,63 +441,74 @@ def _motion(model: TrendModel, ds: float) -> tuple[FloatArray, FloatArray]:
     return F, Q
 
 
-def _jump(model: TrendModel) -> FloatArray:
-    """Covariance of a jump: another clutch has another value and wears at another rate."""
-    J = np.zeros((model.size, model.size))
+def _sizes() -> FloatArray:
+    """Standard deviations of a sudden change by channel."""
+    return np.array([GROWTH[name].jump for name in CHANNELS])
+
+
+#: No sudden change, as a share of the size of one: not 0, so that covariances have an inverse.
+NONE = 1e-4
+
+
+def _changed(
+    model: TrendModel, before: FloatArray, way: tuple[float, float], outcome: Outcome
+) -> tuple[FloatArray, FloatArray]:
+    """Motion of a state `before` over ds to a recording with an outcome, the last measurement being `since` ago.
+
+    A new clutch has worn for a part of that time, about as fast as the one before, and has none of its sudden changes.
+    """
+    ds, since = way
+    F, Q = _motion(model, ds)
+    changes = range(model.changes, model.size)
+    if outcome == "sudden":
+        Q[changes, changes] = _sizes() ** 2
+    if outcome == "replaced":
+        F[changes] = 0.0
+        Q[changes, changes] = (NONE * _sizes()) ** 2
     for q, name in enumerate(model.quantities):
-        J[2 * q, 2 * q], J[2 * q + 1, 2 * q + 1] = GROWTH[name].jump ** 2, (GROWTH[name].rate / model.life) ** 2
-    return J
+        growth, u = GROWTH[name], 2 * q
+        rate = growth.rate / model.life
+        if outcome == "sudden":
+            Q[u + 1, u + 1] += rate**2
+        if outcome == "replaced":
+            spread = NEXT_RATE * (rate + abs(float(before[u + 1])))
+            F[u, [u, u + 1]] = 0.0, since / 2
+            Q[u : u + 2, u : u + 2] = np.diag([(NEW * growth.start) ** 2 + (spread * since) ** 2, spread**2])
+    return F, Q
+
+
+#: Iterations of a linearisation at most, and the share of its slopes at which it has converged.
+ITERATIONS, CONVERGED = 5, 1e-3
 
 
 def _corrected(model: TrendModel, mean: FloatArray, P: FloatArray, now: Measurement, scale: float) -> _Corrected:
-    """The state after a measurement; functions are linearised over the width of the prediction."""
+    """The state after a measurement; functions are linearised over the width of the state after it, iterated."""
     values = np.array([now.shift, now.load])
     stds = now.shift_std, now.load_std
     R = np.diag([scale * (SHARES[name].independent * std) ** 2 for name, std in zip(CHANNELS, stds, strict=True)])
     warmer = (now.temperature - REFERENCE) / 10.0 if np.isfinite(now.temperature) else 0.0
-    H, expected = np.zeros((values.size, model.size)), np.zeros(values.size)
+    after, covariance, H = mean, P, np.zeros((values.size, model.size))
+    for _ in range(ITERATIONS):
+        before = H
+        H, offset = linearised(model, after, covariance)
+        H[:, model.errors + 1 : model.changes : 2] = warmer * np.eye(values.size)
+        H[:, model.errors : model.changes : 2] = np.eye(values.size)
+        if np.all(np.abs(H - before) <= CONVERGED * np.abs(H)):
+            break
+        innovation = values - offset - H @ mean
+        S = H @ P @ H.T + R
+        gain = np.linalg.solve(S, H @ P).T
+        left = np.eye(model.size) - gain @ H
+        after, covariance = mean + gain @ innovation, left @ P @ left.T + gain @ R @ gain.T
+    return _Corrected(after, covariance, innovation, S, float(innovation @ np.linalg.solve(S, innovation)))
+
+
+def linearised(model: TrendModel, mean: FloatArray, P: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Slopes of the channels without their errors, (channels, state), over the width of a state, and their offsets."""
+    H, offset = np.zeros((len(model.channels), model.size)), np.zeros(len(model.channels))
     for c, (q, function) in enumerate(model.channels):
         u, width = mean[2 * q], float(np.sqrt(P[2 * q, 2 * q]))
         low, middle, high = function(np.array([u - width, u, u + width]))
-        i = model.errors + 2 * c
-        H[c, 2 * q], H[c, i], H[c, i + 1] = (high - low) / (2 * width), 1.0, warmer
-        expected[c] = middle + mean[i] + warmer * mean[i + 1]
-    innovation = values - expected
-    S = H @ P @ H.T + R
-    gain = np.linalg.solve(S, H @ P).T
-    left = np.eye(model.size) - gain @ H
-    covariance: FloatArray = left @ P @ left.T + gain @ R @ gain.T
-    return _Corrected(mean + gain @ innovation, covariance, float(innovation @ np.linalg.solve(S, innovation)))
-
-
-def _after(s: FloatArray, measurements: Sequence[Measurement | None], k: int) -> tuple[float, Measurement] | None:
-    """Distance to the next measurement after `k`, and that one."""
-    for j in range(k + 1, len(measurements)):
-        following = measurements[j]
-        if following is not None:
-            return float(s[j] - s[k]), following
-    return None
-
-
-def _is_jump(
-    model: TrendModel,
-    before: tuple[FloatArray, FloatArray, FloatArray],
-    now: Measurement,
-    after: tuple[float, Measurement],
-    known: _Used,
-) -> bool:
-    """Whether two measurements fit better with a jump before the first, by more than chance, and than without it.
-
-    How much smaller the deviance is with a jump is chi-squared without one; an outlier explains the second one as well
-    as if the first were missing.
-    """
-    predicted, without, jumped = before
-    F, Q = _motion(model, after[0])
-
-    def deviance(mean: FloatArray, P: FloatArray) -> float:
-        return _corrected(model, F @ mean, F @ P @ F.T + Q, after[1], known.scale).deviance
-
-    none, jump = (_corrected(model, predicted, P, now, known.scale) for P in (without, jumped))
-    after_none, after_jump = (deviance(one.mean, one.covariance) for one in (none, jump))
-    gain = none.deviance + after_none - jump.deviance - after_jump
-    return gain > known.limit(len(model.channels)) and after_jump < deviance(predicted, without)
+        H[c, 2 * q], H[c, model.changes + c] = (high - low) / (2 * width), 1.0
+        offset[c] = middle - H[c, 2 * q] * u
+    return H, offset
