@@ -13,6 +13,8 @@ from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
 from clutchid.parameters import in_order
+from clutchid.preparation.inspection.air import pressure_unit
+from clutchid.preparation.inspection.reading import InspectedRecording
 from clutchid.preparation.prepare import FROM_POSITION_ALONE
 from clutchid.preparation.pulses import centred, find_carrier
 from clutchid.recordings.signals.duty_cycle import duty_grid, duty_period, grid_phase, on_off
@@ -102,11 +104,12 @@ def _check(logs: Sequence[Log], actuator: Actuator) -> None:
         if "pressure_a" not in log or not np.isfinite(log["pressure_a"]).any():
             problems.append(f"{log.name}: no pressure_a; 'auto' needs a recording with pressure. {FROM_POSITION_ALONE}")
         elif not AMBIENT[0] < _vented_pressure(log) < min(AMBIENT[1] + VENTED, actuator.parameters.P_S):
-            problems.append(
-                f"{log.name}: the chamber never vents, its lowest pressure is {_vented_pressure(log) / 1e5:.2f} bar; a "
-                "calibration needs the vented rest as its reference. Record a second or more with the exhaust valve "
-                "open."
+            unit = pressure_unit(InspectedRecording(log, actuator))
+            never = (
+                f"the chamber never vents, its lowest pressure is {_vented_pressure(log) / 1e5:.2f} bar; a calibration "
+                "needs the vented rest as its reference. Record a second or more with the exhaust valve open."
             )
+            problems.append(f"{log.name}: {never if unit.grade == 'good' else unit.sentence}")
     if problems:
         raise DataError("\n".join(problems))
 

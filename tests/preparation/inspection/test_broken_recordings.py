@@ -1,5 +1,7 @@
 """Each fault, put into a sound recording on purpose, is found, and its sentence says what to do."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -84,6 +86,57 @@ def test_another_unit_and_another_zero_of_the_pressure_are_named(recorded, found
     seen = found(log.with_columns(pressure_a=(log["pressure_a"] - zero) * scale), "unit of pressure_a")
     assert seen.grade == "bad"
     assert sentence in seen.sentence
+
+
+@pytest.mark.parametrize(("written", "declared"), [("bar", "bar(g)"), ("kPa", "kPa(g)"), ("Pa", "Pa(g)")])
+def test_an_absolute_pressure_under_a_gauge_unit_is_named(recorded, found, written, declared):
+    log, ambient = recorded(5), 1.013e5
+    base = replace(log, metadata={"pressure_a_unit": declared, "ambient_Pa": repr(ambient)})
+    seen = found(base.with_columns(pressure_a=log["pressure_a"] + ambient), "unit of pressure_a")
+    assert seen.grade == "suspect"
+    assert "read as gauge pressure with 1.013 bar of ambient added, never comes near ambient" in seen.sentence
+    assert f"write {written} in place of {declared} in the column heading" in seen.sentence
+    assert found(base, "unit of pressure_a").grade == "good"
+
+
+#: Channel, factor of a wrong unit, the check that names it, and what its sentence says.
+FACTORS = [
+    ("pressure_a", 1e-5, "unit of pressure_a", "looks like bar"),
+    ("pressure_a", 1e-2, "unit of pressure_a", "looks like hPa or mbar"),
+    ("pressure_a", 10.0, "unit of pressure_a", "check its unit and its zero"),
+    ("pressure_a", 100.0, "unit of pressure_a", "check its unit and its zero"),
+    ("pressure_a", 1000.0, "unit of pressure_a", "check its unit and its zero"),
+    ("pressure_supply", 1e-2, "values of pressure_supply", "correct the unit in its heading"),
+    ("pressure_supply", 10.0, "values of pressure_supply", "correct the unit in its heading"),
+    ("pressure_supply", 100.0, "values of pressure_supply", "correct the unit in its heading"),
+    ("position", 1e-3, "motion", "the unit of the position"),
+    ("position", 0.1, "range of position", "check its unit, which may be ten times as large"),
+    ("position", 10.0, "range of position", "check its unit"),
+    ("position", 1e3, "range of position", "check its unit"),
+    ("duty_supply", 1e-2, "motion", "duty_supply never exceeds 1 %"),
+    ("duty_exhaust", 1e-2, "motion", "duty_exhaust never exceeds 1 %"),
+    ("time", 1e3, "sample rate", "write the unit of the time as ms"),
+    ("time", 1e-3, "sample rate", "correct the unit of the time"),
+]
+
+
+@pytest.mark.parametrize(("name", "factor", "check", "sentence"), FACTORS)
+def test_a_unit_that_is_wrong_by_a_factor_is_named(recorded, found, name, factor, check, sentence):
+    log = recorded(5)
+    log = log.with_columns(pressure_supply=np.full(len(log), 9.3e5))
+    wrong = replace(log, time=log.time * factor) if name == "time" else log.with_columns(**{name: log[name] * factor})
+    seen = found(wrong, check)
+    assert seen.grade == ("suspect" if name == "pressure_supply" else "bad"), "without the supply a fit is possible"
+    assert sentence in seen.sentence
+
+
+def test_gauge_kilopascals_under_pascals_do_not_pass_for_a_pressure(recorded, found):
+    log = recorded(5)
+    small = replace(log, metadata={"pressure_a_unit": "Pa(g)", "ambient_Pa": "109500.0"})
+    seen = found(small.with_columns(pressure_a=1.095e5 + (log["pressure_a"] - 1.095e5) * 1e-3), "unit of pressure_a")
+    assert seen.grade == "bad"
+    assert "too little to move the piston as the position says" in seen.sentence
+    assert "looks like kPa(g)" in seen.sentence
 
 
 @pytest.mark.parametrize("every", [1, 10])

@@ -23,6 +23,9 @@ LOWEST = 0.5
 #: Upper bound of the pressure as a multiple of the supply pressure: air supplies of vehicles reach at most 13 bar.
 HIGHEST = 2.0
 
+#: A vented chamber's pressure is ambient within this factor: altitude, weather and the sensor's offset.
+NEAR = 1.5
+
 #: Least pressure range of a stroke as a fraction of the supply gauge pressure: without a stroke no unit is proposed.
 STROKE = 0.125
 
@@ -38,23 +41,43 @@ def pressure_unit(reading: InspectedRecording) -> Check:
             "one; leave the column out, or take the right channel."
         )
         return Check(PRESSURE_UNIT, f"{low:.4g} Pa throughout", "bad", sentence)
-    if _plausible(low, high, p.P_0, p.P_S):
+    written = UNITS.get(reading.log.metadata.get(UNIT_KEY, "Pa"), UNITS["Pa"])
+    base = float(reading.log.metadata.get("ambient_Pa", p.P_0)) if written.gauge else 0.0
+    if written.gauge and low > NEAR * p.P_0 and 1 / NEAR < (low - base) / p.P_0 < NEAR:
+        return Check(PRESSURE_UNIT, f"{value} Pa", "suspect", _absolute(reading.log.metadata[UNIT_KEY], low, base))
+    stroke = STROKE * (p.P_S - p.P_0)
+    flat = reading.travels and high - low < stroke
+    if _plausible(low, high, p.P_0, p.P_S) and not flat:
         return Check(
             PRESSURE_UNIT,
             f"{value} Pa",
             "good",
             f"pressure_a ranges from {value} Pa, plausible for an absolute pressure.",
         )
-    written = UNITS.get(reading.log.metadata.get(UNIT_KEY, "Pa"), UNITS["Pa"])
-    base = float(reading.log.metadata.get("ambient_Pa", p.P_0)) if written.gauge else 0.0
     fitting = _fitting((low - base) / written.scale, (high - base) / written.scale, p.P_0, p.P_S)
-    grade: Grade = "bad" if high < p.P_0 or high > HIGHEST * p.P_S or fitting else "suspect"
+    grade: Grade = "bad" if high < p.P_0 or high > HIGHEST * p.P_S or fitting or flat else "suspect"
     guess = f"it looks like {' or '.join(fitting)}: give that unit" if fitting else "check its unit and its zero"
+    what = (
+        "too little to move the piston as the position says"
+        if flat and low > LOWEST * p.P_0
+        else f"which is not an absolute pressure between ambient ({p.P_0:.4g} Pa) and supply ({p.P_S:.4g} Pa)"
+    )
     sentence = (
-        f"pressure_a ranges from {value} Pa, which is not an absolute pressure between ambient ({p.P_0:.4g} Pa) and "
-        f"supply ({p.P_S:.4g} Pa); a fit that uses it is wrong; {guess} in the column heading or in the channel map."
+        f"pressure_a ranges from {value} Pa, {what}; a fit that uses it is wrong; {guess} in the column heading or in "
+        "the channel map."
     )
     return Check(PRESSURE_UNIT, f"{value} Pa", grade, sentence)
+
+
+def _absolute(unit: str, low: float, ambient: float) -> str:
+    """Why a unit that was written as gauge may be absolute."""
+    same = [name for name in known_units("Pa") if UNITS[name].scale == UNITS[unit].scale and not UNITS[name].gauge]
+    return (
+        f"pressure_a, read as gauge pressure with {ambient * 1e-5:.4g} bar of ambient added, never comes near ambient, "
+        f"its lowest is {low * 1e-5:.3g} bar; without that it is {(low - ambient) * 1e-5:.3g} bar, as in a vented "
+        f"chamber, so the sensor may show absolute pressure: then write {' or '.join(same)} in place of {unit} in the "
+        "column heading or in the channel map; if it is gauge pressure, record a rest with the exhaust valve open."
+    )
 
 
 def _fitting(low: float, high: float, ambient: float, supply: float) -> list[str]:

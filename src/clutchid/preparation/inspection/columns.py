@@ -206,6 +206,9 @@ def _fine(value: float, name: str) -> str:
 
 MOTION = "motion"
 
+#: A duty cycle that never exceeds this in a recording with motion is a fraction that was read as per cent.
+FRACTION = 0.0101
+
 #: Least reach of the piston as a fraction of its stroke, and length of a recording in s: half of a fast stroke.
 REACH, LONG = 0.02, 0.2
 
@@ -236,6 +239,13 @@ def motion(reading: InspectedRecording) -> Check:
             "channels for duty_supply and duty_exhaust."
         )
         return Check(MOTION, value, "bad", sentence)
+    closed = [name for name in INPUTS if reading.driven and 0.0 < np.nanmax(log[name]) <= FRACTION]
+    if closed:
+        sentence = (
+            f"the piston moves, but {' and '.join(closed)} never exceeds 1 %, which opens no valve: the values seem to "
+            "be fractions, written under %; write the unit 1 in the column heading or in the channel map."
+        )
+        return Check(MOTION, value, "bad", sentence)
     return Check(MOTION, value, "good", f"the piston moves over {value}.")
 
 
@@ -244,15 +254,36 @@ def _is_constant(values: FloatArray) -> bool:
     return known.size == 0 or bool(known.min() == known.max())
 
 
+#: Reach below this share of the stroke that an open valve contradicts, and how many times longer half a stroke takes
+#: than its first tenth: virtual trucks of both families do 0.60 to 0.85 of it in 3.5 to 5 such times.
+SHORT, HALF_A_STROKE = 0.15, 3.0
+
+
 def position_range(reading: InspectedRecording) -> Check:
     """Whether the position lies in the stroke, by `clutchid.simulation.plan.outside_stroke`."""
     title, log = "range of position", reading.log
     low, high = reading.extent
     value = f"{shown(low, 'position')} to {shown(high, 'position')}"
     sentences, alien = outside_stroke(log, reading.actuator.parameters.y_max)
+    if not sentences and high - low < SHORT * reading.actuator.parameters.y_max and _passes_half_a_stroke(reading):
+        sentence = (
+            f"the position ranges from {value} only, although the supply valve is open long enough for half of the "
+            f"stroke of {shown(reading.actuator.parameters.y_max, 'position')}; check its unit, which may be ten times "
+            "as large."
+        )
+        return Check(title, value, "bad", sentence)
     if not sentences:
         return Check(title, value, "good", f"the position ranges from {value}, inside the stroke.")
     return Check(title, value, "bad" if alien else "suspect", sentences[0].removeprefix(f"{log.name}: "))
+
+
+def _passes_half_a_stroke(reading: InspectedRecording) -> bool:
+    """Whether the supply valve is once open alone for long enough for half a stroke."""
+    if not reading.driven:
+        return False
+    starts, stops = reading.open_alone(supply=True)
+    opened = np.concatenate([[0.0], np.cumsum(reading.supply)]) * reading.step
+    return bool(np.any(opened[stops] - opened[starts] > HALF_A_STROKE * reading.quick[0]))
 
 
 SIGN = "sign of position"

@@ -112,6 +112,9 @@ COMPUTED = 1e-5
 #: Quantile of the time between changes of the position that gives its update interval, and least number of changes.
 FAST, FEWEST = 0.1, 50
 
+#: Least travel over the load, as a share of the stroke.
+TRAVELS = 0.3
+
 #: Longest pause in s between two pulses that count as one opening: the longest period of a carrier, 20 Hz.
 PAUSE = 0.05
 
@@ -170,6 +173,13 @@ class InspectedRecording:
     def extent(self) -> Extremes:
         """Positions in m between which all but 1 % of the samples lie."""
         return Extremes(*np.nanquantile(self.log["position"], (0.005, 0.995)).tolist())
+
+    @cached_property
+    def travels(self) -> bool:
+        """Whether the piston is known to move over a good part of its stroke, against the load."""
+        if "position" not in self.measured:
+            return False
+        return self.extent.high - self.extent.low > TRAVELS * self.actuator.parameters.y_max
 
     @cached_property
     def duty_period(self) -> float:

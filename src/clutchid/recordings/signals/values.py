@@ -241,7 +241,10 @@ def _out_of_range(log: Log, name: str, missing: dict[str, Mask]) -> list[Fault]:
     if not wrong.any() or (name in INPUTS and _too_many(log, name, wrong)):
         return []
     missing[name] = wrong
-    return [_fault(log, name, "beyond", wrong, _BEYOND[name])]
+    fault = _fault(log, name, "beyond", wrong, _BEYOND[name])
+    if _too_many(log, name, wrong):
+        fault = fault._replace(sentence=f"{fault.sentence[:-1]}; correct the unit in its heading if it is another one.")
+    return [fault]
 
 
 def _too_many(log: Log, name: str, wrong: Mask) -> bool:
