@@ -19,6 +19,7 @@ from clutchid.estimation.calibrate import fit_with
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.shooting import SHOOTING
 from clutchid.model import Actuator, Load
+from clutchid.model.equipment import Equipment
 from clutchid.model.variants import VARIANTS
 from clutchid.preparation.pulses import centred
 from clutchid.recordings.signals.duty_cycle import duty_grid
@@ -211,6 +212,27 @@ def test_a_recording_that_never_vents_is_one_sentence_with_its_lowest_pressure(d
     with pytest.raises(DataError, match=r"^log: the chamber never vents, its lowest pressure is 2\.50 bar; ") as caught:
         automatic([pressurised], plant)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "equipment",
+    [Equipment(chamber_b=False), *(Equipment(valves=valves) for valves in ("supply", "exhaust", "3/2"))],
+    ids=lambda one: f"{one.valves}, chamber B: {one.chamber_b}",
+)
+def test_a_calibration_frees_and_sets_nothing_that_its_actuator_lacks(drive_log, equipment):
+    actuator = Actuator(model=AUTOMATIC, equipment=equipment)
+    begin, free, _ = automatic([drive_log], actuator)
+    assert not [name for name in free if equipment.missing(name)]
+    assert begin.equipment == equipment
+    assert {"C_r", "C_vs", "C_ve"} & set(free), "what there is, is freed"
+
+
+def test_an_absolute_pressure_that_was_read_as_gauge_is_a_unit_not_a_lack_of_a_vented_rest(drive_log, plant):
+    gauge = replace(drive_log, metadata={"pressure_a_unit": "bar(g)", "ambient_Pa": "101300.0"})
+    with pytest.raises(
+        DataError, match=r"^log: pressure_a, read as gauge pressure with 1\.013 bar .* write bar in place"
+    ):
+        automatic([gauge.with_columns(pressure_a=drive_log["pressure_a"] + 1.013e5)], plant)
 
 
 def test_all_recordings_with_a_problem_are_named(drive_log, plant):

@@ -56,6 +56,7 @@ def automatic(logs: Sequence[Log], actuator: Actuator) -> tuple[Actuator, tuple[
     pulsed = replace(actuator, model=WITH_CARRIER) if actuator.model == AUTOMATIC else actuator
     found = _carrier(logs[0], pulsed) if _can_switch(pulsed) else {}
     actuator, changes = (pulsed if found else actuator), changes | found
+    changes = {name: value for name, value in changes.items() if not actuator.equipment.missing(name)}
     free = freed(actuator.replace({"T_pwm": found.get("T_pwm", 0.0)}))
     load = actuator.load if actuator.load.basis == "b-spline" else Load.on_b_splines(actuator.load)
     renewed = duty_period(logs[0])
@@ -72,8 +73,9 @@ def freed(actuator: Actuator) -> tuple[str, ...]:
     little influence. A wrong mass is made up for by other parameters, which scale differently when grease and air are
     warmer (docs/derivations.md, "The moving mass").
     """
-    acting = actuator.acting
-    return tuple(name for name in in_order(actuator.rows, lambda row: row.freed) if name in acting)
+    acting, equipment = actuator.acting, actuator.equipment
+    names = in_order(actuator.rows, lambda row: row.freed)
+    return tuple(name for name in names if name in acting and not equipment.missing(name))
 
 
 def _can_switch(actuator: Actuator) -> bool:
