@@ -45,6 +45,26 @@ def test_missing_columns_are_reported_in_one_sentence(save):
     )
 
 
+@pytest.mark.parametrize(
+    ("heading", "lacking"),
+    [
+        ("Zeit;Weg [mm];Ventil Belueften [%];Ventil Entlueften [%]", {"time": "Zeit [s]"}),
+        ("Zeit [s];Weg;Ventil Belueften [%];Ventil Entlueften [%]", {"position": "Weg [mm]"}),
+        ("Zeit;Position [mm];Ventil Belueften [%];Ventil Entlueften [%]", {"time": "Zeit [s]"}),
+        ("t;clutch_travel;pwm_inlet_valve [%];pwm_outlet_valve", {"time": "t [s]", "position": "clutch_travel [mm]",
+                                                                  "duty_exhaust": "pwm_outlet_valve [%]"}),
+    ],
+)  # fmt: skip
+def test_columns_of_other_names_that_lack_only_a_unit_are_named_with_what_to_write(save, heading, lacking):
+    rows = [f"{k / 1000};{k * 0.5};{100 * (k % 2)};{100 * (k % 3 == 0)}" for k in range(9)]
+    found = problems(save("\n".join([heading, *rows]).replace(".", ",")))
+    units = [f"'{text}'" for text in lacking.values()]
+    assert f"write units in brackets behind the names: {', '.join(units)}, if that is right." in found
+    for name, text in lacking.items():
+        assert any(one.startswith(f"{name}: '{text.partition(' [')[0]}' has no unit;") for one in found)
+    assert not any("no column" in one for one in found)
+
+
 def test_cells_that_are_no_numbers(recording, save):
     cells = {(i, 1): f"bad{i}" for i in range(2, 9)} | {(3, 4): "0,5 bar"[:3].replace(",", "_"), (4, 2): "١"}
     position, duty, pressure = problems(save(recording(10, cells)))

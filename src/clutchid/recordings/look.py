@@ -15,7 +15,7 @@ from clutchid.recordings.checks import AMBIENT, check, check_ambient, in_si
 from clutchid.recordings.columns import REQUIRED, Heading, heading_problems, ignored
 from clutchid.recordings.map.channel_map import Channel, ChannelMap
 from clutchid.recordings.map.picking import own_clock
-from clutchid.recordings.map.proposal import Proposal, propose
+from clutchid.recordings.map.proposal import Proposal, means_the_contract, propose
 from clutchid.recordings.messages import SHOWN
 from clutchid.recordings.opening import open_source
 from clutchid.recordings.overview import ColumnOverview, FileOverview, TimeAxis, TimeGridOverview, updated
@@ -82,7 +82,7 @@ def overview_of(source: Source, ambient: float, files: tuple[Path, ...], channel
     proposal = replace(proposal, channels=replace(proposal.channels, dbc=files))
     if channels is not None:
         return _mapped(source, proposal, channels, ambient)
-    by_contract = in_contract(source) or (source.tabular and not proposal.complete and _means_the_contract(source))
+    by_contract = in_contract(source) or (source.tabular and not proposal.complete and means_the_contract(source))
     checks = ambient if by_contract and not source.unnamed else None
     rasters, problems, warnings = [], list(source.problems), list(source.warnings)
     problems += [source.unnamed] if source.unnamed else []
@@ -124,12 +124,6 @@ def _mapped(source: Source, proposal: Proposal, channels: ChannelMap, ambient: f
         ),
     )
     return FileOverview(str(source.path), source.format, tuple(rasters), problems, warnings, completed, needs_map=False)
-
-
-def _means_the_contract(source: Source) -> bool:
-    """Whether enough columns of a table have standard names to report what is wrong with the others."""
-    names = [heading.name for raster in source.rasters for heading in raster.headings if heading.name is not None]
-    return len(names) > 1 or not source.rasters
 
 
 @dataclass(frozen=True, slots=True)

@@ -244,7 +244,7 @@ def propose(source: Source, required: Sequence[str] = REQUIRED) -> Proposal:
 
 
 def map_for(source: Source, required: Sequence[str]) -> ChannelMap | None:
-    """Channel map for a file: the proposed one if it is complete; None for a table whose columns the user can rename.
+    """Channel map for a file: the proposed one if it is complete; None for a table without other names that are known.
 
     Raises
     ------
@@ -254,17 +254,42 @@ def map_for(source: Source, required: Sequence[str]) -> ChannelMap | None:
     proposal = propose(source, required)
     if proposal.complete:
         return replace(proposal.without_uncertain, comments={"": "\n".join(_identified(source, proposal))})
-    if source.tabular or not source.rasters:
+    if not source.rasters or (source.tabular and (means_the_contract(source) or not _by_other_names(source, proposal))):
         return None
     save = "`clutchid look FILE --save MAP.toml` writes a proposed channel map; correct it and give it with --map."
-    raise DataError.of(str(source.path), [*source.problems, *proposal.open, save])
+    rename = _units_to_write(source, proposal) if source.tabular else []
+    raise DataError.of(str(source.path), [*source.problems, *proposal.open, *rename, save])
+
+
+def _by_other_names(source: Source, proposal: Proposal) -> bool:
+    """Whether a channel was identified by another name than the standard one."""
+    standard = {heading.text: heading.name for raster in source.rasters for heading in raster.headings}
+    chosen = proposal.without_uncertain.channels
+    return any(standard[entry.channel] != name for name, entry in chosen.items())
+
+
+def means_the_contract(source: Source) -> bool:
+    """Whether enough columns of a table have standard names to report what is wrong with the others."""
+    names = [heading.name for raster in source.rasters for heading in raster.headings if heading.name is not None]
+    return len(names) > 1 or not source.rasters
+
+
+def _units_to_write(source: Source, proposal: Proposal) -> list[str]:
+    """Headings of a table with the units that were guessed, which make them sure."""
+    units = {entry.channel: entry.unit for entry in proposal.channels.channels.values()}
+    found = [
+        f"'{heading.text} [{units[heading.text]}]'"
+        for raster in source.rasters
+        for heading in raster.headings
+        if heading.unit is None and units.get(heading.text)
+    ]
+    return [f"write units in brackets behind the names: {', '.join(found)}, if that is right."] if found else []
 
 
 def _identified(source: Source, proposal: Proposal) -> list[str]:
     """Warnings about channels that were identified by other names than the standard ones."""
     chosen = proposal.without_uncertain.channels
-    standard = {heading.text: heading.name for raster in source.rasters for heading in raster.headings}
-    if all(standard[entry.channel] == name for name, entry in chosen.items()):
+    if not _by_other_names(source, proposal):
         return list(proposal.notes)
     assigned = ", ".join(f"{name} = '{entry.channel}'" for name, entry in chosen.items())
     note = f"the channels were identified by their names: {assigned}; give a channel map (--map) to be certain."
