@@ -322,7 +322,13 @@ def test_matlab_finds_columns_units_and_metadata_as_variables(tmp_path):
     found = loadmat(tmp_path / "run.mat", simplify_cells=True)
     assert set(found) >= {"time", "position", "pressure_a_low", "deflection_bearing"}
     assert found["units"] == {"time": "s", "position": "m", "pressure_a_low": "Pa", "deflection_bearing": "m"}
-    assert json.loads(found["clutchid"]) == {"truck": "7 µ"}
+    assert json.loads(found["clutchid_recording"]) == {"truck": "7 µ"}
+
+
+def test_a_file_of_an_earlier_version_keeps_its_metadata(opened):
+    source = opened({"time": T, "position": Y, "units": {"time": "s", "position": "m"}, "clutchid": '{"truck": "7"}'})
+    assert source.metadata == {"truck": "7"}
+    assert called(source) == [["time", "position"]]
 
 
 def test_a_log_that_is_too_long_for_the_format(tmp_path, monkeypatch):
@@ -332,9 +338,10 @@ def test_a_log_that_is_too_long_for_the_format(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("name", ["clutchid", "clutchid_recording"])
 @pytest.mark.parametrize("text", ["", "[1]", "{", "{} {}"])
-def test_a_variable_of_our_name_from_another_program_does_no_harm(opened, text):
-    source = opened({"t": T, "y": Y, "clutchid": text})
+def test_a_variable_of_our_name_from_another_program_does_no_harm(opened, text, name):
+    source = opened({"t": T, "y": Y, name: text})
     assert called(source) == [["t", "y"]]
     assert list(source.metadata) == ["mat_header"]
 

@@ -14,11 +14,14 @@ from sympy import symbols
 
 from clutchid.errors import ExportError, ParameterError
 from clutchid.estimation import Fit
+from clutchid.estimation.assess.evidence import reach
 from clutchid.estimation.parameter_file import read_parameters
 from clutchid.estimation.result import Change
 from clutchid.inference.uncertainty.estimates import Estimate
+from clutchid.log import Log
 from clutchid.model import Actuator, Load, OwnModel, OwnParameter
 from clutchid.model.equipment import Equipment
+from clutchid.recordings import write
 from clutchid.reports.matlab import check_name, write_matlab
 from fixtures.baselines import with_baseline
 from fixtures.matlab_text import struct_in
@@ -65,6 +68,24 @@ def test_the_table_is_the_load_curve_and_the_parameters_are_those_of_the_fit(
         assert np.array_equal([entry["std"], entry["low"], entry["high"]], expected, equal_nan=True)
     assert found["parameters"]["C_vs"]["unit"] == "m^3/(Pa*s)"
     assert found["created_by"].startswith("clutchid ")
+
+
+@pytest.mark.parametrize("name", ["worn.mat", "worn.m"])
+def test_the_reach_and_the_warnings_are_there(fitted: Fit, tmp_path: Path, name: str) -> None:
+    warned = replace(fitted, warnings=("theta_3 lies at its lower bound 0 N/m.", "a second one."))
+    write_matlab(warned, tmp_path / name)
+    found = loaded(tmp_path / name)
+    assert list(found["warnings"]) == list(warned.warnings)
+    assert found["load"]["reach_m"] == reach(fitted)
+    write_matlab(fitted, tmp_path / name)
+    assert len(loaded(tmp_path / name)["warnings"]) == len(fitted.warnings)
+
+
+def test_a_recording_and_a_fit_have_no_variable_in_common(fitted: Fit, tmp_path: Path) -> None:
+    write_matlab(fitted, tmp_path / "worn.mat")
+    write(Log(np.arange(3.0), {"position": np.zeros(3)}, metadata={"truck": "7"}), tmp_path / "states.mat")
+    ours = [set(loadmat(tmp_path / name)) for name in ("worn.mat", "states.mat")]
+    assert {one for one in ours[0] & ours[1] if not one.startswith("__")} == set()
 
 
 def test_recordings_have_their_hash_initial_states_and_own_parameters(odd: Fit, tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 
 from clutchid.errors import ExportError
 from clutchid.estimation.assess.comparison import comparison
+from clutchid.estimation.assess.evidence import reach
 from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.parameter_file import MATLAB_SUFFIXES
 from clutchid.estimation.parameter_tables import model_entries
@@ -45,7 +46,7 @@ _SECTIONS = {
     "covariance": "Covariance of the free parameters in SI, in the order of the names",
     "changes": "What has changed since the calibration: value before, value after with its standard error, probability",
     "calibration": "The calibration that the fit started from, its load, and the load above less that one",
-    "load": "Load on the piston over its position with a pointwise 95 % interval, and the basis that it was fitted on",
+    "load": "Load on the piston over its position with a pointwise 95 % interval, reach of the position, and the basis",
     "parameters": "Value in SI, standard error and 95 % interval (NaN: fixed, or fitted by recording), unit, meaning",
     "model": "Variant of the model",
     "actuator": "Chambers and valves",
@@ -128,9 +129,11 @@ def _content(fit: Fit) -> dict[str, Any]:
         "created_by": f"clutchid {version('clutchid')}",
         "status": fit.status,
         "message": fit.message,
+        "warnings": fit.warnings,
         "method": fit.method,
         "load": {
             **_arrays(curve_json(curve)),
+            "reach_m": reach(fit),
             "basis": load.basis,
             "knots_m": np.array(load.knots),
             "weights": np.array(load.theta),

@@ -1,7 +1,8 @@
 """MATLAB files: versions 4 to 7 and 7.3 are read, version 5 is written.
 
 A file that we write has the variables `time`, `position`, ... in SI, the struct `units`, and the metadata as JSON in
-`clutchid`. A blank in a name becomes an underscore, as names in MATLAB have no blanks.
+`clutchid_recording`, which is not the name of a fit's struct, so that `load` of both keeps both. A blank in a name
+becomes an underscore, as names in MATLAB have no blanks.
 """
 
 from __future__ import annotations
@@ -28,7 +29,9 @@ from clutchid.recordings.source import BLOCK, Places, Raster, Source, Table, own
 HEAD = 1024
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-_KEY = "clutchid"
+
+#: Variable of the metadata, and that of earlier versions, which is read.
+_KEY, _EARLIER = "clutchid_recording", "clutchid"
 _SHOWN = 3
 
 #: Samples that a variable of a MATLAB 5 file may have.
@@ -159,9 +162,10 @@ def _is_v4(head: bytes) -> bool:
 
 def _source(path: Path, version: _Version, head: bytes) -> Source:
     root = with_objects(path, version.contents(path))
-    mark = root.fields.get(_KEY)
+    key = _KEY if _KEY in root.fields else _EARLIER
+    mark = root.fields.get(key)
     own = own_metadata(mark.text) if isinstance(mark, CharArray) else None
-    root = Struct({name: node for name, node in root.fields.items() if own is None or name != _KEY})
+    root = Struct({name: node for name, node in root.fields.items() if own is None or name != key})
     with version.opened(path) as read:
 
         def peek(signal: ArrayChannel) -> FloatArray:
