@@ -28,7 +28,8 @@ def main() -> None:
             signal.signal(number, signal.default_int_handler)
         run()
     except KeyboardInterrupt:
-        sys.exit("clutchid: stopped.")
+        sys.stderr.write("clutchid: stopped.\n")
+        sys.exit(130)
     finally:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
 

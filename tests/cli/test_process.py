@@ -58,7 +58,7 @@ def test_an_interrupt_while_the_command_loads_or_ends_is_quiet(delay):
     done.send_signal(signal.SIGINT)
     _, said = done.communicate(timeout=60)
     assert "Traceback" not in said
-    assert done.returncode in (-signal.SIGINT, 1, 2)
+    assert done.returncode in (-signal.SIGINT, 130, 2)
 
 
 @pytest.mark.parametrize("options", [[], ["--json"]])
@@ -67,9 +67,71 @@ def test_an_interrupt_before_the_command_begins_is_one_sentence(options, monkeyp
         raise KeyboardInterrupt
 
     monkeypatch.setattr("cyclopts.App.__call__", interrupted)
-    assert called("look", "no.csv", *options) == 1
+    assert called("look", "no.csv", *options) == 130
     shown = capsys.readouterr()
     assert (json.loads(shown.out)["message"] if options else shown.err.strip()).endswith("stopped.")
+
+
+@pytest.mark.parametrize("options", [[], ["--json"]])
+@pytest.mark.parametrize(
+    ("command", "interrupted", "sentence"),
+    [
+        (["fleet", "F", "--start", "C", "--out", "R"], "clutchid.fleets.verbs.fleet",
+         "stopped: what has been read is kept in R; the same command goes on from there."),
+        (["drive", "--fleet", "3", "--out", "R"], "clutchid.fleets.virtual.write_fleet",
+         "stopped: R has a part of the fleet, without its tables; remove it, and give the same command again."),
+        (["drive", "--out", "r.csv"], "clutchid.truck.drive",
+         "stopped: no file is left half-written; the same command starts from the beginning."),
+        (["track", "r.csv", "--start", "C.toml", "--out", "w.parquet"], "clutchid.fleets.tracking.track",
+         "stopped: no file is left half-written; the same command starts from the beginning."),
+        (["look", "r.csv"], "clutchid.workflow.looking.looked",
+         "stopped: no file is left half-written; the same command starts from the beginning."),
+    ],
+)  # fmt: skip
+def test_an_interrupted_command_says_what_is_kept(command, interrupted, sentence, options, monkeypatch, capsys):
+    def stop(*_arguments, **_options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(interrupted, stop)
+    assert called(*command, *options) == 130
+    shown = capsys.readouterr()
+    assert (json.loads(shown.out)["message"] if options else shown.err.strip().removeprefix("clutchid: ")) == sentence
+
+
+def test_an_interrupted_evaluation_of_trucks_says_what_is_kept(monkeypatch, capsys):
+    def stop(*_arguments, **_options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("clutchid.study.proving.ground.prove", stop)
+    assert called("prove", "--out", "R") == 130
+    assert (
+        "the trucks that are done are kept in R; the same command goes on with the others." in capsys.readouterr().err
+    )
+
+
+ADDRESSES = ["s3://bucket/run.csv", "https://host/run.csv", "gs://bucket/run.csv", r"\\server\share\run.csv"]
+
+#: Commands that read or write at @.
+READING = [
+    "fit r.csv --start @", "look r.csv --map @", "fleet @ --start C.toml --out R", "fleet . --start @ --out R",
+    "fleet . --start C.toml --out @", "track @ --start C.toml --out w.parquet", "drive --out @", "paper --out @",
+    "track r.csv --start C.toml --table @ --out w.parquet", "drive --fleet 1 --out @", "prove --trucks 1 --out @",
+    "app --folder @", "app @",
+]  # fmt: skip
+
+
+@posix
+@pytest.mark.parametrize(
+    ("command", "address"), [*(("look @", one) for one in ADDRESSES), *((one, ADDRESSES[0]) for one in READING)]
+)
+def test_an_address_is_refused_with_what_to_do(command, address, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "r.csv").write_text("time [s],position [m],duty_supply [1],duty_exhaust [1]\n0,0,0,0\n1,0,0,0\n")
+    (tmp_path / "C.toml").write_text("[parameters]\n")
+    assert called(*command.replace("@", address).split()) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "is an address, and clutchid opens files and folders of this machine only: copy what is there" in said
+    assert {path.name for path in tmp_path.iterdir()} == {"r.csv", "C.toml"}
 
 
 def gone_terminal():
@@ -125,8 +187,8 @@ def test_one_signal_ends_a_command_that_waits_for_a_reader_that_has_stalled(tmp_
     _, said = done.communicate(timeout=20)
     os.close(reader)
     os.close(writer)
-    assert done.returncode == 1
-    assert said.splitlines() == ["clutchid: stopped."]
+    assert done.returncode == 130
+    assert " ".join(said.split()).startswith("clutchid: stopped: no file is left half-written;")
 
 
 @posix

@@ -13,7 +13,7 @@ from cyclopts.exceptions import CycloptsError
 
 from clutchid.cli.app import app as page
 from clutchid.cli.calibrate import calibrate
-from clutchid.cli.common import COMMON, DONE, FAILED, complain
+from clutchid.cli.common import COMMON, DONE, FAILED, INTERRUPTED, complain
 from clutchid.cli.completion import register_completion
 from clutchid.cli.cut import cut
 from clutchid.cli.drive import drive
@@ -77,7 +77,7 @@ def app() -> App:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and exit: 0 done, 1 failed, 2 bad input."""
+    """Run the command line and exit: 0 done, 1 failed, 2 bad input, 130 interrupted."""
     tokens = list(sys.argv[1:] if arguments is None else arguments)
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # an unprintable unit or name must not prevent the output
@@ -98,7 +98,8 @@ def _run(tokens: list[str]) -> int:
     try:
         code = app()(tokens, exit_on_error=False, print_error=False)
     except KeyboardInterrupt:  # before the command took over
-        return complain("stopped.", as_json="--json" in tokens, status="failed")
+        complain("stopped.", as_json="--json" in tokens, status="failed")
+        return INTERRUPTED
     except CycloptsError as error:
         if "--debug" in tokens:
             traceback.print_exc()

@@ -44,14 +44,23 @@ OutOption = Annotated[Path, OUTPUT]
 PathOutput = Annotated[Path | None, OUTPUT]
 OutputFlag = Annotated[Flag, OUTPUT]
 
-DONE, FAILED, BAD_INPUT = 0, 1, 2
+#: Exit codes; the last one, of Ctrl-C and SIGTERM, is that of shells.
+DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+#: What an interrupted command has kept, and what to do, by its name; other commands write their files at the end.
+_KEPT = {
+    "fleet": "what has been read is kept in {out}; the same command goes on from there.",
+    "prove": "the trucks that are done are kept in {out}; the same command goes on with the others.",
+    "drive --fleet": "{out} has a part of the fleet, without its tables; remove it, and give the same command again.",
+}
+_STARTS_AGAIN = "no file is left half-written; the same command starts from the beginning."
 
 
 def guarded(command: Callable[P, int]) -> Callable[P, int]:
     """The command, whose errors are one sentence, or with its option `json` an object, and an exit code.
 
-    The exit code is 2 for bad input and 1 for other errors. With its option `debug` the traceback goes to standard
-    error first. That standard output is lost is handled by `main`.
+    The exit code is 2 for bad input, 130 where it was interrupted, and 1 for other errors. With its option `debug` the
+    traceback goes to standard error first. That standard output is lost is handled by `main`.
     """
 
     @wraps(command)
@@ -62,13 +71,31 @@ def guarded(command: Callable[P, int]) -> Callable[P, int]:
             return command(*args, **kwargs)
         except OutputLost:
             raise
-        except (Exception, KeyboardInterrupt) as error:
+        except KeyboardInterrupt:
+            if debug:
+                traceback.print_exc()
+            complain(stopped(command.__name__, kwargs), as_json=as_json, status="failed")
+            return INTERRUPTED
+        except Exception as error:
             if debug:
                 traceback.print_exc()
             message, status = failure(error, debug=debug)
             return complain(message, as_json=as_json, status=status)
 
     return run
+
+
+def stopped(command: str, options: Mapping[str, Any]) -> str:
+    """What an interrupted command has kept, and what goes on with it.
+
+    Examples
+    --------
+    >>> stopped("fleet", {"out": Path("result")})
+    'stopped: what has been read is kept in result; the same command goes on from there.'
+    """
+    of_fleet = command == "drive" and bool(getattr(options.get("service"), "fleet", False))
+    words = _KEPT.get("drive --fleet" if of_fleet else command, _STARTS_AGAIN)
+    return f"stopped: {words.format(out=options.get('out'))}"
 
 
 def complain(message: str, *, as_json: bool, status: str) -> int:

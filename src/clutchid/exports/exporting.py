@@ -27,7 +27,7 @@ from clutchid.exports.target import example_files, target_costs, vectors
 from clutchid.log import Log, sample_interval
 from clutchid.observer.observer import Observer
 from clutchid.observer.state import ObserverState
-from clutchid.recordings.files import write_bytes
+from clutchid.recordings.files import not_an_address, write_bytes
 from clutchid.reports.observe_lines import results_dbc
 
 Target = Literal["c", "fmu2", "matlab", "a2l", "dbc"]
@@ -128,6 +128,7 @@ def write_export(
     ExportError
         If a file cannot be written, or the C does not compile.
     """
+    not_an_address(folder)
     if model and "fmu2" not in to:
         raise ParameterError("--model is written as an FMU: add fmu2 to --to, for example --to c,fmu2.")
     modules = observer_c99(observer, state, style, title)

@@ -18,7 +18,7 @@ from clutchid.fleets.store import Store, StoredResult
 from clutchid.fleets.tracking import SUFFIXES, name_of, recording_files
 from clutchid.names import as_text
 from clutchid.processes import FinishedWork, Pool
-from clutchid.recordings.files import digest, is_there
+from clutchid.recordings.files import digest, is_there, not_an_address
 from clutchid.wear.history import Listed
 from clutchid.wear.tables import read_fleet_table
 
@@ -64,6 +64,7 @@ def fleet_of(source: Path, start: Path) -> Fleet:
     ParameterError
         If no recording has a calibration.
     """
+    not_an_address(source)
     if not is_there(source):
         raise DataError(f"{source}: there is no such folder or table.")
     table = source if source.is_file() else source / TABLE
@@ -132,6 +133,7 @@ def _listed(rows: Mapping[tuple[str, str], Listed], files: Sequence[Path]) -> di
 
 def _calibrations(start: Path) -> dict[str, Path] | None:
     """Calibrations by type or vehicle; None where one serves all."""
+    not_an_address(start, "--start")
     if not is_there(start):
         raise ParameterError(f"--start {start}: there is no such file or folder.")
     if start.is_file():

@@ -26,7 +26,7 @@ from clutchid.fleets.store import STORE
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.names import as_text
 from clutchid.processes import check_workers
-from clutchid.recordings.files import write_frame
+from clutchid.recordings.files import not_an_address, write_frame
 from clutchid.recordings.strokes.vented_rest import Zero
 from clutchid.wear.history import Listed, arranged
 from clutchid.wear.life import Wear, wear_of
@@ -109,6 +109,7 @@ def recordings_of(paths: Sequence[Path], results: Sequence[Path] = ()) -> list[P
     found: list[Path] = []
     left = {path.resolve() for path in results}
     for path in paths:
+        not_an_address(path)
         if not path.exists():
             raise DataError(f"{path}: there is no such file or folder.")
         if path.is_dir():

@@ -17,7 +17,7 @@ from clutchid.estimation.assess.comparison import ENGAGING, half_load
 from clutchid.log import FloatArray
 from clutchid.processes import LostWork, check_workers, results
 from clutchid.recordings import write
-from clutchid.recordings.files import atomic_write
+from clutchid.recordings.files import atomic_write, not_an_address
 from clutchid.truck import aged, drive, load_curve, truck
 from clutchid.truck.families import label
 from clutchid.truck.service import Visit
@@ -94,6 +94,7 @@ def type_name(family: str, number: int) -> str:
 
 
 def _new_folders(out: Path, visits: Iterable[Visit]) -> None:
+    not_an_address(out, "--out")
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise ExportError(f"--out {out}: exists already; name a new folder for the fleet.")
     try:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import hashlib
 import os
+import re
 import secrets
 import shutil
 import stat
@@ -130,6 +131,33 @@ def check_writable(path: str | PathLike[str]) -> None:
         raise ExportError(f"{path}: the folder '{folder}' cannot be written ({reason_of(error)}).") from error
 
 
+#: Start of an address, of which `Path` keeps one slash, and of a share of another machine.
+_ADDRESS = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:[/\\]|//")
+
+
+def not_an_address(path: str | PathLike[str], option: str = "") -> None:
+    r"""Refuse an address such as ``s3://bucket/run.csv`` or ``\\server\share``, unless the system has such a path.
+
+    Raises
+    ------
+    DataError
+        If it is one; the text says what to do. `option` names it in messages.
+
+    Examples
+    --------
+    >>> not_an_address("s3://bucket/run.csv")  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    clutchid.errors.DataError: s3:/bucket/run.csv: is an address, ...
+    """
+    file = Path(path)
+    share = str(file).startswith("\\\\")
+    if (_ADDRESS.match(str(file)) or share) and not is_there(file):
+        raise DataError(
+            f"{option} {file}".strip() + ": is an address, and clutchid opens files and folders of this machine only: "
+            "copy what is there, or mount it, and name a path of this machine."
+        )
+
+
 def is_there(path: Path) -> bool:
     """Whether there is a file or folder; at a name that none can have, or cannot be looked at, there is none."""
     try:
@@ -146,6 +174,7 @@ def make_folder(folder: Path, option: str = "") -> None:
     ExportError
         If it cannot be created.
     """
+    not_an_address(folder, option)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -172,6 +201,7 @@ def opened(path: str | PathLike[str], what: str = "recording") -> BinaryIO:
     except (FileNotFoundError, NotADirectoryError):
         if file.is_symlink():
             raise DataError(f"{file}: is a link to '{file.readlink()}', which is not there.") from None
+        not_an_address(file)
         raise DataError(f"{file}: there is no such file{_nearest(file)}") from None
     except PermissionError:
         raise DataError(f"{file}: there is no permission to read it; change its owner or mode.") from None
@@ -243,6 +273,7 @@ def writable_target(path: str | PathLike[str]) -> Path:
         reason = reason_of(error) if isinstance(error, OSError) else "a loop of links"
         raise ExportError(f"{path}: cannot be written ({reason}); name another file.") from None
     if not target.parent.is_dir():
+        not_an_address(path)
         raise ExportError(f"{path}: the folder '{Path(path).parent}' does not exist; create it first.")
     if target.is_dir():
         raise ExportError(f"{path}: is a folder; name a file in it.")

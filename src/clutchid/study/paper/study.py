@@ -10,7 +10,7 @@ from pathlib import Path
 
 from clutchid.errors import ExportError
 from clutchid.log import Log
-from clutchid.recordings.files import check_writable, write_bytes
+from clutchid.recordings.files import check_writable, not_an_address, write_bytes
 from clutchid.reports.figures import png
 from clutchid.reports.html import render
 from clutchid.reports.tables import ReportTable, to_csv
@@ -105,6 +105,7 @@ def _folder(out: Path) -> Iterator[None]:
 
 def _make(out: Path) -> None:
     advice = "choose another one with --out."
+    not_an_address(out, "--out")
     try:
         out.resolve().mkdir(parents=True, exist_ok=True)
     except FileExistsError as error:

@@ -16,7 +16,7 @@ import numpy as np
 from clutchid.errors import ExportError
 from clutchid.fleets.cluster import ONE_WORKER, Workers, results, version_and_source
 from clutchid.processes import LostWork, check_workers
-from clutchid.recordings.files import write_text
+from clutchid.recordings.files import make_folder, write_text
 from clutchid.study.proving.scores import Answer, score
 from clutchid.study.proving.workflows import workflow
 from clutchid.truck import Drive, changed, drive, truck
@@ -188,10 +188,7 @@ def prove(
 def _folder(out: Path, name: str) -> Path:
     """Folder of the results of a workflow for the current settings, created if necessary."""
     folder = out / name.replace(":", "_").replace("/", "_")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ExportError(f"{out}: the folder cannot be created ({error.strerror}).") from error
+    make_folder(folder, "--out")
     known = _read(folder / "settings.json")
     if known is None:
         _write(folder / "settings.json", version_and_source())
