@@ -186,6 +186,11 @@ def in_order(rows: Mapping[str, Row], entry: Callable[[Row], _Ordered | None]) -
     return tuple(sorted(found, key=found.__getitem__))
 
 
+def known_ambient(P_0: float) -> float | None:
+    """The ambient pressure in Pa that is known with a P_0: none with that of Appendix A, which nobody has measured."""
+    return None if P_0 == Parameters().P_0 else P_0
+
+
 def _row(
     value: float, unit: str, meaning: str, low: float, high: float, *, above: bool = False, source: str = _APPENDIX,
     share: float | None = None, width: float | None = None, **facts: Any,

@@ -17,7 +17,7 @@ from fixtures.commands import called
 asammdf = pytest.importorskip("asammdf", reason="reading MDF is an extra")
 
 #: Ambient pressure in Pa, as that of gauge pressures by default.
-AMBIENT = 1.095e5
+AMBIENT = 1.013e5
 
 
 def in_german(log: Log, path: Path, zero: float = 0.0) -> Path:

@@ -61,6 +61,13 @@ def test_the_errors_of_position_alone_are_read_as_they_were(tmp_path):
     assert calibration_of(tmp_path / "CAL.toml", without).position_only is None
 
 
+def test_a_calibration_that_saw_no_settled_rest_keeps_that_and_an_older_file_saw_one(tmp_path):
+    assert calibration_of(tmp_path / "CAL.toml", replace(KEPT, vented=False)).vented is False
+    assert "vented" not in SECTION
+    (tmp_path / "OLDER.toml").write_text(SECTION)
+    assert read_parameters(tmp_path / "OLDER.toml").calibration.vented is True
+
+
 def changed_errors(**entries):
     """Section of the errors of position alone with some entries changed; None leaves one out."""
     section = calibration_section(KEPT)

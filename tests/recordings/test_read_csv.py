@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 import clutchid.recordings as cio
 from clutchid.errors import ParameterError
 from clutchid.log.units import UNITS
-from clutchid.parameters import Parameters
 from clutchid.recordings.formats.csv import file as csv_file
 from clutchid.recordings.formats.csv import lines as csv_lines
+from clutchid.recordings.signals.vented_pressure import VENTED_KEY
 
 INPUTS = "duty_supply [1],duty_exhaust [1]"
 USED = "the recording is used from its first to its last sample with all inputs."
@@ -39,7 +39,7 @@ def test_a_recording_is_read_in_si_with_its_origin(recording, save):
     assert dict(log.metadata) == {
         "source": "truck 7.csv",
         "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
-        "ambient_Pa": "109500.0",
+        "ambient_Pa": "101300.0",
         "dialect": "UTF-8, comma, decimal point, names on line 1, samples from line 2",
     }
 
@@ -58,19 +58,21 @@ def test_every_unit_is_converted(save):
 
 def test_gauge_pressure_is_raised_by_the_ambient_pressure(recording, save):
     path = save(recording(2, {(0, 4): "0", (1, 4): "7.905"}).replace("[Pa]", "[bar(g)]"))
-    assert cio.read(path)["pressure_a"].tolist() == [1.095e5, 9e5]
+    assert cio.read(path)["pressure_a"].tolist() == [1.013e5, 8.918e5]
     log = cio.read(path, ambient=1e5)
     assert log["pressure_a"][0] == 1e5
     assert log.metadata["ambient_Pa"] == "100000.0"
 
 
-def test_the_ambient_pressure_of_the_paper_is_the_default():
-    assert cio.AMBIENT == Parameters().P_0
+def test_an_ambient_pressure_that_is_stated_is_what_a_vented_chamber_has(recording, save):
+    path = save(recording(2))
+    assert VENTED_KEY not in cio.read(path).metadata
+    assert cio.read(path, ambient=95e3).metadata[VENTED_KEY] == "95000.0"
 
 
 @pytest.mark.parametrize("ambient", [0.0, -1.0, np.nan, np.inf])
 def test_an_ambient_pressure_is_above_zero(recording, save, ambient):
-    words = r"ambient = .* Pa: an absolute pressure must be above 0. Appendix A has 109500"
+    words = r"ambient = .* Pa: an absolute pressure must be above 0. "
     with pytest.raises(ParameterError, match=words):
         cio.read(save(recording()), ambient=ambient)
 

@@ -22,8 +22,8 @@ from clutchid.estimation.parameter_file import read_parameters
 from clutchid.estimation.result import calibrated_curve
 from clutchid.log import Log
 from clutchid.numerics.progress import Step
-from clutchid.parameters import Parameters
-from clutchid.recordings.checks import in_si
+from clutchid.parameters import known_ambient
+from clutchid.recordings.checks import AMBIENT, in_si
 from clutchid.recordings.columns import Heading
 from clutchid.recordings.map.channel_map import read_map
 from clutchid.recordings.opening import open_source
@@ -94,10 +94,15 @@ def _looked(source: Source, task: Task, events: Listener) -> dict[str, Any]:
     """The contents of a recording, the checks, and how its channels are plotted."""
     when_compiling(lambda _: events.progress("compiling", 0.9, "compiling the model, once per machine"))
     given = None if task.get("map") is None else read_map(task["map"])
-    ambient = pressure(task.get("ambient"), Parameters().P_0)
+    ambient = pressure(task.get("ambient"), None)
     folder = Path(task["folder"])
-    _write_clocks(source, given, ambient, folder)
-    about = {"ambient": ambient, "plots": _plots(source), "strokes": [], "checking": False}
+    _write_clocks(source, given, folder)
+    about = {
+        "ambient": AMBIENT if ambient is None else ambient,
+        "plots": _plots(source),
+        "strokes": [],
+        "checking": False,
+    }
     contents = contents_of(source, ambient, given)
     events.part(finite({**look_json(contents, None, ""), **about, "checking": True}))
     events.progress("checks", 0.9, "checks")
@@ -127,7 +132,7 @@ def cut_recording(task: Task, events: Listener) -> dict[str, Any]:
     source = stored(Path(task["source"]))
     given = None if task.get("map") is None else read_map(task["map"])
     chosen = {round(float(begin), 6) for begin in task["begins"]}
-    pieces = source_pieces(source, given, pressure(task.get("ambient"), Parameters().P_0))
+    pieces = source_pieces(source, given, pressure(task.get("ambient"), None))
     sections = [section for section in cut(pieces) if round(section.start, 6) in chosen]
     if not sections:
         raise DataError(f"{source.path.name}: no stroke is chosen.")
@@ -137,7 +142,7 @@ def cut_recording(task: Task, events: Listener) -> dict[str, Any]:
     return open_recording(task, events)
 
 
-def _write_clocks(source: Source, given: ChannelMap | None, ambient: float, folder: Path) -> None:
+def _write_clocks(source: Source, given: ChannelMap | None, folder: Path) -> None:
     """The time of every grid in s, as a column: that of the map, of the file, or the number of the sample."""
     from clutchid.recordings.map.picking import own_clock
 
@@ -155,7 +160,7 @@ def _write_clocks(source: Source, given: ChannelMap | None, ambient: float, fold
             if clock is None or clock.index not in table.numbers:
                 parts.append((done + np.arange(table.size)) / rate)
             else:
-                parts.append(in_si(clock, table.numbers[clock.index], ambient))
+                parts.append(in_si(clock, table.numbers[clock.index], AMBIENT))
             done += table.size
         write_column(folder, index, CLOCK, clock_column(np.concatenate(parts) if parts else np.empty(0)))
 
@@ -175,7 +180,9 @@ def _strokes(log: Log | None) -> list[dict[str, Any]]:
     return [{"kind": one.kind, "label": one.label, "begin": one.start, "end": one.end} for one in sections]
 
 
-def _read(items: Sequence[Task], actuator: Any, request: FitRequest, ambient: float, *, verify: bool) -> list[Log]:
+def _read(
+    items: Sequence[Task], actuator: Any, request: FitRequest, ambient: float | None, *, verify: bool
+) -> list[Log]:
     """Recordings, each with the channel map of its own; the problems of all are raised together."""
     logs, problems = [], []
     for item in items:
@@ -212,7 +219,7 @@ def fit(task: Task, events: Listener) -> dict[str, Any]:
     )
     start = None if task.get("start") is None else Path(task["start"])
     actuator, request = workflow.start_of(start, None, request)
-    ambient = pressure(options.get("ambient") or None, actuator.parameters.P_0)
+    ambient = pressure(options.get("ambient") or None, known_ambient(actuator.parameters.P_0))
     progress(Step("reading"))
     logs = _read(task["recordings"], actuator, request, ambient, verify=False)
     others = _read(task.get("verify", ()), actuator, request, ambient, verify=True)
@@ -377,7 +384,7 @@ def observe(task: Task, events: Listener) -> dict[str, Any]:
     content = workflow.start_file(Path(task["start"]), None)
     item = task["recording"]
     files = workflow.FileOptions(
-        content.actuator.parameters.P_0,
+        known_ambient(content.actuator.parameters.P_0),
         None if item.get("map") is None else Path(item["map"]),
         tuple(map(Path, item.get("dbc", ()))),
     )

@@ -142,7 +142,7 @@ def _finite(value: Any) -> Any:
 
 
 def pieces_of(
-    path: Path, ambient: float, map_: Path | None, dbc: Sequence[Path], show: Callable[[str, float], None]
+    path: Path, ambient: float | None, map_: Path | None, dbc: Sequence[Path], show: Callable[[str, float], None]
 ) -> Iterator[Log]:
     """A recording of any length in pieces, with its warnings on standard error and a progress bar."""
     from clutchid.recordings import read_pieces

@@ -25,7 +25,6 @@ from clutchid.cli.common import (
 )
 from clutchid.cli.terminal import put
 from clutchid.errors import DataError
-from clutchid.parameters import Parameters
 from clutchid.workflow.options import pressure
 
 if TYPE_CHECKING:
@@ -64,7 +63,7 @@ def cut(
     dbc
         DBC files that decode a bus log; several may follow each other.
     ambient
-        Ambient pressure for gauge units, for example 1.013bar; P_0 by default.
+        Ambient pressure for gauge units; 1.013bar by default.
     debug
         Show the traceback of an error.
     """
@@ -75,7 +74,7 @@ def cut(
     check_outputs({"--out": out, "--table": table}, [("the recording itself", recording)])
     counts: Counter[str] = Counter()
     with progress_bar("cut") as show:
-        pieces = pieces_of(recording, pressure(ambient, Parameters().P_0), map_, tuple(dbc or ()), show)
+        pieces = pieces_of(recording, pressure(ambient, None), map_, tuple(dbc or ()), show)
         sections = sections_of(pieces)
         if table is None:
             chosen = choose(_counted(sections, counts, lambda _: None), seconds)

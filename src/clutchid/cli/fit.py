@@ -35,6 +35,7 @@ from clutchid.cli.common import (
 from clutchid.cli.terminal import WIDTH, print_rows, printable_lines, put
 from clutchid.errors import ExportError, ParameterError
 from clutchid.names import printable
+from clutchid.parameters import known_ambient
 from clutchid.workflow.options import bounds, pressure, priors
 
 if TYPE_CHECKING:
@@ -144,7 +145,8 @@ class FitOptions:
     report
         Write a self-contained HTML page.
     ambient
-        Ambient pressure for gauge units, for example 1.013bar; P_0 by default.
+        Ambient pressure, for example 1.013bar: a calibration takes it for that of the vented chamber, and gauge units
+        count from it; for these P_0 of the start file by default, else 1.013bar.
     map_
         Channel map (TOML) of the recordings, as written by `clutchid look --save`.
     dbc
@@ -263,7 +265,7 @@ def fitted(verb: str, logs: Sequence[Path], measure: str, free: str, start: Path
     for path in saves:
         workflow.check_save(path)
     actuator, request = workflow.start_of(start, model_of(options.model), request)
-    ambient = pressure(options.ambient, actuator.parameters.P_0)
+    ambient = pressure(options.ambient, known_ambient(actuator.parameters.P_0))
     files = workflow.FileOptions(ambient, options.map_, tuple(options.dbc or ()))
     with progress_bar(verb) as show:
         usual = CALIBRATION if request.automatic else ESTIMATE

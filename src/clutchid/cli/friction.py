@@ -13,7 +13,7 @@ from clutchid.cli.common import DONE, AmbientOption, MapOption, OutputFlag, guar
 from clutchid.cli.terminal import put, say
 from clutchid.errors import ParameterError
 from clutchid.log import Log
-from clutchid.parameters import Parameters
+from clutchid.recordings.checks import AMBIENT
 from clutchid.workflow import FileOptions, read_recordings
 from clutchid.workflow.options import pressure
 
@@ -49,13 +49,13 @@ def friction(
     map_
         Channel map (TOML) of the recordings, as written by `clutchid look --save`.
     ambient
-        Ambient pressure, for example 1.013bar; P_0 by default.
+        Ambient pressure; 1.013bar by default.
     json
         Print one JSON object on standard output.
     debug
         Show the traceback of an error.
     """
-    outside = pressure(ambient, Parameters().P_0)
+    outside = pressure(ambient, AMBIENT)
     fixed = _fixed(fix or (), inertia, law, area)
     logs = read_recordings(files, FileOptions(outside, map_), required=("time", "position", "force"))
     text, content = _lugre(logs, fixed, inertia or 0.0) if law == "lugre" else _coulomb(logs, outside, area)

@@ -20,7 +20,7 @@ from clutchid.cli.common import (
     print_written,
 )
 from clutchid.cli.terminal import put, sentences
-from clutchid.parameters import Parameters
+from clutchid.parameters import known_ambient
 from clutchid.workflow import start_file
 from clutchid.workflow.options import pressure
 
@@ -51,7 +51,7 @@ def look(
     dbc
         DBC files that decode a bus log; several may follow each other.
     ambient
-        Ambient pressure for gauge units, for example 1.013bar; P_0 by default.
+        Ambient pressure for gauge units; P_0 of the calibration by default, else 1.013bar.
     start
         Calibration (TOML) that the recording is compared with: its actuator, and where its vented rest was.
     json
@@ -65,7 +65,7 @@ def look(
 
     check_outputs({"--save": save}, [("the recording itself", file), ("the calibration", start)])
     content = None if start is None else start_file(start, None)
-    at = pressure(ambient, (content.actuator.parameters if content else Parameters()).P_0)
+    at = pressure(ambient, known_ambient(content.actuator.parameters.P_0) if content else None)
     given = None if map_ is None else read_map(map_)
     found = looked(file, at, tuple(dbc or ()), given, content)
     contents = found.contents

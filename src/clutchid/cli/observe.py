@@ -11,6 +11,8 @@ from clutchid.cli.common import DONE, guarded
 from clutchid.cli.observe_live import observe_live
 from clutchid.cli.observe_output import STANDARD_INPUT, ObserveOptions, answer, calibration_file, is_live
 from clutchid.errors import ParameterError
+from clutchid.parameters import known_ambient
+from clutchid.recordings.checks import AMBIENT
 from clutchid.workflow import FileOptions, fast_enough, inspected, observed, read_recordings
 from clutchid.workflow.options import pressure
 
@@ -37,9 +39,9 @@ def observe(
         raise ParameterError(f"Unknown option: {log}. Try 'clutchid observe --help'.")
     options.check(log)
     content = calibration_file(options.start)
-    air = pressure(options.ambient, content.actuator.parameters.P_0)
+    air = pressure(options.ambient, known_ambient(content.actuator.parameters.P_0))
     if options.follow or is_live(log):
-        return observe_live(log, content, options, air)
+        return observe_live(log, content, options, AMBIENT if air is None else air)
     files = FileOptions(air, options.map_, tuple(options.dbc or ()))
     read = read_recordings([log], files, content.actuator.equipment)
     (checked,) = inspected(read, content.actuator, force=options.force, rest=content.rest, zero=options.zero)

@@ -8,7 +8,6 @@ from typing import Annotated
 from clutchid.cli.common import DONE, FILES, AmbientOption, OutOption, OutputFlag, guarded, progress_bar
 from clutchid.cli.terminal import put
 from clutchid.errors import ParameterError
-from clutchid.parameters import Parameters
 from clutchid.workflow import FileOptions, read_recordings
 from clutchid.workflow.options import pressure
 
@@ -33,7 +32,7 @@ def paper(
     verify
         Recording for verification.
     ambient
-        Ambient pressure for gauge units, for example 1.013bar; P_0 by default.
+        Ambient pressure for gauge units; 1.013bar by default.
     debug
         Show the traceback of an error.
     """
@@ -44,7 +43,7 @@ def paper(
     if fit is None or verify is None:
         fitted, verified = halves(bundled_recording())
     else:
-        fitted, verified = read_recordings([fit, verify], FileOptions(pressure(ambient, Parameters().P_0)))
+        fitted, verified = read_recordings([fit, verify], FileOptions(pressure(ambient, None)))
     with progress_bar("paper") as show:
         paper_study(fitted, verified, out, progress=show)
     put(f"The page: {(out / 'index.html').resolve()}")

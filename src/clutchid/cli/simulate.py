@@ -24,6 +24,7 @@ from clutchid.cli.common import (
     print_written,
 )
 from clutchid.cli.terminal import put, say
+from clutchid.parameters import known_ambient
 from clutchid.workflow import FileOptions, inspected, read_recordings, start_file
 from clutchid.workflow.options import pressure
 
@@ -100,7 +101,10 @@ def simulate(
     ]
     check_outputs({"--out": out}, inputs)
     partition, content = partition_of(every, parts, carry), start_file(parameters, model_of(model))
-    air, files = pressure(ambient, content.actuator.parameters.P_0), [log] if band is None else [log, band]
+    air, files = (
+        pressure(ambient, known_ambient(content.actuator.parameters.P_0)),
+        [log] if band is None else [log, band],
+    )
     read = read_recordings(files, FileOptions(air, map_, tuple(dbc or ())), content.actuator.equipment)
     rested = [content.from_rest(values_of(each, content.actuator).warned) for each in read]
     recording, *others = inspected([one.log for one in rested], content.actuator, force=force)

@@ -18,8 +18,7 @@ from clutchid.preparation.inspection.reading import InspectedRecording
 from clutchid.preparation.prepare import FROM_POSITION_ALONE
 from clutchid.preparation.pulses import centred, find_carrier
 from clutchid.recordings.signals.duty_cycle import duty_grid, duty_period, grid_phase, on_off
-from clutchid.recordings.signals.excitation import VENTED_POSITION
-from clutchid.recordings.signals.sampled import runs
+from clutchid.recordings.signals.vented_pressure import SIGNIFICANT, lowest_pressure, vented_pressure, vented_prior
 
 #: The default model of a calibration, and the one in its place where the valves have a carrier.
 AUTOMATIC, WITH_CARRIER = "energy-balance-stribeck-proportional", "energy-balance-stribeck"
@@ -28,22 +27,18 @@ AUTOMATIC, WITH_CARRIER = "energy-balance-stribeck-proportional", "energy-balanc
 #: periods, of which one has no influence while the other is 0; delay of an on/off valve.
 LAG, DECAY, TRAVEL, ON_OFF_DELAY = 1.5e-3, 0.1, 0.1, 0.5
 
-#: The chamber is vented if its pressure is above ambient by less than this, in Pa; range of the ambient pressure on
-#: land.
-VENTED, AMBIENT = 2e4, (0.5e5, 1.2e5)
+#: Standard deviation in Pa of the lowest of all mean pressures over a tenth of a second.
+LOWEST_STD = 1e3
 
-#: Fewest samples of a rest for its pressure.
-RESTING = 20
-
-#: Standard deviation in Pa of the ambient pressure from a vented rest of some hundred samples.
-VENTED_STD = 100.0
+#: Range in Pa of the ambient pressure on land, and how far the lowest pressure of a recording may lie above it.
+ON_LAND, VENTED = (0.5e5, 1.2e5), 2e4
 
 
 def automatic(logs: Sequence[Log], actuator: Actuator) -> tuple[Actuator, tuple[str, ...], dict[str, Prior]]:
     """Start values of a calibration with a free load and the identified carrier; free parameters; priors.
 
     The period of the duty cycles is that of the first recording. The ambient pressure is taken from the vented rest, so
-    that an offset of the sensor cancels in the load.
+    that an offset of the sensor cancels in the load; see `ambient_priors`.
 
     Raises
     ------
@@ -51,8 +46,8 @@ def automatic(logs: Sequence[Log], actuator: Actuator) -> tuple[Actuator, tuple[
         If a recording has no pressure, or the chamber never vents.
     """
     _check(logs, actuator)
-    ambient = float(np.median([_vented_pressure(log) for log in logs]))
-    changes = {"P_0": ambient, "tau_y": LAG, "tau_p": LAG}
+    ambient = ambient_priors(logs)
+    changes = {"P_0": float(np.median([prior.mean for prior in ambient.values()])), "tau_y": LAG, "tau_p": LAG}
     pulsed = replace(actuator, model=WITH_CARRIER) if actuator.model == AUTOMATIC else actuator
     found = _carrier(logs[0], pulsed) if _can_switch(pulsed) else {}
     actuator, changes = (pulsed if found else actuator), changes | found
@@ -62,8 +57,35 @@ def automatic(logs: Sequence[Log], actuator: Actuator) -> tuple[Actuator, tuple[
     renewed = duty_period(logs[0])
     renewed = actuator.duty_period if renewed is None else renewed
     begin = replace(actuator, load=load, duty_period=renewed).replace(changes)
-    priors = {"P_0": Prior(ambient, VENTED_STD), "y_max": far_stop(begin, max(log.reach() for log in logs))}
-    return begin, (*load.names, *free), priors
+    names = [name for item in free for name in (ambient if item == "P_0" else (item,))]
+    return begin, (*load.names, *names), {**ambient, "y_max": far_stop(begin, max(log.reach() for log in logs))}
+
+
+def ambient_priors(logs: Sequence[Log]) -> dict[str, Prior]:
+    """Prior of P_0, or of the P_0@STEM of each recording where they are not of one ambient pressure.
+
+    Settled vented rests give it, weighted by their variances. Recordings share it where these agree, and where no
+    pressure of one without such a rest lies below.
+    """
+    rests, lowest = [vented_pressure(log) for log in logs], [lowest_pressure(log) for log in logs]
+    settled = [rest for rest in rests if rest is not None]
+    if settled:
+        weights = np.array([rest.std**-2 for rest in settled])
+        means = np.array([rest.mean for rest in settled])
+        mean, std = float(weights @ means / weights.sum()), float(weights.sum() ** -0.5)
+        apart = np.abs(means - mean) > SIGNIFICANT * np.array([rest.std for rest in settled])
+        below = [low < mean - SIGNIFICANT * LOWEST_STD for low, rest in zip(lowest, rests, strict=True) if rest is None]
+        if not apart.any() and not any(below):
+            return {"P_0": Prior(mean, std)}
+        of_logs = zip(logs, rests, lowest, strict=True)
+        return {f"P_0@{log.name}": Prior(*rest) if rest else _unseen(log, low) for log, rest, low in of_logs}
+    return {"P_0": min((_unseen(*one) for one in zip(logs, lowest, strict=True)), key=lambda prior: prior.std)}
+
+
+def _unseen(log: Log, lowest: float) -> Prior:
+    """Prior of the ambient pressure without a settled rest: no pressure of a recording lies below it."""
+    prior = vented_prior(log)
+    return Prior(min(prior.mean, lowest), prior.std)
 
 
 def freed(actuator: Actuator) -> tuple[str, ...]:
@@ -105,26 +127,14 @@ def _check(logs: Sequence[Log], actuator: Actuator) -> None:
     for log in logs:
         if "pressure_a" not in log or not np.isfinite(log["pressure_a"]).any():
             problems.append(f"{log.name}: no pressure_a; 'auto' needs a recording with pressure. {FROM_POSITION_ALONE}")
-        elif not AMBIENT[0] < _vented_pressure(log) < min(AMBIENT[1] + VENTED, actuator.parameters.P_S):
+            continue
+        lowest = float(np.nanpercentile(log["pressure_a"], 1.0))
+        if not ON_LAND[0] < lowest < min(ON_LAND[1] + VENTED, actuator.parameters.P_S):
             unit = pressure_unit(InspectedRecording(log, actuator))
             never = (
-                f"the chamber never vents, its lowest pressure is {_vented_pressure(log) / 1e5:.2f} bar; a calibration "
+                f"the chamber never vents, its lowest pressure is {lowest / 1e5:.2f} bar; a calibration "
                 "needs the vented rest as its reference. Record a second or more with the exhaust valve open."
             )
             problems.append(f"{log.name}: {never if unit.grade == 'good' else unit.sentence}")
     if problems:
         raise DataError("\n".join(problems))
-
-
-def _vented_pressure(log: Log) -> float:
-    """Pressure of the vented chamber: at the first rest, else at the end of a later one, else the minimum.
-
-    The chamber empties after the piston has returned, so that only the second half of a later rest is used.
-    """
-    pressure, known = log["pressure_a"], np.isfinite(log["pressure_a"])
-    lowest = float(np.percentile(pressure[known], 1.0))
-    idle = (np.abs(np.nan_to_num(log["position"])) <= VENTED_POSITION) & ~(log["duty_supply"] > 0.0)
-    spans = [(a if a == 0 else (a + b) // 2, b) for a, b in runs(idle)]
-    rests = {a: float(np.median(pressure[a:b][known[a:b]])) for a, b in spans if known[a:b].sum() >= RESTING}
-    vented = {a: found for a, found in rests.items() if found < lowest + VENTED}
-    return vented.get(0, min(vented.values(), default=lowest))

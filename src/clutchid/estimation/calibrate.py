@@ -34,6 +34,7 @@ from clutchid.names import ParameterName, base_of
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.progress import Progress, report
 from clutchid.preparation.prepare import FROM_POSITION_ALONE
+from clutchid.recordings.signals.vented_pressure import vented_pressure
 from clutchid.recordings.strokes.vented_rest import merged, vented_rest
 
 
@@ -242,6 +243,7 @@ def calibration_of(result: Fit, actuator: Actuator) -> Calibration:
         theta_covariance=result.covariance[np.ix_(weights, weights)],
         converged=result.converged,
         rest=merged([vented_rest(recording.measured) for recording in result.recordings.values()]),
+        vented=any(vented_pressure(recording.measured) for recording in result.recordings.values()),
     )
 
 

@@ -25,6 +25,7 @@ from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import listed_names, unknown_name
 from clutchid.numerics.progress import Progress, report, within
+from clutchid.parameters import known_ambient
 from clutchid.preparation.prepare import check_recordings, driven, usable
 from clutchid.preparation.pulses import lacks_changes
 from clutchid.recordings.strokes.vented_rest import Zero, from_rest
@@ -189,7 +190,7 @@ def recordings_of(logs: Sequence[LogOrPath], actuator: Actuator) -> list[Log]:
     """The logs, with those read that are given as paths; a `DataError` lists the problems of all files."""
     from clutchid.recordings import read, read_each
 
-    ambient, required = actuator.parameters.P_0, ("time", "position", *actuator.equipment.recorded)
+    ambient, required = known_ambient(actuator.parameters.P_0), ("time", "position", *actuator.equipment.recorded)
     return read_each(logs, lambda log: log if isinstance(log, Log) else read(log, ambient=ambient, required=required))
 
 

@@ -50,7 +50,7 @@ FORMAT = 1
 #: Fields of a calibration in its section, in this order.
 _CALIBRATED = (
     "names", "covariance", "converged", "theta", "theta_covariance", "origin", "conditions", "nis", "rest",
-    "position_only",
+    "vented", "position_only",
 )  # fmt: skip
 
 #: What is read for an entry that a section lacks, beside the defaults of its record: there may be no level, and a
@@ -76,6 +76,7 @@ _RULES = {
     "theta": Rule(_LOAD, lambda theta: bool(np.isfinite(theta).all())),
     "theta_covariance": Rule(_LOAD),
     "converged": Rule(f"true or false is needed{_AGAIN}"),
+    "vented": Rule(f"true or false is needed{_AGAIN}"),
     "nis": Rule(f"a number above 0 is needed{_AGAIN}", lambda nis: 0.0 < nis < math.inf),
     "conditions": Rule(
         f"temperature in K, supply and supply_estimated in Pa, above 0, are allowed{_AGAIN}",

@@ -17,6 +17,7 @@ from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.request import FitRequest
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.names import as_text
+from clutchid.parameters import known_ambient
 from clutchid.processes import LostWork
 from clutchid.recordings.files import digest
 from clutchid.recordings.strokes.vented_rest import Zero, from_rest
@@ -93,7 +94,7 @@ def _read(options: ReadingOptions, start: Path, path: Path) -> RecordingResult:
         checksum = digest(path)
         content = _calibration(start, digest(start))
         actuator = content.actuator
-        ambient = actuator.parameters.P_0 if np.isnan(options.ambient) else options.ambient
+        ambient = known_ambient(actuator.parameters.P_0) if np.isnan(options.ambient) else options.ambient
         files = workflow.FileOptions(ambient, options.channel_map, options.dbc)
         (log,) = workflow.read_recordings([path], files, actuator.equipment)
         clock = str(log.metadata.get("start", ""))

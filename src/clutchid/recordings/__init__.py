@@ -16,6 +16,7 @@ from clutchid.recordings.checks import AMBIENT, check_ambient
 from clutchid.recordings.columns import REQUIRED
 from clutchid.recordings.files import atomic_write, digest, reading
 from clutchid.recordings.opening import open_source
+from clutchid.recordings.signals.vented_pressure import VENTED_KEY
 from clutchid.recordings.source import BLOCK, Source, in_contract
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ __all__ = ["AMBIENT", "atomic_write", "read", "read_each", "read_pieces", "write
 def read(
     path: str | PathLike[str],
     *,
-    ambient: float = AMBIENT,
+    ambient: float | None = None,
     channels: ChannelMap | str | PathLike[str] | None = None,
     dbc: Sequence[str | PathLike[str]] = (),
     required: Sequence[str] = REQUIRED,
@@ -44,8 +45,9 @@ def read(
     ----------
     path
         File (CSV, Parquet, MDF, MATLAB, BLF, ASC); its name without suffix is the name of the log.
-    ambient : Pa
-        Absolute pressure, above 0, that is added to gauge pressures such as ``bar(g)``.
+    ambient : Pa, optional
+        Absolute pressure, above 0, that is added to gauge pressures such as ``bar(g)``, and that a vented chamber has;
+        by default the standard atmosphere of 101,300 Pa is added, and nothing is known of the chamber.
     channels
         A channel map, or the path of one (TOML).
     dbc
@@ -107,7 +109,7 @@ def read_each(items: Iterable[Item], read_one: Callable[[Item], Log]) -> list[Lo
 def read_pieces(
     path: str | PathLike[str],
     *,
-    ambient: float = AMBIENT,
+    ambient: float | None = None,
     channels: ChannelMap | str | PathLike[str] | None = None,
     dbc: Sequence[str | PathLike[str]] = (),
     required: Sequence[str] = REQUIRED,
@@ -156,7 +158,7 @@ def read_pieces(
 def source_pieces(
     source: Source,
     given: ChannelMap | None = None,
-    ambient: float = AMBIENT,
+    ambient: float | None = None,
     required: Sequence[str] = REQUIRED,
     rows: int | None = BLOCK,
     progress: Callable[[int, int], None] | None = None,
@@ -164,7 +166,10 @@ def source_pieces(
     """Consecutive logs of an opened file, with a channel map or without, see `read_pieces`."""
     from clutchid.recordings.recording import pieces
 
-    metadata = {"source": printable(source.path.name), "ambient_Pa": repr(float(ambient))}
+    added = AMBIENT if ambient is None else float(ambient)
+    metadata = {"source": printable(source.path.name), "ambient_Pa": repr(added)}
+    if ambient is not None:
+        metadata[VENTED_KEY] = repr(added)
     if rows is None:
         metadata["sha256"] = digest(source.path)
     if given is None and not in_contract(source):
@@ -172,7 +177,7 @@ def source_pieces(
 
         given = map_for(source, required)
     done, size = 0, max((raster.size for raster in source.rasters), default=0)
-    for log in _from_disk(source.path, pieces(source, given, ambient, required, rows)):
+    for log in _from_disk(source.path, pieces(source, given, added, required, rows)):
         yield replace(log, metadata={**log.metadata, **metadata})
         done += len(log)
         if progress is not None:

@@ -18,8 +18,8 @@ from clutchid.recordings.messages import SHOWN, listed, quantity
 from clutchid.recordings.source import Places, Rows, Table
 from clutchid.recordings.time_axis import holes, usual_interval
 
-#: Ambient pressure in Pa that is added to gauge pressures, P_0 of Appendix A.
-AMBIENT = 1.095e5
+#: Ambient pressure in Pa that is added to gauge pressures where none is known: the standard atmosphere, ISO 2533.
+AMBIENT = 1.013e5
 
 #: Up to this share of a column, samples that are none of their quantity are dropouts or codes for none, which
 #: `clutchid.recordings.signals.values` leaves out; more are a wrong unit, sign or channel: percent, a gauge pressure.
@@ -82,17 +82,17 @@ def check(table: Table, ambient: float = AMBIENT) -> Checked:
     return Checked({name: columns[0].values for name, columns in groups.items()}, tuple(problems), tuple(warnings))
 
 
-def check_ambient(ambient: float) -> None:
-    """Check that `ambient` in Pa is an absolute pressure.
+def check_ambient(ambient: float | None) -> None:
+    """Check that `ambient` in Pa is an absolute pressure, if it is known.
 
     Raises
     ------
     ParameterError
         If it is not above 0.
     """
-    if not (math.isfinite(ambient) and ambient > 0):
+    if ambient is not None and not (math.isfinite(ambient) and ambient > 0):
         raise ParameterError(
-            f"ambient = {ambient:g} Pa: an absolute pressure must be above 0. Appendix A has {AMBIENT:g}."
+            f"ambient = {ambient:g} Pa: an absolute pressure must be above 0, at sea level {AMBIENT:g}."
         )
 
 

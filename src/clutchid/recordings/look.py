@@ -29,7 +29,7 @@ _RIG = ("time", "position", "force")
 
 def look(
     path: str | PathLike[str],
-    ambient: float = AMBIENT,
+    ambient: float | None = None,
     dbc: Sequence[str | PathLike[str]] = (),
     channels: ChannelMap | None = None,
 ) -> FileOverview:
@@ -39,8 +39,8 @@ def look(
     ----------
     path
         The file.
-    ambient : Pa
-        Absolute pressure, above 0, that is added to gauge pressures such as ``bar(g)``.
+    ambient : Pa, optional
+        Absolute pressure, above 0, that is added to gauge pressures such as ``bar(g)``; by default 101,300 Pa.
     dbc
         DBC files that decode a bus log, besides those of the map.
     channels
@@ -76,8 +76,11 @@ def look(
     return replace(overview_of(open_source(path, files), ambient, files, channels), source=str(path))
 
 
-def overview_of(source: Source, ambient: float, files: tuple[Path, ...], channels: ChannelMap | None) -> FileOverview:
+def overview_of(
+    source: Source, ambient: float | None, files: tuple[Path, ...], channels: ChannelMap | None
+) -> FileOverview:
     """Contents of an opened file, see `look`; `files` are the DBC files that decode it."""
+    ambient = AMBIENT if ambient is None else ambient
     proposal = propose(source)
     proposal = replace(proposal, channels=replace(proposal.channels, dbc=files))
     if channels is not None:

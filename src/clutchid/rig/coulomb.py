@@ -10,7 +10,7 @@ import numpy as np
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.log import FloatArray, Log, holes
-from clutchid.parameters import Parameters
+from clutchid.recordings.checks import AMBIENT
 from clutchid.recordings.signals.sampled import runs, velocity
 from clutchid.rig.weighted import (
     Component,
@@ -323,7 +323,7 @@ def _all_cycles(
 
 
 def _ambient(log: Log) -> float:
-    return float(log.metadata.get("ambient_Pa", Parameters().P_0))
+    return float(log.metadata.get("ambient_Pa", AMBIENT))
 
 
 @dataclass(frozen=True, slots=True)

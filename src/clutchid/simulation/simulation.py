@@ -13,6 +13,7 @@ from clutchid.errors import ParameterError, SolveError
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import check_names, listed_names
+from clutchid.parameters import known_ambient
 from clutchid.recordings.signals.values import values_of
 from clutchid.simulation.divergence import failure_message
 from clutchid.simulation.inputs import cut_warnings, input_span, with_inputs
@@ -169,7 +170,7 @@ def _known(names: str | Sequence[str], actuator: Actuator) -> tuple[str, ...]:
 def _read(path: str | PathLike[str], actuator: Actuator) -> Log:
     from clutchid.recordings import read
 
-    return read(path, ambient=actuator.parameters.P_0, required=("time", *actuator.equipment.recorded))
+    return read(path, ambient=known_ambient(actuator.parameters.P_0), required=("time", *actuator.equipment.recorded))
 
 
 def simulated_log(prepared: Plan, states: FloatArray, actuator: Actuator) -> Log:

@@ -32,9 +32,9 @@ REFUSED = "Correct the recording or its channel map, or go on with --force."
 
 @dataclass(frozen=True, slots=True)
 class FileOptions:
-    """Options for reading files: ambient pressure in Pa for gauge units, channel map, and DBC files of bus logs."""
+    """Options for reading files: ambient pressure in Pa if known, channel map, and DBC files of bus logs."""
 
-    ambient: float
+    ambient: float | None = None
     channel_map: Path | None = None
     dbc: tuple[Path, ...] = ()
 

@@ -44,7 +44,11 @@ class Looked:
 
 
 def looked(
-    file: Path, ambient: float, dbc: tuple[Path, ...], given: ChannelMap | None, content: ParameterFile | None = None
+    file: Path,
+    ambient: float | None,
+    dbc: tuple[Path, ...],
+    given: ChannelMap | None,
+    content: ParameterFile | None = None,
 ) -> Looked:
     """Look at a file, and check it against the calibration `content`, if there is one.
 
@@ -61,7 +65,7 @@ def looked(
     return _checked(contents, given, content, read)
 
 
-def contents_of(source: Source, ambient: float, given: ChannelMap | None) -> FileOverview:
+def contents_of(source: Source, ambient: float | None, given: ChannelMap | None) -> FileOverview:
     """The contents of an opened file, such as one of stored columns."""
     return overview_of(source, ambient, given.dbc if given else (), given)
 
@@ -69,7 +73,7 @@ def contents_of(source: Source, ambient: float, given: ChannelMap | None) -> Fil
 def checked(
     source: Source,
     contents: FileOverview,
-    ambient: float,
+    ambient: float | None,
     given: ChannelMap | None,
     content: ParameterFile | None = None,
 ) -> Looked:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from clutchid.errors import ParameterError
 from clutchid.log.units import UNITS, known_units
@@ -14,7 +14,10 @@ if TYPE_CHECKING:
     from clutchid.inference.uncertainty.coordinates import Prior
 
 
-def pressure(text: str | None, default: float) -> float:
+Default = TypeVar("Default", float, float | None)
+
+
+def pressure(text: str | None, default: Default) -> float | Default:
     """A pressure option in Pa: a number in Pa, or with a unit."""
     if text is None:
         return default

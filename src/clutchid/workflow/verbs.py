@@ -15,7 +15,6 @@ from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.progress import Progress
-from clutchid.parameters import Parameters
 from clutchid.recordings import AMBIENT
 from clutchid.recordings.strokes.vented_rest import Zero
 from clutchid.simulation.partition import Partition
@@ -285,7 +284,7 @@ def cut(
     recording: LogOrPath,
     *,
     seconds: float = 60.0,
-    ambient: float = AMBIENT,
+    ambient: float | None = None,
     channels: ChannelMap | str | PathLike[str] | None = None,
     dbc: Sequence[str | PathLike[str]] = (),
 ) -> Log:
@@ -297,8 +296,8 @@ def cut(
         Of any length; a file is read in pieces.
     seconds : s
         Greatest total length of the strokes.
-    ambient : Pa
-        Ambient pressure for gauge units.
+    ambient : Pa, optional
+        Ambient pressure for gauge units, by default 101,300 Pa.
     channels, dbc
         As in `clutchid.read`.
 
@@ -354,7 +353,7 @@ def friction(
         Coulomb friction at each constant pressure, see `clutchid.rig.coulomb_friction`; or F_C, K_z, D_v and D_zdot of
         each recording, see `clutchid.rig.fit_lugre`.
     ambient : Pa, optional
-        Ambient pressure; P_0 by default.
+        Ambient pressure, by default 101,300 Pa.
     area : m², optional
         Slope of the force over the pressure, if known; for 'coulomb'.
     fixed : {name: value}, optional
@@ -387,7 +386,7 @@ def friction(
     from clutchid.recordings import read
     from clutchid.rig import coulomb_friction, fit_lugre
 
-    outside, needed = Parameters().P_0 if ambient is None else ambient, ("time", "position", "force")
+    outside, needed = AMBIENT if ambient is None else ambient, ("time", "position", "force")
     several = [logs] if isinstance(logs, Log | str | PathLike) else logs
     recordings = [one if isinstance(one, Log) else read(one, ambient=outside, required=needed) for one in several]
     if law == "lugre":

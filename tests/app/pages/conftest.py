@@ -50,7 +50,7 @@ def files(tmp_path_factory):
         "Kupplungsweg_Ist": (1e3 * log["position"], "mm"),
         "Tastverhältnis_Belüftung": (100 * log["duty_supply"], "%"),
         "Tastverhältnis_Entlüftung": (100 * log["duty_exhaust"], "%"),
-        "Druck_Zylinder": ((log["pressure_a"] - 1.095e5) / 1e5, "bar"),
+        "Druck_Zylinder": ((log["pressure_a"] - 1.013e5) / 1e5, "bar"),
     }
     slow = np.arange(500) / 50
     with asammdf.MDF(version="4.10") as mdf:

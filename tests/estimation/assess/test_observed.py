@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from clutchid.estimation.assess.evidence import Reason
 from clutchid.estimation.assess.observed import FLAGGED, Indicators, indicators, observed_verdict
 from clutchid.observer import observe_recording, observer
 from clutchid.observer.health import FLAGS, VALUE_FLAGS
@@ -31,6 +32,7 @@ GOOD = Indicators(True, 12, 0.03, 1.1, dict.fromkeys(FLAGS, 0.0), False)
         ({"flagged": {"leak": 0.01}}, "with care", "leaks (1 % of the time)"),
         ({"flagged": {"diverged": 0.001}}, "with care", "started again (0.1 % of the time)"),
         ({"supply_assumed": True}, "with care", "the supply pressure was not recorded"),
+        ({"unvented": (Reason("no rest"),)}, "with care", "no rest"),
         ({"kept": 3e-4}, "with care", "the vented rest has moved by +0.30 mm since the calibration, and was kept"),
     ],
 )

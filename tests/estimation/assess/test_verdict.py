@@ -9,6 +9,7 @@ import pytest
 from clutchid import fit
 from clutchid.estimation import Estimate, LoadCurve
 from clutchid.estimation.assess.evidence import actuator_of, as_recorded, evidence, predicted_fit, reach
+from clutchid.estimation.assess.reasons import ambient_reasons
 from clutchid.estimation.assess.verdict import verdict
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.log import Log
@@ -79,6 +80,30 @@ def test_a_reading_is_no_better_than_its_calibration(fitted, origin, converged, 
     assert judged.trust == trust
     assert [reason.startswith(said) for reason in judged.reasons[:1]] == [True] * bool(said)
     assert any("had not converged" in reason for reason in judged.reasons) is not converged
+
+
+def test_a_reading_with_a_calibration_that_saw_no_settled_rest_is_not_good(fitted):
+    judged = verdict(with_baseline(fitted, vented=False))
+    assert judged.trust == "with care"
+    assert judged.reasons[0].startswith("the recordings of the calibration CAL.toml show no settled vented rest")
+
+
+def test_an_ambient_pressure_that_no_recording_shows_is_a_reason(fitted):
+    """The drive starts at rest; with a supply valve that never shuts nothing shows the vented pressure."""
+    free = also_free(fitted, "P_0", Estimate(1.1e5, "Pa", 4e3, 1.02e5, 1.18e5))
+    assert verdict(free).trust == "good"
+    one = fitted.recordings["drive"].measured
+    moving = one.with_columns(duty_supply=np.maximum(one["duty_supply"], 0.1))
+    unsettled = replace(free, recordings={"drive": replace(free.recordings["drive"], measured=moving)})
+    (reason,) = ambient_reasons(unsettled)
+    peak = float(fitted.load_curve.force.max())
+    assert f"P_0 is known to ± 7.8 kPa, ± {100 * 7.84e3 * 12.3e-3 / peak:.1f} % of the peak; " in reason.text
+    assert ambient_reasons(replace(unsettled, scales={"position": 1e-4})) == [], "pressure is not in use"
+    assert ambient_reasons(replace(fitted, recordings=unsettled.recordings)) == [], "P_0 is not estimated"
+    own = also_free(free, "P_0@other", Estimate(1.1e5, "Pa", 4e3, 1.02e5, 1.18e5))
+    other = {**free.recordings, "other": unsettled.recordings["drive"]}
+    (reason,) = ambient_reasons(replace(own, recordings=other))
+    assert reason.text.startswith("other: ")
 
 
 def test_a_bound_that_is_hit_is_a_reason_and_an_infinite_one_is_none(fitted):

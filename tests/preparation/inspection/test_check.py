@@ -30,7 +30,7 @@ def test_the_table_of_a_recording_is_plain_text_in_one_order(recorded):
     assert [f.name for f in seen.checks] == [
         "sample rate", "saturation of position", "saturation of pressure_a", "quantisation of position",
         "quantisation of pressure_a", "stuck position", "stuck pressure_a", "motion", "range of position",
-        "sign of position", "unit of pressure_a", "time shift", "supply pressure",
+        "sign of position", "unit of pressure_a", "vented pressure", "time shift", "supply pressure",
     ]  # fmt: skip
     assert seen.table().isascii()
     assert max(map(len, seen.table().splitlines()[:14])) < 100

@@ -7,9 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from clutchid.estimation.assess.missing_excitation import missing
 from clutchid.log import Log
+from clutchid.model import Actuator
 from clutchid.preparation.inspection import inspect
 from clutchid.recordings import read
+from clutchid.recordings.signals.excitation import excitation
 from clutchid.truck import MANOEUVRES, truck
 from fixtures.changed_logs import thinned
 
@@ -44,6 +47,21 @@ def test_the_recordings_of_the_three_trucks_are_good(shared):
     assert len({path.parent for path in paths}) == 3
     for path in paths:
         assert not_good(read(path)) == {"supply pressure": "undetermined"}, path.name
+
+
+def test_a_recording_that_never_vents_assumes_a_vented_pressure_and_says_so(recorded):
+    log = recorded(7)
+    begin = int(np.argmax(log["position"] > 8e-3))
+    moving = log.slice(begin, len(log))
+    moving = moving.with_columns(duty_exhaust=np.minimum(moving["duty_exhaust"], 0.3))
+    check = next(check for check in inspect(moving).checks if check.name == "vented pressure")
+    assert (check.grade, check.value) == ("undetermined", "not settled")
+    assert "so that a calibration assumes 1.030 bar (std 6.0 kPa) there; record a second at rest" in check.sentence
+    (sentence,) = [
+        text for text in missing(excitation(moving), Actuator()) if "settle" in text or "vented rest" in text
+    ]
+    assert sentence.endswith(("with the exhaust valve open.", "with the clutch engaged."))
+    assert not any("settle" in text for text in missing(excitation(log), Actuator()))
 
 
 def test_holes_and_missing_samples_change_no_verdict(recorded):

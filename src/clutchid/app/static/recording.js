@@ -236,7 +236,7 @@ function drawChannels(holder, recording, replot) {
       h("td", { class: "number" }, channel.missing ? channel.missing.toLocaleString("en") : "0"));
   });
   const changed = isEdited(recording);
-  const ambient = h("input", { id: "ambient", class: "w7", value: recording.ambient, placeholder: "1.095bar" });
+  const ambient = h("input", { id: "ambient", class: "w7", value: recording.ambient, placeholder: "1.013bar" });
   const put = async (map, then) => {
     try {
       await send("PUT", `/api/recordings/${recording.id}/map`, { ...map, ambient: ambient.value });

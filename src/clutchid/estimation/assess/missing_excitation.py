@@ -16,6 +16,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.names import unknown_name
 from clutchid.numerics.least_squares import triangular
 from clutchid.recordings.signals.excitation import SHORTEST_REST, STROKE, VENTED_POSITION, Excitation
+from clutchid.recordings.signals.vented_pressure import RECORD_REST, UNSETTLED
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.simulation import Simulation, simulate
 
@@ -171,7 +172,7 @@ def _between(low: float, high: float) -> str:
 
 def _never_vents(found: Excitation, who: str) -> list[str]:
     if found.vented_rests:
-        return []
+        return [f"{who}: {UNSETTLED}; {RECORD_REST}."] if found.unsettled == found.recordings else []
     rest = (
         f"vented rest (lowest position {found.lowest * 1e3:.1f} mm)"
         if found.lowest > VENTED_POSITION

@@ -9,7 +9,7 @@ import numpy as np
 
 from clutchid.estimation.assess.comparison import ENGAGING
 from clutchid.estimation.assess.evidence import Reason
-from clutchid.estimation.assess.reasons import WIDE
+from clutchid.estimation.assess.reasons import WIDE, unvented_baseline
 from clutchid.estimation.assess.rest import kept_rest
 from clutchid.estimation.assess.verdict import Trust, Verdict
 from clutchid.inference.uncertainty.estimates import LoadCurve
@@ -64,7 +64,8 @@ class Indicators(NamedTuple):
     Whether the load `adapts`, how many `strokes` have ended, the half width of its band from 5 to 8 mm as a share of
     its peak, the NIS ratio (NaN: not known), the share of the time of each flag, whether the supply pressure of the
     calibration is assumed, how far in m a vented rest has moved that is not subtracted from the position, whether the
-    position has jumped and stayed, and whether a vented rest has shown its zero since.
+    position has jumped and stayed, whether a vented rest has shown its zero since, and the reason where the calibration
+    is `unvented`.
     """
 
     adapts: bool
@@ -76,6 +77,7 @@ class Indicators(NamedTuple):
     kept: float = 0.0
     jumped: bool = False
     zeroed: bool = True
+    unvented: tuple[Reason, ...] = ()
 
 
 def engaging_load(run: ObservedRecording) -> LoadCurve:
@@ -100,6 +102,7 @@ def indicators(run: ObservedRecording) -> Indicators:
         run.after.rest.shift if run.observer.zero == "keep" else 0.0,
         bool(np.isfinite(run.after.jumped)),
         bool(np.isfinite(run.after.rest.lowest)) and run.observer.zero == "subtract",
+        tuple(unvented_baseline(run.observer.calibration)),
     )
 
 
@@ -115,7 +118,7 @@ def observed_verdict(found: Indicators) -> Verdict:
     """
     reasons = [
         *_of_strokes(found), *_of_band(found), *_of_mismatch(found), *_of_flags(found), *_of_supply(found),
-        *kept_rest(found.kept), *_of_jumps(found),
+        *kept_rest(found.kept), *_of_jumps(found), *found.unvented,
     ]  # fmt: skip
     trust: Trust = "none" if any(one.grave for one in reasons) else "with care" if reasons else "good"
     return Verdict(trust, tuple(one.text for one in reasons), flawed=any(one.grave for one in reasons))

@@ -15,12 +15,14 @@ from clutchid.estimation.assess.diagnostics import BEYOND, LEAST_CORRELATION, MO
 from clutchid.estimation.assess.evidence import HORIZON, Evidence, Reason, evidence, information, once_a_fit, reach
 from clutchid.estimation.assess.rest import rest_reasons
 from clutchid.estimation.result import Departure, Fit, Moved, physical_limits
+from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.gaussian import spectrum
 from clutchid.inference.uncertainty.identifiability import collinear, listed
 from clutchid.log import sample_interval
 from clutchid.names import base_of
 from clutchid.numerics.interval import QUANTILE
 from clutchid.recordings.signals.duty_cycle import is_slow
+from clutchid.recordings.signals.vented_pressure import RECORD_REST, UNSETTLED, vented_pressure
 
 
 def bound_reasons(fit: Fit) -> list[Reason]:
@@ -288,7 +290,8 @@ def reasons(fit: Fit) -> tuple[Reason, ...]:
     reads = fit.departure is not None
     return (
         *slow_reasons(fit), *reading_reasons(fit), *rest_reasons(fit), *_not_converged(fit),
-        *_poor_baseline(fit), *bound_reasons(fit), *_rounding(fit), *_undetermined(fit), *_combinations(fit),
+        *_poor_baseline(fit), *ambient_reasons(fit), *bound_reasons(fit), *_rounding(fit), *_undetermined(fit),
+        *_combinations(fit),
         *([] if reads else [*_motion_fit(found), *valve_reasons(fit, found)]), *_wide_interval(fit), *_reach(fit),
     )  # fmt: skip
 
@@ -316,6 +319,32 @@ def _poor_baseline(fit: Fit) -> list[Reason]:
             "does not include; continue the calibration, then read again."
         )
         reasons.append(Reason(text))
+    return [*reasons, *unvented_baseline(known)]
+
+
+def unvented_baseline(calibration: Calibration | None) -> list[Reason]:
+    """That a calibration saw no settled vented rest; none where it did."""
+    if calibration is None or calibration.vented:
+        return []
+    name = calibration.origin.name if calibration.origin and calibration.origin.name else "of this fit"
+    text = f"the recordings of the calibration {name} show no settled vented rest, so that its loads are known by the "
+    return [Reason(f"{text}prior of the ambient pressure only; {RECORD_REST}, and calibrate again.")]
+
+
+def ambient_reasons(fit: Fit) -> list[Reason]:
+    """An ambient pressure that is estimated although no recording shows it."""
+    if "pressure_a" not in fit.scales:
+        return []
+    settled = {name: vented_pressure(recording.measured) is not None for name, recording in fit.recordings.items()}
+    curve, reasons = fit.load_curve, []
+    for name, estimate in fit.parameters.items():
+        base, _, stem = name.partition("@")
+        logs = [stem] if stem else [*settled]
+        if base == "P_0" and not any(settled[log] for log in logs):
+            half = QUANTILE * estimate.std
+            share = half * fit.actuator.parameters.A_A / curve.force[curve.peak(reach(fit))]
+            text = f"{listed(logs)}: {UNSETTLED}, so that {name} is known to ± {half * 1e-3:.1f} kPa, "
+            reasons.append(Reason(f"{text}± {100 * share:.1f} % of the peak; {RECORD_REST}, or give --ambient."))
     return reasons
 
 

@@ -108,6 +108,9 @@ class Calibration:
         Of the calibration recordings, where the vehicle measures them.
     nis : 1
         Mean normalised innovation squared of an observer of the calibration recordings, NaN if it is not known.
+    vented
+        Whether a recording shows a settled vented rest, see `clutchid.recordings.signals.vented_pressure`. Without one
+        the ambient pressure, and with it the load, is known by its prior only.
     rest : VentedRest, optional
         Of the calibration recordings: where travel is counted from. None without a rest, or in an older file.
 
@@ -134,6 +137,7 @@ class Calibration:
     conditions: RecordedConditions = NOT_RECORDED
     nis: float = float("nan")
     rest: VentedRest | None = None
+    vented: bool = True
 
     def covariance_of(self, names: tuple[str, ...]) -> FloatArray:
         """Covariance of `names`; 0 for those that were not calibrated."""

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
-from clutchid.preparation.inspection.air import conditions, missing_conditions, pressure_unit, supply_pressure
+from clutchid.preparation.inspection.air import conditions, missing_conditions, pressure_unit, supply_pressure, vented
 from clutchid.preparation.inspection.columns import (
     direction,
     motion,
@@ -75,7 +75,7 @@ def inspect(log: Log, actuator: Actuator | None = None, rest: VentedRest | None 
         checks.append(position_range(reading))
     checks.append(direction(reading))
     if "pressure_a" in reading.measured:
-        checks.append(pressure_unit(reading))
+        checks += [pressure_unit(reading), vented(reading)]
     checks += [time_shift(reading), supply_pressure(reading), *conditions(reading)]
     checks += [rest_check(rested)] if rest else []
     checks += [no_values(fault) for fault in values.faults]

@@ -12,6 +12,7 @@ from clutchid.parameters import Parameters
 from clutchid.preparation.inspection.columns import direction
 from clutchid.preparation.inspection.reading import Check, Grade, InspectedRecording, spread_over
 from clutchid.recordings.signals.sampled import run_ends
+from clutchid.recordings.signals.vented_pressure import RECORD_REST, UNSETTLED, vented_pressure, vented_prior
 from clutchid.recordings.source import UNIT_KEY
 
 PRESSURE_UNIT = "unit of pressure_a"
@@ -96,6 +97,23 @@ def _fitting(low: float, high: float, ambient: float, supply: float) -> list[str
 
 def _plausible(low: float, high: float, ambient: float, supply: float) -> bool:
     return LOWEST * ambient < low and ambient < 1.5 * high and high < HIGHEST * supply
+
+
+VENTED_PRESSURE = "vented pressure"
+
+
+def vented(reading: InspectedRecording) -> Check:
+    """Whether the pressure settles at a vented rest, which the load of a calibration counts from."""
+    pressure = vented_pressure(reading.log)
+    shown = _with_std(*(pressure or vented_prior(reading.log)[:2]))
+    if pressure is not None:
+        return Check(VENTED_PRESSURE, shown, "good", f"at the vented rest the sensor shows {shown}.")
+    sentence = f"{UNSETTLED}, so that a calibration assumes {shown} there; {RECORD_REST}, or give --ambient."
+    return Check(VENTED_PRESSURE, "not settled", "undetermined", sentence)
+
+
+def _with_std(mean: float, std: float) -> str:
+    return f"{mean * 1e-5:.3f} bar (std {std * 1e-3:.1f} kPa)"
 
 
 SUPPLY_PRESSURE = "supply pressure"

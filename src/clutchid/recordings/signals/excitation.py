@@ -13,6 +13,7 @@ from clutchid.errors import DataError
 from clutchid.log import HOLE, INPUTS, FloatArray, Log, holes, sample_interval
 from clutchid.parameters import Parameters
 from clutchid.recordings.signals.sampled import runs, velocity
+from clutchid.recordings.signals.vented_pressure import vented_pressure
 
 #: Edges of the stroke regions in m; the first region is open below, the last one open above.
 REGION_EDGES = (0.0, 2e-3, 5e-3, 8e-3, 12e-3, 16e-3, 20e-3, np.inf)
@@ -63,7 +64,8 @@ class Hold:
 class Excitation:
     """Excitation of one recording, or of several together (`recordings` of them); positions in m, speeds in m/s.
 
-    `highest_supply` and `highest_exhaust` are the highest duty cycles, NaN where the input is missing.
+    `highest_supply` and `highest_exhaust` are the highest duty cycles, NaN where the input is missing;
+    `unsettled` recordings have a pressure, but no settled vented rest, see `vented_pressure`.
     """
 
     recordings: int
@@ -79,6 +81,7 @@ class Excitation:
     full_strokes: int
     regions: tuple[RegionVisit, ...]
     holds: tuple[Hold, ...]
+    unsettled: int = 0
 
 
 def excitation(measured: Log, parameters: Parameters | None = None) -> Excitation:
@@ -132,6 +135,7 @@ def excitation(measured: Log, parameters: Parameters | None = None) -> Excitatio
         full_strokes=_passes(known, STROKE[0] * p.y_max, STROKE[1] * p.y_max)[0],
         regions=_visits(measured),
         holds=holds,
+        unsettled=int("pressure_a" in measured and vented_pressure(measured) is None),
     )
 
 
@@ -168,6 +172,7 @@ def joined(found: Sequence[Excitation]) -> Excitation:
         full_strokes=sum(one.full_strokes for one in found),
         regions=regions,
         holds=tuple(hold for one in found for hold in one.holds),
+        unsettled=sum(one.unsettled for one in found),
     )
 
 
