@@ -23,7 +23,7 @@ AVERAGED = {"n_vs", "n_ve", "tau_vs", "tau_ve"}
 #: Drift of the Appendix's parameters in their own unit, worked out by hand.
 DRIFTS = {
     "P_S": 2700.0, "D_v": 100.0, "T_0": 0.586, "T_w": 0.586, "h_A": 1.5, "C_vs": 3.8e-11, "C_ve": 4.28e-11,
-    "C_r": 1e-10, "V_0A": 7.4e-6, "F_C": 30.0, "c_F": 9e-6, "V_S": 6e-4, "A_A": 3.69e-6, "P_0": 65.7, "n_vs": 1e-3,
+    "C_r": 1e-10, "V_0A": 7.4e-6, "F_C": 30.0, "c_F": 9e-6, "V_S": 6e-4, "A_A": 3.69e-6, "P_0": 1642.5, "n_vs": 1e-3,
     "n_ve": 1e-3, "tau_vs": 2e-5, "tau_ve": 2e-5,
     "R_0vs": 6e-4, "R_0ve": 6e-4, "R_1vs": 6e-4, "R_1ve": 6e-4, "a_0vs": 1e-3, "a_0ve": 1e-3, "t_vs": 1e-3,
     "t_ve": 1e-3, "s_vs": 1e-3, "s_ve": 1e-3, "tau_y": 3e-5, "mu_h": 3e-4, "m_ve": 3e-3, "C_A0": 5e-13,
