@@ -22,6 +22,7 @@ from clutchid.model import Actuator, Load
 from clutchid.model.equipment import Equipment
 from clutchid.model.variants import VARIANTS
 from clutchid.preparation.pulses import centred
+from clutchid.recordings import read
 from clutchid.recordings.signals.duty_cycle import duty_grid
 from clutchid.recordings.signals.vented_pressure import ABSOLUTE
 from clutchid.simulation import simulate
@@ -143,6 +144,18 @@ def test_a_recording_without_a_rest_counts_for_nothing_beside_one_with_a_rest(dr
     low = ambient_priors([whole, shifted(never, -9e3, "low", rising)])
     assert {*low} == {"P_0@whole", "P_0@low"}, "a pressure below that of the rest is not of its weather"
     assert low["P_0@low"].mean < 1.03e5
+
+
+@pytest.mark.parametrize("number", [2, 3])
+def test_an_exhaust_valve_that_closes_too_early_shows_no_ambient_pressure(shared, number):
+    """Behind its dead zone the chamber of these trucks stays 0.07 and 0.14 bar above the 1.095 bar outside."""
+    log = read(shared / "data" / "trucks" / f"truck{number}" / "calibration.csv")
+    whole, late = replace(log.slice(0, 15000), name="whole"), replace(log.slice(15000, 30000), name="late")
+    prior = automatic([late], Actuator())[2]["P_0"]
+    assert (prior.mean, prior.std) == ABSOLUTE[:2]
+    together = automatic([whole, late], Actuator())[2]["P_0"]
+    assert together.mean == pytest.approx(1.095e5, abs=300.0)
+    assert together.std < 300.0
 
 
 def test_missing_pressure_at_the_rest_is_left_out(drive_log, plant):

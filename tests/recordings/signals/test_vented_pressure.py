@@ -107,6 +107,14 @@ def test_several_rests_know_it_better_than_one_and_one_that_lies_higher_is_left_
     assert abs(with_one.mean - AMBIENT) < 3.0 * with_one.std
 
 
+def test_columns_of_a_slower_sensor_show_it_too():
+    """They have a sample in ten, and none between."""
+    log = recording((0.3, AMBIENT, *CLOSED), STROKE, HOLD, DOWN, VENTING)
+    every = np.where(np.arange(len(log)) % 10 == 0, 1.0, np.nan)
+    found = vented_pressure(log.with_columns(**{name: log[name] * every for name in ("pressure_a", "position")}))
+    assert abs(found.mean - AMBIENT) < 3.0 * found.std
+
+
 def test_a_recording_without_a_needed_column_shows_nothing():
     log = recording(STROKE, HOLD, DOWN, VENTING)
     for name in log.columns:

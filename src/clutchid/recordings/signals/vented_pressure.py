@@ -169,14 +169,14 @@ def _bins(log: Log) -> _Bins | None:
         return values[: count * width].reshape(count, width)
 
     pressure, position = blocks(log["pressure_a"]), blocks(log["position"])
-    usable = np.isfinite(pressure).all(axis=1) & np.isfinite(position).all(axis=1)
+    usable = np.isfinite(pressure).any(axis=1) & np.isfinite(position).any(axis=1)
     usable &= np.ptp(blocks(log.time), axis=1) <= 2.0 * width * sample_interval(log.time)
     if usable.sum() < FEWEST:
         return None
-    level = position[usable].mean(axis=1)
+    level = np.nanmean(position[usable], axis=1)
     return _Bins(
         blocks(log.time)[usable].mean(axis=1),
-        pressure[usable].mean(axis=1),
+        np.nanmean(pressure[usable], axis=1),
         np.nan_to_num(blocks(log["duty_supply"]), nan=1.0)[usable].max(axis=1) <= CLOSED,
         np.nan_to_num(blocks(log["duty_exhaust"]))[usable].mean(axis=1) >= OPEN,
         level <= level.min() + LOW_END * np.ptp(level),
