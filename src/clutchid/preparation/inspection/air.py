@@ -105,7 +105,7 @@ VENTED_PRESSURE = "vented pressure"
 def vented(reading: InspectedRecording) -> Check:
     """Whether the pressure settles at a vented rest, which the load of a calibration counts from."""
     pressure = vented_pressure(reading.log)
-    shown = _with_std(*(pressure or vented_prior(reading.log)[:2]))
+    shown = _with_std(*(pressure or vented_prior(reading.log))[:2])
     if pressure is not None:
         return Check(VENTED_PRESSURE, shown, "good", f"at the vented rest the sensor shows {shown}.")
     sentence = f"{UNSETTLED}, so that a calibration assumes {shown} there; {RECORD_REST}, or give --ambient."

@@ -65,10 +65,14 @@ RECORD_REST = "record a second at rest with the exhaust valve open"
 
 
 class VentedPressure(NamedTuple):
-    """What the sensor of chamber A shows at a settled vented rest, and its standard deviation, in Pa."""
+    """What the sensor of chamber A shows at a settled vented rest, and its standard deviation, in Pa.
+
+    `closed`: at the start of the recording, with both valves closed; else a decay may go on that the noise hides.
+    """
 
     mean: float
     std: float
+    closed: bool = False
 
 
 class _Bins(NamedTuple):
@@ -144,7 +148,9 @@ def vented_pressure(log: Log) -> VentedPressure | None:
     settled = []
     if start is not None and _possible(start, prior) and not _above(start, later, bins.pressure[stop:]):
         if not bins.opened[:stop].any():
-            return VentedPressure(start.mean, max(start.std, LEAST))
+            rest = np.abs(log.time - bins.time[stop - start.bins : stop].mean()) <= (start.seconds + BIN) / 2.0
+            # the median, because single samples may be none
+            return VentedPressure(float(np.nanmedian(log["pressure_a"][rest])), max(start.std, LEAST), closed=True)
         settled.append(start)
     if later is not None and _possible(later, prior):
         settled.append(later)
