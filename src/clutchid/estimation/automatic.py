@@ -33,9 +33,9 @@ AUTOMATIC, WITH_CARRIER = "energy-balance-stribeck-proportional", "energy-balanc
 #: periods, of which one has no influence while the other is 0; delay of an on/off valve.
 LAG, DECAY, TRAVEL, ON_OFF_DELAY = 1.5e-3, 0.1, 0.1, 0.5
 
-#: Standard deviation in Pa at which a search keeps the ambient pressure of a rest with closed valves, although noise may
-#: leave more: errors of the model move it further. Truck 1 of family B, 20 s from seed 12, with its standard error of
-#: 0.9 kPa: P_0 is 0.9 kPa too low and the load 0.5 % off, and with 100 Pa 0.2 kPa and 0.2 %.
+#: Standard deviation in Pa at which a search keeps the ambient pressure of a rest with closed valves. Noise may leave
+#: more, but errors of the model move it further: on truck 1 of family B, 20 s from seed 12, with its standard error of
+#: 0.9 kPa P_0 is 0.9 kPa too low and the load 0.5 % off, with 100 Pa 0.2 kPa and 0.2 %.
 CLOSED_STD = 100.0
 
 #: Standard deviation in Pa of the lowest of all mean pressures over a tenth of a second.
