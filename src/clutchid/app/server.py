@@ -27,7 +27,7 @@ from clutchid.app.folder import end_folder, make_folder, opening_page
 from clutchid.app.guard import LOOPBACK, REPORT_POLICY, Access, Guard, names_of, warning_of
 from clutchid.app.plots import plotted
 from clutchid.app.session import MEDIA, METHODS, VERBS, Session
-from clutchid.app.uploads import SUFFIXES, TABLES, allowed_path, check_size, listed, receive
+from clutchid.app.uploads import allowed_path, check_size, is_opened, is_table, listed, receive
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.log.units import UNITS
 from clutchid.names import printable
@@ -137,8 +137,8 @@ async def _events(session: Session, request: Request) -> Response:
 
 
 async def _files(session: Session, request: Request) -> Response:
-    suffixes = TABLES if request.query_params.get("kind") == "tables" else SUFFIXES
-    return JSONResponse(listed(request.query_params.get("under", ""), session.below, suffixes))
+    chosen = is_table if request.query_params.get("kind") == "tables" else is_opened
+    return JSONResponse(listed(request.query_params.get("under", ""), session.below, chosen))
 
 
 async def _upload_recording(session: Session, request: Request) -> Response:

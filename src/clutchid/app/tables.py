@@ -286,11 +286,12 @@ def _recording(row: Mapping[str, Any], load: LoadCurve | None) -> dict[str, Any]
         half = [None if one is None else 1e-3 * one for one in millimetres]
         shift = None if row.get("shift_mm") is None else 1e-3 * row["shift_mm"]
         change = row.get("load_change")
-    said = row.get("reason") or ("" if row.get("status") == "ok" else row.get("message"))
+    why = row.get("reason") or ("" if row.get("status") == "ok" else row.get("message"))
+    said = " ".join(text for text in (why, row.get("warnings")) if text)
     return {
         "recording": row["recording"], "begin": row.get("begin"), "strokes": _number(row.get("strokes [1]")),
         "odometer": _number(row.get("odometer [km]")), "status": row.get("status"), "trust": row.get("trust"),
-        "outcome": row.get("outcome"), "said": said or "", "shift": _number(shift), "change": _number(change),
+        "outcome": row.get("outcome"), "said": said, "shift": _number(shift), "change": _number(change),
         "half_load": _band(half), "at": None if load is None else _at_places(load),
     }  # fmt: skip
 

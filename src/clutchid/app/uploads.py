@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import AsyncGenerator, Collection, Iterable
+from collections.abc import AsyncGenerator, Callable, Iterable
 from contextlib import aclosing
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from clutchid.app.folder import free_bytes
 from clutchid.errors import DataError
 from clutchid.names import printable
 from clutchid.recordings.files import reason_of
+from clutchid.recordings.suffixes import by_suffix, split_name
 from clutchid.systems import is_device
 
 #: Largest upload in bytes; a larger file is opened by its path.
@@ -22,10 +23,8 @@ SPARE = 1 << 30
 #: Longest name of a file in the folder of the server.
 _LONGEST = 120
 
-#: Suffixes of recordings in the list of a folder, besides the same with ``.gz``.
-SUFFIXES = (
-    ".csv", ".tsv", ".txt", ".dat", ".parquet", ".mf4", ".mdf", ".mat", ".blf", ".asc", ".trc", ".dbc", ".toml",
-)  # fmt: skip
+#: Suffixes of what comes with recordings, in the list of a folder.
+BESIDE = (".dbc", ".toml")
 
 #: Suffixes of results of a track or a fleet.
 TABLES = (".parquet", ".csv", ".json")
@@ -129,8 +128,20 @@ def allowed_path(text: str, below: Path, given: Iterable[Path]) -> Path:
     return path
 
 
-def listed(text: str, below: Path, suffixes: Collection[str] = SUFFIXES) -> dict[str, object]:
-    """Folders, and files with these suffixes, in a folder below the one that is open to the page.
+def is_opened(name: str) -> bool:
+    """Whether a file is called like one that the page opens: a recording, or what comes with one."""
+    return bool(split_name(name)[1]) or Path(name).suffix.lower() in BESIDE
+
+
+def is_table(name: str) -> bool:
+    """Whether a file is called like a result of a track or a fleet."""
+    return Path(name).suffix.lower() in TABLES
+
+
+def listed(text: str, below: Path, chosen: Callable[[str], bool] = is_opened) -> dict[str, object]:
+    """Folders and files with a `chosen` name in a folder below the one that is open to the page.
+
+    How many others there are, by suffix, stands in `others`.
 
     Raises
     ------
@@ -140,19 +151,25 @@ def listed(text: str, below: Path, suffixes: Collection[str] = SUFFIXES) -> dict
     folder = (below / text).resolve()
     if not folder.is_relative_to(below) or not folder.is_dir():
         raise DataError(f"{printable(text)}: there is no such folder below {below}.")
-    folders, files = [], []
+    folders: list[dict[str, object]] = []
+    files: list[dict[str, object]] = []
+    others: list[Path] = []
     try:
-        entries = sorted(folder.iterdir(), key=lambda one: one.name.casefold())[:MOST_ENTRIES]
+        names = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
+        entries = sorted(names, key=lambda one: one.name.casefold())[:MOST_ENTRIES]
         for entry in entries:
-            if entry.name.startswith("."):
-                continue
             path = entry.relative_to(below).as_posix()
             if entry.is_dir():
                 folders.append({"name": entry.name, "path": path})
-            elif Path(entry.name.removesuffix(".gz")).suffix.lower() in suffixes:
+            elif chosen(entry.name):
                 files.append({"name": entry.name, "path": path, "size": entry.stat().st_size})
+            else:
+                others.append(entry)
     except OSError as error:
         raise DataError(f"{folder}: cannot be listed ({reason_of(error)}).") from error
     inside = folder != below
     up = folder.parent.relative_to(below).as_posix() if inside else None
-    return {"folder": str(folder), "up": up, "folders": folders, "files": files}
+    hidden = [f"Not listed: {by_suffix(others)}."] if others else []
+    if len(names) > MOST_ENTRIES:
+        hidden.append(f"Only the first {MOST_ENTRIES:,} of {len(names):,} entries are shown.")
+    return {"folder": str(folder), "up": up, "folders": folders, "files": files, "others": " ".join(hidden)}

@@ -25,7 +25,7 @@ from clutchid.cli.common import (
     print_json,
     progress_of,
 )
-from clutchid.cli.terminal import printable_lines, put
+from clutchid.cli.terminal import printable_lines, put, say
 from clutchid.errors import ParameterError
 from clutchid.names import printable
 from clutchid.systems import command_line
@@ -196,8 +196,17 @@ def _say(done: FleetRun, *, as_json: bool) -> None:
     if as_json:
         useful = statuses.get("ok", 0) + statuses.get("warning", 0)
         ended = "ok" if statuses.get("ok") == count else "warning" if useful else "failed"
-        print_json({"status": ended, "message": message, "statuses": dict(statuses), "out": str(done.out.resolve())})
+        print_json(
+            {
+                "status": ended,
+                "message": message,
+                "statuses": dict(statuses),
+                "out": str(done.out.resolve()),
+                "warnings": list(done.warnings),
+            }
+        )
         return
+    say(done.warnings)
     put(printable_lines(message))
     put(f"{vehicles:,} vehicle{'' if vehicles == 1 else 's'}: {printable(str((done.out / 'index.html').resolve()))}")
 

@@ -105,9 +105,9 @@ def track(
     if report is not None:
         wear_page(found.wear, found.curves, printable(f"clutchid {command_line(sys.argv[1:])}"), report)
     if json:
-        print_json(wear_json(found.wear))
+        print_json(wear_json(found.wear, found.left_out))
         return DONE
-    say(found.wear.warnings)
+    say(filter(None, (found.left_out, *found.wear.warnings)))
     put(*map(printable_lines, wear_lines(found.wear)))
     print_written(*results, report)
     return DONE

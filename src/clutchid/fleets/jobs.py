@@ -13,12 +13,21 @@ from typing import NamedTuple
 
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.fleets.cluster import Workers, results, version_and_source
-from clutchid.fleets.reading import ABSENT, ReadingOptions, RecordingResult, checksum_of, read_recording, unless_lost
+from clutchid.fleets.folders import (
+    FolderContent,
+    ListedFile,
+    files_by_name,
+    folder_content,
+    left_out,
+    name_of,
+    no_recordings,
+)
+from clutchid.fleets.reading import ReadingOptions, RecordingResult, checksum_of, read_recording, unless_lost
 from clutchid.fleets.store import Store, StoredResult
-from clutchid.fleets.tracking import SUFFIXES, name_of, recording_files
 from clutchid.names import as_text
 from clutchid.processes import FinishedWork, Pool
 from clutchid.recordings.files import digest, is_there, not_an_address
+from clutchid.recordings.suffixes import by_suffix
 from clutchid.wear.history import Listed
 from clutchid.wear.tables import read_fleet_table
 
@@ -39,11 +48,15 @@ class Job(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fleet:
-    """Recordings of a fleet in the order of vehicle and name, and the rows of its table by (vehicle, recording)."""
+    """Recordings of a fleet in the order of vehicle and name, and the rows of its table by (vehicle, recording).
+
+    `left_out` says what its folder holds beside them, empty if nothing.
+    """
 
     source: Path
     jobs: tuple[Job, ...]
     rows: Mapping[tuple[str, str], Listed]
+    left_out: str = ""
 
 
 def fleet_of(source: Path, start: Path) -> Fleet:
@@ -71,25 +84,30 @@ def fleet_of(source: Path, start: Path) -> Fleet:
     if table.is_file():
         rows = read_fleet_table(table)
         _check_vehicles(rows.values(), table)
-        found = _listed(rows, recording_files(table.parent))
+        content = folder_content(table.parent, {table.resolve()})
+        files = files_by_name(content, {recording for _, recording in rows})
+        found = {(vehicle, recording): files.file_of(recording, vehicle) for vehicle, recording in rows}
+        beside = _unlisted(found.values(), content) if source.is_dir() else ""
     else:
-        rows, found = {}, _in_folders(source)
+        rows, content = {}, folder_content(source)
+        beside = left_out(content.others, content.results)
+        found = {key: ListedFile(path) for key, path in _in_folders(source, content.recordings).items()}
     if not found:
-        raise DataError(f"{source}: has no recordings; they are files with {', '.join(SUFFIXES)}, or rows of a table.")
-    if all(path is None for path in found.values()):
+        raise DataError(no_recordings(str(source), beside))
+    if all(file.path is None for file in found.values()):
         raise DataError(f"{source}: none of the files of its {len(found):,} recordings is there.")
     calibrations = _calibrations(start)
-    jobs = tuple(_job(key, path, rows.get(key), start, calibrations) for key, path in sorted(found.items()))
+    jobs = tuple(_job(key, file, rows.get(key), start, calibrations) for key, file in sorted(found.items()))
     if all(job.start is None for job in jobs):
         raise ParameterError(f"--start {start}: {jobs[0].problem}")
-    return Fleet(source, jobs, rows)
+    return Fleet(source, jobs, rows, beside)
 
 
-def _in_folders(source: Path) -> dict[tuple[str, str], Path | None]:
+def _in_folders(source: Path, recordings: Iterable[Path]) -> dict[tuple[str, str], Path]:
     """Recordings by (vehicle, name): the vehicle is their folder."""
     folders: dict[str, Path] = {}
-    found: dict[tuple[str, str], Path | None] = {}
-    for path in recording_files(source):
+    found: dict[tuple[str, str], Path] = {}
+    for path in recordings:
         vehicle = as_text(path.parent.resolve().name)
         other = folders.setdefault(vehicle, path.parent)
         if other != path.parent:
@@ -117,18 +135,12 @@ def _check_vehicles(rows: Iterable[Listed], table: Path) -> None:
             )
 
 
-def _listed(rows: Mapping[tuple[str, str], Listed], files: Sequence[Path]) -> dict[tuple[str, str], Path | None]:
-    """The file of every row: with the name of the recording, in a folder of the vehicle if several have it."""
-    by_name: dict[str, list[Path]] = {}
-    for path in files:
-        by_name.setdefault(name_of(path), []).append(path)
-    found: dict[tuple[str, str], Path | None] = {}
-    for key in rows:
-        same = by_name.get(key[1], [])
-        own = [path for path in same if as_text(path.parent.name) == key[0]]
-        chosen = own or same
-        found[key] = chosen[0] if len(chosen) == 1 else None
-    return found
+def _unlisted(listed: Iterable[ListedFile], content: FolderContent) -> str:
+    """Sentence about recordings that lie beside those of a table and are not in it."""
+    paths = {file.path for file in listed if file.path is not None}
+    folders = {path.parent for path in paths}
+    beside = [path for path in content.recordings if path not in paths and path.parent in folders]
+    return f"not read, because the table does not name them: {by_suffix(beside)}." if beside else ""
 
 
 def _calibrations(start: Path) -> dict[str, Path] | None:
@@ -147,18 +159,16 @@ def _calibrations(start: Path) -> dict[str, Path] | None:
 
 
 def _job(
-    key: tuple[str, str], path: Path | None, row: Listed | None, start: Path, calibrations: Mapping[str, Path] | None
+    key: tuple[str, str], file: ListedFile, row: Listed | None, start: Path, calibrations: Mapping[str, Path] | None
 ) -> Job:
     vehicle, recording = key
     kind = row.type if row else ""
     calibration = start if calibrations is None else calibrations.get(vehicle) or calibrations.get(kind)
-    problem = ""
-    if path is None:
-        problem = ABSENT
-    elif calibration is None:
+    problem = file.problem
+    if file.path is not None and calibration is None:
         what = f"type '{kind}'" if kind else f"vehicle '{vehicle}'"
         problem = as_text(f"there is no calibration of {what}: {start / (kind or vehicle)}.toml.")
-    return Job(vehicle, recording, kind, path, calibration, problem)
+    return Job(vehicle, recording, kind, file.path, calibration, problem)
 
 
 #: Lost results, which are tried again where the user says so.

@@ -16,7 +16,7 @@ import numpy as np
 
 from clutchid.fleets.cluster import version_and_source
 from clutchid.fleets.jobs import Fleet, Job
-from clutchid.fleets.reading import ABSENT, RecordingResult, counted_once, without_result
+from clutchid.fleets.reading import RecordingResult, counted_once, without_result
 from clutchid.fleets.store import Store, StoredResult
 from clutchid.fleets.tracking import LifeLimits, Tracked, load_table, table_of, tracked
 from clutchid.inference.uncertainty.estimates import LoadCurve
@@ -26,6 +26,7 @@ from clutchid.reports.fleet_tables import ReasonCount, VehicleRow
 from clutchid.reports.wear_page import wear_page
 from clutchid.reports.wear_text import alarm_words
 from clutchid.systems import is_device
+from clutchid.wear.history import Listed, arranged
 from clutchid.wear.trend import Interval
 
 if TYPE_CHECKING:
@@ -39,11 +40,12 @@ PART = 1000
 
 
 class RecordingRow(NamedTuple):
-    """A recording of a fleet with its result."""
+    """A recording of a fleet with its result, and `warnings` about its time in the life of its vehicle."""
 
     job: Job
     read: RecordingResult
     seconds: float
+    warnings: tuple[str, ...] = ()
 
 
 def rows_of(fleet: Fleet, kept: Store) -> Iterator[RecordingRow]:
@@ -57,10 +59,8 @@ def rows_of(fleet: Fleet, kept: Store) -> Iterator[RecordingRow]:
 
 
 def _without_result(job: Job) -> RecordingResult:
-    if job.path is None:
-        return without_result(Path(job.recording), "bad_input", ABSENT)
     message = job.problem or "was not read; run the same command again to go on."
-    return without_result(job.path, "bad_input" if job.problem else "failed", message)
+    return without_result(job.path or Path(job.recording), "bad_input" if job.problem else "failed", message)
 
 
 def _merged(jobs: Iterable[Job], results: Iterator[StoredResult]) -> Iterator[tuple[Job, StoredResult | None]]:
@@ -74,8 +74,24 @@ def _merged(jobs: Iterable[Job], results: Iterator[StoredResult]) -> Iterator[tu
         yield job, following if same and not job.problem else None
 
 
-def write_results(fleet: Fleet, kept: Store, out: Path) -> Counter[str]:
+def _with_warnings(fleet: Fleet, rows: Iterable[RecordingRow]) -> Iterator[RecordingRow]:
+    """Recordings with what is missing or contradicts in their times."""
+    for vehicle, group in groupby(rows, key=lambda row: row.job.vehicle):
+        own = list(group)
+        names = [row.job.recording for row in own]
+        history = arranged(names, [row.read.clock for row in own], _rows_of_table(fleet, vehicle, names))
+        for row, dated in zip(own, history.dated, strict=True):
+            yield row._replace(warnings=dated.warnings)
+
+
+def _rows_of_table(fleet: Fleet, vehicle: str, names: Sequence[str]) -> dict[str, Listed]:
+    return {name: fleet.rows[vehicle, name] for name in names if fleet.rows}
+
+
+def write_results(fleet: Fleet, kept: Store, out: Path, *, trends: bool = False) -> Counter[str]:
     """Write results, times and loads of all recordings; how many there are by status.
+
+    With `trends` a recording also has the warnings about its time, which is its place in the life of its vehicle.
 
     Raises
     ------
@@ -89,6 +105,7 @@ def write_results(fleet: Fleet, kept: Store, out: Path) -> Counter[str]:
     timings: list[tuple[str, str, float]] = []
     make_folder(out / CURVES)
     rows, part = rows_of(fleet, kept), 0
+    rows = _with_warnings(fleet, rows) if trends else rows
     while some := list(islice(rows, PART)):
         statuses.update(row.read.reading.status for row in some)
         results += map(_result, some)
@@ -106,7 +123,7 @@ def write_results(fleet: Fleet, kept: Store, out: Path) -> Counter[str]:
 
 
 #: Columns of text that may be empty throughout.
-_TEXT = ("changes", "sha256", "message", "reason")
+_TEXT = ("changes", "sha256", "message", "reason", "warnings")
 
 
 def _result(row: RecordingRow) -> Mapping[str, object]:
@@ -124,6 +141,7 @@ def _result(row: RecordingRow) -> Mapping[str, object]:
         "load_change": load[0], "load_change_std": load[1],
         "temperature_K": measured.temperature if measured else float("nan"),
         "changes": ", ".join(read.changes), "sha256": read.sha256, "reason": read.reading.unmeasured,
+        "warnings": " ".join(row.warnings),
     }  # fmt: skip
 
 
@@ -169,12 +187,12 @@ def vehicles_of(fleet: Fleet, kept: Store, limits: Mapping[str, LifeLimits]) -> 
     for vehicle, group in groupby(rows_of(fleet, kept), key=lambda row: row.job.vehicle):
         rows = list(group)
         names, kind = [row.job.recording for row in rows], rows[0].job.type
-        table = {name: fleet.rows[vehicle, name] for name in names if fleet.rows}
+        table = _rows_of_table(fleet, vehicle, names)
         yield FleetVehicle(kind, tracked(vehicle, names, [row.read for row in rows], table, limits[kind]))
 
 
-def write_vehicles(vehicles: Iterable[FleetVehicle], command: str, out: Path, *, trends: bool) -> int:
-    """Write the page of the fleet, and with `trends` the tables and pages of its vehicles; the number of vehicles.
+def write_vehicles(vehicles: Iterable[FleetVehicle], command: str, out: Path, *, trends: bool) -> list[VehicleRow]:
+    """Write the page of the fleet, and with `trends` the tables and pages of its vehicles, whose rows are returned.
 
     A vehicle's page is only made anew if something of it has changed.
 
@@ -203,12 +221,15 @@ def write_vehicles(vehicles: Iterable[FleetVehicle], command: str, out: Path, *,
     if trends:
         write_frame(pl.concat(tables, how="diagonal_relaxed"), out / WEAR)
         write_frame(
-            pl.DataFrame([_listed(row) for row in rows], schema_overrides={"alarms": pl.String}), out / VEHICLES
+            pl.DataFrame(
+                [_listed(row) for row in rows], schema_overrides=dict.fromkeys(("alarms", "warnings"), pl.String)
+            ),
+            out / VEHICLES,
         )
         with atomic_write(out / PAGES / MADE) as temporary:
             temporary.write_text(json.dumps(made), encoding="utf-8")
     fleet_page(rows, _reasons(reasons), command, out / INDEX)
-    return len(rows)
+    return rows
 
 
 def _made(folder: Path) -> Mapping[str, str]:
@@ -242,7 +263,9 @@ def _write_page(
 ) -> str:
     """Write the page of a vehicle, unless its content is that of before; hash of the content."""
     make_folder(out / PAGES)
-    content = json.dumps([version_and_source(), table.to_dicts(), repr(tracked.wear.left)], default=str)
+    content = json.dumps(
+        [version_and_source(), table.to_dicts(), repr(tracked.wear.left), tracked.wear.warnings], default=str
+    )
     digest = hashlib.sha256(content.encode()).hexdigest()
     if before.get(address) != digest or not (out / address).exists():
         wear_page(tracked.wear, tracked.curves, command, out / address, home=f"../{INDEX}")
@@ -260,6 +283,7 @@ def _row(one: FleetVehicle, page: str) -> VehicleRow:
         wear.vehicle, one.type, len(wear.dated), counted, Counter(reading.status for reading in wear.readings), last,
         now.get("shift", UNKNOWN), now.get("load", UNKNOWN), now.get("wear", UNKNOWN), wear.present_rate.value, left,
         wear.axis, tuple(map(alarm_words, wear.alarms)), page, np.nan if wear.limit is None else wear.limit,
+        wear.warnings,
     )  # fmt: skip
 
 
@@ -274,6 +298,7 @@ def _listed(row: VehicleRow) -> Mapping[str, object]:
         "last": row.last.isoformat() if row.last else None, "axis": row.axis,
         **columns("shift", row.shift, 1e3, "_mm"), **columns("wear", row.wear, 1e3, "_mm"),
         **columns("load_change", row.load), **columns("left", row.left), "alarms": "; ".join(row.alarms),
+        "warnings": " ".join(row.warnings),
     }  # fmt: skip
 
 

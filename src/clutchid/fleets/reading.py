@@ -27,9 +27,6 @@ if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.log import Log
 
-#: Problem of a row of a table without a file.
-ABSENT = "the table names it, but its file is not there, or several have its name."
-
 #: Why a recording that was observed gives no measurement.
 _ONLY_ITS_END = "the load of an observer at the end of a recording is no measurement of the wear; --verb track has one."
 

@@ -7,14 +7,23 @@ from dataclasses import dataclass, replace
 from functools import partial
 from os import PathLike
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from clutchid import processes, workflow
 from clutchid.errors import DataError
+from clutchid.fleets.folders import (
+    FolderContent,
+    files_by_name,
+    folder_content,
+    left_out,
+    name_in,
+    name_of,
+    no_recordings,
+)
 from clutchid.fleets.reading import (
-    ABSENT,
     ReadingOptions,
     RecordingResult,
     counted_once,
@@ -22,7 +31,6 @@ from clutchid.fleets.reading import (
     unless_lost,
     without_result,
 )
-from clutchid.fleets.store import STORE
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.names import as_text
 from clutchid.processes import check_workers
@@ -36,8 +44,8 @@ from clutchid.wear.trend import WearTable
 if TYPE_CHECKING:
     import polars as pl
 
-#: Suffixes of the files that are taken from a folder.
-SUFFIXES = (".parquet", ".csv", ".mf4", ".dat", ".mat", ".blf", ".asc", ".h5")
+#: Problem of a row of a table where files are named one by one.
+_NOT_NAMED = "the table names it, but it is none of the recordings of this command."
 
 
 class LifeLimits(NamedTuple):
@@ -57,77 +65,77 @@ class Tracked:
         The trend, alarms and remaining life.
     reads
         A result a recording, in the order of its life.
+    left_out
+        What the folder holds beside the recordings, in a sentence; empty if nothing.
     """
 
     wear: Wear
     reads: tuple[RecordingResult, ...]
+    left_out: str = ""
 
     @property
     def curves(self) -> list[tuple[str, LoadCurve]]:
         """The loads of the recordings that count in the trend, by name."""
-        reads = zip(self.reads, self.wear.counted, strict=True)
-        return [(name_of(one.path), one.curve) for one, counts in reads if one.curve and counts]
+        reads = zip(self.wear.dated, self.reads, self.wear.counted, strict=True)
+        return [(dated.name, one.curve) for dated, one, counts in reads if one.curve and counts]
 
 
-def recording_files(folder: Path) -> list[Path]:
-    """Files below a folder that can be recordings, in order, also links to files that are gone.
+class TrackFiles(NamedTuple):
+    """The recordings to be tracked.
 
-    Results of a fleet are none, nor is what is hidden, as what a write that was cut off has left.
+    `paths` are their files by name, `problems` those of rows of the table by name, and `left_out` says what folders
+    hold beside them.
     """
-    below = [path for path in sorted(folder.rglob("*")) if not _is_hidden(path.relative_to(folder))]
-    runs = {path.parent for path in below if path.name == STORE}
-    found = [path for path in below if path.suffix.lower() in SUFFIXES and (path.is_file() or _is_dangling(path))]
-    return [path for path in found if runs.isdisjoint(path.parents)] if runs else found
+
+    paths: Mapping[str, Path]
+    problems: Mapping[str, str]
+    left_out: str
 
 
-def _is_hidden(path: Path) -> bool:
-    return any(part.startswith(".") for part in path.parts)
-
-
-def name_of(recording: Path) -> str:
-    """The name of a recording in tables: that of its file, without the suffix."""
-    return as_text(recording.stem)
-
-
-def _is_dangling(path: Path) -> bool:
-    return path.is_symlink() and not path.exists()
-
-
-def recordings_of(paths: Sequence[Path], results: Sequence[Path] = ()) -> list[Path]:
-    """The recordings: files as they are, and of a folder all files below it that can be recordings.
+def recordings_of(
+    sources: Sequence[Path], rows: Mapping[str, Listed] = MappingProxyType({}), apart: Sequence[Path] = ()
+) -> TrackFiles:
+    """The recordings: files as they are, and of a folder all files below it that can be recordings or `rows` name.
 
     Parameters
     ----------
-    results
-        Files that an earlier run may have left in the folder.
+    apart
+        Files that are no recordings: tables, and what an earlier run may have left in the folder.
 
     Raises
     ------
     DataError
         If there is none, one is not there, or two have the same name.
     """
-    found: list[Path] = []
-    left = {path.resolve() for path in results}
-    for path in paths:
-        not_an_address(path)
-        if not path.exists():
-            raise DataError(f"{path}: there is no such file or folder.")
-        if path.is_dir():
-            found += [one for one in recording_files(path) if one.resolve() not in left]
-        else:
-            found.append(path)
-    if not found:
-        where = ", ".join(map(str, paths)) or "no folder"
-        raise DataError(f"{where}: has no recordings; they are files with {', '.join(SUFFIXES)}.")
+    for source in sources:
+        not_an_address(source)
+        if not source.exists():
+            raise DataError(f"{source}: there is no such file or folder.")
+    left = {path.resolve() for path in apart}
+    contents = [folder_content(source, left) for source in sources if source.is_dir()]
+    whole = FolderContent(
+        tuple(path for content in contents for path in content.recordings),
+        tuple(path for content in contents for path in content.others),
+        sum(content.results for content in contents),
+    )
+    paths = [*(source for source in sources if not source.is_dir()), *whole.recordings]
     names: dict[str, Path] = {}
-    for path in found:
-        other = names.setdefault(name_of(path), path)
+    for path in paths:
+        other = names.setdefault(name_in(rows, path) or name_of(path), path)
         if other is not path:
             raise DataError(f"{path} and {other}: have the same name; every recording of a vehicle needs its own.")
-    return found
+    files = files_by_name(whole, rows)
+    listed = {name: files.file_of(name, row.vehicle) for name, row in rows.items() if name not in names}
+    names |= {name: file.path for name, file in listed.items() if file.path is not None}
+    others = [path for path in whole.others if path not in set(names.values())]
+    beside = left_out(others, whole.results)
+    if not names:
+        raise DataError(no_recordings(", ".join(map(str, sources)) or "no folder", beside))
+    problems = {name: file.problem if contents else _NOT_NAMED for name, file in listed.items() if file.path is None}
+    return TrackFiles(names, problems, beside)
 
 
-def vehicle_of(paths: Sequence[Path], table: Mapping[str, Listed], source: str) -> str:
+def vehicle_of(recordings: Mapping[str, Path], table: Mapping[str, Listed], source: str) -> str:
     """The one vehicle of all recordings: that of the table, else of their folder.
 
     Raises
@@ -136,12 +144,13 @@ def vehicle_of(paths: Sequence[Path], table: Mapping[str, Listed], source: str) 
         If they belong to several vehicles, or to none of the table.
     """
     if not table:
-        folders = {path.resolve().parent for path in paths}
+        folders = {path.resolve().parent for path in recordings.values()}
         return as_text(folders.pop().name) if len(folders) == 1 else ""
-    names = set(map(name_of, paths))
-    vehicles = {table[name].vehicle for name in names if name in table}
+    vehicles = {table[name].vehicle for name in recordings if name in table}
     if not vehicles:
-        raise DataError(f"{source}: names none of the {len(names)} recordings; its column 'recording' has their names.")
+        raise DataError(
+            f"{source}: names none of the {len(recordings)} recordings; its column 'recording' has their names."
+        )
     if len(vehicles) > 1:
         some = ", ".join(sorted(vehicles)[:3])
         raise DataError(f"{source}: the recordings are of {len(vehicles)} vehicles ({some}, ...); track follows one.")
@@ -219,8 +228,9 @@ def track(
     rows = read_table(Path(table)) if table else {}
     limits = LifeLimits(limit, read_wear_table(Path(wear_table)) if wear_table else None)
     several = [recordings] if isinstance(recordings, str | PathLike) else recordings
-    paths = recordings_of([Path(one) for one in several], results)
-    vehicle = vehicle_of(paths, rows, str(table))
+    apart = [*results, *(Path(one) for one in (table, wear_table) if one)]
+    files = recordings_of([Path(one) for one in several], rows, apart)
+    vehicle, paths = vehicle_of(files.paths, rows, str(table)), list(files.paths.values())
     check_workers(workers)
     outside = float("nan") if ambient is None else ambient
     options = ReadingOptions(outside, Path(channels) if channels else None, tuple(map(Path, dbc)), zero=zero)
@@ -229,11 +239,11 @@ def track(
         found[done.item] = unless_lost(done.item, done.result)
         if progress:
             progress(len(found), len(paths))
-    names = [name_of(path) for path in paths]
-    absent = sorted(name for name, row in rows.items() if row.vehicle == vehicle and name not in set(names))
+    absent = sorted(name for name in files.problems if rows[name].vehicle == vehicle)
     reads = [*counted_once((as_text(path.name), found[path]) for path in paths)]
-    reads += [without_result(Path(name), "bad_input", ABSENT) for name in absent]
-    return tracked(vehicle, [*names, *absent], reads, rows, limits, () if rows else _several_folders(paths))
+    reads += [without_result(Path(name), "bad_input", files.problems[name]) for name in absent]
+    warnings = () if rows else _several_folders(paths)
+    return replace(tracked(vehicle, [*files.paths, *absent], reads, rows, limits, warnings), left_out=files.left_out)
 
 
 def tracked(
@@ -280,6 +290,7 @@ def table_of(tracked: Tracked) -> pl.DataFrame:
         "trust": [one.trust for one in wear.readings],
         "outcome": list(wear.outcomes),
         "reason": list(wear.reasons),
+        "warnings": [" ".join(one.warnings) for one in wear.dated],
         "alarm": [", ".join(a.kind for a in wear.alarms if a.before == one.name) or None for one in wear.dated],
         "half_load [m]": [read.half_load[0] for read in tracked.reads],
         "half_load low [m]": [read.half_load[1] for read in tracked.reads],
@@ -343,7 +354,7 @@ def write_tracked(tracked: Tracked, out: Path) -> None:
         If a file cannot be written; an existing one is then unchanged.
     """
     write_frame(table_of(tracked), out)
-    names = [name_of(read.path) for read in tracked.reads]
+    names = [dated.name for dated in tracked.wear.dated]
     write_frame(load_table({"recording": names}, [read.curve for read in tracked.reads]), curves_path(out))
 
 

@@ -12,11 +12,12 @@ from clutchid import workflow
 from clutchid.errors import ParameterError
 from clutchid.fleets.cluster import ONE_WORKER, Workers
 from clutchid.fleets.jobs import Fleet, compile_first, fleet_of, run, tasks
-from clutchid.fleets.output import vehicles_of, write_results, write_vehicles
+from clutchid.fleets.output import RESULTS, VEHICLES, vehicles_of, write_results, write_vehicles
 from clutchid.fleets.reading import ReadingOptions
 from clutchid.fleets.store import store
 from clutchid.fleets.tracking import LifeLimits
 from clutchid.names import as_text
+from clutchid.reports.fleet_tables import VehicleRow
 from clutchid.wear.tables import read_wear_table
 
 
@@ -34,6 +35,8 @@ class FleetRun:
         Number of recordings that were read now; the others are from an earlier run.
     out
         Folder of the results, see docs/commands/fleet.md.
+    warnings
+        What lies in the folder beside the recordings, and what contradicts in their times, one sentence each.
 
     Examples
     --------
@@ -46,6 +49,7 @@ class FleetRun:
     vehicles: int
     read: int
     out: Path
+    warnings: tuple[str, ...] = ()
 
 
 def fleet(
@@ -129,10 +133,24 @@ def fleet(
             if not place.scheduler:
                 compile_first({task.start for task in todo})
             run(place, options, todo, kept, progress or (lambda _done, _all: None))
-        statuses = write_results(found, kept, folder)
+        trends = verb == "track"
+        statuses = write_results(found, kept, folder, trends=trends)
         vehicles = vehicles_of(found, kept, _limits(found, calibrations, limit))
-        count = write_vehicles(vehicles, command, folder, trends=verb == "track")
-    return FleetRun(statuses, count, len(todo), folder)
+        rows = write_vehicles(vehicles, command, folder, trends=trends)
+    warnings = [found.left_out, _time_warnings(rows) if trends else ""]
+    return FleetRun(statuses, len(rows), len(todo), folder, tuple(filter(None, warnings)))
+
+
+def _time_warnings(rows: Sequence[VehicleRow]) -> str:
+    """Sentence about the vehicles whose recordings have no time, or one that contradicts, with the first of them."""
+    warned = [row for row in rows if row.warnings]
+    if not warned:
+        return ""
+    first, count = warned[0], len(warned)
+    return (
+        f"times of recordings of {count:,} vehicle{'s' if count > 1 else ''} are missing or contradict: column "
+        f"`warnings` of {VEHICLES} and {RESULTS}; {first.name}: {first.warnings[0]}"
+    )
 
 
 def _limits(found: Fleet, start: Path, shift: float | None) -> dict[str, LifeLimits]:

@@ -15,6 +15,7 @@ from clutchid.log import FloatArray, Log, Samples, name_and_unit
 from clutchid.names import printable
 from clutchid.recordings.columns import REQUIRED, Heading
 from clutchid.recordings.messages import SHOWN, listed
+from clutchid.recordings.suffixes import recording_name
 
 if TYPE_CHECKING:
     import polars as pl
@@ -163,8 +164,8 @@ class Source:
 
     @property
     def name(self) -> str:
-        """Name of the recording: that of the file without its suffix and ``.gz``, printable."""
-        return printable(Path(self.path.name.removesuffix(".gz")).stem)
+        """Name of the recording: that of the file without its suffix, also that of a packed file, printable."""
+        return printable(recording_name(self.path.name))
 
     @property
     def tabular(self) -> bool:

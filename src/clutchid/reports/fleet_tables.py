@@ -25,7 +25,7 @@ class VehicleRow(NamedTuple):
     known with a table of it. `rate` is that of wear, or else of shift, a stroke, km, day or recording, as `axis` says,
     and so is what is `left` to the limit: median and 90 % interval, infinite beyond five lives. `alarms` are
     sentences. `page` is the file of its own page relative to that of the fleet. `limit` [m] of wear, or else of shift,
-    ends its life, NaN without one.
+    ends its life, NaN without one. `warnings` are what contradicts in the times of its recordings.
     """
 
     name: str
@@ -43,6 +43,7 @@ class VehicleRow(NamedTuple):
     alarms: tuple[str, ...] = ()
     page: str = ""
     limit: float = float("nan")
+    warnings: tuple[str, ...] = ()
 
 
 class ReasonCount(NamedTuple):

@@ -112,8 +112,11 @@ def _rounded(value: float) -> str:
     return f"{float(f'{value:.2g}'):,.0f}" if np.isfinite(value) else "no end in sight"
 
 
-def wear_json(wear: Wear) -> dict[str, Any]:
-    """The keys of every result, and `wear`: the trend at the end, alarms, how often they are false, what is left."""
+def wear_json(wear: Wear, left_out: str = "") -> dict[str, Any]:
+    """The keys of every result, and `wear`: the trend at the end, alarms, how often they are false, what is left.
+
+    `left_out` says what was not read as a recording, which troubles no result.
+    """
     counted = any(wear.counted)
     troubled = wear.warnings or wear.alarms or any(one.status != "ok" for one in wear.readings)
     return {
@@ -129,7 +132,7 @@ def wear_json(wear: Wear) -> dict[str, Any]:
             }
             for dated, one, outcome, reason in zip(wear.dated, wear.readings, wear.outcomes, wear.reasons, strict=True)
         },
-        "warnings": list(wear.warnings),
+        "warnings": [sentence for sentence in (left_out, *wear.warnings) if sentence],
         "wear": {
             "vehicle": wear.vehicle,
             "axis": wear.axis,

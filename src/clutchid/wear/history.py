@@ -28,6 +28,9 @@ TOLERANCE = timedelta(days=1)
 #: Length of a date without a time of day.
 DAY = timedelta(days=1)
 
+#: Warning of a recording whose place in the order is not known.
+_NO_TIME = "no time in the file, the table or the name; put after the others."
+
 #: A date in the name of a file, with or without the time of day.
 _DATE = re.compile(
     r"(?<!\d)(20\d\d)[-_.]?(0[1-9]|1[0-2])[-_.]?([0-2]\d|3[01])(?:[T_-]?([01]\d|2[0-3])[-_.:]?([0-5]\d))?(?!\d)"
@@ -61,6 +64,8 @@ class Dated(NamedTuple):
         Number of strokes of the clutch.
     source
         Which of file, table and name the time is from.
+    warnings
+        What is missing or contradicts in its time, one sentence each.
     """
 
     name: str
@@ -68,6 +73,7 @@ class Dated(NamedTuple):
     odometer: float
     strokes: float
     source: str
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,38 +99,37 @@ def arranged(names: Sequence[str], clocks: Sequence[str], table: Mapping[str, Li
     table
         Rows of the table of recordings by the stem.
     """
-    warnings: list[str] = []
-    dated = [_dated(name, clock, table.get(name), warnings) for name, clock in zip(names, clocks, strict=True)]
-    known = [one.begin for one in dated if one.begin is not None]
-    if known and len(known) < len(dated):
-        missing = [one.name for one in dated if one.begin is None]
-        warnings.append(f"{_some(missing)}: no time in the file, the table or the name; put after the others.")
-    if not known and len(dated) > 1:
+    dated = [_dated(name, clock, table.get(name)) for name, clock in zip(names, clocks, strict=True)]
+    warnings = [f"{one.name}: {sentence}" for one in dated for sentence in one.warnings]
+    missing = [one.name for one in dated if one.begin is None]
+    if 0 < len(missing) < len(dated):
+        warnings.append(f"{_some(missing)}: {_NO_TIME}")
+        dated = [one._replace(warnings=(*one.warnings, _NO_TIME)) if one.begin is None else one for one in dated]
+    if len(missing) == len(dated) > 1:
         warnings.append("no recording has a time; they are taken in the order of their names.")
     order = sorted(range(len(dated)), key=lambda i: _place(dated[i]))
     axis, s = _axis([dated[i] for i in order], warnings)
     return History(tuple(order), tuple(dated), axis, s, tuple(warnings))
 
 
-def _dated(name: str, clock: str, row: Listed | None, warnings: list[str]) -> Dated:
+def _dated(name: str, clock: str, row: Listed | None) -> Dated:
+    warnings: list[str] = []
     of_file, of_table, of_name = _instant(clock), row.begin if row else None, _date_in(name)
     if of_file is not None and of_file < CLOCKS:
-        warnings.append(f"{name}: its clock says {of_file:%Y-%m-%d}, so it had restarted, and is not used.")
+        warnings.append(f"its clock says {of_file:%Y-%m-%d}, so it had restarted, and is not used.")
         of_file = None
     if of_file and of_table and abs(of_file - of_table) > TOLERANCE:
         warnings.append(
-            f"{name}: the file is of {of_file:%Y-%m-%d %H:%M}, the table says {of_table:%Y-%m-%d %H:%M}; the file "
-            "counts."
+            f"the file is of {of_file:%Y-%m-%d %H:%M}, the table says {of_table:%Y-%m-%d %H:%M}; the file counts."
         )
     begin = of_file or of_table
     if begin and of_name and not of_name - TOLERANCE <= begin <= of_name + DAY + TOLERANCE:
         where = "file" if of_file else "table"
-        warnings.append(
-            f"{name}: its name is of {of_name:%Y-%m-%d}, the {where} of {begin:%Y-%m-%d}; the {where} counts."
-        )
+        warnings.append(f"its name is of {of_name:%Y-%m-%d}, the {where} of {begin:%Y-%m-%d}; the {where} counts.")
     begin = begin or of_name
     source = "file" if of_file else "table" if of_table else "name" if of_name else ""
-    return Dated(name, begin, row.odometer if row else np.nan, row.strokes if row else np.nan, source)
+    odometer, strokes = (row.odometer, row.strokes) if row else (np.nan, np.nan)
+    return Dated(name, begin, odometer, strokes, source, tuple(warnings))
 
 
 def _instant(text: str) -> datetime | None:

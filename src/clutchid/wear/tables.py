@@ -17,6 +17,7 @@ import numpy as np
 from clutchid.errors import DataError
 from clutchid.log import FloatArray
 from clutchid.recordings.files import small_file
+from clutchid.recordings.suffixes import split_name
 from clutchid.wear.history import Listed
 from clutchid.wear.trend import WearTable
 
@@ -144,7 +145,7 @@ def _listed(row: Mapping[str, str]) -> Listed:
     except ValueError:
         raise ValueError(f"date '{date}' is no ISO date, such as 2026-11-23 or 2026-11-23T14:05.") from None
     return Listed(
-        Path(name).name.removesuffix(Path(name).suffix) if Path(name).suffix else name,
+        split_name(Path(name).name)[0],
         row.get("vehicle", ""),
         row.get("type", ""),
         begin.replace(tzinfo=UTC) if begin and not begin.tzinfo else begin,

@@ -209,5 +209,5 @@ function drawListing(box, redraw) {
       try { await box.open(file.path); box.refused = ""; }
       catch (problem) { box.refused = problem.message; }
       redraw();
-    })), !listing.files.length && !listing.folders.length && h("li", { class: "hint" }, box.none)));
+    })), !listing.files.length && !listing.folders.length && h("li", { class: "hint" }, box.none)), listing.others && h("p", { class: "hint" }, listing.others));
 }

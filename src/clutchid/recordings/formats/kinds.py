@@ -8,18 +8,17 @@ from pathlib import Path
 
 from clutchid.errors import DataError
 from clutchid.recordings.files import reading
+from clutchid.recordings.suffixes import FORMATS, split_name
 
 #: Bytes at the start of a file that determine its kind.
 ENOUGH = 4096
 
-_MARKS = (
-    (b"\x1f\x8b", "gzip"),
-    (b"MDF     ", "mdf"),
-    (b"UnFinMF ", "mdf"),
-    (b"PAR1", "parquet"),
-    (b"PARE", "parquet"),
-    (b"LOGG", "blf"),
-)
+
+_GZIP = b"\x1f\x8b"
+
+#: Two numbers beside each other, as a table has them: with a decimal point or comma, between any separators.
+_NUMBER = rb"[+-]?\d+([.,]\d*)?([eE][+-]?\d+)?"
+_NUMBERS = re.compile(rb'(?m)(^|[;,\t| "])' + _NUMBER + rb'"? *[;,\t| ] *"?' + _NUMBER + rb'([;,\t| "\r]|$)')
 
 _UNPACK = "unpack it, and name the recording in it"
 _DATABASE = "name the recording of the bus, and give this file with --dbc"
@@ -61,6 +60,21 @@ _TEXTS = (
 )  # fmt: skip
 
 
+def is_recording(path: Path) -> bool:
+    """Whether a file of a folder is called like a recording; a text (``.txt``) also needs a line of numbers.
+
+    A text that cannot be read may be one, so that its reader says why.
+    """
+    suffix = split_name(path.name)[1].lower()
+    if suffix != ".txt":
+        return bool(suffix)
+    try:
+        head = head_of(path)
+    except DataError:
+        return True
+    return b"\0" in head or _NUMBERS.search(head) is not None  # UTF-16 has zeros
+
+
 def head_of(file: Path) -> bytes:
     """First bytes of a file, which determine its kind.
 
@@ -97,9 +111,11 @@ def kind_of(head: bytes) -> str:
     >>> kind_of(b"PAR1..."), kind_of(b"time [s],position [m]"), kind_of(b"date Wed Sep 30 15:06:13.191 2017")
     ('parquet', 'csv', 'asc')
     """
-    for mark, kind in _MARKS:
-        if head.startswith(mark):
-            return kind
+    if head.startswith(_GZIP):
+        return "gzip"
+    for row in FORMATS:
+        if head.startswith(row.marks):
+            return row.kind
     if b"\0" in head:  # not text, except UTF-16
         from clutchid.recordings.formats.mat.file import is_mat
 

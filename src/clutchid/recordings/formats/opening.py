@@ -17,6 +17,7 @@ from clutchid.errors import DataError
 from clutchid.recordings.files import reading
 from clutchid.recordings.formats.kinds import head_of, kind_of, readable_kind
 from clutchid.recordings.source import Source, Table
+from clutchid.recordings.suffixes import PACKED
 
 if TYPE_CHECKING:
     from clutchid.recordings.formats.can.frames import FrameLog
@@ -87,7 +88,7 @@ def _mdf(file: Path, dbc: Sequence[Path]) -> Source:
 def _unpacked(file: Path, dbc: Sequence[Path]) -> Source:
     """The recording in a gzip file, unpacked to a temporary file that is deleted with its reader."""
     folder = tempfile.TemporaryDirectory(prefix="clutchid-")
-    inner = Path(folder.name) / (file.name.removesuffix(".gz") or "recording")
+    inner = Path(folder.name) / (file.stem if file.suffix.lower() in PACKED else file.name)
     with _named(file, inner):
         _unpack(file, inner)
         kind = readable_kind(inner)

@@ -1,0 +1,127 @@
+"""The files of a folder: recordings, results of clutchid, and others; and the names that tables give to them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from clutchid.fleets.store import STORE
+from clutchid.names import as_text
+from clutchid.recordings.formats.kinds import is_recording
+from clutchid.recordings.suffixes import SUFFIXES_SHOWN, by_suffix, recording_name, split_name
+
+#: Problem of a row of a table without a file.
+ABSENT = "the table names it, but its file is not there."
+
+
+class FolderContent(NamedTuple):
+    """Files below a folder, in order: `recordings`, `others`, and the number of `results` of clutchid.
+
+    Links to files that are gone are recordings or others as well. What is hidden is neither, as what a write that was
+    cut off has left.
+    """
+
+    recordings: tuple[Path, ...]
+    others: tuple[Path, ...]
+    results: int
+
+
+def folder_content(folder: Path, apart: Collection[Path] = ()) -> FolderContent:
+    """What lies below a folder, without the files `apart`, which are resolved.
+
+    Results of clutchid are the folder of a fleet, and the two files of `observe` and `track`, FILE.* and FILE.load.*.
+    """
+    below = [path for path in sorted(folder.rglob("*")) if not _is_hidden(path.relative_to(folder))]
+    files = [path for path in below if path.is_file() or _is_dangling(path)]
+    files = [path for path in files if path.resolve() not in apart] if apart else files
+    results = {*_results(files)}
+    recordings = [path for path in files if path not in results and is_recording(path)]
+    others = [path for path in files if path not in results.union(recordings)]
+    return FolderContent(tuple(recordings), tuple(others), len(results))
+
+
+def _results(files: Sequence[Path]) -> Iterator[Path]:
+    runs, names = {path.parent for path in files if path.name == STORE}, {*files}
+    for path in files:
+        if not runs.isdisjoint(path.parents):
+            yield path
+        elif Path(path.stem).suffix == ".load":
+            whole = path.with_name(f"{Path(path.stem).stem}{path.suffix}")
+            yield from (whole, path) if whole in names else ()
+
+
+def _is_hidden(path: Path) -> bool:
+    return any(part.startswith(".") for part in path.parts)
+
+
+def _is_dangling(path: Path) -> bool:
+    return path.is_symlink() and not path.exists()
+
+
+def name_of(recording: Path) -> str:
+    """The name of a recording in tables: that of its file, without the suffix."""
+    return as_text(recording_name(recording.name))
+
+
+def name_in(names: Collection[str], file: Path) -> str:
+    """The name by which a table knows a file: all of it, or without the suffix; empty if it does not."""
+    possible = (as_text(file.name), as_text(split_name(file.name)[0]), as_text(file.stem))
+    return next((name for name in possible if name in names), "")
+
+
+def left_out(others: Sequence[Path], results: int) -> str:
+    """Sentence about files of a folder that are not read as recordings, by suffix; empty if there are none."""
+    counted = [by_suffix(others)] if others else []
+    if results:
+        counted.append(f"{results:,} result{'s' if results > 1 else ''} of clutchid")
+    count = len(others) + results
+    what = "1 file is" if count == 1 else f"{count:,} files are"
+    return f"{what} not read as recordings: {', '.join(counted)}." if counted else ""
+
+
+def no_recordings(where: str, beside: str) -> str:
+    """Sentence about a folder without a recording, with what is there `beside` them."""
+    hint = f" {beside} `clutchid look FILE` says whether a file can be read." if beside else ""
+    return f"{where}: has no recordings; they are files with {SUFFIXES_SHOWN}.{hint}"
+
+
+class ListedFile(NamedTuple):
+    """The file of a row of a table, or the problem with it in a sentence."""
+
+    path: Path | None
+    problem: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class FilesByName:
+    """The files of folders that the rows of a table name."""
+
+    recordings: Mapping[str, Sequence[Path]]
+    others: Mapping[str, Sequence[Path]]
+
+    def file_of(self, name: str, vehicle: str) -> ListedFile:
+        """The file of a row: one in a folder of the vehicle before others, a recording by its suffix before others."""
+        groups = [files.get(name, ()) for files in (self.recordings, self.others)]
+        own = [[path for path in group if as_text(path.parent.name) == vehicle] for group in groups]
+        files = next((group for group in (*own, *groups) if group), ())
+        if len(files) == 1:
+            return ListedFile(files[0])
+        names = [f"'{as_text(str(path))}'" for path in files[:3]]
+        return ListedFile(
+            None, f"several files have its name: {', '.join(names)}; rename all but one." if names else ABSENT
+        )
+
+
+def files_by_name(content: FolderContent, names: Collection[str]) -> FilesByName:
+    """The files of a folder by the `names` of a table."""
+
+    def named(paths: Iterable[Path]) -> Mapping[str, Sequence[Path]]:
+        groups: dict[str, list[Path]] = {}
+        for path in paths:
+            if name := name_in(names, path):
+                groups.setdefault(name, []).append(path)
+        return groups
+
+    return FilesByName(named(content.recordings), named(content.others))

@@ -1,0 +1,80 @@
+"""Formats of recordings, and what the name of a file says: its suffix, and the name of the recording in it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+
+class Format(NamedTuple):
+    """A format that is read: suffixes that its files usually have, and the bytes at their start if these are fixed."""
+
+    kind: str
+    suffixes: tuple[str, ...]
+    marks: tuple[bytes, ...] = ()
+
+
+#: Every format that is read. Files are told apart by content; the suffixes are what folders are searched for.
+FORMATS = (
+    Format("parquet", (".parquet", ".pq"), (b"PAR1", b"PARE")),
+    Format("csv", (".csv", ".tsv", ".tab", ".txt")),
+    Format("mdf", (".mf4", ".mf3", ".mdf", ".dat"), (b"MDF     ", b"UnFinMF ")),
+    Format("mat", (".mat", ".h5", ".hdf5")),
+    Format("blf", (".blf",), (b"LOGG",)),
+    Format("asc", (".asc",)),
+    Format("trc", (".trc",)),
+)
+
+#: Suffixes after that of the format: a packed file, or Parquet that says how it is packed inside.
+PACKED = (".gz", ".gzip")
+
+#: Suffixes of recordings, without those of `PACKED`.
+SUFFIXES = tuple(suffix for row in FORMATS for suffix in row.suffixes)
+
+#: The suffixes as messages name them.
+SUFFIXES_SHOWN = f"{', '.join(SUFFIXES)}, and packed (.csv{PACKED[0]})"
+
+
+def split_name(name: str) -> tuple[str, str]:
+    """Name of the recording in a file and the file's suffix, which is empty where it is none of a recording.
+
+    Examples
+    --------
+    >>> split_name("2026.11.23 run.MF4.gz"), split_name("2026.11.23"), split_name("map.toml")
+    (('2026.11.23 run', '.MF4.gz'), ('2026.11.23', ''), ('map.toml', ''))
+    """
+    inner = name[: -len(Path(name).suffix)] if name.lower().endswith(PACKED) else name
+    suffix = Path(inner).suffix
+    return (inner.removesuffix(suffix), name[len(inner) - len(suffix) :]) if suffix.lower() in SUFFIXES else (name, "")
+
+
+def recording_name(name: str) -> str:
+    """Name of the recording in a file: without the suffix of its format and packing, else without its last suffix.
+
+    Examples
+    --------
+    >>> recording_name("run.csv.gz"), recording_name("run.bin"), recording_name("run")
+    ('run', 'run', 'run')
+    """
+    stem, suffix = split_name(name)
+    return stem if suffix else Path(name).stem
+
+
+def by_suffix(paths: Iterable[Path]) -> str:
+    """How many files have which suffix, in words, the most frequent first.
+
+    Examples
+    --------
+    >>> by_suffix(map(Path, ("a.toml", "b.TOML", "notes", "backup.tar.gz")))
+    '2 .toml, 1 .tar.gz, 1 without a suffix'
+    """
+    counts = Counter(_last_suffix(path.name) or "without a suffix" for path in paths)
+    return ", ".join(f"{count:,} {suffix}" for suffix, count in sorted(counts.items(), key=lambda one: (-one[1], one)))
+
+
+def _last_suffix(name: str) -> str:
+    """The suffix of a file in lower case, with the one before if the last says that it is packed."""
+    path = Path(name.lower())
+    return "".join(path.suffixes[-2:]) if path.suffix in PACKED else path.suffix
