@@ -102,5 +102,10 @@ def __getattr__(name: str) -> Any:
     return found
 
 
+def made(name: str, *values: Any) -> Any:
+    """The public record of that name with these values of its fields, as `pickle` and `copy` make it."""
+    return __getattr__(name)(*values)
+
+
 def __dir__() -> list[str]:
     return sorted([*_HOME, "__version__"])

@@ -5,8 +5,11 @@ from __future__ import annotations
 import difflib
 import os
 import re
-from collections.abc import Collection, Iterable, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import fields
+from importlib import import_module
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 from clutchid.errors import ParameterError
 
@@ -99,6 +102,16 @@ def unknown_names(names: Iterable[str], known: Sequence[str], what: str = "param
     messages = [unknown_name(name, known, what) for name in unknown[:_SHOWN]]
     messages[:-1] = [message.partition(" Known are ")[0] for message in messages[:-1]]  # once is enough
     return [*messages, f"and {len(unknown) - _SHOWN:,} more."] if len(unknown) > _SHOWN else messages
+
+
+def made_anew(record: Any) -> tuple[Callable[..., Any], tuple[object, ...]]:
+    """``__reduce__`` of a public record: it is pickled and copied by its fields, of which the package makes it again.
+
+    So a mapping that is read-only may be pickled, arrays are read-only again, and methods are attached.
+    """
+    values = (getattr(record, item.name) for item in fields(record))
+    plain = (dict(value) if isinstance(value, MappingProxyType) else value for value in values)
+    return import_module("clutchid").made, (type(record).__name__, *plain)
 
 
 def printable(text: str) -> str:

@@ -111,10 +111,9 @@ def test_what_else_a_folder_holds_is_counted_by_suffix(tmp_path, cal, still):
         (vehicle / name).write_text(text)
     (vehicle / "._run.csv").touch()
     counted = "2 .jpg, 1 .json, 1 .log, 1 .tar.gz, 1 .toml, 1 .txt, 1 without a suffix"
+    said = f"has no recordings; they are files with .parquet.* {counted}.*clutchid look"
     for find in (lambda: fleet_of(tmp_path / "fleet", cal), lambda: recordings_of([vehicle])):
-        with pytest.raises(
-            DataError, match=f"has no recordings; they are files with .parquet.* {counted}.*clutchid look"
-        ):
+        with pytest.raises(DataError, match=said):
             find()
     clutchid.write(still, vehicle / "run.csv")
     sentence = f"8 files are not read as recordings: {counted}."

@@ -9,6 +9,7 @@ from os import PathLike
 from types import MappingProxyType
 from typing import Literal
 
+from clutchid.arguments import checked
 from clutchid.errors import DataError, ParameterError
 from clutchid.estimation.automatic import AUTOMATIC
 from clutchid.estimation.calibrate import fit_with
@@ -41,6 +42,7 @@ METHODS: Mapping[str, Method] = MappingProxyType({one.name: one for one in (SIMU
 LogOrPath = Log | str | PathLike[str]
 
 
+@checked
 def fit(
     logs: LogOrPath | Sequence[LogOrPath],
     actuator: Actuator | None = None,

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from clutchid.arguments import checked
 from clutchid.errors import DataError, ParameterError
 from clutchid.estimation.parameter_tables import (
     REST,
@@ -323,6 +324,7 @@ def _with_texts(origin: Origin, section: object) -> Origin:
     return origin._replace(**{k: entries[k] for k in Origin._fields if isinstance(entries.get(k), str)})
 
 
+@checked
 def write_parameters(content: ParameterFile, path: str | PathLike[str]) -> None:
     r"""Write a parameter file; an existing one is replaced only by a complete new one.
 
@@ -360,6 +362,7 @@ def write_parameters(content: ParameterFile, path: str | PathLike[str]) -> None:
     write_text(text, path)
 
 
+@checked
 def read_parameters(path: str | PathLike[str], model: OwnModel | None = None) -> ParameterFile:
     """Read a parameter file; missing entries have their defaults.
 

@@ -17,7 +17,7 @@ from clutchid.inference.uncertainty.conditions import Assumption
 from clutchid.inference.uncertainty.estimates import Estimate, LoadCurve
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
-from clutchid.names import base_of
+from clutchid.names import base_of, made_anew
 from clutchid.numerics.interval import QUANTILE
 from clutchid.recordings.strokes.vented_rest import RestShift
 from clutchid.simulation.plan import Plan
@@ -246,6 +246,8 @@ class Fit:
     assumed: tuple[Assumption, ...] = ()
     load_per_supply: float | None = None
     readings: Mapping[str, Fit] = field(default_factory=dict)
+
+    __reduce__ = made_anew
 
     if TYPE_CHECKING:  # attached by `clutchid.workflow.attached`
 

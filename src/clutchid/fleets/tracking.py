@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from clutchid import processes, workflow
+from clutchid.arguments import checked
 from clutchid.errors import DataError
 from clutchid.fleets.folders import (
     FolderContent,
@@ -158,6 +159,7 @@ def vehicle_of(recordings: Mapping[str, Path], table: Mapping[str, Listed], sour
     return vehicle
 
 
+@checked
 def track(
     recordings: str | PathLike[str] | Sequence[str | PathLike[str]],
     start: str | PathLike[str],

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from clutchid import workflow
+from clutchid.arguments import checked
 from clutchid.errors import ParameterError
 from clutchid.fleets.cluster import ONE_WORKER, Workers
 from clutchid.fleets.jobs import Fleet, compile_first, fleet_of, run, tasks
@@ -52,6 +53,7 @@ class FleetRun:
     warnings: tuple[str, ...] = ()
 
 
+@checked
 def fleet(
     source: str | PathLike[str],
     start: str | PathLike[str],

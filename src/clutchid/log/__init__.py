@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from clutchid.errors import DataError
 from clutchid.log.states import STATES
+from clutchid.names import made_anew
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -118,6 +119,8 @@ class Log:
         problems += [sentence for name in edges if (sentence := _wrong_edges(name, edges[name], name in columns))]
         if problems:
             raise DataError.of(self.name, problems)
+
+    __reduce__ = made_anew  # a view of a mapping cannot be pickled, and copies of arrays could be written to
 
     def __repr__(self) -> str:
         span = ""

@@ -9,6 +9,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
+from clutchid.arguments import checked
 from clutchid.errors import DataError, ExportError
 from clutchid.log import Log
 from clutchid.names import printable
@@ -27,6 +28,7 @@ Item = TypeVar("Item")
 __all__ = ["AMBIENT", "atomic_write", "read", "read_each", "read_pieces", "write"]
 
 
+@checked
 def read(
     path: str | PathLike[str],
     *,
@@ -106,6 +108,7 @@ def read_each(items: Iterable[Item], read_one: Callable[[Item], Log]) -> list[Lo
     return logs
 
 
+@checked
 def read_pieces(
     path: str | PathLike[str],
     *,
@@ -198,6 +201,7 @@ def _map(channels: ChannelMap | str | PathLike[str] | None) -> ChannelMap | None
     return channels if isinstance(channels, ChannelMap) else read_map(channels)
 
 
+@checked
 def write(log: Log, path: str | PathLike[str]) -> None:
     """Write `log` in SI to a ``.csv``, ``.parquet``, ``.mf4`` or ``.mat`` file; `read` returns the same values.
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from clutchid.arguments import checked
 from clutchid.log import INPUTS, FloatArray
 from clutchid.recordings.checks import AMBIENT, check, check_ambient, in_si
 from clutchid.recordings.columns import REQUIRED, Heading, heading_problems, ignored
@@ -27,6 +28,7 @@ from clutchid.recordings.stored import WHOLE
 _RIG = ("time", "position", "force")
 
 
+@checked
 def look(
     path: str | PathLike[str],
     ambient: float | None = None,

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchid.arguments import check_fields
 from clutchid.errors import ParameterError
 
 
@@ -45,6 +46,7 @@ class Partition:
     take: Literal["all", "position"] = "all"
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if (self.every is None) == (self.parts is None):
             raise ParameterError(f"every = {self.every}, parts = {self.parts}: give exactly one of the two.")
         for name, value in (("every", self.every), ("parts", self.parts)):

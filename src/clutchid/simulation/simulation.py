@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from clutchid.arguments import checked
 from clutchid.errors import ParameterError, SolveError
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
-from clutchid.names import check_names, listed_names
+from clutchid.names import check_names, listed_names, made_anew
 from clutchid.parameters import known_ambient
 from clutchid.recordings.signals.values import values_of
 from clutchid.simulation.divergence import failure_message
@@ -68,6 +69,8 @@ class Simulation:
     warnings: tuple[str, ...] = ()
     sensitivities: Mapping[str, FloatArray] = field(default_factory=dict)
 
+    __reduce__ = made_anew
+
     def __repr__(self) -> str:
         sensitivities = f"; sensitivities to {', '.join(self.sensitivities)}" if self.sensitivities else ""
         return f"Simulation({self.status}: {self.message}; {self.log!r}{sensitivities})"
@@ -77,6 +80,7 @@ class Simulation:
         def plot(self) -> Figure: ...
 
 
+@checked
 def simulate(
     actuator: Actuator,
     log: Log | str | PathLike[str],

@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from clutchid.arguments import checked
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray, Log
 from clutchid.truck import recorder as recording
@@ -65,6 +66,7 @@ class Drive:
         write_truth({stem or self.log.name: self.truth}, path)
 
 
+@checked
 def drive(
     truck: Vehicle | int, *, family: str = "A", manoeuvre: str = "mix", seconds: float = 30.0, seed: int = 0,
     wear: float = 0.0, cycles: float = 0.0, temperature: float | None = None, pressure: bool = True,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from clutchid.arguments import checked
 from clutchid.errors import DataError, ExportError, ParameterError
 from clutchid.log import INPUTS, Log
 from clutchid.names import printable
@@ -248,6 +249,7 @@ def check_save(path: Path) -> None:
         )
 
 
+@checked
 def parameter_file(fit: Fit) -> ParameterFile:
     """Contents of a parameter file for a fit, with the trust of its verdict.
 

@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
+from clutchid.arguments import checked
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from clutchid.simulation.simulation import Simulation
 
 
+@checked
 def plot(shown: Log | Simulation | Fit) -> Figure:
     """Figure of a log, a simulation or a fit, as matplotlib has it without pyplot; as ``shown.plot()``.
 
@@ -53,6 +56,7 @@ def plot(shown: Log | Simulation | Fit) -> Figure:
     return figure_of(shown)
 
 
+@checked
 def report(fit: Fit, path: str | PathLike[str]) -> None:
     """Write the page that ``clutchid fit --report`` writes, one self-contained HTML file.
 

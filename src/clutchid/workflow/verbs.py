@@ -7,6 +7,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from clutchid.arguments import checked
 from clutchid.errors import DataError
 from clutchid.estimation.fit import LogOrPath, MethodName, fit_any, recordings_of, request_of
 from clutchid.estimation.parameter_file import ParameterFile, read_parameters, started
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from clutchid.rig import CoulombFriction, LugreFit
 
 
+@checked
 def calibrate(
     logs: LogOrPath | Sequence[LogOrPath],
     actuator: Actuator | None = None,
@@ -86,6 +88,7 @@ def calibrate(
     return fit_any(logs, actuator, request, verify, on_failure, progress)
 
 
+@checked
 def estimate(
     logs: LogOrPath | Sequence[LogOrPath],
     start: Fit | ParameterFile | str | PathLike[str],
@@ -153,6 +156,7 @@ def _content(start: Fit | ParameterFile | str | PathLike[str]) -> ParameterFile:
     return parameter_file(start) if isinstance(start, Fit) else read_parameters(start)
 
 
+@checked
 def export(
     calibration: Fit | ParameterFile | str | PathLike[str],
     out: str | PathLike[str],
@@ -228,6 +232,7 @@ def export(
     return write_export(one, state, Path(out), style, title, to=to, check=log, model=model)
 
 
+@checked
 def observe(
     log: LogOrPath,
     start: Fit | ParameterFile | str | PathLike[str],
@@ -280,6 +285,7 @@ def observe(
     return observed(ready, content, method, None if resume is None else Path(resume), zero)
 
 
+@checked
 def cut(
     recording: LogOrPath,
     *,
@@ -334,6 +340,7 @@ def cut(
     return joined(chosen)
 
 
+@checked
 def friction(
     logs: LogOrPath | Sequence[LogOrPath],
     *,

@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from clutchid.arguments import checked
 from clutchid.estimation.assess.comparison import ENGAGING, SHARES, WORTH, Measurement, measured
 from clutchid.estimation.assess.evidence import HORIZON, Reason, evidence, once_a_fit
 from clutchid.estimation.assess.reasons import BAD_ERROR, bound_notes, reasons, share_off, valve_notes
@@ -216,6 +217,7 @@ class Verdict:
         return MEANING[self.trust]
 
 
+@checked
 @once_a_fit
 def verdict(fit: Fit) -> Verdict:
     """Whether the parameters and the load of a fit can be trusted.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from clutchid.arguments import check_fields
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
@@ -41,6 +42,9 @@ class Prior:
 
     mean: float
     std: float
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 #: Standard deviation in m of the far stop from its position by the drawing, or by the reach of a recording.

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from clutchid.arguments import checked
 from clutchid.errors import ExportError
 from clutchid.fleets.cluster import ONE_WORKER, Workers, results, version_and_source
 from clutchid.processes import LostWork, check_workers
@@ -114,6 +115,7 @@ def _scored(answer: Answer, driven: Drive) -> dict[str, Any]:
     }
 
 
+@checked
 def prove(
     name: str,
     numbers: Iterable[int],

@@ -1,0 +1,150 @@
+"""Every public record can be pickled and copied, also to a process that has only just begun."""
+
+import copy
+import dataclasses
+import multiprocessing
+import pickle
+import subprocess
+import sys
+import types
+import typing
+from collections import abc
+from concurrent.futures import ProcessPoolExecutor
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sympy import Symbol
+
+import clutchid
+from clutchid import Actuator, Partition
+from clutchid.model.own import OwnModel, OwnParameter
+from clutchid.observer.observer import observer, start
+from clutchid.truck import truck
+from fixtures.public_records import annotations, is_record, public_records, records_of
+
+WAYS = {"pickle": lambda value: pickle.loads(pickle.dumps(value)), "deepcopy": copy.deepcopy, "copy": copy.copy}
+
+
+@pytest.fixture(scope="module")
+def log():
+    """4 s of the bundled recording."""
+    return clutchid.bundled_recording().slice(0, 4000)
+
+
+@pytest.fixture(scope="module")
+def examples(log):
+    """What the functions of clutchid return, and records that hold more than their annotations say."""
+    fit = clutchid.fit(log, verify=log)
+    c = OwnParameter(1.0, "N/m", "c", range=(0, 2))
+    fan = OwnModel("isothermal", parameters={"c": c}, terms={"f_s": Symbol("f_s") + Symbol("c") * Symbol("y")})
+    return [
+        log, fit, clutchid.simulate(Actuator(), log, sensitivities="P_S"), clutchid.verdict(fit),
+        clutchid.parameter_file(fit), clutchid.drive(truck(0), seconds=0.5), Actuator(model=fan), Partition(parts=2),
+        start(observer(Actuator())), observer(Actuator()), observer(Actuator(), "states"), observer(Actuator(), "rls"),
+        truck(3, "B"),
+    ]  # fmt: skip
+
+
+#: A value of a simple kind.
+SIMPLE = {
+    float: 1.5, int: 2, bool: True, str: "text", bytes: b"x", np.ndarray: np.arange(3.0), Path: Path("a"),
+    type(None): None, datetime: datetime(2026, 5, 1, tzinfo=UTC), type: Partition,
+    abc.Callable: len, object: 1.0, typing.Any: 1.0,
+}  # fmt: skip
+
+
+def made(hint, known):
+    """A value of an annotated kind: a record that is known, or of its fields; containers have one entry."""
+    origin, arguments = typing.get_origin(hint) or hint, typing.get_args(hint)
+    if hint in known or origin in SIMPLE:
+        return known[hint] if hint in known else SIMPLE[origin]
+    if origin is typing.Literal:
+        return arguments[0]
+    if origin in (typing.Union, types.UnionType):
+        return made(arguments[0], known)
+    if origin is tuple:
+        return tuple(made(one, known) for one in arguments if one is not Ellipsis)
+    if origin in (abc.Sequence, abc.Collection, abc.Iterable, list):
+        return [made(arguments[0], known)]
+    if origin in (abc.Mapping, dict):
+        return {made(arguments[0], known): made(arguments[1], known)}
+    if is_record(hint):
+        known[hint] = hint(**{name: made(kind, known) for name, kind in _fields(hint).items()})
+        return known[hint]
+    raise NotImplementedError(hint)
+
+
+def _fields(kind):
+    return {name: one for name, one in annotations(kind).items() if typing.get_origin(one) is not typing.ClassVar}
+
+
+def same(one, other):
+    """Whether two values have the same kinds and the same content."""
+    if type(one) is not type(other):
+        return False
+    if is_record(type(one)):
+        names = getattr(one, "_fields", None) or [item.name for item in dataclasses.fields(one)]
+        return all(same(getattr(one, name), getattr(other, name)) for name in names)
+    if isinstance(one, abc.Mapping):
+        return [*one] == [*other] and all(same(one[key], other[key]) for key in one)
+    if isinstance(one, tuple | list):
+        return len(one) == len(other) and all(map(same, one, other))
+    if isinstance(one, np.ndarray | float):
+        return np.array_equal(one, other, equal_nan=True)
+    return type(one).__eq__ is object.__eq__ or bool(one == other)
+
+
+@pytest.mark.slow
+def test_every_public_record_can_be_pickled_and_copied(examples):
+    """Those of the annotations of ``clutchid.__all__`` and in their fields; one of a new kind is made by them."""
+    records = [one for example in examples for one in records_of(example)]
+    known = {kind: one for one in records for kind in type(one).__mro__ if is_record(kind)}
+    missing = []
+    for kind in public_records() - set(known):
+        try:
+            made(kind, known)
+        except (NotImplementedError, clutchid.ClutchidError, ValueError, TypeError, AttributeError) as error:
+            missing.append(f"{kind.__name__}: {type(error).__name__} {error}")
+    assert missing == [], "an example of each of these is needed above"
+    for value in known.values():
+        for name, way in WAYS.items():
+            assert same(value, way(value)), (name, type(value))
+
+
+@pytest.mark.parametrize("name", WAYS)
+def test_a_copy_of_a_log_is_read_only_as_the_log_is(log, name):
+    other = WAYS[name](dataclasses.replace(log, edges={"duty_supply": (np.arange(3.0), np.zeros(3))}))
+    for values in (other.time, other["position"], *other.edges["duty_supply"]):
+        with pytest.raises(ValueError, match="read-only"):
+            values[0] = 0.0
+    for mapping in (other.columns, other.metadata, other.edges):
+        with pytest.raises(TypeError, match="item assignment"):
+            mapping["a"] = 1
+    assert other.metadata == log.metadata
+
+
+def test_errors_can_be_pickled():
+    kinds = [getattr(clutchid, name) for name in clutchid.__all__ if name.endswith(("Error", "Extra"))]
+    for kind in kinds:
+        error = pickle.loads(pickle.dumps(kind("its sentence.")))
+        assert (type(error), str(error)) == (kind, "its sentence.")
+
+
+@pytest.mark.slow
+def test_records_pass_through_a_pool_of_new_processes_and_a_new_process_has_all_of_them(log, tmp_path):
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+        fit = pool.submit(clutchid.fit, log, progress=None).result()
+        simulation = pool.submit(clutchid.simulate, fit.actuator, log).result()
+    assert simulation.log.name == log.name
+    assert fit.verdict.trust
+    (tmp_path / "fit.pickle").write_bytes(pickle.dumps([fit, simulation, log]))
+    shown = (
+        "import pickle, sys; fit, simulation, log = pickle.load(open(sys.argv[1], 'rb')); print(fit.verdict.trust); "
+    )
+    shown += "log.plot; simulation.plot"
+    done = subprocess.run(
+        [sys.executable, "-c", shown, tmp_path / "fit.pickle"], capture_output=True, text=True, check=False
+    )
+    assert (done.stdout.strip(), done.stderr) == (fit.verdict.trust, "")

@@ -1,0 +1,97 @@
+"""An argument of a wrong kind is one sentence that names it, in every public function."""
+
+import inspect
+
+import numpy as np
+import pytest
+
+import clutchid
+from clutchid import Actuator, Log, ParameterError, Partition, Prior
+from clutchid.arguments import checked
+from fixtures.public_records import annotations
+
+FUNCTIONS = {name: getattr(clutchid, name) for name in clutchid.__all__}
+FUNCTIONS = {name: found for name, found in FUNCTIONS.items() if inspect.isfunction(found)}
+
+ARGUMENTS = [(name, place) for name, found in FUNCTIONS.items() for place in inspect.signature(found).parameters]
+
+#: Wrong kinds, of which an argument may admit some.
+WRONG = (
+    object(),
+    3,
+    2.5,
+    "text",
+    b"bytes",
+    None,
+    True,
+    [Actuator()],
+    {"P_S": 9e5},
+    (1, 2, 3),
+    Actuator,
+    Prior(1.0, 1.0),
+)
+
+LOG = Log(np.arange(0.0, 0.01, 1e-3), {"position": np.zeros(10)})
+
+
+def needed(name):
+    """Arguments that a function needs."""
+    return {one.name for one in inspect.signature(FUNCTIONS[name]).parameters.values() if one.default is one.empty}
+
+
+@pytest.mark.parametrize(("name", "place"), ARGUMENTS)
+def test_an_argument_of_a_wrong_kind_is_one_sentence(name, place):
+    """Also where the value is admitted, because what else the function needs is then wrong."""
+    others = dict.fromkeys(needed(name) - {place}, object())
+    for value in WRONG if others else WRONG[:1]:
+        with pytest.raises(ParameterError, match=f"^{name}: .* needed, not .*|^{name}: .* Known are ") as caught:
+            FUNCTIONS[name](**{place: value}, **others)
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", [name for name, found in FUNCTIONS.items() if inspect.signature(found).parameters])
+def test_every_public_function_checks_its_arguments(name):
+    function = FUNCTIONS[name]
+    assert hasattr(function, "__wrapped__")
+    assert set(annotations(function)) - {"return"} == set(inspect.signature(function).parameters)
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: clutchid.fit(LOG, priors={"P_S": 9e5}), r"fit: priors\['P_S'\] = 900000.0: a Prior is needed"),
+        (lambda: clutchid.fit(LOG, [Actuator()]), r"fit: actuator = \[Actuator\(\)\]: an Actuator or None is needed"),
+        (lambda: clutchid.fit([LOG, 3]), r"fit: logs\[1\] = 3: a Log or a path is needed, not a whole number"),
+        (lambda: clutchid.fit(LOG, bounds={"P_S": (1, 2, 3)}), r"bounds\['P_S'\] = .*a tuple of 2 is needed"),
+        (lambda: clutchid.fit(LOG, bounds={3: (1, 2)}), "fit: a key of bounds = 3: a text is needed"),
+        (lambda: clutchid.fit(LOG, on_failure="rise"), "on_failure = 'rise': no .*; did you mean 'raise'"),
+        (lambda: clutchid.calibrate(LOG, bootstrap=True), "calibrate: bootstrap = True: a whole number is needed"),
+        (lambda: clutchid.estimate(LOG, Actuator()), "start = an Actuator: a Fit, a ParameterFile or a path is needed"),
+        (lambda: clutchid.simulate(LOG, Actuator()), "simulate: actuator = a Log: an Actuator is needed, not a Log"),
+        (lambda: clutchid.simulate(Actuator(), LOG, starts=[1.0]), r"starts\[0\] = 1.0: a tuple of 2 is needed"),
+        (lambda: clutchid.export("cal.toml", "out", to=[1]), r"export: to\[0\] = 1: one of 'c', .* is needed"),
+        (lambda: clutchid.track([LOG], "cal.toml"), r"track: recordings\[0\] = a Log: a path is needed"),
+        (lambda: clutchid.fleet("a", "b", "c", place=4), "fleet: place = 4: Workers is needed"),
+        (lambda: clutchid.cut(LOG, channels=3), "cut: channels = 3: a ChannelMap, a path or None is needed"),
+        (lambda: Prior("9 bar", 1.0), "Prior: mean = '9 bar': a number is needed, not a text"),
+        (lambda: Partition(every=2.5), "Partition: every = 2.5: a whole number or None is needed, not a number"),
+    ],
+)  # fmt: skip
+def test_a_sentence_says_what_where_and_what_is_needed(call, said):
+    with pytest.raises(ParameterError, match=said) as caught:
+        call()
+    assert "\n" not in str(caught.value)
+
+
+def test_what_is_like_a_number_or_a_list_is_admitted(tmp_path):
+    @checked
+    def admitted(share: float, count: int = 1, names: "list[str] | str" = "a", path: "str | None" = None) -> float:
+        return share + count
+
+    for share in (1, 1.5, np.float32(2.0), np.int64(3)):
+        assert admitted(share, np.int32(1), ("a", "b")) == share + 1
+    assert admitted(0.0, names=(name for name in "ab")) == 1.0
+    simulation = clutchid.simulate(
+        Actuator(), LOG.with_columns(duty_supply=LOG.time, duty_exhaust=LOG.time), sensitivities=("P_S",)
+    )
+    assert simulation.status == "ok"
