@@ -157,3 +157,58 @@ def test_a_missing_quantity_has_the_channels_with_its_unit_as_candidates(source)
     assert without.channels.comments["duty_supply"] == "candidates: 'A'"
     assert without.channels.comments["rate"] == "samples per second, for a file without time"
     assert "time: no channel name matches; add it to the map, or rate = 1000.0 (Hz)." in without.open
+
+
+PERCENT = np.linspace(0.0, 100.0, 100)
+FLAG = 1.0 * (PERCENT > 20)
+
+#: A channel of each valve, {} for "Be" and "Ent": unit and samples.
+DUTIES = {"TV_{}lueften": ("%", PERCENT), "Tastgrad_{}": ("%", PERCENT), "PWM_{}": ("1", PERCENT / 100)}
+BESIDE = {
+    "MV_{}_aktiv": (None, FLAG), "MV_{}_active": ("1", FLAG), "MV_{}": (None, FLAG),
+    "Kupplung_PWM_MV_{}_Status": (None, FLAG),
+    "PWM_{}_valid": ("1", 3.0 * FLAG), "PWM_{}_Fehler": (None, FLAG), "TV_{}_Soll": ("%", 0.9 * PERCENT),
+    "PWM_{}_target": ("%", 0.9 * PERCENT), "Ventilstrom_{}": (None, PERCENT), "Kupplung_Ventil_{}": (None, PERCENT),
+}  # fmt: skip
+
+
+def proposed_of_valves(source, channels):
+    """The proposal for a file with these channels of each valve, and the names of those of the supply valve."""
+    columns = {"Zeit": ("s", TIME), "Kupplungsweg": ("mm", 20 * TIME)}
+    for valve in ("Be", "Ent"):
+        columns |= {name.format(valve): channel for name, channel in channels.items()}
+    return propose(source(columns, clock=False)), [name.format("Be") for name in channels]
+
+
+@pytest.mark.parametrize("beside", BESIDE)
+@pytest.mark.parametrize("duty", DUTIES)
+def test_a_duty_cycle_with_a_unit_is_proposed_before_what_lies_beside_it_which_is_named(source, duty, beside):
+    found, (best, other) = proposed_of_valves(source, {duty: DUTIES[duty], beside: BESIDE[beside]})
+    assert chosen(found)["duty_supply"] == best
+    assert chosen(found)["duty_exhaust"] == duty.format("Ent")
+    assert found.complete, found.open
+    (note,) = [note for note in found.notes if note.startswith("duty_supply")]
+    assert note.startswith(f"duty_supply: '{best}' is proposed; by name it may also be '{other}' (")
+
+
+def test_the_same_duty_cycle_in_another_unit_is_no_other_one(source):
+    found, names = proposed_of_valves(source, {"PWM_{}": ("%", PERCENT), "PWM_{}_norm": ("1", PERCENT / 100)})
+    assert found.complete, found.open
+    assert f"'{names[1]}' (the same in 1)" in found.notes[0]
+    half, _ = proposed_of_valves(source, {"PWM_{}": ("%", PERCENT), "PWM_{}_norm": ("1", PERCENT / 200)})
+    assert [line.split(":")[0] for line in half.open] == ["duty_supply", "duty_exhaust"]
+
+
+@pytest.mark.parametrize("unit", [None, "1"])
+def test_flags_alone_have_to_be_confirmed(source, unit):
+    found, (name,) = proposed_of_valves(source, {"MV_{}_aktiv": (unit, FLAG)})
+    assert found.open[0].startswith(
+        f"duty_supply: '{name}' is called like a flag or a state; write it into a channel map"
+    )
+    switched, _ = proposed_of_valves(source, {"MV_{}": ("1", FLAG)})
+    assert switched.complete, "valves that are only switched have such duty cycles"
+
+
+def test_a_channel_of_the_other_valve_is_none_of_this_one(source):
+    columns = {"Zeit": ("s", TIME), "Kupplungsweg": ("mm", TIME), "Valve_Exhaust_open": ("%", PERCENT)}
+    assert "duty_supply" not in chosen(propose(source(columns, clock=False)))

@@ -18,7 +18,10 @@ def _words(text: str) -> frozenset[str]:
 _CLUTCH = _words("clutch clu kupplung kuppl kupp coupling actuator aktuator aktor piston kolben cca")
 _SUPPLY = _words("supply sup inlet fill open load zuluft einlass belueftung belueften be")
 _EXHAUST = _words("exhaust exh outlet vent release close abluft auslass entlueftung entlueften ent")
-_DUTY = _words("duty dc pct percent u pwm valve solenoid ventil tastverhaeltnis ansteuerung mv command cmd")
+_ONLY_SUPPLY = _words("inlet zuluft einlass belueftung belueften")
+_ONLY_EXHAUST = _words("exhaust exh outlet abluft auslass entlueftung entlueften")
+_SHARE = _words("duty dc pwm tv tastverhaeltnis tastgrad")
+_DUTY = _SHARE | _words("pct percent u valve solenoid ventil magnetventil ansteuerung mv command cmd")
 _PRESSURE = _words("pressure press druck p")
 _CHAMBER = _words("chamber cham kammer cylinder cyl zylinder zyl")
 _TANK = _words(
@@ -32,6 +35,10 @@ _AMBIENT = _words("ambient amb outside outdoor aussen umgebung umgebungs umg oat
 _SET_POINT = _words(
     "soll sollwert sollwerte vorgabe ziel zielwert wunsch set setpoint target tgt demand demanded dmd cmd command "
     "commanded ref reference desired des req request requested"
+)
+_BESIDE = _words(
+    "active aktiv status state zustand valid validity gueltig gueltigkeit flag bit enable enabled freigabe error "
+    "fehler fault diag diagnose quality counter zaehler current strom voltage spannung"
 )
 _OTHERS = _words(
     "brake bremse oil oel fuel engine motor tire tyre reifen boost coolant wheel steering pedal throttle suspension "
@@ -77,8 +84,8 @@ _QUANTITIES: Mapping[str, _Quantity] = MappingProxyType(
             (_words("time zeit t timestamp timestamps stamp tout clock"),), frozenset(), _AMBIENT
         ),
         "position": _Quantity((_POSITION,)),
-        "duty_supply": _Quantity((_DUTY, _SUPPLY), _CLUTCH | _words("duty dc pwm")),
-        "duty_exhaust": _Quantity((_DUTY, _EXHAUST), _CLUTCH | _words("duty dc pwm")),
+        "duty_supply": _Quantity((_DUTY, _SUPPLY), _CLUTCH | _SHARE, _OTHERS | _ONLY_EXHAUST),
+        "duty_exhaust": _Quantity((_DUTY, _EXHAUST), _CLUTCH | _SHARE, _OTHERS | _ONLY_SUPPLY),
         "pressure_a": _Quantity((_PRESSURE,), _CLUTCH | _CHAMBER | _words("a"), _OTHERS | _TANK | _AUXILIARIES),
         "pressure_supply": _Quantity(
             (_PRESSURE, _TANK | _AIR | _AUXILIARIES), _words("reservoir tank vorrat supply"), _OTHER_CIRCUITS
@@ -93,7 +100,7 @@ _KNOWN = sorted(
         word
         for group in (
             *(words for each in _QUANTITIES.values() for words in (*each.needs, each.likes, each.never)),
-            _BRAKES, _AUXILIARIES, _POWERTRAIN, _SET_POINT,
+            _BRAKES, _AUXILIARIES, _POWERTRAIN, _SET_POINT, _BESIDE,
         )
         for word in group
         if len(word) > 2
@@ -168,6 +175,17 @@ def is_set_point(text: str) -> bool:
     [True, True, True, False]
     """
     return bool(_SET_POINT & set(_tokens(text)))
+
+
+def is_beside(text: str) -> bool:
+    """Whether a channel is called like what a valve has beside its duty cycle: a flag, a status, a current.
+
+    Examples
+    --------
+    >>> [is_beside(text) for text in ("MV_Be_aktiv", "PWM_Supply_valid", "Ventilstrom_Be", "TV_Belueften")]
+    [True, True, True, False]
+    """
+    return bool(_BESIDE & set(_tokens(text)))
 
 
 def is_named_by_j1939(text: str) -> bool:

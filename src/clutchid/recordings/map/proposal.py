@@ -16,7 +16,14 @@ from clutchid.log.units import UNITS
 from clutchid.recordings.columns import QUANTITIES, REQUIRED, Heading, is_unit_of, unit_at_end
 from clutchid.recordings.formats.can.j1939 import parameter_in
 from clutchid.recordings.map.channel_map import Channel, ChannelMap
-from clutchid.recordings.map.channel_words import Circuit, circuit_of, is_named_by_j1939, is_set_point, name_score
+from clutchid.recordings.map.channel_words import (
+    Circuit,
+    circuit_of,
+    is_beside,
+    is_named_by_j1939,
+    is_set_point,
+    name_score,
+)
 from clutchid.recordings.map.picking import own_clock
 from clutchid.recordings.map.ranges import PLAUSIBLE, Range, Ranges, gauge_unit, guessed_unit
 from clutchid.recordings.messages import listed
@@ -28,6 +35,9 @@ STANDARD = 100.0
 #: Loss of score of a duty cycle with the name of a set point: the measured one is preferred.
 _SET_POINT = 0.25
 
+
+#: Difference of duty cycles up to which two channels have one range: a percent, as rounding leaves it.
+_SAME = 0.01
 
 #: Why the channel of a circuit is proposed.
 _REASONS = {
@@ -52,6 +62,15 @@ class Candidate:
     unit: str | None
     guess: str
     implied: str = ""
+
+    @property
+    def flag(self) -> str:
+        """Reason why it may be no duty cycle but a flag beside one; empty if none."""
+        if self.score >= STANDARD or self.heading.unit == "%":
+            return ""
+        if is_beside(self.heading.text):
+            return "is called like a flag or a state"
+        return "is 0 or 1 only" if self.span.switched else ""
 
 
 def candidates(source: Source, name: str, ranges: Ranges) -> Iterator[Candidate]:
@@ -229,11 +248,13 @@ def propose(source: Source, required: Sequence[str] = REQUIRED) -> Proposal:
         best = gauge_as_well(best, channels.get("pressure_a")) if name == "pressure_supply" else best
         channels[name] = _entry(source, best)
         comments[name] = _comment(best)
-        remark = _remark(name, best, [other for other in others if other.score == best.score])
+        equal = _equal(name, best, others)
+        remark = _remark(name, best, equal)
         (notes if name in PLAUSIBLE else remarks).extend([remark] if remark else [])
         sure = name != "pressure_supply" or best.score >= STANDARD or is_sure(best.heading)
         certain += [name] if sure and not remark else []
         notes += _notes(name, best, others if not remark else ())
+        notes += _passed_over(name, best, [other for other in others if other not in equal])
     for name in required:
         if name not in channels and not (name == "time" and timed):
             comments[name] = _choice(source, name, channels)
@@ -326,7 +347,28 @@ def _ranked(name: str, found: Sequence[Candidate]) -> list[Candidate]:
     chosen = [candidate for candidate in found if not candidate.span.constant]
     if not chosen and name in INPUTS and len(found) == 1 and found[0].span.high == 0.0:
         chosen = list(found)
+    if name in INPUTS:  # what has a unit of its own, and is no flag, before any word
+        return sorted(chosen, key=lambda one: (bool(one.flag), one.heading.unit is None, -one.score))
     return sorted(chosen, key=lambda candidate: -candidate.score)
+
+
+def _equal(name: str, best: Candidate, others: Sequence[Candidate]) -> list[Candidate]:
+    """Others that match as well as the best; one with the same values in another unit is the same quantity."""
+    equal = [other for other in others if other.score == best.score]
+    if name not in INPUTS:
+        return equal
+    rank = (bool(best.flag), best.heading.unit is None)
+    equal = [other for other in equal if (bool(other.flag), other.heading.unit is None) == rank]
+    return [other for other in equal if not _in_another_unit(best, other)]
+
+
+def _in_another_unit(one: Candidate, other: Candidate) -> bool:
+    """Whether two channels, neither of them a flag, have the same range in SI and different units."""
+    first, second = (UNITS.get(candidate.unit or "") for candidate in (one, other))
+    if first is None or second is None or first == second or one.flag or other.flag:
+        return False
+    ends = [(span.low * unit.scale, span.high * unit.scale) for span, unit in ((one.span, first), (other.span, second))]
+    return all(math.isclose(a, b, rel_tol=_SAME, abs_tol=_SAME) for a, b in zip(*ends, strict=True))
 
 
 def _remark(name: str, best: Candidate, equal: Sequence[Candidate]) -> str:
@@ -335,6 +377,8 @@ def _remark(name: str, best: Candidate, equal: Sequence[Candidate]) -> str:
     if equal:
         others = ", ".join(f"'{candidate.heading.text}'" for candidate in equal[:5])
         return f"{name}: '{text}' is proposed, but {others} would match as well."
+    if name in INPUTS and is_beside(text) and best.flag:
+        return f"{name}: '{text}' {best.flag}; write it into a channel map if it is the duty cycle."
     if best.guess:
         return f"{name}: '{text}' {best.guess}."
     return "" if best.unit else f"{name}: '{text}' has no known unit; add it to the map."
@@ -359,6 +403,24 @@ def _notes(name: str, best: Candidate, others: Sequence[Candidate]) -> Iterator[
         yield f"{name}: the unit [{best.unit}] is taken from the name of the channel '{best.heading.text}'."
     if best.span.constant and name not in PLAUSIBLE:
         yield f"{name}: '{best.heading.text}' is constant at {best.span.low:g}."
+
+
+def _passed_over(name: str, best: Candidate, others: Sequence[Candidate]) -> list[str]:
+    """Note on other channels that may be a duty cycle, each with the reason against it."""
+    if name not in INPUTS or best.score >= STANDARD or not others:
+        return []
+    shown = listed(f"'{other.heading.text}' ({_against(best, other)})" for other in others)
+    return [f"{name}: '{best.heading.text}' is proposed; by name it may also be {shown}."]
+
+
+def _against(best: Candidate, other: Candidate) -> str:
+    if _in_another_unit(best, other):
+        return f"the same in {other.unit}"
+    if other.flag:
+        return other.flag
+    if other.heading.unit is None and best.heading.unit is not None:
+        return "without a unit"
+    return "a set point" if is_set_point(other.heading.text) else "its name says less"
 
 
 def _set_points(source: Source, name: str) -> list[str]:

@@ -31,12 +31,16 @@ PLAUSIBLE: Mapping[str, tuple[float, float]] = MappingProxyType(
 
 
 class Range(NamedTuple):
-    """Lowest and highest of the first samples of a channel (NaN: none), usual increase, and whether it is constant."""
+    """Lowest and highest of the first samples of a channel (NaN: none), and their usual increase.
+
+    `constant` says whether they are all the same, `switched` whether they are 0 and 1 only.
+    """
 
     low: float
     high: float
     step: float
     constant: bool
+    switched: bool = False
 
 
 class Ranges:
@@ -60,7 +64,9 @@ class Ranges:
             finite = values[np.isfinite(values)]
             if finite.size:
                 low, high = np.fmin(found.low, finite.min()), np.fmax(found.high, finite.max())
-                found = Range(float(low), float(high), usual_interval(finite), bool(low == high and finite.size > 1))
+                switched = (found.switched or math.isnan(found.low)) and bool(np.isin(finite, (0.0, 1.0)).all())
+                constant = bool(low == high and finite.size > 1)
+                found = Range(float(low), float(high), usual_interval(finite), constant, switched)
             if found.low < found.high:
                 break
         return found
@@ -74,7 +80,7 @@ def guessed_unit(name: str, span: Range) -> str | None:
     >>> guessed_unit("position", Range(0.0, 21.0, 0.1, False)), guessed_unit("pressure_a", Range(0.01, 7.9, 0.1, False))
     ('mm', 'bar(g)')
     """
-    low, high, step, _ = span
+    low, high, step = span[:3]
     if not (math.isfinite(low) and math.isfinite(high)):
         return None
     size = max(abs(low), abs(high))
