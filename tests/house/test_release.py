@@ -70,8 +70,7 @@ def test_every_extra_holds_something_and_all_holds_those_of_users():
 def test_the_sdist_takes_every_file_of_the_top_folder_that_git_has():
     include = PROJECT["tool"]["hatch"]["build"]["targets"]["sdist"]["include"]
     wanted = {"CITATION.cff", "CONTRIBUTING.md", "SECURITY.md", "CODE_OF_CONDUCT.md", "LICENSE", "constraints.txt"}
-    wanted |= {"hatch_build.py", "uv.lock"}
-    wanted |= {"src", "tests", "benchmarks", "docs", ".ci", ".github", "README.md", "CHANGELOG.md"}
+    wanted |= {"hatch_build.py", "src", "tests", "benchmarks", "docs", ".ci", ".github", "README.md", "CHANGELOG.md"}
     assert [name for name in wanted if not any(Path(f"/{name}").match(pattern) for pattern in include)] == []
     assert [name for name in wanted if not (ROOT / name).exists()] == []
 
