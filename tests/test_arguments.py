@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import clutchid
-from clutchid import Actuator, Log, ParameterError, Partition, Prior
+from clutchid import Actuator, DataError, Log, ParameterError, Partition, Prior
 from clutchid.arguments import checked
 from fixtures.public_records import annotations
 
@@ -44,7 +44,8 @@ def test_an_argument_of_a_wrong_kind_is_one_sentence(name, place):
     """Also where the value is admitted, because what else the function needs is then wrong."""
     others = dict.fromkeys(needed(name) - {place}, object())
     for value in WRONG if others else WRONG[:1]:
-        with pytest.raises(ParameterError, match=f"^{name}: .* needed, not .*|^{name}: .* Known are ") as caught:
+        said = f"^{name}: .* (needed|of a file), not .*|^{name}: .* Known are "
+        with pytest.raises((DataError, ParameterError), match=said) as caught:
             FUNCTIONS[name](**{place: value}, **others)
         assert "\n" not in str(caught.value)
 
@@ -61,7 +62,7 @@ def test_every_public_function_checks_its_arguments(name):
     [
         (lambda: clutchid.fit(LOG, priors={"P_S": 9e5}), r"fit: priors\['P_S'\] = 900000.0: a Prior is needed"),
         (lambda: clutchid.fit(LOG, [Actuator()]), r"fit: actuator = \[Actuator\(\)\]: an Actuator or None is needed"),
-        (lambda: clutchid.fit([LOG, 3]), r"fit: logs\[1\] = 3: a Log or a path is needed, not a whole number"),
+        (lambda: clutchid.fit([LOG, 3]), r"fit: logs\[1\] = 3: a recording is a clutchid.Log or the path of a file"),
         (lambda: clutchid.fit(LOG, bounds={"P_S": (1, 2, 3)}), r"bounds\['P_S'\] = .*a tuple of 2 is needed"),
         (lambda: clutchid.fit(LOG, bounds={3: (1, 2)}), "fit: a key of bounds = 3: a text is needed"),
         (lambda: clutchid.fit(LOG, on_failure="rise"), "on_failure = 'rise': no .*; did you mean 'raise'"),
@@ -78,7 +79,7 @@ def test_every_public_function_checks_its_arguments(name):
     ],
 )  # fmt: skip
 def test_a_sentence_says_what_where_and_what_is_needed(call, said):
-    with pytest.raises(ParameterError, match=said) as caught:
+    with pytest.raises((DataError, ParameterError), match=said) as caught:
         call()
     assert "\n" not in str(caught.value)
 

@@ -19,7 +19,7 @@ from typing import Any, Literal, NamedTuple, TypeVar, Union, get_args, get_origi
 
 import numpy as np
 
-from clutchid.errors import ParameterError
+from clutchid.errors import DataError, ParameterError
 from clutchid.names import unknown_name
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -33,8 +33,8 @@ def checked(function: Function) -> Function:
 
     Raises
     ------
-    ParameterError
-        At a call with an argument of another kind than its annotation says.
+    DataError, ParameterError
+        At a call with an argument of another kind than its annotation says, that of a recording or another one.
 
     Examples
     --------
@@ -61,7 +61,7 @@ def checked(function: Function) -> Function:
 
 
 def check_fields(record: object) -> None:
-    """Check the kinds of the fields of a record as those of arguments.
+    """Check the kinds of the fields of a record as those of arguments; which of some texts it is, it checks itself.
 
     Raises
     ------
@@ -70,7 +70,9 @@ def check_fields(record: object) -> None:
     """
     kind: Any = type(record)
     for place, (hint, _) in _hints(kind).items():
-        _check(type(record).__name__, getattr(record, place), hint, place)
+        value = getattr(record, place)
+        if not (isinstance(value, str) and _choices(hint)):
+            _check(type(record).__name__, value, hint, place)
 
 
 class _Misfit(NamedTuple):
@@ -88,9 +90,11 @@ def _check(name: str, value: object, hint: Any, place: str) -> None:
     where, choices = f"{name}: {found.place} = {_shown(found.value)}", _choices(found.hint)
     if choices and isinstance(found.value, str):
         raise ParameterError(f"{where}: {unknown_name(found.value, choices, found.place)}")
-    raise ParameterError(
-        f"{where}: {_needed(found.hint)} is needed, not {_kind(found.value)}; see help(clutchid.{name})."
-    )
+    parts = {getattr(get_origin(part) or part, "__name__", "") for part in _alternatives(found.hint)}
+    recording = {"Log", "PathLike"} <= parts
+    needed = "a recording is a clutchid.Log or the path of a file" if recording else f"{_needed(found.hint)} is needed"
+    error = DataError if recording else ParameterError
+    raise error(f"{where}: {needed}, not {_kind(found.value)}; see help(clutchid.{name}).")
 
 
 @lru_cache(maxsize=256)

@@ -151,7 +151,9 @@ def test_the_problems_of_all_files_are_named_and_so_is_what_is_no_recording(shor
     assert "a.csv" in str(caught.value)
     assert "b.csv" in str(caught.value)
     for wrong in (5, [5]):
-        with pytest.raises(DataError, match=r"a recording is a clutchid\.Log or the path of a file, not a int"):
+        with pytest.raises(
+            DataError, match=r"a recording is a clutchid\.Log or the path of a file, not a whole number"
+        ):
             clutchid.fit(wrong)
     with pytest.raises(DataError, match="not a list"):
         clutchid.simulate(Actuator(), [short])

@@ -150,8 +150,6 @@ def read_pieces(
     >>> sum(len(piece) for piece in pieces), f"{pieces[-1]['position'][-1] * 1e3:.2f} mm"
     (2500, '24.99 mm')
     """
-    if not isinstance(path, str | PathLike):
-        raise DataError(f"a recording is a clutchid.Log or the path of a file, not a {type(path).__name__}.")
     check_ambient(ambient)
     given = _map(channels)
     source = open_source(path, (*(given.dbc if given else ()), *dbc))
