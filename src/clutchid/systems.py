@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import ctypes
 import errno
+import mmap
 import os
 import platform
 import re
 import shlex
 import signal
+import stat
 import subprocess
 import sys
 import threading
@@ -203,6 +205,25 @@ def lock(descriptor: int) -> bool:
     return False
 
 
+def user() -> str:
+    """A name of the user that is in no other's temporary folder; a container may know only the number."""
+    return str(os.getuid()) if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
+
+
+def is_private(folder: Path) -> bool:
+    """Whether `folder` is the user's and nobody else can write to it; Windows keeps a user's folders private itself."""
+    if not hasattr(os, "getuid"):
+        return True
+    status = folder.stat() if folder.is_symlink() else folder.lstat()
+    return stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid() and not status.st_mode & 0o022
+
+
+def forget(pages: mmap.mmap) -> None:
+    """Give the memory of pages that lie in a file back, where the system can."""
+    if hasattr(pages, "madvise") and hasattr(mmap, "MADV_DONTNEED"):
+        pages.madvise(mmap.MADV_DONTNEED)
+
+
 def reserve(file: BinaryIO, size: int) -> None:
     """Take so many bytes of the disk for a file."""
     if hasattr(os, "posix_fallocate"):
@@ -343,7 +364,7 @@ class Outgoing:
             return len(self._rest)
 
     def send(self, text: bytes) -> None:
-        """Begin to write a text, which takes the place of what is left of another one."""
+        """Begin to write a text, once nothing is left of the one before."""
         with self._changed:
             self._rest = memoryview(text)
             self._changed.notify_all()

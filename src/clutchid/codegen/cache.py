@@ -14,7 +14,6 @@ import importlib.util
 import os
 import platform
 import shutil
-import stat
 import sys
 import tempfile
 import warnings
@@ -24,7 +23,7 @@ from importlib.metadata import version
 from pathlib import Path
 from types import ModuleType
 
-from clutchid.systems import replace
+from clutchid.systems import is_private, replace, user
 
 _LIBRARIES = ("numba", "llvmlite", "sympy", "numpy")
 
@@ -215,10 +214,10 @@ def _folders() -> Iterator[tuple[Path, bool]]:
 
     chosen = os.environ.get("CLUTCHID_CACHE")
     preferred = Path(chosen) if chosen else user_cache_path("clutchid", appauthor=False)
-    for folder in (preferred, Path(tempfile.gettempdir()) / f"clutchid-{_user()}"):
+    for folder in (preferred, Path(tempfile.gettempdir()) / f"clutchid-{user()}"):
         try:
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            private = _own(folder)
+            private = is_private(folder)
         except OSError:
             continue
         if private:
@@ -250,19 +249,6 @@ def _of_this_process() -> Path:
     folder = tempfile.mkdtemp(prefix="clutchid-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return Path(folder)
-
-
-def _user() -> str:
-    """A name for the user's own temporary folder; a container may know only the number."""
-    return str(os.getuid()) if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
-
-
-def _own(folder: Path) -> bool:
-    """Whether `folder` is the user's and nobody else can write to it."""
-    if not hasattr(os, "getuid"):
-        return True
-    status = folder.stat() if folder.is_symlink() else folder.lstat()
-    return stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid() and not status.st_mode & 0o022
 
 
 def _write(path: Path, content: bytes) -> None:

@@ -37,8 +37,11 @@ def folder_content(folder: Path, apart: Collection[Path] = ()) -> FolderContent:
     files = [path for path in below if path.is_file() or _is_dangling(path)]
     files = [path for path in files if path.resolve() not in apart] if apart else files
     results = {*_results(files)}
-    recordings = [path for path in files if path not in results and is_recording(path)]
-    others = [path for path in files if path not in results.union(recordings)]
+    recordings: list[Path] = []
+    others: list[Path] = []
+    for path in files:
+        if path not in results:
+            (recordings if is_recording(path) else others).append(path)
     return FolderContent(tuple(recordings), tuple(others), len(results))
 
 

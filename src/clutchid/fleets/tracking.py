@@ -128,8 +128,8 @@ def recordings_of(
     files = files_by_name(whole, rows)
     listed = {name: files.file_of(name, row.vehicle) for name, row in rows.items() if name not in names}
     names |= {name: file.path for name, file in listed.items() if file.path is not None}
-    others = [path for path in whole.others if path not in set(names.values())]
-    beside = left_out(others, whole.results)
+    named = set(names.values())
+    beside = left_out([path for path in whole.others if path not in named], whole.results)
     if not names:
         raise DataError(no_recordings(", ".join(map(str, sources)) or "no folder", beside))
     problems = {name: file.problem if contents else _NOT_NAMED for name, file in listed.items() if file.path is None}

@@ -19,6 +19,7 @@ from clutchid.errors import MissingExtra
 from clutchid.log import FloatArray
 from clutchid.names import printable
 from clutchid.recordings.messages import shortened
+from clutchid.systems import forget
 
 #: What deflate makes of a byte at most, so a file that claims more is damaged.
 BEST_RATIO = 1032
@@ -212,8 +213,7 @@ class _OnDisk:
         """See `samples`; the file leaves the memory again."""
         array: NDArray[Any] = np.ndarray(numbers.shape, self.dtype, self.pages, order="F")
         found = samples(array, numbers, channel, start, stop)
-        if hasattr(self.pages, "madvise") and hasattr(mmap, "MADV_DONTNEED"):
-            self.pages.madvise(mmap.MADV_DONTNEED)
+        forget(self.pages)
         return found
 
 
