@@ -180,10 +180,19 @@ def test_a_code_for_none_in_a_duty_cycle_is_a_missing_input(joint, log):
         observe_recording(joint, log.with_columns(duty_supply=100.0 + log["duty_supply"]))
 
 
-def test_a_position_that_jumps_and_stays_is_not_used_until_a_rest_has_shown_its_zero(plant, log):
-    calibration = Calibration((), np.zeros((0, 0)), rest=vented_rest(log.slice(0, 4000)))
-    one = observer(plant, calibration=calibration)
-    moved = log.with_columns(position=log["position"] + 1e-3 * (np.arange(len(log)) >= 1300))
+@pytest.fixture(scope="module")
+def rested(plant, log):
+    """An observer whose calibration has a vented rest."""
+    return observer(plant, calibration=Calibration((), np.zeros((0, 0)), rest=vented_rest(log.slice(0, 4000))))
+
+
+@pytest.fixture(scope="module")
+def moved(log):
+    return log.with_columns(position=log["position"] + 1e-3 * (np.arange(len(log)) >= 1300))
+
+
+def test_a_position_that_jumps_and_stays_is_not_used_until_a_rest_has_shown_its_zero(rested, log, moved):
+    one = rested
     found, sound = observe_recording(one, moved), observe_recording(one, log)
     assert found.health["position_jumps"] == pytest.approx(1.0, abs=0.01)
     assert found.health["zero_unknown"] > 0.0
@@ -197,3 +206,50 @@ def test_a_position_that_jumps_and_stays_is_not_used_until_a_rest_has_shown_its_
     assert np.array_equal(
         observe_recording(one, moved.slice(1700, len(log)), first.after).after.theta, found.after.theta
     )
+
+
+def zero_shown(samples):
+    """The sample from which the zero of a position that jumped is known."""
+    return int(np.flatnonzero(samples.no_zero)[-1]) + 1
+
+
+@pytest.mark.parametrize("hole", ["time", "duty", "another jump"])
+def test_a_hole_after_a_jump_whose_zero_a_rest_has_shown_leaves_no_position_out(rested, log, moved, hole):
+    shown = zero_shown(observe_recording(rested, moved).samples)
+    begin = shown + 100
+    later = {
+        "time": picked(moved, np.r_[0:begin, begin + 100 : len(log)]),
+        "duty": moved.with_columns(duty_supply=np.where(np.arange(len(log)) == begin, np.nan, moved["duty_supply"])),
+        "another jump": moved.with_columns(
+            position=moved["position"] + 1e-3 * (np.arange(len(log)) >= len(log) - 1500)
+        ),
+    }[hole]
+    whole = observe_recording(rested, later)
+    no_zero = whole.samples.no_zero[shown : begin + 300]
+    assert not no_zero.any()
+    assert whole.after.jumped
+    zeroed = "it counts from the vented rest since" in " ".join(observed_verdict(indicators(whole)).reasons)
+    assert zeroed == (whole.after.unzeroed == ())
+    assert zeroed or hole == "another jump"
+    parts = observe_recording(rested, later.slice(0, begin + 50))
+    second = observe_recording(rested, later.slice(begin + 50, len(later)), parts.after)
+    assert second.after.unzeroed == whole.after.unzeroed
+    assert np.array_equal(second.after.theta, whole.after.theta)
+
+
+def test_without_a_rest_in_the_calibration_a_jump_leaves_the_load_as_it_was_and_says_why(joint, log, moved):
+    found = observe_recording(joint, moved)
+    begin = int(np.argmax(found.samples.no_zero))
+    assert found.samples.no_zero[begin:].all()
+    assert not np.isfinite(found.samples.states[begin:]).any()
+    verdict = observed_verdict(indicators(found))
+    assert verdict.trust == "none"
+    assert any("the calibration has no vented rest that would show its zero" in reason for reason in verdict.reasons)
+    assert np.array_equal(found.after.theta, observe_recording(joint, moved.slice(0, begin)).after.theta)
+
+
+def test_a_zero_that_is_kept_is_not_said_to_be_unknown(plant, rested, moved):
+    kept = observer(plant, calibration=rested.calibration, zero="keep")
+    verdict = observed_verdict(indicators(observe_recording(kept, moved)))
+    assert verdict.trust == "none"
+    assert any("the vented rest since is not subtracted" in reason for reason in verdict.reasons)

@@ -93,7 +93,7 @@ def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[Obser
     duties = np.column_stack([block[name] for name in INPUTS])
     supply = block.columns.get("pressure_supply", np.full(n, np.nan))
     found, stretches = _nothing(observer, block.time), _stretches(observer, block.time, duties)
-    rest, moves = _rests(observer, state, block, duties, stretches, found)
+    rest, unzeroed, moves = _rests(observer, state, block, duties, stretches, found)
     counted = subtracted(observer, found.rest)
     samples = Tail(block.time, duties, np.where(found.no_zero, np.nan, block["position"] - counted), supply)
     strokes, ends = count_strokes(state.strokes, block.time, block["position"])
@@ -113,8 +113,8 @@ def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[Obser
     if n:
         latest = float(block.time[-1]) if np.isfinite(duties[-1]).all() else float("nan")
         state = replace(state, latest=latest)
-    state = replace(state, rest=rest, strokes=strokes, mismatch=float(known[-1]) if known.size else state.mismatch)
-    return state, found
+    latest_mismatch = float(known[-1]) if known.size else state.mismatch
+    return replace(state, rest=rest, unzeroed=unzeroed, strokes=strokes, mismatch=latest_mismatch), found
 
 
 def subtracted(observer: Observer, rest: FloatArray) -> FloatArray:
@@ -129,23 +129,28 @@ def _rests(
     duties: FloatArray,
     stretches: Sequence[tuple[int, int]],
     found: Observed,
-) -> tuple[RestWatch, list[int]]:
-    """State of the vented rest after a block, and the samples at which its shift is known anew; fills `found`."""
-    watch, moves = state.rest, list[int]()
+) -> tuple[RestWatch, tuple[float, ...], list[int]]:
+    """State of the vented rest after a block, the jumps whose zero it has not shown, and the samples at which its shift
+    is known anew; fills `found`.
+    """
+    watch, unzeroed, moves = state.rest, state.unzeroed, list[int]()
     before = observer.calibration.rest if observer.calibration else None
     pace = rest_pace(observer.spacing, observer.actuator.parameters.y_max)
     for begin, end in stretches:
         if begin > 0 or not block.time[begin] - state.latest <= HOLE * observer.spacing:
             watch = new_stretch(watch)
         found.rest[begin:end] = watch.shift
-        found.no_zero[begin:end] = (block.time[begin:end] >= state.jumped) & np.isnan(watch.lowest)
+        found.no_zero[begin:end] = bool(unzeroed) and unzeroed[0] <= block.time[begin]  # a jump begins a stretch
+        # a rest settles all jumps before it: the first of them says enough
+        unzeroed = (*unzeroed[:1], *(jump for jump in unzeroed[1:] if jump > block.time[end - 1]))
         if before is None or not np.isfinite(duties[begin]).all():
             continue
         watch, changes = watch_rest(watch, before, pace, block["position"][begin:end], duties[begin:end])
         for at, shift in changes:
             found.rest[begin + at : end], found.no_zero[begin + at : end] = shift, False
             moves.append(begin + at)
-    return watch, moves
+            unzeroed = tuple(jump for jump in unzeroed if jump >= block.time[begin + at - 1])
+    return watch, unzeroed, moves
 
 
 def _counted(observer: Observer, state: ObserverState, zero: float) -> ObserverState:

@@ -244,7 +244,8 @@ def only_values(observer: Observer, state: ObserverState, log: Log) -> tuple[Log
     if "pressure_supply" in log:
         wrong["pressure_supply"] = outside("pressure_supply", log["pressure_supply"])
     columns = {name: np.where(mask, np.nan, log[name]) for name, mask in wrong.items() if mask.any()}
-    after = replace(state, values=watch, jumped=float(np.min(log.time[jumps], initial=state.jumped)))
+    unzeroed = (*state.unzeroed, *log.time[jumps].tolist())
+    after = replace(state, values=watch, jumped=state.jumped or bool(jumps.any()), unzeroed=unzeroed)
     return replace(log, columns={**log.columns, **columns}) if columns else log, verdicts, after
 
 

@@ -175,9 +175,9 @@ class ObserverState:
     `number` counts the samples of the stretch. `sound` are theta and T at the end of the last stroke, to which the
     observer goes back if it diverges; `mismatch` is the present mean of the NIS over the usual one, see `mismatch`;
     `leaking` says whether chamber A leaked at the end of the last stroke; `rest` is what is known of the vented rest,
-    and `zero` what is subtracted from the position in m; `values` watches for positions that are no values, and
-    `jumped` is the time in s from which on one that jumped has stayed, infinite without; `latest` is the time of the
-    last sample, NaN where its duty cycles were missing.
+    and `zero` what is subtracted from the position in m; `values` watches for positions that are no values; `jumped`
+    says whether one has jumped and stayed, and `unzeroed` are the times in s of such jumps, in order, since which no
+    vented rest has shown the zero; `latest` is the time of the last sample, NaN where its duty cycles were missing.
     """
 
     filter: RuleState | None
@@ -193,5 +193,6 @@ class ObserverState:
     rest: RestWatch = NOTHING
     zero: float = 0.0
     values: FloatArray = field(default_factory=new_watch)
-    jumped: float = float("inf")
+    jumped: bool = False
+    unzeroed: tuple[float, ...] = ()
     latest: float = float("nan")

@@ -24,7 +24,7 @@ from clutchid.recordings.files import write_text
 from clutchid.recordings.records import read_toml
 from clutchid.recordings.strokes.vented_rest import FURTHEST
 
-FORMAT = 8
+FORMAT = 9
 
 
 def write_state(
@@ -56,6 +56,7 @@ def write_state(
         "leaking": state.leaking,
         "zero": state.zero,
         "jumped": state.jumped,
+        "unzeroed": list(state.unzeroed),
         "latest": state.latest,
         "values": state.values.tolist(),
         "rest": {**state.rest._asdict(), "returned": list(state.rest.returned), "window": state.rest.window.tolist()},
@@ -168,10 +169,11 @@ def _state(observer: Observer, content: dict[str, Any]) -> ObserverState:
     number, mismatch = _count(content, "number"), _number(content, "mismatch")
     leaking, zero, rest = _flag(content, "leaking"), _number(content, "zero"), _rest(content["rest"])
     values = np.array(content["values"], dtype=np.float64).reshape(made.values.shape)
-    jumped, latest = _number(content, "jumped"), _number(content, "latest")
+    jumped, latest = _flag(content, "jumped"), _number(content, "latest")
+    unzeroed = tuple(np.array(content["unzeroed"], dtype=np.float64).reshape(-1).tolist())
     return ObserverState(
         saved, theta, root, tail, deviations, sound, number, strokes, mismatch, leaking, rest, zero, values, jumped,
-        latest,
+        unzeroed, latest,
     )  # fmt: skip
 
 
@@ -217,12 +219,15 @@ def _problems(state: ObserverState) -> Iterator[str]:
         "strokes": () if state.strokes.began is None else (state.strokes.began,),
         "tail": (tail.time, tail.duties),
         "rest": (rest.returned, rest.window),
+        "unzeroed": (state.unzeroed,),
     }
     yield from (f"{name} has a value that is not finite" for name, each in finite.items()
                 if not all(np.isfinite(values).all() for values in each))  # fmt: skip
     wrong = {
         "the columns of tail have different lengths": any(len(column) != m for column in tail),
         "the times of tail do not increase": np.any(np.diff(tail.time) <= 0.0),
+        "the jumps without a zero are not in order, or there was none":
+            np.any(np.diff(state.unzeroed) <= 0.0) or (len(state.unzeroed) > 0 and not state.jumped),
         "a duty cycle of tail is outside 0 to 1": np.any((tail.duties < -ROUNDING) | (tail.duties > 1.0 + ROUNDING)),
         "filter, number and tail are not of the same stretch":
             not (state.filter is None) == (state.number == 0) == (m == 0),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -58,14 +58,25 @@ FLAGGED: Mapping[str, Limit] = {
 }
 
 
+#: What is known of the zero of the position after it has jumped and stayed.
+ZeroKnown = Literal["no jump", "shown", "kept", "not shown", "no rest"]
+
+_ZEROS: Mapping[ZeroKnown, str] = {
+    "shown": "it counts from the vented rest since.",
+    "kept": "the vented rest since is not subtracted from it (--zero keep).",
+    "not shown": "no vented rest has shown its zero since, and it is left out.",
+    "no rest": "the calibration has no vented rest that would show its zero, and it is left out since: the load is the "
+    "one before; calibrate with a recording that has a vented rest.",
+}
+
+
 class Indicators(NamedTuple):
     """Indicators of an observed load, without its truth.
 
     Whether the load `adapts`, how many `strokes` have ended, the half width of its band from 5 to 8 mm as a share of
     its peak, the NIS ratio (NaN: not known), the share of the time of each flag, whether the supply pressure of the
-    calibration is assumed, how far in m a vented rest has moved that is not subtracted from the position, whether the
-    position has jumped and stayed, whether a vented rest has shown its zero since, and the reason where the calibration
-    is `unvented`.
+    calibration is assumed, how far in m a vented rest has moved that is not subtracted from the position, what is known
+    of the `zero` after a position has jumped and stayed, and the reason where the calibration is `unvented`.
     """
 
     adapts: bool
@@ -75,8 +86,7 @@ class Indicators(NamedTuple):
     flagged: Mapping[str, float]
     supply_assumed: bool
     kept: float = 0.0
-    jumped: bool = False
-    zeroed: bool = True
+    zero: ZeroKnown = "no jump"
     unvented: tuple[Reason, ...] = ()
 
 
@@ -100,10 +110,17 @@ def indicators(run: ObservedRecording) -> Indicators:
         {name: seconds / run.seconds for name, seconds in run.health.items()},
         run.assumes_supply,
         run.after.rest.shift if run.observer.zero == "keep" else 0.0,
-        bool(np.isfinite(run.after.jumped)),
-        bool(np.isfinite(run.after.rest.lowest)) and run.observer.zero == "subtract",
+        _zero(run),
         tuple(unvented_baseline(run.observer.calibration)),
     )
+
+
+def _zero(run: ObservedRecording) -> ZeroKnown:
+    if not run.after.jumped:
+        return "no jump"
+    if run.after.unzeroed:
+        return "not shown" if run.observer.calibration and run.observer.calibration.rest else "no rest"
+    return "shown" if run.observer.zero == "subtract" else "kept"
 
 
 def observed_verdict(found: Indicators) -> Verdict:
@@ -176,14 +193,13 @@ def _of_flags(found: Indicators) -> list[Reason]:
 
 
 def _of_jumps(found: Indicators) -> list[Reason]:
-    if not found.jumped:
+    if found.zero == "no jump":
         return []
-    since = "it counts from the vented rest since" if found.zeroed else "no vented rest has shown its zero since"
     text = (
         "the position jumped as no piston moves, and stayed: its sensor was set to zero anew, or two recordings are "
-        f"joined; {since}."
+        f"joined; {_ZEROS[found.zero]}"
     )
-    return [Reason(text, not found.zeroed)]
+    return [Reason(text, found.zero != "shown")]
 
 
 def _of_supply(found: Indicators) -> list[Reason]:
