@@ -84,17 +84,17 @@ class _Misfit(NamedTuple):
 
 
 def _check(name: str, value: object, hint: Any, place: str) -> None:
-    found = _misfit(value, hint, place)
-    if found is None:
+    misfit = _misfit(value, hint, place)
+    if misfit is None:
         return
-    where, choices = f"{name}: {found.place} = {_shown(found.value)}", _choices(found.hint)
-    if choices and isinstance(found.value, str):
-        raise ParameterError(f"{where}: {unknown_name(found.value, choices, found.place)}")
-    parts = {getattr(get_origin(part) or part, "__name__", "") for part in _alternatives(found.hint)}
+    where, choices = f"{name}: {misfit.place} = {_shown(misfit.value)}", _choices(misfit.hint)
+    if choices and isinstance(misfit.value, str):
+        raise ParameterError(f"{where}: {unknown_name(misfit.value, choices, misfit.place)}")
+    parts = {getattr(get_origin(part) or part, "__name__", "") for part in _alternatives(misfit.hint)}
     recording = {"Log", "PathLike"} <= parts
-    needed = "a recording is a clutchid.Log or the path of a file" if recording else f"{_needed(found.hint)} is needed"
+    needed = "a recording is a clutchid.Log or the path of a file" if recording else f"{_needed(misfit.hint)} is needed"
     error = DataError if recording else ParameterError
-    raise error(f"{where}: {needed}, not {_kind(found.value)}; see help(clutchid.{name}).")
+    raise error(f"{where}: {needed}, not {_kind(misfit.value)}; see help(clutchid.{name}).")
 
 
 @lru_cache(maxsize=256)
@@ -145,13 +145,13 @@ def _misfit(value: object, hint: Any, place: str) -> _Misfit | None:
     """Where a value is of a wrong kind, as deep in it as can be said; None where it fits."""
     parts = _alternatives(hint)
     if len(parts) > 1:
-        found = [_misfit(value, part, place) for part in parts]
-        deeper = [one for one in found if one is not None and one.place != place]
-        return None if None in found else deeper[0] if deeper else _Misfit(place, value, hint)
+        misfits = [_misfit(value, part, place) for part in parts]
+        deeper = [misfit for misfit in misfits if misfit is not None and misfit.place != place]
+        return None if None in misfits else deeper[0] if deeper else _Misfit(place, value, hint)
     origin, arguments = get_origin(hint) or hint, get_args(hint)
     if not _is_kind(value, origin, arguments):
         return _Misfit(place, value, hint)
-    return next((one for part in _parts(value, origin, arguments, place) if (one := _misfit(*part))), None)
+    return next((misfit for part in _parts(value, origin, arguments, place) if (misfit := _misfit(*part))), None)
 
 
 def _alternatives(hint: Any) -> tuple[Any, ...]:
@@ -199,12 +199,12 @@ def _parts(value: Any, origin: Any, arguments: tuple[Any, ...], place: str) -> I
     if not arguments or not isinstance(origin, type):
         return
     if isinstance(value, Mapping):
-        for key, one in value.items():
+        for key, item in value.items():
             yield key, arguments[0], f"a key of {place}"
-            yield one, arguments[-1], f"{place}[{key!r}]"
+            yield item, arguments[-1], f"{place}[{key!r}]"
     elif isinstance(value, list | tuple):
         kinds = arguments if origin is tuple and arguments[-1] is not Ellipsis else (arguments[0],) * len(value)
-        yield from ((one, kind, f"{place}[{i}]") for i, (one, kind) in enumerate(zip(value, kinds, strict=True)))
+        yield from ((item, kind, f"{place}[{i}]") for i, (item, kind) in enumerate(zip(value, kinds, strict=True)))
 
 
 #: Kinds in words.

@@ -78,9 +78,9 @@ class ObservedRecording:
     def deviation(self, symbol: str) -> FloatArray:
         """Standard deviation in SI of a state after each sample, that of the last correction; NaN where unknown."""
         at = self.observer.actuator.states.index(symbol)
-        found = np.append(self.before.deviations[at], self.samples.deviations[:, at])
-        known = np.maximum.accumulate(np.where(np.isfinite(found), np.arange(found.size), 0))
-        held: FloatArray = np.where(np.isfinite(self.samples.states[:, at]), found[known[1:]], np.nan)
+        deviations = np.append(self.before.deviations[at], self.samples.deviations[:, at])
+        corrected = np.maximum.accumulate(np.where(np.isfinite(deviations), np.arange(deviations.size), 0))
+        held: FloatArray = np.where(np.isfinite(self.samples.states[:, at]), deviations[corrected[1:]], np.nan)
         return held
 
     @property
@@ -169,10 +169,10 @@ def observe_recording(observer: Observer, log: Log, state: ObserverState | None 
     """
     before = start(observer) if state is None else state
     check_pace(observer, log)
-    found = follow_block(observer, before, with_inputs_in_range(log))
+    run = follow_block(observer, before, with_inputs_in_range(log))
     if not usable(log):
         raise DataError(no_sample(log.name))
-    return found
+    return run
 
 
 def duration(observer: Observer, time: FloatArray) -> float:
@@ -215,12 +215,12 @@ def follow_block(
     DataError
         As `observe`.
     """
-    known, verdicts, state = only_values(observer, before, log)
-    after, samples, rows = follow_strokes(observer, state, known)
+    values, verdicts, state = only_values(observer, before, log)
+    after, samples, rows = follow_strokes(observer, state, values)
     times = before.tail.time if earlier is None else earlier
-    found = {**health(observer, times, known, samples), **value_health(observer, verdicts, samples)}
+    fault_seconds = {**health(observer, times, values, samples), **value_health(observer, verdicts, samples)}
     seconds = duration(observer, log.time)
-    return ObservedRecording(observer, known, before, after, samples, tuple(rows), found, seconds)
+    return ObservedRecording(observer, values, before, after, samples, tuple(rows), fault_seconds, seconds)
 
 
 def only_values(observer: Observer, state: ObserverState, log: Log) -> tuple[Log, Verdicts, ObserverState]:
@@ -254,18 +254,18 @@ def usual_nis(actuator: Actuator, calibration: Calibration, logs: Sequence[Log])
 
     Recordings that cannot be observed are left out; NaN where none is left.
     """
-    found = []
+    parts = []
     for log in logs:
         with suppress(DataError, ParameterError):  # a calibration is not lost for it
-            found.append(_nis(actuator, calibration, log))
-    together = np.concatenate(found) if found else np.empty(0)
-    known = together[np.isfinite(together)]
-    return float(np.mean(known)) if known.size else float("nan")
+            parts.append(_nis(actuator, calibration, log))
+    together = np.concatenate(parts) if parts else np.empty(0)
+    finite = together[np.isfinite(together)]
+    return float(np.mean(finite)) if finite.size else float("nan")
 
 
 def _nis(actuator: Actuator, calibration: Calibration, log: Log) -> FloatArray:
     if not usable(log) or too_slow(log, actuator):
         return np.empty(0)
-    one = observer(actuator, "joint", spacing(log), calibration)
-    _, samples = observe(one, start(one), log)
-    return normalised(one, samples.states, samples.innovations)
+    compared = observer(actuator, "joint", spacing(log), calibration)
+    _, samples = observe(compared, start(compared), log)
+    return normalised(compared, samples.states, samples.innovations)

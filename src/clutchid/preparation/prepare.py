@@ -81,9 +81,9 @@ def usable(logs: Sequence[Log], actuator: Actuator) -> list[Log]:
     DataError
         If the position of one counts from another zero after a jump.
     """
-    found = [values_of(log, actuator) for log in logs]
-    DataError.raise_for([sentence for values in found for sentence in other_zeros(values)])
-    return [values.warned for values in found]
+    all_values = [values_of(log, actuator) for log in logs]
+    DataError.raise_for([sentence for values in all_values for sentence in other_zeros(values)])
+    return [values.warned for values in all_values]
 
 
 def _uniquely_named(logs: list[Log]) -> list[Log]:

@@ -71,7 +71,9 @@ def by_suffix(paths: Iterable[Path]) -> str:
     '2 .toml, 1 .tar.gz, 1 without a suffix'
     """
     counts = Counter(_last_suffix(path.name) or "without a suffix" for path in paths)
-    return ", ".join(f"{count:,} {suffix}" for suffix, count in sorted(counts.items(), key=lambda one: (-one[1], one)))
+    return ", ".join(
+        f"{count:,} {suffix}" for suffix, count in sorted(counts.items(), key=lambda item: (-item[1], item))
+    )
 
 
 def _last_suffix(name: str) -> str:

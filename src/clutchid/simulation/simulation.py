@@ -132,8 +132,8 @@ def simulate(
     >>> f"{t[np.argmax(stroke.log['position'] > 0.02)]:.2f} s"
     '0.15 s'
     """
-    found = values_of(actuator.equipment.driven(log if isinstance(log, Log) else _read(log, actuator)), actuator)
-    log = found.log
+    values = values_of(actuator.equipment.driven(log if isinstance(log, Log) else _read(log, actuator)), actuator)
+    log = values.log
     span = input_span(log)
     prepared = plan(with_inputs(log), actuator, stiffness(actuator, top_speed(partition)), partition)
     if starts is not None and len(starts) != len(prepared.segments):
@@ -160,7 +160,7 @@ def simulate(
         log=simulated_log(replace(prepared, log=log), everywhere, actuator),
         status="failed" if message else "ok",
         message=message or "simulated to the end",
-        warnings=(*found.warnings, *cut_warnings(log, span), *prepared.warnings),
+        warnings=(*values.warnings, *cut_warnings(log, span), *prepared.warnings),
         sensitivities={name: all_sens[:, :, c] for c, name in enumerate(which.names)},
     )
 

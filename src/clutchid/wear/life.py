@@ -207,8 +207,8 @@ class Wear:
     def reasons(self) -> tuple[str, ...]:
         """Reason why each recording does not count in the trend, in a sentence; empty for one that does."""
         return tuple(
-            "" if counts else one.unmeasured or (_WAITS if k in self.waiting else _ALONE)
-            for k, (one, counts) in enumerate(zip(self.readings, self.counted, strict=True))
+            "" if counts else reading.unmeasured or (_WAITS if k in self.waiting else _ALONE)
+            for k, (reading, counts) in enumerate(zip(self.readings, self.counted, strict=True))
         )
 
 
@@ -234,20 +234,22 @@ def wear_of(
     dated = tuple(history.dated[i] for i in history.order)
     life = LIFE[history.axis]
     model = trend_model(life, table)
-    paths = follow(model, history.s, [one.measurement for one in ordered])
+    paths = follow(model, history.s, [reading.measurement for reading in ordered])
     filtered = [[(step.mean, step.covariance) for step in path.steps] for path in paths]
     later = [smoothed(path.steps) for path in paths]
     shares = np.array([path.probability for path in paths])
     then = _bands(model, shares, filtered, table)
     name, end = _limit(table, limit)
-    found = verdicts(paths)
-    new = {k for k, one in enumerate(found) if one.outcome == "replaced"}
-    moves = rest_moves(history.s, life, [one.rest for one in ordered], [one.measurement for one in ordered], new)
-    outcomes = tuple("jump" if one.outcome in CHANGED else one.outcome for one in found)
-    waiting = (k for k, one in enumerate(found) if one.outcome == "left out" and one.probability < SURE)
+    results = verdicts(paths)
+    new = {k for k, verdict in enumerate(results) if verdict.outcome == "replaced"}
+    moves = rest_moves(
+        history.s, life, [reading.rest for reading in ordered], [reading.measurement for reading in ordered], new
+    )
+    outcomes = tuple("jump" if verdict.outcome in CHANGED else verdict.outcome for verdict in results)
+    waiting = (k for k, verdict in enumerate(results) if verdict.outcome == "left out" and verdict.probability < SURE)
     wear = Wear(
         vehicle, history.axis, history.s, dated, tuple(ordered), outcomes, then,
-        _bands(model, shares, later, table), _rates(model, shares, later), alarms(dated, ordered, found, then, moves),
+        _bands(model, shares, later, table), _rates(model, shares, later), alarms(dated, ordered, results, then, moves),
         limit if table is None else end, None, history.warnings, tuple(moves),
         None if table is None else float(table.wear[-1]), frozenset(waiting),
     )  # fmt: skip
@@ -278,8 +280,8 @@ NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(15)
 
 def _mixed(shares: FloatArray, states: Sequence[State]) -> State:
     """Mean and covariance of a mixture."""
-    mean = np.asarray(sum(share * one for share, (one, _) in zip(shares, states, strict=True)))
-    spread = (share * (P + np.outer(one - mean, one - mean)) for share, (one, P) in zip(shares, states, strict=True))
+    mean = np.asarray(sum(share * x for share, (x, _) in zip(shares, states, strict=True)))
+    spread = (share * (P + np.outer(x - mean, x - mean)) for share, (x, P) in zip(shares, states, strict=True))
     return mean, np.asarray(sum(spread))
 
 

@@ -183,8 +183,8 @@ def values_of(log: Log, actuator: Actuator) -> Values:
 
     >>> t = 1e-3 * np.arange(1000)
     >>> y = np.where((t > 0.5) & (t < 0.5025), 65.535e-3, 1e-5 * np.sin(40 * t))
-    >>> found = values_of(Log(t, {"position": y, **dict.fromkeys(INPUTS, 0 * t)}), Actuator())
-    >>> found.faults[0].sentence
+    >>> values = values_of(Log(t, {"position": y, **dict.fromkeys(INPUTS, 0 * t)}), Actuator())
+    >>> values.faults[0].sentence
     'position: 2 samples beyond the stops, the first at 0.501 s (65.53 mm): they count as missing.'
     """
     missing, faults = dict[str, Mask](), list[Fault]()
@@ -259,26 +259,26 @@ def _judge(log: Log, name: str, bounds: FloatArray, missing: dict[str, Mask], fa
     if _too_many(log, name, beyond | steps):
         return
     missing[name] = missing.get(name, np.zeros(len(log), dtype=bool)) | beyond | steps
-    found = [_fault(log, name, "beyond", beyond, _BEYOND[name])] if beyond.any() else []
+    new = [_fault(log, name, "beyond", beyond, _BEYOND[name])] if beyond.any() else []
     if steps.any():
         words = f"further from those before {_STEP[name]} in that time"
-        found.append(_fault(log, name, "step", steps, words))
+        new.append(_fault(log, name, "step", steps, words))
     repeated = _repeated(log, name, verdicts, since)
     if repeated.any() and not any(fault.kind == "repeated" for fault in faults):
         for channel in log.columns.keys() & {"position", "pressure_a", "pressure_supply", *INPUTS}:
             missing[channel] = missing.get(channel, False) | repeated
-        found.append(
+        new.append(
             _fault(log, "all channels", "repeated", repeated, "that repeat the ones before, as of a logger that hangs")
         )
-    known = {fault.first for fault in faults if fault.kind == "seam"}
+    seam_times = {fault.first for fault in faults if fault.kind == "seam"}
     for i in seams:
-        if log.time[i] in known:
+        if log.time[i] in seam_times:
             continue
         for channel in INPUTS:
             missing[channel] = missing.get(channel, np.zeros(len(log), dtype=bool)).copy()
             missing[channel][i] = True
-        found.append(_seam(log, name, i, missing[name]))
-    faults += found
+        new.append(_seam(log, name, i, missing[name]))
+    faults += new
 
 
 def _settled(log: Log, name: str, verdicts: Verdicts, since: FloatArray) -> list[int]:
