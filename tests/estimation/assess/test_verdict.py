@@ -13,6 +13,7 @@ from clutchid.estimation.assess.reasons import ambient_reasons
 from clutchid.estimation.assess.verdict import verdict
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.log import Log
+from clutchid.recordings.signals.vented_pressure import VENTED_KEY
 from clutchid.reports.fit_json import verdict_json
 from clutchid.simulation.sensors import lagged
 from fixtures.baselines import ORIGIN, with_baseline
@@ -98,6 +99,11 @@ def test_an_ambient_pressure_that_no_recording_shows_is_a_reason(fitted):
     (reason,) = ambient_reasons(unsettled)
     peak = float(fitted.load_curve.force.max())
     assert f"P_0 is known to ± 7.8 kPa, ± {100 * 7.84e3 * 12.3e-3 / peak:.1f} % of the peak; " in reason.text
+    assert reason.text.endswith(", or give --ambient.")
+    stated = replace(moving, metadata={**moving.metadata, VENTED_KEY: "95e3"})
+    recorded = {"drive": replace(free.recordings["drive"], measured=stated)}
+    (advice,) = ambient_reasons(replace(free, recordings=recorded))
+    assert advice.text.endswith("exhaust valve open."), "who gave --ambient is not told to"
     assert ambient_reasons(replace(unsettled, scales={"position": 1e-4})) == [], "pressure is not in use"
     assert ambient_reasons(replace(fitted, recordings=unsettled.recordings)) == [], "P_0 is not estimated"
     own = also_free(free, "P_0@other", Estimate(1.1e5, "Pa", 4e3, 1.02e5, 1.18e5))

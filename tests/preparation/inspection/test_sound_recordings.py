@@ -1,6 +1,7 @@
 """What is sound is called sound: no check cries wolf."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from clutchid.model import Actuator
 from clutchid.preparation.inspection import inspect
 from clutchid.recordings import read
 from clutchid.recordings.signals.excitation import excitation
+from clutchid.recordings.signals.vented_pressure import VENTED_KEY
 from clutchid.truck import MANOEUVRES, truck
 from fixtures.changed_logs import thinned
 
@@ -57,6 +59,11 @@ def test_a_recording_that_never_vents_assumes_a_vented_pressure_and_says_so(reco
     check = next(check for check in inspect(moving).checks if check.name == "vented pressure")
     assert (check.grade, check.value) == ("undetermined", "not settled")
     assert "so that a calibration assumes 1.030 bar (std 6.0 kPa) there; record a second at rest" in check.sentence
+    assert check.sentence.endswith(", or give --ambient.")
+    stated = replace(moving, metadata={VENTED_KEY: "95e3"})
+    (check,) = [check for check in inspect(stated).checks if check.name == "vented pressure"]
+    assert "assumes 0.950 bar (std 2.0 kPa) there" in check.sentence
+    assert "--ambient" not in check.sentence
     (sentence,) = [
         text for text in missing(excitation(moving), Actuator()) if "settle" in text or "vented rest" in text
     ]

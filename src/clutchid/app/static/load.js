@@ -154,7 +154,7 @@ function more(verb, redraw) {
     select("method", "Method", about.methods.map((name) => [name, name || "chosen for the request"])),
     text("bounds", "Bounds", "C_vs=1e-8:3e-8", "NAME=LOW:HIGH in SI units, separated by blanks"),
     text("prior", "Priors", "P_S=8.5e5±5e3", "NAME=VALUE±STD in SI units, separated by blanks"),
-    text("ambient", "Ambient pressure", "1.013bar", "For gauge units"),
+    text("ambient", "Ambient pressure", "1.013bar", "Of the vented chamber in a calibration, and for gauge units"),
     select("zero", "Vented rest that has moved", [["", "subtract"], ["keep", "keep the position as recorded"]]),
     h("p", { class: "field" }, h("label", {}, h("input", { type: "checkbox", id: `${verb}-force`, checked: Boolean(given.force), onchange: (event) => { given.force = event.target.checked; redraw(); } }), " Go on although a check is bad (--force)")));
 }

@@ -22,7 +22,7 @@ from clutchid.log import sample_interval
 from clutchid.names import base_of
 from clutchid.numerics.interval import QUANTILE
 from clutchid.recordings.signals.duty_cycle import is_slow
-from clutchid.recordings.signals.vented_pressure import RECORD_REST, UNSETTLED, vented_pressure
+from clutchid.recordings.signals.vented_pressure import RECORD_REST, UNSETTLED, remedy, vented_pressure
 
 
 def bound_reasons(fit: Fit) -> list[Reason]:
@@ -344,7 +344,8 @@ def ambient_reasons(fit: Fit) -> list[Reason]:
             half = QUANTILE * estimate.std
             share = half * fit.actuator.parameters.A_A / curve.force[curve.peak(reach(fit))]
             text = f"{listed(logs)}: {UNSETTLED}, so that {name} is known to ± {half * 1e-3:.1f} kPa, "
-            reasons.append(Reason(f"{text}± {100 * share:.1f} % of the peak; {RECORD_REST}, or give --ambient."))
+            advice = remedy(fit.recordings[log].measured for log in logs)
+            reasons.append(Reason(f"{text}± {100 * share:.1f} % of the peak; {advice}."))
     return reasons
 
 

@@ -12,7 +12,7 @@ from clutchid.parameters import Parameters
 from clutchid.preparation.inspection.columns import direction
 from clutchid.preparation.inspection.reading import Check, Grade, InspectedRecording, spread_over
 from clutchid.recordings.signals.sampled import run_ends
-from clutchid.recordings.signals.vented_pressure import RECORD_REST, UNSETTLED, vented_pressure, vented_prior
+from clutchid.recordings.signals.vented_pressure import UNSETTLED, remedy, vented_pressure, vented_prior
 from clutchid.recordings.source import UNIT_KEY
 
 PRESSURE_UNIT = "unit of pressure_a"
@@ -108,7 +108,7 @@ def vented(reading: InspectedRecording) -> Check:
     shown = _with_std(*(pressure or vented_prior(reading.log))[:2])
     if pressure is not None:
         return Check(VENTED_PRESSURE, shown, "good", f"at the vented rest the sensor shows {shown}.")
-    sentence = f"{UNSETTLED}, so that a calibration assumes {shown} there; {RECORD_REST}, or give --ambient."
+    sentence = f"{UNSETTLED}, so that a calibration assumes {shown} there; {remedy([reading.log])}."
     return Check(VENTED_PRESSURE, "not settled", "undetermined", sentence)
 
 

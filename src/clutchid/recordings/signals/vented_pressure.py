@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -118,12 +118,17 @@ def vented_prior(log: Log) -> VentedPrior:
     return ABSOLUTE if ambient is None else VentedPrior(float(ambient), OFFSET.std, OFFSET.source)
 
 
+def remedy(logs: Iterable[Log]) -> str:
+    """What gives the vented pressure of recordings without a settled rest."""
+    return RECORD_REST + (", or give --ambient" if any(vented_prior(log) is ABSOLUTE for log in logs) else "")
+
+
 def vented_pressure(log: Log) -> VentedPressure | None:
     """What the pressure sensor shows at the settled vented rest of a recording; None where there is none.
 
     A rest is settled where its pressure is flat: the slope lies within its standard error. At the start of the
     recording the valves may be closed, unless a later pressure lies below; after a stroke the exhaust valve must be
-    open, and the decay over. Neither may contradict the prior.
+    open, and the decay over. Neither may lie above the prior by three standard deviations.
 
     Parameters
     ----------
