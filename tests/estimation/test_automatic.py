@@ -1,11 +1,15 @@
 """``--free auto``: what a calibration frees, where it starts, and what it needs of the recordings."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from clutchid.errors import DataError
+from clutchid import workflow
+from clutchid.app import tasks
+from clutchid.cli.fit import FitOptions, fitted
+from clutchid.errors import DataError, SolveError
 from clutchid.estimation.automatic import (
     AUTOMATIC,
     CLOSED_STD,
@@ -17,13 +21,14 @@ from clutchid.estimation.automatic import (
     automatic,
 )
 from clutchid.estimation.calibrate import fit_with
+from clutchid.estimation.fit import recordings_of
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.shooting import SHOOTING
 from clutchid.model import Actuator, Load
 from clutchid.model.equipment import Equipment
 from clutchid.model.variants import VARIANTS
 from clutchid.preparation.pulses import centred
-from clutchid.recordings import read
+from clutchid.recordings import read, write
 from clutchid.recordings.signals.duty_cycle import duty_grid
 from clutchid.recordings.signals.vented_pressure import ABSOLUTE
 from clutchid.simulation import simulate
@@ -145,6 +150,40 @@ def test_a_recording_without_a_rest_counts_for_nothing_beside_one_with_a_rest(dr
     low = ambient_priors([whole, shifted(never, -9e3, "low", rising)])
     assert {*low} == {"P_0@whole", "P_0@low"}, "a pressure below that of the rest is not of its weather"
     assert low["P_0@low"].mean < 1.03e5
+
+
+@pytest.fixture
+def unsettled(drive_log, tmp_path):
+    """The file of a recording of absolute pressure that begins in a stroke and never vents."""
+    rising = int(np.argmax(drive_log["duty_supply"] > 0.0)) + 50
+    never = drive_log.with_columns(duty_exhaust=np.zeros(len(drive_log)))
+    write(never.slice(rising, len(never)), tmp_path / "cut.csv")
+    return tmp_path / "cut.csv"
+
+
+@pytest.mark.parametrize("door", ["python", "cli", "app"])
+def test_a_calibration_that_is_started_from_one_does_not_know_its_ambient_pressure(unsettled, door, monkeypatch):
+    """P_0 of a calibration without a rest is a guess, and stays one."""
+    guess, logs = Actuator().replace(P_0=1.035e5), []
+    stop = SolveError("no fit is needed")
+
+    def fit_recordings(given, *_, **__):
+        logs.extend(given)
+        raise stop
+
+    monkeypatch.setattr(workflow, "fit_recordings", fit_recordings)
+    monkeypatch.setattr(workflow, "start_of", lambda start, model, request: (guess, request))
+    if door == "python":
+        logs = recordings_of([unsettled], guess)
+    elif door == "cli":
+        with pytest.raises(SolveError):
+            fitted("calibrate", [unsettled], "position,pressure_a", "auto", None, FitOptions())
+    else:
+        options = {"measure": "position,pressure_a", "free": "auto", "zero": "subtract"}
+        task = {"verb": "calibrate", "options": options, "recordings": [{"path": str(unsettled)}], "folder": "."}
+        with pytest.raises(SolveError):
+            tasks.fit(task, SimpleNamespace(progress=lambda *_: None))
+    assert ambient_priors(logs)["P_0"].std == ABSOLUTE.std
 
 
 @pytest.mark.parametrize("number", [2, 3])

@@ -68,6 +68,9 @@ def test_an_ambient_pressure_that_is_stated_is_what_a_vented_chamber_has(recordi
     path = save(recording(2))
     assert VENTED_KEY not in cio.read(path).metadata
     assert cio.read(path, ambient=95e3).metadata[VENTED_KEY] == "95000.0"
+    added = cio.read(path, added=95e3).metadata
+    assert (added["ambient_Pa"], VENTED_KEY in added) == ("95000.0", False), "of a model, which may be a guess"
+    assert cio.read(path, ambient=96e3, added=95e3).metadata["ambient_Pa"] == "96000.0"
 
 
 @pytest.mark.parametrize("ambient", [0.0, -1.0, np.nan, np.inf])

@@ -187,7 +187,9 @@ def _read(
     logs, problems = [], []
     for item in items:
         one = None if item.get("map") is None else Path(item["map"])
-        files = workflow.FileOptions(ambient, one, tuple(map(Path, item.get("dbc", ()))))
+        files = workflow.FileOptions(
+            ambient, one, tuple(map(Path, item.get("dbc", ()))), known_ambient(actuator.parameters.P_0)
+        )
         measured = () if verify else request.measure
         try:
             logs += workflow.read_recordings([Path(item["path"])], files, actuator.equipment, measured=measured)
@@ -219,7 +221,7 @@ def fit(task: Task, events: Listener) -> dict[str, Any]:
     )
     start = None if task.get("start") is None else Path(task["start"])
     actuator, request = workflow.start_of(start, None, request)
-    ambient = pressure(options.get("ambient") or None, known_ambient(actuator.parameters.P_0))
+    ambient = pressure(options.get("ambient") or None, None)
     progress(Step("reading"))
     logs = _read(task["recordings"], actuator, request, ambient, verify=False)
     others = _read(task.get("verify", ()), actuator, request, ambient, verify=True)
@@ -384,9 +386,10 @@ def observe(task: Task, events: Listener) -> dict[str, Any]:
     content = workflow.start_file(Path(task["start"]), None)
     item = task["recording"]
     files = workflow.FileOptions(
-        known_ambient(content.actuator.parameters.P_0),
+        None,
         None if item.get("map") is None else Path(item["map"]),
         tuple(map(Path, item.get("dbc", ()))),
+        known_ambient(content.actuator.parameters.P_0),
     )
     equipment = content.actuator.equipment
     (log,) = workflow.read_recordings([Path(item["path"])], files, equipment, measured=("pressure_a",))

@@ -90,7 +90,7 @@ def export(
     from clutchid.workflow.verbs import export as exported
 
     targets, content = targets_of(to), start_file(calibration, None)
-    files = FileOptions(pressure(ambient, known_ambient(content.actuator.parameters.P_0)), map_, tuple(dbc or ()))
+    files = FileOptions(pressure(ambient, None), map_, tuple(dbc or ()), known_ambient(content.actuator.parameters.P_0))
     log = read_recordings([check], files, content.actuator.equipment)[0] if check else None
     done = exported(
         calibration, out, to=targets, method=method, modes=modes, real=real, rates=rates, name=name, resume=resume,

@@ -265,8 +265,8 @@ def fitted(verb: str, logs: Sequence[Path], measure: str, free: str, start: Path
     for path in saves:
         workflow.check_save(path)
     actuator, request = workflow.start_of(start, model_of(options.model), request)
-    ambient = pressure(options.ambient, known_ambient(actuator.parameters.P_0))
-    files = workflow.FileOptions(ambient, options.map_, tuple(options.dbc or ()))
+    added = known_ambient(actuator.parameters.P_0)
+    files = workflow.FileOptions(pressure(options.ambient, None), options.map_, tuple(options.dbc or ()), added)
     with progress_bar(verb) as show:
         usual = CALIBRATION if request.automatic else ESTIMATE
         progress = shared(usual, lambda done: show(done.words, done.share))

@@ -20,7 +20,6 @@ from clutchid.cli.common import (
     print_written,
 )
 from clutchid.cli.terminal import put, sentences
-from clutchid.parameters import known_ambient
 from clutchid.workflow import start_file
 from clutchid.workflow.options import pressure
 
@@ -65,7 +64,7 @@ def look(
 
     check_outputs({"--save": save}, [("the recording itself", file), ("the calibration", start)])
     content = None if start is None else start_file(start, None)
-    at = pressure(ambient, known_ambient(content.actuator.parameters.P_0) if content else None)
+    at = pressure(ambient, None)
     given = None if map_ is None else read_map(map_)
     found = looked(file, at, tuple(dbc or ()), given, content)
     contents = found.contents

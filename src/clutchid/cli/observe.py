@@ -39,10 +39,10 @@ def observe(
         raise ParameterError(f"Unknown option: {log}. Try 'clutchid observe --help'.")
     options.check(log)
     content = calibration_file(options.start)
-    air = pressure(options.ambient, known_ambient(content.actuator.parameters.P_0))
+    air, added = pressure(options.ambient, None), known_ambient(content.actuator.parameters.P_0)
     if options.follow or is_live(log):
-        return observe_live(log, content, options, AMBIENT if air is None else air)
-    files = FileOptions(air, options.map_, tuple(options.dbc or ()))
+        return observe_live(log, content, options, air or added or AMBIENT)
+    files = FileOptions(air, options.map_, tuple(options.dbc or ()), added)
     read = read_recordings([log], files, content.actuator.equipment)
     (checked,) = inspected(read, content.actuator, force=options.force, rest=content.rest, zero=options.zero)
     checked = fast_enough(checked, content, force=options.force)

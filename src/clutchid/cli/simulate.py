@@ -101,11 +101,9 @@ def simulate(
     ]
     check_outputs({"--out": out}, inputs)
     partition, content = partition_of(every, parts, carry), start_file(parameters, model_of(model))
-    air, files = (
-        pressure(ambient, known_ambient(content.actuator.parameters.P_0)),
-        [log] if band is None else [log, band],
-    )
-    read = read_recordings(files, FileOptions(air, map_, tuple(dbc or ())), content.actuator.equipment)
+    added = known_ambient(content.actuator.parameters.P_0)
+    files = FileOptions(pressure(ambient, None), map_, tuple(dbc or ()), added)
+    read = read_recordings([log] if band is None else [log, band], files, content.actuator.equipment)
     rested = [content.from_rest(values_of(each, content.actuator).warned) for each in read]
     recording, *others = inspected([one.log for one in rested], content.actuator, force=force)
     done, from_file = _simulated(recording, content, partition)

@@ -192,8 +192,8 @@ def recordings_of(logs: Sequence[LogOrPath], actuator: Actuator) -> list[Log]:
     """The logs, with those read that are given as paths; a `DataError` lists the problems of all files."""
     from clutchid.recordings import read, read_each
 
-    ambient, required = known_ambient(actuator.parameters.P_0), ("time", "position", *actuator.equipment.recorded)
-    return read_each(logs, lambda log: log if isinstance(log, Log) else read(log, ambient=ambient, required=required))
+    added, required = known_ambient(actuator.parameters.P_0), ("time", "position", *actuator.equipment.recorded)
+    return read_each(logs, lambda log: log if isinstance(log, Log) else read(log, added=added, required=required))
 
 
 def fit_request(

@@ -91,8 +91,8 @@ def _read(options: ReadingOptions, start: Path, path: Path) -> RecordingResult:
         checksum = digest(path)
         content = _calibration(start, digest(start))
         actuator = content.actuator
-        ambient = known_ambient(actuator.parameters.P_0) if np.isnan(options.ambient) else options.ambient
-        files = workflow.FileOptions(ambient, options.channel_map, options.dbc)
+        ambient = None if np.isnan(options.ambient) else options.ambient
+        files = workflow.FileOptions(ambient, options.channel_map, options.dbc, known_ambient(actuator.parameters.P_0))
         (log,) = workflow.read_recordings([path], files, actuator.equipment)
         clock = str(log.metadata.get("start", ""))
         read = (_observed if options.verb == "observe" else _fitted)(log, content, path, options.zero)

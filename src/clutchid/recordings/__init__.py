@@ -33,6 +33,7 @@ def read(
     path: str | PathLike[str],
     *,
     ambient: float | None = None,
+    added: float | None = None,
     channels: ChannelMap | str | PathLike[str] | None = None,
     dbc: Sequence[str | PathLike[str]] = (),
     required: Sequence[str] = REQUIRED,
@@ -49,7 +50,10 @@ def read(
         File (CSV, Parquet, MDF, MATLAB, BLF, ASC); its name without suffix is the name of the log.
     ambient : Pa, optional
         Absolute pressure, above 0, that is added to gauge pressures such as ``bar(g)``, and that a vented chamber has;
-        by default the standard atmosphere of 101,300 Pa is added, and nothing is known of the chamber.
+        by default `added` is added, and nothing is known of the chamber.
+    added : Pa, optional
+        What is added to gauge pressures without `ambient`, such as P_0 of a model; by default the standard atmosphere
+        of 101,300 Pa.
     channels
         A channel map, or the path of one (TOML).
     dbc
@@ -69,7 +73,7 @@ def read(
     MissingExtra
         If the format needs a library that is not installed.
     ParameterError
-        If `ambient` is not a pressure above 0, or the channel map is invalid.
+        If `ambient` or `added` is not a pressure above 0, or the channel map is invalid.
 
     Examples
     --------
@@ -82,7 +86,7 @@ def read(
     >>> log.name, float(log["position"][1]), float(log["duty_supply"][1])
     ('run', 0.0005, 1.0)
     """
-    pieces = read_pieces(path, ambient=ambient, channels=channels, dbc=dbc, required=required, rows=None)
+    pieces = read_pieces(path, ambient=ambient, added=added, channels=channels, dbc=dbc, required=required, rows=None)
     log = next(pieces, None)
     if log is None:
         raise DataError(f"{path}: none of its samples can be read, so it is damaged; copy or write it again.")
@@ -113,6 +117,7 @@ def read_pieces(
     path: str | PathLike[str],
     *,
     ambient: float | None = None,
+    added: float | None = None,
     channels: ChannelMap | str | PathLike[str] | None = None,
     dbc: Sequence[str | PathLike[str]] = (),
     required: Sequence[str] = REQUIRED,
@@ -123,7 +128,7 @@ def read_pieces(
 
     Parameters
     ----------
-    path, ambient, channels, dbc, required
+    path, ambient, added, channels, dbc, required
         As in `read`.
     rows : int, optional
         Samples of a piece. With None it is one log, and the hash of the file is computed.
@@ -151,9 +156,10 @@ def read_pieces(
     (2500, '24.99 mm')
     """
     check_ambient(ambient)
+    check_ambient(added)
     given = _map(channels)
     source = open_source(path, (*(given.dbc if given else ()), *dbc))
-    yield from source_pieces(source, given, ambient, required, rows, progress)
+    yield from source_pieces(source, given, ambient, required, rows, progress, added)
 
 
 def source_pieces(
@@ -163,11 +169,12 @@ def source_pieces(
     required: Sequence[str] = REQUIRED,
     rows: int | None = BLOCK,
     progress: Callable[[int, int], None] | None = None,
+    added: float | None = None,
 ) -> Iterator[Log]:
     """Consecutive logs of an opened file, with a channel map or without, see `read_pieces`."""
     from clutchid.recordings.recording import pieces
 
-    added = AMBIENT if ambient is None else float(ambient)
+    added = next((float(each) for each in (ambient, added) if each is not None), AMBIENT)
     metadata = {"source": printable(source.path.name), "ambient_Pa": repr(added)}
     if ambient is not None:
         metadata[VENTED_KEY] = repr(added)

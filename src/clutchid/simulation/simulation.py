@@ -174,7 +174,7 @@ def _known(names: str | Sequence[str], actuator: Actuator) -> tuple[str, ...]:
 def _read(path: str | PathLike[str], actuator: Actuator) -> Log:
     from clutchid.recordings import read
 
-    return read(path, ambient=known_ambient(actuator.parameters.P_0), required=("time", *actuator.equipment.recorded))
+    return read(path, added=known_ambient(actuator.parameters.P_0), required=("time", *actuator.equipment.recorded))
 
 
 def simulated_log(prepared: Plan, states: FloatArray, actuator: Actuator) -> Log:

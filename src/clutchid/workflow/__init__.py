@@ -33,11 +33,15 @@ REFUSED = "Correct the recording or its channel map, or go on with --force."
 
 @dataclass(frozen=True, slots=True)
 class FileOptions:
-    """Options for reading files: ambient pressure in Pa if known, channel map, and DBC files of bus logs."""
+    """Options for reading files: ambient pressure in Pa if stated, channel map, DBC files of bus logs.
+
+    `added` in Pa is what gauge pressures get without a stated ambient pressure.
+    """
 
     ambient: float | None = None
     channel_map: Path | None = None
     dbc: tuple[Path, ...] = ()
+    added: float | None = None
 
 
 def read_recordings(
@@ -74,7 +78,7 @@ def read_recordings(
 
     def one(item: tuple[Path, Sequence[str]]) -> Log:
         path, names = item
-        log = read(path, ambient=files.ambient, channels=channels, dbc=files.dbc, required=names)
+        log = read(path, ambient=files.ambient, added=files.added, channels=channels, dbc=files.dbc, required=names)
         return equipment.driven(log) if equipment else log
 
     return read_each([*((path, fitted) for path in paths), *((path, needed) for path in verify)], one)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from clutchid.errors import DataError
 from clutchid.log import Log
+from clutchid.parameters import known_ambient
 from clutchid.recordings import read_pieces, source_pieces
 from clutchid.recordings.look import look, overview_of
 
@@ -57,10 +58,11 @@ def looked(
     DataError
         If it cannot be read, or a map that is `given` does not fit it.
     """
-    contents = look(file, ambient, dbc, given)
+    added = known_ambient(content.actuator.parameters.P_0) if content else None
+    contents = look(file, added if ambient is None else ambient, dbc, given)
 
     def read(channels: ChannelMap | None) -> Log:
-        return next(read_pieces(file, ambient=ambient, channels=channels, required=_NEEDED))
+        return next(read_pieces(file, ambient=ambient, added=added, channels=channels, required=_NEEDED))
 
     return _checked(contents, given, content, read)
 
