@@ -20,10 +20,11 @@ from clutchid.estimation.automatic import (
     ambient_priors,
     automatic,
 )
-from clutchid.estimation.calibrate import fit_with
+from clutchid.estimation.calibrate import fit_with, free_parameters
 from clutchid.estimation.fit import recordings_of
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.shooting import SHOOTING
+from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.model import Actuator, Load
 from clutchid.model.equipment import Equipment
 from clutchid.model.variants import VARIANTS
@@ -139,6 +140,15 @@ def test_recordings_of_another_ambient_pressure_have_their_own(drive_log, plant)
     assert {"P_0@valley", "P_0@hill"} <= {*free}
     assert "P_0" not in free
     assert priors["P_0@valley"].mean - priors["P_0@hill"].mean == pytest.approx(9e3)
+
+
+@pytest.mark.parametrize("known", [{"priors": {"P_0": Prior(1.05e5, 5e3)}}, {"bounds": {"P_0": (0.9e5, 1.2e5)}}])
+def test_recordings_share_an_ambient_pressure_that_a_prior_or_bounds_are_given_for(drive_log, plant, known):
+    logs = [shifted(drive_log, pascal, name) for name, pascal in (("valley", 0.0), ("hill", -9e3))]
+    _, free = free_parameters(logs, plant, FitRequest(("position", "pressure_a"), ("auto",), **known))
+    assert [name for name in free.names if name.startswith("P_0")] == ["P_0"]
+    assert free.priors["P_0"] == known.get("priors", {}).get("P_0", free.priors["P_0"])
+    assert free.priors["P_0"].std >= 5e3, "the rests differ by 9 kPa"
 
 
 def test_a_recording_without_a_rest_counts_for_nothing_beside_one_with_a_rest(drive_log):

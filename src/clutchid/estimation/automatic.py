@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -45,11 +46,13 @@ LOWEST_STD = 1e3
 ON_LAND, VENTED = (0.5e5, 1.2e5), 2e4
 
 
-def automatic(logs: Sequence[Log], actuator: Actuator) -> tuple[Actuator, tuple[str, ...], dict[str, Prior]]:
+def automatic(
+    logs: Sequence[Log], actuator: Actuator, *, shared: bool = False
+) -> tuple[Actuator, tuple[str, ...], dict[str, Prior]]:
     """Start values of a calibration with a free load and the identified carrier; free parameters; priors.
 
     The period of the duty cycles is that of the first recording. The ambient pressure is taken from the vented rest, so
-    that an offset of the sensor cancels in the load; see `ambient_priors`.
+    that an offset of the sensor cancels in the load; `shared` as in `ambient_priors`.
 
     Raises
     ------
@@ -57,7 +60,7 @@ def automatic(logs: Sequence[Log], actuator: Actuator) -> tuple[Actuator, tuple[
         If a recording has no pressure, or the chamber never vents.
     """
     _check(logs, actuator)
-    ambient = ambient_priors(logs)
+    ambient = ambient_priors(logs, shared=shared)
     changes = {"P_0": float(np.median([prior.mean for prior in ambient.values()])), "tau_y": LAG, "tau_p": LAG}
     pulsed = replace(actuator, model=WITH_CARRIER) if actuator.model == AUTOMATIC else actuator
     found = _carrier(logs[0], pulsed) if _can_switch(pulsed) else {}
@@ -72,11 +75,12 @@ def automatic(logs: Sequence[Log], actuator: Actuator) -> tuple[Actuator, tuple[
     return begin, (*load.names, *names), {**ambient, "y_max": far_stop(begin, max(log.reach() for log in logs))}
 
 
-def ambient_priors(logs: Sequence[Log]) -> dict[str, Prior]:
+def ambient_priors(logs: Sequence[Log], *, shared: bool = False) -> dict[str, Prior]:
     """Prior of P_0, or of the P_0@STEM of each recording where they are not of one ambient pressure.
 
     Settled vented rests give it, weighted by their variances, those at the start before those after a stroke.
-    Recordings share it where their rests agree, and where no pressure of one without a rest lies below.
+    Recordings share it where their rests agree, and where no pressure of one without a rest lies below; `shared`, as
+    where a prior or bounds of P_0 are given, in any case: what they differ by is then in its standard deviation.
     """
     rests, lowest = [vented_pressure(log) for log in logs], [lowest_pressure(log) for log in logs]
     settled = [rest for rest in rests if rest is not None]
@@ -86,9 +90,13 @@ def ambient_priors(logs: Sequence[Log]) -> dict[str, Prior]:
     weights = np.array([rest.std**-2 for rest in best])
     mean, std = float(weights @ [rest.mean for rest in best] / weights.sum()), float(weights.sum() ** -0.5)
     apart = [abs(rest.mean - mean) > SIGNIFICANT * float(np.hypot(rest.std, std)) for rest in settled]
-    below = [low < mean - SIGNIFICANT * LOWEST_STD for low, rest in zip(lowest, rests, strict=True) if rest is None]
-    if not any(apart) and not any(below):
+    unseen = [low for low, rest in zip(lowest, rests, strict=True) if rest is None]
+    below = [low for low in unseen if low < mean - SIGNIFICANT * LOWEST_STD]
+    if not any(apart) and not below:
         return {"P_0": _at_rest(VentedPressure(mean, std, best[0].closed))}
+    if shared:
+        spread = float(np.ptp([*(rest.mean for rest in settled), *below]))
+        return {"P_0": Prior(mean, math.hypot(std, spread))}
     of_logs = zip(logs, rests, lowest, strict=True)
     return {f"P_0@{log.name}": _at_rest(rest) if rest else _unseen(log, low) for log, rest, low in of_logs}
 

@@ -164,7 +164,8 @@ def free_parameters(logs: Sequence[Log], actuator: Actuator, request: FitRequest
             raise DataError(
                 f"'auto' needs a recording with pressure, and --measure position,pressure_a. {FROM_POSITION_ALONE}"
             )
-        actuator, automatically, result = automatic(logs, actuator)
+        shared = "P_0" in {*request.priors, *request.bounds}
+        actuator, automatically, result = automatic(logs, actuator, shared=shared)
         free = tuple(name for item in free for name in (automatically if item == "auto" else (item,)))
         priors = {**result, **priors}
     names = _without_shared(free_names(free, actuator, stems))
