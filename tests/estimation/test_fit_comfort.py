@@ -132,16 +132,41 @@ def test_paths_are_read_where_logs_are_expected(short, tmp_path):
     np.testing.assert_array_equal(simulated["position"], clutchid.simulate(Actuator(), short).log["position"])
 
 
-def test_gauge_pressures_of_a_path_are_relative_to_the_ambient_pressure_of_the_actuator(short, tmp_path):
+@pytest.fixture
+def gauge(short, tmp_path):
+    """The file of the recording with gauge pressure."""
     table = pl.DataFrame({"time [s]": short.time, "position [m]": short["position"]}).with_columns(
         pl.Series("duty_supply [1]", short["duty_supply"]),
         pl.Series("duty_exhaust [1]", short["duty_exhaust"]),
         pl.Series("pressure_a [bar(g)]", (short["pressure_a"] - 1.095e5) / 1e5),
     )
     table.write_csv(tmp_path / "gauge.csv")
-    result = clutchid.fit(tmp_path / "gauge.csv", Actuator().replace(P_0=0.95e5), free="theta_1")
+    return tmp_path / "gauge.csv"
+
+
+def test_gauge_pressures_of_a_path_are_relative_to_the_ambient_pressure_of_the_actuator(short, gauge):
+    result = clutchid.fit(gauge, Actuator().replace(P_0=0.95e5), free="theta_1")
     measured = result.recordings["gauge"].measured["pressure_a"]
     np.testing.assert_allclose(measured, short["pressure_a"] - 0.145e5, rtol=1e-12)
+    assert result.actuator.parameters.P_0 == 0.95e5
+
+
+@pytest.mark.parametrize("ambient", [None, 0.95e5])
+def test_the_model_vents_to_the_pressure_that_gauge_pressures_count_from(gauge, short, ambient):
+    """With P_0 of Appendix A, which nobody has measured, it would vent 8 kPa above the sensor."""
+    log, P_0 = clutchid.read(gauge, ambient=ambient), ambient or 1.013e5
+    result = clutchid.fit(log, measure=("position", "pressure_a"), free="theta_1")
+    assert result.actuator.parameters.P_0 == P_0
+    said = f"P_0 is {P_0 * 1e-5:.4g} bar, which gauge pressures count from, not Appendix A's 1.095 bar."
+    assert said in result.notes
+    pressure = result.recordings["gauge"].simulated["pressure_a"]
+    assert pressure[0] == pytest.approx(log["pressure_a"][0], abs=1.0)
+    simulated = clutchid.simulate(Actuator(), log)
+    assert said in simulated.warnings
+    assert simulated.log["pressure_a"][0] == pytest.approx(P_0)
+    if ambient is None:
+        assert clutchid.simulate(Actuator(), gauge).log["pressure_a"][0] == pytest.approx(P_0)
+    assert clutchid.fit(short).actuator.parameters.P_0 == Parameters().P_0, "absolute pressures say nothing of it"
 
 
 def test_the_problems_of_all_files_are_named_and_so_is_what_is_no_recording(short, tmp_path):

@@ -145,10 +145,11 @@ def _answer(recording: Log, done: Simulation, warnings: Sequence[str], out: Path
 def _simulated(log: Log, content: ParameterFile, partition: Partition | None) -> tuple[Simulation, bool]:
     """Simulation of a recording, and whether the file has the start values of exactly this one; else estimated."""
     from clutchid.estimation.verification import starts_of
+    from clutchid.recordings.signals.vented_pressure import with_ambient
     from clutchid.simulation import simulate as simulate_log
 
     from_file = content.starts_for(log)
-    starts = starts_of(log, content.actuator, partition) if from_file is None else from_file
+    starts = starts_of(log, with_ambient(content.actuator, [log])[0], partition) if from_file is None else from_file
     return simulate_log(content.actuator, log, partition=partition, starts=starts), from_file is not None
 
 

@@ -24,11 +24,12 @@ from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
-from clutchid.names import listed_names, unknown_name
+from clutchid.names import base_of, listed_names, unknown_name
 from clutchid.numerics.progress import Progress, report, within
 from clutchid.parameters import known_ambient
 from clutchid.preparation.prepare import check_recordings, driven, usable
 from clutchid.preparation.pulses import lacks_changes
+from clutchid.recordings.signals.vented_pressure import with_ambient
 from clutchid.recordings.strokes.vented_rest import Zero, from_rest
 from clutchid.simulation.inputs import with_inputs
 from clutchid.simulation.partition import Partition
@@ -215,6 +216,8 @@ def fit_request(
         As `fit`.
     """
     start = actuator or Actuator(model=AUTOMATIC if request.automatic else "isothermal")
+    keeps_ambient = not request.automatic and "P_0" not in map(base_of, request.free)
+    start, said = with_ambient(start, logs) if keeps_ambient and request.calibration is None else (start, ())
     ready, apart = (usable(driven(several, start.equipment), start) for several in (logs, verify))
     rested, checked = (
         [from_rest(log, request.counted_from, request.zero) for log in several] for several in (ready, apart)
@@ -230,7 +233,8 @@ def fit_request(
     report(progress, "verification")
     whole = {log.name: on_samples(done.recordings[log.name], log) for log in recordings}
     return with_rests(
-        verified(replace(done, recordings=whole, readings=readings), others, request), [*rested, *checked]
+        verified(replace(done, recordings=whole, readings=readings, notes=(*done.notes, *said)), others, request),
+        [*rested, *checked],
     )
 
 

@@ -16,6 +16,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.names import check_names, listed_names, made_anew
 from clutchid.parameters import known_ambient
 from clutchid.recordings.signals.values import values_of
+from clutchid.recordings.signals.vented_pressure import with_ambient
 from clutchid.simulation.divergence import failure_message
 from clutchid.simulation.inputs import cut_warnings, input_span, with_inputs
 from clutchid.simulation.partition import Partition
@@ -134,6 +135,7 @@ def simulate(
     """
     values = values_of(actuator.equipment.driven(log if isinstance(log, Log) else _read(log, actuator)), actuator)
     log = values.log
+    actuator, said = with_ambient(actuator, [log])
     span = input_span(log)
     prepared = plan(with_inputs(log), actuator, stiffness(actuator, top_speed(partition)), partition)
     if starts is not None and len(starts) != len(prepared.segments):
@@ -160,7 +162,7 @@ def simulate(
         log=simulated_log(replace(prepared, log=log), everywhere, actuator),
         status="failed" if message else "ok",
         message=message or "simulated to the end",
-        warnings=(*values.warnings, *cut_warnings(log, span), *prepared.warnings),
+        warnings=(*said, *values.warnings, *cut_warnings(log, span), *prepared.warnings),
         sensitivities={name: all_sens[:, :, c] for c, name in enumerate(which.names)},
     )
 

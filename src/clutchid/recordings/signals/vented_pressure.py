@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.log import INPUTS, FloatArray, Log, sample_interval
 from clutchid.log.units import UNITS
+from clutchid.parameters import known_ambient
 from clutchid.recordings.signals.sampled import runs
 from clutchid.recordings.source import UNIT_KEY
+
+if TYPE_CHECKING:
+    from clutchid.model.actuator import Actuator
 
 BoolArray = NDArray[np.bool_]
 
@@ -113,9 +117,25 @@ class _Level(NamedTuple):
 
 def vented_prior(log: Log) -> VentedPrior:
     """What the pressure sensor of a recording shows while the chamber is vented, before a rest is seen."""
-    gauge = UNITS.get(log.metadata.get(UNIT_KEY, "Pa"), UNITS["Pa"]).gauge
-    ambient = log.metadata.get("ambient_Pa" if gauge else VENTED_KEY)
+    ambient = log.metadata.get("ambient_Pa" if _is_gauge(log) else VENTED_KEY)
     return ABSOLUTE if ambient is None else VentedPrior(float(ambient), OFFSET.std, OFFSET.source)
+
+
+def _is_gauge(log: Log) -> bool:
+    return UNITS.get(log.metadata.get(UNIT_KEY, "Pa"), UNITS["Pa"]).gauge
+
+
+def with_ambient(actuator: Actuator, logs: Sequence[Log]) -> tuple[Actuator, tuple[str, ...]]:
+    """The actuator with the P_0 that gauge pressures of the recordings count from, and a note of it.
+
+    Only in place of Appendix A's P_0, which nobody has measured: the model would vent 8 kPa above the sensor.
+    """
+    P_0 = actuator.parameters.P_0
+    added = next((float(log.metadata.get("ambient_Pa", P_0)) for log in logs if _is_gauge(log)), P_0)
+    if known_ambient(P_0) is not None or added == P_0:
+        return actuator, ()
+    said = f"P_0 is {added * 1e-5:.4g} bar, which gauge pressures count from, not Appendix A's {P_0 * 1e-5:.4g} bar."
+    return actuator.replace({"P_0": added}), (said,)
 
 
 def remedy(logs: Iterable[Log]) -> str:
