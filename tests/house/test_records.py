@@ -66,6 +66,8 @@ def made(hint, known):
         return made(arguments[0], known)
     if origin is tuple:
         return tuple(made(one, known) for one in arguments if one is not Ellipsis)
+    if origin is frozenset:
+        return frozenset({made(arguments[0], known)})
     if origin in (abc.Sequence, abc.Collection, abc.Iterable, list):
         return [made(arguments[0], known)]
     if origin in (abc.Mapping, dict):

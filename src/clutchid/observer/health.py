@@ -12,7 +12,7 @@ from clutchid.observer.following import Observed, subtracted
 from clutchid.observer.mismatch import UNLIKE
 from clutchid.observer.observer import Observer
 from clutchid.observer.state import Mask
-from clutchid.recordings.signals import plausible
+from clutchid.recordings.signals import rule
 from clutchid.recordings.signals.values import Verdicts
 
 #: A position further outside of the stroke than this in m is beyond the stops.
@@ -87,10 +87,10 @@ def health(observer: Observer, earlier: FloatArray, log: Log, samples: Observed)
 def value_health(observer: Observer, verdicts: Verdicts, samples: Observed) -> dict[str, float]:
     """Seconds of `VALUE_FLAGS` in a recording, by the verdicts on its positions."""
     masks = (
-        verdicts == plausible.BEYOND,
-        np.isin(verdicts, (plausible.STEP, plausible.SEAM)),
+        verdicts == rule.BEYOND,
+        np.isin(verdicts, (rule.STEP, rule.SEAM)),
         samples.no_zero,
-        verdicts == plausible.REPEATED,
+        verdicts == rule.REPEATED,
     )
     return {name: observer.spacing * int(np.sum(mask)) for name, mask in zip(VALUE_FLAGS, masks, strict=True)}
 

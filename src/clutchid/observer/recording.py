@@ -20,7 +20,7 @@ from clutchid.observer.mismatch import normalised
 from clutchid.observer.observer import Observer, observer, start
 from clutchid.observer.state import ObserverState
 from clutchid.preparation.pulses import Duties, duties_in
-from clutchid.recordings.signals import plausible
+from clutchid.recordings.signals import rule
 from clutchid.recordings.signals.values import Verdicts, limits, outside, watched, with_inputs_in_range
 
 #: As many intervals at the start of a recording give the time from one sample to the next, rounded to so many digits:
@@ -239,8 +239,8 @@ def only_values(observer: Observer, state: ObserverState, log: Log) -> tuple[Log
         raise DataError(f"{log.name}: no column '{lacks[0]}'; it has {', '.join(log.columns)}.")
     bounds = limits(observer.actuator, "position", observer.spacing)
     verdicts, _, watch = watched(state.values, bounds, log, "position")
-    ends, jumps = np.isin(verdicts, (plausible.SEAM, plausible.REPEATED)), verdicts == plausible.SEAM
-    wrong = {"position": ~np.isin(verdicts, (plausible.VALUE, plausible.EXPLAINED)), **dict.fromkeys(INPUTS, ends)}
+    ends, jumps = np.isin(verdicts, (rule.SEAM, rule.REPEATED)), verdicts == rule.SEAM
+    wrong = {"position": ~np.isin(verdicts, (rule.VALUE, rule.EXPLAINED)), **dict.fromkeys(INPUTS, ends)}
     if "pressure_supply" in log:
         wrong["pressure_supply"] = outside("pressure_supply", log["pressure_supply"])
     columns = {name: np.where(mask, np.nan, log[name]) for name, mask in wrong.items() if mask.any()}

@@ -239,7 +239,7 @@ def motion(reading: InspectedRecording) -> Check:
             "channels for duty_supply and duty_exhaust."
         )
         return Check(MOTION, value, "bad", sentence)
-    closed = [name for name in INPUTS if reading.driven and 0.0 < np.nanmax(log[name]) <= FRACTION]
+    closed = [name for name in INPUTS if reading.driven and 0.0 < np.fmax.reduce(log[name], initial=0.0) <= FRACTION]
     if closed:
         sentence = (
             f"the piston moves, but {' and '.join(closed)} never exceeds 1 %, which opens no valve: the values seem to "

@@ -9,41 +9,55 @@ from numpy.typing import NDArray
 
 from clutchid.codegen.kernels import kernel
 from clutchid.log import FloatArray
-
-#: Verdicts on a sample: a value; outside the range; reached by a step that is impossible; the first one that is taken
-#: again after a step that stays; repeated with all other channels; and a value that explains the step before it.
-VALUE, BEYOND, STEP, SEAM, REPEATED, EXPLAINED = range(6)
-
-#: Entries of the watch: time of the last sample that counts, its value, when that was first read, its rate of change;
-#: mean second difference; last difference; changes in consecutive samples; since when values count; mean share of
-#: turning points; that and the mean second difference before the present run; smallest change; number of differences;
-#: of samples in doubt since when, last one, its time, its rate, when it was first read; equal samples so far; the other
-#: channels, and when they changed.
-(SEEN, LAST, SINCE, RATE, SCATTER, DIFFERENCE, FRESH, AGE, TURNS, TURNS_BEFORE, SCATTER_BEFORE, QUANTUM, COUNT, DOUBT,
- DOUBTED, DOUBT_SEEN, DOUBT_RATE, DOUBT_SINCE, EQUAL, OTHER_0, OTHER_1, OTHERS_SINCE) = range(22)  # fmt: skip
-
-#: Entries of the limits: range; largest rate and acceleration; noise; times for which a sensor may repeat a value and
-#: after which a step that stays is believed, longest gap, and usual interval, in s.
-LOW, HIGH, SPEED, ACCELERATION, NOISE, REPEATS, BELIEVED, GAP, INTERVAL = range(9)
-
-#: Weights of a new difference in the rate, in the scatter, and in the share of turning points: fast motion has none.
-QUICK, SLOW, SLOWEST = 0.25, 1.0 / 64.0, 1.0 / 256.0
-
-#: A step may be as many times the recent rate, and as many times the mean second difference: 8 standard deviations of
-#: white noise, whose mean second difference is 1.95 of them, and whose differences have 1.41.
-FASTER, SCATTERED = 1.5, 5.0
-
-#: Changes in consecutive samples after which the sensor is known to be read anew in each.
-READ_ANEW = 20.0
-
-#: Multiple of the quantum that noise scatters by; a quiet sensor between two of its steps, at random, has 1.
-TOGGLED = 1.5
-
-#: A run of equal samples, of a sensor that scatters by more than that, is improbable beyond as many intervals (0.38^3);
-#: one that stands still for longer than the second after a step is not believed; a run is impossible where as many
-#: turning points were expected in it: e^-20 is once in 500 million runs. With less scatter than this share of the
-#: range, values were computed.
-IMPROBABLE, STANDS, IMPOSSIBLE, COMPUTED = 2.5, 10.0, 20.0, 1e-5
+from clutchid.recordings.signals.rule import (
+    ACCELERATION,
+    AGE,
+    BELIEVED,
+    BEYOND,
+    COMPUTED,
+    COUNT,
+    DIFFERENCE,
+    DOUBT,
+    DOUBT_RATE,
+    DOUBT_SEEN,
+    DOUBT_SINCE,
+    DOUBTED,
+    EQUAL,
+    EXPLAINED,
+    FASTER,
+    FRESH,
+    GAP,
+    HIGH,
+    IMPOSSIBLE,
+    IMPROBABLE,
+    INTERVAL,
+    LAST,
+    LOW,
+    NOISE,
+    OTHER_0,
+    OTHERS_SINCE,
+    QUANTUM,
+    QUICK,
+    RATE,
+    READ_ANEW,
+    REPEATED,
+    REPEATS,
+    SCATTER,
+    SCATTER_BEFORE,
+    SCATTERED,
+    SEAM,
+    SEEN,
+    SINCE,
+    SLOW,
+    SLOWEST,
+    SPEED,
+    STANDS,
+    STEP,
+    TOGGLED,
+    TURNS,
+    TURNS_BEFORE,
+    VALUE,
+)
 
 
 @kernel

@@ -17,7 +17,7 @@ from clutchid.codegen.kernels import kernels_in
 from clutchid.log import HOLE, INPUTS, FloatArray, Log, sample_interval
 from clutchid.log.states import SENSORS
 from clutchid.model.actuator import Actuator
-from clutchid.recordings.signals import plausible
+from clutchid.recordings.signals import rule
 from clutchid.recordings.signals.sampled import runs
 
 Mask = NDArray[np.bool_]
@@ -106,9 +106,9 @@ class Watched(NamedTuple):
 
 def new_watch() -> FloatArray:
     """The watch of a column before its first sample."""
-    watch = np.zeros(plausible.OTHERS_SINCE + 1)
-    watch[[plausible.SEEN, plausible.DOUBT, plausible.OTHER_0, plausible.OTHER_1]] = np.nan
-    watch[plausible.QUANTUM] = np.inf
+    watch = np.zeros(rule.OTHERS_SINCE + 1)
+    watch[[rule.SEEN, rule.DOUBT, rule.OTHER_0, rule.OTHER_1]] = np.nan
+    watch[rule.QUANTUM] = np.inf
     return watch
 
 
@@ -255,7 +255,7 @@ def _judge(log: Log, name: str, bounds: FloatArray, missing: dict[str, Mask], fa
     """Add what is no value of a measured column to `missing` and `faults`."""
     verdicts, since, _ = watched(new_watch(), bounds, log, name)
     seams = _settled(log, name, verdicts, since)
-    beyond, steps = verdicts == plausible.BEYOND, verdicts == plausible.STEP
+    beyond, steps = verdicts == rule.BEYOND, verdicts == rule.STEP
     if _too_many(log, name, beyond | steps):
         return
     missing[name] = missing.get(name, np.zeros(len(log), dtype=bool)) | beyond | steps
@@ -287,15 +287,15 @@ def _settled(log: Log, name: str, verdicts: Verdicts, since: FloatArray) -> list
     What counted for less than `BELIEVED` s before a step was the outlier itself.
     """
     seams = []
-    for i in np.flatnonzero(np.isin(verdicts, (plausible.SEAM, plausible.EXPLAINED))).tolist():
+    for i in np.flatnonzero(np.isin(verdicts, (rule.SEAM, rule.EXPLAINED))).tolist():
         step, began = (int(np.searchsorted(log.time, at)) for at in since[i])
-        later, explained = verdicts[step : i + 1], verdicts[i] == plausible.EXPLAINED
-        later[later != plausible.BEYOND] = plausible.VALUE
+        later, explained = verdicts[step : i + 1], verdicts[i] == rule.EXPLAINED
+        later[later != rule.BEYOND] = rule.VALUE
         if explained:
             continue
         if log.time[step] - log.time[began] < BELIEVED:
             before = verdicts[began:step]
-            before[np.isfinite(log[name][began:step]) & (before == plausible.VALUE)] = plausible.STEP
+            before[np.isfinite(log[name][began:step]) & (before == rule.VALUE)] = rule.STEP
         else:
             seams.append(step)
     return seams
@@ -305,7 +305,7 @@ def _repeated(log: Log, name: str, verdicts: Verdicts, since: FloatArray) -> Mas
     """Samples that a logger repeated in all channels; a column at its own limit is saturated, not repeated."""
     repeated, values = np.zeros(len(log), dtype=bool), log[name]
     others = [log[other] for other in ("position", "pressure_a", "pressure_supply", *INPUTS) if other in log]
-    for a, b in runs(verdicts == plausible.REPEATED):
+    for a, b in runs(verdicts == rule.REPEATED):
         first = int(np.argmin(np.abs(log.time - since[a, 0])))
         end = b + int(np.argmax(np.append(values[b:] != values[a], True)))
         still = all(not np.ptp(other[first:end]) > 0.0 for other in others)
