@@ -14,9 +14,9 @@ ROOT = Path(__file__).resolve().parents[2]
 WEB = "https:" + "//"
 ADDRESSES = (
     WEB + "py" + "pi.org/project/numpy", "files.python" + "hosted.org", WEB + "registry.npm" + "js.org/uplot",
-    f"source = {{ registry = \"{WEB}mirror.example.com/a\" }}", f"--extra-index-url {WEB}10.0.0.1:8080/a",
+    "source = { regis" + f"try = \"{WEB}mirror.example.com/a\" }}", "--extra-index" + f"-url {WEB}10.0.0.1:8080/a",
     f"{WEB}10.0.0.1:8080/pool/simp" + "le/numpy", f"{WEB}example.com/numpy-2.0-py3-none-any.wh" + "l#sha256=1",
-    f"index-url = {WEB}dev" + "pi.example.com/x", f"{WEB}arti" + "factory.example.com/a",
+    "index" + f"-url = {WEB}dev" + "pi.example.com/x", f"{WEB}arti" + "factory.example.com/a",
 )  # fmt: skip
 
 #: Words and addresses that name none.
