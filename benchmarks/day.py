@@ -17,7 +17,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from clutchid.log import Log
-from clutchid.recordings.strokes import choose, cut, joined, sections_table
+from clutchid.strokes import choose, cut, joined, sections_table
 
 RATE = 1000
 

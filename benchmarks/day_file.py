@@ -39,7 +39,7 @@ def hours(count: float, truck: int) -> Iterator[Log]:
 
 def write_csv(pieces: Iterator[Log], path: Path) -> None:
     """A CSV, piece by piece."""
-    from clutchid.recordings.source import to_frame
+    from clutchid.measurements.source import to_frame
 
     with path.open("wb") as file:
         for number, piece in enumerate(pieces):

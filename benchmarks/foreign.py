@@ -29,10 +29,10 @@ import numpy as np
 from foreign_peers import Channels, bus_database, peer_channels
 
 from clutchid.errors import ClutchidError
-from clutchid.recordings.formats.kinds import ENOUGH, kind_of, refusal
-from clutchid.recordings.look import look
-from clutchid.recordings.opening import open_source
-from clutchid.recordings.source import Source, Table
+from clutchid.measurements.formats.kinds import ENOUGH, kind_of, refusal
+from clutchid.measurements.look import look
+from clutchid.measurements.opening import open_source
+from clutchid.measurements.source import Source, Table
 
 #: A file for which clutchid and its peer take longer than this in s counts as hung.
 PATIENCE = 180.0

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from clutchid.recordings.formats.kinds import ENOUGH, kind_of
+from clutchid.measurements.formats.kinds import ENOUGH, kind_of
 
 Channels = list[tuple[str, np.ndarray]]
 

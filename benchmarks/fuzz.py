@@ -32,9 +32,9 @@ import numpy as np
 
 from clutchid.errors import ClutchidError
 from clutchid.log import COLUMNS, Log
-from clutchid.recordings import read, write
-from clutchid.recordings.look import look
-from clutchid.recordings.map.channel_map import Channel, ChannelMap
+from clutchid.measurements import read, write
+from clutchid.measurements.look import look
+from clutchid.measurements.map.channel_map import Channel, ChannelMap
 
 #: A case that takes longer has hung, in s; and what clutchid's own process may take, in bytes.
 PATIENCE, MEMORY = 30.0, 1 << 30

@@ -39,7 +39,7 @@ from live_faults import KINDS, fault_table, outcomes
 
 from clutchid.cli import main as clutchid
 from clutchid.log import INPUTS, FloatArray, Log
-from clutchid.recordings.messages import text_table
+from clutchid.messages import text_table
 from clutchid.truck import drive, truck
 
 #: Truck, seconds of its recording, and its wear in m.

@@ -45,8 +45,8 @@ import psutil
 
 from clutchid.cli import main as clutchid
 from clutchid.log import INPUTS
-from clutchid.recordings import read
-from clutchid.recordings.messages import text_table
+from clutchid.measurements import read
+from clutchid.messages import text_table
 
 #: Seconds of the recording, and of the one of runs in real time; how much faster than real time the others are.
 SECONDS, REAL_SECONDS, PACE = 20, 130, 20.0

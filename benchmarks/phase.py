@@ -20,7 +20,7 @@ import clutchid
 from clutchid.estimation import phase as estimated
 from clutchid.preparation import pulses
 from clutchid.preparation.pulses import centred
-from clutchid.recordings.signals.duty_cycle import grid_phase
+from clutchid.strokes.duty_cycle import grid_phase
 from clutchid.study.proving.ground import STROKES
 from clutchid.study.proving.scores import Answer, score
 from clutchid.truck import Drive, drive, truck

@@ -46,7 +46,7 @@ from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.observer import observe_recording, observer
-from clutchid.recordings.strokes.vented_rest import from_rest
+from clutchid.strokes.vented_rest import from_rest
 from clutchid.truck import GRID
 
 #: Changes between calibration and use.

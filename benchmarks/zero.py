@@ -19,7 +19,7 @@ import numpy as np
 from clutchid import Fit, fit
 from clutchid.errors import ClutchidError
 from clutchid.estimation.assess.comparison import ENGAGING, half_load
-from clutchid.recordings.strokes.vented_rest import rest_shift, vented_rest
+from clutchid.strokes.vented_rest import rest_shift, vented_rest
 from clutchid.truck import GRID, MANOEUVRES, Drive, drive, truck
 
 #: Length of a recording in s, and strokes for a metre of wear.

@@ -105,6 +105,18 @@ def shared() -> Path:
 
 
 @pytest.fixture(scope="session")
+def data(shared: Path) -> Callable[[str], Path]:
+    """Find a folder or file of shared/data by its path there."""
+
+    def find(name: str) -> Path:
+        if not (shared / "data" / name).exists():
+            pytest.skip(f"no {shared.name}/data/{name} beside the repository: what is in it is needed.")
+        return shared / "data" / name
+
+    return find
+
+
+@pytest.fixture(scope="session")
 def truth() -> Actuator:
     """The actuator that made `drive`."""
     return Actuator(load=Load(THETA))

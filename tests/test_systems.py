@@ -128,7 +128,7 @@ def test_the_page_reads_a_file_in_a_process_of_its_own_and_leaves_nothing(folder
 TRIED = {
     "a file that a program has open is not replaced, and the sentence says so": """
         from clutchid.errors import ExportError
-        from clutchid.recordings.files import write_text
+        from clutchid.files import write_text
         write_text("old", "a.txt")
         with open("a.txt", encoding="utf-8") as file:
             try:
@@ -141,7 +141,7 @@ TRIED = {
     "a run that still goes on is left alone, and one that was killed is recovered": """
         import numpy as np, os, shutil
         from clutchid.log import Log
-        from clutchid.recordings.spool import recovered, spooled
+        from clutchid.measurements.spool import recovered, spooled
         log = Log(np.arange(100) * 1e-3, {"position": np.zeros(100)}, "run")
         os.mkdir("killed")
         with spooled("live.csv") as add:

@@ -23,15 +23,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 import cold
-import files
 import observers
+import recordings
 import sensitivities
 from ekf import WARM
 from ekf_in_c import FLAGS
 from peer import Peer, Row
 
 import estimation
-import recordings
+import files
 import simulation
 
 PACKAGES = (

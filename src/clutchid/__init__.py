@@ -33,14 +33,14 @@ if TYPE_CHECKING:
     from clutchid.inference.uncertainty.calibration import Calibration as Calibration
     from clutchid.inference.uncertainty.coordinates import Prior as Prior
     from clutchid.log import Log as Log
+    from clutchid.measurements import read as read
+    from clutchid.measurements import read_pieces as read_pieces
+    from clutchid.measurements import write as write
+    from clutchid.measurements.look import look as look
     from clutchid.model import Actuator as Actuator
     from clutchid.model import Load as Load
     from clutchid.observer.observer import Observer as Observer
     from clutchid.parameters import Parameters as Parameters
-    from clutchid.recordings import read as read
-    from clutchid.recordings import read_pieces as read_pieces
-    from clutchid.recordings import write as write
-    from clutchid.recordings.look import look as look
     from clutchid.simulation import Partition as Partition
     from clutchid.simulation import Simulation as Simulation
     from clutchid.simulation import simulate as simulate
@@ -72,8 +72,8 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "model": ("Actuator", "Load"),
     "observer.observer": ("Observer",),
     "parameters": ("Parameters",),
-    "recordings": ("read", "read_pieces", "write"),
-    "recordings.look": ("look",),
+    "measurements": ("read", "read_pieces", "write"),
+    "measurements.look": ("look",),
     "simulation": ("Partition", "Simulation", "simulate"),
     "study": ("bundled_recording",),
     "study.proving.ground": ("prove",),

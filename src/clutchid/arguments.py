@@ -28,6 +28,17 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 _SHOWN = 40
 
 
+def is_number(value: object) -> bool:
+    """Whether a value, of a TOML file for example, is a number within the range of a float."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.floating, np.integer)):
+        return False
+    try:
+        float(value)  # TOML has no largest integer
+    except OverflowError:
+        return False
+    return True
+
+
 def checked(function: Function) -> Function:
     """The function, with the kinds of its arguments checked.
 

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchid.arguments import is_number
 from clutchid.errors import ParameterError
 from clutchid.names import check_names
 
@@ -558,17 +559,6 @@ class Parameters:
         changes = {**(changes or {}), **by_name}
         check_names(changes, self.names())
         return replace(self, **changes)
-
-
-def is_number(value: object) -> bool:
-    """Whether a value, of a TOML file for example, is a number within the range of a float."""
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.floating, np.integer)):
-        return False
-    try:
-        float(value)  # TOML has no largest integer
-    except OverflowError:
-        return False
-    return True
 
 
 def _shown(name: str, value: float, row: Row) -> str:

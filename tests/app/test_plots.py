@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from clutchid.app.plots import CLOCK, clock_column, plotted
-from clutchid.recordings.stored import write_column
+from clutchid.measurements.stored import write_column
 
 SIZE = 400_000
 

@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from clutchid.estimation.parameter_file import ParameterFile, write_parameters
-from clutchid.recordings import write
+from clutchid.measurements import write
 from fixtures.commands import called
 
 #: Samples of the first part of the recording in two parts.

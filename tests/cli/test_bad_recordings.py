@@ -6,9 +6,9 @@ import pytest
 
 from clutchid.errors import DataError
 from clutchid.estimation.parameter_file import ParameterFile, write_parameters
+from clutchid.measurements import read, write
 from clutchid.model import Actuator
 from clutchid.preparation.inspection import inspect
-from clutchid.recordings import read, write
 from clutchid.truck import MANOEUVRES, drive, truck
 from clutchid.workflow import inspected
 from fixtures.commands import called

@@ -11,7 +11,7 @@ import pytest
 
 from clutchid import truck as virtual
 from clutchid.log import Log
-from clutchid.recordings import read
+from clutchid.measurements import read
 from fixtures.commands import called
 
 asammdf = pytest.importorskip("asammdf", reason="reading MDF is an extra")

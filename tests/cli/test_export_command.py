@@ -7,7 +7,7 @@ import pytest
 
 import clutchid
 from clutchid.exports.exporting import NO_POSITION_ONLY
-from clutchid.recordings import read, write
+from clutchid.measurements import read, write
 from clutchid.reports.observe_lines import results_dbc
 from fixtures.changed_logs import thinned
 from fixtures.commands import called

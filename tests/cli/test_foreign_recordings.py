@@ -15,7 +15,7 @@ import pytest
 
 from clutchid import truck as virtual
 from clutchid.log import INPUTS, Log
-from clutchid.recordings import read, write
+from clutchid.measurements import read, write
 from fixtures.air_on_the_bus import CLUTCH, DBC
 from fixtures.commands import called
 

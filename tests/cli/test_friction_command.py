@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from clutchid.log import Log
-from clutchid.recordings import write
+from clutchid.measurements import write
 from fixtures.commands import called
 from fixtures.friction import simulated_force
 

@@ -8,9 +8,9 @@ from xml.sax.saxutils import escape
 import pytest
 
 from clutchid.estimation.parameter_file import read_parameters
+from clutchid.measurements import read, write
+from clutchid.measurements.look import look
 from clutchid.parameters import Parameters
-from clutchid.recordings import read, write
-from clutchid.recordings.look import look
 from clutchid.truck import drive, truck
 from fixtures.commands import called
 

@@ -15,8 +15,8 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 
 from clutchid.estimation.parameter_file import ParameterFile, write_parameters
+from clutchid.measurements.formats.can.file import frame_log
 from clutchid.observer.health import LIVE_FLAGS
-from clutchid.recordings.formats.can.file import frame_log
 from clutchid.truck import drive, truck
 from fixtures.bus import CLUTCH, DBC, MAP, frames_of, message, sending, write_log
 from fixtures.commands import called
@@ -160,8 +160,8 @@ def test_a_bus_of_results_that_blocks_does_not_stop_the_recording(call, folder, 
         return send(bus, *arguments, **options)
 
     monkeypatch.setattr(VirtualBus, "send", block)
-    monkeypatch.setattr("clutchid.recordings.live.bus.STALL", 0.1)
-    monkeypatch.setattr("clutchid.recordings.live.bus.MOST_TO_SEND", 10)
+    monkeypatch.setattr("clutchid.measurements.live.bus.STALL", 0.1)
+    monkeypatch.setattr("clutchid.measurements.live.bus.MOST_TO_SEND", 10)
     code, _, errors = call(messages, "--publish", "can:virtual:results")
     blocked.set()
     assert code == 0

@@ -9,8 +9,8 @@ import pytest
 
 from clutchid.estimation.parameter_file import ParameterFile, write_parameters
 from clutchid.log import Log
+from clutchid.measurements import write
 from clutchid.observer.health import FLAGS, VALUE_FLAGS
-from clutchid.recordings import write
 
 
 @pytest.fixture

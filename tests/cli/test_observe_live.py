@@ -159,7 +159,7 @@ def test_a_folder_that_is_removed_costs_no_result(call, folder, tmp_path, as_jso
 
 
 def test_a_full_disk_costs_what_comes_later_and_the_right_file_is_named(call, folder, tmp_path, monkeypatch):
-    monkeypatch.setattr("clutchid.recordings.spool.PIECE", 1 << 14)
+    monkeypatch.setattr("clutchid.measurements.spool.PIECE", 1 << 14)
     before, limit = resource.getrlimit(resource.RLIMIT_FSIZE), 400_000
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, before[1]))
     try:
@@ -223,7 +223,7 @@ def test_what_a_killed_run_left_loses_what_comes_again_so_that_each_sample_is_th
     file = {name: pl.read_parquet(folder / "file" / name) for name in OUTPUTS[:2]}
     for name, frame in file.items():  # samples after the state was saved, and before the run was killed
         frame.filter(pl.col("time [s]") < 3.0).write_parquet(tmp_path / f"left.{name}")
-    monkeypatch.setattr("clutchid.recordings.spool.recovered", lambda path: [tmp_path / f"left.{path.name}"])
+    monkeypatch.setattr("clutchid.measurements.spool.recovered", lambda path: [tmp_path / f"left.{path.name}"])
     assert call([lines[0], *lines[CUT + 1 :]], "--save", "state.toml", "--resume", "state.toml")[0] == 0
     for name, frame in file.items():
         both = [pl.read_parquet(path) for path in (tmp_path / f"left.{name}", tmp_path / name) if path.exists()]

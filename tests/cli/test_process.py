@@ -15,7 +15,7 @@ import pytest
 from clutchid.cli.common import check_outputs
 from clutchid.errors import ExportError, ParameterError
 from clutchid.estimation.parameter_file import ParameterFile, write_parameters
-from clutchid.recordings.files import check_writable
+from clutchid.files import check_writable
 from clutchid.study.proving.ground import _read
 from clutchid.study.proving.workflows import workflow
 from clutchid.truck import drive, truck

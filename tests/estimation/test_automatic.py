@@ -25,15 +25,15 @@ from clutchid.estimation.fit import recordings_of
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.shooting import SHOOTING
 from clutchid.inference.uncertainty.coordinates import Prior
+from clutchid.measurements import read, write
 from clutchid.model import Actuator, Load
 from clutchid.model.equipment import Equipment
 from clutchid.model.variants import VARIANTS
 from clutchid.preparation.pulses import centred
-from clutchid.recordings import read, write
-from clutchid.recordings.signals.duty_cycle import duty_grid
-from clutchid.recordings.signals.vented_pressure import ABSOLUTE
 from clutchid.simulation import simulate
 from clutchid.simulation.sensors import lagged
+from clutchid.strokes.duty_cycle import duty_grid
+from clutchid.strokes.vented_pressure import ABSOLUTE
 from clutchid.truck import drive, truck
 from fixtures.changed_logs import spoiled, thinned
 

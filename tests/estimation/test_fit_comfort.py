@@ -16,10 +16,10 @@ import clutchid
 from clutchid.errors import DataError, SolveError
 from clutchid.inference.uncertainty.estimates import Estimate
 from clutchid.log import Log
+from clutchid.measurements import write
 from clutchid.model import Actuator, Load
 from clutchid.model.equipment import Equipment
 from clutchid.parameters import Parameters
-from clutchid.recordings import write
 
 
 @pytest.fixture(scope="module")

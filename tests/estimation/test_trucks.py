@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from clutchid import fit
-from clutchid.recordings import read
+from clutchid.measurements import read
 
 #: Error of the load over 5 to 8 mm, rms in % of its true peak; their median and worst are the row "ballistic" of
 #: benchmarks/results/trucks.md. The method is poor: supply, valves and friction are other than the Appendix says, and

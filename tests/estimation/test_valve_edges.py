@@ -5,7 +5,7 @@ import pytest
 from clutchid import fit
 from clutchid.cli import main
 from clutchid.errors import ParameterError
-from clutchid.recordings import write
+from clutchid.measurements import write
 
 
 @pytest.mark.parametrize("valve", ["vs", "ve"])

@@ -16,7 +16,7 @@ from clutchid.inference.uncertainty.conditions import RecordedConditions
 from clutchid.model import Actuator, Load
 from clutchid.observer import observe, observer, start
 from clutchid.observer.health import FLAGS
-from clutchid.recordings.strokes.vented_rest import vented_rest
+from clutchid.strokes.vented_rest import vented_rest
 from fixtures.changed_logs import picked, spoiled
 from fixtures.export_c import write_sources
 

@@ -14,9 +14,9 @@ from clutchid.fleets.folders import folder_content, left_out, name_of
 from clutchid.fleets.jobs import fleet_of
 from clutchid.fleets.tracking import recordings_of
 from clutchid.log import Log
-from clutchid.recordings.formats.kinds import is_recording
-from clutchid.recordings.look import look
-from clutchid.recordings.suffixes import FORMATS, SUFFIXES, split_name
+from clutchid.measurements.formats.kinds import is_recording
+from clutchid.measurements.look import look
+from clutchid.measurements.suffixes import FORMATS, SUFFIXES, split_name
 from clutchid.wear.tables import read_table
 from fixtures.forms import NAMES, kind_in, write_forms
 

@@ -19,7 +19,7 @@ import pytest
 from clutchid import Fit, Log, Partition, fit, simulate
 from clutchid.cli import main
 from clutchid.estimation.assess.diagnostics import fit_percent
-from clutchid.recordings import read
+from clutchid.measurements import read
 
 ROOT = Path(__file__).resolve().parents[2]
 FILE = ROOT.parent / "shared" / "data" / "wbident_pneumatic_cylinder" / "cylinder_1kHz.csv"

@@ -15,8 +15,8 @@ from clutchid.observer.health import FLAGS, VALUE_FLAGS
 from clutchid.observer.prior import ASSUMED
 from clutchid.observer.recording import spacing
 from clutchid.observer.state import FROZEN
-from clutchid.recordings.signals.sampled import velocity
-from clutchid.recordings.strokes.vented_rest import vented_rest
+from clutchid.strokes.sampled import velocity
+from clutchid.strokes.vented_rest import vented_rest
 from fixtures.changed_logs import picked, thinned
 
 

@@ -9,7 +9,7 @@ from clutchid.observer import observe_recording, observer, read_state, write_sta
 from clutchid.observer.recording import follow_block
 from clutchid.observer.rest import new_stretch, rest_pace, watch_rest
 from clutchid.observer.state import NOTHING, RestWatch
-from clutchid.recordings.strokes.vented_rest import VentedRest, vented_rest
+from clutchid.strokes.vented_rest import VentedRest, vented_rest
 from clutchid.truck import drive, truck
 
 OFFSET = 3e-4

@@ -127,7 +127,7 @@ WAITING = {
     "pool": ("from clutchid.processes import results; list(results(faulty, [('slow', n) for n in range(2)], 2))", 2),
     "compilation": ("from clutchid.fleets import jobs; jobs._compiled = asleep; jobs.compile_first([])", 1),
     "reader": (  # somebody else keeps its questions open
-        "import subprocess, time; from pathlib import Path; from clutchid.recordings.opening import reader\n"
+        "import subprocess, time; from pathlib import Path; from clutchid.measurements.opening import reader\n"
         "questions = reader(Path('x')).worker._process.stdin\n"
         "questions.write(b''); subprocess.Popen(['sleep', '20'], stdout=questions); time.sleep(60)",
         2,

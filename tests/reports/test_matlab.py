@@ -19,9 +19,9 @@ from clutchid.estimation.parameter_file import read_parameters
 from clutchid.estimation.result import Change
 from clutchid.inference.uncertainty.estimates import Estimate
 from clutchid.log import Log
+from clutchid.measurements import write
 from clutchid.model import Actuator, Load, OwnModel, OwnParameter
 from clutchid.model.equipment import Equipment
-from clutchid.recordings import write
 from clutchid.reports.matlab import check_name, write_matlab
 from fixtures.baselines import with_baseline
 from fixtures.matlab_text import struct_in

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from clutchid.measurements.formats.can.dbc import decode, messages_in
 from clutchid.observer.health import FLAGS, LIVE_FLAGS
-from clutchid.recordings.formats.can.dbc import decode, messages_in
 from clutchid.reports.observe_lines import LENGTH, MESSAGES, packed, results_dbc
 
 

@@ -5,8 +5,8 @@ import pytest
 
 from clutchid.cli.drive import drive as command
 from clutchid.errors import ParameterError
+from clutchid.measurements import read
 from clutchid.preparation.inspection import inspect
-from clutchid.recordings import read
 from clutchid.truck import Truck, TruckB, aged, changed, drive, load_curve, respond, truck
 from clutchid.truck.families import FILES, ranges
 

@@ -8,7 +8,7 @@ import pytest
 
 from clutchid.cli.drive import drive as command
 from clutchid.errors import ParameterError
-from clutchid.recordings import read
+from clutchid.measurements import read
 from clutchid.truck import CHANGES, Truck, aged, changed, drive, respond, truck
 from clutchid.truck.families import hybrid_letters
 from clutchid.truck.kinds import kind_of

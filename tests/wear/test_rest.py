@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from clutchid.estimation.assess.comparison import Measurement
-from clutchid.recordings.strokes.vented_rest import RestShift
 from clutchid.reports.wear_text import alarm_words, left_words, wear_lines
+from clutchid.strokes.vented_rest import RestShift
 from clutchid.wear.alarms import rest_moves
 from clutchid.wear.trend import WearTable
 from fixtures.lives import life, reading

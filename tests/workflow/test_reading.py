@@ -7,8 +7,8 @@ import pytest
 
 from clutchid.errors import DataError
 from clutchid.log import Log
+from clutchid.measurements import write
 from clutchid.model.equipment import Equipment
-from clutchid.recordings import write
 from clutchid.workflow import FileOptions, read_recordings
 
 

@@ -12,7 +12,7 @@ import tempfile
 from pathlib import Path
 
 from clutchid.errors import ExportError
-from clutchid.recordings.files import reason_of
+from clutchid.files import reason_of
 
 _LOCK, _KEPT = "lock.json", "kept"
 

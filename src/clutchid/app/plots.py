@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from clutchid.log import FloatArray
-from clutchid.recordings.stored import BIN, StoredColumn, column_of, extremes_of
+from clutchid.measurements.stored import BIN, StoredColumn, column_of, extremes_of
 
 #: Index under which the time in s of a time grid is stored: it never decreases.
 CLOCK = 1_000_000
@@ -34,7 +34,7 @@ def plotted(folder: Path, grid: int, columns: Sequence[int], begin: float, end: 
     Parameters
     ----------
     folder
-        Of stored columns, see `clutchid.recordings.stored`, with the time of the grid as the column `CLOCK`.
+        Of stored columns, see `clutchid.measurements.stored`, with the time of the grid as the column `CLOCK`.
     grid, columns
         Number of the time grid, and of columns in it.
     begin, end : s

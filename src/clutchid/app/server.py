@@ -29,10 +29,10 @@ from clutchid.app.plots import plotted
 from clutchid.app.session import MEDIA, METHODS, VERBS, Session
 from clutchid.app.uploads import allowed_path, check_size, is_opened, is_table, listed, receive
 from clutchid.errors import ClutchidError, DataError, ParameterError
+from clutchid.files import reason_of
 from clutchid.log.units import UNITS
+from clutchid.measurements.columns import QUANTITIES
 from clutchid.names import printable
-from clutchid.recordings.columns import QUANTITIES
-from clutchid.recordings.files import reason_of
 from clutchid.workflow.failures import failure
 
 STATIC = Path(__file__).parent / "static"

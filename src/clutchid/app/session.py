@@ -94,7 +94,7 @@ class Session:
         DataError, ParameterError
             If there is no such recording, or the map is none; the text lists all problems.
         """
-        from clutchid.recordings.map.channel_map import read_map
+        from clutchid.measurements.map.channel_map import read_map
 
         known = self._recording(id_)
         pressure(ambient or None, 1e5)

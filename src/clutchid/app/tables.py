@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from clutchid.errors import DataError
+from clutchid.files import reason_of
 from clutchid.fleets.output import CURVES, RESULTS, VEHICLES, WEAR
 from clutchid.fleets.tracking import curves_path
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.log import FloatArray
 from clutchid.names import natural, printable
-from clutchid.recordings.files import reason_of
 from clutchid.reports.fit_json import curve_json
 from clutchid.reports.wear_text import ALARMS
 from clutchid.wear.life import COUNTED

@@ -21,14 +21,14 @@ from clutchid.estimation.fit import request_of
 from clutchid.estimation.parameter_file import read_parameters
 from clutchid.estimation.result import calibrated_curve
 from clutchid.log import Log
+from clutchid.measurements.checks import AMBIENT, in_si
+from clutchid.measurements.columns import Heading
+from clutchid.measurements.map.channel_map import read_map
+from clutchid.measurements.opening import open_source
+from clutchid.measurements.source import BLOCK, Source
+from clutchid.measurements.stored import store, stored, write_column
 from clutchid.numerics.progress import Step
 from clutchid.parameters import known_ambient
-from clutchid.recordings.checks import AMBIENT, in_si
-from clutchid.recordings.columns import Heading
-from clutchid.recordings.map.channel_map import read_map
-from clutchid.recordings.opening import open_source
-from clutchid.recordings.source import BLOCK, Source
-from clutchid.recordings.stored import store, stored, write_column
 from clutchid.reports.fit_json import curve_json, fit_json
 from clutchid.reports.look_json import look_json
 from clutchid.reports.next_step import Command, next_step
@@ -40,7 +40,7 @@ from clutchid.workflow.progress import CALIBRATION, ESTIMATE, Progressed, shared
 if TYPE_CHECKING:
     from clutchid.estimation import Fit
     from clutchid.estimation.request import FitRequest
-    from clutchid.recordings.map.channel_map import ChannelMap
+    from clutchid.measurements.map.channel_map import ChannelMap
 
 Task = Mapping[str, Any]
 
@@ -125,8 +125,8 @@ def cut_recording(task: Task, events: Listener) -> dict[str, Any]:
     DataError
         If none of the chosen strokes is there any more.
     """
-    from clutchid.recordings import source_pieces, write
-    from clutchid.recordings.strokes import cut, joined
+    from clutchid.measurements import source_pieces, write
+    from clutchid.strokes import cut, joined
 
     events.progress("cutting", None, "cutting")
     source = stored(Path(task["source"]))
@@ -144,7 +144,7 @@ def cut_recording(task: Task, events: Listener) -> dict[str, Any]:
 
 def _write_clocks(source: Source, given: ChannelMap | None, folder: Path) -> None:
     """The time of every grid in s, as a column: that of the map, of the file, or the number of the sample."""
-    from clutchid.recordings.map.picking import own_clock
+    from clutchid.measurements.map.picking import own_clock
 
     for index, raster in enumerate(source.rasters):
         clock = own_clock(raster)[0]
@@ -172,7 +172,7 @@ def _plots(source: Source) -> list[list[int | None]]:
 
 def _strokes(log: Log | None) -> list[dict[str, Any]]:
     """The sections of a recording with their label, start and end in s."""
-    from clutchid.recordings.strokes import cut
+    from clutchid.strokes import cut
 
     if log is None or not {"position", "duty_supply", "duty_exhaust"} <= {*log.columns}:
         return []

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from clutchid.app.folder import free_bytes
 from clutchid.errors import DataError
+from clutchid.files import reason_of
+from clutchid.measurements.suffixes import by_suffix, split_name
 from clutchid.names import printable
-from clutchid.recordings.files import reason_of
-from clutchid.recordings.suffixes import by_suffix, split_name
 from clutchid.systems import is_device
 
 #: Largest upload in bytes; a larger file is opened by its path.

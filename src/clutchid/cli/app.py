@@ -51,7 +51,7 @@ def app(
             raise missing("clutchid app", library, "app")
     from clutchid.app.folder import cache_folder
     from clutchid.app.server import serve
-    from clutchid.recordings.files import not_an_address
+    from clutchid.files import not_an_address
 
     for path, option in ((folder, "--folder"), *((file, "") for file in files)):
         not_an_address(path, option)

@@ -145,7 +145,7 @@ def pieces_of(
     path: Path, ambient: float | None, map_: Path | None, dbc: Sequence[Path], show: Callable[[str, float], None]
 ) -> Iterator[Log]:
     """A recording of any length in pieces, with its warnings on standard error and a progress bar."""
-    from clutchid.recordings import read_pieces
+    from clutchid.measurements import read_pieces
 
     def shown(done: int, size: int) -> None:
         show(f"{done:,} samples", done / max(size, 1))
@@ -202,7 +202,7 @@ def check_outputs(
 
     `outputs` are a path, or several, by option; `inputs` are (description, path).
     """
-    from clutchid.recordings.files import check_writable
+    from clutchid.files import check_writable
 
     taken = [(what, path) for what, path in inputs if path is not None]
     for option, path in _each(outputs):

@@ -28,7 +28,7 @@ from clutchid.errors import DataError
 from clutchid.workflow.options import pressure
 
 if TYPE_CHECKING:
-    from clutchid.recordings.strokes import Section
+    from clutchid.strokes import Section
 
 
 @guarded
@@ -67,9 +67,10 @@ def cut(
     debug
         Show the traceback of an error.
     """
-    from clutchid.recordings import atomic_write, write
-    from clutchid.recordings.strokes import choose, joined, sections_table
-    from clutchid.recordings.strokes import cut as sections_of
+    from clutchid.files import atomic_write
+    from clutchid.measurements import write
+    from clutchid.strokes import choose, joined, sections_table
+    from clutchid.strokes import cut as sections_of
 
     check_outputs({"--out": out, "--table": table}, [("the recording itself", recording)])
     counts: Counter[str] = Counter()

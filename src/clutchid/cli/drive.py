@@ -168,7 +168,7 @@ def drive(
         message = f"fleet of {service.fleet} vehicles of family {family}"
     else:
         from clutchid import truck as virtual
-        from clutchid.recordings import write
+        from clutchid.measurements import write
 
         _check(out, truth)
         kind = virtual.truck(truck, family)
@@ -195,7 +195,7 @@ def _check_no_single(single: RecordingOptions, truth: Path | None) -> None:
 
 def _check(out: Path, truth: Path | None) -> None:
     """Check before the simulation that recording and truth can be written."""
-    from clutchid.recordings.files import check_writable
+    from clutchid.files import check_writable
 
     check_writable(out)
     if truth is not None:

@@ -13,7 +13,7 @@ from clutchid.cli.common import DONE, AmbientOption, MapOption, OutputFlag, guar
 from clutchid.cli.terminal import put, say
 from clutchid.errors import ParameterError
 from clutchid.log import Log
-from clutchid.recordings.checks import AMBIENT
+from clutchid.measurements.checks import AMBIENT
 from clutchid.workflow import FileOptions, read_recordings
 from clutchid.workflow.options import pressure
 

@@ -58,7 +58,7 @@ def look(
     debug
         Show the traceback of an error.
     """
-    from clutchid.recordings.map.channel_map import read_map, write_map
+    from clutchid.measurements.map.channel_map import read_map, write_map
     from clutchid.reports.look_json import look_json
     from clutchid.workflow.looking import looked
 

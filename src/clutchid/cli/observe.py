@@ -11,8 +11,8 @@ from clutchid.cli.common import DONE, guarded
 from clutchid.cli.observe_live import observe_live
 from clutchid.cli.observe_output import STANDARD_INPUT, ObserveOptions, answer, calibration_file, is_live
 from clutchid.errors import ParameterError
+from clutchid.measurements.checks import AMBIENT
 from clutchid.parameters import known_ambient
-from clutchid.recordings.checks import AMBIENT
 from clutchid.workflow import FileOptions, fast_enough, inspected, observed, read_recordings
 from clutchid.workflow.options import pressure
 

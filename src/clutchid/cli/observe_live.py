@@ -33,16 +33,16 @@ from clutchid.cli.observe_sinks import (
 )
 from clutchid.errors import DataError, ExportError
 from clutchid.log import INPUTS, Log
+from clutchid.measurements.live.bus import bus_name
 from clutchid.names import printable
-from clutchid.recordings.live.bus import bus_name
 from clutchid.systems import HANG_UPS, STOPS
 from clutchid.workflow import observer_of
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
+    from clutchid.measurements.live.arrival import LiveBlock
     from clutchid.observer.live import LiveRun
     from clutchid.observer.state import Tail
-    from clutchid.recordings.live.arrival import LiveBlock
 
 #: Time in s from one saved state to the next; as much is lost where the power is.
 MINUTE = 60.0
@@ -56,7 +56,7 @@ def observe_live(log: Path, content: ParameterFile, options: ObserveOptions, amb
     DataError, ExportError, ParameterError
         If nothing could be observed, or a file cannot be begun; nothing is written then.
     """
-    from clutchid.recordings.spool import SPOOLED
+    from clutchid.measurements.spool import SPOOLED
 
     if options.out.suffix.lower() not in SPOOLED:
         raise ExportError(f"--out {options.out}: a live recording is written as {' or '.join(SPOOLED)}, in any length.")
@@ -111,11 +111,11 @@ def _blocks(
     log: Path, content: ParameterFile, options: ObserveOptions, ambient: float, stopped: Stopped
 ) -> Generator[LiveBlock]:
     """Blocks of the recording as they arrive, with a duty cycle for both valves of the model."""
+    from clutchid.measurements.live.bus import bus_blocks, from_bus
+    from clutchid.measurements.live.feed import from_descriptor, from_growing_file
+    from clutchid.measurements.live.text import text_blocks
+    from clutchid.measurements.map.channel_map import read_map
     from clutchid.observer.state_file import saved_origin
-    from clutchid.recordings.live.bus import bus_blocks, from_bus
-    from clutchid.recordings.live.feed import from_descriptor, from_growing_file
-    from clutchid.recordings.live.text import text_blocks
-    from clutchid.recordings.map.channel_map import read_map
 
     channels = None if options.map_ is None else read_map(options.map_)
     equipment = content.actuator.equipment

@@ -33,17 +33,17 @@ from clutchid.cli.common import (
 from clutchid.cli.observe_sinks import say_unhurried
 from clutchid.cli.terminal import print_rows, printable_lines, put, say
 from clutchid.errors import ExportError, ParameterError
+from clutchid.measurements.live.bus import BusName, bus_name
 from clutchid.names import printable
-from clutchid.recordings.live.bus import BusName, bus_name
 from clutchid.systems import command_line
 from clutchid.workflow import start_file
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.log import Log
+    from clutchid.measurements.spool import AddBlock
     from clutchid.observer.live import LiveRun
     from clutchid.observer.recording import ObservedRecording
-    from clutchid.recordings.spool import AddBlock
 
 
 #: Name of standard input, and of standard output.
@@ -170,7 +170,7 @@ class ObserveOptions:
 
     def write(self, run: ObservedRecording, content: ParameterFile) -> None:
         """Write all files."""
-        from clutchid.recordings import write
+        from clutchid.measurements import write
 
         write(run.estimates(), self.out)
         write(run.load_by_stroke(), self.by_stroke)
@@ -198,14 +198,14 @@ def is_live(log: Path) -> bool:
 
 def origin_of(log: Log) -> float | None:
     """Stamp of the bus in s that is the time 0 of a live recording, None for any other recording."""
-    from clutchid.recordings.live.bus import ORIGIN
+    from clutchid.measurements.live.bus import ORIGIN
 
     return float(log.metadata[ORIGIN]) if ORIGIN in log.metadata else None
 
 
 def calibration_file(path: Path) -> ParameterFile:
     """The calibration, whose file must have a load."""
-    from clutchid.recordings.records import read_toml
+    from clutchid.files.records import read_toml
 
     content = start_file(path, None)
     if not set(read_toml(path, "parameter file").get("parameters", {})) & set(content.actuator.load.names):
@@ -271,7 +271,7 @@ class FileTroubles:
         ExportError
             If the file cannot be begun.
         """
-        from clutchid.recordings.spool import spooled
+        from clutchid.measurements.spool import spooled
 
         begun, open_, before = False, True, _identity(path)
         try:
@@ -297,7 +297,7 @@ class FileTroubles:
 
     def cut(self, left: Sequence[Path], time: float) -> None:
         """Cut from files that an earlier run left what comes again, from a time in s on."""
-        from clutchid.recordings.spool import cut_behind
+        from clutchid.measurements.spool import cut_behind
 
         for path in left:
             try:
@@ -345,7 +345,7 @@ def _identity(path: Path) -> tuple[int, int] | None:
 
 def offer(options: ObserveOptions) -> list[Path]:
     """Files of an earlier run that ended without writing its own; says so, and how to go on from it."""
-    from clutchid.recordings.spool import recovered
+    from clutchid.measurements.spool import recovered
 
     found = [path for each in (options.out, options.by_stroke) for path in recovered(each)]
     if not found:

@@ -15,9 +15,9 @@ from clutchid.cli.terminal import discard_output, printable_lines, put
 from clutchid.systems import Outgoing, is_closed_pipe
 
 if TYPE_CHECKING:
+    from clutchid.measurements.live.bus import BusName
     from clutchid.observer.live import LiveRun
     from clutchid.observer.recording import ObservedRecording
-    from clutchid.recordings.live.bus import BusName
 
 #: Takes the recording before a block, after it, and the block.
 Sink = Callable[["LiveRun", "LiveRun", "ObservedRecording"], None]
@@ -138,8 +138,8 @@ def published_frames(name: BusName, every: float | None, dbc: Path, stopped: Sto
     Where the bus does not take them, the recording goes on without them, and says so once. `dbc` is written once
     the bus is open.
     """
-    from clutchid.recordings.files import write_text
-    from clutchid.recordings.live.bus import sender
+    from clutchid.files import write_text
+    from clutchid.measurements.live.bus import sender
     from clutchid.reports.observe_lines import MESSAGES, PERIOD, observe_frames, results_dbc
 
     sent, failed = 0, False

@@ -53,8 +53,8 @@ def prove(
     debug
         Show the traceback of an error.
     """
+    from clutchid.files import write_text
     from clutchid.fleets.cluster import Workers
-    from clutchid.recordings.files import write_text
     from clutchid.reports.tables import to_csv, to_text
     from clutchid.study.proving.ground import Conditions, kept
     from clutchid.study.proving.ground import prove as run

@@ -31,8 +31,8 @@ from clutchid.workflow.options import pressure
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.log import Log
-    from clutchid.recordings.strokes.vented_rest import ZeroedLog
     from clutchid.simulation import Partition, Simulation
+    from clutchid.strokes.vented_rest import ZeroedLog
 
 
 @guarded
@@ -91,8 +91,8 @@ def simulate(
         Show the traceback of an error.
     """
     from clutchid.inference.uncertainty.switching_band import switching_band
-    from clutchid.recordings import write
-    from clutchid.recordings.signals.values import values_of
+    from clutchid.measurements import write
+    from clutchid.strokes.values import values_of
 
     inputs = [
         ("the recording itself", log),
@@ -145,8 +145,8 @@ def _answer(recording: Log, done: Simulation, warnings: Sequence[str], out: Path
 def _simulated(log: Log, content: ParameterFile, partition: Partition | None) -> tuple[Simulation, bool]:
     """Simulation of a recording, and whether the file has the start values of exactly this one; else estimated."""
     from clutchid.estimation.verification import starts_of
-    from clutchid.recordings.signals.vented_pressure import with_ambient
     from clutchid.simulation import simulate as simulate_log
+    from clutchid.strokes.vented_pressure import with_ambient
 
     from_file = content.starts_for(log)
     starts = starts_of(log, with_ambient(content.actuator, [log])[0], partition) if from_file is None else from_file

@@ -18,8 +18,8 @@ from clutchid.preparation.inspection.air import pressure_unit
 from clutchid.preparation.inspection.reading import InspectedRecording
 from clutchid.preparation.prepare import FROM_POSITION_ALONE
 from clutchid.preparation.pulses import centred, find_carrier
-from clutchid.recordings.signals.duty_cycle import duty_grid, duty_period, grid_phase, on_off
-from clutchid.recordings.signals.vented_pressure import (
+from clutchid.strokes.duty_cycle import duty_grid, duty_period, grid_phase, on_off
+from clutchid.strokes.vented_pressure import (
     SIGNIFICANT,
     VentedPressure,
     lowest_pressure,

@@ -34,8 +34,8 @@ from clutchid.names import ParameterName, base_of
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.progress import Progress, report
 from clutchid.preparation.prepare import FROM_POSITION_ALONE
-from clutchid.recordings.signals.vented_pressure import vented_pressure
-from clutchid.recordings.strokes.vented_rest import merged, vented_rest
+from clutchid.strokes.vented_pressure import vented_pressure
+from clutchid.strokes.vented_rest import merged, vented_rest
 
 
 def fit_with(

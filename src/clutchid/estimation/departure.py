@@ -13,8 +13,8 @@ from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.change_prior import FAULT
 from clutchid.log import FloatArray, Log
 from clutchid.parameters import GROUPS
-from clutchid.recordings.signals.excitation import HOLD_SPEED, SLOW_WINDOW
-from clutchid.recordings.signals.sampled import velocity
+from clutchid.strokes.excitation import HOLD_SPEED, SLOW_WINDOW
+from clutchid.strokes.sampled import velocity
 
 #: How many parameters a departure names.
 NAMED = 3

@@ -29,10 +29,10 @@ from clutchid.numerics.progress import Progress, report, within
 from clutchid.parameters import known_ambient
 from clutchid.preparation.prepare import check_recordings, driven, usable
 from clutchid.preparation.pulses import lacks_changes
-from clutchid.recordings.signals.vented_pressure import with_ambient
-from clutchid.recordings.strokes.vented_rest import Zero, from_rest
 from clutchid.simulation.inputs import with_inputs
 from clutchid.simulation.partition import Partition
+from clutchid.strokes.vented_pressure import with_ambient
+from clutchid.strokes.vented_rest import Zero, from_rest
 
 MethodName = Literal["simulation", "shooting", "prediction-error"]
 
@@ -191,7 +191,7 @@ def _several(logs: LogOrPath | Sequence[LogOrPath]) -> list[LogOrPath]:
 
 def recordings_of(logs: Sequence[LogOrPath], actuator: Actuator) -> list[Log]:
     """The logs, with those read that are given as paths; a `DataError` lists the problems of all files."""
-    from clutchid.recordings import read, read_each
+    from clutchid.measurements import read, read_each
 
     added, required = known_ambient(actuator.parameters.P_0), ("time", "position", *actuator.equipment.recorded)
     return read_each(logs, lambda log: log if isinstance(log, Log) else read(log, added=added, required=required))

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from clutchid.arguments import checked
+from clutchid.arguments import checked, is_number
 from clutchid.errors import DataError, ParameterError
 from clutchid.estimation.parameter_tables import (
     REST,
@@ -26,15 +26,15 @@ from clutchid.estimation.parameter_tables import (
 )
 from clutchid.estimation.request import Continuation, FitRequest, SearchState
 from clutchid.estimation.result import Fit
+from clutchid.files import small_file, write_text
+from clutchid.files.records import LARGEST, Rule, covariance_problem, plain, read, table, toml_of
 from clutchid.inference.uncertainty.calibration import Calibration, Origin, PositionOnlyErrors
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.own import OwnModel
 from clutchid.names import unknown_names
-from clutchid.parameters import Parameters, is_number
-from clutchid.recordings.files import small_file, write_text
-from clutchid.recordings.records import LARGEST, Rule, covariance_problem, plain, read, table, toml_of
-from clutchid.recordings.strokes.vented_rest import VentedRest, ZeroedLog, from_rest
+from clutchid.parameters import Parameters
+from clutchid.strokes.vented_rest import VentedRest, ZeroedLog, from_rest
 
 #: Suffixes of files for MATLAB, which `clutchid.reports.matlab` writes and nothing reads.
 MATLAB_SUFFIXES = (".mat", ".m")

@@ -8,16 +8,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from typing import Any, Literal, NamedTuple
 
+from clutchid.arguments import is_number
 from clutchid.errors import ParameterError
+from clutchid.files.records import Rule, collected, read, table
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import Model
 from clutchid.model.equipment import Equipment
 from clutchid.model.own import OwnModel
 from clutchid.model.weighted_load import DEFAULT_KNOTS, MOST_KNOTS, Load
 from clutchid.names import unknown_names
-from clutchid.parameters import Parameters, is_number
-from clutchid.recordings.records import Rule, collected, read, table
-from clutchid.recordings.strokes.vented_rest import FURTHEST
+from clutchid.parameters import Parameters
+from clutchid.strokes.vented_rest import FURTHEST
 
 #: The entry of ``[actuator]`` that is no field of `Equipment`: a constant load in N, against positive motion.
 _GRAVITY = "gravity_load"

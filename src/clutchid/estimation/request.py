@@ -14,8 +14,8 @@ from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.log.states import MEASURED
 from clutchid.model.actuator import Actuator
 from clutchid.names import EVERY_RECORDING, ParameterName, base_of, unknown_name
-from clutchid.recordings.strokes.vented_rest import VentedRest, Zero
 from clutchid.simulation.partition import Partition
+from clutchid.strokes.vented_rest import VentedRest, Zero
 
 #: Default bounds of a magnitude and of an own parameter: this factor below and above the start value. The others have
 #: their whole range; where its lower end does not belong to it, the distance to that end may shrink by this factor.

@@ -19,9 +19,9 @@ from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import base_of, made_anew
 from clutchid.numerics.interval import QUANTILE
-from clutchid.recordings.strokes.vented_rest import RestShift
 from clutchid.simulation.plan import Plan
 from clutchid.simulation.simulation import simulated_log
+from clutchid.strokes.vented_rest import RestShift
 
 if TYPE_CHECKING:
     import polars as pl

@@ -18,13 +18,13 @@ from clutchid.numerics.interval import QUANTILE
 from clutchid.parameters import Parameters
 from clutchid.preparation.prepare import check_recordings, driven
 from clutchid.preparation.pulses import Pulsed, pulsed_without_sensors
-from clutchid.recordings.signals.duty_cycle import is_slow
-from clutchid.recordings.strokes.vented_rest import ZeroedLog
 from clutchid.simulation.inputs import at_samples, with_inputs
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.plan import plan
 from clutchid.simulation.sensors import with_sensors
 from clutchid.simulation.stiffness import stiffness, top_speed
+from clutchid.strokes.duty_cycle import is_slow
+from clutchid.strokes.vented_rest import ZeroedLog
 
 
 def with_rests(result: Fit, rested: Sequence[ZeroedLog]) -> Fit:

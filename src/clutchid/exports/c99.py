@@ -27,9 +27,9 @@ from clutchid.observer.mismatch import MEMORY, UNLIKE
 from clutchid.observer.observer import LEAK_FOUND, Observer
 from clutchid.observer.rest import rest_pace
 from clutchid.observer.state import FROZEN, SHORTEST, ObserverState
-from clutchid.recordings.signals.excitation import VENTED_POSITION
-from clutchid.recordings.strokes import rest_level, vented_rest
 from clutchid.simulation.plan import OUTSIDE
+from clutchid.strokes import rest_level, vented_rest
+from clutchid.strokes.excitation import VENTED_POSITION
 
 Real = Literal["float", "double"]
 Rates = Literal["one", "two"]

@@ -21,8 +21,8 @@ from clutchid.observer.prior import ASSUMED, LEAK
 from clutchid.observer.rest import rest_pace
 from clutchid.observer.state import ObserverState
 from clutchid.observer.state_file import fingerprint
-from clutchid.recordings.strokes.vented_rest import LEVEL
 from clutchid.simulation.noise import state_deviations
+from clutchid.strokes.vented_rest import LEVEL
 
 
 def size_of(joint: JointFilter) -> FilterSize:

@@ -24,10 +24,10 @@ from clutchid.exports.parity import (
     trial_drive,
 )
 from clutchid.exports.target import example_files, target_costs, vectors
+from clutchid.files import not_an_address, write_bytes
 from clutchid.log import Log, sample_interval
 from clutchid.observer.observer import Observer
 from clutchid.observer.state import ObserverState
-from clutchid.recordings.files import not_an_address, write_bytes
 from clutchid.reports.observe_lines import results_dbc
 
 Target = Literal["c", "fmu2", "matlab", "a2l", "dbc"]

@@ -24,8 +24,8 @@ import psutil
 
 from clutchid import processes
 from clutchid.errors import ClutchidError, ParameterError, SolveError, missing
+from clutchid.files import plain_file
 from clutchid.processes import FinishedWork, Limits, LostWork, Pool, check_workers
-from clutchid.recordings.files import plain_file
 
 if TYPE_CHECKING:
     from distributed import Client, Future

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from clutchid.fleets.store import STORE
+from clutchid.measurements.formats.kinds import is_recording
+from clutchid.measurements.suffixes import SUFFIXES_SHOWN, by_suffix, recording_name, split_name
 from clutchid.names import as_text
-from clutchid.recordings.formats.kinds import is_recording
-from clutchid.recordings.suffixes import SUFFIXES_SHOWN, by_suffix, recording_name, split_name
 
 #: Problem of a row of a table without a file.
 ABSENT = "the table names it, but its file is not there."

@@ -12,6 +12,7 @@ from time import monotonic
 from typing import NamedTuple
 
 from clutchid.errors import ClutchidError, DataError, ParameterError
+from clutchid.files import digest, is_there, not_an_address
 from clutchid.fleets.cluster import Workers, results, version_and_source
 from clutchid.fleets.folders import (
     FolderContent,
@@ -24,10 +25,9 @@ from clutchid.fleets.folders import (
 )
 from clutchid.fleets.reading import ReadingOptions, RecordingResult, checksum_of, read_recording, unless_lost
 from clutchid.fleets.store import Store, StoredResult
+from clutchid.measurements.suffixes import by_suffix
 from clutchid.names import as_text
 from clutchid.processes import FinishedWork, Pool
-from clutchid.recordings.files import digest, is_there, not_an_address
-from clutchid.recordings.suffixes import by_suffix
 from clutchid.wear.history import Listed
 from clutchid.wear.tables import read_fleet_table
 

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from clutchid.files import atomic_write, make_folder, write_frame
 from clutchid.fleets.cluster import version_and_source
 from clutchid.fleets.jobs import Fleet, Job
 from clutchid.fleets.reading import RecordingResult, counted_once, without_result
 from clutchid.fleets.store import Store, StoredResult
 from clutchid.fleets.tracking import LifeLimits, Tracked, load_table, table_of, tracked
 from clutchid.inference.uncertainty.estimates import LoadCurve
-from clutchid.recordings.files import atomic_write, make_folder, write_frame
 from clutchid.reports.fleet_page import fleet_page
 from clutchid.reports.fleet_tables import ReasonCount, VehicleRow
 from clutchid.reports.wear_page import wear_page

@@ -15,12 +15,12 @@ from clutchid.estimation.assess.comparison import HalfLoad, comparison, half_loa
 from clutchid.estimation.assess.reasons import departs
 from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.request import FitRequest
+from clutchid.files import digest
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.names import as_text
 from clutchid.parameters import known_ambient
 from clutchid.processes import LostWork
-from clutchid.recordings.files import digest
-from clutchid.recordings.strokes.vented_rest import Zero, from_rest
+from clutchid.strokes.vented_rest import Zero, from_rest
 from clutchid.wear.history import WearReading, leak_of, unmeasured
 
 if TYPE_CHECKING:

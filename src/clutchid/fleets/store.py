@@ -16,10 +16,10 @@ import numpy as np
 
 from clutchid.errors import ExportError
 from clutchid.estimation.assess.comparison import HalfLoad, Measurement
+from clutchid.files import atomic_write, make_folder
 from clutchid.fleets.reading import RecordingResult
 from clutchid.inference.uncertainty.estimates import LoadCurve
-from clutchid.recordings.files import atomic_write, make_folder
-from clutchid.recordings.strokes.vented_rest import RestShift
+from clutchid.strokes.vented_rest import RestShift
 from clutchid.wear.history import Leak, WearReading
 
 #: The file in the folder of a run.

@@ -15,6 +15,7 @@ import numpy as np
 from clutchid import processes, workflow
 from clutchid.arguments import checked
 from clutchid.errors import DataError
+from clutchid.files import not_an_address, write_frame
 from clutchid.fleets.folders import (
     FolderContent,
     files_by_name,
@@ -35,8 +36,7 @@ from clutchid.fleets.reading import (
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.names import as_text
 from clutchid.processes import check_workers
-from clutchid.recordings.files import not_an_address, write_frame
-from clutchid.recordings.strokes.vented_rest import Zero
+from clutchid.strokes.vented_rest import Zero
 from clutchid.wear.history import Listed, arranged
 from clutchid.wear.life import Wear, wear_of
 from clutchid.wear.tables import read_table, read_wear_table

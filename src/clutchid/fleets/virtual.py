@@ -14,10 +14,10 @@ import numpy as np
 
 from clutchid.errors import ExportError, SolveError
 from clutchid.estimation.assess.comparison import ENGAGING, half_load
+from clutchid.files import atomic_write, not_an_address
 from clutchid.log import FloatArray
+from clutchid.measurements import write
 from clutchid.processes import LostWork, check_workers, results
-from clutchid.recordings import write
-from clutchid.recordings.files import atomic_write, not_an_address
 from clutchid.truck import aged, drive, load_curve, truck
 from clutchid.truck.families import label
 from clutchid.truck.service import Visit

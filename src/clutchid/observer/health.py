@@ -12,8 +12,8 @@ from clutchid.observer.following import Observed, subtracted
 from clutchid.observer.mismatch import UNLIKE
 from clutchid.observer.observer import Observer
 from clutchid.observer.state import Mask
-from clutchid.recordings.signals import rule
-from clutchid.recordings.signals.values import Verdicts
+from clutchid.strokes import rule
+from clutchid.strokes.values import Verdicts
 
 #: A position further outside of the stroke than this in m is beyond the stops.
 BEYOND = 0.5e-3

@@ -16,9 +16,9 @@ from clutchid.model.weighted_load import Load
 from clutchid.observer.methods import method_for
 from clutchid.observer.prior import ASSUMED, BOUND, LEAK, OnlinePrior, Supply, load_deviation, online_prior, supply_of
 from clutchid.observer.state import EMPTY, ObserverState, Tail, segment_of
-from clutchid.recordings.strokes.vented_rest import Zero
 from clutchid.simulation.noise import Noise
 from clutchid.simulation.stiffness import pace
+from clutchid.strokes.vented_rest import Zero
 
 #: Correlation time of what the model misses in s, and covariance that load weights and parameters gain in a stroke, as
 #: a share of that of their prior. Provenance: docs/derivations_online.md.

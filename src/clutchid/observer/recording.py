@@ -20,8 +20,8 @@ from clutchid.observer.mismatch import normalised
 from clutchid.observer.observer import Observer, observer, start
 from clutchid.observer.state import ObserverState
 from clutchid.preparation.pulses import Duties, duties_in
-from clutchid.recordings.signals import rule
-from clutchid.recordings.signals.values import Verdicts, limits, outside, watched, with_inputs_in_range
+from clutchid.strokes import rule
+from clutchid.strokes.values import Verdicts, limits, outside, watched, with_inputs_in_range
 
 #: As many intervals at the start of a recording give the time from one sample to the next, rounded to so many digits:
 #: what is known before the recording has ended, and the same for its parts.
@@ -226,7 +226,7 @@ def follow_block(
 def only_values(observer: Observer, state: ObserverState, log: Log) -> tuple[Log, Verdicts, ObserverState]:
     """A part of a recording in which what is no value is missing, the verdicts on its positions, and the state after.
 
-    As `clutchid.recordings.signals.values.values_of`, but for a jump of the position, which is believed a second later:
+    As `clutchid.strokes.values.values_of`, but for a jump of the position, which is believed a second later:
     there a stretch ends. `observe` alone and the exported C follow the samples as they are.
 
     Raises

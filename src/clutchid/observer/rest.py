@@ -10,9 +10,9 @@ import numpy as np
 from clutchid.inference.filter import rules
 from clutchid.log import FloatArray
 from clutchid.observer.state import ObserverState, RestWatch
-from clutchid.recordings.signals.sampled import runs
-from clutchid.recordings.strokes.rest_level import BIN, CLOSED, CREEP, STILL, BoolArray
-from clutchid.recordings.strokes.vented_rest import VENTS, VentedRest, rest_shift
+from clutchid.strokes.rest_level import BIN, CLOSED, CREEP, STILL, BoolArray
+from clutchid.strokes.sampled import runs
+from clutchid.strokes.vented_rest import VENTS, VentedRest, rest_shift
 
 #: A vented rest lies below this position in m, whatever its sensor adds.
 LOW = 3e-3

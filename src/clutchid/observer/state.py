@@ -12,10 +12,10 @@ from clutchid.inference.filter.rules import RuleState
 from clutchid.inference.filter.setup import STROKE_BEGINS, STROKE_ENDS
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
-from clutchid.recordings.signals.excitation import VENTED_POSITION
-from clutchid.recordings.signals.values import new_watch
 from clutchid.simulation.inputs import held_inputs
 from clutchid.simulation.plan import OUTSIDE, Segment
+from clutchid.strokes.excitation import VENTED_POSITION
+from clutchid.strokes.values import new_watch
 
 #: A shorter stroke in s is a spike of the sensor.
 SHORTEST = 0.02

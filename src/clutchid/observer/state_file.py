@@ -11,7 +11,10 @@ from typing import Any
 import numpy as np
 import tomli_w
 
+from clutchid.arguments import is_number
 from clutchid.errors import ParameterError
+from clutchid.files import write_text
+from clutchid.files.records import read_toml
 from clutchid.inference.filter.rules import AdaptiveState, RuleState
 from clutchid.inference.filter.setup import FilterState
 from clutchid.log import FloatArray
@@ -19,10 +22,7 @@ from clutchid.observer.following import ROUNDING
 from clutchid.observer.observer import Observer, blank, start
 from clutchid.observer.rest import LOW, REMEMBERED
 from clutchid.observer.state import ObserverState, RestWatch, Strokes, Tail
-from clutchid.parameters import is_number
-from clutchid.recordings.files import write_text
-from clutchid.recordings.records import read_toml
-from clutchid.recordings.strokes.vented_rest import FURTHEST
+from clutchid.strokes.vented_rest import FURTHEST
 
 FORMAT = 9
 

@@ -13,11 +13,11 @@ from clutchid.log import FloatArray, Log, sample_interval
 from clutchid.model.actuator import Actuator
 from clutchid.model.equipment import Equipment
 from clutchid.preparation.pulses import FindPhase, find_phase, frequent_resets, pulsed
-from clutchid.recordings.signals.values import values_of
-from clutchid.recordings.strokes.vented_rest import other_zeros
 from clutchid.simulation.plan import Plan, Segment, outside_stroke, plan
 from clutchid.simulation.stiffness import TOP_SPEED, local_stiffness, stiffness, substeps
 from clutchid.simulation.windows import RESET_INTERVAL, Track, samples, tracks
+from clutchid.strokes.values import values_of
+from clutchid.strokes.vented_rest import other_zeros
 
 #: Factors on the initial stiffness for the integration steps, because a search may make the model stiffer: for a start
 #: at the priors, and at calibrated values, which change little.
@@ -74,7 +74,7 @@ def driven(logs: Sequence[Log], equipment: Equipment) -> list[Log]:
 
 
 def usable(logs: Sequence[Log], actuator: Actuator) -> list[Log]:
-    """Logs in which what is no value is missing, with a warning each; see `clutchid.recordings.signals.values`.
+    """Logs in which what is no value is missing, with a warning each; see `clutchid.strokes.values`.
 
     Raises
     ------

@@ -23,7 +23,6 @@ from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
 from clutchid.numerics.threads import map_pairs
 from clutchid.preparation.time_grid import in_clock, interpolated, latched
-from clutchid.recordings.signals.duty_cycle import duty_grid, grid_phase, is_slow, on_off, resolves_carrier
 from clutchid.simulation import Partition
 from clutchid.simulation.inputs import carrier_clock
 from clutchid.simulation.plan import plan
@@ -31,6 +30,7 @@ from clutchid.simulation.run import KernelArrays, run, start_state
 from clutchid.simulation.sensors import without_sensors
 from clutchid.simulation.stiffness import stiffness
 from clutchid.simulation.windows import RESET_INTERVAL
+from clutchid.strokes.duty_cycle import duty_grid, grid_phase, is_slow, on_off, resolves_carrier
 
 #: Periods in s that are tried: 200 to 20 Hz, as solenoid valves are driven.
 PERIODS = (0.005, 0.008, 0.01, 0.0125, 0.016, 0.02, 0.025, 0.0333, 0.04, 0.05)

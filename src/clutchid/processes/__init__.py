@@ -1,7 +1,7 @@
 """Guarded worker processes: whatever their work does, only they end, and they end with the process that started them.
 
 `Worker` is one process that answers questions within limits of memory and time: foreign files are read in one
-(`clutchid.recordings.opening`). `Pool` keeps some of them for pieces of work, and `results` shares the work on many
+(`clutchid.measurements.opening`). `Pool` keeps some of them for pieces of work, and `results` shares the work on many
 items between them. `serving` runs in a worker, `frames` are the messages between both sides.
 """
 

@@ -15,11 +15,11 @@ from clutchid.estimation.assess.evidence import HORIZON, Evidence, information
 from clutchid.estimation.assess.verdict import Verdict
 from clutchid.log import INPUTS, FloatArray
 from clutchid.names import capital
-from clutchid.recordings.signals.residual_colour import Colour
 from clutchid.reports.figures import label, new_figure, png, shared_legend
 from clutchid.reports.html import Block, Bullets, Details, Notice, Picture, Text
 from clutchid.reports.style import MM, STYLE
 from clutchid.reports.tables import Cell, Column, ReportTable
+from clutchid.strokes.residual_colour import Colour
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

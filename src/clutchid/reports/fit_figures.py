@@ -14,8 +14,6 @@ from clutchid.estimation.assess.verdict import noise_only
 from clutchid.estimation.result import Recording
 from clutchid.log import FloatArray, Log
 from clutchid.parameters import Parameters
-from clutchid.recordings.signals.excitation import HOLD_SPEED, SHORTEST_REST, SLOW_WINDOW, VENTED_POSITION
-from clutchid.recordings.signals.sampled import runs, velocity
 from clutchid.reports.figures import (
     BINS,
     draw,
@@ -29,6 +27,8 @@ from clutchid.reports.figures import (
     new_figure,
 )
 from clutchid.reports.style import BAR, MM, STYLE, Line
+from clutchid.strokes.excitation import HOLD_SPEED, SHORTEST_REST, SLOW_WINDOW, VENTED_POSITION
+from clutchid.strokes.sampled import runs, velocity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

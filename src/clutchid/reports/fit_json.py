@@ -15,8 +15,8 @@ from clutchid.estimation.assess.verdict import states_of_wear, verdict
 from clutchid.estimation.result import Change, Errors
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.inference.uncertainty.estimates import LoadCurve
-from clutchid.recordings.signals.residual_colour import CrossCorrelation
 from clutchid.reports.changes import notes_of, rests_json
+from clutchid.strokes.residual_colour import CrossCorrelation
 
 _UNCOMPARED: dict[str, Any] = {"calibrated_load_curve": None, "load_change": None}
 

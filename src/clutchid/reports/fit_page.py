@@ -16,7 +16,7 @@ from clutchid.estimation.assess.evidence import Evidence, as_recorded, evidence,
 from clutchid.estimation.assess.innovations import calibration_innovations
 from clutchid.estimation.assess.verdict import noise_only, verdict
 from clutchid.estimation.result import Errors, Recording
-from clutchid.recordings.files import write_text
+from clutchid.files import write_text
 from clutchid.reports.comparison_page import comparison_sections
 from clutchid.reports.diagnosis_page import (
     diagnosis_table,

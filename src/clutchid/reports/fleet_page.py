@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from clutchid.files import write_text
 from clutchid.log import FloatArray
 from clutchid.names import printable
-from clutchid.recordings.files import write_text
 from clutchid.reports.figures import label, legend, new_figure, svg
 from clutchid.reports.fleet_tables import (
     MARKS,

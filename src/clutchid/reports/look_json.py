@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
+from clutchid.measurements.map.channel_map import ChannelMap
+from clutchid.measurements.overview import FileOverview, TimeAxis, TimeGridOverview
 from clutchid.preparation.inspection import Check, Inspection
-from clutchid.recordings.map.channel_map import ChannelMap
-from clutchid.recordings.overview import FileOverview, TimeAxis, TimeGridOverview
 
 
 def look_json(contents: FileOverview, inspection: Inspection | None, unchecked: str) -> dict[str, Any]:

@@ -21,9 +21,9 @@ from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.parameter_file import MATLAB_SUFFIXES
 from clutchid.estimation.parameter_tables import model_entries
 from clutchid.estimation.result import Fit
+from clutchid.files import atomic_write, write_text
 from clutchid.inference.uncertainty.estimates import Estimate
 from clutchid.names import ParameterName
-from clutchid.recordings.files import atomic_write, write_text
 from clutchid.reports.fit_json import change_json, comparison_json, curve_json, origin_json
 from clutchid.reports.fit_page import meaning
 

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.log import FloatArray
+from clutchid.measurements.formats.can.dbc import Signal
+from clutchid.measurements.source import to_frame
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.by_stroke import StrokeRow, curve, positions
 from clutchid.observer.health import FLAGS, LIVE_FLAGS, VALUE_FLAGS
 from clutchid.observer.live import LiveRun, due
 from clutchid.observer.recording import ObservedRecording
-from clutchid.recordings.formats.can.dbc import Signal
-from clutchid.recordings.source import to_frame
 from clutchid.reports.fit_json import curve_json
 from clutchid.reports.style import MM
 

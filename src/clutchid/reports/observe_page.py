@@ -12,6 +12,7 @@ import numpy as np
 from clutchid.estimation.assess.comparison import ENGAGING
 from clutchid.estimation.assess.innovations import innovation_statistics
 from clutchid.estimation.assess.observed import indicators, observed_verdict
+from clutchid.files import write_text
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.inference.uncertainty.estimates import Estimate, LoadCurve
 from clutchid.log import FloatArray
@@ -20,7 +21,6 @@ from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.by_stroke import curve, known, positions
 from clutchid.observer.health import FLAGS, LIVE_FLAGS, VALUE_FLAGS
 from clutchid.observer.recording import ObservedRecording
-from clutchid.recordings.files import write_text
 from clutchid.reports.diagnosis_page import verdict_blocks
 from clutchid.reports.figures import (
     draw,

@@ -11,10 +11,10 @@ import numpy as np
 from matplotlib.colors import LinearSegmentedColormap
 
 from clutchid.estimation.assess.comparison import ENGAGING
+from clutchid.files import write_text
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.log import FloatArray
 from clutchid.names import capital
-from clutchid.recordings.files import write_text
 from clutchid.reports.figures import draw, fill, label, legend, mark_span, new_figure, svg
 from clutchid.reports.html import Block, Notice, Page, PageSection, Picture, Text, provenance, render
 from clutchid.reports.style import MM, STYLE, Line

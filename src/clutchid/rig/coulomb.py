@@ -10,8 +10,7 @@ import numpy as np
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.log import FloatArray, Log, holes
-from clutchid.recordings.checks import AMBIENT
-from clutchid.recordings.signals.sampled import runs, velocity
+from clutchid.measurements.checks import AMBIENT
 from clutchid.rig.weighted import (
     Component,
     Equality,
@@ -22,6 +21,7 @@ from clutchid.rig.weighted import (
     satterthwaite,
     student,
 )
+from clutchid.strokes.sampled import runs, velocity
 
 #: Fractions of the reach between which a stroke is averaged: without pre-sliding and the reversals at its ends.
 BAND = (0.3, 0.8)

@@ -13,7 +13,7 @@ import numpy as np
 
 from clutchid.codegen.cache import generator_files, load_module
 from clutchid.log import FloatArray, Log, holes
-from clutchid.recordings.signals.sampled import runs, velocity
+from clutchid.strokes.sampled import runs, velocity
 
 #: Parameters of the friction, in the order of the kernels.
 NAMES = ("F_C", "K_z", "D_v", "D_zdot")

@@ -18,9 +18,9 @@ from clutchid.log import FloatArray, Log, sample_interval
 from clutchid.names import check_names
 from clutchid.numerics.least_squares import Linearisation, Solution, compress, minimise
 from clutchid.parameters import Parameters
-from clutchid.recordings.signals.residual_colour import effective_samples
-from clutchid.recordings.signals.sampled import velocity
 from clutchid.rig.free_run import NAMES, FreeRunSegment, free_run, segments
+from clutchid.strokes.residual_colour import effective_samples
+from clutchid.strokes.sampled import velocity
 
 #: Parameters that a fit estimates or keeps fixed: the friction, and the zero of the load cell.
 FREE = (*NAMES, "force_zero")

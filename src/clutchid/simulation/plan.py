@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from clutchid.errors import DataError
 from clutchid.log import FloatArray, Log, holes
 from clutchid.model.actuator import Actuator
-from clutchid.recordings.signals.excitation import VENTED_POSITION
-from clutchid.recordings.signals.sampled import runs
 from clutchid.simulation.inputs import held_inputs, input_span
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.stiffness import substeps
+from clutchid.strokes.excitation import VENTED_POSITION
+from clutchid.strokes.sampled import runs
 
 #: Least number of samples between holes: a shorter stretch determines less than its own unknown start needs.
 SHORTEST = 10

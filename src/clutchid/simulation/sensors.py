@@ -7,7 +7,7 @@ import numpy as np
 from clutchid.codegen.kernels import kernels_in
 from clutchid.log import FloatArray, Log, holes, sample_interval
 from clutchid.parameters import Parameters
-from clutchid.recordings.signals.sampled import runs
+from clutchid.strokes.sampled import runs
 
 _KERNELS = "clutchid.simulation.comparison"
 

@@ -15,8 +15,6 @@ from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import check_names, listed_names, made_anew
 from clutchid.parameters import known_ambient
-from clutchid.recordings.signals.values import values_of
-from clutchid.recordings.signals.vented_pressure import with_ambient
 from clutchid.simulation.divergence import failure_message
 from clutchid.simulation.inputs import cut_warnings, input_span, with_inputs
 from clutchid.simulation.partition import Partition
@@ -30,6 +28,8 @@ from clutchid.simulation.run import (
     start_state,
 )
 from clutchid.simulation.stiffness import stiffness, top_speed
+from clutchid.strokes.values import values_of
+from clutchid.strokes.vented_pressure import with_ambient
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -174,7 +174,7 @@ def _known(names: str | Sequence[str], actuator: Actuator) -> tuple[str, ...]:
 
 
 def _read(path: str | PathLike[str], actuator: Actuator) -> Log:
-    from clutchid.recordings import read
+    from clutchid.measurements import read
 
     return read(path, added=known_ambient(actuator.parameters.P_0), required=("time", *actuator.equipment.recorded))
 

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from clutchid.files import write_text
 from clutchid.log import COLUMNS, FloatArray, Log
-from clutchid.recordings.files import write_text
 from clutchid.truck.assembly import true_states
 from clutchid.truck.load_table import LoadTable
 from clutchid.truck.running import Run

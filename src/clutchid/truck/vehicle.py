@@ -6,9 +6,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import Field, dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
+from clutchid.arguments import is_number
 from clutchid.errors import ParameterError
 from clutchid.names import check_names
-from clutchid.parameters import Row, is_number
+from clutchid.parameters import Row
 
 if TYPE_CHECKING:
     from clutchid.truck.parts import Parts

@@ -11,7 +11,7 @@ from scipy import special
 
 from clutchid.estimation.assess.comparison import Measurement
 from clutchid.log import FloatArray
-from clutchid.recordings.strokes.vented_rest import RestShift
+from clutchid.strokes.vented_rest import RestShift
 from clutchid.wear.history import Dated, Leak, WearReading
 from clutchid.wear.trend import (
     AGED,

@@ -15,7 +15,7 @@ from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.result import Fit
 from clutchid.log import FloatArray
 from clutchid.names import natural
-from clutchid.recordings.strokes.vented_rest import RestShift
+from clutchid.strokes.vented_rest import RestShift
 
 Axis = Literal["strokes", "km", "days", "recordings"]
 

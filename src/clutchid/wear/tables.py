@@ -15,9 +15,9 @@ from typing import TypeVar
 import numpy as np
 
 from clutchid.errors import DataError
+from clutchid.files import small_file
 from clutchid.log import FloatArray
-from clutchid.recordings.files import small_file
-from clutchid.recordings.suffixes import split_name
+from clutchid.measurements.suffixes import split_name
 from clutchid.wear.history import Listed
 from clutchid.wear.trend import WearTable
 

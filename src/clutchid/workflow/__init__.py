@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from clutchid.observer.observer import Observer
     from clutchid.observer.recording import ObservedRecording
     from clutchid.observer.state import ObserverState
-    from clutchid.recordings.strokes.vented_rest import VentedRest, Zero
+    from clutchid.strokes.vented_rest import VentedRest, Zero
 
 
 #: The last line of what refuses a recording for a check that is bad.
@@ -62,17 +62,17 @@ def read_recordings(
     DataError
         The text lists the problems of all files.
     """
-    from clutchid.recordings import read, read_each
+    from clutchid.measurements import read, read_each
 
     channels = None
     if files.channel_map is not None:
-        from clutchid.recordings.map.channel_map import read_map
+        from clutchid.measurements.map.channel_map import read_map
 
         channels = read_map(files.channel_map)
     needed = required or ("time", "position", *(equipment.recorded if equipment else INPUTS))
     fitted = needed
     if channels is not None:
-        from clutchid.recordings.map.picking import OPTIONAL
+        from clutchid.measurements.map.picking import OPTIONAL
 
         fitted = (*needed, *(name for name in measured if name in OPTIONAL))
 
@@ -102,8 +102,8 @@ def inspected(
         If a check is bad, unless with `force`; the text has the sentences of `clutchid look`.
     """
     from clutchid.preparation.inspection import inspect
-    from clutchid.recordings.signals.values import values_of
-    from clutchid.recordings.strokes.vented_rest import from_rest
+    from clutchid.strokes.values import values_of
+    from clutchid.strokes.vented_rest import from_rest
 
     values = [values_of(log, actuator) for log in logs]
     found = [inspect(from_rest(each.log, rest, zero).log, actuator) for each in values]

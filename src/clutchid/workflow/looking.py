@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 
 from clutchid.errors import DataError
 from clutchid.log import Log
+from clutchid.measurements import read_pieces, source_pieces
+from clutchid.measurements.look import look, overview_of
 from clutchid.parameters import known_ambient
-from clutchid.recordings import read_pieces, source_pieces
-from clutchid.recordings.look import look, overview_of
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
+    from clutchid.measurements.map.channel_map import ChannelMap
+    from clutchid.measurements.overview import FileOverview
+    from clutchid.measurements.source import Source
     from clutchid.preparation.inspection import Inspection
-    from clutchid.recordings.map.channel_map import ChannelMap
-    from clutchid.recordings.overview import FileOverview
-    from clutchid.recordings.source import Source
 
 #: What a recording needs to be checked.
 _NEEDED = ("time", "position")

@@ -14,18 +14,18 @@ from clutchid.estimation.parameter_file import ParameterFile, read_parameters, s
 from clutchid.estimation.result import Fit
 from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.log import Log
+from clutchid.measurements import AMBIENT
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.progress import Progress
-from clutchid.recordings import AMBIENT
-from clutchid.recordings.strokes.vented_rest import Zero
 from clutchid.simulation.partition import Partition
+from clutchid.strokes.vented_rest import Zero
 from clutchid.workflow import fast_enough, observed, parameter_file
 
 if TYPE_CHECKING:
     from clutchid.exports.c99 import Rates, Real
     from clutchid.exports.exporting import Export, Target
+    from clutchid.measurements.map.channel_map import ChannelMap
     from clutchid.observer.recording import ObservedRecording
-    from clutchid.recordings.map.channel_map import ChannelMap
     from clutchid.rig import CoulombFriction, LugreFit
 
 
@@ -326,9 +326,9 @@ def cut(
     >>> bool(len(best) <= 8000), f"{best['position'].max() * 1e3:.0f} mm"
     (True, '23 mm')
     """
-    from clutchid.recordings import read_pieces
-    from clutchid.recordings.strokes import choose, joined
-    from clutchid.recordings.strokes import cut as sections_of
+    from clutchid.measurements import read_pieces
+    from clutchid.strokes import choose, joined
+    from clutchid.strokes import cut as sections_of
 
     if isinstance(recording, Log):
         name, pieces = recording.name, iter([recording])
@@ -390,7 +390,7 @@ def friction(
     >>> f"{found.levels[0].friction.value:.1f} N"
     '5.0 N'
     """
-    from clutchid.recordings import read
+    from clutchid.measurements import read
     from clutchid.rig import coulomb_friction, fit_lugre
 
     outside, needed = AMBIENT if ambient is None else ambient, ("time", "position", "force")

@@ -10,9 +10,9 @@ from clutchid.estimation.assess.rest import Stop, moved_rests, rest_cause
 from clutchid.estimation.fit import fit_request
 from clutchid.estimation.request import FitRequest
 from clutchid.preparation.inspection import inspect
-from clutchid.recordings.strokes.vented_rest import RestShift, merged, vented_rest
 from clutchid.reports.fit_json import fit_json
 from clutchid.reports.summary import summary
+from clutchid.strokes.vented_rest import RestShift, merged, vented_rest
 
 UP, DOWN = RestShift(3e-4, 2.8e-4, 3.2e-4), RestShift(-3e-4, -3.2e-4, -2.8e-4)
 

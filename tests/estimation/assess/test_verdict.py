@@ -13,9 +13,9 @@ from clutchid.estimation.assess.reasons import ambient_reasons
 from clutchid.estimation.assess.verdict import verdict
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.log import Log
-from clutchid.recordings.signals.vented_pressure import VENTED_KEY
 from clutchid.reports.fit_json import verdict_json
 from clutchid.simulation.sensors import lagged
+from clutchid.strokes.vented_pressure import VENTED_KEY
 from fixtures.baselines import ORIGIN, with_baseline
 
 

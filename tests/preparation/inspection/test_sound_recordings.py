@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 from clutchid.estimation.assess.missing_excitation import missing
 from clutchid.log import Log
+from clutchid.measurements import read
 from clutchid.model import Actuator
 from clutchid.preparation.inspection import inspect
-from clutchid.recordings import read
-from clutchid.recordings.signals.excitation import excitation
-from clutchid.recordings.signals.vented_pressure import VENTED_KEY
+from clutchid.strokes.excitation import excitation
+from clutchid.strokes.vented_pressure import VENTED_KEY
 from clutchid.truck import MANOEUVRES, truck
 from fixtures.changed_logs import thinned
 

@@ -16,10 +16,10 @@ from clutchid.estimation.result import Fit, Recording
 from clutchid.inference.uncertainty.gaussian import Information, natural_sizes
 from clutchid.log import Log, sample_interval
 from clutchid.model.actuator import Actuator
-from clutchid.recordings.signals.excitation import excitation, joined
 from clutchid.simulation import Partition
 from clutchid.simulation.sensors import with_sensors
 from clutchid.simulation.simulation import simulate
+from clutchid.strokes.excitation import excitation, joined
 
 
 class Reason(NamedTuple):

@@ -13,7 +13,7 @@ from clutchid.estimation.result import Fit
 from clutchid.log import INPUTS, FloatArray
 from clutchid.observer.observer import observer
 from clutchid.observer.recording import ObservedRecording, observe_recording, spacing
-from clutchid.recordings.signals.residual_colour import Colour, colour
+from clutchid.strokes.residual_colour import Colour, colour
 
 #: Length in s over which the NIS is averaged for a curve.
 SPAN = 1.0

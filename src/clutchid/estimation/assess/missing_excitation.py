@@ -15,10 +15,10 @@ from clutchid.log.states import MEASURED
 from clutchid.model.actuator import Actuator
 from clutchid.names import unknown_name
 from clutchid.numerics.least_squares import triangular
-from clutchid.recordings.signals.excitation import SHORTEST_REST, STROKE, VENTED_POSITION, Excitation
-from clutchid.recordings.signals.vented_pressure import RECORD_REST, UNSETTLED
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.simulation import Simulation, simulate
+from clutchid.strokes.excitation import SHORTEST_REST, STROKE, VENTED_POSITION, Excitation
+from clutchid.strokes.vented_pressure import RECORD_REST, UNSETTLED
 
 #: A load weight acts where its basis function has more than this fraction of its largest value.
 ACTS = 0.01
@@ -45,7 +45,7 @@ def missing(found: Excitation, actuator: Actuator, information: Information | No
 
     Examples
     --------
-    >>> from clutchid.recordings.signals.excitation import excitation
+    >>> from clutchid.strokes.excitation import excitation
     >>> from clutchid.log import Log
     >>> t = np.arange(0.0, 2.0, 1e-3)
     >>> y = np.interp(t, [0.0, 1.0, 2.0], [0.004, 0.008, 0.004])

@@ -21,8 +21,8 @@ from clutchid.inference.uncertainty.identifiability import collinear, listed
 from clutchid.log import sample_interval
 from clutchid.names import base_of
 from clutchid.numerics.interval import QUANTILE
-from clutchid.recordings.signals.duty_cycle import is_slow
-from clutchid.recordings.signals.vented_pressure import RECORD_REST, UNSETTLED, remedy, vented_pressure
+from clutchid.strokes.duty_cycle import is_slow
+from clutchid.strokes.vented_pressure import RECORD_REST, UNSETTLED, remedy, vented_pressure
 
 
 def bound_reasons(fit: Fit) -> list[Reason]:

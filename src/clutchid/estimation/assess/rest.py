@@ -11,7 +11,7 @@ from clutchid.estimation.assess.evidence import Reason
 from clutchid.estimation.result import Fit
 from clutchid.names import ParameterName
 from clutchid.numerics.interval import QUANTILE
-from clutchid.recordings.strokes.vented_rest import RestShift
+from clutchid.strokes.vented_rest import RestShift
 
 Cause = Literal["sensor", "wear", "unknown"]
 

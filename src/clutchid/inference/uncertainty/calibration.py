@@ -15,7 +15,7 @@ from clutchid.inference.uncertainty.gaussian import square_root
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.parameters import in_order
-from clutchid.recordings.strokes.vented_rest import VentedRest
+from clutchid.strokes.vented_rest import VentedRest
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,7 +109,7 @@ class Calibration:
     nis : 1
         Mean normalised innovation squared of an observer of the calibration recordings, NaN if it is not known.
     vented
-        Whether a recording shows a settled vented rest, see `clutchid.recordings.signals.vented_pressure`. Without one
+        Whether a recording shows a settled vented rest, see `clutchid.strokes.vented_pressure`. Without one
         the ambient pressure, and with it the load, is known by its prior only.
     rest : VentedRest, optional
         Of the calibration recordings: where travel is counted from. None without a rest, or in an older file.

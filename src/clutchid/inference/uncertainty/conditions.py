@@ -16,8 +16,8 @@ from clutchid.errors import DataError
 from clutchid.inference.uncertainty.change_prior import assumed_change, changeable
 from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.log import INPUTS, FloatArray, Log
+from clutchid.measurements.map.ranges import PLAUSIBLE
 from clutchid.model.actuator import Actuator
-from clutchid.recordings.map.ranges import PLAUSIBLE
 
 #: Column of each parameter that a vehicle may measure.
 CONDITIONS: Mapping[str, str] = {"T_0": "temperature_ambient", "P_S": "pressure_supply"}

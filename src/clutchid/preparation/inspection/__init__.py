@@ -25,8 +25,8 @@ from clutchid.preparation.inspection.columns import (
 )
 from clutchid.preparation.inspection.reading import Check, Grade, InspectedRecording, Inspection
 from clutchid.preparation.inspection.timing import sample_rate, time_shift
-from clutchid.recordings.signals.values import values_of
-from clutchid.recordings.strokes.vented_rest import VentedRest, from_rest
+from clutchid.strokes.values import values_of
+from clutchid.strokes.vented_rest import VentedRest, from_rest
 
 __all__ = ["Check", "Grade", "Inspection", "inspect"]
 

@@ -8,12 +8,12 @@ from clutchid.inference.uncertainty.change_prior import assumed_change
 from clutchid.inference.uncertainty.conditions import condition_problems, conditions_of
 from clutchid.log import FloatArray
 from clutchid.log.units import UNITS, known_units
+from clutchid.measurements.source import UNIT_KEY
 from clutchid.parameters import Parameters
 from clutchid.preparation.inspection.columns import direction
 from clutchid.preparation.inspection.reading import Check, Grade, InspectedRecording, spread_over
-from clutchid.recordings.signals.sampled import run_ends
-from clutchid.recordings.signals.vented_pressure import UNSETTLED, remedy, vented_pressure, vented_prior
-from clutchid.recordings.source import UNIT_KEY
+from clutchid.strokes.sampled import run_ends
+from clutchid.strokes.vented_pressure import UNSETTLED, remedy, vented_pressure, vented_prior
 
 PRESSURE_UNIT = "unit of pressure_a"
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from clutchid.log import INPUTS, FloatArray
 from clutchid.preparation.inspection.reading import Check, Grade, InspectedRecording, shown, spread_over
-from clutchid.recordings.signals.sampled import LEFT_OUT, Runs
-from clutchid.recordings.signals.values import Fault
-from clutchid.recordings.strokes.vented_rest import ZeroedLog
 from clutchid.simulation.plan import outside_stroke
+from clutchid.strokes.sampled import LEFT_OUT, Runs
+from clutchid.strokes.values import Fault
+from clutchid.strokes.vented_rest import ZeroedLog
 
 #: A constant run counts as saturation above this multiple of the longest usual run, and above this number of samples.
 LONGER, SHORTEST = 5, 5

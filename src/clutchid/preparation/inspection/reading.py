@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from clutchid.errors import ClutchidError
 from clutchid.log import INPUTS, FloatArray, Log, sample_interval
+from clutchid.messages import text_table
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
-from clutchid.recordings.messages import text_table
-from clutchid.recordings.signals.duty_cycle import duty_grid, on_off
-from clutchid.recordings.signals.sampled import IntArray, Runs, constant_runs, noise, quantum, run_ends
 from clutchid.simulation.plan import plan
 from clutchid.simulation.run import KernelArrays, run, start_state
 from clutchid.simulation.stiffness import stiffness
+from clutchid.strokes.duty_cycle import duty_grid, on_off
+from clutchid.strokes.sampled import IntArray, Runs, constant_runs, noise, quantum, run_ends
 
 #: "suspect": a fit is possible, but check the recording; "bad": a fit would be wrong; "undetermined": not enough data.
 Grade = Literal["good", "suspect", "bad", "undetermined"]

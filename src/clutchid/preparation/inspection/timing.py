@@ -9,9 +9,9 @@ import numpy as np
 
 from clutchid.log import HOLE, FloatArray
 from clutchid.preparation.inspection.reading import Check, Grade, InspectedRecording, spread_over
-from clutchid.recordings.signals.duty_cycle import CONTINUOUS_STEP
-from clutchid.recordings.signals.sampled import IntArray, run_ends
 from clutchid.simulation.stiffness import MOST_SUBSTEPS, STABLE_STEP, TOP_SPEED
+from clutchid.strokes.duty_cycle import CONTINUOUS_STEP
+from clutchid.strokes.sampled import IntArray, run_ends
 
 SAMPLE_RATE = "sample rate"
 
@@ -19,7 +19,7 @@ SAMPLE_RATE = "sample rate"
 PER_STROKE, PER_INTERVAL = 4, 1
 
 #: Sample rate in Hz at which all changes of duty cycles are recorded, see
-#: `clutchid.recordings.signals.duty_cycle.is_slow`.
+#: `clutchid.strokes.duty_cycle.is_slow`.
 LEAST_RATE = 1000.0
 
 #: Interval in s from which milliseconds were probably read as seconds, and below which seconds as something smaller.

@@ -9,7 +9,7 @@ from importlib.resources import as_file, files
 import numpy as np
 
 from clutchid.log import FloatArray, Log, sample_interval
-from clutchid.recordings import read
+from clutchid.measurements import read
 
 #: Folder of the bundled recording and its truth.
 _DATA = files("clutchid.study.paper") / "data"

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from clutchid.errors import ExportError
+from clutchid.files import check_writable, not_an_address, write_bytes
 from clutchid.log import Log
-from clutchid.recordings.files import check_writable, not_an_address, write_bytes
 from clutchid.reports.figures import png
 from clutchid.reports.html import render
 from clutchid.reports.tables import ReportTable, to_csv

@@ -15,9 +15,9 @@ import numpy as np
 
 from clutchid.arguments import checked
 from clutchid.errors import ExportError
+from clutchid.files import make_folder, write_text
 from clutchid.fleets.cluster import ONE_WORKER, Workers, results, version_and_source
 from clutchid.processes import LostWork, check_workers
-from clutchid.recordings.files import make_folder, write_text
 from clutchid.study.proving.scores import Answer, score
 from clutchid.study.proving.workflows import workflow
 from clutchid.truck import Drive, changed, drive, truck

@@ -1,0 +1,263 @@
+"""Recordings on disk: `read` and `write`, one module per format; all unit conversions are here."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from clutchid.arguments import checked
+from clutchid.errors import DataError, ExportError
+from clutchid.files import atomic_write, digest, reading
+from clutchid.log import Log
+from clutchid.measurements.checks import AMBIENT, check_ambient
+from clutchid.measurements.columns import REQUIRED
+from clutchid.measurements.opening import open_source
+from clutchid.measurements.source import BLOCK, VENTED_KEY, Source, in_contract
+from clutchid.names import printable
+
+if TYPE_CHECKING:
+    from clutchid.measurements.map.channel_map import ChannelMap
+
+Item = TypeVar("Item")
+
+__all__ = ["AMBIENT", "read", "read_each", "read_pieces", "write"]
+
+
+@checked
+def read(
+    path: str | PathLike[str],
+    *,
+    ambient: float | None = None,
+    added: float | None = None,
+    channels: ChannelMap | str | PathLike[str] | None = None,
+    dbc: Sequence[str | PathLike[str]] = (),
+    required: Sequence[str] = REQUIRED,
+) -> Log:
+    """Read a recording in any known format, in SI; the format is detected from the content.
+
+    Columns with headings ``name [unit]`` are recognised. In other files `channels` assigns channels to quantities;
+    without it, channels are identified by their names if these are unambiguous. An empty cell or NaN is a missing
+    sample. Suspicious but usable data give ``Log.warnings``; the metadata has ``source``, ``sha256``, ``ambient_Pa``.
+
+    Parameters
+    ----------
+    path
+        File (CSV, Parquet, MDF, MATLAB, BLF, ASC); its name without suffix is the name of the log.
+    ambient : Pa, optional
+        Absolute pressure, above 0, that is added to gauge pressures such as ``bar(g)``, and that a vented chamber has;
+        by default `added` is added, and nothing is known of the chamber.
+    added : Pa, optional
+        What is added to gauge pressures without `ambient`, such as P_0 of a model; by default the standard atmosphere
+        of 101,300 Pa.
+    channels
+        A channel map, or the path of one (TOML).
+    dbc
+        DBC files that decode a bus log, besides those of the map.
+    required
+        Quantities that the file must have.
+
+    Returns
+    -------
+    log : Log
+        In SI, with the name of the file without its suffix.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read or used; the text lists every problem with its line (or row) and column.
+    MissingExtra
+        If the format needs a library that is not installed.
+    ParameterError
+        If `ambient` or `added` is not a pressure above 0, or the channel map is invalid.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> text = "time [ms],position [mm],duty_supply [%],duty_exhaust [%]\\n0,0,100,0\\n1,0.5,100,0\\n"
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "run.csv"
+    ...     _ = file.write_text(text)
+    ...     log = read(file)
+    >>> log.name, float(log["position"][1]), float(log["duty_supply"][1])
+    ('run', 0.0005, 1.0)
+    """
+    pieces = read_pieces(path, ambient=ambient, added=added, channels=channels, dbc=dbc, required=required, rows=None)
+    log = next(pieces, None)
+    if log is None:
+        raise DataError(f"{path}: none of its samples can be read, so it is damaged; copy or write it again.")
+    return log
+
+
+def read_each(items: Iterable[Item], read_one: Callable[[Item], Log]) -> list[Log]:
+    """The recordings that `read_one` makes of `items`.
+
+    Raises
+    ------
+    DataError
+        The text lists the problems of all of them.
+    """
+    logs, problems = [], []
+    for item in items:
+        try:
+            logs.append(read_one(item))
+        except DataError as error:
+            problems.append(str(error))
+    if problems:
+        raise DataError("\n".join(problems))
+    return logs
+
+
+@checked
+def read_pieces(
+    path: str | PathLike[str],
+    *,
+    ambient: float | None = None,
+    added: float | None = None,
+    channels: ChannelMap | str | PathLike[str] | None = None,
+    dbc: Sequence[str | PathLike[str]] = (),
+    required: Sequence[str] = REQUIRED,
+    rows: int | None = BLOCK,
+    progress: Callable[[int, int], None] | None = None,
+) -> Iterator[Log]:
+    r"""Read a recording that does not fit into memory, as consecutive logs of about `rows` samples; else as `read`.
+
+    Parameters
+    ----------
+    path, ambient, added, channels, dbc, required
+        As in `read`.
+    rows : int, optional
+        Samples of a piece. With None it is one log, and the hash of the file is computed.
+    progress : function(samples, all), optional
+        Called after every piece with the number of samples read so far, and that of the longest time grid.
+
+    Returns
+    -------
+    pieces : iterator of Log
+        In order of time; a piece ends where the next begins.
+
+    Raises
+    ------
+    DataError, MissingExtra, ParameterError
+        As `read`; errors in the samples are raised when their piece is read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "run.csv"
+    ...     _ = file.write_text("time [s],position [mm]\n" + "".join(f"{i / 1000},{i / 100}\n" for i in range(2500)))
+    ...     pieces = [*read_pieces(file, required=["time", "position"], rows=1000)]
+    >>> sum(len(piece) for piece in pieces), f"{pieces[-1]['position'][-1] * 1e3:.2f} mm"
+    (2500, '24.99 mm')
+    """
+    check_ambient(ambient)
+    check_ambient(added)
+    given = _map(channels)
+    source = open_source(path, (*(given.dbc if given else ()), *dbc))
+    yield from source_pieces(source, given, ambient, required, rows, progress, added)
+
+
+def source_pieces(
+    source: Source,
+    given: ChannelMap | None = None,
+    ambient: float | None = None,
+    required: Sequence[str] = REQUIRED,
+    rows: int | None = BLOCK,
+    progress: Callable[[int, int], None] | None = None,
+    added: float | None = None,
+) -> Iterator[Log]:
+    """Consecutive logs of an opened file, with a channel map or without, see `read_pieces`."""
+    from clutchid.measurements.recording import pieces
+
+    added = next((float(each) for each in (ambient, added) if each is not None), AMBIENT)
+    metadata = {"source": printable(source.path.name), "ambient_Pa": repr(added)}
+    if ambient is not None:
+        metadata[VENTED_KEY] = repr(added)
+    if rows is None:
+        metadata["sha256"] = digest(source.path)
+    if given is None and not in_contract(source):
+        from clutchid.measurements.map.proposal import map_for
+
+        given = map_for(source, required)
+    done, size = 0, max((raster.size for raster in source.rasters), default=0)
+    for log in _from_disk(source.path, pieces(source, given, added, required, rows)):
+        yield replace(log, metadata={**log.metadata, **metadata})
+        done += len(log)
+        if progress is not None:
+            progress(done, size)
+
+
+def _from_disk(path: Path, logs: Iterator[Log]) -> Iterator[Log]:
+    """The logs; where the disk does not give them, an error that names the recording, not what is written meanwhile."""
+    with reading(path):
+        yield from logs
+
+
+def _map(channels: ChannelMap | str | PathLike[str] | None) -> ChannelMap | None:
+    if channels is None:
+        return None
+    from clutchid.measurements.map.channel_map import ChannelMap, read_map
+
+    return channels if isinstance(channels, ChannelMap) else read_map(channels)
+
+
+@checked
+def write(log: Log, path: str | PathLike[str]) -> None:
+    """Write `log` in SI to a ``.csv``, ``.parquet``, ``.mf4`` or ``.mat`` file; `read` returns the same values.
+
+    An existing file is replaced atomically. All formats except CSV keep the metadata; only Parquet keeps the edges of
+    duty cycles between the samples, the others warn.
+
+    Parameters
+    ----------
+    log : Log
+        Any columns.
+    path : path
+        Its suffix chooses the format.
+
+    Raises
+    ------
+    ExportError
+        If the suffix is unknown or the file cannot be written; an existing file is then unchanged.
+
+    Examples
+    --------
+    Headings carry the unit, so no reader has to guess:
+
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write(Log([0.0, 1e-3], {"position": [0.0, 5e-4]}), f"{folder}/run.csv")
+    ...     print(Path(folder, "run.csv").read_text().strip())
+    time [s],position [m]
+    0.0,0.0
+    0.001,0.0005
+    """
+    writers = _writers()
+    suffix = Path(path).suffix
+    if suffix.lower() not in writers:
+        *known, last = writers
+        what = f"the suffix '{suffix}' is not known" if suffix else "the name has no suffix"
+        raise ExportError(f"{path}: {what}; a log is written as {', '.join(known)} or {last}.")
+    if log.edges and suffix.lower() != ".parquet":
+        lost = f"{path} does not keep the edges of {' and '.join(log.edges)} between the samples; .parquet does."
+        warnings.warn(lost, stacklevel=2)
+    with atomic_write(path) as temporary:
+        writers[suffix.lower()](log, temporary)
+
+
+def _writers() -> dict[str, Callable[[Log, Path], None]]:
+    from clutchid.measurements.formats.csv import file as csv_file
+    from clutchid.measurements.formats.mat import file as mat_file
+    from clutchid.measurements.formats.mdf import file as mdf_file
+    from clutchid.measurements.formats.parquet import file as parquet_file
+
+    return {
+        ".csv": csv_file.save,
+        ".parquet": parquet_file.save,
+        ".mf4": mdf_file.save,
+        ".mat": mat_file.save,
+    }

@@ -1,0 +1,219 @@
+"""Convert the values of a file to a recording in SI, and report all problems together."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.errors import ParameterError
+from clutchid.log import INPUTS, FloatArray
+from clutchid.log.units import UNITS, to_si
+from clutchid.measurements.columns import QUANTITIES, Heading
+from clutchid.measurements.source import Places, Rows, Table
+from clutchid.measurements.time_axis import holes, usual_interval
+from clutchid.messages import SHOWN, listed, quantity
+
+#: Ambient pressure in Pa that is added to gauge pressures where none is known: the standard atmosphere, ISO 2533.
+AMBIENT = 1.013e5
+
+#: Up to this share of a column, samples that are none of their quantity are dropouts or codes for none, which
+#: `clutchid.strokes.values` leaves out; more are a wrong unit, sign or channel: percent, a gauge pressure.
+FEW = 0.01
+
+_DUTY_SLACK = 1e-9
+_ABSOLUTE = ("pressure_a", "pressure_b")
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Checked:
+    """Columns in SI by name, including `time`, with all problems and warnings of the file."""
+
+    columns: Mapping[str, FloatArray]
+    problems: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Column:
+    """One column: as written, in SI (as written if the unit is unknown), and location of its samples."""
+
+    heading: Heading
+    written: FloatArray
+    values: FloatArray
+    places: Places
+    unread: Rows
+
+    @property
+    def missing(self) -> Rows:
+        """Rows without a value, except those that a problem reports already."""
+        missing = np.isnan(self.values)
+        missing[self.unread] = False
+        return np.flatnonzero(missing)
+
+    def shown(self, row: int) -> str:
+        """The sample as written, with its unit."""
+        return quantity(self.written[row], self.heading.unit)
+
+
+def check(table: Table, ambient: float = AMBIENT) -> Checked:
+    """The columns of `table` in SI, and all problems and warnings of their samples.
+
+    Parameters
+    ----------
+    table
+        A table of a `Source`.
+    ambient : Pa
+        Absolute pressure, above 0, that is added to gauge pressures.
+    """
+    groups: dict[str, list[_Column]] = defaultdict(list)
+    for heading in table.headings:
+        if heading.name is not None and heading.index in table.numbers:
+            groups[heading.name].append(_column(heading, table, ambient))
+    problems = list(table.problems)
+    for name, columns in groups.items():
+        for column in columns:
+            problems += _problems(name, column)
+    warnings = _gaps(groups) + _hole_warning(groups.get("time", ()))
+    return Checked({name: columns[0].values for name, columns in groups.items()}, tuple(problems), tuple(warnings))
+
+
+def check_ambient(ambient: float | None) -> None:
+    """Check that `ambient` in Pa is an absolute pressure, if it is known.
+
+    Raises
+    ------
+    ParameterError
+        If it is not above 0.
+    """
+    if ambient is not None and not (math.isfinite(ambient) and ambient > 0):
+        raise ParameterError(
+            f"ambient = {ambient:g} Pa: an absolute pressure must be above 0, at sea level {AMBIENT:g}."
+        )
+
+
+def outside_duty(values: FloatArray) -> NDArray[np.bool_]:
+    """Whether each value is no duty cycle, as it is outside 0 to 1 by more than rounding."""
+    return (values < -_DUTY_SLACK) | (values > 1 + _DUTY_SLACK)
+
+
+def in_si(heading: Heading, written: FloatArray, ambient: float) -> FloatArray:
+    """The values of a column in SI; as written if the unit is unknown."""
+    if heading.si is None or heading.unit is None:
+        return written
+    with np.errstate(over="ignore", invalid="ignore"):
+        return to_si(written, heading.unit, heading.si, ambient)
+
+
+def _column(heading: Heading, table: Table, ambient: float) -> _Column:
+    written = table.numbers[heading.index]
+    unread = table.unread.get(heading.index, np.empty(0, dtype=np.int64))
+    return _Column(heading, written, in_si(heading, written, ambient), table.places, unread)
+
+
+def _problems(name: str, column: _Column) -> Iterable[str]:
+    """All problems of the values of one column."""
+    infinite = np.flatnonzero(np.isinf(column.values))
+    if infinite.size:
+        yield (
+            f"column '{column.heading.text}' is infinite in {column.places.ranges(infinite)}; "
+            "write a finite number, or leave the cell empty where the sample is missing."
+        )
+    if name == "time":
+        yield from _time(column)
+    elif name in INPUTS and column.heading.si is not None:
+        yield from _duty(column)
+    elif name in _ABSOLUTE and column.heading.si is not None:
+        yield from _pressure(column)
+
+
+def _time(column: _Column) -> Iterable[str]:
+    missing = column.missing
+    if missing.size:
+        where = column.places.ranges(missing)
+        yield f"column '{column.heading.text}' is missing in {where}; every sample needs a time."
+    rows = np.flatnonzero(np.isfinite(column.values))
+    time = column.values[rows]
+    late = np.flatnonzero(time[1:] <= time[:-1])
+    if late.size:
+        before = dict(zip(rows[late + 1][:SHOWN].tolist(), rows[late][:SHOWN].tolist(), strict=True))
+        where = column.places.each(
+            rows[late + 1], lambda row: f"has {column.shown(row)} after {column.shown(before[row])}"
+        )
+        yield f"column '{column.heading.text}' decreases or repeats: {where}; time must increase from sample to sample."
+
+
+def _duty(column: _Column) -> Iterable[str]:
+    values = column.values
+    outside = np.flatnonzero(np.isfinite(values) & outside_duty(values))
+    if outside.size <= FEW * np.isfinite(values).sum():
+        return
+    finite = values[np.isfinite(values)]
+    per_cent = column.heading.unit == "1" and finite.size and finite.min() >= 0 and 2 < finite.max() <= 100
+    if per_cent:
+        advice = f"looks like percent: write {column.heading.name} [%]."
+    else:
+        advice = (
+            f"allowed is {'0 to 100 %' if column.heading.unit == '%' else '0 to 1'}: correct the values or the unit."
+        )
+    where = column.places.each(outside, lambda row: f"has {column.shown(row)}")
+    yield f"column '{column.heading.text}' is not a duty cycle: {where}; {advice}"
+
+
+def _pressure(column: _Column) -> Iterable[str]:
+    low = np.flatnonzero(np.isfinite(column.values) & (column.values <= 0))
+    if low.size <= FEW * np.isfinite(column.values).sum():
+        return
+    unit = column.heading.unit or ""
+    gauge = UNITS[unit].gauge
+    advice = (
+        "check the unit and --ambient."
+        if gauge
+        else f"if it is gauge pressure, write {column.heading.name} [{unit}(g)]."
+    )
+    where = column.places.each(low, lambda row: f"has {column.shown(row)}")
+    yield f"column '{column.heading.text}' is not above 0 as an absolute pressure: {where}; {advice}"
+
+
+def _gaps(groups: Mapping[str, Sequence[_Column]]) -> list[str]:
+    """Warning about samples with missing inputs."""
+    columns = [column for name in INPUTS for column in groups.get(name, ())]
+    gaps = [(column, column.missing) for column in columns]
+    empty = [(column, missing) for column, missing in gaps if missing.size]
+    if not empty:
+        return []
+    anywhere = np.zeros(columns[0].values.size, dtype=bool)
+    for _, missing in empty:
+        anywhere[missing] = True
+    names = " or ".join(f"'{column.heading.text}'" for column, _ in empty)
+    known = np.flatnonzero(~anywhere)
+    at_ends = bool(known.size) and bool(anywhere[0] or anywhere[-1])
+    then = ["each gap ends a segment"] if not at_ends or bool((np.diff(known) > 1).any()) else []
+    then += ["the recording is used from its first to its last sample with all inputs"] if at_ends else []
+    where = columns[0].places.ranges(np.flatnonzero(anywhere))
+    return [f"input {names} is missing in {where}: {', and '.join(then)}."]
+
+
+def _hole_warning(columns: Sequence[_Column]) -> list[str]:
+    """Warning about holes in time."""
+    if not columns:
+        return []
+    column = columns[0]
+    rows = np.flatnonzero(np.isfinite(column.values))
+    time = column.values[rows]
+    after = holes(time)
+    if not after.size:
+        return []
+    unit = QUANTITIES["time"] if column.heading.si else column.heading.unit
+    places = column.places
+    shown = [
+        f"{quantity(time[i + 1] - time[i], unit)} between {places.word}s {places.number(a)} and {places.number(b)}"
+        for i in after[:SHOWN].tolist()
+        for a, b in [(rows[i], rows[i + 1])]
+    ]
+    usual = quantity(usual_interval(time), unit)
+    return [f"no samples for {listed(shown, total=after.size)} (usual interval {usual}): each hole ends a segment."]

@@ -1,0 +1,370 @@
+"""DBC, KCD, SYM and ARXML: the meaning of frames, read by cantools, and signals unpacked in bulk.
+
+cantools decodes one message in about 2 µs, so it reads the database only; `decode` unpacks the frames.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.errors import DataError, missing
+from clutchid.files import small_file
+from clutchid.log import FloatArray
+from clutchid.measurements.formats.can.frames import Bytes, Counts, quiet
+from clutchid.measurements.formats.can.j1939 import first_code
+from clutchid.messages import shortened
+
+if TYPE_CHECKING:
+    from cantools.database.can import Database
+    from cantools.database.can import Message as CantoolsMessage
+    from cantools.database.can import Signal as CantoolsSignal
+
+Raw = NDArray[np.uint64]
+
+#: Bits of the numbers that IEEE 754 has, and their types.
+FLOATS = {16: (np.uint16, np.float16), 32: (np.uint32, np.float32), 64: (np.uint64, np.float64)}
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """A number in the payload of a frame: ``scale * raw + offset`` of `length` bits.
+
+    `begin` is the number of its first bit: in the order of Intel its lowest, where bit 0 is the lowest bit of byte 0;
+    in the order of Motorola its highest, where bit 0 is the highest bit of byte 0. `codes` is the first raw number that
+    means an error or "not available" (None: there is none).
+    """
+
+    name: str
+    begin: int
+    length: int
+    motorola: bool = False
+    signed: bool = False
+    ieee: bool = False
+    scale: float = 1.0
+    offset: float = 0.0
+    unit: str = ""
+    comment: str = ""
+    codes: int | None = None
+
+    @property
+    def bytes(self) -> int:
+        """Number of payload bytes that a frame must have to hold it."""
+        return (self.begin + self.length - 1) // 8 + 1
+
+
+#: Selectors with the numbers that each may hold.
+Condition = tuple[tuple[Signal, frozenset[int]], ...]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SignalGroup:
+    """Signals that a message holds at the same time, when every selector holds one of its numbers."""
+
+    signals: tuple[Signal, ...]
+    selectors: Condition = ()
+
+    @property
+    def name(self) -> str:
+        """The numbers that select it: ``Mode=3``."""
+        return " ".join(f"{selector.name}={_spelled(numbers)}" for selector, numbers in self.selectors)
+
+    @property
+    def bytes(self) -> int:
+        """Number of payload bytes that its signals need."""
+        return max((signal.bytes for signal in self.signals), default=0)
+
+
+def raw_bits(signal: Signal, data: Bytes) -> Raw:
+    """The raw number of a signal in each payload (a row of `data` each), before sign, scale and offset.
+
+    Raises
+    ------
+    IndexError
+        If the payloads have fewer bytes than the signal needs.
+    """
+    end = signal.begin + signal.length
+    first, last = signal.begin // 8, signal.bytes - 1
+    if last >= data.shape[1]:
+        raise IndexError(f"signal {signal.name} needs {last + 1} bytes, and there are {data.shape[1]}.")
+    places = range(last, first - 1, -1) if signal.motorola else range(first, last + 1)  # the lowest byte first
+    below = 8 * (last + 1) - end if signal.motorola else signal.begin - 8 * first
+    raw = np.zeros(len(data), dtype=np.uint64)
+    for order, place in enumerate(places):
+        shift = 8 * order - below
+        byte = data[:, place].astype(np.uint64)
+        raw |= byte << np.uint64(shift) if shift >= 0 else byte >> np.uint64(-shift)
+    return raw & np.uint64((1 << signal.length) - 1)
+
+
+def decode(signal: Signal, data: Bytes, length: Counts) -> FloatArray:
+    """The values of a signal in its unit; NaN where the frame is too short or says that there is no value.
+
+    Parameters
+    ----------
+    signal : Signal
+        The signal, of a group that is present in all frames.
+    data : uint8, n x 8 or n x 64
+        Payloads, a row a frame.
+    length : 1
+        Number of bytes that each frame has.
+
+    Returns
+    -------
+    values : the signal's unit
+        One a frame; a number of a value table stays a number.
+
+    Examples
+    --------
+    Engine speed in bytes 4 and 5, an eighth of a revolution per minute a bit; the second frame has none:
+
+    >>> speed = Signal("EngineSpeed", 24, 16, scale=0.125, unit="rpm", codes=0xFE00)
+    >>> frames = np.array([[0, 0, 0, 0x20, 0x1C, 0, 0, 0], [0, 0, 0, 0xFF, 0xFF, 0, 0, 0]], dtype=np.uint8)
+    >>> decode(speed, frames, np.array([8, 8]))
+    array([900.,  nan])
+    """
+    if signal.bytes > data.shape[1]:
+        return np.full(len(data), np.nan)
+    raw = raw_bits(signal, data)
+    values = _numbers(signal, raw)
+    if (signal.scale, signal.offset) != (1.0, 0.0):
+        with np.errstate(over="ignore", invalid="ignore"):
+            values = values * signal.scale + signal.offset
+    missing = length < signal.bytes
+    if signal.codes is not None:
+        missing |= raw >= np.uint64(signal.codes)
+    values[missing] = np.nan
+    return values
+
+
+def _numbers(signal: Signal, raw: Raw) -> FloatArray:
+    if signal.ieee:
+        unsigned, ieee = FLOATS[signal.length]
+        with np.errstate(invalid="ignore"):
+            return np.asarray(raw.astype(unsigned).view(ieee).astype(np.float64))
+    if signal.signed:
+        spare = 64 - signal.length
+        return ((raw << np.uint64(spare)).view(np.int64) >> np.int64(spare)).astype(np.float64)
+    return raw.astype(np.float64)
+
+
+def present(group: SignalGroup, data: Bytes, length: Counts) -> NDArray[np.bool_]:
+    """Whether each frame has a signal group: all of its selectors are in the frame and hold one of their numbers."""
+    there = np.ones(len(data), dtype=np.bool_)
+    for selector, numbers in group.selectors:
+        if selector.bytes > data.shape[1]:
+            return np.zeros(len(data), dtype=np.bool_)
+        wanted = np.array([n & (1 << selector.length) - 1 for n in numbers], dtype=np.uint64)
+        there &= np.isin(raw_bits(selector, data), wanted) & (length >= selector.bytes)
+    return there
+
+
+def _spelled(numbers: frozenset[int]) -> str:
+    """Numbers as ranges: ``0-3,7``."""
+    starts = sorted(n for n in numbers if n - 1 not in numbers)
+    ends = sorted(n for n in numbers if n + 1 not in numbers)
+    return ",".join(f"{a}" if a == b else f"{a}-{b}" for a, b in zip(starts, ends, strict=True))
+
+
+_LARGEST_FILE = 1 << 26
+_MOST_SELECTORS = 1 << 16
+_PROTOCOLS = ("J1939", "NMEA2000", "ISO11783")
+
+#: A statement behind the text: cantools says nothing where a text ends in the middle of another one.
+_END = '\nCM_ "end";\n'
+
+#: The element that an ARXML or a KCD file begins with.
+_ROOT = re.compile(r"<(AUTOSAR|NetworkDefinition)\b")
+
+#: The first statement of a SYM file, and where it stands at the latest.
+_SYM, _HEAD = re.compile(r"^FormatVersion=", re.MULTILINE), 4096
+
+#: A start bit beyond this lies in no message; J1939 sends at most 1785 bytes in pieces.
+_LAST_BIT = 1 << 14
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Message:
+    """A message of a database: its frames, and the signal groups in them; one where nothing is multiplexed."""
+
+    name: str
+    identifier: int
+    extended: bool
+    length: int
+    j1939: bool
+    groups: tuple[SignalGroup, ...]
+    comment: str = ""
+    undecodable: tuple[str, ...] = ()
+
+
+def read_dbc(path: Path) -> tuple[Message, ...]:
+    """The messages of a DBC, KCD, SYM or ARXML file.
+
+    Raises
+    ------
+    MissingExtra
+        If cantools is not installed.
+    DataError
+        If it cannot be read or is none; the text names the file, and for a DBC the line.
+    """
+    content = small_file(path, "DBC file", _LARGEST_FILE)
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = content.decode("cp1252", errors="replace")
+    return messages_in(text, str(path))
+
+
+def messages_in(text: str, source: str = "DBC") -> tuple[Message, ...]:
+    """The messages of the text of a database that is called `source` in errors; its content tells its format.
+
+    Raises
+    ------
+    MissingExtra
+        If cantools is not installed.
+    DataError
+        If it cannot be read; the text names the line of a DBC.
+    """
+    try:
+        from cantools.database import load_string
+    except ImportError as error:
+        raise missing("reading a DBC", "cantools", "can") from error
+    kind = _kind(text)
+    if problem := _too_many_selectors(text) if kind == "DBC" else _entities(text):
+        raise DataError(f"{source}: {problem}")
+    try:
+        with quiet("cantools.database.can.database"):
+            database: Any = load_string(text + _END if kind == "DBC" else text, kind.lower(), strict=False)
+    except (Exception, RecursionError) as error:
+        raise DataError(f"{source}: {_refusal(str(error) or type(error).__name__, text, kind)}") from error
+    if not database.messages:
+        raise DataError(f"{source}: holds no messages; name the DBC of the bus.")
+    named = _protocol(database)
+    return tuple(_message(message, named) for message in database.messages)
+
+
+def _kind(text: str) -> str:
+    """The format of a database; DBC where it looks like none of the others."""
+    if _SYM.search(text[:_HEAD]):
+        return "SYM"
+    root = _ROOT.search(text) if text.lstrip().startswith("<") else None
+    return {"AUTOSAR": "ARXML", "NetworkDefinition": "KCD"}[root[1]] if root else "DBC"
+
+
+def _entities(text: str) -> str:
+    """Problem of an XML text that declares entities, which could unfold to gigabytes."""
+    return "declares XML entities, which no bus database needs; export it again." if "<!ENTITY" in text else ""
+
+
+def _refusal(reason: str, text: str, kind: str) -> str:
+    match = re.search(r"line (\d+), column (\d+)", reason) if kind == "DBC" else None
+    if match is None:
+        return f"cannot be read as {kind} ({shortened(reason, 120)}); mend it, or export the {kind} again."
+    lines = len(text.rstrip().splitlines())
+    if int(match[1]) > lines:
+        return f"is cut off behind line {lines}; export the DBC again."
+    return f"line {match[1]}, column {match[2]} cannot be read as DBC; mend it, or export the DBC again."
+
+
+def _too_many_selectors(text: str) -> str:
+    """Problem of ranges of multiplexing with more numbers than can be listed, as cantools does."""
+    total = 0
+    for statement in re.finditer(r"^[ \t]*SG_MUL_VAL_\s[^;]*;", text, re.MULTILINE):
+        for first, last in re.findall(r"\b(\d{1,20})\s*-\s*(\d{1,20})\b", statement[0]):
+            total += max(0, int(last) - int(first))
+            if total > _MOST_SELECTORS:
+                line = text.count("\n", 0, statement.start()) + 1
+                return f"line {line}: more than {_MOST_SELECTORS:,} multiplexer numbers are named; narrow their ranges."
+    return ""
+
+
+def _protocol(database: Database) -> bool:
+    """Whether the DBC as a whole is said to be J1939, or built on it."""
+    specifics = database.dbc
+    if specifics is None:
+        return False
+    attribute = specifics.attributes.get("ProtocolType")
+    definition = specifics.attribute_definitions.get("ProtocolType")
+    value = attribute.value if attribute is not None else getattr(definition, "default_value", None)
+    return str(value).upper().replace(" ", "") in _PROTOCOLS
+
+
+def _message(message: CantoolsMessage, named: bool) -> Message:
+    own = message.dbc.attributes if message.dbc is not None else {}
+    by_protocol = named and message.is_extended_frame and "VFrameFormat" not in own
+    j1939 = message.protocol == "j1939" or by_protocol
+    by_name = {signal.name: signal for signal in message.signals}
+    usable = [s for s in message.signals if all(_usable(each) for each in (s, *_above(s, by_name)))]
+    return Message(
+        message.name,
+        message.frame_id & 0x1FFFFFFF,
+        bool(message.is_extended_frame),
+        int(message.length),
+        j1939,
+        _groups(usable, j1939),
+        message.comment or "",
+        tuple(signal.name for signal in message.signals if signal not in usable),
+    )
+
+
+def _usable(signal: CantoolsSignal) -> bool:
+    sizes = FLOATS if signal.is_float else range(1, 65)
+    return signal.length in sizes and 0 <= signal.start < _LAST_BIT
+
+
+def _groups(signals: Sequence[CantoolsSignal], j1939: bool) -> tuple[SignalGroup, ...]:
+    """The signal groups of a message: those under the same selectors."""
+    by_name = {signal.name: signal for signal in signals}
+    groups: dict[Condition, list[Signal]] = {}
+    for signal in signals:
+        groups.setdefault(_condition(signal, by_name), []).append(_signal(signal, j1939))
+    return tuple(SignalGroup(tuple(held), condition) for condition, held in groups.items())
+
+
+def _above(signal: CantoolsSignal, by_name: dict[str, CantoolsSignal]) -> list[CantoolsSignal]:
+    """The selectors that a signal stands under, the innermost first."""
+    found = [signal]
+    while (above := by_name.get(found[-1].multiplexer_signal or "")) is not None and above not in found:
+        found.append(above)
+    return found[1:]
+
+
+def _condition(signal: CantoolsSignal, by_name: dict[str, CantoolsSignal]) -> Condition:
+    """The selectors that a signal stands under with their numbers, the outermost first."""
+    above = _above(signal, by_name)
+    below = [signal, *above]
+    pairs = [
+        (_signal(up, False), frozenset(down.multiplexer_ids or ())) for down, up in zip(below, above, strict=False)
+    ]
+    return tuple(reversed(pairs))
+
+
+def _signal(signal: CantoolsSignal, j1939: bool) -> Signal:
+    motorola = signal.byte_order == "big_endian"
+    coded = j1939 and not (signal.is_signed or signal.is_float or signal.is_multiplexer)
+    return Signal(
+        signal.name,
+        8 * (signal.start // 8) + 7 - signal.start % 8 if motorola else signal.start,
+        signal.length,
+        motorola,
+        bool(signal.is_signed) and not signal.is_float,
+        bool(signal.is_float),
+        _as_float(signal.scale),
+        _as_float(signal.offset),
+        signal.unit or "",
+        signal.comment or "",
+        first_code(signal.length) if coded else None,
+    )
+
+
+def _as_float(number: float) -> float:
+    try:
+        return float(number)
+    except OverflowError:
+        return float("inf") if number > 0 else float("-inf")

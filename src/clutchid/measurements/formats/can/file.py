@@ -1,0 +1,326 @@
+"""CAN logs: BLF, ASC, TRC and MF4 bus logging, decoded with DBC files; a time grid for each message.
+
+The frames are read once when a log is opened, to find the messages in it. Those that a DBC decodes are kept as long as
+they take no more than `KEPT` bytes; else the file is read again for each time grid.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import timedelta
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from clutchid.errors import DataError
+from clutchid.log import FloatArray
+from clutchid.measurements.formats.can.dbc import Message, read_dbc
+from clutchid.measurements.formats.can.frames import Bytes, FrameLog, Frames, Rows, payloads
+from clutchid.measurements.formats.can.streams import (
+    FRAGMENT,
+    UNKNOWN,
+    FrameStream,
+    MessageCatalogue,
+    by_stream,
+    catalogue,
+    in_order,
+    keys,
+    parts_of,
+    rasters_of,
+    values_of,
+)
+from clutchid.measurements.formats.kinds import head_of, kind_of
+from clutchid.measurements.source import Places, Raster, Source, Table, refused
+from clutchid.messages import listed
+
+#: Bytes of frames that are kept in memory between the passes over a log: about 15 million classic frames.
+KEPT = 1 << 28
+
+_MOST_UNKNOWN = 1 << 16
+
+
+def frame_log(path: Path, kind: str = "") -> FrameLog:
+    """The raw frames of a CAN log of the format `kind`, see `kind_of`; detected from the content where it is not given.
+
+    Raises
+    ------
+    MissingExtra
+        If the library that reads the format is not installed.
+    DataError
+        If it is no CAN log, or cannot be read.
+    OSError
+        If the file cannot be read.
+    """
+    from clutchid.measurements.formats.can import logs, mf4
+
+    readers = {"blf": logs.blf_log, "asc": logs.asc_log, "trc": logs.trc_log, "mdf": mf4.frame_log}
+    reader = readers.get(kind or kind_of(head_of(path)))
+    log = reader(path) if reader else None
+    if log is None:
+        raise DataError("is no CAN log; BLF, ASC, TRC and MF4 bus logging are read.")
+    return log
+
+
+def open_file(path: Path, dbc: Sequence[Path] = (), kind: str = "", log: FrameLog | None = None) -> Source:
+    """A CAN log, decoded: a time grid for each message in it, with time stamps in s from the first frame of the file.
+
+    Signals under a multiplexer become time grids of their own, one for each group. A message that comes on several
+    buses, or from or to several addresses (J1939), becomes several time grids. What is left out is counted in
+    ``Source.warnings``.
+
+    Parameters
+    ----------
+    path : Path
+        The log: BLF, ASC, TRC, or MF4 bus logging.
+    dbc : sequence of Path
+        The DBC files that decode the frames; of two that define the same frame the first counts.
+    kind : str
+        The format, if it is known already.
+    log : FrameLog
+        The frames, if the file is open already.
+
+    Returns
+    -------
+    source : Source
+        Without time grids, and with a problem that gives the reason, if no DBC decodes any frame.
+
+    Raises
+    ------
+    MissingExtra
+        If the library that reads the log or the DBC is not installed.
+    DataError
+        If a DBC file cannot be read as such.
+    OSError
+        If a file cannot be read.
+    """
+    messages = tuple(message for file in dbc for message in read_dbc(file))
+    try:
+        log = log or frame_log(path, kind)
+    except DataError as error:
+        return refused(path, "CAN log", str(error))
+    known = catalogue(messages)
+    scanned = _scan(log, known)
+    metadata = _metadata(log, scanned.origin, dbc)
+    if problem := _decoding_problem(scanned, dbc):
+        return replace(refused(path, log.format, problem, *log.warnings), metadata=metadata)
+    streams = in_order(scanned.sizes, messages)
+    rasters = rasters_of(streams, scanned.sizes)
+    tables = partial(_tables, log, known, scanned, streams, rasters)
+    warnings = (*log.warnings, *_scan_warnings(scanned, streams))
+    return Source(path, log.format, rasters, tables, (), warnings, metadata)
+
+
+def _metadata(log: FrameLog, origin: float, dbc: Sequence[Path]) -> dict[str, str]:
+    found = {"dbc": ", ".join(file.name for file in dbc)} if dbc else {}
+    try:
+        start = log.start + timedelta(seconds=origin) if log.start else None
+    except OverflowError:
+        start = None
+    return {"start": start.isoformat(), **found} if start else found
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class StreamFrames:
+    """Consecutive frames of one stream: stamps as in the log, payload bytes, and number of these in each frame."""
+
+    stamp: FloatArray
+    data: Bytes
+    length: Bytes
+
+    def __len__(self) -> int:
+        """Number of frames."""
+        return int(self.stamp.size)
+
+    def part(self, rows: slice) -> StreamFrames:
+        """Some of the frames."""
+        return StreamFrames(self.stamp[rows], self.data[rows], self.length[rows])
+
+
+@dataclass(slots=True)
+class ScannedLog:
+    """Contents of a log, counted in the first pass; `kept` is None if the frames are too many to keep."""
+
+    origin: float = 0.0
+    frames: int = 0
+    sizes: Counter[FrameStream] = field(default_factory=Counter)
+    short: Counter[str] = field(default_factory=Counter)
+    unknown: Counter[int] = field(default_factory=Counter)
+    left_out: Counter[str] = field(default_factory=Counter)
+    fragments: int = 0
+    damage: str = ""
+    kept: dict[FrameStream, list[StreamFrames]] | None = field(default_factory=dict)
+    bytes: int = 0
+
+
+def _scan(log: FrameLog, known: MessageCatalogue) -> ScannedLog:
+    """Contents of a log, by the messages that are `known`.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read; what is wrong inside it is in ``ScannedLog.damage``.
+    """
+    scanned = ScannedLog()
+    for frames in _stamped(log, scanned):
+        if scanned.frames == 0 and len(frames):
+            scanned.origin = float(frames.stamp[0])
+        scanned.frames += len(frames)
+        for stream, rows in by_stream(frames, known):
+            if stream == UNKNOWN:
+                _count_unknown(scanned, frames.take(rows))
+            elif stream == FRAGMENT:
+                scanned.fragments += rows.size
+            elif isinstance(stream, FrameStream):
+                _count(scanned, stream, _frames_of(stream, frames, rows))
+    return scanned
+
+
+def _stamped(log: FrameLog, scanned: ScannedLog) -> Iterator[Frames]:
+    """The blocks of a log up to where it is damaged, without frames whose stamp is no number; both are noted."""
+    try:
+        for frames in log.blocks():
+            stamped = np.isfinite(frames.stamp)
+            scanned.left_out.update(frames.left_out)
+            scanned.left_out.update({"frame without a stamp": int(stamped.size - stamped.sum())})
+            yield frames if stamped.all() else frames.take(stamped)
+    except DataError as error:
+        scanned.damage = str(error)
+
+
+def _count_unknown(scanned: ScannedLog, frames: Frames) -> None:
+    found, counts = np.unique(keys(frames), return_counts=True)
+    scanned.unknown.update(dict(zip(found.tolist(), counts.tolist(), strict=True)))
+    if len(scanned.unknown) > _MOST_UNKNOWN:  # noise: a damaged file can hold any number of them
+        scanned.unknown = Counter(dict(scanned.unknown.most_common(_MOST_UNKNOWN // 2)))
+
+
+def _count(scanned: ScannedLog, stream: FrameStream, frames: StreamFrames) -> None:
+    scanned.sizes[stream] += len(frames)
+    group = stream.group.name
+    name = f"{stream.message.name} ({group})" if group else stream.message.name
+    scanned.short[name] += int(np.sum(frames.length < min(stream.group.bytes, 255)))
+    if scanned.kept is not None:
+        scanned.bytes += frames.stamp.nbytes + frames.data.nbytes + frames.length.nbytes
+        scanned.kept.setdefault(stream, []).append(frames)
+        if scanned.bytes > KEPT:
+            scanned.kept = None
+
+
+def _frames_of(stream: FrameStream, frames: Frames, rows: Rows) -> StreamFrames:
+    data = frames.data[rows, : stream.group.bytes]
+    return StreamFrames(frames.stamp[rows], data, frames.length[rows].astype(np.uint8))
+
+
+def _tables(
+    log: FrameLog,
+    known: MessageCatalogue,
+    scanned: ScannedLog,
+    streams: Sequence[FrameStream],
+    rasters: Sequence[Raster],
+    raster: int,
+    columns: Sequence[int],
+    rows: int | None = None,
+) -> Iterator[Table]:
+    """Tables of one time grid, see `Tables`: from the frames that are kept, or else from the file."""
+    stream, headings = streams[raster], rasters[raster].headings
+    kept = iter(scanned.kept[stream]) if scanned.kept is not None else _read_again(log, known, stream)
+    first = 1
+    for frames in _in_rows(kept, rows):
+        numbers = values_of(stream, columns, frames.stamp - scanned.origin, frames.data, frames.length)
+        yield Table(headings, numbers, len(frames), Places("frame", first))
+        first += len(frames)
+
+
+def _read_again(log: FrameLog, known: MessageCatalogue, stream: FrameStream) -> Iterator[StreamFrames]:
+    """The frames of one stream, from the file."""
+    for frames in _stamped(log, ScannedLog()):
+        for other, rows in by_stream(frames, known):
+            if other == stream:
+                yield _frames_of(stream, frames, rows)
+
+
+def _in_rows(parts: Iterator[StreamFrames], rows: int | None) -> Iterator[StreamFrames]:
+    """The same frames in parts of exactly `rows`, but for the last; in one where `rows` is None."""
+    waiting: list[StreamFrames] = []
+    for part in parts:
+        waiting.append(part)
+        while rows is not None and sum(map(len, waiting)) >= rows:
+            joined = _joined(waiting)
+            yield joined.part(slice(rows))
+            waiting = [joined.part(slice(rows, None))]
+    if any(map(len, waiting)):
+        yield _joined(waiting)
+
+
+def _joined(parts: Sequence[StreamFrames]) -> StreamFrames:
+    stamps, lengths = [part.stamp for part in parts], [part.length for part in parts]
+    return StreamFrames(np.concatenate(stamps), payloads([part.data for part in parts]), np.concatenate(lengths))
+
+
+def _decoding_problem(scanned: ScannedLog, dbc: Sequence[Path]) -> str:
+    """Reason why a log cannot be decoded, in one sentence; empty where it can."""
+    if scanned.frames == 0:
+        return (
+            f"{scanned.damage}; copy it again."
+            if scanned.damage
+            else "holds no data frames of a CAN bus; record it again."
+        )
+    if scanned.sizes:
+        return ""
+    frames = f"{scanned.frames:,}"
+    if not dbc:
+        return f"holds raw frames ({frames}) of {_identifiers(scanned)}; give the DBC with --dbc FILE."
+    names = ", ".join(file.name for file in dbc)
+    count = scanned.fragments
+    fragments = f", and {count:,} are pieces of longer messages, which are not put together" if count else ""
+    common = f" (the commonest: {_commonest(scanned.unknown)}{fragments})" if scanned.unknown else ""
+    return f"none of its {frames} frames{common} holds a signal of {names}; give the DBC of this bus with --dbc FILE."
+
+
+def _scan_warnings(scanned: ScannedLog, streams: Sequence[FrameStream]) -> list[str]:
+    """Sentences about what was left out of a log."""
+    found = [f"{scanned.damage}; the {scanned.frames:,} frames before it are used."] if scanned.damage else []
+    found += [f"{_counted(count, what)} left out." for what, count in scanned.left_out.items() if count]
+    if scanned.fragments:
+        found.append(
+            f"{_counted(scanned.fragments, 'frame')} left out: pieces of longer messages (J1939 transport protocol, "
+            "NMEA 2000 fast packets)."
+        )
+    if scanned.unknown:
+        found.append(
+            f"{_counted(sum(scanned.unknown.values()), 'frame')} left out, of {_identifiers(scanned)} that no DBC "
+            f"knows; the commonest: {_commonest(scanned.unknown)}."
+        )
+    if short := [f"{count:,} of {name}" for name, count in scanned.short.items() if count]:
+        found.append(
+            f"some frames are shorter than the DBC says ({listed(short)}): the signals that they lack are missing."
+        )
+    messages: set[Message] = {stream.message for stream in streams}
+    if lacking := sorted(f"{name} of {message.name}" for message in messages for name in message.undecodable):
+        found.append(f"what is no number of at most 64 bits is left out: {listed(lacking)}.")
+    return found
+
+
+def _counted(count: int, what: str) -> str:
+    head, _, tail = what.partition(" without ")
+    plural = f"{head}s without {tail}" if tail else f"{what}s"
+    return f"1 {what} is" if count == 1 else f"{count:,} {plural} are"
+
+
+def _identifiers(scanned: ScannedLog) -> str:
+    count = len({parts_of(key)[:2] for key in scanned.unknown})
+    return f"{count:,} identifier" + ("" if count == 1 else "s")
+
+
+def _commonest(unknown: Mapping[int, int]) -> str:
+    """The commonest identifiers with their counts, over all buses."""
+    counts: Counter[tuple[int, bool]] = Counter()
+    for key, count in unknown.items():
+        counts[parts_of(key)[:2]] += count
+    return listed(
+        f"0x{i:08X} ({count:,})" if extended else f"0x{i:03X} ({count:,})"
+        for (i, extended), count in counts.most_common()
+    )

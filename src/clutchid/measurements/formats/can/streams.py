@@ -1,0 +1,177 @@
+"""Frames sorted by the message that they carry, the bus and the address that they come from; time grids of these."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.log import FloatArray
+from clutchid.measurements.columns import Heading, channel
+from clutchid.measurements.formats.can.dbc import Message, Signal, SignalGroup, decode, present
+from clutchid.measurements.formats.can.frames import CLASSIC, Bytes, Frames, Rows
+from clutchid.measurements.formats.can.j1939 import ANYBODY, EVERYBODY, TRANSPORT, addresses, group_number, parameter_at
+from clutchid.measurements.source import Raster
+from clutchid.messages import shortened
+
+#: Owners of frames that belong to no stream: unknown messages, fragments of longer ones.
+UNKNOWN, FRAGMENT = "unknown", "fragment"
+
+#: Places of the bits of a key above the identifier.
+_EXTENDED, _BUS = 29, 30
+
+_LONGEST_NAME = 100
+
+#: A message, or one of `UNKNOWN` and `FRAGMENT`; bus, sender, receiver.
+_Owner = tuple[Message | str, int, int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class MessageCatalogue:
+    """The messages of all DBC files, by identifier, and by group number where they are J1939; the first one counts."""
+
+    exact: Mapping[tuple[int, bool], Message]
+    groups: Mapping[int, Sequence[Message]]
+
+    def find(self, identifier: int, extended: bool) -> Message | None:
+        """The message that a frame carries: of several of one group the one from its sender, else the first."""
+        if (message := self.exact.get((identifier, extended))) is not None or not extended:
+            return message
+        candidates = self.groups.get(group_number(identifier), ())
+        own = addresses(identifier)
+        return min(candidates, key=lambda each: _distance(addresses(each.identifier), own), default=None)
+
+
+@dataclass(frozen=True, slots=True)
+class FrameStream:
+    """Frames of one time grid: a signal group of a message, on one bus, from one sender to one receiver (J1939)."""
+
+    message: Message
+    group: SignalGroup
+    bus: int
+    sender: int = ANYBODY
+    receiver: int = EVERYBODY
+
+
+def _distance(written: tuple[int, int], own: tuple[int, int]) -> int:
+    """Mismatch of the addresses that a DBC writes with those of a frame."""
+    if written[0] == own[0]:
+        return 0 if written[1] == own[1] else 1
+    return 2 if written[0] == ANYBODY else 3
+
+
+def catalogue(messages: Sequence[Message]) -> MessageCatalogue:
+    """Messages by identifier and by group number."""
+    exact: dict[tuple[int, bool], Message] = {}
+    groups: dict[int, list[Message]] = defaultdict(list)
+    for message in messages:
+        exact.setdefault((message.identifier, message.extended), message)
+        if message.j1939 and message.extended:
+            groups[group_number(message.identifier)].append(message)
+    return MessageCatalogue(exact, groups)
+
+
+def in_order(streams: Iterable[FrameStream], messages: Sequence[Message]) -> list[FrameStream]:
+    """The streams by their messages in the order of the DBC files, then by bus and addresses."""
+    order = {message: number for number, message in enumerate(messages)}
+
+    def place(one: FrameStream) -> tuple[int, ...]:
+        return order[one.message], one.bus, one.sender, one.receiver, one.message.groups.index(one.group)
+
+    return sorted(streams, key=place)
+
+
+def rasters_of(streams: Sequence[FrameStream], sizes: Mapping[FrameStream, int]) -> tuple[Raster, ...]:
+    """Time grids of the streams: the stamps, then the signals; named by the message and what distinguishes it."""
+    same: dict[str, list[FrameStream]] = defaultdict(list)
+    for stream in streams:
+        same[stream.message.name].append(stream)
+    return tuple(
+        Raster(_channels(stream), sizes.get(stream, 0), _name(stream, same[stream.message.name]), clock=0)
+        for stream in streams
+    )
+
+
+def _channels(stream: FrameStream) -> tuple[Heading, ...]:
+    signals = enumerate(stream.group.signals, 1)
+    named = (channel(i, one.name, one.unit, _comment(stream.message, one)) for i, one in signals)
+    return (channel(0, "time", "s"), *named)
+
+
+def _comment(message: Message, signal: Signal) -> str:
+    """The comment of the database on a signal, behind its parameter of the standard where it is one."""
+    if not message.extended or signal.signed or signal.ieee:
+        return signal.comment
+    group = group_number(message.identifier)
+    found = parameter_at(group, signal.begin, signal.length, signal.scale, signal.offset)
+    aligned = not signal.motorola or signal.length == 8  # a byte has the same place in both orders
+    return "; ".join(filter(None, (found.comment, signal.comment))) if found and aligned else signal.comment
+
+
+def _name(stream: FrameStream, same: Sequence[FrameStream]) -> str:
+    differ = {
+        f"0x{stream.message.identifier:X}": len({other.message for other in same}) > 1,
+        f"CAN{stream.bus}": len({other.bus for other in same}) > 1,
+        f"from 0x{stream.sender:02X}": len({other.sender for other in same}) > 1,
+        f"to 0x{stream.receiver:02X}": len({other.receiver for other in same}) > 1 and stream.receiver != EVERYBODY,
+        stream.group.name: bool(stream.group.selectors),
+    }
+    marks = ", ".join(mark for mark, needed in differ.items() if needed)
+    return shortened(f"{stream.message.name} ({marks})" if marks else stream.message.name, _LONGEST_NAME)
+
+
+def values_of(
+    stream: FrameStream, columns: Iterable[int], stamp: FloatArray, data: Bytes, length: NDArray[np.integer]
+) -> dict[int, FloatArray]:
+    """Values of some channels of a time grid of `rasters_of` by index, from the stamps and payloads of its frames."""
+    whole = length.astype(np.int64)
+    return {column: decode(stream.group.signals[column - 1], data, whole) if column else stamp for column in columns}
+
+
+def keys(frames: Frames) -> Rows:
+    """One number a frame for its identifier, the kind of it, and its bus."""
+    return frames.identifier | (frames.extended.astype(np.int64) << _EXTENDED) | (frames.bus << _BUS)
+
+
+def parts_of(key: int) -> tuple[int, bool, int]:
+    """Identifier, whether it is extended, and bus of a key."""
+    return key & ((1 << _EXTENDED) - 1), bool(key >> _EXTENDED & 1), key >> _BUS
+
+
+def by_stream(frames: Frames, messages: MessageCatalogue) -> Iterator[tuple[FrameStream | str, Rows]]:
+    """The streams that occur in a block with the rows of their frames, and the rows that belong to none.
+
+    Rows stand in the order of the block. Those without a stream come as `UNKNOWN`, and as `FRAGMENT` what is part of a
+    longer message: transport protocol, fast packets.
+    """
+    found, places = np.unique(keys(frames), return_inverse=True)
+    owners: dict[_Owner, int] = {}
+    numbers = [owners.setdefault(_owner(messages, *parts_of(key)), len(owners)) for key in found.tolist()]
+    owner = np.array(numbers, dtype=np.int64)[places]
+    order = np.argsort(owner, kind="stable")
+    edges = np.searchsorted(owner[order], np.arange(len(owners) + 1))
+    for (message, bus, sender, receiver), number in owners.items():
+        rows = order[edges[number] : edges[number + 1]]
+        if isinstance(message, str):
+            yield message, rows
+            continue
+        if message.j1939 and message.length > CLASSIC:
+            partial = frames.length[rows] < message.length
+            yield FRAGMENT, rows[partial]
+            rows = rows[~partial]
+        for group in message.groups:
+            held = rows[present(group, frames.data[rows], frames.length[rows])] if group.selectors else rows
+            if held.size:
+                yield FrameStream(message, group, bus, sender, receiver), held
+
+
+def _owner(messages: MessageCatalogue, identifier: int, extended: bool, bus: int) -> _Owner:
+    if extended and messages.groups and group_number(identifier) in TRANSPORT:
+        return FRAGMENT, 0, 0, 0
+    message = messages.find(identifier, extended)
+    if message is None:
+        return UNKNOWN, 0, 0, 0
+    return (message, bus, *(addresses(identifier) if message.j1939 else (ANYBODY, EVERYBODY)))

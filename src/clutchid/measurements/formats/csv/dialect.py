@@ -1,0 +1,301 @@
+"""Dialect of a CSV file, detected from its first lines: separator, header, units, decimal mark, column types."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from clutchid.measurements.columns import Heading, distinct, headings
+from clutchid.measurements.formats.csv.cells import (
+    CellForm,
+    decimal_mark,
+    form,
+    missing,
+    nanoseconds,
+    numberlike,
+    written,
+)
+from clutchid.measurements.formats.csv.lines import (
+    heading,
+    is_comment,
+    records,
+    split,
+    split_header,
+    uncommented,
+    units_in,
+)
+from clutchid.messages import shortened
+
+SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "blanks"}
+
+#: Number of lines that are examined, and number of samples that determine the type of a column.
+_EXAMINED = 1000
+_TYPED = 100
+_ABOVE = 12
+_BETWEEN = 3
+_KEPT = 50
+
+#: Name of an empty column that LabVIEW adds after the last one.
+_REMARK = "Comment"
+
+Filled = Sequence[tuple[int, str]]
+
+
+@dataclass(frozen=True, slots=True)
+class Dialect:
+    """Notation of a CSV file.
+
+    `separator` is a blank for runs of blanks; `decimal` is empty if it is ambiguous. `header`, `units`, `samples` are
+    the lines of the names, of the units (0: there is none) and of the first sample. `clock` is the time column, `start`
+    the first time stamp if it contains dates or times; `about` is metadata above the header.
+    """
+
+    separator: str
+    decimal: str
+    headings: tuple[Heading, ...]
+    forms: tuple[CellForm, ...]
+    header: int
+    units: int
+    samples: int
+    clock: int | None = None
+    start: str = ""
+    about: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def text(self) -> str:
+        """The dialect in words."""
+        names = f"names on line {self.header}" if self.header else "no names"
+        units = f", units on line {self.units}" if self.units else ""
+        mark = {".": "decimal point", ",": "decimal comma", "": "whole numbers"}[self.decimal]
+        return f"{SEPARATORS[self.separator]}, {mark}, {names}{units}, samples from line {self.samples}"
+
+    def with_decimal(self, mark: str) -> Dialect:
+        """A copy with another decimal mark."""
+        return replace(self, decimal=mark, forms=tuple(replace(form, decimal=mark) for form in self.forms))
+
+
+@dataclass(frozen=True, slots=True)
+class _Structure:
+    """Indices of header, units and first sample among the non-blank lines (-1: none), and score of the separator."""
+
+    separator: str
+    names: tuple[str, ...]
+    header: int
+    units: int
+    samples: int
+    score: tuple[bool, float, int] = (True, 1.0, 1)
+
+
+def dialect(lines: Sequence[str]) -> Dialect | None:
+    """Dialect of a file from its first lines; None if there are only blank lines and comments.
+
+    Examples
+    --------
+    >>> found = dialect(["Rig;7", "Zeit;Weg", "s;mm", "0;0,25"])
+    >>> found.text, found.headings[1].text, found.headings[1].unit
+    ('semicolon, decimal comma, names on line 2, units on line 3, samples from line 4', 'Weg', 'mm')
+    """
+    filled = [(number, line) for number, line in records(lines) if line.strip()][:_EXAMINED]
+    first = next((at for at, (_, line) in enumerate(filled) if not is_comment(line, ";")), None)
+    if first is None:
+        return None
+    structure = _by_contract(filled, first) or _by_numbers(filled) or _by_count(filled, first)
+    return _dialect(filled, structure)
+
+
+def _by_contract(filled: Filled, first: int) -> _Structure | None:
+    """Structure if the first line that is not a comment has standard names, and therefore is the header."""
+    line = filled[first][1]
+    best: tuple[tuple[int, int], str, list[str]] = ((0, 0), "", [])
+    for separator in SEPARATORS:
+        cells = split_header(line, separator, line.count("[")) if separator == " " else split(line, separator)
+        known = [found for found in headings(cells) if found.name is not None]
+        with_unit = sum(found.si is not None for found in known)
+        if (len(known), with_unit) > best[0] and (len(known) > 1 or with_unit):
+            best = ((len(known), with_unit), separator, cells)
+    if not best[1]:
+        return None
+    below = filled[first + 1] if first + 1 < len(filled) else (0, "")
+    units = first + 1 if below[0] and units_in(split(below[1], best[1])) else -1
+    rows = [split(line, best[1]) for _, line in filled[: first + _TYPED]]
+    samples = max(first, units) + 1
+    while 0 <= units < samples < min(len(rows) - 1, units + _BETWEEN) and _is_words(rows[samples]):
+        samples += 1
+    return _Structure(best[1], tuple(_padded(best[2], rows[samples:])), first, units, samples)
+
+
+def _is_words(row: Sequence[str]) -> bool:
+    """Whether a line contains words, but no sample."""
+    words = any(character.isalpha() for cell in row if not missing(cell) for character in cell)
+    return words and not any(map(numberlike, row))
+
+
+def _padded(names: list[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """Adjust `names` for a separator at the end of every line, or at the end of the header only."""
+    longer = [row for row in rows if len(row) == len(names) + 1 and not row[-1].strip()]
+    if len(longer) > 0.9 * len(rows):
+        return [*names, ""]
+    shorter = [row for row in rows if len(row) == len(names) - 1]
+    return names[:-1] if not names[-1].strip() and len(shorter) > 0.9 * len(rows) else names
+
+
+def _by_numbers(filled: Filled) -> _Structure | None:
+    """Structure from the numbers: the header is the last text above them with as many cells."""
+    found = []
+    for separator in SEPARATORS:
+        rows = [split(line, separator) for _, line in filled]
+        tails = [rows[-max(1, len(rows) // part) :][-_TYPED:] for part in (4, 2, 1)]
+        found += [structure for tail in tails if (structure := _with_separator(filled, separator, rows, tail))]
+    return max(found, key=lambda structure: structure.score, default=None)
+
+
+def _with_separator(
+    filled: Filled, separator: str, rows: Sequence[list[str]], tail: Sequence[list[str]]
+) -> _Structure | None:
+    """Structure for this separator, if these are the last lines of the table."""
+    width = Counter(map(len, tail)).most_common(1)[0][0]
+    table = [row for row in tail if len(row) == width]
+    columns = [column for column in range(width) if _is_numeric([row[column] for row in table])]
+    if not columns:
+        return None
+
+    def sampled(row: Sequence[str]) -> bool:
+        cells = [row[column] for column in columns] if len(row) == width else []
+        given = [cell for cell in cells if not missing(cell)]
+        starts = bool(cells) and (numberlike(cells[0]) or missing(cells[0]))
+        return starts and 2 * sum(map(numberlike, given)) > len(given)
+
+    samples = next((at for at, row in enumerate(rows) if sampled(row)), -1)
+    if samples < 0:
+        return None
+    while samples and len(rows[samples - 1]) == width and all(map(missing, rows[samples - 1])):
+        samples -= 1
+    above = _names_above(filled, separator, samples, width - all(not row[-1].strip() for row in table), width)
+    cells = [cell for row in table for cell in row]
+    fitting = len(table) / len(tail) * sum(numberlike(cell) or missing(cell) for cell in cells) / len(cells)
+    if not above:
+        names = tuple(f"column {index + 1}" for index in range(width))
+        return _Structure(separator, names, -1, -1, samples, (samples == 0, fitting, width))
+    header, units, names = above
+    first = max(header, units) + 1
+    if all(len(row) == width and _starts_with_number(row) for row in rows[first:samples]):
+        samples = first
+    return _Structure(separator, names, header, units, samples, (len(names) == width, fitting, width))
+
+
+def _starts_with_number(row: Sequence[str]) -> bool:
+    return bool(row) and numberlike(row[0])
+
+
+def _is_numeric(cells: Sequence[str]) -> bool:
+    given = [cell for cell in cells if not missing(cell)]
+    return bool(given) and sum(map(numberlike, given)) >= 0.8 * len(given)
+
+
+def _names_above(
+    filled: Filled, separator: str, samples: int, least: int, width: int
+) -> tuple[int, int, tuple[str, ...]] | None:
+    """Lines of the names and of the units, and the names; comments are used only if nothing else matches."""
+    texts: dict[bool, list[tuple[int, list[str]]]] = {False: [], True: []}
+    ragged = None
+    for at in range(samples - 1, max(-1, samples - 1 - _ABOVE), -1):
+        line = filled[at][1]
+        comment = is_comment(line, separator)
+        cells = split_header(uncommented(line) if comment else line, separator, width)
+        if len(cells) == width + 1 and cells[-1].strip() == _REMARK:
+            cells = cells[:-1]
+        if not _is_words([cell for cell in cells if not numberlike(cell)]):
+            continue
+        if least <= len(cells) <= width:
+            texts[comment].append((at, cells + [""] * (width - len(cells))))
+        elif at == samples - 1 and not comment and len(cells) > 1:
+            ragged = (at, -1, tuple(cells))
+    fitting = texts[False] or [text for text in texts[True] if width > 1]
+    if not fitting:
+        return ragged
+    while len(fitting) > 1 and fitting[1][0] == fitting[0][0] - 1 and _starts_with_number(fitting[0][1]):
+        fitting = fitting[1:]
+    for i, (at, cells) in enumerate(fitting[:-1][:2]):
+        if units_in(cells):
+            header, names = fitting[i + 1]
+            return header, at, tuple(names)
+    return fitting[0][0], -1, tuple(fitting[0][1])
+
+
+def _by_count(filled: Filled, first: int) -> _Structure:
+    """Structure as a last resort: the first line is the header, its most frequent separator the separator."""
+    line = filled[first][1]
+    separator = max((",", ";", "\t", "|"), key=line.count)
+    return _Structure(separator, tuple(split(line, separator)), first, -1, first + 1)
+
+
+def _dialect(filled: Filled, structure: _Structure) -> Dialect:
+    """Dialect of a structure, with column types from the first and last samples."""
+    width = len(structure.names)
+    rows = [split(line, structure.separator) for _, line in filled[structure.samples :]]
+    rows = [row for row in (*rows[:_TYPED], *rows[_TYPED:][-_TYPED:]) if len(row) == width]
+    decimal = decimal_mark(cell for row in rows for cell in row)
+    forms = tuple(form([row[column] for row in rows], decimal) for column in range(width))
+    lines = [number for number, _ in filled]
+    units = (units_in(_unit_cells(filled, structure)) or []) if structure.units >= 0 else []
+    columns = distinct(
+        _stamped(heading(index, name, units[index] if index < len(units) else None), forms[index])
+        for index, name in enumerate(_every_name(structure.names, rows))
+    )
+    clock = next((column.index for column in columns if column.name == "time"), None)
+    if clock is None:
+        clock = next((index for index, found in enumerate(forms) if found.kind == "stamp"), None)
+    stamped = clock is not None and forms[clock].kind == "stamp"
+    start = (
+        next((row[clock] for row in rows if nanoseconds(row[clock]) is not None), "")
+        if stamped and clock is not None
+        else ""
+    )
+    header = lines[structure.header] if structure.header >= 0 else 0
+    above = max(structure.header, structure.units)
+    below = lines[above] + 1 + filled[above][1].count("\n")
+    samples = lines[structure.samples] if above < structure.samples - 1 else below if above >= 0 else lines[0]
+    return Dialect(
+        structure.separator,
+        decimal,
+        columns,
+        forms,
+        header,
+        lines[structure.units] if structure.units >= 0 else 0,
+        samples,
+        clock,
+        written(start) if start else "",
+        _about(filled[: max(structure.header, 0)], structure.separator),
+    )
+
+
+def _every_name(names: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """The names, and the number of a column that has samples but no name."""
+    used = [any(not missing(row[column]) for row in rows) for column in range(len(names))]
+    return [name if name.strip() or not used[i] else f"column {i + 1}" for i, name in enumerate(names)]
+
+
+def _unit_cells(filled: Filled, structure: _Structure) -> list[str]:
+    line = filled[structure.units][1]
+    text = uncommented(line) if is_comment(line, structure.separator) else line
+    return split_header(text, structure.separator, len(structure.names))
+
+
+def _stamped(column: Heading, form: CellForm) -> Heading:
+    """A column of dates or times is read in seconds, whatever its heading says."""
+    return replace(column, unit="s") if form.kind == "stamp" else column
+
+
+def _about(above: Filled, separator: str) -> dict[str, str]:
+    """Names and values above the header."""
+    about: dict[str, str] = {}
+    for _, line in above:
+        text = uncommented(line) if is_comment(line, separator) else line
+        cells = [cell.strip() for cell in split(text, separator) if cell.strip()]
+        for mark in (":", "="):
+            if len(cells) == 1:
+                cells = [part.strip() for part in cells[0].split(mark, 1)]
+        if len(cells) == 2 and all(cells) and len(about) < _KEPT:
+            about.setdefault(shortened(cells[0]), shortened(cells[1], 200))
+    return about

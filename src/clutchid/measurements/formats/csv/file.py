@@ -1,0 +1,149 @@
+"""CSV: a header with units, then samples; separator, decimal mark and the rest are detected from the content.
+
+A block of lines is read by a fast parser first. If that fails, or the number of cells differs from that of the text,
+the block is read again cell by cell, which finds the line and the column of each problem.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+
+from clutchid.log import Log
+from clutchid.measurements.columns import Heading
+from clutchid.measurements.formats.csv.dialect import Dialect, dialect
+from clutchid.measurements.formats.csv.lines import SAMPLE, TextLines, blocks, lines_of, sample, whole_records
+from clutchid.measurements.formats.csv.rows import ParsedRows, joined, read_fast, read_text, table
+from clutchid.measurements.source import BLOCK, EXAMPLE, Raster, Source, Table, refused, to_frame
+
+#: Bytes up to which NumPy reads a file sooner than polars, which is faster but takes 80 ms to import.
+_SMALL = 8e6
+
+_NOT_TEXT = "is not UTF-8, UTF-16 or Windows-1252 text; save it as 'CSV UTF-8', or as Parquet."
+_LONG = f"line 1 is longer than {SAMPLE:,} bytes, so this is not a table; save the recording as CSV with line breaks."
+_EMPTY = f"the file is empty; {EXAMPLE}"
+
+#: Largest number of cells per line.
+_WIDEST = 10_000
+
+#: Cells with an unambiguous decimal mark, in any line.
+_UNAMBIGUOUS = (
+    rb"(?:^|[;|\t \"])[+-]?(?:(?P<point>\d*\.\d+)|0\d*,\d+|\d*,\d{1,2}|\d*,\d{4,}|\d{4,},\d+|\d*,\d+(?=[eE]))"
+    rb"(?:[eE][+-]?\d+)?(?=$|[;|\t \"])"
+)
+
+
+def open_file(path: Path) -> Source:
+    """A CSV file: one time grid, its dialect in the metadata under ``dialect``, the first time stamp under ``start``.
+
+    A file without a header has columns ``column 1``, ``column 2`` and so on, and `Source.unnamed` says that it needs a
+    channel map. The size of the time grid includes blank and invalid lines.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read; problems inside it are in `Source.problems` and `Table.problems`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "run.csv"
+    ...     _ = file.write_text("Rig 7\\nTime (s);Position / mm\\n0;0,25\\n1;0,5\\n")
+    ...     source = open_file(file)
+    ...     table = next(source.tables(0, [0, 1]))
+    >>> source.metadata["dialect"], table.headings[1].unit, table.numbers[1].tolist()
+    ('UTF-8, semicolon, decimal comma, names on line 2, samples from line 3', 'mm', [0.25, 0.5])
+    """
+    lines = lines_of(path)
+    if lines is None:
+        return refused(path, "CSV", _NOT_TEXT)
+    first = sample(lines)
+    if len(first) == 1 and len(first[0]) > SAMPLE:
+        return refused(path, "CSV", _LONG)
+    wide = next((number for number, line in enumerate(first, start=1) if _is_wide(line)), 0)
+    if wide:
+        cells = f"line {wide} has more than {_WIDEST:,} cells"
+        return refused(path, "CSV", f"{cells}; write one column per channel and one line per sample.")
+    found = dialect(first)
+    if found is None:
+        return refused(path, "CSV", _EMPTY)
+    found = _with_decimal_mark(lines, found)
+    names = {"utf-8": "UTF-8", "utf-16": "UTF-16", "cp1252": "Windows-1252"}
+    metadata = {**found.about, "dialect": f"{names[lines.encoding]}, {found.text}"}
+    if found.start:
+        metadata["start"] = found.start
+    unnamed = "" if found.header else f"line {found.samples}: the first line contains numbers; {EXAMPLE}"
+    texts = [heading for heading in found.headings if heading.text and found.forms[heading.index].kind == "text"]
+    size, others = max(0, lines.last - found.samples + 1), tuple((heading.text, "text") for heading in texts)
+    raster = Raster(found.headings, size, clock=found.clock, others=others)
+    return Source(path, "CSV", (raster,), partial(_tables, lines, found), (), _ambiguity(found), metadata, unnamed)
+
+
+def save(log: Log, path: Path) -> None:
+    """Write `log` in SI; a missing sample becomes an empty cell, every other value is written exactly.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    """
+    import polars as pl
+
+    with path.open("wb") as file:  # polars takes no name that is no text
+        to_frame(log).with_columns(pl.all().fill_nan(None)).write_csv(file)
+
+
+def _is_wide(line: str) -> bool:
+    cells = (len(line.split()), *map(line.count, ",;\t|")) if len(line) > _WIDEST else (0,)
+    return max(cells) > _WIDEST
+
+
+def _ambiguity(found: Dialect) -> tuple[str, ...]:
+    """Warning about two columns that may be one with a decimal comma."""
+    if found.header or (found.separator, len(found.headings), found.decimal) != (",", 2, ""):
+        return ()
+    return ("two columns of integers without names were found; this may also be one column with a decimal comma.",)
+
+
+def _with_decimal_mark(lines: TextLines, found: Dialect) -> Dialect:
+    """The dialect with the decimal mark of later lines, if the first ones are ambiguous."""
+    if found.decimal or found.separator == ",":
+        return found
+    for block in blocks(lines, found.samples - 1, BLOCK):
+        if (b"," in block.text or b"." in block.text) and (match := re.search(_UNAMBIGUOUS, block.text, re.MULTILINE)):
+            return found.with_decimal("." if match["point"] else ",")
+    return found
+
+
+def _tables(
+    lines: TextLines, found: Dialect, _raster: int, columns: Sequence[int], rows: int | None = None
+) -> Iterator[Table]:
+    """The tables of the only time grid, see `Tables`."""
+    selected = [found.headings[index] for index in columns]
+    if lines.last < found.samples:
+        problem = f"line {found.header}: there is a header, but no samples below it."
+        yield Table(found.headings, problems=(problem,))
+        return
+    parts = _parts(lines, found, selected, rows)
+    if rows is None:
+        yield table(joined(list(parts)), found)
+    else:
+        yield from (table(part, found) for part in parts)
+
+
+def _parts(lines: TextLines, found: Dialect, selected: Sequence[Heading], rows: int | None) -> Iterator[ParsedRows]:
+    """The samples block by block, until a line cannot be split."""
+    small = lines.path.stat().st_size < _SMALL
+    for block in whole_records(blocks(lines, found.samples - 1, rows or (lines.last if small else BLOCK))):
+        part = read_fast(block, found, selected, large=not small) or read_text(block, found, selected)
+        yield part
+        if part.broken:
+            return

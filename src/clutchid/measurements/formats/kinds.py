@@ -1,0 +1,168 @@
+"""Kind of a file by its first bytes: a format that is read, or one that is refused with advice."""
+
+from __future__ import annotations
+
+import re
+from codecs import BOM_UTF8
+from pathlib import Path
+
+from clutchid.errors import DataError
+from clutchid.files import reading
+from clutchid.measurements.suffixes import FORMATS, split_name
+
+#: Bytes at the start of a file that determine its kind.
+ENOUGH = 4096
+
+
+_GZIP = b"\x1f\x8b"
+
+#: Two numbers beside each other, as a table has them: with a decimal point or comma, between any separators.
+_NUMBER = rb"[+-]?\d+([.,]\d*)?([eE][+-]?\d+)?"
+_NUMBERS = re.compile(rb'(?m)(^|[;,\t| "])' + _NUMBER + rb'"? *[;,\t| ] *"?' + _NUMBER + rb'([;,\t| "\r]|$)')
+
+_UNPACK = "unpack it, and name the recording in it"
+_DATABASE = "name the recording of the bus, and give this file with --dbc"
+_EXPORT = "export the channels as CSV, Parquet or MDF"
+
+#: First bytes of files that are no recordings: what they are, and what to do.
+_FOREIGN = (
+    (b"7z\xbc\xaf\x27\x1c", "a 7-Zip archive", _UNPACK),
+    (b"Rar!\x1a\x07", "a RAR archive", _UNPACK),
+    (b"BZh", "a bzip2 archive", _UNPACK),
+    (b"\xfd7zXZ\x00", "an XZ archive", _UNPACK),
+    (b"\x28\xb5\x2f\xfd", "a Zstandard archive", _UNPACK),
+    (b"\x04\x22\x4d\x18", "an LZ4 archive", _UNPACK),
+    (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "an Excel workbook or another Office file", "save the sheet as CSV UTF-8"),
+    (b"TDSm", "a TDMS file of LabVIEW", _EXPORT),
+    (b"\x93NUMPY", "a NumPy array", "write its columns as CSV with a header such as time [s],position [m]"),
+    (b"ARROW1", "an Arrow (Feather) file", "write it as Parquet"),
+    (b"%PDF", "a PDF document", "name the recording itself"),
+    (b"\x89PNG", "a picture", "name the recording itself"),
+    (b"\xff\xd8\xff", "a picture", "name the recording itself"),
+    (b"SQLite format 3\x00", "an SQLite database", _EXPORT),
+)
+
+#: Beginnings of texts that are no recordings, in the order in which they are tried.
+_TEXTS = (
+    (r"version https://git-lfs\.github\.com/spec/", "a Git LFS pointer, which stands for a file that was not fetched",
+     "fetch the file with `git lfs pull`"),
+    (r"(?s)\s*(<\?xml.{0,2000}?|<!--.{0,2000}?)?<(\w+:)?AUTOSAR\b", "an ARXML database", _DATABASE),
+    (r"(?s)\s*(<\?xml.{0,2000}?|<!--.{0,2000}?)?<(\w+:)?NetworkDefinition\b", "a KCD database", _DATABASE),
+    (r"(?s)\s*(<\?xml.{0,2000}?)?<(!DOCTYPE\s+)?html\b", "a web page", "download the recording itself"),
+    (r"\s*<\?xml\b|\s*<(\w+:)?FIBEX\b", "an XML file", _EXPORT),
+    (r"(?s)\s*(//[^\n]*\n\s*)*(FormatVersion\s*=\s*[\d.]+|Title\s*=.*?\{(ENUMS|SEND|SIGNALS))", "a SYM database",
+     _DATABASE),
+    (r'(?ms)\s*(//[^\n]*\n\s*)*VERSION\s*(""|"[^"]*"?)\s*$', "a DBC database", _DATABASE),
+    (r"(?m)\A(?s:.*?)^\s*(BU_\s*:|BO_ \d+ \w+\s*:|NS_\s*:)", "a DBC database", _DATABASE),
+    (r'\s*(\{\s*"|\[\s*[\[{])', "a JSON file", "write the channels as columns of a CSV or Parquet file"),
+    (r"(?s)\s*(/\*.*?\*/\s*)?(ASAP2_VERSION\b|/begin\s+PROJECT\b)", "an A2L description", _EXPORT),
+    (r"\s*LIN_description_file\b", "an LDF description of a LIN bus", _EXPORT),
+)  # fmt: skip
+
+
+def is_recording(path: Path) -> bool:
+    """Whether a file of a folder is called like a recording; a text (``.txt``) also needs a line of numbers.
+
+    A text that cannot be read may be one, so that its reader says why.
+    """
+    suffix = split_name(path.name)[1].lower()
+    if suffix != ".txt":
+        return bool(suffix)
+    try:
+        head = head_of(path)
+    except DataError:
+        return True
+    return b"\0" in head or _NUMBERS.search(head) is not None  # UTF-16 has zeros
+
+
+def head_of(file: Path) -> bytes:
+    """First bytes of a file, which determine its kind.
+
+    Raises
+    ------
+    DataError
+        If it cannot be read.
+    """
+    with reading(file), file.open("rb") as stream:
+        return stream.read(ENOUGH)
+
+
+def readable_kind(file: Path) -> str:
+    """The format of a file that may be a recording.
+
+    Raises
+    ------
+    DataError
+        If it cannot be one, or cannot be read.
+    """
+    head = head_of(file)
+    if reason := refusal(head, file):
+        raise DataError(f"{file}: {reason}")
+    return kind_of(head)
+
+
+def kind_of(head: bytes) -> str:
+    """The format that a file with these first bytes has: ``mdf``, ``parquet``, ``blf``, ``mat``, ``asc``, ``trc``, ...
+
+    What is nothing else is taken for ``csv``.
+
+    Examples
+    --------
+    >>> kind_of(b"PAR1..."), kind_of(b"time [s],position [m]"), kind_of(b"date Wed Sep 30 15:06:13.191 2017")
+    ('parquet', 'csv', 'asc')
+    """
+    if head.startswith(_GZIP):
+        return "gzip"
+    for row in FORMATS:
+        if head.startswith(row.marks):
+            return row.kind
+    if b"\0" in head:  # not text, except UTF-16
+        from clutchid.measurements.formats.mat.file import is_mat
+
+        return "mat" if is_mat(head) else "csv"
+    from clutchid.measurements.formats.can.logs import is_asc, is_trc
+
+    return "asc" if is_asc(head) else "trc" if is_trc(head) else "csv"
+
+
+def refusal(head: bytes, path: Path) -> str:
+    """Kind of a file that cannot be a recording, and what to do; empty where it may be one.
+
+    Examples
+    --------
+    >>> refusal(b"version https://git-lfs.github.com/spec/v1\\noid sha256:0", Path("run.mf4"))
+    'is a Git LFS pointer, which stands for a file that was not fetched; fetch the file with `git lfs pull`.'
+    """
+    if head.startswith(b"PK\x03\x04") or head.startswith(b"PK\x05\x06"):
+        return _zip_refusal(path)
+    if head[257:262] == b"ustar":
+        return f"is a tar archive; {_UNPACK}."
+    for mark, what, advice in _FOREIGN:
+        if head.startswith(mark):
+            return f"is {what}; {advice}."
+    text = head.removeprefix(BOM_UTF8).decode("latin-1")
+    if "\0" in text:
+        return ""
+    for pattern, what, advice in _TEXTS:
+        if re.match(pattern, text):
+            return f"is {what}; {advice}."
+    return ""
+
+
+def _zip_refusal(path: Path) -> str:
+    """A ZIP archive, by the names of its members."""
+    import zipfile
+
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = archive.namelist()
+    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
+        return "is a damaged ZIP archive; copy it again and unpack it."
+    if any(name.startswith("xl/") for name in names):
+        return "is an Excel workbook; save the sheet as CSV UTF-8."
+    if any(name.startswith("word/") for name in names):
+        return "is a Word document; name the recording itself."
+    if names and all(name.endswith(".npy") for name in names):
+        return "is an archive of NumPy arrays; write them as columns of a CSV or Parquet file."
+    shown = f"'{names[0][:60]}'" if names else "nothing"
+    return f"is a ZIP archive (of {shown}{f' and {len(names) - 1} more' if len(names) > 1 else ''}); {_UNPACK}."

@@ -1,0 +1,239 @@
+"""MATLAB files: versions 4 to 7 and 7.3 are read, version 5 is written.
+
+A file that we write has the variables `time`, `position`, ... in SI, the struct `units`, and the metadata as JSON in
+`clutchid_recording`, which is not the name of a fit's struct, so that `load` of both keeps both. A blank in a name
+becomes an underscore, as names in MATLAB have no blanks.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from clutchid.errors import DataError, ExportError
+from clutchid.log import FloatArray, Log, name_and_unit
+from clutchid.measurements.formats.mat import hdf5, loaded
+from clutchid.measurements.formats.mat.loaded import BrokenMat, CharArray, ReadSamples, Struct
+from clutchid.measurements.formats.mat.objects import with_objects
+from clutchid.measurements.formats.mat.rasters import ArrayChannel, ScannedChannels, rasters_of, signals_of
+from clutchid.measurements.source import BLOCK, Places, Raster, Source, Table, own_metadata, refused
+from clutchid.messages import listed, shortened
+from clutchid.names import printable
+
+#: Bytes of the start of a file that determine its format.
+HEAD = 1024
+
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+
+#: Variable of the metadata, and that of earlier versions, which is read.
+_KEY, _EARLIER = "clutchid_recording", "clutchid"
+_SHOWN = 3
+
+#: Samples that a variable of a MATLAB 5 file may have.
+_LONGEST = (2**31 - 1) // 8
+
+_NO_MEMORY = "needs more memory than there is; save it with '-v7.3', which is read piece by piece."
+
+#: What makes numbers of the objects of a class in MATLAB; `x` is the object.
+_IN_MATLAB = {
+    "timeseries": "s = struct('time', x.Time, 'data', x.Data)",
+    "timetable": "s = table2struct(timetable2table(x), 'ToScalar', true); "
+    "s.time = seconds(x.Properties.RowTimes - x.Properties.RowTimes(1))",
+    "table": "s = table2struct(x, 'ToScalar', true)",
+    "Simulink.SimulationData.Dataset": "s = struct('time', x{1}.Values.Time, 'data', x{1}.Values.Data)",
+    "Simulink.SimulationData.Signal": "s = struct('time', x.Values.Time, 'data', x.Values.Data)",
+    "Simulink.SimulationOutput": "s = struct('time', x.tout, 'data', x.logsout{1}.Values.Data)",
+    "datetime": "s = seconds(x - x(1))",
+    "duration": "s = seconds(x)",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class _Version:
+    name: str
+    contents: Callable[[Path], Struct]
+    opened: Callable[[Path], AbstractContextManager[ReadSamples]]
+
+
+_V4 = _Version("MATLAB 4", loaded.contents, loaded.opened)
+_V5 = _Version("MATLAB 5", loaded.contents, loaded.opened)
+_V73 = _Version("MATLAB 7.3", hdf5.contents, hdf5.opened)
+
+
+def is_mat(head: bytes) -> bool:
+    """Whether a file that begins with these `HEAD` bytes is one of MATLAB, or another HDF5 file.
+
+    Examples
+    --------
+    >>> is_mat(b"MATLAB 5.0 MAT-file".ljust(124) + b"\\x00\\x01IM"), is_mat(b"time [s],position [m]")
+    (True, False)
+    """
+    return _version(head) is not None
+
+
+def open_file(path: Path) -> Source:
+    """The vectors of a MATLAB file, in rasters of those that share a time vector.
+
+    A raster is the vectors of one length in a struct (the file itself is one): its clock is the vector called `t`,
+    `time`, `zeit`, `tout` or alike whose samples run on. Vectors of structs without time belong to the struct around
+    them; what has no time anywhere has no clock. Matrices are channels ``name(:,1)``, ``name(:,2)``, ...; if no time
+    vector is as long, and the first of them grows strictly, then it is their clock.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Returns
+    -------
+    source
+        Channels are called by their paths, ``rec.pos``, ``sig(2).y``; the signals of Simulink by their labels.
+
+    Raises
+    ------
+    MissingExtra
+        If it is a MATLAB 7.3 file and h5py is not installed.
+    OSError
+        If it cannot be read; what is wrong inside it is in ``Source.problems``.
+    """
+    with path.open("rb") as file:
+        head = file.read(HEAD)
+    version = _version(head)
+    if version is None:
+        return refused(path, "MATLAB", "is no MATLAB file: its header is damaged; copy or save it again.")
+    try:
+        return _source(path, version, head)
+    except BrokenMat as error:
+        return refused(path, version.name, str(error))
+    except MemoryError:
+        return refused(path, version.name, _NO_MEMORY)
+
+
+def save(log: Log, path: Path) -> None:
+    """Write `log` in SI with its units and metadata as a MATLAB 5 file, which `load` in MATLAB reads.
+
+    Raises
+    ------
+    ExportError
+        If it has more samples than such a file can hold.
+    OSError
+        If the file cannot be written.
+    """
+    from scipy.io import savemat
+
+    if len(log) > _LONGEST:
+        most = f"a MATLAB 5 file holds {_LONGEST:,} samples at most"
+        raise ExportError(f"{path}: the log has {len(log):,} samples, {most}; write .parquet.")
+    units = {"time": "s", **dict(map(name_and_unit, log.columns))}
+    values = {"time": log.time, **{name_and_unit(column)[0]: values for column, values in log.columns.items()}}
+    variables = {_variable(name): array.reshape(-1, 1) for name, array in values.items()}
+    texts = {"units": {_variable(name): unit for name, unit in units.items()}, _KEY: json.dumps(dict(log.metadata))}
+    savemat(str(path), {**variables, **texts}, appendmat=False, long_field_names=True)
+
+
+def _variable(name: str) -> str:
+    return name.replace(" ", "_")
+
+
+def _version(head: bytes) -> _Version | None:
+    if any(head[at : at + len(_HDF5)] == _HDF5 for at in (0, 512)):
+        return _V73
+    if head[126:128] in (b"IM", b"MI") and head[124:126] in (b"\x00\x01", b"\x01\x00"):
+        return _V5
+    return _V4 if _is_v4(head) else None
+
+
+def _is_v4(head: bytes) -> bool:
+    """Whether a file that begins so is one of MATLAB 4, which has no signature: five integers, then a name."""
+    if len(head) <= 20 or not head[20:21].isalpha():
+        return False
+    for order, thousands in (("<", 0), (">", 1)):
+        code, rows, columns, is_complex, name_size = struct.unpack_from(order + "5i", head)
+        digits = (code // 1000, code // 100 % 10, code // 10 % 10 < 6, code % 10 < 3)
+        if digits == (thousands, 0, True, True) and min(rows, columns) >= 0:
+            return is_complex in (0, 1) and 1 < name_size <= 256
+    return False
+
+
+def _source(path: Path, version: _Version, head: bytes) -> Source:
+    root = with_objects(path, version.contents(path))
+    key = _KEY if _KEY in root.fields else _EARLIER
+    mark = root.fields.get(key)
+    own = own_metadata(mark.text) if isinstance(mark, CharArray) else None
+    root = Struct({name: node for name, node in root.fields.items() if own is None or name != key})
+    with version.opened(path) as read:
+
+        def peek(signal: ArrayChannel) -> FloatArray:
+            return read(signal.numbers, signal.column, 0, min(signal.numbers.samples, BLOCK))
+
+        found = signals_of(root, peek, least=2 if own is None else 0)
+    rasters = rasters_of(found)
+    objects, others = _objects(found), _left_out(found)
+    if not rasters:
+        nothing = "holds no vector of two or more numbers; save the time and the channels as vectors of one length."
+        return refused(path, version.name, objects or nothing, *others)
+    header = "" if version is _V4 else printable(head[:116].decode("latin-1").strip("\0 "))
+    warnings = (objects, *others) if objects else others
+    metadata = own if own is not None else {"mat_header": header} if header.startswith("MATLAB") else {}
+    return Source(path, version.name, rasters, partial(_tables, path, version, rasters, found), (), warnings, metadata)
+
+
+def _tables(
+    path: Path,
+    version: _Version,
+    rasters: Sequence[Raster],
+    found: ScannedChannels,
+    raster: int,
+    columns: Sequence[int],
+    rows: int | None = None,
+) -> Iterator[Table]:
+    """Tables of one time grid, see `Tables`."""
+    headings, size = rasters[raster].headings, rasters[raster].size
+    channels = found.groups[raster][1]
+    with _named(path), version.opened(path) as read:
+        for start in range(0, max(size, 1), rows or max(size, 1)):
+            stop = min(start + (rows or size), size)
+            numbers = {i: read(channels[i].numbers, channels[i].column, start, stop) for i in columns}
+            yield Table(headings, numbers, stop - start, Places("sample", start + 1))
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Errors inside the file as errors that name it."""
+    try:
+        yield
+    except BrokenMat as error:
+        raise DataError(f"{path}: {error}") from error
+    except MemoryError as error:
+        raise DataError(f"{path}: {_NO_MEMORY}") from error
+
+
+def _left_out(found: ScannedChannels) -> tuple[str, ...]:
+    """Sentences about what is no channel, one for each kind but objects."""
+    kinds = [(what.what, paths) for what, paths in found.left.items() if not what.class_name]
+    return tuple(f"left out {what} ({len(paths):,}): {_some(paths)}." for what, paths in kinds)
+
+
+def _objects(found: ScannedChannels) -> str:
+    """Sentence about the objects of classes, and how MATLAB makes numbers of them; empty where there is none."""
+    paths = {what.class_name: paths for what, paths in found.left.items() if what.class_name}
+    if not paths:
+        return ""
+    shown = [f"{_some(names)} ({shortened(printable(kind))})" for kind, names in paths.items()]
+    kind = next((kind for kind in _IN_MATLAB if kind in paths), "")
+    x = f"with x = {printable(paths[kind][0])}, " if kind else ""
+    how = _IN_MATLAB.get(kind, "copy the numbers in them to a struct s")
+    return (
+        f"left out objects, which only MATLAB can read: {listed(shown, _SHOWN)}; "
+        f"in MATLAB, {x}{how}; save('numbers.mat', 's', '-v7.3')."
+    )
+
+
+def _some(paths: Sequence[str]) -> str:
+    """The first of the paths, and the count of the rest."""
+    return listed((f"'{shortened(printable(path))}'" for path in paths), _SHOWN)

@@ -1,0 +1,228 @@
+"""MATLAB 7.3 files, which are HDF5: read through h5py, block by block.
+
+Nothing is followed that leads out of the file, and a dataset that claims more than the file can hold is left out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from clutchid.errors import missing
+from clutchid.log import FloatArray
+from clutchid.measurements.formats.mat.loaded import (
+    BEST_RATIO,
+    COMPLEX,
+    NO_NUMBERS,
+    SPARSE,
+    BrokenMat,
+    CharArray,
+    NoChannel,
+    Node,
+    NodeArray,
+    Numbers,
+    ReadSamples,
+    Struct,
+    class_object,
+    samples,
+    sound,
+)
+
+if TYPE_CHECKING:
+    import h5py
+
+#: An object of the time before MATLAB 7.6, which is a struct.
+_OLD_OBJECT = "2"
+
+#: Bytes of one chunk of a dataset, which is inflated anew for every block that is read.
+_LARGEST_CHUNK = 1 << 28
+
+_FORMAT = "MATLAB 7.3 (HDF5)"
+_EMPTY = Numbers((0, 0))
+_ELSEWHERE = NoChannel("arrays whose numbers are not in the file")
+_ONE_PIECE = NoChannel(f"arrays in compressed pieces of more than {_LARGEST_CHUNK >> 20} MB")
+
+
+@dataclass(slots=True)
+class _OpenFile:
+    """The open file while it is looked through, its size in bytes, and the groups so far."""
+
+    file: h5py.File
+    size: int
+    groups: set[int] = field(default_factory=set)
+
+
+def contents(path: Path) -> Struct:
+    """The variables of the file, by name.
+
+    Raises
+    ------
+    BrokenMat
+        If it is no sound HDF5 file.
+    MissingExtra
+        If h5py is not installed.
+    """
+    with _file(path) as file, sound(_FORMAT):
+        walk = _OpenFile(file, path.stat().st_size)
+        names = [name for name in file if not name.startswith("#")]
+        return Struct({name: _member(walk, file, name) for name in names})
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[ReadSamples]:
+    """The file, open for reading samples; no more than these are in memory.
+
+    Raises
+    ------
+    BrokenMat
+        If it is no sound HDF5 file.
+    MissingExtra
+        If h5py is not installed.
+    """
+    with _file(path) as file:
+
+        def read(numbers: Numbers, channel: int, start: int, stop: int) -> FloatArray:
+            if start == stop:
+                return np.empty(0)
+            if isinstance(numbers.place, np.ndarray):
+                return samples(numbers.place, numbers, channel, start, stop)
+            with sound(_FORMAT):
+                long, short = slice(start, stop), channel
+                order = (short, long) if numbers.is_wide else (long, short)
+                sides = iter(order if not numbers.is_vector else (long,))
+                index = tuple(next(sides) if side > 1 else 0 for side in numbers.shape)
+                if numbers.size == 1:
+                    index = (*index[:-1], slice(0, 1))
+                values = file[str(numbers.place)][index[::-1]]
+                return np.asarray(values, dtype=np.float64)
+
+        yield read
+
+
+@contextmanager
+def _file(path: Path) -> Iterator[h5py.File]:
+    h5 = _h5py()
+    with sound(_FORMAT):
+        file = h5.File(path, "r")
+    try:
+        yield file
+    finally:
+        with sound(_FORMAT):
+            file.close()
+
+
+def _h5py() -> ModuleType:
+    try:
+        return import_module("h5py")
+    except ImportError as error:
+        raise missing("reading MATLAB 7.3 files (those saved with '-v7' do without)", "h5py", "mat") from error
+
+
+def _member(walk: _OpenFile, group: h5py.Group, name: str) -> Node:
+    """The node of a member of a group; links out of the group are not followed."""
+    h5 = _h5py()
+    if not isinstance(group.get(name, getlink=True), h5.HardLink):
+        return _ELSEWHERE
+    return _node(walk, group[name])
+
+
+def _node(walk: _OpenFile, found: Any) -> Node:
+    h5 = _h5py()
+    if not isinstance(found, h5.Group | h5.Dataset):
+        return NO_NUMBERS
+    class_name = _attribute(found, "MATLAB_class")
+    if isinstance(found, h5.Group):
+        return _group(walk, found, class_name)
+    if "MATLAB_object_decode" in found.attrs:
+        return class_object(class_name)
+    if _attribute(found, "MATLAB_empty") not in ("", "0") or not found.shape or not math.prod(found.shape):
+        empty: dict[str, Node] = {"char": CharArray(""), "cell": NodeArray(()), "struct": NodeArray(())}
+        return empty.get(class_name, _EMPTY)
+    return _dataset(walk, found, class_name)
+
+
+def _attribute(found: Any, name: str) -> str:
+    """An attribute as text; empty where there is none."""
+    value = found.attrs.get(name, "")
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+
+
+def _group(walk: _OpenFile, group: h5py.Group, class_name: str) -> Node:
+    """A struct or a struct array, whose fields are references to the values of each."""
+    address = hash(group.id)
+    if address in walk.groups:
+        return NO_NUMBERS
+    walk.groups.add(address)
+    if "MATLAB_sparse" in group.attrs:
+        return SPARSE
+    if class_name == "function_handle" or _attribute(group, "MATLAB_object_decode") not in ("", _OLD_OBJECT):
+        return class_object(class_name)
+    columns = {name: _references(walk, group, name) for name in group}
+    arrays = [column for column in columns.values() if column is not None]
+    if not arrays or len(arrays) < len(columns) or len({len(column) for column in arrays}) > 1:
+        return Struct({name: _member(walk, group, name) for name in columns})
+    rows = zip(*arrays, strict=True)
+    return NodeArray(
+        tuple(
+            Struct({name: _pointed(walk, reference) for name, reference in zip(columns, row, strict=True)})
+            for row in rows
+        )
+    )
+
+
+def _references(walk: _OpenFile, group: h5py.Group, name: str) -> list[Any] | None:
+    """The references of a field of a struct array; None where it is the field of a single struct."""
+    h5 = _h5py()
+    if not isinstance(group.get(name, getlink=True), h5.HardLink):
+        return None
+    found = group[name]
+    if not isinstance(found, h5.Dataset) or found.dtype != h5.ref_dtype or "MATLAB_class" in found.attrs:
+        return None
+    return _all_of(walk, found)
+
+
+def _all_of(walk: _OpenFile, references: h5py.Dataset) -> list[Any]:
+    if references.size is None or not _is_there(walk, references):
+        raise BrokenMat("is damaged: a list of references is longer than the file; copy or save it again.")
+    return list(np.asarray(references[()]).ravel())
+
+
+def _pointed(walk: _OpenFile, reference: Any) -> Node:
+    """Node that a reference points to."""
+    return _node(walk, walk.file[reference]) if reference else _EMPTY
+
+
+def _dataset(walk: _OpenFile, data: h5py.Dataset, class_name: str) -> Node:
+    h5 = _h5py()
+    if data.is_virtual or data.external or not _is_there(walk, data):
+        return _ELSEWHERE
+    if math.prod(data.chunks or ()) * data.dtype.itemsize > _LARGEST_CHUNK:
+        return _ONE_PIECE
+    if data.dtype == h5.ref_dtype:
+        return NodeArray(tuple(_pointed(walk, found) for found in _all_of(walk, data)), cell=True)
+    if class_name == "char":
+        return CharArray(_characters(data))
+    if data.dtype.names == ("real", "imag"):
+        return COMPLEX
+    return Numbers(data.shape[::-1], data.name) if data.dtype.kind in "fiub" else NO_NUMBERS
+
+
+def _characters(data: h5py.Dataset) -> str:
+    """A row of UTF-16 characters; several rows are no text that says something of a channel."""
+    if len([side for side in data.shape if side > 1]) > 1 or data.dtype.kind != "u":
+        return ""
+    return np.asarray(data[()]).ravel().astype("<u2").tobytes().decode("utf-16-le", "replace")
+
+
+def _is_there(walk: _OpenFile, data: h5py.Dataset) -> bool:
+    """Whether the file has bytes enough for the dataset, however well they are compressed."""
+    stored = min(data.id.get_storage_size(), walk.size)
+    return bool(math.prod(data.shape) * data.dtype.itemsize <= stored * (BEST_RATIO if data.chunks else 1))

@@ -1,0 +1,194 @@
+"""MDF 4 and MDF 3 through asammdf: a group is a raster, its master the stamps, read block by block."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Mapping, Sequence
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.errors import DataError, ExportError
+from clutchid.log import FloatArray, Log, name_and_unit
+from clutchid.measurements.formats.mdf.layout import ChannelPlace, GroupLayout, comment_of, layouts, metadata_of
+from clutchid.measurements.formats.mdf.numbers import converted
+from clutchid.measurements.formats.mdf.opening import BrokenMdf, asammdf, opened, quiet, version_of
+from clutchid.measurements.source import BLOCK, Places, Source, Table, refused
+
+#: Bytes of records that asammdf loads at a time.
+CHUNK = 1 << 24
+
+#: Group and index of a channel; its raw samples, and where they are invalid.
+Channel = tuple[int, int]
+Samples = tuple[NDArray[Any], NDArray[np.bool_] | None]
+
+
+def blocks(mdf: Any, channels: Sequence[Channel], first: int, count: int) -> Iterator[tuple[slice, list[Samples]]]:
+    """Raw samples of `channels` on one time grid in consecutive blocks, each with its place in the file.
+
+    All channels are read in one pass. asammdf's `select` stops silently at what it cannot read and leaves the rest
+    undefined, so each call reads one fragment, whose size is checked before: then nothing is undefined.
+
+    Raises
+    ------
+    BrokenMdf
+        If a group has fewer records than it claims.
+    """
+    groups = {group for group, _ in channels}
+    groups |= {mdf.virtual_groups_map[group] for group in groups}
+    mixed = any(not mdf.groups[group].sorted for group in groups)
+    for group in () if mixed else groups:
+        _check(mdf, group, first + count)
+    step = max(1, CHUNK // sum(_width(mdf, group) for group in groups))
+    mdf.configure(read_fragment_size=CHUNK)
+    for start in range(first, first + count, count if mixed else step):
+        rows = slice(start, first + count if mixed else min(start + step, first + count))
+        yield rows, _samples(mdf, channels, rows, mixed)
+
+
+def _samples(mdf: Any, channels: Sequence[Channel], rows: slice, mixed: bool) -> list[Samples]:
+    """Raw samples; asammdf reads mixed records of MDF 3 as a whole only."""
+    wanted = [(None, group, index) for group, index in channels]
+    first, count = (0, None) if mixed else (rows.start, rows.stop - rows.start)
+    try:
+        with quiet():
+            signals = mdf.select(wanted, first, raw=True, copy_master=False, record_count=count)
+    except KeyError as error:  # it found nothing that it could read
+        raise BrokenMdf(f"is damaged within samples {rows.start + 1:,} to {rows.stop:,}; copy it again.") from error
+    found = [(signal.samples, signal.invalidation_bits) for signal in signals]
+    return [(samples[rows], None) for samples, _ in found] if mixed else found
+
+
+def _width(mdf: Any, number: int) -> int:
+    group = mdf.groups[number].channel_group
+    return int(group.samples_byte_nr) + (int(group.invalidation_bytes_nr) if version_of(mdf) == 4 else 0)
+
+
+def _check(mdf: Any, number: int, needed: int) -> None:
+    group = mdf.groups[number]
+    size = int(group.channel_group.samples_byte_nr) if group.uses_ld else _width(mdf, number)
+    there = sum(int(block.original_size) for block in group.get_data_blocks()) // size
+    if there < needed:
+        raise BrokenMdf(f"is cut off: group {number + 1} claims {needed} samples and holds {there}; copy it again.")
+
+
+_UNKNOWN_START = datetime.fromtimestamp(0, UTC)
+_TRANSPOSED = 2
+
+
+def open_file(path: Path) -> Source:
+    """An MDF file, opened: a raster a channel group that has samples.
+
+    Groups without samples, groups of raw bus frames, and channels that are no single numbers are left out; the warnings
+    count them.
+
+    Parameters
+    ----------
+    path
+        The file, MDF 2 to 4, sorted or not, finalised or not.
+
+    Returns
+    -------
+    source
+        `problems` say what is wrong inside the file; then it has no rasters.
+
+    Raises
+    ------
+    MissingExtra
+        If asammdf is not installed.
+    OSError
+        If the file cannot be read.
+    """
+    try:
+        with opened(path) as mdf:
+            found, warnings = layouts(mdf)
+            metadata = metadata_of(mdf)
+            version = str(mdf.version)
+    except BrokenMdf as error:
+        return refused(path, "MDF", str(error))
+    rasters = tuple(layout.raster for layout in found)
+    return Source(path, f"MDF {version}", rasters, partial(_tables, path, found), (), warnings, metadata)
+
+
+def save(log: Log, path: Path) -> None:
+    """Write `log` in SI as MDF 4.10 with its metadata; a missing sample is NaN.
+
+    One group, master `time` in s, deflated after transposition. The start of the measurement is the metadata's `start`
+    where that is a time in ISO 8601.
+
+    Raises
+    ------
+    MissingExtra
+        If asammdf is not installed.
+    ExportError
+        If the log has no column beside the time.
+    OSError
+        If the file cannot be written.
+    """
+    if not log.columns:
+        raise ExportError(f"{path}: the log has no column beside the time, but MDF needs a channel; add one.")
+    library = asammdf()
+    with contextlib.closing(library.MDF(version="4.10")) as mdf, quiet():
+        mdf.header.start_time = _start(log)
+        mdf.header.comment = comment_of(log.metadata)
+        first = slice(0, BLOCK)
+        signals = [
+            library.Signal(values[first], log.time[first], unit=unit, name=label)
+            for column, values in log.columns.items()
+            for label, unit in [name_and_unit(column)]
+        ]
+        mdf.append(signals, acq_name=log.name, comment="", common_timebase=True)
+        for start in range(BLOCK, len(log), BLOCK):
+            rows = slice(start, start + BLOCK)
+            mdf.extend(0, [(values[rows], None) for values in (log.time, *log.columns.values())])
+        with path.open("wb+") as file:  # a name would be given another suffix
+            mdf.save(file, compression=_TRANSPOSED)
+
+
+def _tables(
+    path: Path, layouts: Sequence[GroupLayout], raster: int, columns: Sequence[int], rows: int | None = None
+) -> Iterator[Table]:
+    """Tables of one time grid, see `Tables`; the file is open while they are read."""
+    layout = layouts[raster]
+    places = {column: layout.places[column] for column in columns}
+    size = layout.raster.size
+    try:
+        with opened(path) as mdf:
+            rules = {i: mdf.groups[place.group].channels[place.index].conversion for i, place in places.items()}
+            for first in range(0, size, rows or size):
+                count = min(rows or size, size - first)
+                numbers = _numbers(mdf, places, rules, first, count)
+                yield Table(layout.raster.headings, numbers, count, Places("sample", first + 1))
+    except BrokenMdf as error:
+        raise DataError(f"{path}: {error}") from error
+
+
+def _numbers(
+    mdf: Any, places: Mapping[int, ChannelPlace], rules: Mapping[int, Any], first: int, count: int
+) -> dict[int, FloatArray]:
+    """Samples `first` to `first + count` of the channels at `places`, converted by their `rules`."""
+    version = version_of(mdf)
+    numbers = {column: np.empty(count) for column in places}
+    for column, place in places.items():
+        if place.counted:
+            numbers[column][:] = converted(np.arange(first, first + count), rules[column], version)
+    stored = {column: (place.group, place.index) for column, place in places.items() if not place.counted}
+    for rows, samples in blocks(mdf, list(stored.values()), first, count) if stored else ():
+        there = slice(rows.start - first, rows.stop - first)
+        for column, (raw, invalid) in zip(stored, samples, strict=True):
+            numbers[column][there] = converted(raw, rules[column], version)
+            if invalid is not None:
+                numbers[column][there][invalid] = np.nan
+    return numbers
+
+
+def _start(log: Log) -> datetime:
+    """When the measurement started; 1970 where the log does not say it."""
+    try:
+        return datetime.fromisoformat(log.metadata.get("start", ""))
+    except ValueError:
+        return _UNKNOWN_START

@@ -1,0 +1,134 @@
+"""Open a file of any known format in this process: its reader is loaded on demand, a packed file unpacked first."""
+
+from __future__ import annotations
+
+import gzip
+import shutil
+import tempfile
+import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from clutchid.errors import DataError
+from clutchid.files import reading
+from clutchid.measurements.formats.kinds import head_of, kind_of, readable_kind
+from clutchid.measurements.source import Source, Table
+from clutchid.measurements.suffixes import PACKED
+
+if TYPE_CHECKING:
+    from clutchid.measurements.formats.can.frames import FrameLog
+
+#: Bytes to which a packed file may unpack on the disk, and bytes that are unpacked at a time.
+_MOST_UNPACKED = 8_000_000_000
+_CHUNK = 1 << 20
+
+
+def opened_here(file: Path, dbc: Sequence[Path], kind: str = "") -> Source:
+    """Open a file of any known format in this process; `kind` is its format where that is known already.
+
+    Raises
+    ------
+    DataError
+        If it cannot be read; problems inside a recording are in ``Source.problems``.
+    MissingExtra
+        If the format needs a library that is not installed.
+    """
+    with reading(file):
+        source = _opened(file, dbc, kind or kind_of(head_of(file)))
+    if source.rasters or source.problems:
+        return source
+    return replace(source, problems=(f"contains no numeric channel. {' '.join(source.warnings)}".strip(),), warnings=())
+
+
+def _opened(file: Path, dbc: Sequence[Path], kind: str) -> Source:
+    if kind == "gzip":
+        return _unpacked(file, dbc)
+    if kind == "mdf":
+        return _mdf(file, dbc)
+    if kind in ("blf", "asc", "trc"):
+        return _can(file, dbc, kind)
+    if kind == "parquet":
+        from clutchid.measurements.formats.parquet import file as parquet_file
+
+        return parquet_file.open_file(file)
+    if kind == "mat":
+        from clutchid.measurements.formats.mat import file as mat_file
+
+        return mat_file.open_file(file)
+    from clutchid.measurements.formats.csv import file as csv_file
+
+    return csv_file.open_file(file)
+
+
+def _can(file: Path, dbc: Sequence[Path], kind: str, frames: FrameLog | None = None) -> Source:
+    from clutchid.measurements.formats.can import file as can_file
+
+    return can_file.open_file(file, dbc, kind, frames)
+
+
+def _mdf(file: Path, dbc: Sequence[Path]) -> Source:
+    """An MDF file with measured channels, or with bus frames if a DBC file is given or there is nothing else."""
+    from clutchid.measurements.formats.can import mf4
+    from clutchid.measurements.formats.mdf import file as mdf_file
+
+    frames = mf4.frame_log(file) if dbc else None
+    if frames is None:
+        source = mdf_file.open_file(file)
+        frames = None if source.rasters or source.problems else mf4.frame_log(file)
+        if frames is None:
+            return source
+        dbc = ()
+    return _can(file, dbc, "mdf", frames)
+
+
+def _unpacked(file: Path, dbc: Sequence[Path]) -> Source:
+    """The recording in a gzip file, unpacked to a temporary file that is deleted with its reader."""
+    folder = tempfile.TemporaryDirectory(prefix="clutchid-")
+    inner = Path(folder.name) / (file.stem if file.suffix.lower() in PACKED else file.name)
+    with _named(file, inner):
+        _unpack(file, inner)
+        kind = readable_kind(inner)
+        if kind == "gzip":
+            raise DataError(f"{file}: is packed twice; unpack it once.")
+        source = opened_here(inner, dbc, kind)
+    return replace(source, path=file, tables=partial(_tables, file, folder, source))
+
+
+@contextmanager
+def _named(file: Path, inner: Path) -> Iterator[None]:
+    """Errors in the unpacked file as errors that name the packed one."""
+    try:
+        yield
+    except DataError as error:
+        raise DataError(str(error).replace(str(inner), str(file))) from error
+
+
+def _unpack(file: Path, to: Path) -> None:
+    most = min(_MOST_UNPACKED, shutil.disk_usage(to.parent).free // 2)
+    try:
+        with gzip.open(file, "rb") as packed, to.open("wb") as plain:
+            size = 0
+            while chunk := packed.read(_CHUNK):
+                size += len(chunk)
+                if size > most:
+                    raise DataError(f"{file}: unpacks to more than {most / 1e9:.3g} GB; unpack and shorten it.")
+                plain.write(chunk)
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise DataError(f"{file}: is no whole gzip file ({error}); copy it again.") from error
+
+
+def _tables(
+    file: Path,
+    _folder: tempfile.TemporaryDirectory[str],
+    source: Source,
+    raster: int,
+    columns: Sequence[int],
+    rows: int | None = None,
+) -> Iterator[Table]:
+    """Tables of the unpacked file `source`, see `Tables`; its folder is deleted with this function."""
+    with _named(file, source.path):
+        yield from source.tables(raster, columns, rows)

@@ -1,0 +1,282 @@
+"""Parquet: columns named ``name [unit]``, one row a sample.
+
+Columns that hold no numbers are named, and never loaded.
+"""
+
+from __future__ import annotations
+
+import json
+from base64 import b64decode, b64encode
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from clutchid.errors import install_command
+from clutchid.log import INPUTS, FloatArray, Log, Samples
+from clutchid.measurements.columns import Heading, headings
+from clutchid.measurements.formats.parquet.footer import EncryptedParquet, damage
+from clutchid.measurements.formats.parquet.readers import LibraryReader, UnreadParquet, with_arrow, with_polars
+from clutchid.measurements.source import EXAMPLE, Places, Raster, Source, Table, own_metadata, refused, to_frame
+from clutchid.messages import listed, shortened
+
+if TYPE_CHECKING:
+    import polars as pl
+
+#: Keys of a log's metadata and edges in the footer.
+KEY, _EDGES = "clutchid", "clutchid edges"
+
+#: Rows in which the first stamp is looked for, and columns without numbers that a warning names.
+_TELLING = 1000
+_SHOWN = 3
+
+_ENCRYPTED = "is encrypted; decrypt it with the program that wrote it, or write it again without encryption."
+
+#: What the columns without numbers hold, by the name of their type in polars.
+_HELD = {"String": "text", "Categorical": "text", "Enum": "text", "Binary": "bytes", "Date": "dates"} | {
+    **{"List": "lists", "Array": "lists", "Struct": "structures", "Map": "maps", "Boolean": "truth values"},
+    **{"Datetime": "dates and times", "Time": "times of day", "Duration": "durations"},
+}
+
+
+def _is_read(file: LibraryReader, name: str, heading: Heading) -> bool:
+    return name not in file.unread and _is_numeric(file.kinds[name], heading)
+
+
+def _held(file: LibraryReader, name: str) -> str:
+    """Kind of the samples of a column that is not read."""
+    if name in file.unread:
+        return f"numbers that cannot be read: {file.unread[name]}"
+    return _HELD.get(type(file.kinds[name]).__name__, "values of an unknown type")
+
+
+def promised_bytes(path: Path) -> int | None:
+    """Bytes that the columns of numbers in a Parquet file take in memory; None where its footer cannot be read."""
+    try:
+        reader = with_polars(path)
+    except (UnreadParquet, OSError):
+        return None
+    return 8 * reader.size * sum(kind.is_numeric() or kind.is_temporal() for kind in reader.kinds.values())
+
+
+def open_file(path: Path) -> Source:
+    """A Parquet file: one raster, with the metadata of the log that was written.
+
+    Dates with times and times of day are read in seconds from the first, which is in the metadata under ``start``.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read; what is wrong inside it is in `Source.problems` and `Table.problems`.
+    """
+    try:
+        try:
+            return _source(path, _opened(path))
+        except UnreadParquet as error:
+            return refused(path, "Parquet", _damaged(damage(path, ()) or str(error)))
+    except EncryptedParquet:
+        return refused(path, "Parquet", _ENCRYPTED)
+
+
+def _damaged(reason: str) -> str:
+    return f"is no complete Parquet file ({reason or 'its pages are damaged'}); copy or write it again."
+
+
+def _opened(path: Path) -> LibraryReader:
+    """The file as polars reads it, or as PyArrow where polars refuses it, or columns of it.
+
+    Raises
+    ------
+    UnreadParquet
+        If neither reads it.
+    """
+    found, reason = None, ""
+    try:
+        found = _with(path, with_polars)
+        if not found.unread and (found.size or not found.kinds):
+            return found
+    except UnreadParquet as error:
+        reason = str(error)
+    try:
+        other = _with(path, with_arrow)
+    except ImportError:
+        reason += f"; PyArrow may read it: {install_command('parquet')}"
+    except UnreadParquet:
+        pass
+    else:
+        if found is None or len(other.unread) < len(found.unread) or other.size > found.size:
+            return other
+    if found is None:
+        raise UnreadParquet(reason.removeprefix("; "))
+    return found
+
+
+def _with(path: Path, library: Callable[[Path], LibraryReader]) -> LibraryReader:
+    """The file as a library reads it, with the columns of which it cannot read the first sample.
+
+    Raises
+    ------
+    UnreadParquet
+        If it can read none, or the pages are damaged.
+    """
+    reader = library(path)
+    names = [name for name, kind in reader.kinds.items() if kind.is_numeric() or kind.is_temporal()]
+    if wrong := damage(path, names):
+        raise UnreadParquet(wrong)
+    unread = _unread(reader, names)
+    for name in names if unread else ():
+        unread |= _unread(reader, [name])
+    if names and len(unread) == len(names):
+        raise UnreadParquet(next(iter(unread.values())))
+    return replace(reader, unread=unread)
+
+
+def _unread(reader: LibraryReader, names: Sequence[str]) -> dict[str, str]:
+    """Reason why the first sample of these columns cannot be read; empty where it can."""
+    try:
+        next(reader.frames(names, 1), None)
+    except UnreadParquet as error:
+        return dict.fromkeys(names, str(error) or "its pages are damaged")
+    return {}
+
+
+def _source(path: Path, file: LibraryReader) -> Source:
+    kinds = file.kinds
+    every = dict(zip(kinds, headings(kinds), strict=True))
+    shown = [name for name, heading in every.items() if heading.name is not None or _is_read(file, name, heading)]
+    others = tuple((name, _held(file, name)) for name in every if name not in shown)
+    unread = listed((f"'{shortened(name)}' ({held})" for name, held in others), _SHOWN)
+    left = f"({len(others)}): {unread}"
+    if not shown:
+        problem = f"holds no column of numbers, only others {left}; write the channels as Float64."
+        return refused(path, "Parquet", problem)
+    columns = tuple(_heading(replace(every[name], index=i), kinds[name]) for i, name in enumerate(shown))
+    firsts = _firsts(file, [name for name in shown if kinds[name].is_temporal() and name not in file.unread])
+    metadata = own_metadata(file.metadata.get(KEY)) or {}
+    clock = next((column.index for column in columns if column.name == "time"), None)
+    if clock is not None and shown[clock] in firsts:
+        metadata["start"] = str(firsts[shown[clock]][1])
+    raster = Raster(columns, file.size, clock=clock, others=others)
+    origins = {name: origin for name, (origin, _) in firsts.items()}
+    tables = partial(_tables, file, raster, shown, origins)
+    warnings = (f"left out columns without numbers {left}.",) if others else ()
+    edges = _edges(file.metadata.get(_EDGES))
+    return Source(path, "Parquet", (raster,), tables, (), warnings, metadata, edges=edges)
+
+
+def _heading(column: Heading, kind: pl.DataType) -> Heading:
+    return replace(column, unit="s") if kind.is_temporal() and column.name in (None, "time") else column
+
+
+def _firsts(reader: LibraryReader, names: Sequence[str]) -> dict[str, tuple[int, object]]:
+    """The first stamp of each of these columns, as the whole number that it is in the file and as it reads."""
+    firsts: dict[str, tuple[int, object]] = {}
+    frame = next(reader.frames(names, _TELLING), None) if names else None
+    if frame is None:
+        return firsts
+    for name in names:
+        given = frame[name].drop_nulls()
+        if len(given):
+            firsts[name] = (int(given.to_physical()[0]), given[0])
+    return firsts
+
+
+def _tables(
+    file: LibraryReader,
+    raster: Raster,
+    names: Sequence[str],
+    origins: Mapping[str, int],
+    _raster: int,
+    columns: Sequence[int],
+    rows: int | None = None,
+) -> Iterator[Table]:
+    """The tables of the only raster, see `Tables`."""
+    if raster.size == 0:
+        yield Table(raster.headings, problems=(f"there are columns, but no samples; {EXAMPLE}",))
+        return
+    asked = [raster.headings[i] for i in columns]
+    read = {heading.index: names[heading.index] for heading in asked if _is_read(file, names[heading.index], heading)}
+    problems = tuple(
+        f"column '{heading.text}' holds {_held(file, names[heading.index])}; write numbers (Float64) in its unit."
+        for heading in asked
+        if heading.index not in read
+    )
+    try:
+        for start, frame in _frames(file, list(read.values()), raster.size, rows or raster.size):
+            numbers = {heading.index: np.full(frame.height, np.nan) for heading in asked}
+            numbers |= {index: _numbers(frame[name], origins.get(name, 0)) for index, name in read.items()}
+            yield Table(raster.headings, numbers, frame.height, Places(first=start + 1), problems)
+    except UnreadParquet as error:
+        yield Table(raster.headings, problems=(_damaged(str(error)),))
+
+
+def _frames(reader: LibraryReader, names: Sequence[str], size: int, rows: int) -> Iterator[tuple[int, pl.DataFrame]]:
+    """Consecutive frames of these columns with the number of their first row; of none, frames of rows alone."""
+    import polars as pl
+
+    if not names:
+        for start in range(0, size, rows):
+            yield start, pl.DataFrame({"": np.zeros(min(rows, size - start), np.int8)})
+        return
+    start = 0
+    for frame in reader.frames(names, min(rows, size)):
+        yield start, frame
+        start += frame.height
+
+
+def _is_numeric(kind: pl.DataType, heading: Heading) -> bool:
+    """Whether a column of this type can hold what its name says."""
+    import polars as pl
+
+    if kind.is_numeric() or kind == pl.Null:
+        return True
+    if kind == pl.Boolean:
+        return heading.name in (None, *INPUTS)
+    return heading.name in (None, "time") and isinstance(kind, pl.Datetime | pl.Time | pl.Duration)
+
+
+def _numbers(series: pl.Series, origin: int) -> FloatArray:
+    """The samples as numbers; dates and times in seconds from `origin`."""
+    import polars as pl
+
+    kind = series.dtype
+    if not kind.is_temporal():
+        return series.cast(pl.Float64).to_numpy()
+    second = {"ms": 1e3, "us": 1e6, "ns": 1e9}[getattr(kind, "time_unit", None) or "ns"]
+    return (series.to_physical() - origin).cast(pl.Float64).to_numpy() / second
+
+
+def save(log: Log, path: Path) -> None:
+    """Write `log` in SI with its metadata and edges; a missing sample is NaN.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    """
+    metadata = {KEY: json.dumps(dict(log.metadata))}
+    if log.edges:
+        numbers = {name: [b64encode(a.astype("<f8").tobytes()).decode() for a in s] for name, s in log.edges.items()}
+        metadata[_EDGES] = json.dumps(numbers)
+    with path.open("wb") as file:  # polars takes no name that is no text
+        to_frame(log).write_parquet(file, metadata=metadata)
+
+
+def _edges(text: str | None) -> dict[str, Samples]:
+    """The edges of the log that was written; none where they are damaged or from another program."""
+    try:
+        every = {
+            name: tuple(np.frombuffer(b64decode(part, validate=True), "<f8").astype(np.float64) for part in parts)
+            for name, parts in json.loads(text or "{}").items()
+        }
+    except (ValueError, TypeError, AttributeError):
+        return {}
+    return {name: (parts[0], parts[1]) for name, parts in every.items() if len(parts) == 2 and name in INPUTS}

@@ -1,0 +1,148 @@
+"""Streams joined to blocks of a recording: the other streams are held until the stamps of the position's."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from clutchid.errors import DataError
+from clutchid.log import FloatArray, Log
+from clutchid.measurements.live.order import ArrivedSamples, LeftOutCounts, final, none_waiting, sorted_in, unconfirmed
+from clutchid.measurements.map.channel_map import PickedChannels
+from clutchid.measurements.time_axis import SampleBlock, align, usual_interval
+
+#: Samples of the first block at least: as many give the time from one sample to the next.
+FIRST = 101
+
+
+class ArrivedBatch(NamedTuple):
+    """Samples that came together, by stream, and the number of lines or frames that could not be read."""
+
+    arrived: Sequence[ArrivedSamples]
+    unreadable: int = 0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LiveBlock:
+    """A block of a recording, and what was left out since the block before."""
+
+    log: Log
+    left_out: LeftOutCounts
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _UnusedSamples:
+    """Samples in order: those of the position's stream that no block has had, and the others' about them.
+
+    `longest` is by quantity the time in s for which a sample is held, None before the first block.
+    """
+
+    base: SampleBlock
+    others: tuple[SampleBlock, ...]
+    longest: Mapping[str, float] | None = None
+
+
+def live_blocks(
+    batches: Iterator[ArrivedBatch], picks: Sequence[PickedChannels], name: str, metadata: Mapping[str, str]
+) -> Iterator[LiveBlock]:
+    """Blocks of a recording as their samples arrive; the first has at least `FIRST` samples, if there are as many.
+
+    The numbers do not depend on how the samples are cut into batches. Samples wait
+    `clutchid.measurements.live.order.WINDOW` seconds for those that come out of order. Columns of other streams than
+    the position's are held.
+
+    Parameters
+    ----------
+    picks
+        The channels of each stream, the position's first.
+
+    Raises
+    ------
+    DataError
+        If there is no sample; if the time goes back for good, after the block before it was given; or as `batches`.
+    """
+    found = False
+    for block in _all_blocks(batches, picks, name, metadata):
+        found = found or len(block.log) > 0
+        if found:
+            yield block
+    if not found:
+        raise DataError(f"{name}: ended before the first sample with a time; nothing can be observed.")
+
+
+def _all_blocks(
+    batches: Iterator[ArrivedBatch], picks: Sequence[PickedChannels], name: str, metadata: Mapping[str, str]
+) -> Iterator[LiveBlock]:
+    """The blocks, and where no sample came what was left out."""
+    waiting = none_waiting([[column for column in chosen.columns if column != "time"] for chosen in picks])
+    unused, left = _UnusedSamples(waiting.streams[0], waiting.streams[1:]), LeftOutCounts()
+    trouble: DataError | None = None
+    ended = False
+    while not ended:
+        try:
+            batch = next(batches, None)
+        except DataError as error:
+            batch, trouble = None, error
+        if batch is not None:
+            waiting, out = sorted_in(waiting, batch.arrived)
+            left = left.plus(LeftOutCounts(0, 0, batch.unreadable, sum(one.invalid for one in batch.arrived)))
+        else:
+            waiting, out = unconfirmed(waiting)
+        left = left.plus(out)
+        lost = not math.isnan(waiting.lost)
+        ended = batch is None or lost
+        waiting, ready = final(waiting, ended=ended)
+        unused, block = _joined(unused, ready, picks, ended=ended)
+        if block.time.size:
+            yield LiveBlock(Log(block.time, block.columns, name, metadata), left)
+            left = LeftOutCounts()
+        if lost:
+            trouble = DataError(
+                f"{name}: the time goes back from {waiting.latest:.6g} to {waiting.lost:.6g} s and stays there: the "
+                "clock of the source was set, or had jumped; start again."
+            )
+    if any(left):
+        yield LiveBlock(Log(np.empty(0), block.columns, name, metadata), left)
+    if trouble is not None:
+        raise trouble
+
+
+def _joined(
+    unused: _UnusedSamples, ready: Sequence[SampleBlock], picks: Sequence[PickedChannels], *, ended: bool
+) -> tuple[_UnusedSamples, SampleBlock]:
+    """Samples of the position's stream with the columns of the others, as far as all of these are final."""
+    base, *others = (
+        old.followed_by(new.earlier(chosen.delay))
+        for old, new, chosen in zip((unused.base, *unused.others), ready, picks, strict=True)
+    )
+    count = base.time.size if ended else _settled(base.time, picks)
+    if unused.longest is None and count < FIRST and not ended:
+        return replace(unused, base=base, others=tuple(others)), base.take(slice(0))
+    longest = unused.longest or _longest(base.time[:FIRST], others, picks)
+    block = base.take(slice(count))
+    columns = dict(block.columns)
+    for one in others:
+        columns |= {
+            name: align(block.time, one.time, values, longest[name], hold=True) for name, values in one.columns.items()
+        }
+    held = tuple(one.since(float(block.time[-1])) for one in others) if block.time.size else tuple(others)
+    return _UnusedSamples(base.take(slice(count, None)), held, longest), SampleBlock(block.time, columns)
+
+
+def _settled(time: FloatArray, picks: Sequence[PickedChannels]) -> int:
+    """Number of the samples that no other stream can still change: one with a longer delay is final later."""
+    behind = max(chosen.delay for chosen in picks) - picks[0].delay
+    return int(np.searchsorted(time, time[-1] - behind, side="right")) if time.size else 0
+
+
+def _longest(time: FloatArray, others: Sequence[SampleBlock], picks: Sequence[PickedChannels]) -> dict[str, float]:
+    """The time in s for which each quantity of the other streams is held, from the first samples."""
+    found: dict[str, float] = {}
+    for one, chosen in zip(others, picks[1:], strict=True):
+        until = np.searchsorted(one.time, time[-1], side="right") if time.size else 0
+        found |= chosen.longest(usual_interval(one.time[:until]))
+    return found

@@ -1,0 +1,364 @@
+"""A recording that arrives on a CAN bus through python-can: frames decoded with a DBC, to blocks in SI."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from itertools import chain
+from pathlib import Path
+from queue import Empty, Full, Queue
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from clutchid.errors import DataError
+from clutchid.files import plain_file
+from clutchid.measurements.formats.can.dbc import Message, read_dbc
+from clutchid.measurements.formats.can.frames import Frames, check_python_can, in_blocks, quiet
+from clutchid.measurements.formats.can.streams import (
+    FrameStream,
+    MessageCatalogue,
+    by_stream,
+    catalogue,
+    in_order,
+    rasters_of,
+    values_of,
+)
+from clutchid.measurements.live.arrival import ArrivedBatch, LiveBlock, live_blocks
+from clutchid.measurements.live.feed import PACE, PATIENCE
+from clutchid.measurements.live.order import ArrivedSamples, arrived, picked_streams
+from clutchid.measurements.map.channel_map import PickedChannels
+from clutchid.measurements.source import Table
+
+if TYPE_CHECKING:
+    import can
+
+    from clutchid.measurements.map.channel_map import ChannelMap
+
+#: Frames that wait at most: those that arrive while the ones before them are looked at. More stay with the bus.
+MOST_WAITING = 1 << 17
+
+#: Samples whose frames wait to be sent at most, and time in s for which a bus that sends none is waited for.
+MOST_TO_SEND, STALL = 512, 2.0
+
+#: Identifier of 11 bits and bytes of a frame.
+Payload = tuple[int, bytes]
+
+_PREFIX = "can:"
+
+Stopped = Callable[[], bool]
+
+
+class BusName(NamedTuple):
+    """A bus: python-can's interface, such as ``socketcan`` or ``virtual``, and the channel of it."""
+
+    interface: str
+    channel: str
+
+    def __str__(self) -> str:
+        return f"{_PREFIX}{self.interface}:{self.channel}"
+
+
+def bus_name(text: str) -> BusName | None:
+    """The bus that ``can:CHANNEL`` (SocketCAN) or ``can:INTERFACE:CHANNEL`` names; None for any other text.
+
+    Examples
+    --------
+    >>> bus_name("can:can0")
+    BusName(interface='socketcan', channel='can0')
+    >>> str(bus_name("can:virtual:truck"))
+    'can:virtual:truck'
+    >>> bus_name("can.csv") is bus_name("can:") is None
+    True
+    """
+    if not text.startswith(_PREFIX):
+        return None
+    interface, _, channel = text.removeprefix(_PREFIX).rpartition(":")
+    return BusName(interface or "socketcan", channel) if channel else None
+
+
+@contextmanager
+def opened_bus(name: BusName) -> Iterator[can.BusABC]:
+    """The bus, open; bit rates and the like are those of python-can's own configuration.
+
+    Raises
+    ------
+    DataError
+        If it cannot be opened.
+    MissingExtra
+        If python-can is not installed.
+    """
+    bus = _open(name)
+    try:
+        yield bus
+    finally:
+        bus.shutdown()
+
+
+def _open(name: BusName) -> can.BusABC:
+    check_python_can("a CAN bus")
+    import can
+
+    try:
+        with quiet("can"):
+            return can.Bus(channel=name.channel, interface=name.interface)
+    except (can.CanError, OSError, ValueError, ImportError) as error:
+        raise DataError(
+            f"{name}: cannot be opened ({_reason(error)}); name a bus as can:CHANNEL for SocketCAN, such as can:can0, "
+            "or as can:INTERFACE:CHANNEL, such as can:pcan:PCAN_USBBUS1."
+        ) from error
+
+
+@contextmanager
+def sender(name: BusName, stopped: Stopped) -> Iterator[Callable[[Sequence[Payload]], str]]:
+    """Function that sends payloads that belong together; it returns why the bus did not take all so far, if so.
+
+    A thread of its own sends them, so that a bus that does not go on holds up nothing: it is waited for `STALL`
+    seconds, and then takes no more until it goes on. Once `stopped`, it is waited for only at the end.
+
+    Raises
+    ------
+    DataError
+        If the bus cannot be opened.
+    MissingExtra
+        If python-can is not installed.
+    """
+    bus = _open(name)
+    waiting: Queue[Sequence[Payload]] = Queue(MOST_TO_SEND)
+    reasons: list[str] = []
+    closing = threading.Event()
+    thread = threading.Thread(target=_send, args=(bus, waiting, reasons, closing), daemon=True)
+    thread.start()
+    stalled = False
+
+    def send(together: Sequence[Payload]) -> str:
+        nonlocal stalled
+        until = time.monotonic() + (0.0 if stalled else STALL)
+        while True:
+            try:
+                waiting.put(together, timeout=PATIENCE if not stalled else 1e-4)
+            except Full:
+                if stopped() or time.monotonic() >= until:
+                    stalled = True
+                    return f"it took none for {STALL:g} s"
+            else:
+                stalled = False
+                return reasons[0] if reasons else ""
+
+    try:
+        yield send
+    finally:
+        closing.set()
+        thread.join(0.0 if stalled else STALL)
+
+
+def _send(bus: can.BusABC, waiting: Queue[Sequence[Payload]], reasons: list[str], closing: threading.Event) -> None:
+    """Send what waits, and then close the bus; the first reason of a frame that it did not take is kept."""
+    import can
+
+    while not (closing.is_set() and waiting.empty()):
+        with suppress(Empty):
+            for identifier, payload in waiting.get(timeout=PACE):
+                try:
+                    bus.send(can.Message(arbitration_id=identifier, data=payload, is_extended_id=False))
+                except (can.CanError, OSError) as error:
+                    if not reasons:
+                        reasons.append(_reason(error))
+    bus.shutdown()
+
+
+#: Longest time in s that the end of a recording waits for the thread that reads the bus.
+CLOSING = 2.0
+
+
+def from_bus(name: BusName, stopped: Stopped) -> Iterator[Frames]:
+    """Frames of a bus as they arrive, until it is stopped and those that came before were given.
+
+    A thread of its own takes them from the bus, so that none is lost while those before are looked at.
+
+    Raises
+    ------
+    DataError
+        If it cannot be opened, or fails; the frames before were given then.
+    MissingExtra
+        If python-can is not installed.
+    """
+    with opened_bus(name) as bus:
+        waiting: deque[can.Message] = deque()
+        failures: list[Exception] = []
+        closing = threading.Event()
+        reader = threading.Thread(target=_read, args=(bus, waiting, failures, stopped, closing), daemon=True)
+        reader.start()
+        try:
+            left_out: Counter[str] = Counter()
+            while reader.is_alive() or waiting:
+                yield from in_blocks([waiting.popleft() for _ in range(len(waiting))], left_out)
+                if not waiting:
+                    reader.join(PACE)
+        finally:
+            closing.set()
+            reader.join(CLOSING)  # a driver may hold on to its last call; the thread ends with the process
+    if failures:
+        raise DataError(f"{name}: failed ({_reason(failures[0])}).") from failures[0]
+
+
+def _read(
+    bus: can.BusABC,
+    waiting: deque[can.Message],
+    failures: list[Exception],
+    stopped: Stopped,
+    closing: threading.Event,
+) -> None:
+    """Take messages from a bus until it is stopped, and then those that it has received already."""
+    import can
+
+    try:
+        while not closing.is_set():
+            if len(waiting) >= MOST_WAITING:
+                time.sleep(PACE)
+                continue
+            ending = stopped()
+            message = bus.recv(0.0 if ending else PATIENCE)
+            if message is not None:
+                waiting.append(message)
+            elif ending:
+                return
+    except (can.CanError, OSError, ValueError) as error:
+        failures.append(error)
+
+
+def _reason(error: Exception) -> str:
+    return " ".join((getattr(error, "strerror", "") or str(error) or type(error).__name__).split()).rstrip(".")
+
+
+#: Time in s, by the stamps, in which every message of the recording comes once; for which one is waited at most; and
+#: frames in which they all must have come. `SLOW` is the time for channels of a map that nothing needs: pressures and
+#: temperatures are sent once a second.
+LEARNT, SLOW, PATIENT, MOST = 1.0, 3.0, 10.0, 1 << 17
+
+_UNREADABLE = "error frame"
+
+#: Entry of the metadata: the stamp of the bus in s that is the time 0 of the recording.
+ORIGIN = "origin_s"
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _BusLayout:
+    """Layout of a bus: its messages, time grids and picks of the streams that are read, and the first stamp in s."""
+
+    known: MessageCatalogue
+    rasters: Mapping[FrameStream, int]
+    picks: tuple[PickedChannels, ...]
+    origin: float
+
+
+def bus_blocks(
+    frames: Iterator[Frames],
+    name: str,
+    dbc: Sequence[Path],
+    channels: ChannelMap | None,
+    ambient: float,
+    required: Sequence[str],
+    origin: float | None = None,
+) -> Iterator[LiveBlock]:
+    """Blocks of a recording from the frames of a bus, see `clutchid.measurements.live.arrival.live_blocks`.
+
+    The first second shows which messages there are; its samples count. Stamps are in s from the origin, which the
+    metadata have as `ORIGIN`. Columns of other messages than the position's are held until its stamps.
+
+    Parameters
+    ----------
+    name
+        Of the recording.
+    dbc
+        DBC files; of two that know the same frame the first counts.
+    channels
+        The channel map; without it the signals must have standard names.
+    ambient : Pa
+        Absolute pressure that is added to gauge pressures.
+    required
+        Quantities that the recording must have.
+    origin : s
+        The stamp of the bus that is the time 0, by default that of the first frame.
+
+    Raises
+    ------
+    DataError
+        If there is no DBC, a DBC is missing or cannot be read, the signals do not come, there is no sample, or the time
+        goes back for good.
+    MissingExtra
+        If cantools is not installed.
+    """
+    if not dbc:
+        raise DataError(f"{name}: a bus has raw frames; give the DBC of it with --dbc FILE.")
+    messages = tuple(message for file in dbc for message in read_dbc(plain_file(file, "DBC file")))
+    first, found = _learnt(frames, name, messages, channels, required)
+    found = found if origin is None else replace(found, origin=origin)
+    metadata = {"source": name, "ambient_Pa": repr(float(ambient)), "dbc": ", ".join(file.name for file in dbc)}
+    metadata[ORIGIN] = repr(found.origin)
+    batches = (_batch(each, found, ambient) for each in chain(first, frames))
+    yield from live_blocks(batches, found.picks, name, metadata)
+
+
+def _learnt(
+    frames: Iterator[Frames],
+    name: str,
+    messages: Sequence[Message],
+    channels: ChannelMap | None,
+    required: Sequence[str],
+) -> tuple[list[Frames], _BusLayout]:
+    """The first frames, and what they show: waits for every signal that is needed."""
+    known, first = catalogue(messages), list[Frames]()
+    streams: dict[FrameStream, None] = {}
+    origin, latest = np.nan, -np.inf
+    while True:
+        block = next(frames, None)
+        if block is not None:
+            first.append(block)
+            stamps = block.stamp[np.isfinite(block.stamp)]
+            origin = stamps[0] if np.isnan(origin) and stamps.size else origin
+            latest = max(latest, stamps.max(initial=-np.inf))
+            streams |= {one: None for one, _ in by_stream(block, known) if isinstance(one, FrameStream)}
+        waited = latest - origin if sum(map(len, first)) < MOST else PATIENT
+        if block is not None and not waited >= LEARNT:
+            continue
+        late = block is None or waited >= PATIENT
+        wanted = required if late or waited >= SLOW or channels is None else (*required, *channels.channels)
+        try:
+            rasters, picks = _picked(name, in_order(streams, messages), channels, wanted)
+        except DataError:
+            if late:
+                raise
+        else:
+            return first, _BusLayout(known, rasters, picks, float(origin))
+
+
+def _picked(
+    name: str, streams: Sequence[FrameStream], channels: ChannelMap | None, required: Sequence[str]
+) -> tuple[dict[FrameStream, int], tuple[PickedChannels, ...]]:
+    """The streams by the index of their time grid, and the channels that the map picks."""
+    if not streams:
+        raise DataError(f"{name}: no frame came that the DBC knows; give the DBC of this bus with --dbc FILE.")
+    picks = picked_streams(name, rasters_of(streams, {}), channels, required)
+    return {stream: i for i, stream in enumerate(streams)}, picks
+
+
+def _batch(frames: Frames, bus: _BusLayout, ambient: float) -> ArrivedBatch:
+    """The picked channels of some frames, in SI; frames without a stamp, and error frames, cannot be read."""
+    stamped = np.isfinite(frames.stamp)
+    unreadable = frames.left_out.get(_UNREADABLE, 0) + int(stamped.size - stamped.sum())
+    if not stamped.all():
+        frames = frames.take(stamped)
+    each: list[ArrivedSamples] = []
+    for found, rows in by_stream(frames, bus.known):
+        raster = bus.rasters.get(found) if isinstance(found, FrameStream) else None
+        for i, chosen in enumerate(bus.picks):
+            if isinstance(found, FrameStream) and chosen.raster == raster:
+                stamps, data, length = frames.stamp[rows] - bus.origin, frames.data[rows], frames.length[rows]
+                table = Table(numbers=values_of(found, chosen.indices, stamps, data, length), size=rows.size)
+                each.append(arrived(i, chosen, table, ambient, rows))
+    return ArrivedBatch(each, unreadable)

@@ -1,0 +1,304 @@
+"""A recording that arrives as CSV or JSON lines: rows from pieces of text, to blocks in SI."""
+
+from __future__ import annotations
+
+import json
+import math
+from codecs import BOM_UTF8
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.errors import DataError
+from clutchid.log import FloatArray
+from clutchid.measurements.columns import Heading, headings
+from clutchid.measurements.formats.csv.dialect import Dialect, dialect
+from clutchid.measurements.formats.csv.lines import BOMS_UTF16, LineBlock
+from clutchid.measurements.formats.csv.rows import joined, read_fast, read_text
+from clutchid.measurements.live.arrival import ArrivedBatch, LiveBlock, live_blocks
+from clutchid.measurements.live.order import arrived, picked_streams
+from clutchid.measurements.map.channel_map import PickedChannels
+from clutchid.measurements.source import EXAMPLE, Raster, Table
+
+if TYPE_CHECKING:
+    from clutchid.measurements.map.channel_map import ChannelMap
+
+#: Types of a number in JSON, and of null; neither a string nor true is one.
+_NUMBERS = {int, float, type(None)}
+
+
+def keys_of(text: bytes, name: str) -> list[str]:
+    """The keys of the objects of some lines, in the order in which they first occur.
+
+    Raises
+    ------
+    DataError
+        If no line is an object.
+    """
+    keys = list(dict.fromkeys(key for one in map(_object, text.split(b"\n")) if one for key in one))
+    if not keys:
+        raise DataError(
+            f'{name}: no line is a JSON object; send an object a line, such as {{"time [s]": 0.0, "position [m]": 0.0, '
+            '"duty_supply [1]": 0.0, "duty_exhaust [1]": 0.0}.'
+        )
+    return keys
+
+
+def read_objects(text: bytes, keys: Sequence[str]) -> tuple[list[FloatArray], NDArray[np.bool_], int]:
+    """A column for each key; which objects have a value that is no number; the number of lines left out.
+
+    A key that an object lacks is NaN. A line that is no object is left out; a value that is no number is missing.
+
+    Examples
+    --------
+    >>> columns, spoiled, left_out = read_objects(b'{"a": 1, "b": "0.5"}\\n{"a": 2.5}\\n{"a": 3, "b"\\n', ["a", "b"])
+    >>> columns, spoiled.tolist(), left_out
+    ([array([1. , 2.5]), array([nan, nan])], [True, False], 1)
+    """
+    lines = [line for line in text.split(b"\n") if line.strip()]
+    objects = _together(lines)
+    if objects is None:
+        objects = [one for one in map(_object, lines) if one is not None]
+    spoiled = np.zeros(len(objects), dtype=bool)
+    columns = _all_numbers([[one.get(key) for one in objects] for key in keys])
+    if columns is None:
+        rows = [[_number(one.get(key)) for key in keys] for one in objects]
+        spoiled |= [None in row for row in rows]
+        columns = [np.array([math.nan if row[i] is None else row[i] for row in rows]) for i in range(len(keys))]
+    return columns, spoiled, len(lines) - len(objects)
+
+
+def _together(lines: Sequence[bytes]) -> list[dict[str, Any]] | None:
+    """The objects of some lines; None unless every line is one."""
+    try:
+        found = json.loads(b"[" + b",".join(lines) + b"]")
+    except (ValueError, RecursionError):
+        return None
+    whole = len(found) == len(lines) and all(type(one) is dict for one in found)
+    return found if whole else None
+
+
+def _all_numbers(columns: Sequence[Sequence[Any]]) -> list[FloatArray] | None:
+    """The columns as arrays; None unless every value is a number or null."""
+    if not all(set(map(type, values)) <= _NUMBERS for values in columns):
+        return None
+    try:
+        return [np.array(values, dtype=np.float64) for values in columns]
+    except OverflowError:
+        return None
+
+
+def _object(line: bytes) -> dict[str, Any] | None:
+    try:
+        found = json.loads(line)
+    except (ValueError, RecursionError):
+        return None
+    return found if isinstance(found, dict) else None
+
+
+def _number(value: Any) -> float | None:
+    """A value as a number, NaN for null; None if it is none."""
+    if value is None:
+        return math.nan
+    try:
+        return float(value) if type(value) in _NUMBERS else None
+    except OverflowError:
+        return None
+
+
+Mask = NDArray[np.bool_]
+
+#: Lines at the start that determine the columns and how they are written: the same ones however the text is cut.
+HEAD = 120
+
+#: Bytes of the longest line.
+LONGEST = 1 << 20
+
+#: What stands for a line that is longer: it cannot be read either.
+_TOO_LONG = b"?\n"
+
+#: Lines from which on polars reads faster than NumPy.
+_MANY = 400
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class TextRows:
+    """Rows that arrived together, which of them could be read only in part, and the number of lines left out."""
+
+    table: Table
+    spoiled: Mask
+    left_out: int
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class TextFeed:
+    """A text whose first lines have arrived: its columns, and the function that reads some of them, from the start.
+
+    `unnamed` says why it needs a channel map if its columns have no names.
+    """
+
+    raster: Raster
+    rows: Callable[[Sequence[int]], Iterator[TextRows]]
+    unnamed: str = ""
+
+
+def text_feed(pieces: Iterator[bytes], name: str) -> TextFeed:
+    """CSV or JSON lines from pieces of any length; waits for the first `HEAD` lines, or the end.
+
+    The function that reads the rows can be called once.
+
+    Raises
+    ------
+    DataError
+        If it is no text, or empty; the iterator of the rows raises it as well.
+    """
+    lines = _whole_lines(pieces, name)
+    first, rest = _head(lines)
+    if not first.strip():
+        raise DataError(f"{name}: ended before the first sample; {EXAMPLE}")
+    if first.lstrip().startswith(b"{"):
+        keys = keys_of(first, name)
+        columns = headings(keys)
+        objects = _filled(first + rest, lines)
+        return TextFeed(_raster(columns), lambda chosen: (_objects(text, keys, columns, chosen) for text in objects))
+    found = dialect(first.decode().split("\n"))
+    if found is None:
+        raise DataError(f"{name}: has only comments; {EXAMPLE}")
+    below = _cut(first, found.samples - 1)[1]
+    unnamed = "" if found.header else f"the first line contains numbers; {EXAMPLE}"
+    cells = _filled(below + rest, lines)
+    return TextFeed(_raster(found.headings), lambda chosen: (_cells(text, found, chosen) for text in cells), unnamed)
+
+
+def _raster(columns: tuple[Heading, ...]) -> Raster:
+    return Raster(columns, 0, clock=next((column.index for column in columns if column.name == "time"), None))
+
+
+def _head(lines: Iterator[bytes]) -> tuple[bytes, bytes]:
+    """The first `HEAD` lines, and what came with them."""
+    text = b""
+    for piece in lines:
+        text += piece
+        if text.count(b"\n") >= HEAD:
+            break
+    return _cut(text, HEAD)
+
+
+def _cut(text: bytes, lines: int) -> tuple[bytes, bytes]:
+    """The first lines of a text, and the others."""
+    end = 0
+    for _ in range(min(lines, text.count(b"\n"))):
+        end = text.find(b"\n", end) + 1
+    return text[:end], text[end:]
+
+
+def _filled(first: bytes, others: Iterator[bytes]) -> Iterator[bytes]:
+    """Blocks of whole lines that hold more than blanks."""
+    if first.strip():
+        yield first
+    yield from (text for text in others if text.strip())
+
+
+def _whole_lines(pieces: Iterator[bytes], name: str) -> Iterator[bytes]:
+    """Whole lines in UTF-8 with line feeds; an unfinished line waits for its rest, and is dropped at the end.
+
+    A line that is too long is `_TOO_LONG` instead, unless it is the first one.
+    """
+    kept, begun, any_, cutting = b"", False, False, False
+    for piece in pieces:
+        text = kept + piece
+        if cutting:  # the rest of a line that was too long
+            _, ended, text = text.partition(b"\n")
+            cutting = not ended
+        if not begun and len(text) >= len(BOM_UTF8):
+            if text.startswith(BOMS_UTF16):
+                raise DataError(f"{name}: is no text in UTF-8; send CSV or JSON lines, a sample a line.")
+            text, begun = text.removeprefix(BOM_UTF8), True
+        end = text.rfind(b"\n") + 1 if begun else 0
+        kept = text[end:]
+        if end:
+            any_ = True
+            yield _as_utf8(text[:end]).replace(b"\r\n", b"\n")
+        if len(kept) > LONGEST:
+            if not any_:
+                raise DataError(
+                    f"{name}: a line is longer than {LONGEST:,} bytes; send CSV or JSON lines, a sample a line."
+                )
+            kept, cutting = b"", True
+            yield _TOO_LONG
+
+
+def _as_utf8(text: bytes) -> bytes:
+    try:
+        text.decode()
+    except UnicodeDecodeError:
+        return text.decode("cp1252", errors="replace").encode()
+    return text
+
+
+def _objects(text: bytes, keys: Sequence[str], columns: tuple[Heading, ...], chosen: Sequence[int]) -> TextRows:
+    numbers, spoiled, left_out = read_objects(text, [keys[index] for index in chosen])
+    return TextRows(Table(columns, dict(zip(chosen, numbers, strict=True)), spoiled.size), spoiled, left_out)
+
+
+def _cells(text: bytes, found: Dialect, chosen: Sequence[int]) -> TextRows:
+    """The rows of a block of lines of CSV."""
+    text, selected = text.rstrip() + b"\n", [found.headings[index] for index in chosen]
+    block = LineBlock(1, text, text.count(b"\n"))
+    special = b'"' in text or b"\0" in text
+    fast = None if special else read_fast(block, found, selected, large=block.lines >= _MANY)
+    if fast:
+        parts = [fast]
+    else:  # one by one: a spoiled line must not take others with it
+        parts = [read_text(LineBlock(1, line, 1), found, selected) for line in text.splitlines(keepends=True)]
+    part = joined(parts)
+    ragged = sum(one.ragged_count + bool(one.broken) for one in parts)
+    spoiled = np.zeros(part.table.size, dtype=bool)
+    for rows in part.table.unread.values():
+        spoiled[rows] = True
+    return TextRows(part.table, spoiled, ragged)
+
+
+def text_blocks(
+    pieces: Iterator[bytes], name: str, channels: ChannelMap | None, ambient: float, required: Sequence[str]
+) -> Iterator[LiveBlock]:
+    """Blocks of a recording from pieces of text of any length, see `clutchid.measurements.live.arrival.live_blocks`.
+
+    Parameters
+    ----------
+    name
+        Of the recording.
+    channels
+        The channel map; without it the columns must have standard names.
+    ambient : Pa
+        Absolute pressure that is added to gauge pressures.
+    required
+        Quantities that the recording must have.
+
+    Raises
+    ------
+    DataError
+        If it is no text, its columns do not fit, it has no sample, or its time goes back for good.
+    """
+    feed = text_feed(pieces, name)
+    if channels is None and feed.unnamed:
+        raise DataError(f"{name}: {feed.unnamed}")
+    picks = picked_streams(name, [feed.raster], channels, required)
+    metadata = {"source": name, "ambient_Pa": repr(float(ambient))}
+    yield from live_blocks(_batches(feed, picks, ambient), picks, name, metadata)
+
+
+def _batches(feed: TextFeed, picks: Sequence[PickedChannels], ambient: float) -> Iterator[ArrivedBatch]:
+    """The picked channels of the rows, in SI."""
+    done = 0
+    chosen = sorted({index for each in picks for index in each.indices})
+    for rows in feed.rows(chosen):
+        place, spoiled = np.arange(rows.table.size), rows.spoiled.copy()
+        each = [arrived(i, one, rows.table, ambient, place, done) for i, one in enumerate(picks)]
+        for one in each:
+            spoiled |= ~np.isin(place, one.place)  # without a time
+        yield ArrivedBatch(each, rows.left_out + int(spoiled.sum()))
+        done += rows.table.size

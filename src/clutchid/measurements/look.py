@@ -1,0 +1,218 @@
+"""`look`: contents of a file, even if `read` would refuse it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from clutchid.arguments import checked
+from clutchid.log import INPUTS, FloatArray
+from clutchid.measurements.checks import AMBIENT, check, check_ambient, in_si
+from clutchid.measurements.columns import REQUIRED, Heading, heading_problems, ignored
+from clutchid.measurements.map.channel_map import Channel, ChannelMap
+from clutchid.measurements.map.picking import own_clock
+from clutchid.measurements.map.proposal import Proposal, means_the_contract, propose
+from clutchid.measurements.opening import open_source
+from clutchid.measurements.overview import ColumnOverview, FileOverview, TimeAxis, TimeGridOverview, updated
+from clutchid.measurements.recording import findings, picked, scaled
+from clutchid.measurements.source import BLOCK, Places, Raster, Source, Table, in_contract
+from clutchid.measurements.stored import WHOLE
+from clutchid.messages import SHOWN
+
+#: What a recording of a test rig needs, whose map assigns a force and no duty cycle.
+_RIG = ("time", "position", "force")
+
+
+@checked
+def look(
+    path: str | PathLike[str],
+    ambient: float | None = None,
+    dbc: Sequence[str | PathLike[str]] = (),
+    channels: ChannelMap | None = None,
+) -> FileOverview:
+    """Contents of a recording of any format, whether or not `read` would accept it.
+
+    Parameters
+    ----------
+    path
+        The file.
+    ambient : Pa, optional
+        Absolute pressure, above 0, that is added to gauge pressures such as ``bar(g)``; by default 101,300 Pa.
+    dbc
+        DBC files that decode a bus log, besides those of the map.
+    channels
+        A channel map: quantities, time axis, problems and warnings are then those of `read` with this map.
+
+    Returns
+    -------
+    overview : FileOverview
+        Channels with units and ranges, holes, what `read` would say, and a proposed channel map.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read; problems inside it are in ``FileOverview.problems``.
+    MissingExtra
+        If the format needs a library that is not installed.
+    ParameterError
+        If `ambient` is not a pressure above 0.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "run.csv"
+    ...     _ = file.write_text("time [ms],position [mm]\\n0,0\\n1,0.5\\n2,\\n")
+    ...     (grid,) = look(file).rasters
+    >>> grid.time.rate, grid.columns[1].high_si, grid.columns[1].missing
+    (1000.0, 0.0005, 1)
+    """
+    check_ambient(ambient)
+    files = tuple(dict.fromkeys((*(channels.dbc if channels else ()), *map(Path, dbc))))
+    return replace(overview_of(open_source(path, files), ambient, files, channels), source=str(path))
+
+
+def overview_of(
+    source: Source, ambient: float | None, files: tuple[Path, ...], channels: ChannelMap | None
+) -> FileOverview:
+    """Contents of an opened file, see `look`; `files` are the DBC files that decode it."""
+    ambient = AMBIENT if ambient is None else ambient
+    proposal = propose(source)
+    proposal = replace(proposal, channels=replace(proposal.channels, dbc=files))
+    if channels is not None:
+        return _mapped(source, proposal, channels, ambient)
+    by_contract = in_contract(source) or (source.tabular and not proposal.complete and means_the_contract(source))
+    checks = ambient if by_contract and not source.unnamed else None
+    rasters, problems, warnings = [], list(source.problems), list(source.warnings)
+    problems += [source.unnamed] if source.unnamed else []
+    for index, raster in enumerate(source.rasters):
+        clock, warning = _clock(raster, proposal.channels)
+        summary = _Summary(checks)
+        if checks is not None:
+            summary.problems += heading_problems(raster.headings)
+            summary.warnings += ignored(raster.headings)
+        rasters.append(_raster(source, index, summary, _Axis(clock, {}, ambient)))
+        problems += summary.problems
+        warnings += [*([warning] if warning else []), *summary.warnings]
+    found = tuple(rasters), tuple(problems), tuple(dict.fromkeys(warnings))
+    return FileOverview(str(source.path), source.format, *found, proposal, needs_map=not in_contract(source))
+
+
+def _mapped(source: Source, proposal: Proposal, channels: ChannelMap, ambient: float) -> FileOverview:
+    """Contents of a file with the quantities, the time axis and the findings of a channel map."""
+    rig = "force" in channels.channels and not any(name in channels.channels for name in INPUTS)
+    picks, mismatches = picked(source, channels, _RIG if rig else REQUIRED)
+    size = max((raster.size * len(raster.headings) for raster in source.rasters), default=0)
+    found, warned = findings(source, picks, ambient, None if size * 8 < WHOLE else BLOCK)
+    rasters = []
+    for index, raster in enumerate(source.rasters):
+        chosen = [pick for pick in picks if pick.raster == index]
+        columns = {heading.index: (heading, entry) for pick in chosen for heading, entry in pick.columns.values()}
+        time = next((pick.columns["time"][0] for pick in chosen if "time" in pick.columns), own_clock(raster)[0])
+        rate = chosen[0].rate if chosen else None
+        rasters.append(_raster(source, index, _Summary(), _Axis(time, columns, ambient, rate)))
+    problems = tuple(dict.fromkeys((*source.problems, *mismatches, *found)))
+    warnings = tuple(dict.fromkeys((*source.warnings, *warned)))
+    completed = replace(
+        proposal,
+        channels=replace(
+            channels,
+            channels={**proposal.channels.channels, **channels.channels},
+            dbc=proposal.channels.dbc,
+            comments=proposal.channels.comments,
+        ),
+    )
+    return FileOverview(str(source.path), source.format, tuple(rasters), problems, warnings, completed, needs_map=False)
+
+
+@dataclass(frozen=True, slots=True)
+class _Axis:
+    """Time channel of a time grid or its `rate` in Hz, its mapped columns by index, and the ambient pressure in Pa."""
+
+    time: Heading | None
+    columns: Mapping[int, tuple[Heading, Channel]]
+    ambient: float
+    rate: float | None = None
+
+    def stamps(self, table: Table, done: int) -> FloatArray | None:
+        """Time stamps of a table in s, `done` samples after the first one; None if there are none."""
+        if self.rate is not None:
+            return (done + np.arange(table.size)) / self.rate
+        if self.time is None or self.time.si is None or self.time.index not in table.numbers:
+            return None
+        return in_si(self.time, self.written(self.time.index, table.numbers[self.time.index]), self.ambient)
+
+    def written(self, index: int, values: FloatArray) -> FloatArray:
+        """Samples of a column in its unit, with the sign, factor and offset of the map."""
+        return scaled(values, self.columns[index][1]) if index in self.columns else values
+
+
+@dataclass(slots=True)
+class _Summary:
+    """Summary of the samples of a time grid so far; with `checks`, an ambient pressure, also problems as of `read`.
+
+    `ranges` are the lowest and highest value, and the number of finite ones, of each column that has any.
+    """
+
+    checks: float | None = None
+    ranges: dict[int, tuple[float, float, int]] = field(default_factory=dict)
+    time: TimeAxis | None = None
+    places: Places = field(default_factory=Places)
+    samples: int = 0
+    problems: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+
+
+def _raster(source: Source, index: int, summary: _Summary, axis: _Axis) -> TimeGridOverview:
+    raster = source.rasters[index]
+    rows = None if raster.size * len(raster.headings) * 8 < WHOLE else BLOCK
+    for table in source.tables(index, [heading.index for heading in raster.headings], rows):
+        _add(summary, table, axis)
+        if summary.checks is not None:
+            checked = check(table, summary.checks)
+            summary.problems += checked.problems[: SHOWN if summary.problems else None]
+            summary.warnings += checked.warnings
+        else:
+            summary.problems += [problem for problem in table.problems if problem not in summary.problems]
+    columns = tuple(_column(heading, summary, axis) for heading in raster.headings)
+    return TimeGridOverview(raster.name, summary.samples, columns, summary.time, summary.places.word, raster.others)
+
+
+def _clock(raster: Raster, proposed: ChannelMap) -> tuple[Heading | None, str]:
+    """Time stamps of a time grid, as defined by the proposed map or by the file, and a warning if they are a guess."""
+    time = proposed.channels.get("time")
+    for heading in raster.headings:
+        if time is not None and heading.text == time.channel and (time.unit or heading.index != raster.clock):
+            return replace(heading, name="time", unit=time.unit or heading.unit), ""
+    return own_clock(raster)
+
+
+def _add(summary: _Summary, table: Table, axis: _Axis) -> None:
+    """Add a block of samples to the summary."""
+    stamps = axis.stamps(table, summary.samples)
+    if stamps is not None:
+        summary.time = updated(summary.time, stamps, table.places)
+    summary.samples += table.size
+    summary.places = table.places
+    for index, values in table.numbers.items():
+        finite = values[np.isfinite(values)]
+        if finite.size:
+            low, high, count = summary.ranges.get(index, (math.inf, -math.inf, 0))
+            summary.ranges[index] = min(low, float(finite.min())), max(high, float(finite.max())), count + finite.size
+
+
+def _column(heading: Heading, summary: _Summary, axis: _Axis) -> ColumnOverview:
+    low, high, count = summary.ranges.get(heading.index, (math.nan, math.nan, 0))
+    shown = axis.columns[heading.index][0] if heading.index in axis.columns else heading
+    low_si, high_si = math.nan, math.nan
+    if shown.si:
+        ends: FloatArray = in_si(shown, axis.written(heading.index, np.array([low, high])), axis.ambient)
+        low_si, high_si = sorted(ends.tolist())
+    missing = summary.samples - count
+    return ColumnOverview(heading.text, shown.name, shown.unit, shown.si, low, high, low_si, high_si, missing)

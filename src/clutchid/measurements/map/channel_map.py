@@ -1,0 +1,279 @@
+"""`ChannelMap`: assignment of the channels of any file to quantities, as a TOML file that users can edit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from clutchid.arguments import is_number
+from clutchid.errors import DataError, ParameterError
+from clutchid.files import write_text
+from clutchid.files.records import read_toml
+from clutchid.log import HOLE
+from clutchid.log.units import known_units
+from clutchid.measurements.columns import QUANTITIES, Heading, is_unit_of, unit_spelled
+from clutchid.names import unknown_name
+
+_ABOVE_ZERO = {
+    "raster": "an interval above 0 in s is needed, for example 0.001",
+    "rate": "samples per second above 0 are needed, for example 1000.0",
+}
+
+#: Longest delay of a channel in s: filters and buses of vehicles have tens of milliseconds. A generous guess.
+LONGEST_DELAY = 0.5
+_TOP = ("dbc", *_ABOVE_ZERO)
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """One channel of a file: the quantity is ``sign * factor * sample + offset`` in `unit`.
+
+    Parameters
+    ----------
+    channel, group
+        Name in the file, and its group there if the name is not unique.
+    unit
+        Overrides that of the file.
+    sign, factor : 1
+        -1 or 1, and a scale.
+    offset : unit
+        Added after the scale.
+    delay : s
+        By which the quantity is older than its stamp.
+    longest : s
+        Time for which a sample remains valid, as of a duty cycle that is only sent when it changes; by default five
+        usual intervals of the channel.
+    """
+
+    channel: str
+    group: str | None = None
+    unit: str | None = None
+    sign: float = 1.0
+    factor: float = 1.0
+    offset: float = 0.0
+    delay: float = 0.0
+    longest: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelMap:
+    """The channel of each quantity, and how its file is read.
+
+    Parameters
+    ----------
+    channels
+        By quantity, such as position.
+    dbc
+        DBC files that decode a bus log.
+    raster : s
+        Interval of the common time grid; without it, that of the channel with the highest rate.
+    rate : Hz
+        Of a file without time: the time is sample / rate.
+    comments
+        By entry, and on the file as a whole under an empty name; they are written but not read. A comment on an entry
+        that is missing is written with a block to be filled in.
+    """
+
+    channels: Mapping[str, Channel]
+    dbc: tuple[Path, ...] = ()
+    raster: float | None = None
+    rate: float | None = None
+    comments: Mapping[str, str] = field(default_factory=dict)
+
+
+#: Index of a time that is counted, sample / rate, not read.
+COUNTED = -1
+
+
+@dataclass(frozen=True, slots=True)
+class PickedChannels:
+    """Channels on one time grid: heading and map entry by quantity, including `time` unless that is a problem.
+
+    `delay` in s is the common delay of the channels after their time stamps; with a `rate` in Hz the time is sample /
+    rate. `notes` are assumptions that the user has to know. Time stamps that must be `increasing` are not repaired.
+    """
+
+    raster: int
+    columns: Mapping[str, tuple[Heading, Channel]]
+    delay: float = 0.0
+    rate: float | None = None
+    notes: tuple[str, ...] = ()
+    increasing: bool = False
+
+    @property
+    def indices(self) -> list[int]:
+        """The channels that are read, by their index in the time grid."""
+        return [heading.index for heading, _ in self.columns.values() if heading.index != COUNTED]
+
+    def longest(self, usual: float) -> dict[str, float]:
+        """Time in s for which a sample remains valid, by quantity, at a `usual` interval of the channels in s."""
+        entries = {name: entry for name, (_, entry) in self.columns.items() if name != "time"}
+        return {name: HOLE * usual if one.longest is None else one.longest for name, one in entries.items()}
+
+
+def read_map(path: str | PathLike[str]) -> ChannelMap:
+    """Read a channel map from a TOML file; paths of DBC files in it are relative to it.
+
+    Raises
+    ------
+    DataError
+        If there is no such file.
+    ParameterError
+        If it is not a channel map; the text lists all problems.
+    """
+    content = read_toml(path, "channel map")
+    problems: list[str] = []
+    channels = {
+        name: entry
+        for name, values in content.items()
+        if name not in _TOP and (entry := _channel(name, values, problems)) is not None
+    }
+    dbc = _dbc(content.get("dbc", []), Path(path).parent, problems)
+    raster, rate = (_positive(content, key, what, problems) for key, what in _ABOVE_ZERO.items())
+    if not problems and not channels:
+        problems.append("contains no channel; write for example [position] with channel = 'NAME'.")
+    found = ChannelMap(channels, dbc, raster, rate)
+    problems += contradictions(found)
+    if problems:
+        raise ParameterError(str(DataError.of(str(path), problems)))
+    return found
+
+
+def contradictions(content: ChannelMap) -> list[str]:
+    """Problems of a map whose entries exclude each other."""
+    if content.rate is None or "time" not in content.channels:
+        return []
+    return [f"rate = {content.rate:g} Hz and [time] both define the time; keep one of them."]
+
+
+def write_map(content: ChannelMap, path: str | PathLike[str]) -> None:
+    """Write a channel map for `read_map`; default values are omitted.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written; an existing file is then unchanged.
+    """
+    write_text(map_text(content, Path(path).parent), path)
+
+
+def map_text(content: ChannelMap, folder: Path) -> str:
+    """A channel map as TOML text; paths of DBC files below `folder` are relative to it.
+
+    Examples
+    --------
+    >>> print(map_text(ChannelMap({"position": Channel("Kupplungsweg", unit="mm", sign=-1.0)}), Path()))
+    # Channel map of clutchid: quantity = sign * factor * sample + offset in the unit, taken at stamp - delay.
+    <BLANKLINE>
+    [position]
+    channel = "Kupplungsweg"
+    unit = "mm"
+    sign = -1.0
+    <BLANKLINE>
+    """
+    import tomli_w
+
+    top: dict[str, Any] = {}
+    blank = ""
+    if content.dbc:
+        top["dbc"] = [_relative(file, folder) for file in content.dbc]
+    top |= {key: value for key in _ABOVE_ZERO if (value := getattr(content, key)) is not None}
+    if content.rate is None and "rate" in content.comments:
+        blank = f"# rate = 1000.0  # {content.comments['rate']}\n"
+    parts = [
+        "# Channel map of clutchid: quantity = sign * factor * sample + offset in the unit, taken at stamp - delay.",
+        (blank + tomli_w.dumps(top)).rstrip(),
+    ]
+    for name, entry in content.channels.items():
+        comment = content.comments.get(name)
+        values = {
+            item.name: getattr(entry, item.name)
+            for item in fields(entry)
+            if getattr(entry, item.name) not in (None, item.default)
+        }
+        lines = ([f"# {comment}"] if comment else []) + [tomli_w.dumps({name: values}).rstrip()]
+        parts.append("\n".join(lines))
+    for name, comment in content.comments.items():
+        if name in QUANTITIES and name not in content.channels:
+            parts.append(f'# [{name}]\n# channel = "?"  # {comment}')
+    parts.append("\n".join(f"# {line}" for line in content.comments.get("", "").splitlines()))
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _channel(name: str, values: Any, problems: list[str]) -> Channel | None:
+    """The entry of one quantity; its problems are appended to `problems`."""
+    before = len(problems)
+    if name not in QUANTITIES:
+        problems.append(unknown_name(name, (*QUANTITIES, *_TOP), "quantity"))
+        return None
+    if not isinstance(values, dict):
+        problems.append(f"[{name}]: write a table, for example [{name}] with channel = 'NAME' below it.")
+        return None
+    known = {item.name: item for item in fields(Channel)}
+    problems += [f"[{name}]: {unknown_name(key, known, 'entry')}" for key in values if key not in known]
+    for key in ("channel", "group", "unit"):
+        if key in values and not isinstance(values[key], str):
+            problems.append(f"[{name}] {key} = {values[key]!r}: a string is needed.")
+    for key in ("sign", "factor", "offset", "delay", "longest"):
+        if key in values and not _number(values[key]):
+            problems.append(f"[{name}] {key} = {values[key]!r}: a finite number is needed.")
+    if "channel" not in values:
+        problems.append(f"[{name}]: has no channel; write channel = 'NAME' as listed by `clutchid look`.")
+    if len(problems) > before:
+        return None
+    read: dict[str, Any] = {key: value if isinstance(value, str) else float(value) for key, value in values.items()}
+    entry = Channel(**read)
+    problems += [f"[{name}] {problem}" for problem in _values(name, entry)]
+    return entry
+
+
+def _values(name: str, entry: Channel) -> list[str]:
+    """Problems of the values of an entry."""
+    problems = []
+    if entry.unit is not None and not is_unit_of(name, unit_spelled(entry.unit)):
+        known = ", ".join(known_units(QUANTITIES[name]))
+        problems.append(f"unit = '{entry.unit}': is not known here; use one of {known}.")
+    if abs(entry.sign) != 1.0:
+        problems.append(f"sign = {entry.sign:g}: must be 1 or -1; use factor for another scale.")
+    if entry.factor == 0.0:
+        problems.append("factor = 0: must not be 0.")
+    if abs(entry.delay) > LONGEST_DELAY:
+        problems.append(
+            f"delay = {entry.delay:g} s: a channel is at most {LONGEST_DELAY:g} s late; write it in s, 0.008 for 8 ms."
+        )
+    if entry.longest is not None and entry.longest <= 0.0:
+        problems.append(f"longest = {entry.longest:g} s: must be above 0 s.")
+    return problems
+
+
+def _dbc(value: Any, folder: Path, problems: list[str]) -> tuple[Path, ...]:
+    names = [value] if isinstance(value, str) else value
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        problems.append(f"dbc = {value!r}: a list of file names is needed.")
+        return ()
+    return tuple(folder / name for name in names)
+
+
+def _positive(content: Mapping[str, Any], key: str, what: str, problems: list[str]) -> float | None:
+    value = content.get(key)
+    if value is None:
+        return None
+    if not _number(value) or value <= 0:
+        problems.append(f"{key} = {value!r}: {what}.")
+        return None
+    return float(value)
+
+
+def _number(value: Any) -> bool:
+    return is_number(value) and math.isfinite(value)
+
+
+def _relative(file: Path, folder: Path) -> str:
+    try:
+        return file.resolve().relative_to(folder.resolve()).as_posix()
+    except ValueError:
+        return str(file.resolve())

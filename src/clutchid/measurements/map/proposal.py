@@ -1,0 +1,473 @@
+"""Propose a channel map from the names, units and ranges of the channels in a file.
+
+Supply pressure and temperature of the air are conditions of a recording, which any vehicle may have. No fit needs them,
+so what is unclear about one is a note, and a file is read without it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from clutchid.errors import DataError
+from clutchid.log import INPUTS
+from clutchid.log.units import UNITS
+from clutchid.measurements.columns import QUANTITIES, REQUIRED, Heading, is_unit_of, unit_at_end
+from clutchid.measurements.formats.can.j1939 import parameter_in
+from clutchid.measurements.map.channel_map import Channel, ChannelMap
+from clutchid.measurements.map.channel_words import (
+    Circuit,
+    circuit_of,
+    is_beside,
+    is_named_by_j1939,
+    is_set_point,
+    name_score,
+)
+from clutchid.measurements.map.picking import own_clock
+from clutchid.measurements.map.ranges import PLAUSIBLE, Range, Ranges, gauge_unit, guessed_unit
+from clutchid.measurements.source import Raster, Source
+from clutchid.messages import listed
+
+#: Score of a channel with the standard name of the quantity.
+STANDARD = 100.0
+
+#: Loss of score of a duty cycle with the name of a set point: the measured one is preferred.
+_SET_POINT = 0.25
+
+
+#: Difference of duty cycles up to which two channels have one range: a percent, as rounding leaves it.
+_SAME = 0.01
+
+#: Why the channel of a circuit is proposed.
+_REASONS = {
+    Circuit.POWERTRAIN: "it is that of the powertrain or the clutch",
+    Circuit.AUXILIARIES: "the circuit of auxiliaries (circuit 4) usually supplies the clutch actuator",
+    Circuit.SUPPLY: "no channel is nearer to the clutch than the supply as a whole",
+    Circuit.BRAKES: "no other is recorded; check, because braking lowers the circuits of the brakes",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A channel that may be a quantity, its score, its range, and its unit with the reason if that is a guess.
+
+    `implied` is a further assumption about the unit.
+    """
+
+    raster: Raster
+    heading: Heading
+    score: float
+    span: Range
+    unit: str | None
+    guess: str
+    implied: str = ""
+
+    @property
+    def flag(self) -> str:
+        """Reason why it may be no duty cycle but a flag beside one; empty if none."""
+        if self.score >= STANDARD or self.heading.unit == "%":
+            return ""
+        if is_beside(self.heading.text):
+            return "is called like a flag or a state"
+        return "is 0 or 1 only" if self.span.switched else ""
+
+
+def candidates(source: Source, name: str, ranges: Ranges) -> Iterator[Candidate]:
+    """Channels that are called like the quantity `name`, and have a unit of it or none."""
+    for index, raster in enumerate(source.rasters):
+        clock, _ = own_clock(raster)
+        texts = {text for text, _ in raster.others}
+        for heading in raster.headings:
+            if heading.text in texts or (clock is not None and heading.index == clock.index and name != "time"):
+                continue
+            score = _score(name, heading)
+            if score <= 0.0 or not (heading.unit is None or is_unit_of(name, heading.unit)):
+                continue
+            span = ranges(index, heading, further=score < STANDARD and name not in PLAUSIBLE)
+            span = span._replace(constant=span.constant and score < STANDARD)
+            unit = heading.unit or unit_at_end(heading.text, QUANTITIES[name])
+            found = Candidate(raster, heading, score + (0.5 if unit else 0.0), span, *_unit(name, unit, span))
+            yield _gauge_of_standard(found) if name == "pressure_supply" and score < STANDARD else found
+
+
+def _score(name: str, heading: Heading) -> float:
+    """Score of the name of a channel for a quantity; a set point is none, except of a duty cycle."""
+    if heading.name == name:
+        return STANDARD
+    score = name_score(name, standard_title(heading) if name in PLAUSIBLE else heading.text)
+    if score >= STANDARD or not is_set_point(heading.text):
+        return score
+    return max(score - _SET_POINT, 0.0) if name in INPUTS else 0.0
+
+
+def _gauge_of_standard(found: Candidate) -> Candidate:
+    """A supply pressure in the gauge unit if it is one by the standard of the bus."""
+    gauge = f"{found.unit}(g)"
+    if gauge not in UNITS or not gauge_by_standard(found.heading):
+        return found
+    return replace(found, unit=gauge, implied="is a gauge pressure by SAE J1939-71")
+
+
+def gauge_as_well(found: Candidate, chamber: Channel | None) -> Candidate:
+    """A supply pressure in the gauge unit if the range of the `chamber` pressure says that it is, in the same unit."""
+    gauge = f"{found.unit}(g)"
+    if gauge not in UNITS or found.score >= STANDARD:
+        return found
+    if chamber is not None and chamber.unit == gauge:
+        return replace(found, unit=gauge, implied=f"is taken as gauge pressure, as '{chamber.channel}' is")
+    return replace(found, implied=f"is read as absolute; write {gauge} in a channel map if it is a gauge pressure")
+
+
+def _unit(name: str, unit: str | None, span: Range) -> tuple[str | None, str]:
+    """The unit of a channel, and the reason if it is a guess."""
+    gauge = gauge_unit(unit, span.low)
+    if unit is None:
+        guess = guessed_unit(name, span)
+        where = "intervals" if name == "time" else "range"
+        return guess, f"has no unit; [{guess}] is guessed from its {where}" if guess else ""
+    if gauge and not span.constant:
+        return gauge, f"falls to {span.low:.3g} {unit}, so that the gauge unit [{gauge}] is guessed instead of [{unit}]"
+    return unit, ""
+
+
+def standard_title(heading: Heading) -> str:
+    """Title in SAE J1939-71 of a channel that its comment or its name identifies; else its name."""
+    found = parameter_in(heading.comment) or parameter_in(heading.text)
+    return found.title if found else heading.text
+
+
+def gauge_by_standard(heading: Heading) -> bool:
+    """Whether a pressure is one of SAE J1939-71 that counts from the ambient pressure."""
+    found = parameter_in(heading.comment) or parameter_in(heading.text)
+    return not found.absolute if found else is_named_by_j1939(heading.text)
+
+
+def implausible(name: str, found: Candidate) -> str:
+    """Reason why the samples of a channel cannot be the condition `name`, in a sentence; empty if they can."""
+    text, unit, span = found.heading.text, found.unit, found.span
+    if math.isnan(span.low) or (span.constant and span.low == 0.0):
+        return f"{name}: '{text}' has no values and is left out."
+    known = UNITS.get(unit or "")
+    if known is None:
+        return ""
+    low, high = (value * known.scale + known.offset for value in (span.low, span.high))
+    least, most = PLAUSIBLE[name]
+    if least <= low and high <= most:
+        return ""
+    what = "an air supply" if name == "pressure_supply" else "the air"
+    return f"{name}: '{text}' is {span.low:.4g} to {span.high:.4g} {unit}, which {what} never has; it is left out."
+
+
+def reason(chosen: Heading, others: Sequence[Heading]) -> str:
+    """Reason to propose one of several pressures as that of the supply; empty if it is sure and the only one."""
+    circuit = circuit_of(standard_title(chosen))
+    if circuit is None or not (others or circuit is Circuit.BRAKES):
+        return ""
+    beside = ""
+    if others:
+        names = listed(f"'{heading.text}'" for heading in others)
+        beside = f"; others are {names}"
+    return f"pressure_supply: '{chosen.text}' is proposed, because {_REASONS[circuit]}{beside}."
+
+
+def is_sure(chosen: Heading) -> bool:
+    """Whether a pressure is near enough to a clutch actuator to be used without being confirmed."""
+    return circuit_of(standard_title(chosen)) is not Circuit.BRAKES
+
+
+#: Number of channels that are listed where one is missing.
+_LISTED = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """A proposed channel map.
+
+    What is unclear about a condition of the recording is a note: nobody has to decide it.
+
+    Attributes
+    ----------
+    channels
+        The map.
+    certain
+        Quantities whose unit is known and that no other channel matches as well.
+    open
+        What the user has to decide, one sentence each.
+    notes
+        What names and samples imply, one sentence each.
+    """
+
+    channels: ChannelMap
+    certain: tuple[str, ...]
+    open: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing has to be decided, so that the file can be read with this map."""
+        return not self.open and all(name in self.certain for name in self.channels.channels if name not in PLAUSIBLE)
+
+    @property
+    def without_uncertain(self) -> ChannelMap:
+        """The map without conditions that are not certain."""
+        kept = {
+            name: entry
+            for name, entry in self.channels.channels.items()
+            if name in self.certain or name not in PLAUSIBLE
+        }
+        return replace(self.channels, channels=kept)
+
+
+def propose(source: Source, required: Sequence[str] = REQUIRED) -> Proposal:
+    """Assign the channels of a file to quantities by names, units and ranges.
+
+    A channel that is constant is proposed for nothing, unless it has the standard name, or is a duty cycle of 0.
+
+    Raises
+    ------
+    DataError
+        If samples cannot be read.
+    """
+    ranges = Ranges(source)
+    timed = _timed(source, ranges)
+    channels: dict[str, Channel] = {}
+    certain: list[str] = []
+    remarks: list[str] = []
+    notes: list[str] = []
+    comments: dict[str, str] = {}
+    unused: dict[str, list[Candidate]] = {}
+    for name in QUANTITIES:
+        found = [candidate for candidate in candidates(source, name, ranges) if not _taken(candidate, channels)]
+        ranked = _ranked(name, found)
+        notes += _left_out(name, found)
+        if not ranked or (name == "time" and not source.tabular and timed):
+            unused[name] = found
+            continue
+        best, *others = ranked
+        best = gauge_as_well(best, channels.get("pressure_a")) if name == "pressure_supply" else best
+        channels[name] = _entry(source, best)
+        comments[name] = _comment(best)
+        equal = _equal(name, best, others)
+        remark = _remark(name, best, equal)
+        (notes if name in PLAUSIBLE else remarks).extend([remark] if remark else [])
+        sure = name != "pressure_supply" or best.score >= STANDARD or is_sure(best.heading)
+        certain += [name] if sure and not remark else []
+        notes += _notes(name, best, others if not remark else ())
+        notes += _passed_over(name, best, [other for other in others if other not in equal])
+    for name in required:
+        if name not in channels and not (name == "time" and timed):
+            comments[name] = _choice(source, name, channels)
+            remarks.append(_missing(name, unused[name], _set_points(source, name), comments[name]))
+            if name == "time":
+                comments["rate"] = "samples per second, for a file without time"
+    return Proposal(ChannelMap(channels, comments=comments), tuple(certain), tuple(remarks), tuple(notes))
+
+
+def map_for(source: Source, required: Sequence[str]) -> ChannelMap | None:
+    """Channel map for a file: the proposed one if it is complete; None for a table without other names that are known.
+
+    Raises
+    ------
+    DataError
+        If there is none; the text lists what is open.
+    """
+    proposal = propose(source, required)
+    if proposal.complete:
+        return replace(proposal.without_uncertain, comments={"": "\n".join(_identified(source, proposal))})
+    if not source.rasters or (source.tabular and (means_the_contract(source) or not _by_other_names(source, proposal))):
+        return None
+    save = "`clutchid look FILE --save MAP.toml` writes a proposed channel map; correct it and give it with --map."
+    rename = _units_to_write(source, proposal) if source.tabular else []
+    raise DataError.of(str(source.path), [*source.problems, *proposal.open, *rename, save])
+
+
+def _by_other_names(source: Source, proposal: Proposal) -> bool:
+    """Whether a channel was identified by another name than the standard one."""
+    standard = {heading.text: heading.name for raster in source.rasters for heading in raster.headings}
+    chosen = proposal.without_uncertain.channels
+    return any(standard[entry.channel] != name for name, entry in chosen.items())
+
+
+def means_the_contract(source: Source) -> bool:
+    """Whether enough columns of a table have standard names to report what is wrong with the others."""
+    names = [heading.name for raster in source.rasters for heading in raster.headings if heading.name is not None]
+    return len(names) > 1 or not source.rasters
+
+
+def _units_to_write(source: Source, proposal: Proposal) -> list[str]:
+    """Headings of a table with the units that were guessed, which make them sure."""
+    units = {entry.channel: entry.unit for entry in proposal.channels.channels.values()}
+    found = [
+        f"'{heading.text} [{units[heading.text]}]'"
+        for raster in source.rasters
+        for heading in raster.headings
+        if heading.unit is None and units.get(heading.text)
+    ]
+    return [f"write units in brackets behind the names: {', '.join(found)}, if that is right."] if found else []
+
+
+def _identified(source: Source, proposal: Proposal) -> list[str]:
+    """Warnings about channels that were identified by other names than the standard ones."""
+    chosen = proposal.without_uncertain.channels
+    if not _by_other_names(source, proposal):
+        return list(proposal.notes)
+    assigned = ", ".join(f"{name} = '{entry.channel}'" for name, entry in chosen.items())
+    note = f"the channels were identified by their names: {assigned}; give a channel map (--map) to be certain."
+    return [note, *proposal.notes]
+
+
+def _timed(source: Source, ranges: Ranges) -> bool:
+    """Whether the file defines the time of every time grid, and no interval contradicts its unit."""
+    for index, raster in enumerate(source.rasters):
+        clock, _ = own_clock(raster)
+        if clock is None:
+            return False
+        undefined = raster.headings[clock.index].unit is None
+        if undefined and guessed_unit("time", ranges(index, clock)) not in (clock.unit, None):
+            return False
+    return bool(source.rasters)
+
+
+def _taken(candidate: Candidate, channels: Mapping[str, Channel]) -> bool:
+    return any(
+        entry.channel == candidate.heading.text and entry.group in (None, candidate.raster.name)
+        for entry in channels.values()
+    )
+
+
+def _ranked(name: str, found: Sequence[Candidate]) -> list[Candidate]:
+    """Candidates by falling score, without constant ones; a duty cycle of 0 remains if it is the only candidate.
+
+    A condition may be constant for all of a recording, but must be possible.
+    """
+    if name in PLAUSIBLE:
+        possible = [c for c in found if c.score >= STANDARD or not implausible(name, c)]
+        return sorted(possible, key=lambda candidate: -candidate.score)
+    chosen = [candidate for candidate in found if not candidate.span.constant]
+    if not chosen and name in INPUTS and len(found) == 1 and found[0].span.high == 0.0:
+        chosen = list(found)
+    if name in INPUTS:  # what has a unit of its own, and is no flag, before any word
+        return sorted(chosen, key=lambda one: (bool(one.flag), one.heading.unit is None, -one.score))
+    return sorted(chosen, key=lambda candidate: -candidate.score)
+
+
+def _equal(name: str, best: Candidate, others: Sequence[Candidate]) -> list[Candidate]:
+    """Others that match as well as the best; one with the same values in another unit is the same quantity."""
+    equal = [other for other in others if other.score == best.score]
+    if name not in INPUTS:
+        return equal
+    rank = (bool(best.flag), best.heading.unit is None)
+    equal = [other for other in equal if (bool(other.flag), other.heading.unit is None) == rank]
+    return [other for other in equal if not _in_another_unit(best, other)]
+
+
+def _in_another_unit(one: Candidate, other: Candidate) -> bool:
+    """Whether two channels, neither of them a flag, have the same range in SI and different units."""
+    first, second = (UNITS.get(candidate.unit or "") for candidate in (one, other))
+    if first is None or second is None or first == second or one.flag or other.flag:
+        return False
+    ends = [(span.low * unit.scale, span.high * unit.scale) for span, unit in ((one.span, first), (other.span, second))]
+    return all(math.isclose(a, b, rel_tol=_SAME, abs_tol=_SAME) for a, b in zip(*ends, strict=True))
+
+
+def _remark(name: str, best: Candidate, equal: Sequence[Candidate]) -> str:
+    """Decision that a proposed channel needs; empty if none."""
+    text = best.heading.text
+    if equal:
+        others = ", ".join(f"'{candidate.heading.text}'" for candidate in equal[:5])
+        return f"{name}: '{text}' is proposed, but {others} would match as well."
+    if name in INPUTS and is_beside(text) and best.flag:
+        return f"{name}: '{text}' {best.flag}; write it into a channel map if it is the duty cycle."
+    if best.guess:
+        return f"{name}: '{text}' {best.guess}."
+    return "" if best.unit else f"{name}: '{text}' has no known unit; add it to the map."
+
+
+def _left_out(name: str, found: Sequence[Candidate]) -> list[str]:
+    """Reasons why channels that are called like a condition are none."""
+    if name not in PLAUSIBLE:
+        return []
+    named = [c for c in found if c.score < STANDARD]
+    return [text for c in named if (text := implausible(name, c))]
+
+
+def _notes(name: str, best: Candidate, others: Sequence[Candidate]) -> Iterator[str]:
+    """Implications of the name and the samples of a proposed channel, and the reason against the `others`."""
+    if name == "pressure_supply" and best.score < STANDARD:
+        why = reason(best.heading, [other.heading for other in others])
+        yield from [why] if why else []
+    if best.implied:
+        yield f"{name}: '{best.heading.text}' [{best.heading.unit or best.unit}] {best.implied}."
+    if best.heading.unit is None and best.unit and not best.guess:
+        yield f"{name}: the unit [{best.unit}] is taken from the name of the channel '{best.heading.text}'."
+    if best.span.constant and name not in PLAUSIBLE:
+        yield f"{name}: '{best.heading.text}' is constant at {best.span.low:g}."
+
+
+def _passed_over(name: str, best: Candidate, others: Sequence[Candidate]) -> list[str]:
+    """Note on other channels that may be a duty cycle, each with the reason against it."""
+    if name not in INPUTS or best.score >= STANDARD or not others:
+        return []
+    shown = listed(f"'{other.heading.text}' ({_against(best, other)})" for other in others)
+    return [f"{name}: '{best.heading.text}' is proposed; by name it may also be {shown}."]
+
+
+def _against(best: Candidate, other: Candidate) -> str:
+    if _in_another_unit(best, other):
+        return f"the same in {other.unit}"
+    if other.flag:
+        return other.flag
+    if other.heading.unit is None and best.heading.unit is not None:
+        return "without a unit"
+    return "a set point" if is_set_point(other.heading.text) else "its name says less"
+
+
+def _set_points(source: Source, name: str) -> list[str]:
+    """Channels that are what a controller asks of a quantity."""
+    headings = [heading for raster in source.rasters for heading in raster.headings]
+    return [
+        h.text for h in headings if is_set_point(h.text) and name_score(name, h.text) > 0.0 and is_unit_of(name, h.unit)
+    ]
+
+
+def _missing(name: str, found: Sequence[Candidate], set_points: Sequence[str], choice: str) -> str:
+    """Remark on a quantity without a channel, of which only constant ones were `found`, or set points.
+
+    `choice` is a text with the channels that it may be.
+    """
+    if not found and set_points and name not in INPUTS:
+        return f"{name}: only a set point matches by name, '{set_points[0]}'; add the measured channel to the map."
+    if not found:
+        if name == "time":
+            return "time: no channel name matches; add it to the map, or rate = 1000.0 (Hz)."
+        return f"{name}: no channel name matches; add it to the map ({choice})."
+    names = ", ".join(f"'{candidate.heading.text}' (always {candidate.span.low:g})" for candidate in found[:5])
+    return f"{name}: only constant channels match by name, {names}; add the right one to the map."
+
+
+def _choice(source: Source, name: str, channels: Mapping[str, Channel]) -> str:
+    """Channels that a missing quantity may be: those with a unit of it, else those without a unit."""
+    taken = {entry.channel for entry in channels.values()}
+    free = [
+        heading
+        for raster in source.rasters
+        for heading in raster.headings
+        if heading.text and heading.text not in taken and heading.text not in dict(raster.others)
+    ]
+    chosen = [heading for heading in free if is_unit_of(name, heading.unit)] or [h for h in free if h.unit is None]
+    shown = listed((f"'{heading.text}'" for heading in chosen), _LISTED)
+    return f"candidates: {shown}" if shown else "no channel has a unit of it"
+
+
+def _entry(source: Source, best: Candidate) -> Channel:
+    same = sum(heading.text == best.heading.text for raster in source.rasters for heading in raster.headings)
+    entry = Channel(best.heading.text, group=best.raster.name if same > 1 else None)
+    return replace(entry, unit=best.unit) if best.heading.unit != best.unit else entry
+
+
+def _comment(best: Candidate) -> str:
+    unit, remark = best.heading.unit, best.heading.comment
+    shown_unit = " (no unit in the file)" if unit is None else "" if unit == "1" else f" {unit}"
+    constant = ", constant" if best.span.constant else ""
+    return f"{best.span.low:.6g} to {best.span.high:.6g}{shown_unit}{constant}" + (f"; {remark}" if remark else "")

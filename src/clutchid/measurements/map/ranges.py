@@ -1,0 +1,106 @@
+"""Ranges of channels, and the units that they suggest."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from itertools import islice
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+
+from clutchid.log.units import UNITS
+from clutchid.measurements.columns import QUANTITIES, Heading
+from clutchid.measurements.source import Source
+from clutchid.measurements.time_axis import usual_interval
+
+#: Number of samples that determine the range of a channel; a constant one is read on for as many blocks.
+_SAMPLED = 1 << 16
+_BLOCKS = 64
+
+#: An absolute pressure does not fall below this, in Pa; a gauge pressure is near 0 at rest.
+_LOWEST_ABSOLUTE = 5e4
+
+
+#: Range in SI of each condition of a recording: an air supply between its warning and its safety valve, and the air
+#: temperatures that trucks are built for, with a margin: -60 to 90 degC.
+PLAUSIBLE: Mapping[str, tuple[float, float]] = MappingProxyType(
+    {"pressure_supply": (3e5, 1.6e6), "temperature_ambient": (213.15, 363.15)}
+)
+
+
+class Range(NamedTuple):
+    """Lowest and highest of the first samples of a channel (NaN: none), and their usual increase.
+
+    `constant` says whether they are all the same, `switched` whether they are 0 and 1 only.
+    """
+
+    low: float
+    high: float
+    step: float
+    constant: bool
+    switched: bool = False
+
+
+class Ranges:
+    """Range of every channel of a file, read when it is first asked for."""
+
+    def __init__(self, source: Source) -> None:
+        self._source = source
+        self._known: dict[tuple[int, int], Range] = {}
+
+    def __call__(self, raster: int, heading: Heading, *, further: bool = True) -> Range:
+        """Range of one channel of the time grid with the index `raster`; `further`: see whether it stays constant."""
+        key = (raster, heading.index)
+        if key not in self._known:
+            self._known[key] = self._read(raster, heading.index, _BLOCKS if further else 1)
+        return self._known[key]
+
+    def _read(self, raster: int, index: int, blocks: int) -> Range:
+        found = Range(math.nan, math.nan, math.inf, constant=False)
+        for table in islice(self._source.tables(raster, [index], _SAMPLED), blocks):
+            values = table.numbers.get(index, np.empty(0))
+            finite = values[np.isfinite(values)]
+            if finite.size:
+                low, high = np.fmin(found.low, finite.min()), np.fmax(found.high, finite.max())
+                switched = (found.switched or math.isnan(found.low)) and bool(np.isin(finite, (0.0, 1.0)).all())
+                constant = bool(low == high and finite.size > 1)
+                found = Range(float(low), float(high), usual_interval(finite), constant, switched)
+            if found.low < found.high:
+                break
+        return found
+
+
+def guessed_unit(name: str, span: Range) -> str | None:
+    """Unit of the quantity `name` that matches the range of a channel; None if unclear.
+
+    Examples
+    --------
+    >>> guessed_unit("position", Range(0.0, 21.0, 0.1, False)), guessed_unit("pressure_a", Range(0.01, 7.9, 0.1, False))
+    ('mm', 'bar(g)')
+    """
+    low, high, step = span[:3]
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return None
+    size = max(abs(low), abs(high))
+    guess: dict[str, Callable[[], str | None]] = {
+        "s": lambda: (
+            "s" if 1e-5 < step < 0.5 else "ms" if 0.5 <= step < 200.0 else "us" if 200.0 <= step < 1e6 else None
+        ),
+        "m": lambda: "m" if size < 0.3 else "mm" if 1.0 < size < 500.0 else None,
+        "1": lambda: "1" if low >= 0.0 and high <= 1.0 else "%" if low >= 0.0 and 1.0 < high <= 100.0 else None,
+        "Pa": lambda: "Pa" if size > 5e4 else "kPa" if 50.0 < size < 2000.0 else "bar" if 0.5 < size < 20.0 else None,
+        "K": lambda: "K" if low > 150.0 else "degC" if low >= -60.0 and high < 90.0 else None,
+    }
+    chosen = guess.get(QUANTITIES[name])
+    unit = chosen() if chosen else None
+    return gauge_unit(unit, low) or unit
+
+
+def gauge_unit(unit: str | None, low: float) -> str | None:
+    """The gauge unit of a pressure whose lowest value, in `unit`, is below every absolute pressure; else None."""
+    known = UNITS.get(unit or "")
+    if known is None or known.si != "Pa" or known.gauge or not abs(low) * known.scale < _LOWEST_ABSOLUTE:
+        return None
+    return f"{unit}(g)"

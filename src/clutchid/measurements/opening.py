@@ -1,0 +1,223 @@
+"""Open a recording: the format is detected from the content.
+
+Text, and Parquet of moderate size, is read in this process; everything else in the guarded reader process. A library
+may end its process on a damaged file, never return, or unpack a small file to gigabytes: all that then ends is the
+reader process, a `clutchid.processes.Worker`, and the user gets one sentence.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import weakref
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+
+from clutchid.errors import DataError, MissingExtra, ParameterError
+from clutchid.files import plain_file, reason_of
+from clutchid.measurements.formats.kinds import readable_kind
+from clutchid.measurements.formats.opening import opened_here
+from clutchid.measurements.reader_service import Answer, Message, decoded, encoded, source_of, unpacked
+from clutchid.measurements.source import BLOCK, Source, Table, joined
+from clutchid.processes import Limits, Worker, WorkerEnd
+
+#: Bytes in memory up to which a Parquet file is read in this process.
+_MODERATE = 256_000_000
+
+
+def open_source(path: str | PathLike[str], dbc: Sequence[str | PathLike[str]] = ()) -> Source:
+    """Open a file of any known format; `dbc` files decode the frames of a bus log.
+
+    Raises
+    ------
+    DataError
+        If the recording or a DBC file is not a readable plain file, is no recording, or ended the reader process;
+        problems inside a recording are in ``Source.problems``.
+    MissingExtra
+        If the format needs a library that is not installed.
+    """
+    file = plain_file(path)
+    databases = [plain_file(name, "DBC file") for name in dbc]
+    kind = readable_kind(file)
+    if kind == "csv" or (kind == "parquet" and _is_moderate(file)):
+        return opened_here(file, databases, kind)
+    return _guarded_source(file, databases, kind)
+
+
+def _is_moderate(file: Path) -> bool:
+    """Whether a Parquet file says that its columns of numbers need no more memory than may be used in this process."""
+    from clutchid.measurements.formats.parquet.file import promised_bytes
+
+    promised = promised_bytes(file)
+    return promised is not None and promised <= _MODERATE
+
+
+MEMORY_VARIABLE, SECONDS_VARIABLE = "CLUTCHID_READER_MEMORY", "CLUTCHID_READER_SECONDS"
+
+_MEMORY = 1_250_000_000
+_SECONDS = 60.0
+
+#: Bytes of a file for which the reader has a further second, as a large sound file takes long.
+_BYTES_PER_SECOND = 1e6
+
+_SIZE = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(GB|MB)\s*", re.IGNORECASE)
+
+
+def memory() -> int:
+    """Bytes that the reader process may have in memory: 1.25 GB, or as the user has set it.
+
+    Raises
+    ------
+    ParameterError
+        If the environment variable is not a size.
+    """
+    text = os.environ.get(MEMORY_VARIABLE)
+    if text is None:
+        return _MEMORY
+    match = _SIZE.fullmatch(text)
+    if match is None:
+        raise ParameterError(f"{MEMORY_VARIABLE} = '{text}': a size in MB or GB is needed, for example 4GB.")
+    return int(float(match[1]) * (1e9 if match[2].upper() == "GB" else 1e6))
+
+
+def seconds(size: int) -> float:
+    """Time in s that one answer about a file of `size` bytes may take.
+
+    Raises
+    ------
+    ParameterError
+        If the environment variable is not a time.
+    """
+    text = os.environ.get(SECONDS_VARIABLE)
+    try:
+        least = _SECONDS if text is None else float(text)
+    except ValueError:
+        raise ParameterError(f"{SECONDS_VARIABLE} = '{text}': a time in s is needed, for example 300.") from None
+    return least + size / _BYTES_PER_SECOND
+
+
+def too_large() -> str:
+    """End of the sentence about a file that needs more memory than the reader process may have."""
+    return (
+        f"needs more than {memory() / 1e9:.3g} GB to be read; save only the channels that are needed, convert it to "
+        f"Parquet, or allow more with the environment variable {MEMORY_VARIABLE}=4GB."
+    )
+
+
+_SPOILED = "it is damaged, or of a kind that its library cannot read; copy it again or convert it to Parquet or CSV."
+
+
+class ReaderProcess:
+    """A worker process that answers questions about files; it is used up when it ends, however it ends.
+
+    An allocation of much more than the limit of memory fails at once in it; the rest is watched.
+    """
+
+    def __init__(self) -> None:
+        self.forgotten: deque[int] = deque()
+        environment = {"OPENBLAS_NUM_THREADS": "1"}
+        self.worker = Worker(
+            "clutchid.measurements.reader_service:reader_service", allocations=2 * memory(), environment=environment
+        )
+
+    def ask(self, question: Message, path: Path) -> Answer:
+        """The answer to a question about the file at `path`.
+
+        Raises
+        ------
+        DataError
+            If the file cannot be read, or the process ended or had to be ended on it; the text names the file.
+        MissingExtra
+            If a library is not installed.
+        """
+        if not self.worker.end.alive:
+            raise DataError(f"{path}: the reader process has ended since it was opened; open the file again.")
+        forget = [self.forgotten.popleft() for _ in range(len(self.forgotten))]
+        limits = Limits(seconds(path.stat().st_size if path.exists() else 0), memory())
+        parts = self.worker.ask(encoded({**question, "forget": forget}), limits)
+        if isinstance(parts, WorkerEnd):
+            reasons = {
+                "itself": f"the reader process ended on it ({parts.how}): {_SPOILED}",
+                "memory": too_large(),
+                "time": f"was not read within {limits.seconds:.0f} s, so it is damaged or very slow to read; copy it "
+                f"again, or allow more with the environment variable {SECONDS_VARIABLE}=600.",
+            }
+            raise DataError(f"{path}: {reasons[parts.why]}")
+        message, arrays = decoded(parts)
+        if "failed" in message:
+            raise _error(message, path)
+        return message, arrays
+
+
+def _error(message: Message, path: Path) -> DataError | MissingExtra:
+    """The error that the reader process answered with."""
+    texts = {
+        "data": message["text"],
+        "missing": message["text"],
+        "memory": f"{path}: {too_large()}",
+        "unreadable": f"{path}: cannot be read ({message['text']}).",
+        "unexpected": f"{path}: cannot be read ({message['text']}): {_SPOILED}",
+    }
+    kind = MissingExtra if message["failed"] == "missing" else DataError
+    error = kind(texts[message["failed"]])
+    error.add_note(f"In the reader process:\n{message['traceback']}")
+    return error
+
+
+_current: list[ReaderProcess] = []
+
+
+def reader(path: Path) -> ReaderProcess:
+    """The reader process of this command, started when it is needed first and again after it ended.
+
+    Raises
+    ------
+    DataError
+        If it cannot be started; the text names the file at `path`, which is to be read.
+    """
+    if not (_current and _current[0].worker.alive):
+        try:
+            _current[:] = [ReaderProcess()]
+        except OSError as error:
+            raise DataError(f"{path}: no process to read it in could be started ({reason_of(error)}).") from error
+    return _current[0]
+
+
+def _guarded_source(path: Path, dbc: Sequence[Path], kind: str) -> Source:
+    """The file, open in the reader process; errors are those of `ReaderProcess.ask`."""
+    process = reader(path)
+    files = {"path": str(path.absolute()), "dbc": [str(name.absolute()) for name in dbc]}
+    message, _ = process.ask({"do": "open", **files, "kind": kind}, path)
+    source = source_of(message["source"], path)
+    tables = _RemoteTables(process, source, message["number"])
+    weakref.finalize(tables, process.forgotten.append, message["number"])
+    return replace(source, tables=tables)
+
+
+class _RemoteTables:
+    """Reads channels of one time grid through the reader process, see `Tables`."""
+
+    def __init__(self, process: ReaderProcess, source: Source, number: int) -> None:
+        self._process, self._source, self._number = process, source, number
+
+    def __call__(self, raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:
+        """Consecutive tables of at most `rows` samples; what is asked for as a whole still comes in blocks."""
+        if rows is not None or self._source.format == "CSV":
+            yield from self._blocks(raster, columns, rows)
+        else:
+            blocks = list(self._blocks(raster, columns, BLOCK))
+            if blocks:
+                yield joined(blocks)
+
+    def _blocks(self, raster: int, columns: Sequence[int], rows: int | None) -> Iterator[Table]:
+        path, headings = self._source.path, self._source.rasters[raster].headings
+        question = {"do": "tables", "number": self._number, "raster": raster, "columns": list(columns), "rows": rows}
+        number = self._process.ask(question, path)[0]["number"]
+        try:
+            while "end" not in (answer := self._process.ask({"do": "next", "number": number}, path))[0]:
+                yield unpacked(*answer, headings)
+        finally:
+            self._process.forgotten.append(number)

@@ -1,0 +1,193 @@
+"""A source copied to a folder of columns: a file is parsed once, and any part of any channel is read at once.
+
+The copy has the numbers as written, so that `look`, the checks and a channel map give the same sentences on it as on
+the file. Beside each column lie its least and greatest values over every `BIN` samples.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from clutchid.log import FloatArray
+from clutchid.measurements.source import Places, Source, Table, joined, no_tables
+
+#: Samples whose least and greatest values are kept beside a column; a plot of 1,400 pixels reads at most 360,000.
+BIN = 256
+
+#: Bytes of data up to which a time grid is read in one piece, so that every problem is counted once.
+WHOLE = 1 << 29
+
+_SOURCE, _TABLES = "source.pickle", "tables.pickle"
+
+
+def store(
+    source: Source, folder: Path, block: int, progress: Callable[[int, int], None] = lambda _done, _all: None
+) -> Source:
+    """Copy a source into an empty `folder`, and return it as read from there.
+
+    Parameters
+    ----------
+    source
+        An opened file.
+    folder
+        It is made, and must be the user's own: nobody else may write to it.
+    block
+        Samples of a large time grid that are in memory at a time.
+    progress
+        Called with the samples that are copied, and with all.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read.
+    OSError
+        If the disk is full.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    size, done = sum(raster.size for raster in source.rasters), 0
+    tables: list[list[Table]] = []
+    for index, raster in enumerate(source.rasters):
+        columns = [heading.index for heading in raster.headings]
+        rows = None if raster.size * len(columns) * 8 < WHOLE else block
+        kept = []
+        for table in source.tables(index, columns, rows):
+            for column, values in table.numbers.items():
+                _append(folder, index, column, values)
+            kept.append(replace(table, numbers=dict.fromkeys(table.numbers, np.empty(0))))
+            done += table.size
+            progress(done, max(size, done))
+        for column in {column for table in kept for column in table.numbers}:
+            _write_ends(folder, index, column)
+        tables.append(kept)
+    (folder / _TABLES).write_bytes(pickle.dumps(tables))
+    (folder / _SOURCE).write_bytes(pickle.dumps(replace(source, tables=no_tables)))
+    return stored(folder)
+
+
+def stored(folder: Path) -> Source:
+    """The source that `store` copied into a folder; only for a folder of the user's own.
+
+    Raises
+    ------
+    OSError
+        If the copy is not there.
+    """
+    source: Source = pickle.loads((folder / _SOURCE).read_bytes())
+    tables: list[list[Table]] = pickle.loads((folder / _TABLES).read_bytes())
+    return replace(source, tables=partial(_tables, folder, tables))
+
+
+def _tables(
+    folder: Path, tables: Sequence[Sequence[Table]], raster: int, columns: Sequence[int], rows: int | None = None
+) -> Iterator[Table]:
+    """The tables of a time grid, as a `Source` gives them."""
+    begin = 0
+    found = []
+    for table in tables[raster]:
+        numbers = {
+            column: column_of(folder, raster, column).read(begin, begin + table.size)
+            for column in columns
+            if column in table.numbers
+        }
+        found.append(replace(table, numbers=numbers))
+        begin += table.size
+        if rows is not None:
+            yield from _parts(found.pop(), rows)
+    if rows is None and found:
+        yield joined(found)
+
+
+def _parts(table: Table, rows: int) -> Iterator[Table]:
+    """A table in parts of at most `rows` samples; its problems are those of the first part."""
+    for begin in range(0, max(table.size, 1), rows):
+        end = min(begin + rows, table.size)
+        places = table.places
+        yield replace(
+            table,
+            numbers={column: values[begin:end] for column, values in table.numbers.items()},
+            size=end - begin,
+            places=Places(places.word, places.first + begin)
+            if places.numbers is None
+            else replace(places, numbers=places.numbers[begin:end]),
+            problems=table.problems if begin == 0 else (),
+            unread={
+                column: inside - begin
+                for column, at in table.unread.items()
+                if (inside := at[(at >= begin) & (at < end)]).size
+            },
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class StoredColumn:
+    """A column of numbers in a file, and in another one their ends over every `BIN` samples."""
+
+    values: Path
+    ends: Path
+
+    @property
+    def size(self) -> int:
+        """Number of samples."""
+        return self.values.stat().st_size // 8
+
+    def read(self, begin: int, end: int) -> FloatArray:
+        """The samples from `begin` up to `end`."""
+        return np.fromfile(self.values, np.float64, max(end - begin, 0), offset=8 * begin)
+
+    def extremes(self, begin: int, end: int) -> FloatArray:
+        """Least and greatest values over the bins from `begin` up to `end`, shape (bins, 2); NaN where none is."""
+        return np.fromfile(self.ends, np.float64, 2 * max(end - begin, 0), offset=16 * begin).reshape(-1, 2)
+
+
+def column_of(folder: Path, raster: int, column: int) -> StoredColumn:
+    """The stored column of a time grid, by its index."""
+    name = f"{raster}-{column}"
+    return StoredColumn(folder / f"{name}.f8", folder / f"{name}.ends")
+
+
+def write_column(folder: Path, raster: int, column: int, values: FloatArray) -> None:
+    """Write a column that was computed, such as a time in s, in place of what stood there."""
+    one = column_of(folder, raster, column)
+    one.values.unlink(missing_ok=True)
+    _append(folder, raster, column, values)
+    _write_ends(folder, raster, column)
+
+
+def _append(folder: Path, raster: int, column: int, values: FloatArray) -> None:
+    with column_of(folder, raster, column).values.open("ab") as file:
+        np.ascontiguousarray(values, np.float64).tofile(file)
+
+
+def _write_ends(folder: Path, raster: int, column: int) -> None:
+    one = column_of(folder, raster, column)
+    step = BIN * 4096
+    with one.ends.open("wb") as file:
+        for begin in range(0, one.size, step):
+            extremes_of(one.read(begin, begin + step), BIN).tofile(file)
+
+
+def extremes_of(values: FloatArray, width: int) -> FloatArray:
+    """Least and greatest of every `width` values, shape (bins, 2); NaN where no value is finite.
+
+    Examples
+    --------
+    >>> extremes_of(np.array([3.0, 1.0, np.nan, np.nan, 5.0]), 2)
+    array([[ 1.,  3.],
+           [nan, nan],
+           [ 5.,  5.]])
+    """
+    finite = np.isfinite(values)
+    begins = np.arange(0, values.size, width)
+    if not begins.size:
+        return np.empty((0, 2))
+    low = np.minimum.reduceat(np.where(finite, values, np.inf), begins)
+    high = np.maximum.reduceat(np.where(finite, values, -np.inf), begins)
+    found: FloatArray = np.column_stack([low, high])
+    found[~np.isfinite(found).all(axis=1)] = np.nan
+    return found

@@ -1,0 +1,300 @@
+"""Time stamps: repair of those of loggers, and resampling of channels to one time grid, block by block."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.log import HOLE, INPUTS, FloatArray, Samples
+from clutchid.measurements.source import Places
+from clutchid.messages import SHOWN, listed, quantity, sample_count
+
+
+def holes(time: FloatArray) -> NDArray[np.int64]:
+    """Samples after which the interval to the next one exceeds 5 median intervals.
+
+    Examples
+    --------
+    >>> holes(np.array([0.0, 1.0, 2.0, 3.0, 9.0, 10.0])).tolist()
+    [3]
+    """
+    return np.flatnonzero(intervals(time) > HOLE * usual_interval(time))
+
+
+def intervals(time: FloatArray) -> FloatArray:
+    """Interval from each sample to the next."""
+    with np.errstate(over="ignore"):
+        return np.diff(time)
+
+
+def usual_interval(time: FloatArray) -> float:
+    """Median of the positive intervals; infinity if there are none."""
+    steps = intervals(time)
+    forward = steps[steps > 0]
+    return float(np.median(forward)) if forward.size else math.inf
+
+
+#: Gap between two runs that are placed one after the other, in usual intervals; long enough to be a hole.
+_APART = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """State of the clock after a block: last time stamp as written and as repaired, and usual interval, in s."""
+
+    written: float = -math.inf
+    last: float = -math.inf
+    shift: float = 0.0
+    usual: float = math.inf
+
+
+AT_START = Clock()
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class RepairedTime:
+    """Rows of a block that are kept, their time stamps in s, messages about changes, and the state of the clock."""
+
+    kept: NDArray[np.int64]
+    time: FloatArray
+    messages: tuple[str, ...]
+    clock: Clock
+
+
+def repair(stamps: FloatArray, places: Places, clock: Clock = AT_START) -> RepairedTime:
+    """Repair time stamps so that they increase strictly.
+
+    A sample without a time stamp is dropped. Of samples with equal time stamps the last is kept. Samples that are out
+    of order by up to five usual intervals are dropped. If the clock goes back further, it has restarted: the new run is
+    placed after the previous one with a hole between them, so that each is a separate segment.
+
+    Parameters
+    ----------
+    stamps : s
+        As written in the file.
+    places
+        Location of the samples in the file, for the messages.
+    clock
+        State of the clock after the previous block.
+
+    Examples
+    --------
+    A logger that was started twice in one file, and one repeated sample:
+
+    >>> found = repair(np.array([0.0, 0.1, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.0, 0.1]), Places())
+    >>> [round(float(t), 6) for t in found.time]
+    [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 2.6, 2.7]
+    >>> print(*found.messages, sep="\\n")
+    1 sample repeats the time stamp of another (row 3); the later one is kept.
+    the clock restarts at row 9 (0 s after 0.6 s); each run becomes a separate segment, 2 s after the previous one.
+    """
+    known = np.isfinite(stamps)
+    finite = np.flatnonzero(known)
+    time = stamps[finite]
+    usual = clock.usual if math.isfinite(clock.usual) else usual_interval(time)
+    before = np.r_[clock.written, time[:-1]]
+    resets = np.flatnonzero(before - time > HOLE * usual) if math.isfinite(usual) else np.empty(0, dtype=np.int64)
+    apart = _APART * usual
+    shifted, shift = _shifted(time, before, resets, clock, apart)
+    ahead = np.r_[clock.last, np.maximum.accumulate(np.r_[clock.last, shifted])[1:-1]] if time.size else time
+    late, same = shifted < ahead, shifted == ahead
+    messages = [
+        *_repeats(finite[same], places),
+        *_dropped(finite[late], places, "out of order in time"),
+        *_dropped(np.flatnonzero(~known), places, "without a time stamp"),
+    ]
+    if resets.size:
+        shown = [
+            f"{places.word} {places.number(finite[i])} ({quantity(time[i], 's')} after {quantity(before[i], 's')})"
+            for i in resets[:SHOWN].tolist()
+        ]
+        messages.append(
+            f"the clock restarts at {listed(shown, total=resets.size)}; each run becomes a separate segment, "
+            f"{quantity(apart, 's')} after the previous one."
+        )
+    kept = _last_of_each(shifted, late | (shifted == clock.last))  # the previous block may end at this time stamp
+    last = float(max(clock.last, shifted.max())) if time.size else clock.last
+    written = float(time[-1]) if time.size else clock.written
+    return RepairedTime(finite[kept], shifted[kept], tuple(messages), Clock(written, last, shift, usual))
+
+
+def _shifted(
+    time: FloatArray, before: FloatArray, resets: NDArray[np.int64], clock: Clock, apart: float
+) -> tuple[FloatArray, float]:
+    """Time stamps with every run placed after the previous one, and the shift of the last run."""
+    jumps = np.zeros(time.size)
+    jumps[resets] = before[resets] - time[resets] + apart
+    shifts = clock.shift + np.cumsum(jumps)
+    return (time + shifts if resets.size or clock.shift else time), float(shifts[-1]) if time.size else clock.shift
+
+
+def _last_of_each(time: FloatArray, late: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Of the samples that are not late, the last one of each time stamp."""
+    rows = np.flatnonzero(~late)
+    return rows[np.append(time[rows[1:]] != time[rows[:-1]], True)] if rows.size else rows
+
+
+def _repeats(rows: NDArray[np.int64], places: Places) -> list[str]:
+    if not rows.size:
+        return []
+    verb = "repeats the time stamp" if rows.size == 1 else "repeat the time stamps"
+    other = "another" if rows.size == 1 else "others"
+    return [f"{sample_count(rows.size)} {verb} of {other} ({places.ranges(rows)}); the later one is kept."]
+
+
+def _dropped(rows: NDArray[np.int64], places: Places, what: str) -> list[str]:
+    verb = "is" if rows.size == 1 else "are"
+    return [f"{sample_count(rows.size)} {what} ({places.ranges(rows)}) {verb} dropped."] if rows.size else []
+
+
+class SampleBlock(NamedTuple):
+    """Consecutive samples of channels with common time stamps: time in s, values by quantity in SI."""
+
+    time: FloatArray
+    columns: Mapping[str, FloatArray]
+
+    def take(self, rows: slice | NDArray[np.int64] | NDArray[np.bool_]) -> SampleBlock:
+        """Some of the samples; a view for a slice."""
+        return SampleBlock(self.time[rows], {name: values[rows] for name, values in self.columns.items()})
+
+    def split(self, until: float) -> tuple[SampleBlock, SampleBlock]:
+        """The samples up to the time `until` in s, and those after it."""
+        count = int(np.searchsorted(self.time, until, side="right"))
+        return self.take(slice(count)), self.take(slice(count, None))
+
+    def since(self, time: float) -> SampleBlock:
+        """The samples from the last one up to `time` in s on, which may be held there."""
+        return self.take(slice(max(int(np.searchsorted(self.time, time, side="right")) - 1, 0), None))
+
+    def earlier(self, delay: float) -> SampleBlock:
+        """The samples with time stamps earlier by `delay` in s."""
+        return self._replace(time=self.time - delay) if delay else self
+
+    def followed_by(self, *others: SampleBlock) -> SampleBlock:
+        """These samples and the next ones, as a copy that keeps no other samples in memory."""
+        each = (self, *others)
+        columns = {name: np.concatenate([one.columns[name] for one in each]) for name in self.columns}
+        return SampleBlock(np.concatenate([one.time for one in each]), columns)
+
+
+def no_samples(names: Iterable[str]) -> SampleBlock:
+    """An empty block with these columns."""
+    return SampleBlock(np.empty(0), {name: np.empty(0) for name in names})
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ChannelStream:
+    """Channels with common time stamps, block by block.
+
+    `longest` is, by quantity, the time in s for which a sample remains valid.
+    """
+
+    blocks: Iterator[SampleBlock]
+    longest: Mapping[str, float]
+
+
+def align(at: FloatArray, stamps: FloatArray, values: FloatArray, longest: float, *, hold: bool) -> FloatArray:
+    """Resample a channel at the instants `at`.
+
+    Parameters
+    ----------
+    at : s
+        Instants, increasing.
+    stamps : s
+        Time stamps of the channel, strictly increasing.
+    values
+        Samples of the channel; NaN if missing.
+    longest : s
+        A gap longer than this is a hole, in which values are unknown.
+    hold
+        Whether a sample is held until the next one (an input), or interpolated linearly (a measurement).
+
+    Returns
+    -------
+    Values at `at`; NaN in a hole, next to a missing sample, and before the first and after the last sample (a held one
+    remains valid for `longest`).
+
+    Examples
+    --------
+    >>> at = np.array([0.0, 0.5, 1.0, 1.5, 9.0])
+    >>> align(at, np.array([0.0, 1.0, 8.0]), np.array([2.0, 4.0, 5.0]), 2.0, hold=True)
+    array([2., 2., 4., 4., 5.])
+    >>> align(at, np.array([0.0, 1.0, 8.0]), np.array([2.0, 4.0, 5.0]), 2.0, hold=False)
+    array([ 2.,  3.,  4., nan, nan])
+    """
+    if not stamps.size:
+        return np.full(at.size, np.nan)
+    before = np.searchsorted(stamps, at, side="right") - 1
+    first = np.maximum(before, 0)
+    if hold:
+        known = (before >= 0) & (at - stamps[first] <= longest)
+        return np.where(known, values[first], np.nan)
+    after = np.minimum(first + 1, stamps.size - 1)
+    width = stamps[after] - stamps[first]
+    exact = (before >= 0) & (at == stamps[first])
+    known = (before >= 0) & (width > 0) & (width <= longest)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = (at - stamps[first]) / np.where(width > 0, width, 1.0)
+        between = values[first] + share * (values[after] - values[first])
+    return np.where(exact, values[first], np.where(known, between, np.nan))
+
+
+def aligned(base: ChannelStream, others: Sequence[ChannelStream]) -> Iterator[tuple[SampleBlock, dict[str, Samples]]]:
+    """Resample all streams at the time stamps of `base`, block by block: samples, and edges.
+
+    Edges are the samples of inputs that have time stamps between those of `base`.
+
+    Raises
+    ------
+    DataError
+        As the streams do.
+    """
+    followers = [_Follower(stream) for stream in others]
+    for block in base.blocks:
+        merged, edges = dict(block.columns), dict[str, Samples]()
+        for follower in followers:
+            found, between = follower.at(block.time)
+            merged.update(found)
+            edges.update(between)
+        yield SampleBlock(block.time, merged), edges
+
+
+class _Follower:
+    """A stream with a moving window of samples around the requested instants."""
+
+    def __init__(self, stream: ChannelStream) -> None:
+        self._stream = stream
+        self._window = no_samples(stream.longest)
+
+    def at(self, instants: FloatArray) -> tuple[Mapping[str, FloatArray], dict[str, Samples]]:
+        """The channels of the stream at `instants`, which must not decrease from call to call, and edges of inputs."""
+        if not instants.size:
+            return no_samples(self._stream.longest).columns, {}
+        end = float(instants[-1])
+        window = self._window = self._window.followed_by(*self._blocks_until(end))
+        found = {
+            name: align(instants, window.time, values, self._stream.longest[name], hold=name in INPUTS)
+            for name, values in window.columns.items()
+        }
+        until, _ = window.split(end)
+        edges: dict[str, Samples] = {}
+        if until.time.size and not np.isin(until.time, instants).all():
+            until = until.followed_by()
+            edges = {name: (until.time, until.columns[name]) for name in INPUTS if name in until.columns}
+        self._window = window.since(end).followed_by()
+        return found, edges
+
+    def _blocks_until(self, end: float) -> Iterator[SampleBlock]:
+        """The next blocks, until there is a sample after `end` or the stream ends."""
+        last = self._window
+        while not (last.time.size and last.time[-1] > end):
+            block = next(self._stream.blocks, None)
+            if block is None:
+                return
+            yield block
+            last = block

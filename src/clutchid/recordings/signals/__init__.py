@@ -1,1 +1,0 @@
-"""Analysis of sampled signals: runs, velocity, excitation, and autocorrelation of residuals."""

@@ -1,0 +1,18 @@
+"""Strokes and rests: cut a long recording, label its sections, and choose the most informative strokes.
+
+>>> import numpy as np
+>>> from clutchid.log import Log
+>>> from clutchid.strokes import choose, cut, joined
+>>> t = np.arange(0.0, 9.0, 1e-3)
+>>> y = np.interp(t, [2.0, 2.1, 3.0, 3.3, 6.0, 6.1, 7.0, 7.3], [0.0, 0.02, 0.02, 0.0] * 2)
+>>> chosen = choose(cut(Log(t, {"position": y})), seconds=2.0)
+>>> [section.label for section in chosen], len(joined(chosen))
+(['full stroke'], 1800)
+"""
+
+from clutchid.strokes.choice import choose
+from clutchid.strokes.cutting import cut
+from clutchid.strokes.section import RESTS, STROKES, Section, SectionSummary, joined
+from clutchid.strokes.table import sections_table
+
+__all__ = ["RESTS", "STROKES", "Section", "SectionSummary", "choose", "cut", "joined", "sections_table"]

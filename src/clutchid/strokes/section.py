@@ -1,0 +1,138 @@
+"""A `Section`: a stroke or rest and its summary, and chosen sections joined to one log."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+
+from clutchid.errors import DataError
+from clutchid.log import HOLE, Log, concatenated
+from clutchid.strokes.stream import joined_edges
+
+Kind = Literal["stroke", "rest"]
+
+#: Labels of strokes and of rests, in the field's words.
+STROKES = (
+    "full stroke",
+    "partial stroke",
+    "gear shift",
+    "pull-away",
+    "slip control",
+    "ramp",
+    "staircase",
+    "bang-bang",
+)
+RESTS = ("vented rest", "held", "no position")
+
+
+@dataclass(frozen=True, slots=True)
+class SectionSummary:
+    """Motion and inputs of a section; positions in m as measured, speeds in m/s, times in s.
+
+    `level` is the position of the vented rest estimated up to that time (the sensor's zero), `reach` the largest travel
+    from there up to that time. `vented_rest` is the time at rest and vented before the section (for a rest: within it),
+    which may be longer than the part of it in `Section.log`. A pulse is an opening of a closed valve, a duty step any
+    change of a duty cycle. `missing` is the fraction of samples without a position, `pressure` whether the pressure of
+    chamber A is measured.
+    """
+
+    lowest: float
+    highest: float
+    level: float
+    reach: float
+    opening_speed: float
+    closing_speed: float
+    vented_rest: float
+    supply_pulses: int
+    exhaust_pulses: int
+    duty_steps: int
+    missing: float
+    pressure: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Section:
+    """A stroke or a rest: its samples `log` from `start` to `end` in s, and the index `first` of its first sample.
+
+    A stroke's samples begin with up to half a second of the vented rest before it, so that a simulation can start
+    there with Eq. (24); `departure` is the time in s at which the stroke leaves it (`start` where there is none).
+    Two sections are adjacent if the last sample of one is followed by the first of the other.
+    """
+
+    kind: Kind
+    label: str
+    log: Log
+    start: float
+    end: float
+    departure: float
+    first: int
+    summary: SectionSummary
+
+    def __len__(self) -> int:
+        return len(self.log)
+
+    @property
+    def seconds(self) -> float:
+        """Time from the first to the last sample in s."""
+        return self.end - self.start
+
+
+def joined(sections: Iterable[Section]) -> Log:
+    """Sections of one recording as one log in order of time, so that each is a segment of its own in a fit.
+
+    Adjacent sections are joined without a hole. No sample is changed. Where two sections are not adjacent but the gap
+    is too short to count as a hole, a sample with NaN in every column is inserted.
+
+    Parameters
+    ----------
+    sections : Sections
+        Disjoint, with the same columns, at least one.
+
+    Raises
+    ------
+    DataError
+        If there is no section, columns differ, or sections overlap.
+
+    Examples
+    --------
+    >>> from clutchid.strokes.cutting import cut
+    >>> t = np.arange(0.0, 4.0, 1e-3)
+    >>> log = Log(t, {"position": np.interp(t, [1.5, 1.6, 2.0, 2.3], [0.0, 0.02, 0.02, 0.0])})
+    >>> first, stroke, last = cut(log)
+    >>> len(joined([last, first])), np.array_equal(joined([first, stroke, last])["position"], log["position"])
+    (2700, True)
+    """
+    ordered = sorted(sections, key=lambda section: section.first)
+    if not ordered:
+        raise DataError("no section is given; at least one is needed.")
+    logs = [section.log for section in ordered]
+    names = tuple(logs[0].columns)
+    for one, other in pairwise(logs):
+        if set(other.columns) != set(names):
+            raise DataError(
+                f"{other.name}: sections with different columns cannot be joined; join sections of one recording only."
+            )
+        if not other.time[0] > one.time[-1]:
+            raise DataError(
+                f"{other.name}: a section begins at {other.time[0]:.6g} s, but the one before ends at "
+                f"{one.time[-1]:.6g} s; join disjoint sections of one recording."
+            )
+    steps = [np.diff(log.time) for log in logs if len(log) > 1]
+    short = 2 * HOLE * float(np.median(np.concatenate(steps))) if steps else np.inf
+    parts = logs[:1]
+    for before, after in pairwise(ordered):
+        if _needs_hole(before, after, short):
+            parts.append(
+                Log(np.array([0.5 * (before.end + after.start)]), {name: np.array([np.nan]) for name in names})
+            )
+        parts.append(after.log)
+    return replace(concatenated(parts), edges=joined_edges(logs), warnings=())
+
+
+def _needs_hole(before: Section, after: Section, short: float) -> bool:
+    """Whether two sections are not adjacent, yet the gap may be too short to count as a hole."""
+    return before.first + len(before) != after.first and after.start - before.end <= short

@@ -1,0 +1,347 @@
+"""Samples that are no values: beyond the stops, single outliers, steps that no piston makes, repeated last values.
+
+They count as missing, are counted, and are said with their time; the same rule runs over a file and over what arrives.
+What a piston can do follows from the actuator, and nothing from the recording but the noise of its sensors.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.codegen.kernels import kernels_in
+from clutchid.log import HOLE, INPUTS, FloatArray, Log, sample_interval
+from clutchid.log.states import SENSORS
+from clutchid.model.actuator import Actuator
+from clutchid.strokes import rule
+from clutchid.strokes.sampled import runs
+
+Mask = NDArray[np.bool_]
+Verdicts = NDArray[np.uint8]
+
+#: A position is none further beyond the stops than this in m: a vented rest may have moved by 5 mm since the
+#: calibration (`clutchid.strokes.vented_rest.FURTHEST`), and 2 mm are the gain of a sensor (4 %) and noise.
+BEYOND = 7e-3
+
+#: Absolute pressures in Pa of a vented or filled chamber, and of an air supply: below 0.3 bar no brake system vents,
+#: below 3 bar none drives (UNECE R13: the protection valve closes at 4.5 bar or more), and the safety valve of a
+#: compressor opens before 16 bar.
+PRESSURES, SUPPLY = (0.3e5, 16e5), (3e5, 16e5)
+
+#: Factors: on the conductances of the valves and on rates of pressure and velocity, and on the viscous friction, by
+#: which a truck may differ from the actuator that it is compared with: three standard deviations of their priors.
+FASTER, FREER = 1.5, 0.4
+
+#: Noise of a sensor whose samples scatter less, in standard deviations of `SENSORS`: once in 10^15 samples.
+DEVIATIONS = 8.0
+
+#: Samples for which a sensor may repeat its value because it is slower than the recording, and times in s: the longest
+#: gap over which a step is judged, and after which a step that stays is another zero, not an outlier.
+REPEATS, LONGEST_GAP, BELIEVED = 15, 0.05, 1.0
+
+#: Where more than this share of a channel were none, its unit, its sign or its zero is wrong, which the checks say.
+MOST = 0.2
+
+
+class Motion(NamedTuple):
+    """What is possible in a recording of an actuator.
+
+    Largest velocity of the piston in m/s, its largest acceleration in an interval in m/s², and the largest rate of the
+    pressure in Pa/s.
+    """
+
+    velocity: float
+    acceleration: float
+    pressure_rate: float
+
+
+def possible_motion(actuator: Actuator, interval: float) -> Motion:
+    r"""What the air and the forces of an actuator allow within an interval of `interval` s.
+
+    The air that the open supply valve passes at most, :math:`w = \rho_0 C_{vs} P_S`, moves a piston without load
+    against its friction, :math:`(P_0 A_A + D_v v) v = w R T_0`; without motion it fills the dead volume,
+    :math:`\dot p_A = \gamma w R T_0 / V_{0A}`. Force in excess of friction moves the piston at once, so that the
+    imbalance is that of a breakaway and of the pressure gained in the interval.
+
+    Examples
+    --------
+    The paper's piston opens a clutch in no less than 30 ms:
+
+    >>> motion = possible_motion(Actuator(), 1e-3)
+    >>> f"{motion.velocity:.2f} m/s, {motion.pressure_rate * 1e-8:.2f} bar/ms"
+    '0.84 m/s, 0.24 bar/ms'
+    """
+    p = actuator.parameters
+    power = FASTER * p.rho_0 * p.C_vs * p.P_S * p.R * p.T_0
+    force, friction = p.P_0 * p.A_A, FREER * p.D_v
+    velocity = 2.0 * power / (force + math.sqrt(force**2 + 4.0 * friction * power))
+    rate = 1.4 * power / p.V_0A
+    return Motion(velocity, FASTER * (2.0 * p.F_C + p.A_A * rate * interval) / p.M, rate)
+
+
+def limits(actuator: Actuator, column: str, interval: float) -> FloatArray:
+    """Limits of the position or of the pressure in chamber A, for samples that are `interval` s apart."""
+    motion = possible_motion(actuator, interval)
+    if column == "position":
+        low, high = -BEYOND, actuator.parameters.y_max + BEYOND
+        rates = motion.velocity, motion.acceleration
+    else:
+        (low, high), rates = PRESSURES, (motion.pressure_rate, math.inf)
+    gap = max(LONGEST_GAP, HOLE * interval)
+    noise = DEVIATIONS * SENSORS[column].noise
+    return np.array([low, high, *rates, noise, REPEATS * interval, max(BELIEVED, 2.0 * gap), gap, interval])
+
+
+class Watched(NamedTuple):
+    """Verdicts of `plausible` on samples, times `since` in s that belong to them, and the watch after them."""
+
+    verdicts: Verdicts
+    since: FloatArray
+    watch: FloatArray
+
+
+def new_watch() -> FloatArray:
+    """The watch of a column before its first sample."""
+    watch = np.zeros(rule.OTHERS_SINCE + 1)
+    watch[[rule.SEEN, rule.DOUBT, rule.OTHER_0, rule.OTHER_1]] = np.nan
+    watch[rule.QUANTUM] = np.inf
+    return watch
+
+
+def watched(watch: FloatArray, bounds: FloatArray, log: Log, column: str) -> Watched:
+    """Verdicts on a column of a recording, or on the next part of one; parts of any length give the same."""
+    verdicts, since, after = np.zeros(len(log), dtype=np.uint8), np.full((len(log), 2), np.nan), watch.copy()
+    others = np.column_stack([log[name] for name in INPUTS])
+    follow = kernels_in("clutchid.strokes.plausible").follow_values
+    follow(after, bounds, log.time, log[column], others, verdicts, since)
+    return Watched(verdicts, since, after)
+
+
+class Fault(NamedTuple):
+    """Samples of a channel that are no values.
+
+    Attributes
+    ----------
+    channel, kind
+        Column, or "all channels"; "beyond", "step", "seam" (a step that stays) or "repeated".
+    samples, first : 1, s
+        Number of samples, and time of the first.
+    sentence
+        What they are.
+    """
+
+    channel: str
+    kind: str
+    samples: int
+    first: float
+    sentence: str
+
+    @property
+    def moves_zero(self) -> bool:
+        """Whether the position may count from another zero from then on."""
+        return self.kind == "seam" and self.channel == "position"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Values:
+    """A recording in which what is no value is missing, and what that was."""
+
+    log: Log
+    faults: tuple[Fault, ...] = ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The faults, with the name of the recording."""
+        return tuple(f"{self.log.name}: {fault.sentence}" for fault in self.faults)
+
+    @property
+    def warned(self) -> Log:
+        """The recording with the faults among its warnings."""
+        together = tuple(dict.fromkeys((*self.log.warnings, *self.warnings)))
+        return replace(self.log, warnings=together) if self.faults else self.log
+
+
+def values_of(log: Log, actuator: Actuator) -> Values:
+    """A recording in which what is no value is missing; the same object where all are values.
+
+    Duty cycles become missing, which ends a segment, where a logger repeats its samples, and at a step that stays.
+
+    Parameters
+    ----------
+    log : Log
+        Any columns; position and pressure are judged where both duty cycles are there too.
+    actuator : Actuator
+        Its stroke, valves, friction and supply say what is possible.
+
+    Examples
+    --------
+    A sensor of 16 bit that has none for 2 ms:
+
+    >>> t = 1e-3 * np.arange(1000)
+    >>> y = np.where((t > 0.5) & (t < 0.5025), 65.535e-3, 1e-5 * np.sin(40 * t))
+    >>> values = values_of(Log(t, {"position": y, **dict.fromkeys(INPUTS, 0 * t)}), Actuator())
+    >>> values.faults[0].sentence
+    'position: 2 samples beyond the stops, the first at 0.501 s (65.53 mm): they count as missing.'
+    """
+    missing, faults = dict[str, Mask](), list[Fault]()
+    for name in (*INPUTS, "pressure_supply"):
+        if name in log:
+            faults += _out_of_range(log, name, missing)
+    interval = sample_interval(log.time, 0.0)
+    if interval > 0.0 and all(name in log for name in INPUTS):
+        for name in ("position", "pressure_a"):
+            if name in log:
+                _judge(log, name, limits(actuator, name, interval), missing, faults)
+    if not faults:
+        return Values(log)
+    columns = {name: np.where(missing[name], np.nan, x) if name in missing else x for name, x in log.columns.items()}
+    edges = {
+        name: (stamps, np.where(outside(name, x), np.nan, x)) if name in missing else (stamps, x)
+        for name, (stamps, x) in log.edges.items()
+    }
+    return Values(replace(log, columns=columns, edges=edges), tuple(faults))
+
+
+def with_inputs_in_range(log: Log) -> Log:
+    """A recording with duty cycles outside 0 to 1 missing, unless they are many; else the same object."""
+    missing: dict[str, Mask] = {}
+    for name in INPUTS:
+        if name in log:
+            _out_of_range(log, name, missing)
+    columns = {name: np.where(mask, np.nan, log[name]) for name, mask in missing.items()}
+    return log.with_columns(**columns) if columns else log
+
+
+#: Duty cycles with rounding, and pressures of an air supply. Where most of a column is outside, it has another unit,
+#: and a duty cycle is refused by the observer and the simulation; a supply pressure counts as not recorded.
+_RANGES = {**dict.fromkeys(INPUTS, (-1e-9, 1.0 + 1e-9)), "pressure_supply": SUPPLY}
+
+
+def outside(name: str, values: FloatArray) -> Mask:
+    """Whether each of the values is no duty cycle, or no pressure of an air supply; False where it is missing."""
+    low, high = _RANGES[name]
+    return (values < low) | (values > high)
+
+
+_BEYOND = {
+    "position": "beyond the stops",
+    "pressure_a": "outside what a chamber has (0.3 to 16 bar absolute)",
+    "pressure_supply": "outside what an air supply has (3 to 16 bar absolute)",
+    **dict.fromkeys(INPUTS, "outside 0 to 1"),
+}
+_STEP = {"position": "than a piston moves", "pressure_a": "than a valve fills"}
+
+
+def _out_of_range(log: Log, name: str, missing: dict[str, Mask]) -> list[Fault]:
+    wrong = outside(name, log[name])
+    if not wrong.any() or (name in INPUTS and _too_many(log, name, wrong)):
+        return []
+    missing[name] = wrong
+    fault = _fault(log, name, "beyond", wrong, _BEYOND[name])
+    if _too_many(log, name, wrong):
+        fault = fault._replace(sentence=f"{fault.sentence[:-1]}; correct the unit in its heading if it is another one.")
+    return [fault]
+
+
+def _too_many(log: Log, name: str, wrong: Mask) -> bool:
+    return bool(np.sum(wrong) > MOST * np.sum(np.isfinite(log[name])))
+
+
+def _judge(log: Log, name: str, bounds: FloatArray, missing: dict[str, Mask], faults: list[Fault]) -> None:
+    """Add what is no value of a measured column to `missing` and `faults`."""
+    verdicts, since, _ = watched(new_watch(), bounds, log, name)
+    seams = _settled(log, name, verdicts, since)
+    beyond, steps = verdicts == rule.BEYOND, verdicts == rule.STEP
+    if _too_many(log, name, beyond | steps):
+        return
+    missing[name] = missing.get(name, np.zeros(len(log), dtype=bool)) | beyond | steps
+    new = [_fault(log, name, "beyond", beyond, _BEYOND[name])] if beyond.any() else []
+    if steps.any():
+        words = f"further from those before {_STEP[name]} in that time"
+        new.append(_fault(log, name, "step", steps, words))
+    repeated = _repeated(log, name, verdicts, since)
+    if repeated.any() and not any(fault.kind == "repeated" for fault in faults):
+        for channel in log.columns.keys() & {"position", "pressure_a", "pressure_supply", *INPUTS}:
+            missing[channel] = missing.get(channel, False) | repeated
+        new.append(
+            _fault(log, "all channels", "repeated", repeated, "that repeat the ones before, as of a logger that hangs")
+        )
+    seam_times = {fault.first for fault in faults if fault.kind == "seam"}
+    for i in seams:
+        if log.time[i] in seam_times:
+            continue
+        for channel in INPUTS:
+            missing[channel] = missing.get(channel, np.zeros(len(log), dtype=bool)).copy()
+            missing[channel][i] = True
+        new.append(_seam(log, name, i, missing[name]))
+    faults += new
+
+
+def _settled(log: Log, name: str, verdicts: Verdicts, since: FloatArray) -> list[int]:
+    """Samples at which a column jumps to stay; the samples behind a step that is settled count, `verdicts` says so.
+
+    What counted for less than `BELIEVED` s before a step was the outlier itself.
+    """
+    seams = []
+    for i in np.flatnonzero(np.isin(verdicts, (rule.SEAM, rule.EXPLAINED))).tolist():
+        step, began = (int(np.searchsorted(log.time, at)) for at in since[i])
+        later, explained = verdicts[step : i + 1], verdicts[i] == rule.EXPLAINED
+        later[later != rule.BEYOND] = rule.VALUE
+        if explained:
+            continue
+        if log.time[step] - log.time[began] < BELIEVED:
+            before = verdicts[began:step]
+            before[np.isfinite(log[name][began:step]) & (before == rule.VALUE)] = rule.STEP
+        else:
+            seams.append(step)
+    return seams
+
+
+def _repeated(log: Log, name: str, verdicts: Verdicts, since: FloatArray) -> Mask:
+    """Samples that a logger repeated in all channels; a column at its own limit is saturated, not repeated."""
+    repeated, values = np.zeros(len(log), dtype=bool), log[name]
+    others = [log[other] for other in ("position", "pressure_a", "pressure_supply", *INPUTS) if other in log]
+    for a, b in runs(verdicts == rule.REPEATED):
+        first = int(np.argmin(np.abs(log.time - since[a, 0])))
+        end = b + int(np.argmax(np.append(values[b:] != values[a], True)))
+        still = all(not np.ptp(other[first:end]) > 0.0 for other in others)
+        if still and np.nanmin(values) < values[a] < np.nanmax(values):
+            repeated[first + 1 : end] = True
+    return repeated
+
+
+_SHOWN = {"position": ("mm", 1e3), **dict.fromkeys(("pressure_a", "pressure_supply"), ("bar", 1e-5))}
+
+
+def _shown(name: str, value: float, sign: str = "") -> str:
+    unit, factor = _SHOWN.get(name, ("", 1.0))
+    return f"{value * factor:{sign}.4g} {unit}".strip()
+
+
+def _fault(log: Log, name: str, kind: str, wrong: Mask, words: str) -> Fault:
+    """A fault of samples that become missing."""
+    count, first = int(wrong.sum()), int(np.argmax(wrong))
+    shown = f" ({_shown(name, float(log[name][first]))})" if name in log else ""
+    at = f"at {log.time[first]:.3f} s{shown}"
+    sentence = (
+        f"{name}: {count:,} samples {words}, the first {at}: they count as missing."
+        if count > 1
+        else f"{name}: a sample {words}, {at}: it counts as missing."
+    )
+    return Fault(name, kind, count, float(log.time[first]), sentence)
+
+
+def _seam(log: Log, name: str, i: int, missing: Mask) -> Fault:
+    """A fault of a column that jumps to sample `i` and stays."""
+    values = log[name]
+    before = np.flatnonzero(np.isfinite(values[:i]) & ~missing[:i])[-1]
+    by = _shown(name, float(values[i] - values[before]), "+")
+    sentence = (
+        f"{name} jumps by {by} at {log.time[i]:.3f} s, faster {_STEP[name]}, and stays: its sensor was set to zero "
+        "anew, or two recordings are joined; a segment ends there."
+    )
+    return Fault(name, "seam", 1, float(log.time[i]), sentence)

@@ -1,0 +1,176 @@
+"""A bus while its frames arrive: which messages there are, and nothing lost between two looks at it."""
+
+import time
+from threading import Event
+
+import can
+import numpy as np
+import pytest
+
+from clutchid.errors import DataError
+from clutchid.log import Log
+from clutchid.measurements.live import bus as module
+from clutchid.measurements.live.bus import BusName, bus_blocks, from_bus, opened_bus, sender
+from clutchid.measurements.map.channel_map import Channel, ChannelMap
+from fixtures.bus import CLUTCH, DBC, VALVES, frames_of, message, sending
+from fixtures.commands import wait_for
+
+NAME = BusName("virtual", "test")
+NEEDED = ("time", "position", "duty_supply", "duty_exhaust")
+MAP = ChannelMap({
+    "position": Channel("Travel"), "duty_supply": Channel("Supply", unit="1"),
+    "duty_exhaust": Channel("Exhaust", unit="1"),
+})  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def _everybody_has_left():
+    """The bus is closed when the next test begins, which would send to who is about to leave and wait for ever."""
+    yield
+    wait_for(lambda: "test" not in can.interfaces.virtual.channels, 10.0)
+
+
+def ramp(seconds):
+    time = np.arange(round(1e3 * seconds)) * 1e-3
+    return Log(time, {"position": 1e-3 * time, "duty_supply": 0.1 + 0.0 * time, "duty_exhaust": 0.0 * time})
+
+
+def received(messages):
+    stop = Event()
+    thread = sending("test", messages, stop.set)
+    found = list(from_bus(NAME, stop.is_set))
+    thread.join()
+    return found
+
+
+def recorded(frames, tmp_path, channels=MAP):
+    (tmp_path / "bus.dbc").write_text(DBC)
+    blocks = bus_blocks(iter(frames), "test", [tmp_path / "bus.dbc"], channels, 1e5, NEEDED)
+    logs = [block.log for block in blocks]
+    return {name: np.concatenate([log[name] for log in logs]) for name in logs[0].columns}
+
+
+def test_all_frames_arrive_in_order_and_the_bus_is_closed():
+    sent = [message(*frame) for frame in frames_of(ramp(2.0))]
+    found = received(sent)
+    assert np.concatenate([one.stamp for one in found]).tolist() == [one.timestamp for one in sent]
+    payloads = [bytes(row) for one in found for row in one.data]
+    assert payloads == [bytes(one.data).ljust(8, b"\0") for one in sent]
+    assert "test" not in can.interfaces.virtual.channels
+
+
+def test_a_silent_bus_ends_when_it_is_stopped():
+    stop = Event()
+    frames = from_bus(NAME, stop.is_set)
+    stop.set()
+    assert list(frames) == []
+
+
+@pytest.mark.slow
+def test_more_frames_than_can_wait_stay_with_the_bus(monkeypatch):
+    monkeypatch.setattr(module, "MOST_WAITING", 50)
+    stop = Event()
+    frames = from_bus(NAME, stop.is_set)
+    sent = [message(*frame) for frame in frames_of(ramp(1.0))]
+    thread = sending("test", sent[:1])
+    first = next(frames)
+    thread.join()
+    with can.Bus("test", interface="virtual", preserve_timestamps=True) as other:
+        for one in sent[1:]:
+            other.send(one)
+        time.sleep(0.5)  # nobody takes them
+        stop.set()
+        rest = list(frames)
+    assert len(first) == 1
+    assert len(rest[0]) == 50
+    assert np.concatenate([one.stamp for one in rest]).tolist() == [one.timestamp for one in sent[1:]]
+
+
+def test_a_message_that_begins_late_is_waited_for_and_its_samples_before_are_missing(tmp_path):
+    frames = [frame for frame in frames_of(ramp(4.0)) if frame[1] == CLUTCH or frame[0] > 3.0]
+    columns = recorded(received([message(*frame) for frame in frames]), tmp_path)
+    assert columns["position"].size == 4000
+    missing = np.isnan(columns["duty_supply"])
+    assert missing[:1990].all()
+    assert not missing[2010:].any()
+
+
+def test_a_message_that_does_not_come_is_said_after_ten_seconds(tmp_path):
+    frames = [frame for frame in frames_of(ramp(12.0)) if frame[1] == CLUTCH][::10]
+    found = received([message(*frame) for frame in frames])
+    with pytest.raises(DataError, match="duty_supply: there is no channel 'Supply'"):
+        recorded(found, tmp_path)
+
+
+def test_a_pressure_of_the_map_that_does_not_come_is_done_without(tmp_path):
+    found = received([message(*frame) for frame in frames_of(ramp(4.0))[::4]])
+    with_pressure = ChannelMap({**MAP.channels, "pressure_a": Channel("Druck", unit="bar")})
+    columns = recorded(found, tmp_path, with_pressure)
+    assert sorted(columns) == sorted(NEEDED[1:])
+    assert columns["position"].size == recorded(found, tmp_path)["position"].size
+
+
+def test_without_a_map_the_signals_need_standard_names(tmp_path):
+    found = received([message(*frame) for frame in frames_of(ramp(1.5))])
+    with pytest.raises(DataError, match=r"(?s)no channel is assigned to position.*give a channel map with --map"):
+        recorded(found, tmp_path, None)
+
+
+def test_what_is_sent_arrives_under_its_identifier():
+    with opened_bus(NAME) as listener:
+        with sender(NAME, lambda: False) as send:
+            assert send([(VALVES, b"\1\2"), (CLUTCH, b"\3")]) == ""
+        found = [listener.recv(0.0) for _ in range(2)]
+    assert [(one.arbitration_id, bytes(one.data)) for one in found] == [(VALVES, b"\1\2"), (CLUTCH, b"\3")]
+    assert not any(one.is_extended_id for one in found)
+
+
+def test_a_bus_that_does_not_take_a_frame_says_why(monkeypatch):
+    def fail(*_):
+        raise can.CanOperationError("Buffer full")
+
+    monkeypatch.setattr("can.interfaces.virtual.VirtualBus.send", fail)
+    with sender(NAME, lambda: False) as send:
+        until = time.monotonic() + 10.0
+        while not (reason := send([(VALVES, b"")])) and time.monotonic() < until:
+            time.sleep(0.01)
+    assert reason == "Buffer full"
+
+
+def test_a_bus_that_blocks_holds_nothing_up_and_gets_what_comes_when_it_goes_on(monkeypatch):
+    blocked, sent = Event(), []
+
+    def wait(_bus, one, timeout=None):
+        blocked.wait()
+        sent.append(one.data[0])
+
+    monkeypatch.setattr("can.interfaces.virtual.VirtualBus.send", wait)
+    monkeypatch.setattr(module, "MOST_TO_SEND", 2)
+    monkeypatch.setattr(module, "STALL", 0.2)
+    begin = time.monotonic()
+    with sender(NAME, lambda: False) as send:
+        reasons = [send([(VALVES, bytes([i]))]) for i in range(200)]
+        assert time.monotonic() - begin < 2.0
+        assert reasons[0] == ""
+        assert reasons[-1] == "it took none for 0.2 s"
+        blocked.set()
+        wait_for(lambda: not send([(VALVES, b"\xff")]), 10.0)
+    assert sent[:2] == [0, 1]
+    assert sent[-1] == 0xFF
+    begin = time.monotonic()
+    blocked.clear()
+    with sender(NAME, lambda: True) as send:  # stopped: nothing is waited for
+        reasons = [send([(VALVES, b"\0")]) for _ in range(9)]
+        assert reasons[-1] == "it took none for 0.2 s"
+    assert time.monotonic() - begin < 2.0
+    blocked.set()
+
+
+def test_a_bus_is_closed_when_nobody_wants_its_frames_any_more(monkeypatch):
+    monkeypatch.setattr(module, "MOST_WAITING", 5)
+    frames = from_bus(NAME, lambda: False)
+    thread = sending("test", [message(*frame) for frame in frames_of(ramp(0.5))])
+    next(frames)
+    thread.join()
+    frames.close()
+    assert "test" not in can.interfaces.virtual.channels

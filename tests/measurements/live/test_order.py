@@ -1,0 +1,115 @@
+"""Samples that come late, twice or out of order, cut in any way."""
+
+import numpy as np
+import pytest
+
+from clutchid.measurements.live.order import (
+    JUMP,
+    LOST,
+    WINDOW,
+    ArrivedSamples,
+    LeftOutCounts,
+    final,
+    none_waiting,
+    sorted_in,
+    unconfirmed,
+)
+from clutchid.measurements.time_axis import SampleBlock
+
+
+def fed(stamps, cuts, streams=None):
+    """Samples of two streams in order, counts of late, repeated, invalid ones; `stamps` in the order of arrival."""
+    stream = np.zeros(len(stamps), dtype=int) if streams is None else np.asarray(streams)
+    stamps = np.asarray(stamps)
+    number = np.arange(stamps.size) * 1.0
+    waiting, counts, found = none_waiting([["x"], ["x"]]), np.zeros(4, dtype=int), ([], [])
+    for piece in [*np.split(np.arange(stamps.size), cuts), np.empty(0, dtype=int)]:
+        each = []
+        for i in (1, 0):
+            rows = piece[stream[piece] == i]
+            place = rows - (piece[0] if piece.size else 0)
+            each.append(ArrivedSamples(i, place, SampleBlock(stamps[rows], {"x": number[rows]})))
+        waiting, out = sorted_in(waiting, each)
+        counts += out
+        waiting, out = (waiting, LeftOutCounts()) if piece.size else unconfirmed(waiting)
+        counts += out
+        waiting, ready = final(waiting, ended=not piece.size)
+        for have, new in zip(found, ready, strict=True):
+            have += [*zip(new.time.tolist(), new.columns["x"].tolist(), strict=True)]
+    return found, counts[[0, 1, 3]].tolist(), waiting
+
+
+RNG = np.random.default_rng(5)
+SHAKEN = np.arange(2000) * 1e-3 + 0.04 * RNG.random(2000) * (RNG.random(2000) < 0.1)
+DELAYED = SHAKEN.copy()
+DELAYED[[700, 900, 1500]] -= 0.2
+DELAYED[[300, 301]] = DELAYED[299]
+
+
+@pytest.mark.parametrize("cuts", [[1, 2, 3, 100], list(range(1, 2000)), [301, 700, 701, 902]])
+@pytest.mark.parametrize("streams", [None, RNG.integers(0, 2, 2000)])
+def test_the_order_and_what_is_left_out_do_not_depend_on_how_the_samples_come(cuts, streams):
+    whole, counts, _ = fed(DELAYED, [], streams)
+    parts, again, _ = fed(DELAYED, cuts, streams)
+    assert parts == whole
+    assert again == counts
+    assert counts[0] == 3
+    for one in whole:
+        time = np.array([t for t, _ in one])
+        assert (np.diff(time) > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("stamps", "cuts", "kept", "counts"),
+    [
+        ([0.0, 0.001, 0.001, 0.001, 0.002], [2], [0, 3, 4], [0, 2, 0]),  # of equal stamps the last counts
+        ([0.0, 0.1, 0.1 - 0.9 * WINDOW, 0.1 - WINDOW, 0.2], [], [0, 2, 1, 4], [1, 0, 0]),  # too late for the window
+        ([0.0, 0.001, 9.0, 9.001, 9.002, 4000.0, 4000.001], [3, 6], range(7), [0, 0, 0]),  # two confirm a pause
+        (np.arange(20) * 2.0 * JUMP, range(1, 20), range(19), [0, 0, 1]),  # a slow stream goes on
+        ([1e9], [], [0], [0, 0, 0]),
+    ],
+)
+def test_samples_are_sorted_in_confirmed_or_left_out(stamps, cuts, kept, counts):
+    found, out, _ = fed(stamps, list(cuts))
+    assert found[0] == [(stamps[i], float(i)) for i in kept]
+    assert out == counts
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cuts", [[], [7, 700, 701, 702, 1999], list(range(1, 2000))])
+@pytest.mark.parametrize("streams", [None, RNG.integers(0, 2, 2000)])
+@pytest.mark.parametrize("stamp", [1.3, 700.0, 1e300])
+def test_a_spoiled_stamp_far_ahead_costs_one_sample_wherever_it_stands(cuts, streams, stamp):
+    stamps = np.arange(2000) * 1e-3
+    places = [0, 700, 702, 1000, 1999]
+    stamps[places] = stamp + 2.0
+    stamps[1000] *= 1.5
+    found, counts, _ = fed(stamps, cuts, streams)
+    assert counts == [0, 0, len(places)]
+    assert sorted(x for one in found for _, x in one) == np.delete(np.arange(2000.0), places).tolist()
+
+
+@pytest.mark.parametrize("cuts", [[], [1], [1, 2, 3, 10]])
+def test_a_first_stamp_far_below_the_others_costs_one_sample(cuts):
+    stamps = np.arange(2000) * 1e-3
+    stamps[0] = -5.0
+    found, counts, _ = fed(stamps, cuts)
+    assert [t for t, _ in found[0]] == stamps[1:].tolist()
+    assert counts == [0, 0, 1]
+
+
+@pytest.mark.parametrize("cuts", [[], list(range(1, 1300)), [150, 260]])
+def test_a_clock_that_goes_back_for_good_is_lost_after_so_many_samples(cuts):
+    stamps = np.concatenate([3.0 + np.arange(200) * 1e-3, np.arange(LOST + 100) * 1e-3])
+    found, counts, waiting = fed(stamps, cuts)
+    assert len(found[0]) == 200
+    assert waiting.latest == stamps[199]
+    assert waiting.lost == stamps[200 + LOST - 1]
+    assert counts[0] == LOST + 100
+
+
+def test_a_few_samples_from_before_do_not_lose_the_clock():
+    stamps = np.concatenate([3.0 + np.arange(200) * 1e-3, np.arange(LOST - 1) * 1e-3, 3.3 + np.arange(9) * 1e-3])
+    _, counts, waiting = fed(stamps, [210])
+    assert np.isnan(waiting.lost)
+    assert counts == [LOST - 1, 0, 0]

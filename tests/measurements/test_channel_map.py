@@ -1,0 +1,117 @@
+"""Channel maps as files: what is written is read again, and everything wrong with one is told at once."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from clutchid.errors import DataError, ParameterError
+from clutchid.log.units import known_units
+from clutchid.measurements.columns import QUANTITIES
+from clutchid.measurements.map.channel_map import Channel, ChannelMap, map_text, read_map, write_map
+
+numbers = st.floats(-1e9, 1e9, allow_nan=False)
+
+
+@st.composite
+def entries(draw):
+    name = draw(st.sampled_from(sorted(QUANTITIES)))
+    entry = Channel(
+        draw(st.text(min_size=1)),
+        draw(st.none() | st.text()),
+        draw(st.none() | st.sampled_from(known_units(QUANTITIES[name]))),
+        draw(st.sampled_from([1.0, -1.0])),
+        draw(numbers.filter(bool)),
+        draw(numbers),
+        draw(st.floats(-0.5, 0.5)),
+        draw(st.none() | st.floats(1e-3, 1e3)),
+    )
+    return name, entry
+
+
+@pytest.mark.slow
+@given(
+    st.lists(entries(), min_size=1),
+    st.none() | st.floats(1e-5, 10.0),
+    st.none() | st.floats(1.0, 1e5),
+    st.lists(st.sampled_from(["a.dbc", "ü.dbc"])),
+)
+def test_what_is_written_is_read_again(tmp_path_factory, items, raster, rate, dbc):
+    folder = tmp_path_factory.mktemp("map")
+    content = ChannelMap(
+        dict(items), tuple(folder / name for name in dbc), raster, None if "time" in dict(items) else rate
+    )
+    write_map(content, folder / "MAP.toml")
+    assert read_map(folder / "MAP.toml") == content
+
+
+def test_a_missing_quantity_is_a_block_to_be_filled_in_and_read_once_it_is(save):
+    comments = {"position": "0 to 20 mm", "duty_exhaust": "candidates: 'A'", "rate": "samples per second"}
+    text = map_text(ChannelMap({"position": Channel("Weg")}, comments=comments), Path())
+    assert "\n\n# rate = 1000.0  # samples per second\n\n# 0 to 20 mm\n[position]\n" in text
+    assert "\n# [duty_exhaust]\n# channel = \"?\"  # candidates: 'A'\n" in text
+    filled = text.replace("# rate", "rate").replace("# [duty", "[duty").replace('# channel = "?"', 'channel = "A"')
+    found = read_map(save(filled, "MAP.toml"))
+    assert found.rate == 1000.0
+    assert {name: entry.channel for name, entry in found.channels.items()} == {"position": "Weg", "duty_exhaust": "A"}
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        (
+            "rate = 0\n[position]\nchannel = 'y'\n",
+            "rate = 0: samples per second above 0 are needed, for example 1000.0.",
+        ),
+        ("rate = 'x'\n[position]\nchannel = 'y'\n", "rate = 'x': samples per second above 0"),
+        ("rate = 1e3\n[time]\nchannel = 't'\n", "rate = 1000 Hz and [time] both define the time; keep one of them."),
+        ("", "contains no channel"),
+        ("raster = 0.1\n", "contains no channel"),
+        ("[position", "is no TOML file"),
+        *(
+            (
+                f"[position]\nchannel = 'Weg'\ndelay = {delay}\n",
+                f"[position] delay = {delay:g} s: a channel is at most 0.5 s late",
+            )
+            for delay in (0.8, -8.0, 1e300)
+        ),
+    ],
+)
+def test_a_map_that_cannot_be_is_a_problem(save, text, problem):
+    with pytest.raises(ParameterError) as caught:
+        read_map(save(text, "MAP.toml"))
+    assert problem in str(caught.value)
+
+
+def test_all_problems_are_reported_together(save):
+    path = save(
+        "raster = -1\ndbc = 3\nposition = 4\n[positon]\nchannel = 'x'\n[time]\nchanel = 't'\n[pressure_a]\n"
+        "channel = 'p'\nunit = 'mm'\nsign = 2\nfactor = 0\nlongest = 0\n[duty_supply]\nchannel = 1\noffset = nan\n",
+        "MAP.toml",
+    )
+    with pytest.raises(ParameterError) as caught:
+        read_map(path)
+    for part in (
+        "12 problems",
+        "raster = -1: an interval above 0 in s",
+        "dbc = 3: a list of file names",
+        "[position]: write a table",
+        "no quantity 'positon'; did you mean 'position'?",
+        "[time]: no entry 'chanel'; did you mean 'channel'?",
+        "[time]: has no channel",
+        "[pressure_a] unit = 'mm': is not known here; use one of Pa,",
+        "sign = 2: must be 1 or -1",
+        "factor = 0: must not be 0",
+        "longest = 0 s: must be above 0",
+        "[duty_supply] channel = 1: a string",
+        "offset = nan: a finite number",
+    ):
+        assert part in str(caught.value)
+
+
+def test_a_map_that_is_no_file_is_a_problem(tmp_path):
+    with pytest.raises(DataError, match="there is no such file"):
+        read_map(tmp_path / "NO.toml")
+    with pytest.raises(DataError, match="name one channel map in it"):
+        read_map(tmp_path)

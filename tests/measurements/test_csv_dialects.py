@@ -1,0 +1,365 @@
+"""CSV as it comes from everywhere: the content tells how it is written."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import clutchid.measurements as cio
+from clutchid.errors import DataError
+from clutchid.measurements.formats.csv import file as csv_file
+from clutchid.measurements.formats.csv import lines as csv_lines
+from clutchid.measurements.formats.csv.file import open_file
+from fixtures.sources import everything
+
+pytestmark = pytest.mark.slow
+
+
+def read(path, rows=None):
+    """The source, its tables, and the numbers of every column."""
+    source, tables, columns = everything(open_file(path), rows)
+    return source, tables, [column.tolist() for column in columns]
+
+
+def names(source):
+    return [(column.name, column.unit) for column in source.rasters[0].headings]
+
+
+@pytest.mark.parametrize(
+    ("text", "dialect"),
+    [
+        ("a,b\n0.5,1\n2,3\n", "comma, decimal point"),
+        ("a;b\n0,5;1\n2;3\n", "semicolon, decimal comma"),
+        ("a\tb\n0,5\t1\n2\t3\n", "tab, decimal comma"),
+        ("a|b\n0.5|1\n2|3\n", "bar, decimal point"),
+        ("a   b\n0.5   1\n  2 3 \n", "blanks, decimal point"),
+        ("a  b\n0,5 \t1\n2   3\n", "blanks, decimal comma"),
+        ('a,b\n"0,5","1"\n"2","3"\n', "comma, decimal comma"),
+        ('"a";"b"\n"0.5";"1"\n2;3\n', "semicolon, decimal point"),
+        ("a;b\n0,5e0;1\n2;3\n", "semicolon, decimal comma"),
+        ("a;b\n0.5;1\n2;3\n\n\n  \n", "semicolon, decimal point"),
+        ("a;b;\n0.5;1;\n2;3;\n", "semicolon, decimal point"),
+        ("a;b\n0.5;1;\n2;3;\n", "semicolon, decimal point"),
+        ("a;b;\n0.5;1\n2;3\n", "semicolon, decimal point"),
+    ],
+)
+def test_separator_and_decimal_mark_are_told_by_the_cells(save, parser, text, dialect):
+    source, tables, columns = read(save(text))
+    assert dialect in source.metadata["dialect"]
+    assert columns[:2] == [[0.5, 2], [1, 3]]
+    assert [heading.text for heading in source.rasters[0].headings][:2] == ["a", "b"]
+    assert tables[0].problems == ()
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "cp1252"])
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("chunk", [1, 7, 1 << 20])
+def test_encodings_and_line_ends_are_told_by_the_bytes(save, parser, monkeypatch, encoding, end, chunk):
+    monkeypatch.setattr(csv_lines, "CHUNK", chunk)
+    data = "Zeit [s];Öl [°C];Weg [µm]\n0;20,5;1\n1;;2\n".replace("\n", end).encode(encoding)
+    mark = {"utf-16-le": b"\xff\xfe", "utf-16-be": b"\xfe\xff"}.get(encoding, b"")
+    source, tables, columns = read(save(mark + data))
+    assert [heading.text for heading in source.rasters[0].headings] == ["Zeit [s]", "Öl [°C]", "Weg [µm]"]
+    assert names(source)[1:] == [(None, "°C"), (None, "µm")]
+    np.testing.assert_array_equal(columns, [[0, 1], [20.5, np.nan], [1, 2]])
+    assert [tables[0].places.number(row) for row in (0, 1)] == [2, 3]
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "Time / ms;Position/mm;Pressure_A / bar (g)",
+        "Time;Position;Pressure_A\n[ms];[mm];[barg]",
+        "Rig;7\nTime;Position;Pressure_A\n\n(ms);(mm);(bar(g))\n",
+        "Time;Position;Pressure_A\nms;mm;bar(g)\nf8;f8;f8",
+    ],
+)
+def test_units_stand_in_brackets_behind_a_slash_or_in_a_row_of_their_own(save, parser, header):
+    source, tables, columns = read(save(f"{header}\n0;0,5;6\n1;0,6;6\n"))
+    assert names(source) == [("time", "ms"), ("position", "mm"), ("pressure_a", "bar(g)")]
+    assert columns == [[0, 1], [0.5, 0.6], [6, 6]]
+    assert tables[0].places.number(0) == header.count("\n") + 2
+    assert source.rasters[0].clock == 0
+
+
+@pytest.mark.parametrize(
+    ("header", "expected"),
+    [
+        ("t/s;v / m/s;m/s;v/m/s", [(None, "s"), (None, "m/s"), (None, None), (None, "m/s")]),
+        ("Time (s);Position (piston);pressure_a (chamber A) (bar)", [("time", "s"), (None, None), (None, "bar")]),
+    ],
+)
+def test_a_slash_in_a_unit_and_a_remark_in_round_brackets_are_no_unit(save, header, expected):
+    assert names(read(save(f"{header};km/h\n0;0,5;1;2;3\n"))[0])[: len(expected)] == expected
+
+
+@pytest.mark.parametrize(
+    "above",
+    [
+        "# rig 7\n# driver: Meier\n",
+        "% rig 7; 2024\n// second line\n",
+        "; an INI comment\n",
+        "Device;Scope 3000\nRecord length;2500\nSample interval;4e-7\n\n",
+        "Model,TBS1000,,,\nDate,2024-05-01,,,\n\n",
+        "Measurement of 1 May, all good\n\n\n",
+    ],
+)
+def test_comments_and_keys_stand_above_the_names(save, parser, above):
+    source, tables, columns = read(save(f"{above}TIME,CH1 (V),CH2\n-0.1,5,0.02\n0.1,6,0.03\n"))
+    assert [heading.text for heading in source.rasters[0].headings] == ["TIME", "CH1 (V)", "CH2"]
+    assert columns == [[-0.1, 0.1], [5, 6], [0.02, 0.03]]
+    assert tables[0].places.number(0) == above.count("\n") + 2
+
+
+EXPORTS = {
+    "a Tektronix oscilloscope": "Model,DPO2014,,\nRecord Length,3,,\nTIME,CH1,CH2,\n-0.1,0.2,0.3,\n0.0,0.2,0.3,\n",
+    "a Keysight oscilloscope": "x-axis,1,2\nsecond,Volt,Volt\n-0.1,0.2,0.3\n0.0,0.2,0.3\n",
+    "a PicoScope": "Time,Channel A,Channel B\n(s),(V),(mV)\n\n-0.1,0.2,0.3\n0.0,0.2,0.3\n",
+    "INCA": "ETASAsciiItemFile\trecord\ttab\tOptional\nsampleCount\t2\ntime\tWeg\tpA\ns\tmm\tbar\nf8\tf8\tf8\n"
+    "-0.1\t0.2\t0.3\n0.0\t0.2\t0.3\n",
+    "LabVIEW": "LabVIEW Measurement\t\nSeparator\tTab\n***End_of_Header***\t\n\t\nChannels\t2\t\nSamples\t2\t2\t\n"
+    "***End_of_Header***\t\t\t\nX_Value\tWeg\tDruck\tComment\n-0,1\t0,2\t0,3\n0,0\t0,2\t0,3\n",
+    "Excel": "sep=;\r\nZeit;Weg;Druck\r\nms;mm;bar\r\n-0,1;0,2;0,3\r\n0;0,2;0,3\r\n",
+}
+
+
+@pytest.mark.parametrize("program", EXPORTS)
+def test_exports_of_other_programs(save, parser, program):
+    _, tables, columns = read(save(EXPORTS[program]))
+    assert columns[:3] == [[-0.1, 0], [0.2, 0.2], [0.3, 0.3]]
+    assert tables[0].problems == ()
+
+
+def test_keys_and_values_above_the_names_are_kept(save):
+    source, _, _ = read(save("# driver: Meier\nDevice;Scope\n# rig = 7\nx;y\n0;0,5\n"))
+    assert {"driver": "Meier", "Device": "Scope", "rig": "7"}.items() <= source.metadata.items()
+
+
+def test_names_may_stand_in_a_comment_where_nothing_else_fits(save, parser):
+    source, _, columns = read(save("# written by hand\n# time [s] position [mm]\n0.0 1.5\n0.1 2.5\n"))
+    assert names(source) == [("time", "s"), ("position", "mm")]
+    assert columns == [[0, 0.1], [1.5, 2.5]]
+
+
+def test_names_with_blanks_may_be_separated_by_blanks(save):
+    source, _, _ = read(save("Time [s]  Piston travel [mm]\n0.0       1.5\n0.1       2.5\n"))
+    assert [heading.text for heading in source.rasters[0].headings] == ["Time [s]", "Piston travel [mm]"]
+
+
+def test_a_file_without_names_has_numbered_columns_that_only_a_map_can_use(save):
+    path = save("0;1,5\n1;2,5\n")
+    source, tables, columns = read(path)
+    assert [heading.text for heading in source.rasters[0].headings] == ["column 1", "column 2"]
+    assert columns == [[0, 1], [1.5, 2.5]]
+    assert source.unnamed.startswith("line 1: the first line contains numbers; a header such as")
+    assert tables[0].problems == ()
+    with pytest.raises(DataError, match="the first line contains numbers"):
+        cio.read(path)
+
+
+def test_two_columns_of_whole_numbers_or_one_with_a_decimal_comma(save):
+    (doubt,) = read(save("0,5\n1,5\n"))[0].warnings
+    assert "this may also be one column with a decimal comma" in doubt
+
+
+WORDS = ["NaN", "nan", "NA", "n/a", "-", "#N/A", "null", "", " ", "NULL", "None", "--", "1.#QNAN", " n/a "]
+
+
+@pytest.mark.parametrize("word", WORDS)
+def test_words_of_a_missing_sample(save, parser, word):
+    _, tables, columns = read(save(f"time [s];position [mm]\n0;{word}\n{word};0.5\n1;1.5\n"))
+    np.testing.assert_array_equal(columns, [[0, np.nan, 1], [np.nan, 0.5, 1.5]])
+    assert tables[0].problems == ()
+
+
+def test_infinity_is_a_number(save, parser):
+    assert read(save("a;b\n0;inf\n1;-Infinity\n"))[2] == [[0, 1], [np.inf, -np.inf]]
+
+
+@pytest.mark.parametrize(("on", "off"), [("true", "false"), ("EIN", "AUS"), ("On", "off"), ("ja", "nein")])
+def test_truth_values_are_one_and_zero(save, parser, on, off):
+    _, tables, columns = read(save(f"time [s];valve\n0;{on}\n1;{off}\n2;-\n3;1\n"))
+    np.testing.assert_array_equal(columns[1], [1, 0, np.nan, 1])
+    assert tables[0].problems == ()
+
+
+TIMES = "Time;x\n12:00:00;1\n12:00:99;2\n25:00:00;3\n12:00:01;4\n12:00:02;5\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        (
+            "t;x\n0;0.5\n1;off\n2;0.5\n",
+            "'x' contains cells that are not numbers: line 3 has 'off'; write a number like",
+        ),
+        (TIMES, "line 3 has '12:00:99', line 4 has '25:00:00'; write date and time as in the other cells"),
+        (
+            "t;x\n0;1,234\n1;2,345\n",
+            "line 2 has '1,234', line 3 has '2,345'; the comma may be a decimal or a thousands separator: write a "
+            "decimal point, or leave the cell empty where the sample is missing.",
+        ),
+        ("t;x\n0;0,5\n1;1.5\n2;0,75\n", "line 3 has '1.5'; the decimal mark of this file is the comma"),
+        ("t;x\n0;0,5\n1;1.234,5\n2;0,75\n", "line 3 has '1.234,5'; write a number without thousands separators"),
+        *(
+            (f"t;x\n0;0.5\n1;{cell}\n2;0.75\n", f"line 3 has '{cell}'; write a number without thousands separators")
+            for cell in ("1'234.5", "1 234,5", "1.234.567", "1,234,567")
+        ),
+    ],
+)
+def test_a_cell_that_is_no_number_is_missing_and_a_problem(save, parser, text, problem):
+    _, tables, columns = read(save(text))
+    assert problem in tables[0].problems[0]
+    assert np.isnan(columns).any()
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "start"),
+    [
+        ("2024-05-01T12:00:00.001", "2024-05-01 12:00:01.501", "2024-05-01T12:00:00.001"),
+        ("2024-02-28T23:59:59.5Z", "2024-02-29T02:00:01+02:00", "2024-02-28T23:59:59.5Z"),
+        ("2024-02-28T23:59:59.5+0000", "2024-02-29T02:00:01+0200", "2024-02-28T23:59:59.5+0000"),
+        ("2024-02-28T20:29:59.5-0330", "2024-02-29T05:45:01+05:45", "2024-02-28T20:29:59.5-0330"),
+        ("01.05.2024 12:00:00,001", "01.05.2024 12:00:01,501", "2024-05-01T12:00:00.001"),
+        ("12:00:00.001", "12:00:01.501", "12:00:00.001"),
+        ("9:59:59", "10:00:00.5", "09:59:59"),
+    ],
+)
+@pytest.mark.parametrize("name", ["Time", "time [ms]", "Zeitstempel"])
+def test_stamps_become_seconds_from_the_first(save, parser, first, second, start, name):
+    source, tables, columns = read(save(f"{name};x\n{first};1,5\n{second};2,5\n-;3\n"))
+    np.testing.assert_array_equal(columns[0], [0, 1.5, np.nan])
+    assert source.metadata["start"] == tables[0].metadata["start"] == start
+    assert source.rasters[0].clock == 0
+    assert source.rasters[0].headings[0].unit == "s"
+    assert tables[0].problems == ()
+
+
+def test_the_seconds_go_on_over_the_blocks(save, parser):
+    path = save("Time;x\n" + "".join(f"12:00:{second:02}.5;{second},5\n" for second in range(60)))
+    _, tables, columns = read(path, rows=7)
+    assert columns == [list(range(60)), [second + 0.5 for second in range(60)]]
+    assert [table.size for table in tables] == [7] * 8 + [4]
+    assert [table.places.number(0) for table in tables] == [2 + 7 * block for block in range(9)]
+
+
+@pytest.mark.parametrize("telling", ["0,5", "0,123", "12,25", "1,2345", "1234,567", "1,234e2"])
+def test_one_cell_that_can_only_be_read_one_way_tells_the_decimal_mark_even_far_down(save, parser, telling):
+    text = "time [s];position [mm]\n" + "1;1,234\n" * 5000 + f"2;{telling}\n"
+    _, tables, columns = read(save(text))
+    assert columns[1][0] == 1.234
+    assert columns[1][-1] == float(telling.replace(",", "."))
+    assert tables[0].problems == ()
+
+
+def test_blocks_have_the_same_numbers_lines_and_problems_as_the_whole(save, parser, monkeypatch):
+    monkeypatch.setattr(csv_lines, "CHUNK", 64)
+    text = "time [s],position [m],note\n" + "".join(f"{i},{i / 8},\n" for i in range(100))
+    text = text.replace("\n50,6.25,", "\n50,x,").replace("\n70,8.75,\n", "\n70\n\n")
+    source, (whole,), columns = read(save(text))
+    _, tables, pieces = read(save(text), rows=9)
+    np.testing.assert_array_equal(pieces, columns)
+    assert max(table.size for table in tables) <= 9
+    lines = [table.places.number(row) for table in tables for row in range(table.size)]
+    assert lines == [whole.places.number(row) for row in range(whole.size)]
+    assert [problem for table in tables for problem in table.problems] == list(reversed(whole.problems))
+    assert source.rasters[0].size == 101
+
+
+def test_only_the_asked_columns_are_read(save, parser):
+    source = open_file(save("time [s];a;b\n0;low;0,5\n1;high;x\n"))
+    (table,) = source.tables(0, [0])
+    assert list(table.numbers) == [0]
+    assert table.problems == ()
+
+
+@st.composite
+def written(draw):
+    """A table of numbers, and its text in a dialect drawn at random."""
+    width, height = draw(st.integers(2, 5)), draw(st.integers(1, 30))
+    numbers = st.one_of(st.floats(allow_nan=False), st.floats(-100, 100).map(lambda x: round(x, 3)))
+    values = draw(st.lists(st.lists(numbers, min_size=width, max_size=width), min_size=height, max_size=height))
+    values[-1] = [0.5] * width  # a cell that tells the decimal mark
+    separator = draw(st.sampled_from([",", ";", "\t", "|", "  "]))
+    decimal = draw(st.sampled_from([".", ","]))
+    quoted = (separator == "," and decimal == ",") or (separator != "  " and draw(st.booleans()))
+    lack = draw(st.sampled_from(["nan", "n/a", "NULL", "-"] + ["", " "] * (separator != "  ")))
+    lacking = (
+        draw(st.sets(st.tuples(st.integers(0, height - 2), st.integers(1, width - 1)), max_size=9))
+        if height > 1
+        else ()
+    )
+    rows = [[repr(value).replace(".", decimal) for value in row] for row in values]
+    for row, column in lacking:
+        rows[row][column], values[row][column] = lack, np.nan
+    if quoted:
+        rows = [[f'"{cell}"' for cell in row] for row in rows]
+    labels = [["s", "mm", "bar(g)", "%", "rpm"][index] for index in range(width)]
+    words = ["Zeit", "Weg A", "Druck", "Ventil", "Drehzahl"][:width]
+    style = draw(st.sampled_from(["{} [{}]", "{} ({})", "{} / {}", "row"]))
+    header = [words, labels] if style == "row" else [list(map(style.format, words, labels))]
+    above = draw(st.lists(st.sampled_from(["# comment", "Rig;7", "% more, of it", "Datum: gestern", ""]), max_size=4))
+    below = draw(st.sampled_from(["", "\n", "\n\n \n"]))
+    end = draw(st.sampled_from(["\n", "\r\n", "\r"]))
+    text = end.join([*above, *(separator.join(cells) for cells in header + rows)]) + below.replace("\n", end)
+    return np.array(values), labels, text.encode(draw(st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "cp1252"])))
+
+
+@settings(max_examples=300, deadline=None)
+@given(table=written(), way=st.sampled_from(["numpy", "polars", "text"]), rows=st.sampled_from([None, 1, 7]))
+def test_whatever_table_in_whatever_dialect_is_read_back_exactly(tmp_path_factory, force, table, way, rows):
+    values, labels, content = table
+    path = tmp_path_factory.mktemp("dialect") / "run.csv"
+    path.write_bytes(content)
+    with pytest.MonkeyPatch.context() as patch:
+        force(way, patch)
+        source, tables, columns = read(path, rows)
+    np.testing.assert_array_equal(np.array(columns).T, values)
+    assert [column.unit for column in source.rasters[0].headings] == labels
+    assert [problem for table in tables for problem in table.problems] == []
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    content=st.one_of(st.binary(max_size=80), st.text(alphabet="ab01.,;|\t \"'#%[]()/-:\n\r", max_size=80)),
+    small=st.booleans(),
+)
+def test_whatever_bytes_give_tables_or_sentences(tmp_path_factory, content, small):
+    path = tmp_path_factory.mktemp("bytes") / "run.csv"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(csv_file, "_SMALL", 1e9 * small)
+        source = open_file(path)
+        for raster in source.rasters:
+            whole, *rest = source.tables(0, range(len(raster.headings)))
+            assert rest == []
+            pieces = list(source.tables(0, [0], 2))
+            if not {'"', 34} & set(content):  # a quoted cell over several lines is only whole in the whole
+                assert sum(table.size for table in pieces) == whole.size
+            assert all(column.size == whole.size for column in whole.numbers.values())
+    assert source.rasters or source.problems
+
+
+def test_a_line_without_end_is_no_table(save):
+    assert open_file(save("a," * (1 << 20))).problems[0].startswith("line 1 is longer than 1,048,576 bytes")
+
+
+def test_a_table_on_its_side_is_refused(save):
+    (problem,) = open_file(save("# rig\n" + "0;" * 20000 + "0\n")).problems
+    assert problem == "line 2 has more than 10,000 cells; write one column per channel and one line per sample."
+
+
+def test_every_recording_of_an_actuator_opens(shared):
+    folder = shared / "data"
+    # the test files of other readers are spoiled on purpose, and those of the hunt are hard to read
+    files = [path for path in folder.rglob("*") if not {"foreign_files", "hunt"} & {*path.relative_to(folder).parts}]
+    found = {path.name: read(path) for path in files if path.suffix == ".csv" or path.stem == "test_data_2"}
+    assert found["Circle_5bar.csv"][0].metadata["dialect"] == "UTF-8, tab, decimal point, no names, samples from line 1"
+    assert len(found["Circle_5bar.csv"][2]) == 7
+    assert names(found["test_data_2.txt"][0])[:3] == [("time", "s"), (None, "uN"), ("position", "mm")]
+    assert len(found["test_data_2.txt"][2][0]) == 42579
+    assert found["cylinder_1kHz.csv"][2][3][0] == 100000.0
+    assert found["worn1.csv"][0].rasters[0].clock == 0
+    assert "line 11 has '1.002.000'" in found["Prusa.csv"][1][0].problems[0]
+    told = {name for name, (_, tables, _) in found.items() if tables[0].problems}
+    assert told == {"Prusa.csv", "Formlabs.csv"}

@@ -1,0 +1,380 @@
+"""MATLAB files of versions 4 to 7, as engineers save them, and those that we write."""
+
+import json
+import struct
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.io import loadmat, savemat
+
+from clutchid.errors import ExportError
+from clutchid.log import COLUMNS, Log
+from clutchid.measurements.formats.mat import file as mat_file
+from clutchid.measurements.formats.mat import loaded as mat_loaded
+from clutchid.measurements.formats.mat import rasters as mat_rasters
+from fixtures.sources import called, joined, numbers_of, tables_of
+
+N = 40
+T = np.arange(N) / 1000
+Y = np.sin(T)
+
+
+@pytest.fixture
+def opened(tmp_path):
+    """Variables, written by SciPy, and opened; `options` are those of `savemat`."""
+
+    def make(variables, **options):
+        path = tmp_path / "run.mat"
+        savemat(path, variables, **options)
+        return mat_file.open_file(path)
+
+    return make
+
+
+def values(source, text):
+    """The numbers of the channel that is called `text`."""
+    (raster,) = [i for i, raster in enumerate(source.rasters) if text in [h.text for h in raster.headings]]
+    return numbers_of(source, raster)[text]
+
+
+def heading(source, text):
+    (found,) = [h for raster in source.rasters for h in raster.headings if h.text == text]
+    return found
+
+
+def objects(**fields):
+    """A struct array with these fields, one entry an element."""
+    (count,) = {len(entries) for entries in fields.values()}
+    array = np.empty((1, count), dtype=[(name, "O") for name in fields])
+    for name, entries in fields.items():
+        for i, entry in enumerate(entries):
+            array[0, i][name] = entry
+    return array
+
+
+@pytest.mark.parametrize("options", [{}, {"do_compression": True}, {"format": "4"}, {"oned_as": "column"}])
+def test_vectors_of_one_length_share_the_time_vector_among_them(opened, options):
+    source = opened({"press": Y, "t": T, "valve": (T > 0.01).astype(np.uint8), "gain": [1.0, 2.0, 3.0]}, **options)
+    assert called(source) == [["t", "press", "valve"], [None, "gain"]]
+    assert [raster.size for raster in source.rasters] == [N, 3]
+    np.testing.assert_array_equal(values(source, "press"), Y)
+    np.testing.assert_array_equal(values(source, "valve"), T > 0.01)
+    assert values(source, "valve").dtype == np.float64
+
+
+def test_blocks_count_on(opened):
+    source = opened({"t": T, "y": Y})
+    tables = list(source.tables(0, [1], 15))
+    assert [table.size for table in tables] == [15, 15, 10]
+    assert [table.places.number(0) for table in tables] == [1, 16, 31]
+    np.testing.assert_array_equal(np.concatenate([table.numbers[1] for table in tables]), Y)
+
+
+@pytest.mark.parametrize("kind", ["i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "f4", "f8", "?"])
+def test_numbers_of_every_type_are_read(opened, kind):
+    written = (np.arange(N) % 2).astype(kind)
+    np.testing.assert_array_equal(values(opened({"y": written}), "y"), written)
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_version_4_is_read_in_either_byte_order(tmp_path, order):
+    kinds = {0: "f8", 1: "f4", 2: "i4", 3: "i2", 4: "u2", 5: "u1"}
+    data = b""
+    for code, kind in kinds.items():
+        head = struct.pack(order + "5i", 1000 * (order == ">") + 10 * code, N, 1, 0, 3)
+        data += head + kind.encode() + b"\0" + np.arange(N).astype(order + kind).tobytes()
+    path = tmp_path / "old.mat"
+    path.write_bytes(data)
+    source = mat_file.open_file(path)
+    assert source.format == "MATLAB 4"
+    for kind in kinds.values():
+        np.testing.assert_array_equal(values(source, kind), np.arange(N))
+
+
+def test_every_struct_has_its_own_time_and_serves_the_structs_inside_it(opened):
+    valve = {"duty": Y, "name": "supply valve"}
+    source = opened({"rec": {"time": T, "pos": Y, "valve": valve}, "ref": {"zeit": T, "pos": -Y}})
+    assert called(source) == [["rec.time", "rec.pos", "rec.valve.duty"], ["ref.zeit", "ref.pos"]]
+    assert [raster.name for raster in source.rasters] == ["rec", "ref"]
+    assert heading(source, "rec.valve.duty").comment == "supply valve"
+
+
+def test_the_time_of_one_struct_does_not_serve_another(opened):
+    source = opened({"rec": {"time": T, "pos": Y}, "other": {"pos": Y}})
+    assert called(source) == [["rec.time", "rec.pos"], [None, "other.pos"]]
+
+
+def test_simulinks_structure_with_time(opened):
+    signals = objects(
+        values=[Y[:, None], np.c_[Y, -Y], Y[:, None]],
+        label=["stroke", "pressures", ""],
+        blockName=["cylinder/Scope", "cylinder/Scope", "cylinder/Out1"],
+    )
+    source = opened({"x": {"time": T, "signals": signals, "blockName": "cylinder/To Workspace"}})
+    assert called(source) == [["x.time", "x.stroke", "x.pressures(:,1)", "x.pressures(:,2)", "x.signals(3).values"]]
+    assert heading(source, "x.stroke").comment == "x.signals(1).values; cylinder/Scope"
+    np.testing.assert_array_equal(values(source, "x.pressures(:,2)"), -Y)
+
+
+def test_labels_that_are_used_twice_give_way_to_paths(opened):
+    source = opened({"x": {"time": T, "signals": objects(values=[Y, -Y], label=["p", "p"])}})
+    assert called(source) == [["x.time", "x.signals(1).values", "x.signals(2).values"]]
+
+
+def test_simulinks_arrays_go_with_tout_and_a_matrix_alone_with_its_own_first_column(opened):
+    assert called(opened({"tout": T, "simout": np.c_[Y, -Y]})) == [["tout", "simout(:,1)", "simout(:,2)"]]
+    source = opened({"simout": np.c_[T, Y], "wide": np.vstack([T, Y, -Y])[:, :30]})
+    assert called(source) == [["simout(:,1)", "simout(:,2)"], ["wide(1,:)", "wide(2,:)", "wide(3,:)"]]
+    np.testing.assert_array_equal(values(source, "wide(3,:)"), -Y[:30])
+    tables = list(source.tables(1, [1], 7))
+    np.testing.assert_array_equal(np.concatenate([table.numbers[1] for table in tables]), Y[:30])
+    assert called(opened({"noise": np.c_[Y[::-1], T]})) == [[None, "noise(:,1)", "noise(:,2)"]]
+
+
+@pytest.mark.parametrize("options", [{}, {"do_compression": True}])
+def test_simulinks_signals_that_change_along_the_third_dimension(opened, options):
+    cube = np.stack([Y, -Y])[:, None, :]  # 2 x 1 x N
+    source = opened({"t": T, "single": Y.reshape(1, 1, N), "pair": cube}, **options)
+    assert called(source) == [["t", "single", "pair(1,:)", "pair(2,:)"]]
+    np.testing.assert_array_equal(values(source, "single"), Y)
+    np.testing.assert_array_equal(values(source, "pair(2,:)"), -Y)
+
+
+def test_a_struct_array_of_signals_with_the_time_beside_them(opened):
+    # as dSPACE writes it
+    y = objects(Name=["Plant/pos", "Plant/p"], Data=[Y, -Y], Unit=["mm", "bar"])
+    source = opened({"rec": {"X": {"Name": "clock", "Data": T, "Unit": "s"}, "Y": y}})
+    assert called(source) == [["rec.X.Data", "rec.Plant/pos", "rec.Plant/p"]]
+    assert [h.unit for h in source.rasters[0].headings] == ["s", "mm", "bar"]
+
+
+def test_a_struct_array_whose_elements_have_their_own_time(opened):
+    source = opened({"sig": objects(t=[T, T[:9]], y=[Y, Y[:9]])})
+    assert called(source) == [["sig(1).t", "sig(1).y"], ["sig(2).t", "sig(2).y"]]
+
+
+def test_cells_of_vectors(opened):
+    cell = np.empty(2, dtype=object)
+    cell[:] = [T, Y]
+    source = opened({"t": T, "c": cell})
+    assert called(source) == [["t", "c{1}", "c{2}"]]
+
+
+def test_units_are_found_where_a_field_says_them(opened):
+    info = {"Units": "mm"}
+    source = opened(
+        {
+            "a": {"t": T, "y": Y, "p": Y, "units": {"y": "mm", "p": "bar", "t": "ms"}},
+            "b": {"Time": T, "Data": Y, "DataInfo": info, "TimeInfo": {"Units": "seconds"}},
+            "c": {"zeit": T, "druck": Y, "Einheit": "bar (g)"},
+            "d": {"t": T, "y": Y, "y_unit": "%", "p": Y},
+        }
+    )
+    units = {h.text: h.unit for raster in source.rasters for h in raster.headings}
+    assert [units[f"a.{name}"] for name in "typ"] == ["ms", "mm", "bar"]
+    assert (units["b.Data"], units["b.Time"], units["c.druck"], units["c.zeit"]) == ("mm", "s", "bar(g)", None)
+    assert (units["d.y"], units["d.p"], units["d.t"]) == ("%", None, None)
+    assert source.warnings == ()
+
+
+@pytest.mark.parametrize(
+    ("t", "is_time"),
+    [
+        (np.r_[T, T], True),  # a clock that starts again is a fault to be told, yet a clock
+        (np.repeat(T, 2), True),
+        (20 + np.random.default_rng(1).normal(size=N), False),  # a temperature
+        (np.full(N, 20.0), False),
+        (np.full(N, np.nan), False),
+    ],
+)
+def test_what_is_called_t_is_time_only_where_it_runs_on(opened, t, is_time):
+    source = opened({"t": t, "y": t[::-1]})
+    assert source.rasters[0].clock == (0 if is_time else None)
+
+
+def test_what_is_no_channel_is_left_out_and_counted(opened):
+    from scipy.sparse import eye_array
+
+    texts = np.array(["a", "b"], dtype=object)
+    left = {"z": Y + 1j, "s": eye_array(3).tocsc(), "c": texts, "w": "hello", "g": 1.0, "cube": np.zeros((2, 3, 4))}
+    source = opened({"t": T, "y": Y, **left, "gains": {"a": 1.0, "b": 2.0, "c": 3.0}, "wide": np.zeros((300, 301))})
+    assert called(source) == [["t", "y"]]
+    assert source.warnings == (
+        "left out single numbers (4): 'g', 'gains.a', 'gains.b' and 1 more.",
+        "left out arrays of three or more dimensions (1): 'cube'.",
+        "left out matrices of more than 256 columns (1): 'wide'.",
+        "left out complex numbers (1): 'z'.",
+        "left out sparse matrices (1): 's'.",
+        "left out cells of text (1): 'c'.",
+        "left out texts (1): 'w'.",
+    )
+
+
+def element(kind, data):
+    return struct.pack("<II", kind, len(data)) + data + bytes(-len(data) % 8)
+
+
+def mcos(name, class_name):
+    """An object as MATLAB writes it: flags, name, type system, class, and a matrix without a meaning here."""
+    parts = [element(1, text.encode()) for text in (name, "MCOS", class_name)]
+    return element(14, element(6, struct.pack("<II", 17, 0)) + b"".join(parts) + element(14, b""))
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_objects_are_told_with_what_to_do_in_matlab(tmp_path, compressed):
+    path = tmp_path / "run.mat"
+    savemat(path, {"t": T, "y": Y})
+    plain = path.read_bytes()
+    added = [mcos("gov", "custom.Governor"), mcos("ts", "timeseries"), mcos("note", "string")]
+    added = [struct.pack("<II", 15, len(z)) + z for z in map(zlib.compress, added)] if compressed else added
+    path.write_bytes(plain + b"".join(added))
+    source = mat_file.open_file(path)
+    assert called(source) == [["t", "y"]]
+    assert source.warnings == (
+        "left out objects, which only MATLAB can read: 'gov' (custom.Governor), 'ts' (timeseries); in MATLAB, with "
+        "x = ts, s = struct('time', x.Time, 'data', x.Data); save('numbers.mat', 's', '-v7.3').",
+        "left out texts (1): 'note'.",
+    )
+    path.write_bytes(plain[:128] + mcos("log", "Simulink.SimulationData.Dataset"))
+    source = mat_file.open_file(path)
+    assert source.rasters == ()
+    assert "'log' (Simulink.SimulationData.Dataset); in MATLAB, with x = log" in source.problems[0]
+
+
+def test_a_file_without_vectors(opened):
+    source = opened({"mass": 1.4, "name": "cylinder"})
+    assert source.rasters == ()
+    assert source.problems == (
+        "holds no vector of two or more numbers; save the time and the channels as vectors of one length.",
+    )
+    assert source.warnings == ("left out single numbers (1): 'mass'.",)
+
+
+@pytest.mark.filterwarnings("ignore:.*spmatrix:DeprecationWarning")  # of SciPy 1.18; sparse matrices are not compared
+def test_the_files_that_come_with_scipy_hold_what_scipy_reads():
+    """Written by MATLAB 4.2 to 8 on several machines."""
+    folder = Path(savemat.__code__.co_filename).parent / "tests" / "data"
+    files = sorted(folder.glob("test*.mat"))
+    if not files:
+        pytest.skip("SciPy is installed without the files of its tests.")
+    compared = 0
+    for source in map(mat_file.open_file, files):
+        if source.format == "MATLAB 7.3":
+            continue
+        expected = loadmat(source.path)
+        for index in range(len(source.rasters)):
+            for text, numbers in numbers_of(source, index).items():
+                name, _, place = text.partition("(")
+                if name in expected and expected[name].dtype != object:
+                    at = [slice(None) if i == ":" else int(i) - 1 for i in place.strip(")").split(",")] if place else []
+                    np.testing.assert_array_equal(numbers, expected[name][tuple(at)].ravel())
+                    compared += 1
+    assert compared > 50
+
+
+def test_the_pneumatic_cylinder(data):
+    path = data("wbident_pneumatic_cylinder/data.mat")
+    source = mat_file.open_file(path)
+    assert called(source) == [["t", "desl", "press"]]
+    assert (source.format, source.rasters[0].size, source.problems, source.warnings) == ("MATLAB 5", 10_000, (), ())
+    expected = loadmat(path)
+    for name in ("t", "desl", "press"):
+        np.testing.assert_array_equal(values(source, name), expected[name].ravel())
+    assert (values(source, "desl").min().round(1), values(source, "desl").max().round(1)) == (16.7, 107.8)  # mm
+
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+measured = st.one_of(finite, st.just(np.nan), st.just(-0.0), st.just(5e-324))
+
+
+@st.composite
+def logs(draw):
+    times = draw(st.lists(finite, max_size=6, unique=True).map(sorted))
+    names = draw(st.sets(st.sampled_from(sorted(COLUMNS))))
+    column = st.lists(measured, min_size=len(times), max_size=len(times))
+    metadata = draw(st.dictionaries(st.text(max_size=4), st.text(max_size=6), max_size=3))
+    return Log(np.array(times), {name: np.array(draw(column)) for name in names}, metadata=metadata)
+
+
+@given(log=logs())
+def test_what_is_written_is_read_back_exactly(tmp_path_factory, log):
+    path = tmp_path_factory.mktemp("round") / "run.mat"
+    mat_file.save(log, path)
+    source = mat_file.open_file(path)
+    assert (source.problems, source.warnings, source.metadata) == ((), (), log.metadata)
+    (raster,) = source.rasters
+    numbers = joined(tables_of(source))
+    back = {heading.name: numbers[heading.index] for heading in raster.headings}
+    assert raster.headings[raster.clock].name == "time"
+    assert set(back) == {"time", *log.columns}
+    for name, written in {"time": log.time, **log.columns}.items():
+        assert back[name].tobytes() == written.tobytes()
+    assert all(heading.unit == ({"time": "s"} | COLUMNS)[heading.name] for heading in raster.headings)
+
+
+def test_matlab_finds_columns_units_and_metadata_as_variables(tmp_path):
+    log = Log(T, {"position": Y, "pressure_a low": Y, "deflection_bearing": Y}, metadata={"truck": "7 µ"})
+    mat_file.save(log, tmp_path / "run.mat")
+    found = loadmat(tmp_path / "run.mat", simplify_cells=True)
+    assert set(found) >= {"time", "position", "pressure_a_low", "deflection_bearing"}
+    assert found["units"] == {"time": "s", "position": "m", "pressure_a_low": "Pa", "deflection_bearing": "m"}
+    assert json.loads(found["clutchid_recording"]) == {"truck": "7 µ"}
+
+
+def test_a_file_of_an_earlier_version_keeps_its_metadata(opened):
+    source = opened({"time": T, "position": Y, "units": {"time": "s", "position": "m"}, "clutchid": '{"truck": "7"}'})
+    assert source.metadata == {"truck": "7"}
+    assert called(source) == [["time", "position"]]
+
+
+def test_a_log_that_is_too_long_for_the_format(tmp_path, monkeypatch):
+    monkeypatch.setattr(mat_file, "_LONGEST", N - 1)
+    with pytest.raises(ExportError, match=r"has 40 samples, a MATLAB 5 file holds 39 samples at most; write \.parquet"):
+        mat_file.save(Log(T, {}), tmp_path / "run.mat")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["clutchid", "clutchid_recording"])
+@pytest.mark.parametrize("text", ["", "[1]", "{", "{} {}"])
+def test_a_variable_of_our_name_from_another_program_does_no_harm(opened, text, name):
+    source = opened({"t": T, "y": Y, name: text})
+    assert called(source) == [["t", "y"]]
+    assert list(source.metadata) == ["mat_header"]
+
+
+def test_files_are_told_by_their_content(opened):
+    for form in ("5", "4"):
+        assert mat_file.is_mat(opened({"t": T}, format=form).path.read_bytes()[: mat_file.HEAD])
+    assert mat_file.is_mat(b"\x89HDF\r\n\x1a\n")
+    for head in (b"", b"PAR1", b"time [s],position [m]\n0,1\n", b"MDF     4.10", bytes(1024), b"\xff" * 1024):
+        assert not mat_file.is_mat(head)
+
+
+def test_too_many_channels_are_refused(opened, monkeypatch):
+    monkeypatch.setattr(mat_rasters, "MOST_CHANNELS", 3)
+    assert opened({"m": np.zeros((9, 4))}).problems == ("has more than 3 channels; save those that are needed.",)
+
+
+@pytest.mark.parametrize("options", [{}, {"do_compression": True}])
+def test_a_variable_that_is_too_large_is_refused_before_it_is_loaded(opened, monkeypatch, options):
+    monkeypatch.setattr(mat_loaded, "LARGEST", 8000)
+    assert opened({"t": T, "y": np.arange(1000.0)}, **options).problems == ()
+    (problem,) = opened({"t": T, "y": np.arange(1001.0)}, **options).problems
+    assert problem.startswith("has 0.0 GB in 'y'; save it with '-v7.3', which is read piece by piece.")
+
+
+@pytest.mark.parametrize("options", [{}, {"do_compression": True}])
+def test_variables_of_a_large_file_are_not_kept_in_memory(opened, monkeypatch, options):
+    variables = {"t": T, "y": Y, "z": Y + 1j, "name": "run 7", "rec": {"t": T, "p": -Y}}
+    kept = opened(variables, **options)
+    monkeypatch.setattr(mat_loaded, "KEPT", 8 * N)
+    monkeypatch.setattr(mat_loaded, "_LARGE", 8 * N - 1)
+    large = opened(variables, **options)
+    assert called(large) == called(kept) == [["rec.t", "rec.p"], ["t", "y"]]
+    assert large.warnings == kept.warnings
+    np.testing.assert_array_equal(values(large, "y"), Y)
+    assert sum(table.size for table in large.tables(1, [1], 7)) == N

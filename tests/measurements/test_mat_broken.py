@@ -1,0 +1,147 @@
+"""MATLAB files that are cut off, damaged, or made to do harm: one sentence each."""
+
+import io
+import re
+import struct
+import tracemalloc
+import zlib
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from clutchid.errors import DataError
+from clutchid.measurements.formats.mat import file as mat_file
+from fixtures.sources import spoiled, tables_of
+
+T = np.arange(60) / 1000
+
+
+def good(form):
+    """The bytes of a sound file."""
+    signals = np.zeros((1, 2), dtype=[("values", "O"), ("label", "O")])
+    for i in range(2):
+        signals[0, i] = (np.sin(T + i)[:, None], "ab"[i])
+    variables = {"t": T, "m": np.c_[T, T, T], "name": "run 7", "z": T + 1j}
+    if form == "7.3":
+        h5py = pytest.importorskip("h5py", reason="h5py is needed, of the extra 'mat'.")
+        stream = io.BytesIO()
+        with h5py.File(stream, "w", userblock_size=512, libver="earliest") as file:
+            for name in ("t", "m", "rec/t", "rec/y"):
+                file.create_dataset(name, data=np.atleast_2d(variables.get(name, T).T), chunks=(1, 20), compression=3)
+            file.create_dataset("c", data=np.array([[file["t"].ref]], dtype=h5py.ref_dtype), dtype=h5py.ref_dtype)
+        return stream.getvalue()
+    if form != "4":
+        variables |= {"x": {"time": T, "signals": signals}, "c": np.array([T, "text"], dtype=object)}
+    stream = io.BytesIO()
+    savemat(stream, variables, format="4" if form == "4" else "5", do_compression=form == "7")
+    return stream.getvalue()
+
+
+# SciPy ends the process on some spoiled files of versions 5 and 7, so those are read behind the guard only.
+@pytest.mark.slow
+@pytest.mark.parametrize("form", ["4", "7.3"])
+def test_whatever_the_bytes_are_there_is_a_source_or_one_sentence(tmp_path, form):
+    data, path = good(form), tmp_path / "run.mat"
+    refused, told = 0, []
+    for seed in range(240):
+        path.write_bytes(spoiled(data, seed))
+        source = mat_file.open_file(path)
+        assert bool(source.problems) != bool(source.rasters)
+        assert all("\n" not in problem and len(problem) < 1000 for problem in source.problems)
+        refused += bool(source.problems)
+        try:
+            for index in range(len(source.rasters)):
+                for table in tables_of(source, 25, index):
+                    assert all(numbers.size == table.size for numbers in table.numbers.values())
+        except DataError as error:
+            told.append(str(error))
+    assert refused > 40
+    assert all("\n" not in text and "run.mat: is no whole MATLAB" in text for text in told)
+
+
+def test_an_empty_file(tmp_path):
+    path = tmp_path / "run.mat"
+    path.write_bytes(b"")
+    assert mat_file.open_file(path).problems == ("is no MATLAB file: its header is damaged; copy or save it again.",)
+    path.write_bytes(good("5")[:128])
+    assert mat_file.open_file(path).problems[0].startswith("holds no vector of two or more numbers")
+
+
+@pytest.mark.parametrize("form", ["4", "5", "7"])
+@pytest.mark.parametrize("kept", [0.3, 0.7, 0.99])
+def test_a_truncated_file(tmp_path, form, kept):
+    path = tmp_path / "run.mat"
+    data = good(form)
+    path.write_bytes(data[: int(kept * len(data))])
+    (problem,) = mat_file.open_file(path).problems
+    assert re.fullmatch(r"is no whole MATLAB file \(.*\); copy or save it again\.", problem)
+
+
+def array(rows, columns, data):
+    """A variable 'x' of doubles of this shape, with these bytes as its numbers."""
+    head = struct.pack("<IIIIIIiiIIII", 6, 8, 6, 0, 5, 8, rows, columns, 1 | 1 << 16, ord("x"), 9, len(data))
+    return struct.pack("<II", 14, len(head) + len(data)) + head + data
+
+
+def compressed(data):
+    packed = zlib.compress(data, 9)
+    return struct.pack("<II", 15, len(packed)) + packed
+
+
+def problem_within(most, path):
+    """The problem of a file, opened without that many bytes of memory."""
+    tracemalloc.start()
+    try:
+        (problem,) = mat_file.open_file(path).problems
+        assert tracemalloc.get_traced_memory()[1] < most
+    finally:
+        tracemalloc.stop()
+    return problem
+
+
+def test_what_claims_more_than_the_file_can_hold_is_refused_before_anything_is_allocated(tmp_path):
+    path = tmp_path / "bomb.mat"
+    path.write_bytes(good("5")[:128] + compressed(array(1 << 30, 1, bytes(100_000))))
+    assert problem_within(8e6, path).startswith("is damaged: 'x' claims 8,589,934,592 bytes of a file of ")
+
+
+@pytest.mark.slow
+def test_two_megabytes_that_inflate_to_two_gigabytes_are_refused_before_they_are_inflated(tmp_path):
+    path = tmp_path / "bomb.mat"
+    rows = 1 << 28
+    pack, size = zlib.compressobj(9), 0
+    with path.open("wb") as file:
+        file.write(good("5")[:128] + bytes(8))
+        head = array(rows, 1, b"")[:-4] + struct.pack("<I", 8 * rows)
+        for block in (struct.pack("<II", 14, 8 * rows + 56) + head[8:], *[bytes(1 << 24)] * (rows >> 21)):
+            size += file.write(pack.compress(block))
+        size += file.write(pack.flush())
+        file.seek(128)
+        file.write(struct.pack("<II", 15, size))
+    assert path.stat().st_size < 2.2e6
+    # SciPy inflates 128 kB of the file at once
+    said = "has 2.1 GB in 'x'; save it with '-v7.3', which is read piece by piece."
+    assert problem_within(400e6, path) == said
+
+
+def test_arrays_of_one_dimension_are_vectors(tmp_path):
+    # as R writes them
+    path = tmp_path / "run.mat"
+    data = np.arange(60.0).tobytes()
+    head = struct.pack("<IIIIIIiIIIII", 6, 8, 6, 0, 5, 4, 60, 0, 1 | 1 << 16, ord("x"), 9, len(data))
+    path.write_bytes(good("5")[:128] + struct.pack("<II", 14, len(head) + len(data)) + head + data)
+    source = mat_file.open_file(path)
+    assert [heading.text for heading in source.rasters[0].headings] == ["x"]
+    (table,) = source.tables(0, [0])
+    np.testing.assert_array_equal(table.numbers[0], np.arange(60.0))
+
+
+@pytest.mark.parametrize("form", ["4", "5", "7"])
+def test_a_file_that_changes_after_it_was_opened_gives_what_was_opened(tmp_path, form):
+    path = tmp_path / "run.mat"
+    path.write_bytes(good(form))
+    source = mat_file.open_file(path)
+    path.write_bytes(good(form)[:200])
+    (table,) = source.tables(0, [0])
+    np.testing.assert_array_equal(table.numbers[0], T)

@@ -1,0 +1,174 @@
+"""Objects of MATLAB's classes, as mat-io decodes them, and the structs that Simulink writes."""
+
+import sys
+import warnings
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+from scipy.io.matlab import MatlabOpaque
+
+from clutchid.measurements.formats.mat import file as mat_file
+from clutchid.measurements.formats.mat.loaded import class_object, node
+from fixtures.sources import called, numbers_of
+
+N = 40
+T = np.arange(N) / 1000
+Y = np.sin(T)
+
+
+@pytest.fixture
+def saved(tmp_path):
+    """A function that writes variables, objects among them, as MATLAB does, and opens the file."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        matio = pytest.importorskip("matio", reason="mat-io is needed, of the extra 'mat'.")
+
+    def make(version="v7", **variables):
+        path = tmp_path / "run.mat"
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            matio.save_to_mat(str(path), variables, version=version)
+        return mat_file.open_file(path)
+
+    return make
+
+
+def made(name, **properties):
+    """An object of a class with these properties."""
+    from matio.utils import MatlabOpaque as Object
+
+    return Object(properties=properties, classname=name)
+
+
+def column(values):
+    return np.asarray(values, dtype=np.float64).reshape(-1, 1)
+
+
+def cells(*items):
+    array = np.empty((1, len(items)), dtype=object)
+    array[0, :] = items
+    return array
+
+
+def texts(*items):
+    return cells(*(np.array([item]) for item in items))
+
+
+def duration(seconds):
+    return made("duration", millis=column(seconds) * 1000, fmt=np.array(["s"]))
+
+
+def timetable(times, **columns):
+    row = np.empty(
+        (1, 1), dtype=[(name, "O") for name in ("data", "dimNames", "varNames", "varUnits", "numRows", "rowTimes")]
+    )
+    data = cells(*map(column, columns.values()))
+    units = texts(*["mm"] * len(columns))
+    row[0, 0] = (data, texts("Time", "Variables"), texts(*columns), units, column([N]), times)
+    return made("timetable", any=row)
+
+
+def read(source):
+    """Names, units and samples of every channel, by raster."""
+    numbers = [numbers_of(source, index) for index in range(len(source.rasters))]
+    return [{h.text: (h.unit, n[h.text]) for h in r.headings} for r, n in zip(source.rasters, numbers, strict=True)]
+
+
+@pytest.mark.parametrize("version", ["v7", "v7.3"])
+def test_a_timetable_is_a_struct_of_its_columns_and_times(saved, version):
+    if version == "v7.3":
+        pytest.importorskip("h5py", reason="h5py is needed, of the extra 'mat'.")
+    source = saved(version, rec=timetable(duration(T), stroke=Y, pressure=-Y), z=column(Y))
+    assert (source.problems, source.warnings) == ((), ())
+    named, plain = read(source)
+    units = {name: unit for name, (unit, _) in named.items()}
+    assert units == {"rec.Time": "s", "rec.stroke": "mm", "rec.pressure": "mm"}
+    assert source.rasters[0].headings[source.rasters[0].clock].text == "rec.Time"
+    np.testing.assert_allclose(named["rec.Time"][1], T, rtol=1e-15)
+    np.testing.assert_array_equal(named["rec.pressure"][1], -Y)
+    np.testing.assert_array_equal(plain["z"][1], Y)
+
+
+@pytest.mark.parametrize("by_rate", [True, False])
+def test_a_timetable_with_a_sample_rate_counts_from_zero(saved, by_rate):
+    regular = np.empty((1, 1), dtype=[(name, "O") for name in ("origin", "specifiedAsRate", "stepSize", "sampleRate")])
+    regular[0, 0] = (duration([0]), np.array([[by_rate]]), duration([1e-3]), column([1000.0 if by_rate else np.nan]))
+    (named,) = read(saved(rec=timetable(regular, stroke=Y)))
+    np.testing.assert_allclose(named["rec.Time"][1], T, rtol=1e-15)
+
+
+def test_dates_are_seconds_from_the_first(saved):
+    start = 1.7e12
+    stamps = made("datetime", data=column(start + 1000 * T), tz=np.array([""]), fmt=np.array([""]))
+    (named,) = read(saved(when=stamps, y=column(Y)))
+    assert named["when"][0] == "s"
+    np.testing.assert_allclose(named["when"][1], T, atol=3e-7)  # milliseconds since 1970 have steps of 0.24 us
+
+
+def test_a_table_is_a_struct_with_its_units(saved):
+    props = np.empty((1, 1), dtype=[("VariableUnits", "O")])
+    props[0, 0] = (texts("s", "bar"),)
+    table = made("table", data=cells(column(T), column(Y)), varnames=texts("t", "p"), props=props)
+    source = saved(rec=table)
+    (named,) = read(source)
+    assert {name: unit for name, (unit, _) in named.items()} == {"rec.t": "s", "rec.p": "bar"}
+    assert source.rasters[0].clock == 0
+
+
+@pytest.mark.parametrize("regular", [True, False])
+def test_a_timeseries_is_a_struct_of_time_and_data(saved, regular):
+    times = column([]) if regular else column(T)
+    grid = {"Start_": column([0.5]), "Increment_": column([1e-3]), "Length": column([N])}
+    about = made("tsdata.timemetadata", Units=np.array(["seconds"]), **grid)
+    info = made("tsdata.datametadata", Units=np.array(["mm"]))
+    (named,) = read(saved(ts=made("timeseries", Data_=column(Y), Time_=times, TimeInfo=about, DataInfo=info)))
+    assert {name: unit for name, (unit, _) in named.items()} == {"ts.time": "s", "ts.data": "mm"}
+    np.testing.assert_allclose(named["ts.time"][1], T + 0.5 * regular, rtol=1e-15)
+    np.testing.assert_array_equal(named["ts.data"][1], Y)
+
+
+def test_an_object_of_another_class_is_told_with_what_to_do(saved):
+    source = saved(y=column(Y), model=made("custom.Governor", gain=column([1.0])), broken=made("duration", x=column(T)))
+    assert [list(named) for named in read(source)] == [["y"]]
+    assert source.warnings[0].startswith(
+        "left out objects, which only MATLAB can read: 'model' (custom.Governor), 'broken' (duration); in MATLAB"
+    )
+
+
+@pytest.mark.parametrize("version", ["v7", "v7.3"])
+def test_without_mat_io_objects_are_told_with_what_to_do(saved, monkeypatch, version):
+    path = saved(version, y=column(Y), rec=timetable(duration(T), stroke=Y), d=duration(T)).path
+    monkeypatch.setitem(sys.modules, "matio", None)
+    source = mat_file.open_file(path)
+    assert [list(named) for named in read(source)] == [["y"]]
+    assert "'rec' (timetable)" in source.warnings[0]
+    assert "'d' (duration)" in source.warnings[0]
+
+
+@pytest.mark.parametrize(
+    ("fields", "values"),
+    [
+        (("s0", "s1", "s2", "arr"), (b"d", b"MCOS", b"duration", T)),
+        (("_TypeSystem", "_Class", "_ObjectMetadata"), ("MCOS", "duration", T)),
+    ],
+    ids=["SciPy to 1.17", "SciPy from 1.18"],
+)
+def test_the_class_of_an_object_is_named_by_whatever_scipy_calls_its_field(fields, values):
+    value = np.empty(1, dtype=[(name, "O") for name in fields])
+    value[0] = values
+    assert node(value.view(MatlabOpaque)) == class_object("duration")
+
+
+def test_simulinks_dataset_and_timeseries_as_structs(tmp_path):
+    # struct(ts), and a dataset whose elements are structs
+    series = {"Time": T[:, None], "Data": Y[:, None], "Name": "stroke", "DataInfo": {"Units": "mm"}}
+    element = {"Name": "pressure", "Values": {"Time": T[:20, None], "Data": Y[:20, None]}}
+    cell = np.empty((1, 1), dtype=object)
+    cell[0, 0] = element
+    savemat(tmp_path / "run.mat", {"ts": series, "logsout": cell})
+    source = mat_file.open_file(tmp_path / "run.mat")
+    assert source.problems == ()
+    assert called(source) == [["ts.Time", "ts.Data"], ["logsout{1}.Values.Time", "logsout{1}.Values.Data"]]
+    assert source.rasters[0].headings[1].unit == "mm"
+    np.testing.assert_array_equal(read(source)[1]["logsout{1}.Values.Data"][1], Y[:20])

@@ -1,0 +1,284 @@
+"""Parquet files, whoever wrote them."""
+
+import datetime
+import sys
+
+import numpy as np
+import polars as pl
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import clutchid.measurements as cio
+from clutchid.errors import DataError, install_command
+from clutchid.measurements.formats.parquet import file as parquet_file
+from clutchid.measurements.formats.parquet.footer import damage
+from fixtures.sources import everything
+
+GOOD = {
+    "time [ms]": [0, 1, 2],
+    "position [mm]": [0, 1, 2],
+    "duty_supply [%]": [0, 50, 100],
+    "duty_exhaust [1]": [0, 0, 0],
+}
+
+
+@pytest.fixture
+def parquet(tmp_path):
+    def make(columns, name="run.parquet"):
+        path = tmp_path / name
+        with path.open("wb") as file:
+            pl.DataFrame(columns).write_parquet(file)
+        return path
+
+    return make
+
+
+def test_the_content_tells_the_format_not_the_suffix(parquet, recording, save):
+    log = cio.read(parquet(GOOD, "run.csv"))
+    assert log["position"].tolist() == [0.0, 0.001, 0.002]
+    assert log["duty_supply"].tolist() == [0.0, 0.5, 1.0]
+    assert log.metadata["source"] == "run.csv"
+    assert len(cio.read(save(recording(4), "run.parquet"))) == 4
+
+
+def test_every_kind_of_number_is_read_and_null_is_missing(parquet):
+    columns = GOOD | {
+        "velocity [m/s]": pl.Series([1, None, 3], dtype=pl.Float32),
+        "pressure_a [bar]": pl.Series([1, 2, None], dtype=pl.UInt8),
+        "pressure_b [Pa]": pl.Series([None, None, None], dtype=pl.Null),
+    }
+    log = cio.read(parquet(columns))
+    np.testing.assert_array_equal(log["velocity"], [1, np.nan, 3])
+    np.testing.assert_array_equal(log["pressure_a"], [1e5, 2e5, np.nan])
+    assert np.isnan(log["pressure_b"]).all()
+
+
+def test_problems_are_located_by_row(parquet):
+    columns = GOOD | {"time [ms]": [0.0, None, 0.0], "duty_exhaust [1]": [0.0, -1.0, 0.0]}
+    with pytest.raises(DataError) as caught:
+        cio.read(parquet(columns))
+    for part in ("'time [ms]' is missing in row 2;", "row 3 has 0 ms after 0 ms;", "row 2 has -1;"):
+        assert part in str(caught.value)
+
+
+def test_holes_are_located_by_row(parquet):
+    columns = {name: [*values, 3, 4][:5] for name, values in GOOD.items()} | {"time [ms]": [0, 1, 2, 30, 31]}
+    columns |= {"duty_exhaust [1]": [0] * 5}
+    assert "0.028 s between rows 3 and 4" in cio.read(parquet(columns)).warnings[0]
+
+
+@pytest.mark.parametrize("values", [["a", "b", "c"], [True, False, True], [datetime.date(2024, 1, 1)] * 3])
+def test_a_column_that_holds_no_numbers(parquet, values):
+    words = r"column 'position \[mm\]' holds (text|truth values|dates); write numbers \(Float64\)"
+    with pytest.raises(DataError, match=words):
+        cio.read(parquet(GOOD | {"position [mm]": values}))
+    log = cio.read(parquet(GOOD | {"comment": values}))
+    assert any("'comment'" in warning and "left out" in warning for warning in log.warnings)
+
+
+@pytest.mark.parametrize(
+    ("columns", "words"),
+    [
+        ({name: pl.Series([], dtype=pl.Float64) for name in GOOD}, "there are columns, but no samples;"),
+        ({"a": [1.0]}, "no columns 'time'"),
+    ],
+)
+def test_a_table_without_samples_or_columns(parquet, columns, words):
+    with pytest.raises(DataError, match=words):
+        cio.read(parquet(columns))
+
+
+@pytest.mark.parametrize("kept", [0.02, 0.5, 0.9, 0.99])
+def test_a_truncated_file(parquet, save, kept):
+    data = parquet(GOOD).read_bytes()
+    with pytest.raises(DataError, match=r"is no complete Parquet file \(.*\); copy or write it again"):
+        cio.read(save(data[: max(4, int(kept * len(data)))], "cut.parquet"))
+
+
+def test_names_with_wildcards_and_folders_with_equal_signs_are_names(parquet, tmp_path):
+    (tmp_path / "time=3").mkdir()
+    assert len(cio.read(parquet(GOOD, "time=3/run[1]*.parquet"))) == 3
+
+
+@pytest.mark.parametrize(("text", "expected"), [(None, {}), ("{", {}), ("[1]", {}), ('{"truck": 7}', {"truck": "7"})])
+def test_metadata_of_other_programs_do_no_harm(tmp_path, text, expected):
+    metadata = {"program": "other"} if text is None else {"clutchid": text}
+    pl.DataFrame(GOOD).write_parquet(tmp_path / "run.parquet", metadata=metadata)
+    source = parquet_file.open_file(tmp_path / "run.parquet")
+    assert (source.metadata, source.problems) == (expected, ())
+    assert source.rasters[0].size == 3
+
+
+def read(path, rows=None):
+    """The source, its tables, and the numbers of every column."""
+    return everything(parquet_file.open_file(path), rows)
+
+
+@pytest.mark.parametrize("rows", [None, 1, 7, 100, 1000])
+def test_blocks_are_the_whole_in_pieces_and_count_on(tmp_path, rows):
+    frame = pl.DataFrame({"note": ["a"] * 100, "time [s]": np.arange(100) / 10, "x": np.arange(100)})
+    frame.write_parquet(tmp_path / "run.parquet", row_group_size=16)
+    source, tables, columns = read(tmp_path / "run.parquet", rows)
+    assert (source.format, source.rasters[0].size, source.rasters[0].clock) == ("Parquet", 100, 0)
+    np.testing.assert_array_equal(columns, [np.arange(100) / 10, np.arange(100)])
+    places = [table.places.number(row) for table in tables for row in range(table.size)]
+    assert places == list(range(1, 101))
+    assert max(table.size for table in tables) == min(rows or 100, 100)
+
+
+def test_only_the_asked_columns_are_read(parquet):
+    source = parquet_file.open_file(parquet(GOOD))
+    (table,) = source.tables(0, [2])
+    assert {index: values.tolist() for index, values in table.numbers.items()} == {2: [0, 50, 100]}
+
+
+@pytest.mark.parametrize("unit", ["ms", "us", "ns"])
+def test_dates_and_times_become_seconds_from_the_first(parquet, unit):
+    noon = datetime.datetime(2024, 5, 1, 12)
+    stamps = [noon, noon + datetime.timedelta(milliseconds=1500), None]
+    source, _, columns = read(parquet({"Time": pl.Series(stamps, dtype=pl.Datetime(unit)), "x": [1, 2, 3]}))
+    np.testing.assert_array_equal(columns[0], [0, 1.5, np.nan])
+    assert source.rasters[0].headings[0].unit == "s"
+    assert source.metadata["start"] == "2024-05-01 12:00:00"
+
+
+def test_truth_values_of_a_valve_are_one_and_zero(parquet):
+    log = cio.read(parquet(GOOD | {"duty_exhaust [1]": [True, False, None]}))
+    np.testing.assert_array_equal(log["duty_exhaust"], [1, 0, np.nan])
+
+
+@pytest.mark.parametrize("compression", ["zstd", "snappy", "lz4", "gzip", "brotli", "uncompressed"])
+def test_a_whole_file_is_not_taken_for_a_damaged_one(tmp_path, compression):
+    columns = {"x": np.arange(5000.0), "y": ["a", None, "b", "c", "d"] * 1000, "z": [[1, 2], []] * 2500}
+    pl.DataFrame(columns).write_parquet(tmp_path / "x", compression=compression, row_group_size=999)
+    assert damage(tmp_path / "x") == ""
+
+
+@settings(max_examples=150, deadline=None)
+@given(drawn=st.data())
+def test_a_damaged_file_is_read_or_refused_in_a_sentence(tmp_path_factory, drawn):
+    path = tmp_path_factory.mktemp("damaged") / "run.parquet"
+    pl.DataFrame(GOOD).write_parquet(path)
+    content = bytearray(path.read_bytes())
+    for place in drawn.draw(st.lists(st.integers(4, len(content) - 1), max_size=4)):
+        content[place] ^= 1 << drawn.draw(st.integers(0, 7))
+    path.write_bytes(content[: drawn.draw(st.integers(4, len(content)))])
+    source = parquet_file.open_file(path)
+    assert source.problems or all(table.size >= 0 for table in source.tables(0, [0, 1], 2))
+
+
+def test_a_page_that_claims_more_samples_than_the_file_is_refused_before_it_is_read(tmp_path):
+    path = tmp_path / "run.parquet"
+    pl.DataFrame({"x": np.arange(300.0)}).write_parquet(path, compression="uncompressed", use_pyarrow=False)
+    content = path.read_bytes()
+    header = bytes([0x15, 0xD8, 4])  # 300 as a field of the header of a page
+    assert header in content[:400]
+    path.write_bytes(content.replace(header, bytes([0x15, 0xFF, 127]), 1))
+    (problem,) = parquet_file.open_file(path).problems
+    assert problem.startswith("is no complete Parquet file (the page before byte")
+
+
+def test_columns_without_numbers_are_named_with_what_they_hold_and_not_loaded(tmp_path):
+    path = tmp_path / "run.parquet"
+    others = {"note": ["a", "b"], "raw": [b"a", b"b"], "pair": [[1, 2], [3]], "rec": [{"a": 1}, {"a": 2}]}
+    pl.DataFrame({"x": [1.0, 2.0], **others, "day": [datetime.date(2024, 5, 1)] * 2}).write_parquet(path)
+    source, _, columns = read(path)
+    (raster,) = source.rasters
+    assert [heading.text for heading in raster.headings] == ["x"]
+    held = (("note", "text"), ("raw", "bytes"), ("pair", "lists"), ("rec", "structures"), ("day", "dates"))
+    assert raster.others == held
+    assert source.warnings == (
+        "left out columns without numbers (5): 'note' (text), 'raw' (bytes), 'pair' (lists) and 2 more.",
+    )
+    np.testing.assert_array_equal(columns, [[1, 2]])
+
+
+def test_a_file_without_numbers_says_what_it_holds(parquet):
+    (problem,) = parquet_file.open_file(parquet({"note": ["a"], "raw": [b"b"]})).problems
+    assert problem == (
+        "holds no column of numbers, only others (2): 'note' (text), 'raw' (bytes); write the channels as Float64."
+    )
+
+
+def test_damaged_pages_of_a_text_column_do_not_matter(data):
+    source, tables, columns = read(data("foreign_files/parquet/data_nation.dict-malformed.parquet"))
+    assert (source.problems, [table.problems for table in tables]) == ((), [()])
+    np.testing.assert_array_equal(columns[0], np.arange(25))
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "data_encrypt_columns_plaintext_footer.parquet.encrypted",
+        "data_aes256_encrypt_columns_plaintext_footer.parquet.encrypted",
+        "data_uniform_encryption.parquet.encrypted",
+    ],
+)
+def test_an_encrypted_file_is_refused_as_such(data, name):
+    assert parquet_file.open_file(data(f"foreign_files/parquet/{name}")).problems == (
+        "is encrypted; decrypt it with the program that wrote it, or write it again without encryption.",
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "numbers"),
+    [
+        ("data_repeated_no_annotation.parquet", {"id": [1, 2, 3, 4, 5, 6]}),
+        ("shredded_variant_case-001.parquet", {"id": [1]}),
+        ("data_dict-page-offset-zero.parquet", {"l_partkey": [1552] * 39}),
+    ],
+)
+def test_what_polars_refuses_is_read_with_pyarrow(data, name, numbers):
+    pytest.importorskip("pyarrow", reason="PyArrow is needed, of the extra 'parquet'.")
+    source, _, columns = read(data(f"foreign_files/parquet/{name}"))
+    assert [heading.text for heading in source.rasters[0].headings] == list(numbers)
+    for values, expected in zip(columns, numbers.values(), strict=True):
+        np.testing.assert_array_equal(values, expected)
+
+
+def test_columns_of_one_name_are_told_apart(tmp_path):
+    arrow = pytest.importorskip("pyarrow", reason="PyArrow is needed, of the extra 'parquet'.")
+    from pyarrow import parquet as arrow_parquet
+
+    path = tmp_path / "run.parquet"
+    arrays = [arrow.array(values) for values in ([1.0, 2.0, 3.0], [0.1, 0.2, 0.3], [4.0, 5.0, 6.0])]
+    arrow_parquet.write_table(arrow.Table.from_arrays(arrays, names=["p", "t", "p"]), path)
+    source, tables, columns = read(path, rows=2)
+    assert [heading.text for heading in source.rasters[0].headings] == ["p", "t", "p (2)"]
+    assert [table.size for table in tables] == [2, 1]
+    np.testing.assert_array_equal(columns, [[1, 2, 3], [0.1, 0.2, 0.3], [4, 5, 6]])
+    (table,) = source.tables(0, [2])
+    np.testing.assert_array_equal(table.numbers[2], [4, 5, 6])
+
+
+def test_without_pyarrow_what_polars_refuses_names_the_extra(data, monkeypatch):
+    path = data("foreign_files/parquet/shredded_variant_case-001.parquet")
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+    (problem,) = parquet_file.open_file(path).problems
+    assert f"PyArrow may read it: {install_command('parquet')}" in problem
+
+
+def test_a_panic_of_polars_reaches_neither_the_sentence_nor_the_standard_error(data, monkeypatch, capfd):
+    path = data("foreign_files/parquet/bad_data_ARROW-GH-41317.parquet")
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+    (problem,) = parquet_file.open_file(path).problems
+    assert "unwrap" not in problem
+    assert capfd.readouterr().err == ""
+
+
+def test_the_bytes_that_a_file_promises(parquet, tmp_path):
+    assert parquet_file.promised_bytes(parquet(GOOD | {"note": ["a", "b", "c"]})) == 8 * 3 * 4
+    (tmp_path / "x.parquet").write_bytes(b"PAR1")
+    assert parquet_file.promised_bytes(tmp_path / "x.parquet") is None
+
+
+@pytest.mark.slow
+def test_a_small_file_with_sixty_million_rows_is_read_block_by_block(tmp_path):
+    path = tmp_path / "bomb.parquet"
+    pl.DataFrame({"x": pl.zeros(60_000_000, eager=True)}).write_parquet(path)
+    assert path.stat().st_size < 1e6
+    assert parquet_file.promised_bytes(path) == 480_000_000
+    source = parquet_file.open_file(path)
+    assert sum(table.size for table in source.tables(0, [0], 1 << 20)) == 60_000_000

@@ -1,0 +1,220 @@
+"""Reading CSV that is good, if odd."""
+
+import hashlib
+import subprocess
+import sys
+import warnings
+
+import numpy as np
+import polars as pl
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import clutchid.measurements as cio
+from clutchid.errors import ParameterError
+from clutchid.log.units import UNITS
+from clutchid.measurements.formats.csv import file as csv_file
+from clutchid.measurements.formats.csv import lines as csv_lines
+from clutchid.strokes.vented_pressure import VENTED_KEY
+
+INPUTS = "duty_supply [1],duty_exhaust [1]"
+USED = "the recording is used from its first to its last sample with all inputs."
+
+
+def load(path):
+    """The only table of a file, with every column."""
+    source = csv_file.open_file(path)
+    return next(source.tables(0, range(len(source.rasters[0].headings))))
+
+
+def test_a_recording_is_read_in_si_with_its_origin(recording, save):
+    path = save(recording(3), "truck 7.csv")
+    log = cio.read(path)
+    assert log.name == "truck 7"
+    assert log.time.tolist() == [0.0, 0.001, 0.002]
+    assert log["position"].tolist() == [0.0, 0.0001, 0.0002]
+    assert log["pressure_a"].tolist() == [150000.0] * 3
+    assert log.warnings == ()
+    assert dict(log.metadata) == {
+        "source": "truck 7.csv",
+        "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+        "ambient_Pa": "101300.0",
+        "dialect": "UTF-8, comma, decimal point, names on line 1, samples from line 2",
+    }
+
+
+def test_every_unit_is_converted(save):
+    quantities = {"s": "time", "m": "position", "1": "duty_supply", "m/s": "velocity", "K": "temperature_a"}
+    quantities |= {"Pa": "pressure_b", "N": "force"}
+    required = {"time": "s", "position": "m", "duty_supply": "1", "duty_exhaust": "1"}
+    for text, unit in UNITS.items():
+        header = ",".join(f"{name} [{si}]" for name, si in (required | {quantities[unit.si]: text}).items())
+        log = cio.read(save(f"{header}\n" + ",".join(["0.5"] * (header.count(",") + 1)) + "\n"), ambient=1e5)
+        name = quantities[unit.si]
+        value = log.time[0] if name == "time" else log[name][0]
+        assert value == pytest.approx(0.5 * unit.scale + unit.offset + (1e5 if unit.gauge else 0), rel=1e-15)
+
+
+def test_gauge_pressure_is_raised_by_the_ambient_pressure(recording, save):
+    path = save(recording(2, {(0, 4): "0", (1, 4): "7.905"}).replace("[Pa]", "[bar(g)]"))
+    assert cio.read(path)["pressure_a"].tolist() == [1.013e5, 8.918e5]
+    log = cio.read(path, ambient=1e5)
+    assert log["pressure_a"][0] == 1e5
+    assert log.metadata["ambient_Pa"] == "100000.0"
+
+
+def test_an_ambient_pressure_that_is_stated_is_what_a_vented_chamber_has(recording, save):
+    path = save(recording(2))
+    assert VENTED_KEY not in cio.read(path).metadata
+    assert cio.read(path, ambient=95e3).metadata[VENTED_KEY] == "95000.0"
+    added = cio.read(path, added=95e3).metadata
+    assert (added["ambient_Pa"], VENTED_KEY in added) == ("95000.0", False), "of a model, which may be a guess"
+    assert cio.read(path, ambient=96e3, added=95e3).metadata["ambient_Pa"] == "96000.0"
+
+
+@pytest.mark.parametrize("ambient", [0.0, -1.0, np.nan, np.inf])
+def test_an_ambient_pressure_is_above_zero(recording, save, ambient):
+    words = r"ambient = .* Pa: an absolute pressure must be above 0. "
+    with pytest.raises(ParameterError, match=words):
+        cio.read(save(recording()), ambient=ambient)
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_separators_line_ends_and_a_byte_order_mark_are_known(recording, save, parser, separator, end):
+    text = recording(5, {(1, 4): ""}).replace(",", separator).replace("\n", end)
+    log = cio.read(save(b"\xef\xbb\xbf" + text.encode()))
+    assert np.isnan(log["pressure_a"]).tolist() == [False, True, False, False, False]
+    assert len(log) == 5
+
+
+def test_comments_and_blank_lines_do_not_shift_the_lines_of_messages(recording, save, parser):
+    text = '# from the "rig\n#\n' + recording(9, {(4, 2): ""})
+    assert cio.read(save(text)).warnings == ("input 'duty_supply [1]' is missing in line 8: each gap ends a segment.",)
+    blank = text.replace("\n0.002", "\n\n0.002") + "\n\n"
+    assert cio.read(save(blank)).warnings == ("input 'duty_supply [1]' is missing in line 9: each gap ends a segment.",)
+
+
+def test_missing_samples_of_a_measurement_are_kept_without_a_word(recording, save, parser):
+    log = cio.read(save(recording(6, {(0, 1): "", (2, 4): "", (3, 4): "NaN", (5, 4): ""})))
+    assert np.flatnonzero(np.isnan(log["position"])).tolist() == [0]
+    assert np.flatnonzero(np.isnan(log["pressure_a"])).tolist() == [2, 3, 5]
+    assert log.warnings == ()
+
+
+def test_cells_may_be_quoted_or_padded_with_blanks(recording, save, parser):
+    log = cio.read(save(recording(3, {(1, 1): '"0.25"', (2, 1): " 0.5 ", (2, 4): "  "})))
+    assert log["position"].tolist() == [0.0, 0.25, 0.5]
+    assert np.isnan(log["pressure_a"][2])
+
+
+def test_columns_without_a_meaning_are_left_out_with_a_warning(recording, save, parser):
+    text = recording(3).replace("\n", ',1,"a, b"\n').replace(',1,"a, b"', ",gear [1],comment", 1)
+    log = cio.read(save(text))
+    assert set(log.columns) == {"position", "duty_supply", "duty_exhaust", "pressure_a"}
+    (warning,) = log.warnings
+    assert warning.startswith("columns 'gear [1]', 'comment' are not known and left out; known are time, position,")
+
+
+def test_gaps_in_an_input_give_one_warning_with_lines(recording, save, parser):
+    gaps = {(i, 2): "" for i in (3, 4, 5, 8, 10, 12, 14, 16)} | {(6, 3): "nan"}
+    log = cio.read(save(recording(20, gaps)))
+    assert log.warnings == (
+        "input 'duty_supply [1]' or 'duty_exhaust [1]' is missing in lines 5-8, 10, 12, 14, 16 and 1 more: "
+        "each gap ends a segment.",
+    )
+    assert np.isnan(log["duty_supply"][3])
+
+
+@pytest.mark.parametrize(
+    ("missing", "said"),
+    [
+        ((0, 1, 9), f"lines 2-3, 11: {USED}"),
+        ((0, 4), f"lines 2, 6: each gap ends a segment, and {USED}"),
+        (range(10), "lines 2-11: each gap ends a segment."),
+    ],
+)
+def test_inputs_that_are_missing_at_the_ends_end_no_segment(recording, save, parser, missing, said):
+    log = cio.read(save(recording(10, {(i, 2): "" for i in missing})))
+    assert len(log) == 10
+    assert log.warnings == (f"input 'duty_supply [1]' is missing in {said}",)
+
+
+def test_holes_in_time_give_one_warning_with_lines_and_length(recording, save, parser):
+    log = cio.read(save(recording(10, {(8, 0): "0.500", (9, 0): "0.505"})))
+    assert log.warnings == (
+        "no samples for 0.493 s between lines 9 and 10 (usual interval 0.001 s): each hole ends a segment.",
+    )
+    many = {(i, 0): str(i // 3 * 3.0 + i * 0.001) for i in range(30)}
+    (warning,) = cio.read(save(recording(30, many))).warnings
+    assert warning.count("between lines") == 5
+    assert "and 4 more (usual interval 0.001 s)" in warning
+
+
+def test_an_interval_of_five_medians_is_no_hole_yet(recording, save):
+    times = ["0", "1", "2", "3", "8", "9", "10", "11"]
+    assert cio.read(save(recording(8, {(i, 0): t for i, t in enumerate(times)}))).warnings == ()
+
+
+def test_names_with_wildcards_or_an_archive_suffix_are_names(recording, save, parser, monkeypatch):
+    if parser != "text":
+        monkeypatch.setattr(csv_file, "read_text", None)
+    for name in ("run[1]*.csv", "run.csv.gz", "run"):
+        assert len(cio.read(save(recording(4), name))) == 4
+
+
+def test_no_new_warnings_are_raised_by_extreme_numbers(save):
+    path = save(f"time [min],position [m],{INPUTS}\n-1.7e306,1e308,0,0\n1.7e306,-1e308,0,0\n")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert len(cio.read(path)) == 2
+
+
+cells = st.one_of(st.floats().map(repr), st.text(alphabet="+-.0123456789einfa_xE \"'#", max_size=6))
+
+
+@settings(max_examples=150, deadline=None)
+@given(rows=st.lists(st.tuples(cells, cells), min_size=1, max_size=4), small=st.sampled_from([0, 1e9]))
+def test_what_a_fast_parser_takes_it_reads_as_the_text_says(tmp_path_factory, rows, small):
+    path = tmp_path_factory.mktemp("cells") / "run.csv"
+    path.write_text("position [m],velocity [m/s]\n" + "".join(f"{a},{b}\n" for a, b in rows))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(csv_file, "_SMALL", small)
+        fast = load(path)
+        patch.setattr(csv_file, "read_fast", lambda *_, **__: None)
+        text = load(path)
+    assert fast.problems == text.problems
+    assert fast.size == text.size
+    for index in (0, 1):
+        np.testing.assert_array_equal(fast.numbers[index], text.numbers[index])
+
+
+@pytest.mark.parametrize("chunk", [1, 2, 3, 7])
+def test_letters_and_lines_may_lie_across_the_chunks_of_a_file(recording, save, parser, chunk, monkeypatch):
+    monkeypatch.setattr(csv_lines, "CHUNK", chunk)
+    text = recording(5).replace("\n", ",grün\n").replace(",grün", ",Ölstand", 1)
+    assert len(cio.read(save(text))) == 5
+
+
+def test_the_heavy_packages_are_not_imported_to_read_a_small_file(recording, save):
+    code = (
+        "import sys; from clutchid.measurements import read; read(sys.argv[1]);"
+        "print(*{'polars', 'numba', 'sympy'} & set(sys.modules))"
+    )
+    command = [sys.executable, "-c", code, str(save(recording()))]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""
+
+
+def test_a_small_file_is_read_without_polars(recording, save, monkeypatch):
+    monkeypatch.setattr(pl, "read_csv", None)
+    monkeypatch.setattr(csv_file, "read_text", None)
+    assert len(cio.read(save(recording(3000, {(5, 1): "", **{(6, column): "" for column in range(1, 5)}})))) == 3000
+
+
+def test_a_large_file_is_read_by_polars(recording, save, monkeypatch):
+    monkeypatch.setattr(csv_file, "_SMALL", 0)
+    monkeypatch.setattr(csv_file, "read_text", None)
+    log = cio.read(save(recording(3000, {(5, 4): "", (6, 4): ""})))
+    assert np.isnan(log["pressure_a"]).sum() == 2

@@ -1,0 +1,192 @@
+"""What a recording excites, and what is told to be missing in it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clutchid.errors import DataError
+from clutchid.estimation.assess.missing_excitation import missing
+from clutchid.estimation.simulation_error import build_problem, linearise
+from clutchid.inference.uncertainty.gaussian import Information
+from clutchid.log import Log
+from clutchid.model import Actuator, Load
+from clutchid.numerics.least_squares import Linearisation
+from clutchid.parameters import Parameters
+from clutchid.simulation.noise import Noise
+from clutchid.simulation.plan import plan
+from clutchid.simulation.stiffness import stiffness
+from clutchid.strokes.excitation import FAST_WINDOW, SLOW_WINDOW, excitation, joined, region_of
+from clutchid.strokes.sampled import velocity
+
+#: 1 s rest, up in 0.1 s to 22 mm, 1 s there, to 10 mm in 0.5 s, 1 s there, back in 0.4 s, 1 s rest.
+CORNERS = ((0.0, 1.0, 1.1, 2.1, 2.6, 3.6, 4.0, 5.0), (0.0, 0.0, 0.022, 0.022, 0.010, 0.010, 0.0, 0.0))
+
+
+def course(noise: float = 0.0, step: float = 1e-3, **columns: np.ndarray) -> Log:
+    t = np.arange(0.0, 5.0, step)
+    y = np.interp(t, *CORNERS) + noise * np.random.default_rng(0).standard_normal(t.size)
+    return Log(t, {"position": y, **columns})
+
+
+def information(actuator: Actuator, log: Log, names: tuple[str, ...]) -> Information:
+    """From the Jacobian, as a fit makes it."""
+    prepared = plan(log, actuator, stiffness(actuator))
+    problem, x = build_problem(actuator, [prepared], names, ("position",), dict.fromkeys(names, (-np.inf, np.inf)))
+    answer = linearise(replace(problem, noise=Noise(measured={"position": 1e-4})), x)
+    assert isinstance(answer, Linearisation)
+    return Information(tuple(names), answer.R[:, : len(names)])
+
+
+@pytest.mark.parametrize("noise", [0.0, 5e-5])
+def test_rests_holds_strokes_and_speeds_are_those_of_the_course(noise):
+    found = excitation(course(noise))
+    assert found.reach == pytest.approx(0.022, abs=1e-6 + 5 * noise)
+    assert found.full_strokes == 1
+    assert found.vented_rests == 2
+    assert found.longest_vented_rest == pytest.approx(1.0, abs=2 * SLOW_WINDOW)
+    assert [hold.position for hold in found.holds] == pytest.approx([0.022, 0.010], abs=2e-5)
+    assert [hold.seconds for hold in found.holds] == pytest.approx([1.0, 1.0], abs=2 * SLOW_WINDOW)
+    # noise: the difference of two means of 6 samples, 5 ms apart, five standard deviations of it
+    spread = 5 * noise * np.sqrt(2 / 6) / FAST_WINDOW
+    assert (found.top_opening, found.top_closing) == pytest.approx((0.22, 0.025), abs=1e-9 + spread)
+
+
+@pytest.mark.parametrize("noise", [0.0, 5e-5])
+def test_a_pass_counts_once_whatever_the_noise_at_the_edges(noise):
+    visits = {visit.low: visit for visit in excitation(course(noise)).regions}
+    assert [(v.opening, v.closing) for v in visits.values()] == [(1, 1)] * 7
+    assert visits[8e-3].seconds == pytest.approx(0.1 * 4 / 22 + 0.5 * 2 / 12 + 1.0 + 0.4 * 2 / 10, abs=0.01)
+    assert sum(visit.seconds for visit in visits.values()) == pytest.approx(5.0)
+
+
+def test_a_region_entered_and_left_on_the_same_side_is_not_passed():
+    t = np.arange(0.0, 3.0, 1e-3)
+    log = Log(t, {"position": np.interp(t, [0.0, 1.0, 2.0, 3.0], [0.0, 0.010, 0.006, 0.010])})
+    visits = {visit.low: (visit.opening, visit.closing) for visit in excitation(log).regions}
+    assert visits[5e-3] == (1, 0)
+    assert visits[8e-3] == (0, 0)
+
+
+def test_missing_positions_and_holes_in_time_are_no_motion_and_no_time():
+    whole = course()
+    gone = whole["position"].copy()
+    gone[500:520] = gone[1500:1520] = np.nan
+    found = excitation(whole.with_columns(position=gone))
+    assert (found.vented_rests, len(found.holds)) == (2, 2)
+    later = Log(whole.time + 100.0 * (whole.time > 2.0), whole.columns)
+    visits = excitation(later).regions
+    assert sum(visit.seconds for visit in visits) == pytest.approx(5.0)
+    assert max(hold.seconds for hold in excitation(later).holds) < 1.5
+
+
+def test_a_rest_is_vented_only_with_the_supply_shut_and_without_pressure():
+    n = 5000
+    assert excitation(course(duty_supply=np.full(n, 0.3))).vented_rests == 0
+    assert excitation(course(duty_supply=np.full(n, 0.05))).vented_rests == 2
+    assert excitation(course(pressure_a=np.full(n, 1.5e5))).vented_rests == 0
+    assert excitation(course(pressure_a=np.where(np.arange(n) < 2500, 1.1e5, 1.5e5))).vented_rests == 1
+
+
+def test_velocity_is_the_slope_whatever_is_missing():
+    t = np.arange(0.0, 1.0, 1e-3)
+    position = 0.003 + 0.02 * t
+    position[100:130] = np.nan
+    np.testing.assert_allclose(velocity(t, position, SLOW_WINDOW), 0.02, rtol=1e-6)
+    assert np.isnan(velocity(t, np.full(1000, np.nan), SLOW_WINDOW)).all()
+
+
+def test_regions_begin_at_their_lower_edge():
+    assert region_of(np.array([-1e-4, 0.0, 2e-3, 4.9e-3, 20e-3, 30e-3])).tolist() == [0, 0, 1, 1, 6, 6]
+
+
+def test_a_vibration_is_a_hold_and_the_slowest_ramp_of_the_protocol_is_not():
+    t = np.arange(0.0, 4.0, 1e-3)
+    shaking = Log(t, {"position": 0.010 + 1e-4 * np.sin(2 * np.pi * 25 * t)})
+    assert [hold.seconds for hold in excitation(shaking).holds] == pytest.approx([4.0], abs=2 * SLOW_WINDOW)
+    assert excitation(Log(t, {"position": 0.010 + 2.5e-3 * t})).holds == ()
+
+
+def test_several_recordings_count_together():
+    one = excitation(course(duty_supply=np.full(5000, 0.05)))
+    short = excitation(course().slice(0, 1020))
+    both = joined([one, short])
+    assert (both.recordings, both.full_strokes, both.vented_rests) == (2, 1, 3)
+    assert both.seconds == pytest.approx(one.seconds + short.seconds)
+    assert both.reach == one.reach
+    assert both.highest_supply == 0.05
+    assert both.regions[0].opening == 2
+    with pytest.raises(DataError, match="at least one"):
+        joined([])
+
+
+def test_a_recording_without_positions_is_refused():
+    with pytest.raises(DataError, match="no finite sample"):
+        excitation(course().with_columns(position=np.full(5000, np.nan)))
+
+
+def test_a_recording_with_everything_misses_nothing(truth, driven):
+    names = truth.load.names
+    log = driven(reach=0.022)
+    assert missing(excitation(log, truth.parameters), truth, information(truth, log, names)) == []
+
+
+def test_a_short_reach_is_reported_with_the_correlation_that_it_causes(truth, driven):
+    log = driven(reach=0.0086)
+    found = excitation(log)
+    words = (
+        f"this log reaches {found.reach * 1e3:.1f} mm; the correlation of theta_2 and theta_3 is -0.99: reach 11.5 mm"
+    )
+    assert missing(found, truth, information(truth, log, truth.load.names))[0].startswith(words)
+
+
+def test_load_weights_beyond_the_reach_are_reported_together_in_sentences_that_agree_in_number(driven):
+    actuator, log = Actuator(load=Load.on_b_splines()), driven(reach=0.0086)
+    R = information(actuator, log, actuator.load.names)
+    for words in (
+        "this log reaches ",
+        "contains no information about theta_1",
+        "and theta_22, which act from",
+        "reach 25.0 mm or more",
+    ):
+        assert words in missing(excitation(log), actuator, R)[0]
+    two = joined([excitation(log), excitation(log)])
+    assert missing(two, actuator, R)[0].startswith("these 2 logs reach ")
+    assert " and contain no information about theta_1" in missing(two, actuator, R)[0]
+    assert " and contain no information about the load beyond" in missing(two, actuator)[0]
+    one = actuator.load.names[-1:]
+    (alone, *_) = missing(excitation(log), actuator, Information(one, R.columns(one)))
+    assert f" and contains no information about {one[0]}, which acts from " in alone
+
+
+def test_a_valve_that_is_never_fully_open_is_the_reason_for_its_silence():
+    t = np.arange(0.0, 5.0, 1e-3)
+    found = excitation(course(duty_supply=0.4 * (t > 1.0) * (t < 1.1), duty_exhaust=np.ones(5000)))
+    nothing = Information(("C_vs", "C_ve", "K_stop"), np.zeros((3, 3)))
+    sentences = missing(found, Actuator(), nothing)
+    assert sentences == [
+        "this log contains no information about C_vs: duty_supply never exceeds 0.40, but the valve is fully open from "
+        "0.93 on; open it further.",
+        "this log contains no information about K_stop: the piston reaches 22.0 mm, 3.0 mm short of its stroke; "
+        "move it closer to the end stop.",
+    ]
+
+
+def test_one_direction_only_and_a_missing_rest_are_reported():
+    t = np.arange(0.0, 1.0, 1e-3)
+    sentences = missing(excitation(Log(t, {"position": np.interp(t, [0.0, 1.0], [0.004, 0.022])})), Actuator())
+    assert len(sentences) == 6
+    assert sentences[0] == (
+        "this log passes 5 to 8 mm 1 time, only while opening: friction and load cannot be separated there; pass it "
+        "while closing, too."
+    )
+    assert sentences[-1].startswith(
+        "this log has no vented rest (lowest position 4.0 mm), so the pressure is unknown without"
+    )
+
+
+def test_the_stroke_and_the_ambient_pressure_are_those_of_the_actuator():
+    short = Parameters(y_max=0.012, P_0=0.8e5)
+    assert excitation(course(), short).full_strokes == 1
+    assert excitation(course(pressure_a=np.full(5000, 1e5)), short).vented_rests == 0
+    assert excitation(course(pressure_a=np.full(5000, 1e5))).vented_rests == 2
