@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
-from clutchid import Actuator, Fit, fit
+from clutchid import Actuator, Fit, FitRequest, fit
 from clutchid.estimation.automatic import freed
 from clutchid.truck import drive, truck
 
@@ -44,7 +44,7 @@ def main() -> None:
         return fit(calibration, measure=both, free=("auto",))
 
     def adaptation() -> Fit:
-        return fit(worn, once.actuator, calibration=once.calibration)
+        return fit(worn, once.actuator, request=FitRequest(calibration=once.calibration))
 
     def plain() -> Fit:
         return fit(worn)

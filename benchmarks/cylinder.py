@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from clutchid import Actuator, Fit, Log, Partition, fit, read_parameters, simulate
+from clutchid import Actuator, Fit, FitRequest, Log, Partition, fit, read_parameters, simulate
 from clutchid.estimation.assess.diagnostics import fit_percent
 from clutchid.estimation.result import Recording
 from clutchid.inference.uncertainty.switching_band import switching_band
@@ -79,12 +79,12 @@ def fitted_air(log: Log) -> Fit:
     """The supply, the valve and the dead volume, fitted to the pressure with the measured position as input."""
     start = read_parameters(ACTUATOR).actuator
     bounds = {"V_0A": (2e-5, 6e-5)}
-    return fit(log, start, measure=("pressure_a",), free=AIR, bounds=bounds, partition=INPUT)
+    return fit(log, start, measure=("pressure_a",), free=AIR, bounds=bounds, request=FitRequest(partition=INPUT))
 
 
 def fitted_motion(log: Log, actuator: Actuator, later: Log) -> Fit:
     """Area and friction, fitted second by second, then over the whole recording; `later` is simulated."""
-    near = fit(log, actuator, measure=BOTH, free=MOTION, partition=SECONDS)
+    near = fit(log, actuator, measure=BOTH, free=MOTION, request=FitRequest(partition=SECONDS))
     return fit(log, near.actuator, measure=BOTH, free=MOTION, verify=[later])
 
 

@@ -1,6 +1,7 @@
 """How large the house is, and whether its rooms keep their order: ``python benchmarks/house.py [--ref COMMIT]``.
 
-Code lines are those of ``src`` without docstrings, comments, blank lines and imports; templates stand beside them. A
+Code lines are those of ``src`` without docstrings, comments and blank lines, without imports but with ``--imports``;
+templates stand beside them. Foreign modules of a room are those of other rooms that its files import. A
 circle is a group of files that import each other in a loop, imports within functions included, those for type checkers
 only left out.
 """
@@ -77,37 +78,58 @@ def circles(source: Path) -> list[list[str]]:
     return sorted(found, key=len, reverse=True)
 
 
-def code_lines(path: Path) -> int:
-    """Lines of code of a file without docstrings, comments, blank lines and imports."""
+#: Rooms whose foreign modules are counted: the doors, and what renders results.
+DOORS = ("cli", "app", "fleets", "study", "documents")
+
+
+def foreign(source: Path, rooms: tuple[str, ...]) -> int:
+    """Number of modules of other rooms that the files of some rooms import when they run."""
+    known = modules(source)
+    imports = {
+        target.removeprefix("clutchid.")
+        for name, path in known.items()
+        if name.split(".")[1:2] and name.split(".")[1] in rooms
+        for target in imported(ast.parse(path.read_text("utf-8")), known)
+        if target in known
+    }
+    return sum(1 for target in imports if target.partition(".")[0] not in rooms)
+
+
+def code_lines(path: Path, *, imports: bool = False) -> int:
+    """Lines of code of a file without docstrings, comments and blank lines, and without imports unless asked for."""
     text = path.read_text("utf-8")
     tree, taken = ast.parse(text), set()
     for node in ast.walk(tree):
         is_text = (
             isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
         )
-        if is_text or isinstance(node, (ast.Import, ast.ImportFrom)):
+        if is_text or (not imports and isinstance(node, (ast.Import, ast.ImportFrom))):
             taken |= set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
     lines = enumerate(text.splitlines(), 1)
     return sum(1 for n, line in lines if n not in taken and line.strip() and not line.strip().startswith("#"))
 
 
-def measured(root: Path) -> dict[str, str]:
+def measured(root: Path, *, imports: bool = False) -> dict[str, str]:
     """The measures of a work tree."""
     source = root / "src"
     package = source / "clutchid"
     files = [*modules(source).values()]
     templates = [path for path in package.rglob("*") if path.suffix in TEMPLATES]
     contracts = tomllib.loads((root / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]["contracts"]
-    loops = circles(source)
+    loops, tests = circles(source), [*(root / "tests").rglob("*.py")]
     entries = [path for path in package.iterdir() if path.suffix == ".py" or (path / "__init__.py").exists()]
     return {
-        "code lines": f"{sum(map(code_lines, files)):,}",
+        "code lines": f"{sum(code_lines(path, imports=imports) for path in files):,}",
         "lines of templates": f"{sum(len(path.read_text('utf-8').splitlines()) for path in templates):,}",
         "files": str(len(files)),
         "entries in src/clutchid": str(len(entries)),
         "exceptions of the import contract": str(len(contracts[0].get("ignore_imports", []))),
         "circles, files in the largest": f"{len(loops)}, {len(loops[0]) if loops else 0}",
-        "code lines of tests": f"{sum(map(code_lines, (root / 'tests').rglob('*.py'))):,}",
+        "code lines of tests": f"{sum(code_lines(path, imports=imports) for path in tests):,}",
+        **{
+            f"foreign modules of {room}": str(foreign(source, (room, "reports") if room == "documents" else (room,)))
+            for room in DOORS
+        },
         "words of docs": f"{sum(len(path.read_text('utf-8').split()) for path in (root / 'docs').rglob('*.md')):,}",
     }
 
@@ -116,13 +138,14 @@ def main() -> None:
     """Print the measures of the work tree, and beside them those of another commit."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--ref", default="", help="a commit to compare with")
+    parser.add_argument("--imports", action="store_true", help="count the lines of imports too")
     options = parser.parse_args()
-    now, before = measured(ROOT), {}
+    now, before = measured(ROOT, imports=options.imports), {}
     if options.ref:
         with tempfile.TemporaryDirectory() as folder:
             archive = subprocess.run(["git", "archive", options.ref], cwd=ROOT, check=True, capture_output=True).stdout
             subprocess.run(["tar", "-x", "-C", folder], input=archive, check=True)
-            before = measured(Path(folder))
+            before = measured(Path(folder), imports=options.imports)
     for name, value in now.items():
         print(f"{name:36s} {before.get(name, ''):>10s} {value:>10s}")
 

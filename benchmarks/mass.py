@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from widening import CASES, left_out, seeds, worn_clutch
 
-from clutchid import Prior, fit
+from clutchid import FitRequest, Prior, fit
 from clutchid.estimation.hypotheses import explanation
 from clutchid.estimation.position_only import position_only_errors
 from clutchid.estimation.request import FreeParameters
@@ -137,7 +137,12 @@ def calibrated(setting: Setting, name: str) -> tuple[Actuator, Calibration]:
 
     def once() -> tuple[Actuator, Calibration]:
         with drifting(FIXED):
-            found = fit(calibration_log(setting), measure=("position", "pressure_a"), free=("auto",), priors=prior)
+            found = fit(
+                calibration_log(setting),
+                measure=("position", "pressure_a"),
+                free=("auto",),
+                request=FitRequest(priors=prior),
+            )
         assert found.calibration is not None, "a calibration with pressure keeps one"
         return found.actuator, found.calibration
 
@@ -178,7 +183,7 @@ def reading(setting: Setting, name: str, case: str) -> Reading | None:
 
 def _read(driven: Drive, actuator: Actuator, kept: Calibration) -> Reading | None:
     begin = time.perf_counter()
-    found = fit(driven.log.without(*left_out("default")), actuator, calibration=kept)
+    found = fit(driven.log.without(*left_out("default")), actuator, request=FitRequest(calibration=kept))
     if found.status == "failed":
         return None
     error = percent(driven, np.interp(GRID, found.load_curve.position, found.load_curve.force))

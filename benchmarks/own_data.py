@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from clutchid import fit
+from clutchid import FitRequest, fit
 from clutchid.inference.uncertainty.change_prior import change_covariance, changeable
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
@@ -90,7 +90,7 @@ def one_truck(number: int) -> list[Covered]:
     for k in range(READINGS):
         worn = used(new, random)
         log = recorded(worn, random, f"worn{k}").without("pressure_a")
-        curve = fit(log, once.actuator, calibration=once.calibration).load_curve
+        curve = fit(log, once.actuator, request=FitRequest(calibration=once.calibration)).load_curve
         force, low, high = (np.interp(GRID, curve.position, each) for each in (curve.force, curve.low, curve.high))
         truth = worn.load.force(GRID)
         off, std = force - truth, (high - low) / (2 * QUANTILE)

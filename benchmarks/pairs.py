@@ -114,7 +114,7 @@ def recording(item: Item) -> tuple[Any, Any]:
 
 def read(folder: Path, item: Item) -> dict[str, Any]:
     """One reading, as plain values; `refused` says why there is none."""
-    from clutchid import fit
+    from clutchid import FitRequest, fit
     from clutchid.errors import ClutchidError
     from clutchid.estimation import calibrate as module
     from clutchid.estimation.parameter_file import read_parameters
@@ -133,7 +133,7 @@ def read(folder: Path, item: Item) -> dict[str, Any]:
     begin = time.process_time()
     module.explained = remembered
     try:
-        result = fit(log, once.actuator, calibration=once.calibration, on_failure="return")
+        result = fit(log, once.actuator, request=FitRequest(calibration=once.calibration), on_failure="return")
     except ClutchidError as error:
         return {**content, "refused": str(error)}
     finally:

@@ -46,7 +46,7 @@ def load_error(driven: Drive, once: clutchid.Fit, phase: float) -> float:
 
     kept, estimated.filtered_phase = estimated.filtered_phase, lambda _log, _actuator, **_known: phase
     try:
-        found = clutchid.fit(driven.log, once.actuator, calibration=once.calibration)
+        found = clutchid.fit(driven.log, once.actuator, request=clutchid.FitRequest(calibration=once.calibration))
     finally:
         estimated.filtered_phase = kept
     curve = found.load_curve

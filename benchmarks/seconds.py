@@ -16,7 +16,7 @@ from typing import TypeVar
 
 from widening import calibrated, worn_clutch
 
-from clutchid import fit
+from clutchid import FitRequest, fit
 from clutchid.truck import CHANGES
 
 #: Columns that the recordings lack.
@@ -40,7 +40,9 @@ def row(family: str, numbers: Sequence[int]) -> str:
         seconds["calibration"].append(took)
         for case in ("nothing", *CHANGES):
             log = worn_clutch(number, family, case).log.without(*CONDITIONS)
-            took, _ = timed(lambda log=log, once=once: fit(log, once.actuator, calibration=once.calibration))
+            took, _ = timed(
+                lambda log=log, once=once: fit(log, once.actuator, request=FitRequest(calibration=once.calibration))
+            )
             seconds["unchanged" if case == "nothing" else "changed"].append(took)
     return f"| {family} | {' | '.join(map(cell, seconds.values()))} |"
 

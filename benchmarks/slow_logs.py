@@ -21,7 +21,7 @@ import numpy as np
 from bands import FLOOR, QUANTILE, rms
 from widening import CASES, calibrated, worn_clutch
 
-from clutchid import DataError, fit, parameter_file, read_parameters, write_parameters
+from clutchid import DataError, FitRequest, fit, parameter_file, read_parameters, write_parameters
 from clutchid.estimation.verification import MISSED
 from clutchid.log import FloatArray
 from clutchid.truck import GRID, Drive
@@ -67,7 +67,7 @@ def reading(start: Path, worn: Drive, bus: bool) -> Reading:
     """The load of a worn clutch, read with the calibration in a file from a recording of the controller or the bus."""
     known = read_parameters(start)
     begin = time.process_time()
-    found = fit(worn.log, known.actuator, calibration=known.calibration)
+    found = fit(worn.log, known.actuator, request=FitRequest(calibration=known.calibration))
     seconds = time.process_time() - begin
     curve, true = found.load_curve, worn.truth.load(GRID)
     load, low, high = (

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from clutchid import Fit, Partition, fit, read
+from clutchid import Fit, FitRequest, Partition, fit, read
 from clutchid.study.proving.scores import half_load
 
 PARTITIONS = {
@@ -48,12 +48,12 @@ def main() -> None:
             for name in methods:
                 begin = time.perf_counter()
                 if name != CALIBRATED:
-                    result = fit(log, partition=PARTITIONS[name])
+                    result = fit(log, request=FitRequest(partition=PARTITIONS[name]))
                 elif "pressure_a" in log:
                     result = once = fit(log, measure=("position", "pressure_a"), free=("auto",))
                 else:
                     assert once is not None
-                    result = fit(log, once.actuator, calibration=once.calibration)
+                    result = fit(log, once.actuator, request=FitRequest(calibration=once.calibration))
                 elapsed = time.perf_counter() - begin
                 row = errors(result, np.array(truth["position_m"]), np.array(known["load_N"]))
                 label = f"{truth_file.parent.name}/{stem}"

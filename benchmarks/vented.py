@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from clutchid import Fit, fit
+from clutchid import Fit, FitRequest, fit
 from clutchid.errors import ClutchidError
 from clutchid.log import Log
 from clutchid.truck import GRID, Drive, drive, truck
@@ -117,7 +117,7 @@ def result(job: Job, folder: Path) -> dict[str, Any]:
         row["calibration"] = errors(once, made["calibration"][1])
         row["P_0"] = once.actuator.parameters.P_0 - kind.P_0 - kind.e_p
         row["P_0_std"] = once.parameters["P_0"].std if "P_0" in once.parameters else None
-        reading = fit(made["worn"][0], once.actuator, calibration=once.calibration)
+        reading = fit(made["worn"][0], once.actuator, request=FitRequest(calibration=once.calibration))
         row["reading"] = errors(reading, made["worn"][1])
     except ClutchidError as error:
         row["failed"] = str(error)

@@ -147,7 +147,9 @@ def main() -> None:
         ways: dict[str, tuple[Callable[[], object], tuple[type, ...]]] = {
             "calibration": (lambda: clutchid.fit(new, rich, measure=both, free=few, method="shooting"), (Log,)),
             "reading of a load": (
-                lambda: clutchid.fit(worn, calibrated.actuator, calibration=calibrated.calibration),
+                lambda: clutchid.fit(
+                    worn, calibrated.actuator, request=clutchid.FitRequest(calibration=calibrated.calibration)
+                ),
                 (Log,),
             ),
             "read": (lambda: clutchid.read(recording), (Path, Log)),

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
-from clutchid import DataError, Fit, Prior, SolveError, fit
+from clutchid import DataError, Fit, FitRequest, Prior, SolveError, fit
 from clutchid.estimation.fit import MethodName
 from clutchid.estimation.parameter_file import ParameterFile
 from clutchid.log import INPUTS
@@ -163,7 +163,9 @@ def reading(
     """The load of a worn clutch from position alone, against the truth; None if it is refused or the search fails."""
     begin = time.perf_counter()
     try:
-        found = fit(worn.log.without(*without), once.actuator, **{"calibration": once.calibration, **wanted})
+        found = fit(
+            worn.log.without(*without), once.actuator, FitRequest(**{"calibration": once.calibration, **wanted})
+        )
     except (SolveError, DataError):
         return None
     seconds = time.perf_counter() - begin

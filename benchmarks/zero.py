@@ -16,7 +16,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from clutchid import Fit, fit
+from clutchid import Fit, FitRequest, fit
 from clutchid.errors import ClutchidError
 from clutchid.estimation.assess.comparison import ENGAGING, half_load
 from clutchid.strokes.vented_rest import rest_shift, vented_rest
@@ -119,7 +119,7 @@ def cuts(family: str, numbers: Sequence[int]) -> list[str]:
 def read(done: Drive, once: Fit, zero: Literal["subtract", "keep"]) -> Read | None:
     """A load from position alone against the truth; None where it cannot be read."""
     try:
-        found = fit(done.log, once.actuator, calibration=once.calibration, zero=zero)
+        found = fit(done.log, once.actuator, request=FitRequest(calibration=once.calibration), zero=zero)
     except ClutchidError:
         return None
     curve, truth = found.load_curve, done.truth.load(GRID)

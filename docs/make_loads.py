@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from clutchid import fit
+from clutchid import FitRequest, fit
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.reports.figures import draw, fill, label, legend, mark_span, new_figure
 from clutchid.reports.style import MM, STYLE, Line
@@ -27,7 +27,7 @@ def main() -> None:
         truck(NUMBER), seconds=SECONDS, seed=2, wear=WEAR, cycles=WEAR * STROKES_A_METRE, pressure=False, name="worn"
     )
     calibrated = fit(new.log, measure=("position", "pressure_a"), free=("auto",))
-    read = fit(worn.log, calibrated.actuator, calibration=calibrated.calibration)
+    read = fit(worn.log, calibrated.actuator, request=FitRequest(calibration=calibrated.calibration))
     figure, (axis, errors) = new_figure([3.6, 1.6])
     mark_span(axis, 5.0, 8.0, "the clutch engages, 5 to 8 mm")
     mark_span(errors, 5.0, 8.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import clutchid
-from clutchid import Actuator, DataError, Log, ParameterError, Partition, Prior
+from clutchid import Actuator, DataError, FitRequest, Log, ParameterError, Partition, Prior
 from clutchid.arguments import checked
 from fixtures.public_records import annotations
 
@@ -60,13 +60,13 @@ def test_every_public_function_checks_its_arguments(name):
 @pytest.mark.parametrize(
     ("call", "said"),
     [
-        (lambda: clutchid.fit(LOG, priors={"P_S": 9e5}), r"fit: priors\['P_S'\] = 900000.0: a Prior is needed"),
+        (lambda: FitRequest(priors={"P_S": 9e5}), r"FitRequest: priors\['P_S'\] = 900000.0: a Prior is needed"),
         (lambda: clutchid.fit(LOG, [Actuator()]), r"fit: actuator = \[Actuator\(\)\]: an Actuator or None is needed"),
         (lambda: clutchid.fit([LOG, 3]), r"fit: logs\[1\] = 3: a recording is a clutchid.Log or the path of a file"),
         (lambda: clutchid.fit(LOG, bounds={"P_S": (1, 2, 3)}), r"bounds\['P_S'\] = .*a tuple of 2 is needed"),
         (lambda: clutchid.fit(LOG, bounds={3: (1, 2)}), "fit: a key of bounds = 3: a text is needed"),
         (lambda: clutchid.fit(LOG, on_failure="rise"), "on_failure = 'rise': no .*; did you mean 'raise'"),
-        (lambda: clutchid.calibrate(LOG, bootstrap=True), "calibrate: bootstrap = True: a whole number is needed"),
+        (lambda: FitRequest(bootstrap=True), "FitRequest: bootstrap = True: a whole number is needed"),
         (lambda: clutchid.estimate(LOG, Actuator()), "start = an Actuator: a Fit, a ParameterFile or a path is needed"),
         (lambda: clutchid.simulate(LOG, Actuator()), "simulate: actuator = a Log: an Actuator is needed, not a Log"),
         (lambda: clutchid.simulate(Actuator(), LOG, starts=[1.0]), r"starts\[0\] = 1.0: a tuple of 2 is needed"),

@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from clutchid.errors import ParameterError as ParameterError
     from clutchid.errors import SolveError as SolveError
     from clutchid.estimation import Fit as Fit
-    from clutchid.estimation import fit as fit
     from clutchid.estimation.assess.verdict import Verdict as Verdict
     from clutchid.estimation.assess.verdict import verdict as verdict
     from clutchid.estimation.parameter_file import read_parameters as read_parameters
     from clutchid.estimation.parameter_file import write_parameters as write_parameters
+    from clutchid.estimation.request import FitRequest as FitRequest
     from clutchid.fleets.tracking import track as track
     from clutchid.fleets.verbs import FleetRun as FleetRun
     from clutchid.fleets.verbs import fleet as fleet
@@ -47,22 +47,24 @@ if TYPE_CHECKING:
     from clutchid.study import bundled_recording as bundled_recording
     from clutchid.study.proving.ground import prove as prove
     from clutchid.truck import drive as drive
+    from clutchid.verbs.attached import plot as plot
+    from clutchid.verbs.attached import report as report
+    from clutchid.verbs.cutting import cut as cut
+    from clutchid.verbs.exporting import export as export
+    from clutchid.verbs.fitting import calibrate as calibrate
+    from clutchid.verbs.fitting import estimate as estimate
+    from clutchid.verbs.fitting import fit as fit
+    from clutchid.verbs.observing import observe as observe
+    from clutchid.verbs.rig import friction as friction
+    from clutchid.verbs.saving import parameter_file as parameter_file
     from clutchid.wear.life import Wear as Wear
-    from clutchid.workflow import parameter_file as parameter_file
-    from clutchid.workflow.attached import plot as plot
-    from clutchid.workflow.attached import report as report
-    from clutchid.workflow.verbs import calibrate as calibrate
-    from clutchid.workflow.verbs import cut as cut
-    from clutchid.workflow.verbs import estimate as estimate
-    from clutchid.workflow.verbs import export as export
-    from clutchid.workflow.verbs import friction as friction
-    from clutchid.workflow.verbs import observe as observe
 
 #: Public names by the module that has them.
 _NAMES: dict[str, tuple[str, ...]] = {
     "errors": ("ClutchidError", "DataError", "ExportError", "MissingExtra", "ParameterError", "SolveError"),
-    "estimation": ("Fit", "fit"),
+    "estimation": ("Fit",),
     "estimation.assess.verdict": ("Verdict", "verdict"),
+    "estimation.request": ("FitRequest",),
     "estimation.parameter_file": ("read_parameters", "write_parameters"),
     "fleets.tracking": ("track",),
     "fleets.verbs": ("FleetRun", "fleet"),
@@ -79,9 +81,13 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "study.proving.ground": ("prove",),
     "truck": ("drive",),
     "wear.life": ("Wear",),
-    "workflow": ("parameter_file",),
-    "workflow.attached": ("plot", "report"),
-    "workflow.verbs": ("calibrate", "cut", "estimate", "export", "friction", "observe"),
+    "verbs.attached": ("plot", "report"),
+    "verbs.cutting": ("cut",),
+    "verbs.exporting": ("export",),
+    "verbs.fitting": ("calibrate", "estimate", "fit"),
+    "verbs.observing": ("observe",),
+    "verbs.rig": ("friction",),
+    "verbs.saving": ("parameter_file",),
 }
 _HOME = {name: f"clutchid.{module}" for module, names in _NAMES.items() for name in names}
 
@@ -95,7 +101,7 @@ def __getattr__(name: str) -> Any:
         return version("clutchid")
     if name not in _HOME:
         raise AttributeError(f"module 'clutchid' has no attribute '{name}'")
-    from clutchid.workflow.attached import attach
+    from clutchid.verbs.attached import attach
 
     found = getattr(import_module(_HOME[name]), name)
     attach()

@@ -7,8 +7,8 @@ import numpy as np
 import psutil
 import pytest
 
+from clutchid import calibrate, observe
 from clutchid.reports.fit_json import fit_json
-from clutchid.workflow.verbs import calibrate, observe
 from fixtures.commands import called, wait_for
 
 pytestmark = pytest.mark.slow

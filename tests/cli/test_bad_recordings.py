@@ -10,7 +10,7 @@ from clutchid.measurements import read, write
 from clutchid.model import Actuator
 from clutchid.preparation.inspection import inspect
 from clutchid.truck import MANOEUVRES, drive, truck
-from clutchid.workflow import inspected
+from clutchid.verbs.reading import reading_of
 from fixtures.commands import called
 
 WRONG = {
@@ -70,8 +70,8 @@ def test_simulate_refuses_it_as_well(sound, tmp_path, capsys):
 def test_force_fits_it_with_the_sentence_as_a_warning(sound):
     bad = spoiled(sound, "a pressure that never changes")
     with pytest.raises(DataError, match="in every sample"):
-        inspected([sound, bad], Actuator())
-    first, second = inspected([sound, bad], Actuator(), force=True)
+        reading_of([sound, bad]).checked(Actuator())
+    first, second = reading_of([sound, bad], force=True).checked(Actuator())
     assert not first.warnings
     assert any("in every sample" in warning for warning in second.warnings)
 
@@ -79,7 +79,7 @@ def test_force_fits_it_with_the_sentence_as_a_warning(sound):
 def test_a_recording_of_a_few_samples_is_refused(sound):
     for count in (1, 50, 150):
         with pytest.raises(DataError, match="less than a stroke, so nothing can be fitted"):
-            inspected([sound.slice(0, count)], Actuator())
+            reading_of(sound.slice(0, count)).checked(Actuator())
 
 
 @pytest.mark.slow

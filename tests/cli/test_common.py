@@ -4,9 +4,10 @@ from unittest.mock import Mock
 
 import pytest
 
-from clutchid.cli.common import EVERY, partition_of, progress_of, progress_words
+from clutchid.cli.common import EVERY, progress_of, progress_words
 from clutchid.errors import ParameterError
 from clutchid.simulation import Partition
+from clutchid.verbs.options import partition_of
 
 
 @pytest.fixture

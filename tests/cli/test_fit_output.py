@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from clutchid import Fit, fit, read_parameters, write
+from clutchid import Fit, FitRequest, fit, read_parameters, write
 from clutchid.cli.fit import MOST_WARNINGS, answer, answer_json
 from clutchid.cli.terminal import OutputLost
 from clutchid.errors import ExportError
@@ -224,7 +224,7 @@ def test_recordings_of_one_wear_are_of_one_state_and_of_another_wear_of_two(truc
         """Another manoeuvre, noise and air supply by the seed, after something has changed."""
         made = drive(Truck(), seconds=10.0, seed=seed, wear=wear, pressure=False, change=change or ())
         log = replace(made.log, name=f"{1e3 * wear:g} mm, {seed}")
-        return fit(log, calibrated.actuator, free="load", calibration=calibrated.calibration)
+        return fit(log, calibrated.actuator, free="load", request=FitRequest(calibration=calibrated.calibration))
 
     def states(*readings: Fit) -> States | None:
         return states_of_wear(replace(readings[0], readings={next(iter(one.recordings)): one for one in readings}))

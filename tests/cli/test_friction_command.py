@@ -1,6 +1,5 @@
 """``clutchid friction``: tables, sentence and the one JSON object. Reading is not tested here."""
 
-import importlib
 import json
 
 import numpy as np
@@ -12,7 +11,6 @@ from fixtures.commands import called
 from fixtures.friction import simulated_force
 
 # the package's name `friction` is the verb
-MODULE = importlib.import_module("clutchid.cli.friction")
 
 BLOCK = {"F_C": 2.0, "K_z": 2e4, "D_v": 300.0, "D_zdot": 200.0, "force_zero": 0.1}
 
@@ -38,7 +36,7 @@ def block() -> list[Log]:
 
 
 def friction(monkeypatch, logs, *arguments: str) -> int:
-    monkeypatch.setattr(MODULE, "read_recordings", lambda *_, **__: logs)
+    monkeypatch.setattr("clutchid.verbs.rig.rig_recordings", lambda *_, **__: logs)
     return called("friction", "some.csv", *arguments)
 
 

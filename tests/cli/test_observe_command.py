@@ -126,7 +126,7 @@ def test_a_bad_check_of_look_is_bad_input_unless_forced(call, tmp_path, recorded
     write(swapped, tmp_path / "swapped.parquet")
     code, _, errors = call(tmp_path / "swapped.parquet")
     assert code == 2
-    assert errors.rstrip().endswith("or go on with --force.")
+    assert errors.rstrip().endswith("or go on with --force (in Python force=True).")
     assert call(tmp_path / "swapped.parquet", "--force")[0] == 0
 
 

@@ -84,7 +84,7 @@ def test_an_interrupt_before_the_command_begins_is_one_sentence(options, monkeyp
          "stopped: no file is left half-written; the same command starts from the beginning."),
         (["track", "r.csv", "--start", "C.toml", "--out", "w.parquet"], "clutchid.fleets.tracking.track",
          "stopped: no file is left half-written; the same command starts from the beginning."),
-        (["look", "r.csv"], "clutchid.workflow.looking.looked",
+        (["look", "r.csv"], "clutchid.verbs.looking.looked",
          "stopped: no file is left half-written; the same command starts from the beginning."),
     ],
 )  # fmt: skip

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from clutchid import workflow
+import clutchid
 from clutchid.app import tasks
 from clutchid.cli.fit import FitOptions, fitted
 from clutchid.errors import DataError, SolveError
@@ -21,7 +21,7 @@ from clutchid.estimation.automatic import (
     automatic,
 )
 from clutchid.estimation.calibrate import fit_with, free_parameters
-from clutchid.estimation.fit import recordings_of
+from clutchid.estimation.parameter_file import ParameterFile
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.shooting import SHOOTING
 from clutchid.inference.uncertainty.coordinates import Prior
@@ -35,6 +35,7 @@ from clutchid.simulation.sensors import lagged
 from clutchid.strokes.duty_cycle import duty_grid
 from clutchid.strokes.vented_pressure import ABSOLUTE
 from clutchid.truck import drive, truck
+from clutchid.verbs import fitting
 from fixtures.changed_logs import spoiled, thinned
 
 PAPER = (
@@ -172,27 +173,30 @@ def unsettled(drive_log, tmp_path):
 
 
 @pytest.mark.parametrize("door", ["python", "cli", "app"])
-def test_a_calibration_that_is_started_from_one_does_not_know_its_ambient_pressure(unsettled, door, monkeypatch):
+def test_a_calibration_that_is_started_from_one_does_not_know_its_ambient_pressure(
+    unsettled, door, monkeypatch, tmp_path
+):
     """P_0 of a calibration without a rest is a guess, and stays one."""
     guess, logs = Actuator().replace(P_0=1.035e5), []
     stop = SolveError("no fit is needed")
 
-    def fit_recordings(given, *_, **__):
+    def fit_request(given, *_, **__):
         logs.extend(given)
         raise stop
 
-    monkeypatch.setattr(workflow, "fit_recordings", fit_recordings)
-    monkeypatch.setattr(workflow, "start_of", lambda start, model, request: (guess, request))
-    if door == "python":
-        logs = recordings_of([unsettled], guess)
-    elif door == "cli":
-        with pytest.raises(SolveError):
-            fitted("calibrate", [unsettled], "position,pressure_a", "auto", None, FitOptions())
-    else:
-        options = {"measure": "position,pressure_a", "free": "auto", "zero": "subtract"}
-        task = {"verb": "calibrate", "options": options, "recordings": [{"path": str(unsettled)}], "folder": "."}
-        with pytest.raises(SolveError):
-            tasks.fit(task, SimpleNamespace(progress=lambda *_: None))
+    monkeypatch.setattr(fitting, "fit_request", fit_request)
+    start = tmp_path / "guess.toml"
+    clutchid.write_parameters(ParameterFile(guess), start)
+    with pytest.raises(SolveError):  # noqa: PT012
+        if door == "python":
+            clutchid.calibrate(unsettled, guess, force=True)
+        elif door == "cli":
+            options = FitOptions(start=start, force=True)
+            fitted(options.command("calibrate", (unsettled,)), options)
+        else:
+            options = {"measure": "position,pressure_a", "free": "auto", "zero": "subtract", "force": True}
+            task = {"verb": "calibrate", "options": options, "recordings": [{"path": str(unsettled)}], "folder": "."}
+            tasks.fit({**task, "start": str(start)}, SimpleNamespace(progress=lambda *_: None))
     assert ambient_priors(logs)["P_0"].std == ABSOLUTE.std
 
 

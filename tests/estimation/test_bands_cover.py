@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from clutchid import fit
+from clutchid import FitRequest, fit
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -30,7 +30,7 @@ def test_drifted_actuators_lie_within_their_bands(calibrated, recorded_by, drift
     for k in range(5):
         truth = drifted(calibrated.actuator, random)
         log = recorded_by(truth, seed=k, name="worn", driven=k).without("pressure_a")
-        curve = fit(log, calibrated.actuator, calibration=calibrated.calibration).load_curve
+        curve = fit(log, calibrated.actuator, request=FitRequest(calibration=calibrated.calibration)).load_curve
         force, low, high = (np.interp(Y, curve.position, each) for each in (curve.force, curve.low, curve.high))
         standardised.append((force - truth.load.force(Y)) / ((high - low) / (2 * 1.96)))
     squares = np.mean(np.square(standardised), axis=1)

@@ -72,7 +72,9 @@ def test_what_the_bootstrap_finds_is_said(shot, plain, monkeypatch, ratio, sente
 
 
 def test_from_the_front_door_both_are_asked_for_by_name(plant, worn_log):
-    result = fit(worn_log, plant, free=("load",), method="shooting", profile=("theta_9",), bootstrap=20)
+    result = fit(
+        worn_log, plant, free=("load",), method="shooting", request=FitRequest(profile=("theta_9",), bootstrap=20)
+    )
     assert sum("by profile likelihood" in note or "bootstrap over" in note for note in result.notes) == 2
     assert np.isfinite(result.parameters["theta_9"].low)
 
@@ -89,4 +91,4 @@ def test_from_the_front_door_both_are_asked_for_by_name(plant, worn_log):
 )
 def test_what_cannot_be_checked_is_refused_before_any_work(plant, worn_log, options, sentence):
     with pytest.raises(ParameterError, match=sentence.replace("(", r"\(")):
-        fit(worn_log, plant, **options)
+        fit(worn_log, plant, FitRequest(**options))

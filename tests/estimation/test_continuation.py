@@ -7,12 +7,15 @@ import numpy as np
 import pytest
 
 import clutchid
-from clutchid import workflow
 from clutchid.errors import ParameterError
 from clutchid.estimation.parameter_file import search_in, search_section
 from clutchid.estimation.request import Continuation, FitRequest, SearchState, ended
 from clutchid.inference.smoother import search
 from clutchid.inference.uncertainty.coordinates import Prior
+from clutchid.verbs import saving
+from clutchid.verbs.fitting import fitted as fit_reading
+from clutchid.verbs.reading import Reading
+from clutchid.verbs.start import start_of
 
 MEASURE, FREE = ("position", "pressure_a"), ("load", "P_S", "C_vs", "F_C")
 STATE = SearchState("limit", 7, ("load", "P_S"), {"P_S": Prior(9e5, 4e4), "s_pwm@a": Prior(0.1, 0.03)})
@@ -36,9 +39,8 @@ def recording(tmp_path_factory):
 
 def fitted(recording, start=None, free=FREE, measure=MEASURE):
     """The outcome of a calibration, or of what starts from the file `start`."""
-    actuator, request = workflow.start_of(start, None, FitRequest(measure, free, method="shooting"))
-    logs = workflow.read_recordings([recording], workflow.FileOptions(101300.0), actuator.equipment)
-    return workflow.fit_recordings(logs, actuator, request, force=True)
+    actuator, request = start_of(start, None, FitRequest(measure, free, method="shooting"))
+    return fit_reading(Reading((recording,), ambient=101300.0, force=True), actuator, request)
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +55,7 @@ def stopped(recording, tmp_path_factory):
         patch.setattr(search, "MAX_STEPS", 0)
         outcome = fitted(recording)
     path = tmp_path_factory.mktemp("saved") / "CAL.toml"
-    workflow.save(outcome, path)
+    saving.save(outcome, path)
     return outcome, path
 
 
@@ -82,7 +84,7 @@ def test_a_continued_search_has_the_original_priors_and_ends_where_a_single_one_
 
 
 def test_a_converged_search_that_is_continued_stays_where_it_was(recording, whole, tmp_path):
-    workflow.save(whole, tmp_path / "CAL.toml")
+    saving.save(whole, tmp_path / "CAL.toml")
     again = fitted(recording, tmp_path / "CAL.toml")
     assert again.converged
     for name, estimate in whole.parameters.items():
@@ -136,12 +138,12 @@ def test_a_search_is_continued_only_for_the_same_files_columns_and_parameters():
 
 
 def test_a_prediction_error_search_is_continued_too(recording, tmp_path):
-    actuator, request = workflow.start_of(None, None, FitRequest(MEASURE, ("load", "P_S"), method="prediction-error"))
-    logs = workflow.read_recordings([recording], workflow.FileOptions(101300.0), actuator.equipment)
-    first = workflow.fit_recordings(logs, actuator, request, force=True)
-    workflow.save(first, tmp_path / "CAL.toml")
-    actuator, request = workflow.start_of(tmp_path / "CAL.toml", None, request)
-    again = workflow.fit_recordings(logs, actuator, request, force=True)
+    actuator, request = start_of(None, None, FitRequest(MEASURE, ("load", "P_S"), method="prediction-error"))
+    reading = Reading((recording,), ambient=101300.0, force=True)
+    first = fit_reading(reading, actuator, request)
+    saving.save(first, tmp_path / "CAL.toml")
+    actuator, request = start_of(tmp_path / "CAL.toml", None, request)
+    again = fit_reading(reading, actuator, request)
     assert again.converged
     assert again.baseline is None
     for name, estimate in first.parameters.items():

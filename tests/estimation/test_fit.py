@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from clutchid import fit
+from clutchid import FitRequest, fit
 from clutchid.errors import DataError, ParameterError, SolveError
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
@@ -52,7 +52,9 @@ def test_the_load_is_found_again_in_partitioned_simulation(truth, drive, partiti
     # with q carried the steps are shorter than those that the recording was made with: errors of 0.1 um, 1e-5 of a
     # stroke, which the weak third weight (2 % of the load) takes 50 times enlarged
     rtol = 1e-6 if partition.carry == "p" else 5e-4
-    np.testing.assert_allclose(weights(fit(drive, AFAR, partition=partition)), truth.load.theta, rtol=rtol)
+    np.testing.assert_allclose(
+        weights(fit(drive, AFAR, request=FitRequest(partition=partition))), truth.load.theta, rtol=rtol
+    )
 
 
 def test_parameters_of_the_actuator_are_found_again_with_the_load(truth, driven):
@@ -223,7 +225,7 @@ def test_bounds_of_the_user_are_kept_exactly(drive):
 )
 def test_options_that_contradict_the_model_are_refused(drive, options, sentence):
     with pytest.raises(ParameterError, match=sentence):
-        fit(drive, **options)
+        fit(drive, None, FitRequest(**options))
 
 
 def test_verification_reports_problems_and_loses_nothing(drive):
@@ -251,7 +253,7 @@ def test_three_parameters_of_which_only_a_product_is_known_are_named_together(dr
 
 def test_a_piston_that_moves_only_in_the_recording_is_a_warning(truth, drive):
     weak = truth.replace({"P_S": 1.12e5})  # bar typed as Pa, or the valves swapped: nothing can lift the piston
-    result = fit(drive, weak)
+    result = fit(drive, weak, force=True)
     assert any("swapped" in w and "P_S" in w for w in result.warnings), result.warnings
 
 
@@ -267,9 +269,9 @@ def test_a_recording_without_what_is_measured_is_refused(drive):
 
 def test_three_samples_are_not_enough_and_the_message_says_what_is(drive):
     with pytest.raises(DataError, match=r"3 measured samples for 3 free parameters.*full stroke"):
-        fit(drive.slice(0, 3))
+        fit(drive.slice(0, 3), force=True)
     with pytest.raises(DataError, match="3 measured samples for 5 free parameters"):
-        fit(drive.slice(1000, 1003))
+        fit(drive.slice(1000, 1003), force=True)
 
 
 def test_a_recording_below_the_second_knot_knows_the_first_weight_only(truth, driven):
@@ -294,7 +296,7 @@ def test_a_recording_without_motion_does_not_determine_the_load(truth):
     generator = np.random.default_rng(12)
     still = {"position": 2e-5 * generator.standard_normal(n), "duty_supply": np.zeros(n), "duty_exhaust": np.zeros(n)}
     still["position"][0] = 0.0
-    result = fit(Log(np.arange(n) * 1e-3, still, "still"))
+    result = fit(Log(np.arange(n) * 1e-3, still, "still"), force=True)
     (warning,) = [w for w in result.warnings if "cannot determine" in w]
     assert "theta_1, theta_2 and theta_3" in warning
     assert all(np.isinf(estimate.high) for estimate in result.parameters.values())

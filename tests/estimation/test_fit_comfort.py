@@ -189,7 +189,7 @@ def test_load_stands_for_all_load_weights_wherever_parameters_are_named(short):
     done = clutchid.simulate(Actuator(), short, sensitivities="load,P_S")
     assert list(done.sensitivities) == ["theta_1", "theta_2", "theta_3", "P_S"]
     with pytest.raises(clutchid.ParameterError, match="profile of theta_2, theta_3, which is not free"):
-        clutchid.fit(short, free="theta_1", profile="load")
+        clutchid.fit(short, free="theta_1", request=clutchid.FitRequest(profile="load"))
 
 
 def test_a_log_and_a_simulation_print_what_they_have(short):

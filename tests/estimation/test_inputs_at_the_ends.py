@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import clutchid
-from clutchid import fit
+from clutchid import FitRequest, fit
 from clutchid.estimation.verification import starts_of as estimated_starts
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.observer import observe_recording, observer
@@ -43,7 +43,9 @@ def assert_same(one, other, log):
 @pytest.mark.parametrize("partition", [None, Partition(parts=4), Partition(every=300, carry="q")])
 def test_a_fit_by_simulation_error_is_that_of_the_samples_with_inputs(worn_log, partition):
     log = worn_log.slice(0, 3000)
-    one, other = (fit(part, free=("theta_1",), partition=partition) for part in (late(log), ends_cut(log)))
+    one, other = (
+        fit(part, free=("theta_1",), request=FitRequest(partition=partition)) for part in (late(log), ends_cut(log))
+    )
     assert_same(one, other, log)
     # the errors are those of a simulation of the same recording
     again = clutchid.simulate(one.actuator, late(log), partition=partition).log
@@ -57,7 +59,8 @@ def test_a_reading_is_that_of_the_samples_with_inputs(plant, worn_log, method, e
     actuator = replace(plant, duty_period=0.01)
     log = thinned(worn_log.slice(0, 4000), every)
     one, other = (
-        fit(part, actuator, free=free, calibration=EXACT, method=method) for part in (late(log), ends_cut(log))
+        fit(part, actuator, free=free, request=FitRequest(calibration=EXACT), method=method)
+        for part in (late(log), ends_cut(log))
     )
     assert_same(one, other, log)
 

@@ -49,7 +49,9 @@ def test_late_edges_do_not_move_the_load(known, valves):
     peak = 1.1 * actuator.load.force(y).max()
 
     def load(delta, edges=True):
-        fit = clutchid.fit(late(actuator, delta, edges), actuator, free=("load",), calibration=EXACT)
+        fit = clutchid.fit(
+            late(actuator, delta, edges), actuator, free=("load",), request=clutchid.FitRequest(calibration=EXACT)
+        )
         return fit.actuator.load.force(y)
 
     def apart(one, other):

@@ -5,13 +5,13 @@ import tomllib
 import pytest
 from sympy import symbols
 
-from clutchid import workflow
 from clutchid.errors import ParameterError
 from clutchid.estimation.parameter_file import ParameterFile, read_parameters, write_parameters
 from clutchid.estimation.request import FitRequest
 from clutchid.inference.uncertainty.calibration import drift
 from clutchid.inference.uncertainty.coordinates import coordinates
 from clutchid.model import Actuator, OwnModel, OwnParameter
+from clutchid.verbs.start import start_of
 from fixtures.sentences import one_sentence
 
 y, f_s, c_r, F_r = symbols("y f_s c_r F_r")
@@ -73,11 +73,11 @@ def test_a_file_for_another_model_is_refused_in_one_sentence(saved, old, new, mo
 
 
 def test_a_fit_starts_from_a_file_only_with_its_model(saved):
-    assert workflow.start_of(saved(), SPRING, FitRequest())[0].value("c_r") == 5e3
+    assert start_of(saved(), SPRING, FitRequest())[0].value("c_r") == 5e3
     with pytest.raises(ParameterError, match="--model spring"):
-        workflow.start_of(saved(), None, FitRequest())
+        start_of(saved(), None, FitRequest())
     with pytest.raises(ParameterError, match="never loads code"):
-        workflow.start_of(saved(), "isothermal", FitRequest())
+        start_of(saved(), "isothermal", FitRequest())
 
 
 def test_own_parameters_have_their_own_prior_and_drift():

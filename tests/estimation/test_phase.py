@@ -51,6 +51,6 @@ def test_only_a_load_that_is_read_from_a_calibration_needs_the_filter(known):
 
 @pytest.mark.slow
 def test_a_reading_uses_the_phase_that_the_filter_found(known, cold_and_worn):
-    reading = clutchid.fit(cold_and_worn, known, free="load,D_v", calibration=EXACT)
+    reading = clutchid.fit(cold_and_worn, known, free="load,D_v", request=clutchid.FitRequest(calibration=EXACT))
     assert reading.parameters["D_v"].value == pytest.approx(2.0 * known.value("D_v"), rel=0.15)
     assert abs(centred(reading.parameters["s_pwm@truck1_calibration"].value - PHASE)) < 0.05

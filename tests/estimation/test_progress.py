@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clutchid import calibrate, fit
+from clutchid import FitRequest, calibrate, fit
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.truck import Truck, drive
 
@@ -13,10 +13,10 @@ METHODS = ["simulation", "shooting", pytest.param("prediction-error", marks=pyte
 
 @pytest.mark.parametrize("method", METHODS)
 def test_evaluations_are_counted_and_stages_follow_each_other(plant, worn_log, method):
-    reported, options = [], {} if method == "simulation" else {"calibration": EXACT}
+    reported, request = [], FitRequest(calibration=None if method == "simulation" else EXACT)
     found = fit(
-        worn_log.slice(0, 1500), plant, free="load", method=method,
-        progress=reported.append, **options,
+        worn_log.slice(0, 1500), plant, request, free="load", method=method, force=True,
+        progress=reported.append,
     )  # fmt: skip
     searched = [step for step in reported if step.evaluations]
     stages, counts, costs = zip(*searched, strict=True)
@@ -36,5 +36,6 @@ def test_a_calibration_names_every_stage_in_the_order_of_its_work():
     calibrate(drive(Truck(), seconds=6.0, seed=1).log, progress=reported.append)
     stages = list(dict.fromkeys(step.stage for step in reported))
     assert stages == [
-        "preparation", "coarse search", "fine search", "evidence", "position alone", "innovations", "verification",
+        "reading", "checks", "preparation", "coarse search", "fine search", "evidence", "position alone", "innovations",
+        "verification",
     ]  # fmt: skip

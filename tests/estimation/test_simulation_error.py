@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from clutchid.estimation.fit import fit
+from clutchid import fit
 from clutchid.estimation.simulation_error import build_problem, linearise, residuals
 from clutchid.log import Log
 from clutchid.model import Actuator

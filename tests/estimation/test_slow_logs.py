@@ -32,7 +32,9 @@ def sides(fit):
 def test_a_load_from_100_hz_is_read_with_care_and_has_no_narrower_interval_than_from_1_khz(
     calibrated, adapted, worn_log
 ):
-    slow = clutchid.fit(at_100_hz(worn_log), calibrated.actuator, calibration=calibrated.calibration)
+    slow = clutchid.fit(
+        at_100_hz(worn_log), calibrated.actuator, request=clutchid.FitRequest(calibration=calibrated.calibration)
+    )
     assert np.median(half_width(slow)) >= np.median(half_width(adapted))
     assert slow.verdict.trust == "with care"
     (reason,) = [reason for reason in slow.verdict.reasons if "worn: at 100 Hz" in reason]

@@ -5,7 +5,7 @@ import inspect
 import numpy as np
 import pytest
 
-from clutchid import calibrate, estimate, fit, parameter_file, read_parameters, write_parameters
+from clutchid import FitRequest, calibrate, estimate, fit, parameter_file, read_parameters, write_parameters
 from clutchid.errors import DataError
 from clutchid.truck import Truck, drive
 
@@ -46,7 +46,7 @@ def test_both_are_fits_with_their_defaults_whatever_holds_the_calibration(record
     cal, worn = recordings
     calibrated = calibrate(cal)
     assert same(calibrated, fit(cal, measure="position,pressure_a", free="auto"))
-    read = fit(worn, calibrated.actuator, calibration=calibrated.calibration)
+    read = fit(worn, calibrated.actuator, request=FitRequest(calibration=calibrated.calibration))
     assert read.comparison is not None
     write_parameters(parameter_file(calibrated), tmp_path / "cal.toml")
     for start in (calibrated, str(tmp_path / "cal.toml"), read_parameters(tmp_path / "cal.toml")):

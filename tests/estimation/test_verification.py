@@ -71,7 +71,9 @@ def test_a_recording_without_pressure_is_verified_by_its_position(known, other):
 
 def test_a_fit_by_shooting_is_verified_so(calibrated, worn, worn_log, recorded_by):
     unused = recorded_by(worn, seconds=5.0, seed=9, name="unused").without("pressure_a")
-    found = clutchid.fit(worn_log, calibrated.actuator, calibration=calibrated.calibration, verify=[unused])
+    found = clutchid.fit(
+        worn_log, calibrated.actuator, request=clutchid.FitRequest(calibration=calibrated.calibration), verify=[unused]
+    )
     assert found.method == "shooting"
     through, blind = (
         verification(found.actuator, [unused], None, through_sensors=s)[0]["unused"] for s in (True, False)

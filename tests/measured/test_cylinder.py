@@ -16,7 +16,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from clutchid import Fit, Log, Partition, fit, simulate
+from clutchid import Fit, FitRequest, Log, Partition, fit, simulate
 from clutchid.cli import main
 from clutchid.estimation.assess.diagnostics import fit_percent
 from clutchid.measurements import read
@@ -97,8 +97,8 @@ def test_the_simulation_with_the_position_as_input_does_not_look_at_the_measured
 def test_a_fit_that_takes_the_pressure_at_every_reset_only_predicts_one_sample_ahead(bench, halves):
     start = bench.read_parameters(bench.ACTUATOR).actuator
     taken = Partition(every=1, carry="q")
-    short = fit(halves[0], start, measure=("pressure_a",), free=("P_S",), partition=taken)
-    open_loop = fit(halves[0], start, measure=("pressure_a",), free=("P_S",), partition=bench.INPUT)
+    short = fit(halves[0], start, measure=("pressure_a",), free=("P_S",), request=FitRequest(partition=taken))
+    open_loop = fit(halves[0], start, measure=("pressure_a",), free=("P_S",), request=FitRequest(partition=bench.INPUT))
     # one sample after it was measured the pressure is much the same, whatever the supply is thought to be
     assert short.errors.pressure_a_rms < 0.5 * open_loop.errors.pressure_a_rms
 

@@ -89,7 +89,9 @@ def test_a_load_is_read_from_100_hz(switched, bus):
 @pytest.mark.slow
 def test_a_load_is_read_from_duty_cycles_that_change_between_the_samples(continuous, between):
     assert duties_in(between, continuous) is Duties.INTERPOLATED
-    fit = clutchid.fit(between, continuous, free=("load",), calibration=Calibration((), np.zeros((0, 0))))
+    fit = clutchid.fit(
+        between, continuous, free=("load",), request=clutchid.FitRequest(calibration=Calibration((), np.zeros((0, 0))))
+    )
     assert fit.method == "prediction-error", "multiple shooting has no noise of the flow within its windows"
     y = np.linspace(0.5e-3, 15e-3, 40)
     true = 1.08 * continuous.load.force(y)
@@ -117,7 +119,9 @@ def test_each_recording_has_its_duty_cycles_in_one_of_four_ways(switched, bus, b
 def test_a_recording_without_the_edges_of_on_off_valves_is_refused_in_one_sentence(switched, bus):
     whole = bus.with_columns(duty_supply=np.round(bus["duty_supply"]), duty_exhaust=np.round(bus["duty_exhaust"]))
     with pytest.raises(DataError) as caught:
-        clutchid.fit(whole, switched, free=("load",), calibration=Calibration((), np.zeros((0, 0))))
+        clutchid.fit(
+            whole, switched, free=("load",), request=clutchid.FitRequest(calibration=Calibration((), np.zeros((0, 0))))
+        )
     assert str(caught.value) == (
         "bus: a sample every 10 ms does not show when the on/off valves switch, and the load would have errors of tens "
         "of percent; record at 1 kHz."

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from clutchid import fit
 from clutchid.errors import DataError
-from clutchid.estimation import fit
 from clutchid.preparation.inspection import inspect
 from clutchid.preparation.prepare import usable
 from clutchid.simulation import simulate

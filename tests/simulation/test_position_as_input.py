@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from clutchid import fit
+from clutchid import FitRequest, fit
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.parameters import Parameters
@@ -45,7 +45,7 @@ def test_a_sealed_chamber_keeps_its_air_along_any_position(truth):
 
 def test_a_fit_finds_the_conductance_without_knowing_the_load(truth, drive):
     start = Actuator(truth.parameters.replace({"C_vs": 15e-9}), Load((6e5, 0.0, 0.0)))
-    result = fit(drive, start, measure=("pressure_a",), free=("C_vs",), partition=INPUT)
+    result = fit(drive, start, measure=("pressure_a",), free=("C_vs",), request=FitRequest(partition=INPUT))
     # a flow follows its pressure
     assert abs(result.parameters["C_vs"].value / truth.value("C_vs") - 1) < within_a_sample(truth)
 

@@ -33,7 +33,7 @@ from clutchid.files import reason_of
 from clutchid.log.units import UNITS
 from clutchid.measurements.columns import QUANTITIES
 from clutchid.names import printable
-from clutchid.workflow.failures import failure
+from clutchid.verbs.failures import failure
 
 STATIC = Path(__file__).parent / "static"
 

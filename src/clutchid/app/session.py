@@ -18,7 +18,7 @@ from clutchid.app.uploads import safe_name
 from clutchid.errors import DataError, ParameterError
 from clutchid.names import printable
 from clutchid.systems import command_line, replace
-from clutchid.workflow.options import bounds, pressure, priors
+from clutchid.verbs.options import bounds, pressure, priors
 
 #: What a fit on the page asks for, by verb: the defaults of the commands of the same name.
 VERBS: Mapping[str, Mapping[str, str]] = {
@@ -97,7 +97,7 @@ class Session:
         from clutchid.measurements.map.channel_map import read_map
 
         known = self._recording(id_)
-        pressure(ambient or None, 1e5)
+        pressure(ambient or None)
         kept = self.folder / "maps" / id_ / "map.toml"
         kept.parent.mkdir(parents=True, exist_ok=True)
         tried = kept.with_name("tried.toml")
@@ -418,7 +418,7 @@ def checked_options(options: Any) -> dict[str, Any]:
         parse(items)
         if items:
             found[name] = items
-    pressure(found.get("ambient"), 1e5)
+    pressure(found.get("ambient"))
     if options.get("force"):
         found["force"] = True
     return found

@@ -12,12 +12,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from clutchid import workflow
 from clutchid.app.plots import CLOCK, clock_column
 from clutchid.codegen.cache import when_compiling
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.estimation.assess.comparison import comparison
-from clutchid.estimation.fit import request_of
 from clutchid.estimation.parameter_file import read_parameters
 from clutchid.estimation.result import calibrated_curve
 from clutchid.log import Log
@@ -28,18 +26,21 @@ from clutchid.measurements.opening import open_source
 from clutchid.measurements.source import BLOCK, Source
 from clutchid.measurements.stored import store, stored, write_column
 from clutchid.numerics.progress import Step
-from clutchid.parameters import known_ambient
 from clutchid.reports.fit_json import curve_json, fit_json
 from clutchid.reports.look_json import look_json
 from clutchid.reports.next_step import Command, next_step
 from clutchid.reports.summary import errors_text, summary
-from clutchid.workflow.looking import checked, contents_of
-from clutchid.workflow.options import bounds, pressure, priors
-from clutchid.workflow.progress import CALIBRATION, ESTIMATE, Progressed, shared
+from clutchid.verbs import saving
+from clutchid.verbs.fitting import fitted
+from clutchid.verbs.looking import checked, contents_of
+from clutchid.verbs.observing import observed
+from clutchid.verbs.options import RequestText, pressure
+from clutchid.verbs.progress import CALIBRATION, ESTIMATE, Progressed, shared
+from clutchid.verbs.reading import Reading, RecordingFile
+from clutchid.verbs.start import calibration_file, start_of
 
 if TYPE_CHECKING:
     from clutchid.estimation import Fit
-    from clutchid.estimation.request import FitRequest
     from clutchid.measurements.map.channel_map import ChannelMap
 
 Task = Mapping[str, Any]
@@ -94,7 +95,7 @@ def _looked(source: Source, task: Task, events: Listener) -> dict[str, Any]:
     """The contents of a recording, the checks, and how its channels are plotted."""
     when_compiling(lambda _: events.progress("compiling", 0.9, "compiling the model, once per machine"))
     given = None if task.get("map") is None else read_map(task["map"])
-    ambient = pressure(task.get("ambient"), None)
+    ambient = pressure(task.get("ambient"))
     folder = Path(task["folder"])
     _write_clocks(source, given, folder)
     about = {
@@ -132,7 +133,7 @@ def cut_recording(task: Task, events: Listener) -> dict[str, Any]:
     source = stored(Path(task["source"]))
     given = None if task.get("map") is None else read_map(task["map"])
     chosen = {round(float(begin), 6) for begin in task["begins"]}
-    pieces = source_pieces(source, given, pressure(task.get("ambient"), None))
+    pieces = source_pieces(source, given, pressure(task.get("ambient")))
     sections = [section for section in cut(pieces) if round(section.start, 6) in chosen]
     if not sections:
         raise DataError(f"{source.path.name}: no stroke is chosen.")
@@ -180,23 +181,13 @@ def _strokes(log: Log | None) -> list[dict[str, Any]]:
     return [{"kind": one.kind, "label": one.label, "begin": one.start, "end": one.end} for one in sections]
 
 
-def _read(
-    items: Sequence[Task], actuator: Any, request: FitRequest, ambient: float | None, *, verify: bool
-) -> list[Log]:
-    """Recordings, each with the channel map of its own; the problems of all are raised together."""
-    logs, problems = [], []
-    for item in items:
-        one = None if item.get("map") is None else Path(item["map"])
-        files = workflow.FileOptions(
-            ambient, one, tuple(map(Path, item.get("dbc", ()))), known_ambient(actuator.parameters.P_0)
-        )
-        measured = () if verify else request.measure
-        try:
-            logs += workflow.read_recordings([Path(item["path"])], files, actuator.equipment, measured=measured)
-        except DataError as error:
-            problems.append(str(error))
-    DataError.raise_for(problems)
-    return logs
+def _files(items: Sequence[Task]) -> tuple[RecordingFile, ...]:
+    """Recordings, each with the channel map of its own."""
+    return tuple(RecordingFile(item["path"], item.get("map"), tuple(item.get("dbc", ()))) for item in items)
+
+
+#: Options of the page that say what is searched; the others say how files are read.
+_SEARCH = ("measure", "free", "method", "bounds", "prior", "zero")
 
 
 def fit(task: Task, events: Listener) -> dict[str, Any]:
@@ -215,22 +206,19 @@ def fit(task: Task, events: Listener) -> dict[str, Any]:
     progress = shared(usual, show)
     when_compiling(lambda _: progress(Step("compiling")))
     options = task["options"]
-    limits, known = bounds(options.get("bounds", ())), priors(options.get("prior", ()))
-    request = request_of(
-        options["measure"], options["free"], limits, None, options.get("method") or None, known, (), 0, options["zero"]
-    )
+    search = RequestText(**{name: value for name, value in options.items() if name in _SEARCH})
     start = None if task.get("start") is None else Path(task["start"])
-    actuator, request = workflow.start_of(start, None, request)
-    ambient = pressure(options.get("ambient") or None, None)
-    progress(Step("reading"))
-    logs = _read(task["recordings"], actuator, request, ambient, verify=False)
-    others = _read(task.get("verify", ()), actuator, request, ambient, verify=True)
-    found = workflow.fit_recordings(logs, actuator, request, others, progress, force=bool(options.get("force")))
+    actuator, request = start_of(start, None, search.request(task["verb"]))
+    reading = Reading(
+        _files(task["recordings"]), _files(task.get("verify", ())), pressure(options.get("ambient") or None),
+        force=bool(options.get("force")), zero=request.zero,
+    )  # fmt: skip
+    found = fitted(reading, actuator, request, progress).raised()
     progress(Step("writing"))
     folder = Path(task["folder"])
     shown = _shown(found, task, folder)
     events.part({**shown, "writing": True})
-    return {**shown, **_files(found, task, folder)}
+    return {**shown, **_written(found, task, folder)}
 
 
 def _command(task: Task, save: Path | None = None, report: Path | None = None) -> Command:
@@ -239,16 +227,16 @@ def _command(task: Task, save: Path | None = None, report: Path | None = None) -
     return Command(tuple(task["arguments"]), logs, save=save, report=report)
 
 
-def _files(found: Fit, task: Task, folder: Path) -> dict[str, Any]:
+def _written(found: Fit, task: Task, folder: Path) -> dict[str, Any]:
     """Write the files of a fit; their names, and why others could not be written."""
     files, failures = ["result.json"], []
     command = _command(task)
     for name in ("fit.toml", "report.html", "fit.m", "fit.mat"):
         try:
             if name.endswith(".html"):
-                workflow.report(found, command.with_options(), folder / name)
+                saving.report(found, command.with_options(), folder / name)
             else:
-                workflow.save(found, folder / name)
+                saving.save(found, folder / name)
             files.append(name)
         except ClutchidError as error:
             failures.append(f"{name}: {error}")
@@ -352,7 +340,7 @@ def export(task: Task, events: Listener) -> dict[str, Any]:
         As `clutchid.export`.
     """
     from clutchid.exports.exporting import targets_of
-    from clutchid.workflow.verbs import export as exported
+    from clutchid.verbs.exporting import export as exported
 
     events.progress("export", None, "writing the C and comparing it with Python")
     when_compiling(lambda _: events.progress("compiling", None, "compiling the model, once per machine"))
@@ -383,22 +371,11 @@ def observe(task: Task, events: Listener) -> dict[str, Any]:
 
     events.progress("reading", 0.0, "reading")
     when_compiling(lambda _: events.progress("compiling", 0.1, "compiling the model, once per machine"))
-    content = workflow.start_file(Path(task["start"]), None)
-    item = task["recording"]
-    files = workflow.FileOptions(
-        None,
-        None if item.get("map") is None else Path(item["map"]),
-        tuple(map(Path, item.get("dbc", ()))),
-        known_ambient(content.actuator.parameters.P_0),
-    )
-    equipment = content.actuator.equipment
-    (log,) = workflow.read_recordings([Path(item["path"])], files, equipment, measured=("pressure_a",))
-    events.progress("checks", 0.1, "checks")
-    force = bool(task.get("force"))
-    (log,) = workflow.inspected([log], content.actuator, force=force, rest=content.rest)
-    log = workflow.fast_enough(log, content, force=force)
-    events.progress("observing", 0.3, f"following {len(log):,} samples")
-    run = workflow.observed(log, content, task["method"])
+    content = calibration_file(Path(task["start"]))
+    reading = Reading(_files([task["recording"]]), force=bool(task.get("force")))
+    events.progress("observing", 0.3, "following the samples")
+    run = observed(reading, content, task["method"])
+    log = run.log
     events.progress("writing", 0.9, "writing")
     folder = Path(task["folder"]) / "columns"
     folder.mkdir(parents=True, exist_ok=True)

@@ -16,7 +16,7 @@ import traceback
 from typing import Any
 
 from clutchid.systems import end_session
-from clutchid.workflow.failures import failure
+from clutchid.verbs.failures import failure
 
 #: Interval in s between two events about the same stage.
 GLANCE = 0.1

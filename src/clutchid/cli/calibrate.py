@@ -9,13 +9,7 @@ from clutchid.cli.fit import DEFAULTS, FitOptions, fitted
 
 
 @guarded
-def calibrate(
-    *logs: Path,
-    measure: str = "position,pressure_a",
-    free: str = "auto",
-    start: Path | None = None,
-    options: FitOptions = DEFAULTS,
-) -> int:
+def calibrate(*logs: Path, options: FitOptions = DEFAULTS) -> int:
     """Calibrate a truck once, from recordings with pressure: its load, valves, friction and sensors.
 
     Save the calibration, and estimate the load of the worn clutch from position alone with it: `clutchid estimate
@@ -26,11 +20,5 @@ def calibrate(
     logs
         Recordings with position, duty cycles and `pressure_a`, all of one state of wear. Put them before --verify,
         --bounds and --dbc, which take all arguments that follow.
-    measure
-        Measured columns to compare; a calibration needs the pressure among them.
-    free
-        Free parameters, comma-separated; `auto` means all parameters that recordings with pressure can determine.
-    start
-        Parameter file with model and start values: an actuator file, or a calibration whose search is continued.
     """
-    return fitted("calibrate", logs, measure, free, start, options)
+    return fitted(options.command("calibrate", logs), options)

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Annotated, Any, Literal, ParamSpec, TextIO
+from typing import TYPE_CHECKING, Annotated, Any, ParamSpec, TextIO
 
 from cyclopts import Group, Parameter
 
@@ -19,11 +19,11 @@ from clutchid.cli.terminal import OutputLost, printable_lines, put, say, sentenc
 from clutchid.errors import ParameterError
 from clutchid.log import Log
 from clutchid.names import printable
-from clutchid.workflow.failures import failure
+from clutchid.verbs.failures import failure
+from clutchid.verbs.options import ReadingText, RequestText, pressure
 
 if TYPE_CHECKING:
-    from clutchid.model.compiled import Model
-    from clutchid.simulation import Partition
+    pass
 
 P = ParamSpec("P")
 
@@ -36,9 +36,9 @@ OUTPUT = Parameter(group=Group("Output", sort_key=5))
 
 #: Options of several commands: how recordings are read, and what is printed and written.
 Flag = Annotated[bool, Parameter(negative="", show_default=False)]
-MapOption = Annotated[Path | None, Parameter(name="--map"), FILES]
-DbcOption = Annotated[list[Path] | None, Parameter(consume_multiple=True), FILES]
-AmbientOption = Annotated[str | None, FILES]
+_OF_A_RECORD = Parameter(name="*", consume_multiple=True, negative="")
+SearchOptions = Annotated[RequestText, _OF_A_RECORD, SEARCH]
+FileOptions = Annotated[ReadingText, _OF_A_RECORD, FILES]
 ForceFlag = Annotated[Flag, FILES]
 OutOption = Annotated[Path, OUTPUT]
 PathOutput = Annotated[Path | None, OUTPUT]
@@ -141,9 +141,7 @@ def _finite(value: Any) -> Any:
     return value
 
 
-def pieces_of(
-    path: Path, ambient: float | None, map_: Path | None, dbc: Sequence[Path], show: Callable[[str, float], None]
-) -> Iterator[Log]:
+def pieces_of(path: Path, files: ReadingText, show: Callable[[str, float], None]) -> Iterator[Log]:
     """A recording of any length in pieces, with its warnings on standard error and a progress bar."""
     from clutchid.measurements import read_pieces
 
@@ -151,7 +149,8 @@ def pieces_of(
         show(f"{done:,} samples", done / max(size, 1))
 
     reported: set[str] = set()
-    for piece in read_pieces(path, ambient=ambient, channels=map_, dbc=dbc, progress=shown):
+    ambient, dbc = pressure(files.ambient), files.dbc or ()
+    for piece in read_pieces(path, ambient=ambient, channels=files.map, dbc=dbc, progress=shown):
         say(warning for warning in piece.warnings if warning not in reported)
         reported.update(piece.warnings)
         yield piece
@@ -169,30 +168,6 @@ def life_limit(limit: float | None) -> float | None:
             "if the half-load position falls."
         )
     return limit * 1e-3
-
-
-def model_of(text: str | None) -> Model | None:
-    """The option --model: a variant, or FILE.py:NAME of a model of one's own, whose file is executed."""
-    from clutchid.model.own.file import model_named
-
-    return None if text is None else model_named(text)
-
-
-def partition_of(
-    every: int | None,
-    parts: int | None,
-    carry: Literal["p", "q"] | None,
-    take: Literal["all", "position"] | None = None,
-) -> Partition | None:
-    """The options --every, --parts, --carry and --take; None is ballistic."""
-    from clutchid.simulation import Partition
-
-    if every is None and parts is None:
-        for option, value in (("carry", carry), ("take", take)):
-            if value is not None:
-                raise ParameterError(f"--{option} {value}: there are no resets; give --every N or --parts N.")
-        return None
-    return Partition(every=every, parts=parts, carry=carry or "p", take=take or "all")
 
 
 def check_outputs(

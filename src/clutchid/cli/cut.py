@@ -11,9 +11,7 @@ from typing import TYPE_CHECKING
 
 from clutchid.cli.common import (
     DONE,
-    AmbientOption,
-    DbcOption,
-    MapOption,
+    FileOptions,
     OutOption,
     OutputFlag,
     PathOutput,
@@ -25,7 +23,7 @@ from clutchid.cli.common import (
 )
 from clutchid.cli.terminal import put
 from clutchid.errors import DataError
-from clutchid.workflow.options import pressure
+from clutchid.verbs.options import USUAL_FILES
 
 if TYPE_CHECKING:
     from clutchid.strokes import Section
@@ -39,9 +37,7 @@ def cut(
     out: OutOption,
     table: PathOutput = None,
     seconds: float = 60.0,
-    map_: MapOption = None,
-    dbc: DbcOption = None,
-    ambient: AmbientOption = None,
+    files: FileOptions = USUAL_FILES,
     debug: OutputFlag = False,
 ) -> int:
     """Cut a long recording into strokes and rests, and write those with the most information about the load.
@@ -58,12 +54,6 @@ def cut(
         CSV list of all strokes and rests to write: label, start, reach, speeds, vented rest, missing samples.
     seconds
         Greatest total length of the selected strokes in s.
-    map_
-        Channel map (TOML) of the recording, as written by `clutchid look --save`.
-    dbc
-        DBC files that decode a bus log; several may follow each other.
-    ambient
-        Ambient pressure for gauge units; 1.013bar by default.
     debug
         Show the traceback of an error.
     """
@@ -75,7 +65,7 @@ def cut(
     check_outputs({"--out": out, "--table": table}, [("the recording itself", recording)])
     counts: Counter[str] = Counter()
     with progress_bar("cut") as show:
-        pieces = pieces_of(recording, pressure(ambient, None), map_, tuple(dbc or ()), show)
+        pieces = pieces_of(recording, files, show)
         sections = sections_of(pieces)
         if table is None:
             chosen = choose(_counted(sections, counts, lambda _: None), seconds)

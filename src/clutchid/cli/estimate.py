@@ -10,13 +10,7 @@ from clutchid.errors import ParameterError
 
 
 @guarded
-def estimate(
-    *logs: Path,
-    start: Path | None = None,
-    measure: str = "position",
-    free: str = "load",
-    options: FitOptions = DEFAULTS,
-) -> int:
+def estimate(*logs: Path, options: FitOptions = DEFAULTS) -> int:
     """Estimate the load from position alone, with a calibration, and what has changed since.
 
     The calibration is made once with pressure: `clutchid calibrate CAL.csv --save CAL.toml`. It is `clutchid fit
@@ -27,17 +21,11 @@ def estimate(
     logs
         Recordings with position and duty cycles, in any format with a --map. Put them before --verify, --bounds and
         --dbc, which take all arguments that follow.
-    start
-        Calibration (TOML) of this truck, as written by `clutchid calibrate --save`; it is needed.
-    measure
-        Measured columns to compare.
-    free
-        Free parameters, comma-separated; `load` means all load weights.
     """
-    if start is None:
+    if options.start is None:
         raise ParameterError(
             "no --start: a load is estimated from position alone with a calibration, clutchid estimate WORN.csv "
             "--start CAL.toml. It is made once, from a recording with pressure: clutchid calibrate CAL.csv --save "
             "CAL.toml. Without one, clutchid fit WORN.csv assumes the truck of the paper."
         )
-    return fitted("estimate", logs, measure, free, start, options)
+    return fitted(options.command("estimate", logs), options)

@@ -9,10 +9,8 @@ from clutchid.cli.common import (
     DONE,
     FILES,
     SEARCH,
-    AmbientOption,
-    DbcOption,
+    FileOptions,
     Flag,
-    MapOption,
     OutOption,
     OutputFlag,
     guarded,
@@ -20,9 +18,7 @@ from clutchid.cli.common import (
     print_written,
 )
 from clutchid.cli.terminal import put, say
-from clutchid.parameters import known_ambient
-from clutchid.workflow import FileOptions, read_recordings, start_file
-from clutchid.workflow.options import pressure
+from clutchid.verbs.options import USUAL_FILES
 
 if TYPE_CHECKING:
     from clutchid.exports.exporting import Export
@@ -43,9 +39,7 @@ def export(
     resume: Annotated[Path | None, FILES] = None,
     check: Annotated[Path | None, FILES] = None,
     model: Flag = False,
-    ambient: AmbientOption = None,
-    map_: MapOption = None,
-    dbc: DbcOption = None,
+    files: FileOptions = USUAL_FILES,
     json: OutputFlag = False,
     debug: OutputFlag = False,
 ) -> int:
@@ -75,28 +69,22 @@ def export(
         Recording on which C and Python are compared; by default a short simulated drive.
     model
         Write the actuator with its load as an FMU too, for `--to fmu2`.
-    ambient
-        Ambient pressure for gauge units, for example 1.013bar; P_0 of the calibration by default.
-    map_
-        Channel map (TOML) of the recording, as written by `clutchid look --save`.
-    dbc
-        DBC files that decode a bus log; several may follow each other.
     json
         Print one JSON object on standard output.
     debug
         Show the traceback of an error.
     """
     from clutchid.exports.exporting import targets_of
-    from clutchid.workflow.verbs import export as exported
+    from clutchid.verbs import exporting
+    from clutchid.verbs.start import start_file
 
-    targets, content = targets_of(to), start_file(calibration, None)
-    files = FileOptions(pressure(ambient, None), map_, tuple(dbc or ()), known_ambient(content.actuator.parameters.P_0))
-    log = read_recordings([check], files, content.actuator.equipment)[0] if check else None
-    done = exported(
+    targets, content = targets_of(to), start_file(calibration)
+    log = files.reading([check]).read(content.actuator)[0] if check else None
+    export = exporting.export(
         calibration, out, to=targets, method=method, modes=modes, real=real, rates=rates, name=name, resume=resume,
         check=log, model=model,
     )  # fmt: skip
-    _answer(done, json)
+    _answer(export, json)
     return DONE
 
 

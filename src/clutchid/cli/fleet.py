@@ -14,10 +14,8 @@ from clutchid.cli.common import (
     DONE,
     FAILED,
     FLEET,
-    AmbientOption,
-    DbcOption,
+    FileOptions,
     Flag,
-    MapOption,
     OutOption,
     OutputFlag,
     guarded,
@@ -29,7 +27,7 @@ from clutchid.cli.terminal import printable_lines, put, say
 from clutchid.errors import ParameterError
 from clutchid.names import printable
 from clutchid.systems import command_line
-from clutchid.workflow.options import pressure
+from clutchid.verbs.options import USUAL_FILES, pressure
 
 if TYPE_CHECKING:
     from clutchid.fleets.cluster import Tls, Workers
@@ -126,9 +124,7 @@ def fleet(
     scheduler: Annotated[Scheduler, Parameter(name="*"), FLEET] = NO_SCHEDULER,
     limit: float | None = None,
     retry: Annotated[Flag, FLEET] = False,
-    ambient: AmbientOption = None,
-    map_: MapOption = None,
-    dbc: DbcOption = None,
+    files: FileOptions = USUAL_FILES,
     json: OutputFlag = False,
     debug: OutputFlag = False,
 ) -> int:
@@ -154,12 +150,6 @@ def fleet(
         default the last row of TYPE.wear.csv ends it. Without either, what is left is not known.
     retry
         Read recordings once more that ended their worker or took too long.
-    ambient
-        Ambient pressure for gauge units, for example 1.013bar; P_0 of the calibration by default.
-    map_
-        Channel map (TOML) of the recordings, as written by `clutchid look --save`.
-    dbc
-        DBC files that decode bus logs; several may follow each other.
     json
         Print one JSON object on standard output.
     debug
@@ -171,7 +161,7 @@ def fleet(
     with progress_of("fleet") as progress:
         done = verbs.fleet(
             source, start, out, verb=verb, place=place, limit=shift, retry=retry,
-            ambient=pressure(ambient, math.nan), channels=map_, dbc=dbc or (),
+            ambient=pressure(files.ambient), channels=files.map, dbc=files.dbc or (),
             command=printable(f"clutchid {command_line(sys.argv[1:])}"), progress=progress,
         )  # fmt: skip
     _say(done, as_json=json)

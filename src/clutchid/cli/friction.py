@@ -9,13 +9,12 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, AmbientOption, MapOption, OutputFlag, guarded, print_json
+from clutchid.cli.common import DONE, FileOptions, OutputFlag, guarded, print_json
 from clutchid.cli.terminal import put, say
 from clutchid.errors import ParameterError
 from clutchid.log import Log
 from clutchid.measurements.checks import AMBIENT
-from clutchid.workflow import FileOptions, read_recordings
-from clutchid.workflow.options import pressure
+from clutchid.verbs.options import USUAL_FILES, pressure
 
 
 @guarded
@@ -25,8 +24,7 @@ def friction(
     area: float | None = None,
     fix: Annotated[list[str] | None, Parameter(consume_multiple=True)] = None,
     inertia: float | None = None,
-    map_: MapOption = None,
-    ambient: AmbientOption = None,
+    options: FileOptions = USUAL_FILES,
     json: OutputFlag = False,
     debug: OutputFlag = False,
 ) -> int:
@@ -46,18 +44,16 @@ def friction(
         may follow each other.
     inertia
         Mass in kg between the load cell and the friction, whose acceleration is part of the force; for lugre.
-    map_
-        Channel map (TOML) of the recordings, as written by `clutchid look --save`.
-    ambient
-        Ambient pressure; 1.013bar by default.
     json
         Print one JSON object on standard output.
     debug
         Show the traceback of an error.
     """
-    outside = pressure(ambient, AMBIENT)
+    from clutchid.verbs.rig import rig_recordings
+
+    outside = pressure(options.ambient) or AMBIENT
     fixed = _fixed(fix or (), inertia, law, area)
-    logs = read_recordings(files, FileOptions(outside, map_), required=("time", "position", "force"))
+    logs = rig_recordings(options.reading(files))
     text, content = _lugre(logs, fixed, inertia or 0.0) if law == "lugre" else _coulomb(logs, outside, area)
     if json:
         print_json({"status": "warning" if content["warnings"] else "ok", **content})

@@ -9,9 +9,7 @@ from pathlib import Path
 from clutchid.cli.common import (
     BAD_INPUT,
     DONE,
-    AmbientOption,
-    DbcOption,
-    MapOption,
+    FileOptions,
     OutputFlag,
     PathOutput,
     check_outputs,
@@ -20,8 +18,7 @@ from clutchid.cli.common import (
     print_written,
 )
 from clutchid.cli.terminal import put, sentences
-from clutchid.workflow import start_file
-from clutchid.workflow.options import pressure
+from clutchid.verbs.options import USUAL_FILES, pressure
 
 
 @guarded
@@ -30,10 +27,8 @@ def look(
     /,
     *,
     save: PathOutput = None,
-    map_: MapOption = None,
-    dbc: DbcOption = None,
-    ambient: AmbientOption = None,
     start: Path | None = None,
+    files: FileOptions = USUAL_FILES,
     json: OutputFlag = False,
     debug: OutputFlag = False,
 ) -> int:
@@ -45,12 +40,6 @@ def look(
         Recording: CSV, Parquet, MDF, MATLAB, or a CAN log (BLF, ASC, TRC, MF4); each also as .gz.
     save
         Write the proposed channel map (TOML), to be corrected by hand and given to `fit` and `simulate` with --map.
-    map_
-        Channel map: quantities, time axis, problems and checks are those of `fit` with this map.
-    dbc
-        DBC files that decode a bus log; several may follow each other.
-    ambient
-        Ambient pressure for gauge units; P_0 of the calibration by default, else 1.013bar.
     start
         Calibration (TOML) that the recording is compared with: its actuator, and where its vented rest was.
     json
@@ -60,13 +49,13 @@ def look(
     """
     from clutchid.measurements.map.channel_map import read_map, write_map
     from clutchid.reports.look_json import look_json
-    from clutchid.workflow.looking import looked
+    from clutchid.verbs.looking import looked
+    from clutchid.verbs.start import start_file
 
     check_outputs({"--save": save}, [("the recording itself", file), ("the calibration", start)])
-    content = None if start is None else start_file(start, None)
-    at = pressure(ambient, None)
-    given = None if map_ is None else read_map(map_)
-    found = looked(file, at, tuple(dbc or ()), given, content)
+    content = None if start is None else start_file(start)
+    channels = None if files.map is None else read_map(files.map)
+    found = looked(file, pressure(files.ambient), tuple(files.dbc or ()), channels, content)
     contents = found.contents
     if json:
         print_json(look_json(contents, found.inspection, found.unchecked))

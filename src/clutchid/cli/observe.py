@@ -9,12 +9,10 @@ from cyclopts import Parameter
 
 from clutchid.cli.common import DONE, guarded
 from clutchid.cli.observe_live import observe_live
-from clutchid.cli.observe_output import STANDARD_INPUT, ObserveOptions, answer, calibration_file, is_live
+from clutchid.cli.observe_output import STANDARD_INPUT, ObserveOptions, answer, is_live
 from clutchid.errors import ParameterError
-from clutchid.measurements.checks import AMBIENT
-from clutchid.parameters import known_ambient
-from clutchid.workflow import FileOptions, fast_enough, inspected, observed, read_recordings
-from clutchid.workflow.options import pressure
+from clutchid.verbs.observing import observed
+from clutchid.verbs.start import calibration_file
 
 
 @guarded
@@ -39,14 +37,10 @@ def observe(
         raise ParameterError(f"Unknown option: {log}. Try 'clutchid observe --help'.")
     options.check(log)
     content = calibration_file(options.start)
-    air, added = pressure(options.ambient, None), known_ambient(content.actuator.parameters.P_0)
     if options.follow or is_live(log):
-        return observe_live(log, content, options, air or added or AMBIENT)
-    files = FileOptions(air, options.map_, tuple(options.dbc or ()), added)
-    read = read_recordings([log], files, content.actuator.equipment)
-    (checked,) = inspected(read, content.actuator, force=options.force, rest=content.rest, zero=options.zero)
-    checked = fast_enough(checked, content, force=options.force)
-    run = observed(checked, content, options.method, options.resume, options.zero)
+        return observe_live(log, content, options)
+    reading = options.files.reading([log], force=options.force, zero=options.zero)
+    run = observed(reading, content, options.method, options.resume)
     options.write(run, content)
     answer(run, content, options)
     return DONE

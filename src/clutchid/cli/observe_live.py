@@ -33,10 +33,13 @@ from clutchid.cli.observe_sinks import (
 )
 from clutchid.errors import DataError, ExportError
 from clutchid.log import INPUTS, Log
+from clutchid.measurements.checks import AMBIENT
 from clutchid.measurements.live.bus import bus_name
 from clutchid.names import printable
+from clutchid.parameters import known_ambient
 from clutchid.systems import HANG_UPS, STOPS
-from clutchid.workflow import observer_of
+from clutchid.verbs.observing import observer_of
+from clutchid.verbs.options import pressure
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
@@ -48,7 +51,7 @@ if TYPE_CHECKING:
 MINUTE = 60.0
 
 
-def observe_live(log: Path, content: ParameterFile, options: ObserveOptions, ambient: float) -> int:
+def observe_live(log: Path, content: ParameterFile, options: ObserveOptions) -> int:
     """Follow a live recording until it ends or is stopped; write all files, and say what was found.
 
     Raises
@@ -62,7 +65,7 @@ def observe_live(log: Path, content: ParameterFile, options: ObserveOptions, amb
         raise ExportError(f"--out {options.out}: a live recording is written as {' or '.join(SPOOLED)}, in any length.")
     kept, left = FileTroubles(), offer(options)
     with stop_signals() as stopped:
-        with closing(_blocks(log, content, options, ambient, stopped)) as blocks:
+        with closing(_blocks(log, content, options, stopped)) as blocks:
             run, trouble = _followed(blocks, content, options, kept, left, stopped)
         kept.write_rest(options, run.recent(), content)
     with unhurried_errors():
@@ -107,9 +110,7 @@ def stop_signals() -> Iterator[Stopped]:
             signal.signal(number, handler)
 
 
-def _blocks(
-    log: Path, content: ParameterFile, options: ObserveOptions, ambient: float, stopped: Stopped
-) -> Generator[LiveBlock]:
+def _blocks(log: Path, content: ParameterFile, options: ObserveOptions, stopped: Stopped) -> Generator[LiveBlock]:
     """Blocks of the recording as they arrive, with a duty cycle for both valves of the model."""
     from clutchid.measurements.live.bus import bus_blocks, from_bus
     from clutchid.measurements.live.feed import from_descriptor, from_growing_file
@@ -117,14 +118,16 @@ def _blocks(
     from clutchid.measurements.map.channel_map import read_map
     from clutchid.observer.state_file import saved_origin
 
-    channels = None if options.map_ is None else read_map(options.map_)
+    files = options.files
+    channels = None if files.map is None else read_map(files.map)
+    ambient = pressure(files.ambient) or known_ambient(content.actuator.parameters.P_0) or AMBIENT
     equipment = content.actuator.equipment
     required = ("time", "position", *equipment.recorded)
     if (bus := bus_name(str(log))) is not None:
         frames = from_bus(bus, stopped)
         name = printable(bus.channel)
         origin = None if options.resume is None else saved_origin(options.resume)
-        blocks = bus_blocks(frames, name, tuple(options.dbc or ()), channels, ambient, required, origin)
+        blocks = bus_blocks(frames, name, tuple(files.dbc or ()), channels, ambient, required, origin)
     elif str(log) == STANDARD_INPUT:
         if sys.stdin is None:
             raise DataError(

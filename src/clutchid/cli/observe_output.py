@@ -18,11 +18,9 @@ from clutchid.cli.common import (
     FILES,
     OUTPUT,
     SEARCH,
-    AmbientOption,
-    DbcOption,
+    FileOptions,
     Flag,
     ForceFlag,
-    MapOption,
     OutOption,
     OutputFlag,
     PathOutput,
@@ -36,7 +34,7 @@ from clutchid.errors import ExportError, ParameterError
 from clutchid.measurements.live.bus import BusName, bus_name
 from clutchid.names import printable
 from clutchid.systems import command_line
-from clutchid.workflow import start_file
+from clutchid.verbs.options import USUAL_FILES
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
@@ -72,12 +70,6 @@ class ObserveOptions:
         State to go on from, as written by --save with the same calibration and method.
     report
         Write a self-contained HTML page.
-    ambient
-        Ambient pressure for gauge units, for example 1.013bar; P_0 of the calibration by default.
-    map_
-        Channel map (TOML) of the recording, as written by `clutchid look --save`.
-    dbc
-        DBC files that decode a bus log; several may follow each other.
     zero
         Subtract from the position how far the vented rest has moved since the calibration, or keep it as recorded.
     follow
@@ -103,10 +95,8 @@ class ObserveOptions:
     save: PathOutput = None
     resume: Annotated[Path | None, FILES] = None
     report: PathOutput = None
-    ambient: AmbientOption = None
-    map_: MapOption = None
-    dbc: DbcOption = None
-    zero: Annotated[Literal["subtract", "keep"], FILES] = "subtract"
+    files: FileOptions = USUAL_FILES
+    zero: Annotated[Literal["subtract", "keep"], SEARCH] = "subtract"
     follow: Flag = False
     publish: Annotated[str | None, Parameter(allow_leading_hyphen=True), OUTPUT] = None
     publish_every: Annotated[float | None, OUTPUT] = None
@@ -157,7 +147,7 @@ class ObserveOptions:
         if self.publish_every is not None and not 0.0 <= self.publish_every < math.inf:
             raise ParameterError(f"--publish-every {self.publish_every:g}: a time in ms is at least 0, for example 20.")
         read: list[tuple[str, Path | None]] = [("the recording itself", log), ("the calibration", self.start)]
-        read += [("the DBC of the recording", path) for path in self.dbc or ()]
+        read += [("the DBC of the recording", path) for path in self.files.dbc or ()]
         written = {
             "--out": self.out,
             "--out (load by stroke)": self.by_stroke,
@@ -201,19 +191,6 @@ def origin_of(log: Log) -> float | None:
     from clutchid.measurements.live.bus import ORIGIN
 
     return float(log.metadata[ORIGIN]) if ORIGIN in log.metadata else None
-
-
-def calibration_file(path: Path) -> ParameterFile:
-    """The calibration, whose file must have a load."""
-    from clutchid.files.records import read_toml
-
-    content = start_file(path, None)
-    if not set(read_toml(path, "parameter file").get("parameters", {})) & set(content.actuator.load.names):
-        raise ParameterError(
-            f"{path}: has no load weights (theta_1, ...) in [parameters], and an observer starts from a load; "
-            "calibrate with pressure first: clutchid calibrate LOG --save CAL.toml."
-        )
-    return content
 
 
 def answer(

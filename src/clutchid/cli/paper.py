@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from clutchid.cli.common import DONE, FILES, AmbientOption, OutOption, OutputFlag, guarded, progress_bar
+from clutchid.cli.common import DONE, FILES, FileOptions, OutOption, OutputFlag, guarded, progress_bar
 from clutchid.cli.terminal import put
 from clutchid.errors import ParameterError
-from clutchid.workflow import FileOptions, read_recordings
-from clutchid.workflow.options import pressure
+from clutchid.verbs.options import USUAL_FILES
 
 
 @guarded
@@ -18,7 +17,7 @@ def paper(
     out: OutOption,
     fit: Annotated[Path | None, FILES] = None,
     verify: Annotated[Path | None, FILES] = None,
-    ambient: AmbientOption = None,
+    files: FileOptions = USUAL_FILES,
     debug: OutputFlag = False,
 ) -> int:
     """Repeat the study of the paper as one HTML page: Eq. (21), Tables 1 and 2, Figures 2 to 8, verification.
@@ -31,8 +30,6 @@ def paper(
         Recording to fit; by default the bundled recording, first half for the fit, second half for verification.
     verify
         Recording for verification.
-    ambient
-        Ambient pressure for gauge units; 1.013bar by default.
     debug
         Show the traceback of an error.
     """
@@ -43,7 +40,7 @@ def paper(
     if fit is None or verify is None:
         fitted, verified = halves(bundled_recording())
     else:
-        fitted, verified = read_recordings([fit, verify], FileOptions(pressure(ambient, None)))
+        fitted, verified = files.reading([fit, verify]).read()
     with progress_bar("paper") as show:
         paper_study(fitted, verified, out, progress=show)
     put(f"The page: {(out / 'index.html').resolve()}")

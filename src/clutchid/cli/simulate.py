@@ -10,23 +10,17 @@ from clutchid.cli.common import (
     DONE,
     FILES,
     SEARCH,
-    AmbientOption,
-    DbcOption,
+    FileOptions,
     ForceFlag,
-    MapOption,
     OutOption,
     OutputFlag,
     check_outputs,
     guarded,
-    model_of,
-    partition_of,
     print_json,
     print_written,
 )
 from clutchid.cli.terminal import put, say
-from clutchid.parameters import known_ambient
-from clutchid.workflow import FileOptions, inspected, read_recordings, start_file
-from clutchid.workflow.options import pressure
+from clutchid.verbs.options import USUAL_FILES, model_of, partition_of
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
@@ -47,9 +41,7 @@ def simulate(
     parts: Annotated[int | None, SEARCH] = None,
     carry: Annotated[Literal["p", "q"] | None, SEARCH] = None,
     band: Annotated[Path | None, FILES] = None,
-    ambient: AmbientOption = None,
-    map_: MapOption = None,
-    dbc: DbcOption = None,
+    files: FileOptions = USUAL_FILES,
     force: ForceFlag = False,
     json: OutputFlag = False,
     debug: OutputFlag = False,
@@ -77,12 +69,6 @@ def simulate(
         At a restart, keep the pressures (p, the default) or the masses of air (q).
     band
         Recording with pressure of the same actuator with on/off valves; the errors of its simulation give the interval.
-    ambient
-        Ambient pressure for gauge units, for example 1.013bar; P_0 of the parameter file by default.
-    map_
-        Channel map (TOML) of the recording, as written by `clutchid look --save`.
-    dbc
-        DBC files that decode a bus log; several may follow each other.
     force
         Simulate although a check of the recording is bad; the checks are those of `clutchid look`.
     json
@@ -93,6 +79,7 @@ def simulate(
     from clutchid.inference.uncertainty.switching_band import switching_band
     from clutchid.measurements import write
     from clutchid.strokes.values import values_of
+    from clutchid.verbs.start import start_file
 
     inputs = [
         ("the recording itself", log),
@@ -101,11 +88,10 @@ def simulate(
     ]
     check_outputs({"--out": out}, inputs)
     partition, content = partition_of(every, parts, carry), start_file(parameters, model_of(model))
-    added = known_ambient(content.actuator.parameters.P_0)
-    files = FileOptions(pressure(ambient, None), map_, tuple(dbc or ()), added)
-    read = read_recordings([log] if band is None else [log, band], files, content.actuator.equipment)
-    rested = [content.from_rest(values_of(each, content.actuator).warned) for each in read]
-    recording, *others = inspected([one.log for one in rested], content.actuator, force=force)
+    reading = files.reading([log] if band is None else [log, band], force=force)
+    logs = reading.checked(content.actuator, rest=content.rest)
+    rested = [content.from_rest(values_of(each, content.actuator).log) for each in logs]
+    recording, *others = [zeroed.log for zeroed in rested]
     done, from_file = _simulated(recording, content, partition)
     known = [(other, _simulated(other, content, partition)[0].log) for other in others]
     write(switching_band(done.log, known) if known else done.log, out)

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from clutchid.cli.common import (
     DONE,
     FILES,
     FLEET,
-    AmbientOption,
-    DbcOption,
-    MapOption,
+    SEARCH,
+    FileOptions,
     OutOption,
     OutputFlag,
     PathOutput,
@@ -29,10 +27,7 @@ from clutchid.cli.terminal import printable_lines, put, say
 from clutchid.errors import ExportError, ParameterError
 from clutchid.names import printable
 from clutchid.systems import command_line
-from clutchid.workflow.options import pressure
-
-if TYPE_CHECKING:
-    pass
+from clutchid.verbs.options import USUAL_FILES, pressure
 
 
 @guarded
@@ -45,10 +40,8 @@ def track(
     wear_table: Annotated[Path | None, FILES] = None,
     report: PathOutput = None,
     workers: Annotated[int, FLEET] = 1,
-    ambient: AmbientOption = None,
-    map_: MapOption = None,
-    dbc: DbcOption = None,
-    zero: Annotated[Literal["subtract", "keep"], FILES] = "subtract",
+    files: FileOptions = USUAL_FILES,
+    zero: Annotated[Literal["subtract", "keep"], SEARCH] = "subtract",
     json: OutputFlag = False,
     debug: OutputFlag = False,
 ) -> int:
@@ -76,12 +69,6 @@ def track(
         Write a self-contained HTML page.
     workers
         Number of processes; does not affect the results.
-    ambient
-        Ambient pressure for gauge units, for example 1.013bar; P_0 of the calibration by default.
-    map_
-        Channel map (TOML) of the recordings, as written by `clutchid look --save`.
-    dbc
-        DBC files that decode bus logs; several may follow each other.
     zero
         Subtract from the position how far the vented rest has moved since the calibration, or keep it as recorded.
     json
@@ -95,11 +82,11 @@ def track(
 
     shift, results = life_limit(limit), (out, tracking.curves_path(out))
     _check(out, report, start, table, wear_table, logs)
-    outside = None if ambient is None else pressure(ambient, math.nan)
     with progress_of("track") as progress:
         found = tracking.track(
-            logs, start, table=table, wear_table=wear_table, limit=shift, workers=workers, ambient=outside,
-            channels=map_, dbc=dbc or (), zero=zero, results=results, progress=progress,
+            logs, start, table=table, wear_table=wear_table, limit=shift, workers=workers,
+            ambient=pressure(files.ambient), channels=files.map, dbc=files.dbc or (), zero=zero, results=results,
+            progress=progress,
         )  # fmt: skip
     tracking.write_tracked(found, out)
     if report is not None:

@@ -1,7 +1,6 @@
 """Estimation of parameters and load from recordings, with uncertainties."""
 
-from clutchid.estimation.fit import fit
 from clutchid.estimation.result import Fit
 from clutchid.inference.uncertainty.estimates import Estimate, LoadCurve
 
-__all__ = ["Estimate", "Fit", "LoadCurve", "fit"]
+__all__ = ["Estimate", "Fit", "LoadCurve"]

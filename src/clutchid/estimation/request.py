@@ -8,12 +8,13 @@ from typing import Literal
 
 import numpy as np
 
+from clutchid.arguments import check_fields
 from clutchid.errors import ParameterError
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.log.states import MEASURED
 from clutchid.model.actuator import Actuator
-from clutchid.names import EVERY_RECORDING, ParameterName, base_of, unknown_name
+from clutchid.names import EVERY_RECORDING, ParameterName, base_of, listed_names, unknown_name
 from clutchid.simulation.partition import Partition
 from clutchid.strokes.vented_rest import VentedRest, Zero
 
@@ -188,21 +189,61 @@ def ended(status: SearchStatus, evaluations: int) -> str:
 FEWEST_DRAWS = 10
 
 
+#: Measured columns and free parameters of a request that names none: those of the verb.
+OF_THE_VERB = ("default",)
+
+
 @dataclass(frozen=True, slots=True)
 class FitRequest:
-    """A request of a fit; the fields are the arguments of `clutchid.fit`.
+    """A request of a fit: all its options, but how its recordings are read.
 
-    `continues` is the search of the start file, continued if it is of the same recordings and free parameters; `rest`
-    is the vented rest of its calibration, from which the position counts with `zero` "subtract".
+    Attributes
+    ----------
+    measure : 'position', 'pressure_a'
+        Measured columns to compare with. These and other names may be one text with commas.
+    free : names
+        Free parameters; 'load' means all load weights, NAME@EACH a parameter of its own for every recording, 'auto' all
+        parameters that a recording with pressure can determine. Empty: only unknown start values are estimated.
+    bounds : {name: (low, high)}
+        In SI. By default theta_1 and theta_3 are at least 0, theta_2 is free (it changes sign on a worn clutch), every
+        other magnitude stays within a factor of three of its start, and fractions and shapes within their range.
+    partition : Partition, optional
+        Partitioned ballistic simulation; ballistic by default.
+    method : 'simulation', 'shooting' or 'prediction-error', optional
+        By default that of the calibration, or 'prediction-error' if duty cycles change between the samples; without a
+        calibration 'shooting' if 'auto', priors or parameters of single recordings need it, else 'simulation'.
+    priors : {name: Prior}
+        Priors in SI; defaults in `clutchid.inference.uncertainty.coordinates`.
+    calibration : Calibration, optional
+        ``fit.calibration`` of a fit with pressure, by the same method, for this actuator.
+    profile : names
+        Free parameters with intervals by profile likelihood; 'shooting' only, seconds each.
+    bootstrap : int
+        Draws of a bootstrap over strokes, which checks the intervals of the load; 'shooting' only, 0 for none.
+    continues
+        Search of the start file, continued if it is of the same recordings and free parameters.
+    zero : 'subtract' or 'keep'
+        Whether the position counts from the vented rest where that has moved since the calibration, as after an
+        exchange of the sensor or with wear; or as it was recorded.
+    rest
+        Vented rest of the calibration of the start file, from which the position counts.
 
     Raises
     ------
     ParameterError
         If a measured column is unknown or none is given, or the bootstrap has too few draws.
+
+    Examples
+    --------
+    Columns and parameters that a request does not name are those of the verb:
+
+    >>> request = FitRequest(bounds={"theta_1": (0.0, 2e6)})
+    >>> request.completed(("position", "pressure_a"), ("auto",)).free
+    ('auto',)
     """
 
-    measure: tuple[str, ...] = ("position",)
-    free: tuple[str, ...] = ("load",)
+    measure: tuple[str, ...] = OF_THE_VERB
+    free: tuple[str, ...] = OF_THE_VERB
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     partition: Partition | None = None
     method: str | None = None
@@ -215,7 +256,14 @@ class FitRequest:
     rest: VentedRest | None = None
 
     def __post_init__(self) -> None:
-        unknown = [unknown_name(name, MEASURED, "measured column") for name in self.measure if name not in MEASURED]
+        for name in ("measure", "free", "profile"):
+            object.__setattr__(self, name, listed_names(getattr(self, name)))
+        check_fields(self)
+        unknown = [
+            unknown_name(name, MEASURED, "measured column")
+            for name in self.measure
+            if name not in MEASURED and self.measure != OF_THE_VERB
+        ]
         if unknown or not self.measure:
             raise ParameterError(
                 "\n".join(unknown) or "measure: nothing to compare with; give position, pressure_a or both."
@@ -224,6 +272,13 @@ class FitRequest:
             raise ParameterError(
                 f"bootstrap = {self.bootstrap}: 0 for none, or at least {FEWEST_DRAWS} draws; 200 are usual."
             )
+
+    def completed(self, measure: tuple[str, ...] = ("position",), free: tuple[str, ...] = ("load",)) -> FitRequest:
+        """The request with `measure` and `free` where it names none; by default those of `clutchid.fit`."""
+        measured, names = (
+            usual if own == OF_THE_VERB else own for own, usual in ((self.measure, measure), (self.free, free))
+        )
+        return replace(self, measure=measured, free=names)
 
     @property
     def counted_from(self) -> VentedRest | None:

@@ -249,7 +249,7 @@ class Fit:
 
     __reduce__ = made_anew
 
-    if TYPE_CHECKING:  # attached by `clutchid.workflow.attached`
+    if TYPE_CHECKING:  # attached by `clutchid.verbs.attached`
 
         @property
         def evidence(self) -> Any: ...

@@ -251,12 +251,12 @@ def compile_first(calibrations: Iterable[Path]) -> None:
 
 def _compiled(calibrations: Iterable[Path]) -> None:
     from clutchid.model.compiled import compile_ahead
-    from clutchid.workflow import start_file
+    from clutchid.verbs.start import start_file
 
     models = set()
     for path in calibrations:
         with suppress(ClutchidError):  # each of its recordings says so
-            models.add(start_file(path, None).actuator.model)
+            models.add(start_file(path).actuator.model)
     compile_ahead(models)
 
 

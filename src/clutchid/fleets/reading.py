@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from clutchid import workflow
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.estimation.assess.comparison import HalfLoad, comparison, half_load_band, measured
 from clutchid.estimation.assess.reasons import departs
@@ -17,15 +16,18 @@ from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.request import FitRequest
 from clutchid.files import digest
 from clutchid.inference.uncertainty.estimates import LoadCurve
+from clutchid.log import Log
 from clutchid.names import as_text
-from clutchid.parameters import known_ambient
 from clutchid.processes import LostWork
 from clutchid.strokes.vented_rest import Zero, from_rest
+from clutchid.verbs.fitting import fitted
+from clutchid.verbs.observing import ANYWAY, observed
+from clutchid.verbs.reading import REFUSED, Reading
+from clutchid.verbs.start import start_file
 from clutchid.wear.history import WearReading, leak_of, unmeasured
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
-    from clutchid.log import Log
 
 #: Why a recording that was observed gives no measurement.
 _ONLY_ITS_END = "the load of an observer at the end of a recording is no measurement of the wear; --verb track has one."
@@ -37,11 +39,11 @@ UNKNOWN = HalfLoad(np.nan, np.nan, np.nan)
 class ReadingOptions(NamedTuple):
     """Options for reading the load of a recording: ambient pressure in Pa, channel map, DBC files.
 
-    The ambient pressure is P_0 of the calibration where it is NaN; `verb` is what reads the load: "observe", or "fit";
+    The ambient pressure is P_0 of the calibration where it is None; `verb` is what reads the load: "observe", or "fit";
     `zero` says whether a vented rest that has moved is subtracted from the position.
     """
 
-    ambient: float = np.nan
+    ambient: float | None = None
     channel_map: Path | None = None
     dbc: tuple[Path, ...] = ()
     verb: str = "fit"
@@ -90,10 +92,8 @@ def _read(options: ReadingOptions, start: Path, path: Path) -> RecordingResult:
     try:
         checksum = digest(path)
         content = _calibration(start, digest(start))
-        actuator = content.actuator
-        ambient = None if np.isnan(options.ambient) else options.ambient
-        files = workflow.FileOptions(ambient, options.channel_map, options.dbc, known_ambient(actuator.parameters.P_0))
-        (log,) = workflow.read_recordings([path], files, actuator.equipment)
+        files = Reading((path,), (), options.ambient, options.channel_map, options.dbc)
+        (log,) = files.read(content.actuator)
         clock = str(log.metadata.get("start", ""))
         read = (_observed if options.verb == "observe" else _fitted)(log, content, path, options.zero)
     except ClutchidError as error:
@@ -107,9 +107,8 @@ def _read(options: ReadingOptions, start: Path, path: Path) -> RecordingResult:
 
 def _alone(message: str) -> str:
     """The message of a refused recording; many are read without --force, so it says where that option is."""
-    return message.replace(
-        f"\n{workflow.REFUSED}", " Correct the recording or its channel map, or read it alone by estimate with --force."
-    )
+    alone = " Correct the recording or its channel map, or read it alone by estimate with --force."
+    return message.replace(f"\n{REFUSED}", alone).removesuffix(ANYWAY)
 
 
 def without_result(path: Path, status: str, message: str, clock: str = "", sha256: str = "") -> RecordingResult:
@@ -148,7 +147,7 @@ def checksum_of(path: Path) -> str:
 def _fitted(log: Log, content: ParameterFile, path: Path, zero: Zero) -> RecordingResult:
     """The load as `clutchid estimate` reads it."""
     request = FitRequest(calibration=content.calibration, zero=zero)
-    fit = workflow.fit_recordings([log], content.actuator, request)
+    fit = fitted(Reading((log,), zero=zero), content.actuator, request).raised()
     curve = fit.load_curve
     judged, compared = verdict(fit), comparison(fit)
     half, trust = compared.half_now if compared else UNKNOWN, judged.trust
@@ -159,30 +158,25 @@ def _fitted(log: Log, content: ParameterFile, path: Path, zero: Zero) -> Recordi
     measurement = None if reason else measured(fit, log)
     changes = tuple(dict.fromkeys(change.group for change in fit.changes))
     rest = next((one.rest for one in fit.recordings.values()), None)
-    reading = WearReading(status, message, trust, measurement, leak_of(fit), departs(fit), rest, reason)
-    return RecordingResult(path, reading, curve=curve, half_load=half, changes=changes)
+    wear = WearReading(status, message, trust, measurement, leak_of(fit), departs(fit), rest, reason)
+    return RecordingResult(path, wear, curve=curve, half_load=half, changes=changes)
 
 
 def _observed(log: Log, content: ParameterFile, path: Path, zero: Zero) -> RecordingResult:
     """The load as `clutchid observe` has it at the end of the recording, which is no measurement of the wear."""
     from clutchid.estimation.assess.observed import indicators, observed_verdict
-    from clutchid.observer.recording import too_slow
     from clutchid.reports.observe_text import loads, observe_sentence
 
-    rest = content.rest
-    (checked,) = workflow.inspected([log], content.actuator, rest=rest, zero=zero)
-    if slow := too_slow(checked, content.actuator):
-        raise DataError(slow)
-    run = workflow.observed(checked, content, zero=zero)
+    run = observed(Reading((log,), zero=zero), content)
     after = loads(run).after
     half = half_load_band(after, float(np.nanmax(run.log["position"])))
-    status = "warning" if checked.warnings or any(run.health.values()) else "ok"
-    trust, shift = observed_verdict(indicators(run)).trust, from_rest(run.log, rest, zero).shift
-    reading = WearReading(status, observe_sentence(run), trust, None, rest=shift, reason=_ONLY_ITS_END)
-    return RecordingResult(path, reading, curve=after, half_load=half)
+    status = "warning" if run.log.warnings or any(run.health.values()) else "ok"
+    trust, shift = observed_verdict(indicators(run)).trust, from_rest(run.log, content.rest, zero).shift
+    at_end = WearReading(status, observe_sentence(run), trust, None, rest=shift, reason=_ONLY_ITS_END)
+    return RecordingResult(path, at_end, curve=after, half_load=half)
 
 
 @lru_cache(maxsize=64)
 def _calibration(path: Path, _checksum: str) -> ParameterFile:
     """A calibration, read once a process; the workers of a scheduler outlive a change of its file."""
-    return workflow.start_file(path, None)
+    return start_file(path)

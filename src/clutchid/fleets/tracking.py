@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from clutchid import processes, workflow
+from clutchid import processes
 from clutchid.arguments import checked
 from clutchid.errors import DataError
 from clutchid.files import not_an_address, write_frame
@@ -37,6 +37,7 @@ from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.names import as_text
 from clutchid.processes import check_workers
 from clutchid.strokes.vented_rest import Zero
+from clutchid.verbs.start import start_file
 from clutchid.wear.history import Listed, arranged
 from clutchid.wear.life import Wear, wear_of
 from clutchid.wear.tables import read_table, read_wear_table
@@ -226,7 +227,7 @@ def track(
     >>> len(tracked.wear.readings), bool(abs(tracked.wear.now["shift"].value[0]) < 0.2e-3)
     (1, True)
     """
-    workflow.start_file(Path(start), None)  # a broken one is one sentence, not one a recording
+    start_file(Path(start))  # a broken one is one sentence, not one a recording
     rows = read_table(Path(table)) if table else {}
     limits = LifeLimits(limit, read_wear_table(Path(wear_table)) if wear_table else None)
     several = [recordings] if isinstance(recordings, str | PathLike) else recordings
@@ -234,8 +235,7 @@ def track(
     files = recordings_of([Path(one) for one in several], rows, apart)
     vehicle, paths = vehicle_of(files.paths, rows, str(table)), list(files.paths.values())
     check_workers(workers)
-    outside = float("nan") if ambient is None else ambient
-    options = ReadingOptions(outside, Path(channels) if channels else None, tuple(map(Path, dbc)), zero=zero)
+    options = ReadingOptions(ambient, Path(channels) if channels else None, tuple(map(Path, dbc)), zero=zero)
     found: dict[Path, RecordingResult] = {}
     for done in processes.results(partial(read_recording, options, Path(start)), paths, workers):
         found[done.item] = unless_lost(done.item, done.result)

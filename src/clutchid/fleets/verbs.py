@@ -8,7 +8,6 @@ from os import PathLike
 from pathlib import Path
 from typing import Literal
 
-from clutchid import workflow
 from clutchid.arguments import checked
 from clutchid.errors import ParameterError
 from clutchid.fleets.cluster import ONE_WORKER, Workers
@@ -19,6 +18,7 @@ from clutchid.fleets.store import store
 from clutchid.fleets.tracking import LifeLimits
 from clutchid.names import as_text
 from clutchid.reports.fleet_tables import VehicleRow
+from clutchid.verbs.start import start_file
 from clutchid.wear.tables import read_wear_table
 
 
@@ -63,7 +63,7 @@ def fleet(
     place: Workers = ONE_WORKER,
     limit: float | None = None,
     retry: bool = False,
-    ambient: float = float("nan"),
+    ambient: float | None = None,
     channels: str | PathLike[str] | None = None,
     dbc: Sequence[str | PathLike[str]] = (),
     command: str = "clutchid.fleet(...) in Python",
@@ -87,8 +87,8 @@ def fleet(
         With 'track': shift of the half-load position that ends the life of a clutch.
     retry : bool
         Read recordings once more that ended their worker or took too long.
-    ambient : Pa
-        Ambient pressure for gauge units; NaN for P_0 of each calibration.
+    ambient : Pa, optional
+        Ambient pressure for gauge units; P_0 of each calibration by default.
     channels, dbc : paths
         Channel map (TOML), and DBC files of bus logs.
     command : text
@@ -126,7 +126,7 @@ def fleet(
     folder, calibrations, origin = Path(out), Path(start), Path(source)
     found = fleet_of(origin, calibrations)
     if calibrations.is_file():
-        workflow.start_file(calibrations, None)  # a broken one is one sentence, not one a recording
+        start_file(calibrations)  # a broken one is one sentence, not one a recording
     how = "observe" if verb == "observe" else "fit"
     options = ReadingOptions(ambient, Path(channels) if channels else None, tuple(map(Path, dbc)), how)
     with store(folder, {"source": as_text(str(origin.resolve())), "verb": verb}) as kept:

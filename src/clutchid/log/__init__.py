@@ -144,7 +144,7 @@ class Log:
     def __contains__(self, name: str) -> bool:
         return name in self.columns
 
-    if TYPE_CHECKING:  # attached by `clutchid.workflow.attached`
+    if TYPE_CHECKING:  # attached by `clutchid.verbs.attached`
 
         def plot(self) -> Figure: ...
 

@@ -76,7 +76,7 @@ class Simulation:
         sensitivities = f"; sensitivities to {', '.join(self.sensitivities)}" if self.sensitivities else ""
         return f"Simulation({self.status}: {self.message}; {self.log!r}{sensitivities})"
 
-    if TYPE_CHECKING:  # attached by `clutchid.workflow.attached`
+    if TYPE_CHECKING:  # attached by `clutchid.verbs.attached`
 
         def plot(self) -> Figure: ...
 

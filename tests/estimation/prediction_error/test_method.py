@@ -48,9 +48,15 @@ def test_what_a_calibration_left_is_gone_on_with_by_its_method(calibrated, recor
     content = read_parameters(tmp_path / "cal.toml")
     assert content.calibration.method == calibrated.calibration.method == METHOD
     worn = replace(recording.without("pressure_a"), name="worn")
-    adapted = fit(worn, content.actuator, calibration=content.calibration)
+    adapted = fit(worn, content.actuator, request=FitRequest(calibration=content.calibration))
     assert adapted.method == METHOD
-    shot = fit(worn, content.actuator, calibration=content.calibration, free=("theta_5",), method="shooting")
+    shot = fit(
+        worn,
+        content.actuator,
+        request=FitRequest(calibration=content.calibration),
+        free=("theta_5",),
+        method="shooting",
+    )
     assert shot.method == "shooting"
 
 
@@ -64,7 +70,7 @@ def test_a_recording_is_verified_as_its_sensors_would_see_it(plant, recorded_by,
 
 def test_a_partition_is_refused(plant, recording):
     with pytest.raises(ParameterError, match="corrected at every sample"):
-        fit(recording, plant, partition=Partition(every=100), method=METHOD)
+        fit(recording, plant, request=FitRequest(partition=Partition(every=100)), method=METHOD)
 
 
 def test_a_misspelt_method_names_the_nearest(plant, recording):

@@ -244,7 +244,7 @@ def verdict(fit: Fit) -> Verdict:
     A calibration by the paper's method with the piston at rest determines nothing:
 
     >>> import numpy as np
-    >>> from clutchid.estimation import fit
+    >>> from clutchid import fit
     >>> from clutchid.log import Log
     >>> t = np.arange(0.0, 1.0, 1e-3)
     >>> still = Log(t, {name: np.zeros(1000) for name in ("position", "duty_supply", "duty_exhaust")})

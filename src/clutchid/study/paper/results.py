@@ -8,13 +8,15 @@ from typing import Literal
 
 import numpy as np
 
-from clutchid.estimation import Fit, fit
+from clutchid.estimation import Fit
+from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import Recording
 from clutchid.log import Log
 from clutchid.model.weighted_load import Load
 from clutchid.simulation import Partition
 from clutchid.study.paper.pressure import Pressures, pressures
 from clutchid.study.paper.recording import TrueLoad, true_load
+from clutchid.verbs.fitting import fit
 
 #: The paper's N.
 NUMBERS = (2, 4, 8, 16, 32)
@@ -133,7 +135,7 @@ def all_cases(fit_log: Log, verify_log: Log, progress: Progress) -> tuple[Case, 
 
 
 def _case(method: PaperMethod, fit_log: Log, verify_log: Log) -> Case:
-    found = fit(fit_log, partition=method.partition)
+    found = fit(fit_log, request=FitRequest(partition=method.partition))
     fitted = _only(found)
     ballistic = fitted if method.partition is None else _only(fit(fit_log, found.actuator, free=()))
     return Case(method, found, fitted, ballistic, _only(fit(verify_log, found.actuator, free=())))

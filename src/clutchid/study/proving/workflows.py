@@ -8,21 +8,23 @@ from dataclasses import asdict, replace
 from functools import partial
 
 from clutchid.errors import ParameterError, SolveError
-from clutchid.estimation import Fit, fit
+from clutchid.estimation import Fit
 from clutchid.estimation.automatic import AUTOMATIC
 from clutchid.estimation.fit import MethodName
+from clutchid.estimation.request import FitRequest
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import unknown_name
 from clutchid.reports.changes import notes_of
 from clutchid.simulation import Partition, simulate
 from clutchid.study.proving.scores import Answer, Workflow
+from clutchid.verbs.fitting import fit
 
 
 def paper_method(partition: Partition | None, calibration: Log, worn: Sequence[Log]) -> list[Answer]:
     """The paper: position only, Appendix A, three splines; the calibration recording is not used."""
     del calibration
-    return [_answer(fit(log, partition=partition), log) for log in worn]
+    return [_answer(fit(log, request=FitRequest(partition=partition)), log) for log in worn]
 
 
 def calibrated(
@@ -42,17 +44,17 @@ def calibrated(
 
 def by_shooting(once: Fit, log: Log) -> Fit:
     """Default: only the load is free, corrected by the position-only bias on the calibration recording."""
-    return fit(log, once.actuator, calibration=once.calibration)
+    return fit(log, once.actuator, request=FitRequest(calibration=once.calibration))
 
 
 def by_prediction_error(once: Fit, log: Log) -> Fit:
     """As `by_shooting`, with the prediction errors of a filter."""
-    return fit(log, once.actuator, calibration=once.calibration, method="prediction-error")
+    return fit(log, once.actuator, request=FitRequest(calibration=once.calibration), method="prediction-error")
 
 
 def by_simulation(partition: Partition | None, once: Fit, log: Log) -> Fit:
     """The paper's simulation error method with the calibrated actuator; no prior on the load."""
-    return fit(log, once.actuator, partition=partition)
+    return fit(log, once.actuator, request=FitRequest(partition=partition))
 
 
 def not_adapted(once: Fit, log: Log) -> Fit:

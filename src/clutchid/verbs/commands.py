@@ -1,0 +1,149 @@
+"""A fit as a user asks for it: its recipe, and the command and the Python that repeat it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from clutchid.verbs.options import (
+    USUAL_FILES,
+    USUAL_SEARCH,
+    ReadingText,
+    RequestText,
+    bounds,
+    model_of,
+    partition_of,
+    pressure,
+    priors,
+    words_of,
+)
+
+if TYPE_CHECKING:
+    from clutchid.estimation.result import Fit
+    from clutchid.numerics.progress import Progress
+    from clutchid.reports.next_step import Command
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FitCommand:
+    """A fit with its options as text.
+
+    Attributes
+    ----------
+    verb : 'fit', 'calibrate' or 'estimate'
+    logs, verify
+        Recordings that are fitted, and those that the result is only simulated on.
+    start
+        Parameter file to start from.
+    search, files, force
+        Options of the fit, of its files, and whether it goes on although a check is bad.
+    save, report
+        Files to write.
+
+    Examples
+    --------
+    >>> asked = FitCommand(verb="estimate", logs=(Path("worn.csv"),), start=Path("CAL.toml"), force=True)
+    >>> " ".join(asked.words)
+    'estimate worn.csv --start CAL.toml --force'
+    >>> print(asked.python.splitlines()[2])
+    fit = clutchid.estimate('worn.csv', 'CAL.toml', force=True)
+    """
+
+    verb: str
+    logs: tuple[Path, ...]
+    start: Path | None = None
+    search: RequestText = USUAL_SEARCH
+    verify: tuple[Path, ...] = ()
+    files: ReadingText = USUAL_FILES
+    force: bool = False
+    save: tuple[Path, ...] = ()
+    report: Path | None = None
+
+    def run(self, progress: Progress | None = None) -> Fit:
+        """Read and check the recordings, and fit them; a search that failed is a status.
+
+        Raises
+        ------
+        DataError, ParameterError
+            As `clutchid.fit`.
+        """
+        from clutchid.verbs.fitting import fitted
+        from clutchid.verbs.start import start_of
+
+        actuator, request = start_of(self.start, model_of(self.search.model), self.search.request(self.verb))
+        reading = self.files.reading(self.logs, self.verify, force=self.force, zero=request.zero)
+        return fitted(reading, actuator, request, progress)
+
+    @property
+    def automatic(self) -> bool:
+        """Whether all parameters are free that a recording with pressure may determine."""
+        return self.search.request(self.verb).automatic
+
+    @property
+    def saved(self) -> Path | None:
+        """The parameter file that is written, if one is."""
+        return next((path for path in self.save if path.suffix.lower() in ("", ".toml")), None)
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """The arguments of the command that repeats it."""
+        start = () if self.start is None else ("--start", _argument(self.start))
+        files = (word for path in self.save for word in ("--save", _argument(path)))
+        report = () if self.report is None else ("--report", _argument(self.report))
+        verify = ("--verify", *map(_argument, self.verify)) if self.verify else ()
+        options = (*words_of(self.search), *words_of(self.files), *(("--force",) if self.force else ()))
+        return (self.verb, *map(_argument, self.logs), *start, *options, *verify, *files, *report)
+
+    @property
+    def command(self) -> Command:
+        """The command, for the next step after it."""
+        from clutchid.reports.next_step import Command
+
+        own_model = ("--model", self.search.model) if self.search.model and ".py:" in self.search.model else ()
+        others = tuple(path for path in self.save if path != self.saved)
+        reading = (*words_of(self.files), *own_model)
+        return Command(self.words, self.logs, self.start, self.saved, self.report, reading, self.force, others)
+
+    @property
+    def python(self) -> str:
+        """The Python that repeats it."""
+        search, files = self.search, self.files
+        everyday = {
+            "free": search.free,
+            "measure": search.measure,
+            "bounds": bounds(search.bounds or ()) or None,
+            "method": search.method,
+            "zero": None if search.zero == "subtract" else search.zero,
+            "verify": [str(path) for path in self.verify] or None,
+            "force": self.force or None,
+            "ambient": pressure(files.ambient),
+            "channels": None if files.map is None else str(files.map),
+            "dbc": [str(path) for path in files.dbc or ()] or None,
+        }
+        fields = {
+            "partition": partition_of(search.every, search.parts, search.carry, search.take),
+            "priors": priors(search.prior or ()) or None,
+            "profile": search.profile,
+            "bootstrap": search.bootstrap or None,
+        }
+        logs = [str(path) for path in self.logs]
+        start = None if self.start is None else str(self.start)
+        request = f"request=clutchid.FitRequest({_arguments(fields)})" if any(fields.values()) else ""
+        texts = [repr(logs[0] if len(logs) == 1 else logs), repr(start) if start else "", request, _arguments(everyday)]
+        call = f"clutchid.{self.verb}({', '.join(filter(None, texts))})"
+        return f"import clutchid\n\nfit = {call}\nprint(fit)\nfit.plot().savefig('load.png')\n"
+
+
+def _arguments(options: Mapping[str, object]) -> str:
+    """Options that are not None as arguments of a call; records are those of `clutchid`."""
+    texts = (f"{name}={value!r}" for name, value in options.items() if value is not None)
+    return re.sub(r"\b(Prior|Partition)\(", r"clutchid.\1(", ", ".join(texts))
+
+
+def _argument(path: Path) -> str:
+    """A path that no command takes for an option."""
+    text = str(path)
+    return f"./{text}" if text.startswith("-") else text

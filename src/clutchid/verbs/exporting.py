@@ -1,0 +1,95 @@
+"""`export`: the on-line observer of a calibration as C99, FMU, A2L, DBC and for MATLAB."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from clutchid.arguments import checked
+from clutchid.estimation.parameter_file import ParameterFile
+from clutchid.estimation.result import Fit
+from clutchid.verbs.fitting import LogOrPath
+from clutchid.verbs.reading import reading_of
+from clutchid.verbs.start import Start, content_of
+
+if TYPE_CHECKING:
+    from clutchid.exports.c99 import Rates, Real
+    from clutchid.exports.exporting import Export, Target
+
+
+@checked
+def export(
+    calibration: Start,
+    out: str | PathLike[str],
+    *,
+    to: Sequence[Target] = ("c",),
+    method: str = "joint",
+    modes: int | None = None,
+    real: Real = "float",
+    rates: Rates = "one",
+    name: str = "clutch",
+    resume: str | PathLike[str] | None = None,
+    check: LogOrPath | None = None,
+    model: bool = False,
+) -> Export:
+    """Write the on-line observer of a calibration as C99 for a control unit, and compare it with the one in Python.
+
+    Parameters
+    ----------
+    calibration : Fit, ParameterFile or path
+        The calibration: the result of `clutchid.calibrate`, or a file with it.
+    out
+        Folder to write; it is made.
+    to : 'c', 'fmu2', 'matlab', 'a2l', 'dbc'
+        What is written.
+    method, modes
+        Method of the observer, and how many modes of the load adapt in place of its weights.
+    real : 'float' or 'double'
+        Type of every number in C.
+    rates : 'one' or 'two'
+        Everything in the task of a sample, or corrections in a slower task.
+    name
+        Before every name in C, a C identifier.
+    resume
+        File with the state of an observer, from which the export goes on.
+    check : Log or path, optional
+        Recording on which C and Python are compared; by default a short simulated drive.
+    model
+        Whether the actuator with its load is written as an FMU too.
+
+    Returns
+    -------
+    export : Export
+        The files, and the differences of C and Python.
+
+    Raises
+    ------
+    DataError, ParameterError, ExportError
+        If an input is bad, the method has no covariance, or a file cannot be written.
+
+    Examples
+    --------
+    C and Python differ by less than a thousandth of the peak load, in single precision:
+
+    >>> import clutchid, tempfile
+    >>> cal = clutchid.calibrate(clutchid.bundled_recording().slice(0, 4000), free="load,P_S")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     export = clutchid.export(cal, folder)
+    >>> "src/clutch.c" in export.files, export.parity.load < 1e-3
+    (True, True)
+    """
+    from clutchid.exports.c99 import CStyle
+    from clutchid.exports.exporting import write_export
+    from clutchid.exports.parity import begun
+    from clutchid.observer.observer import observer, start
+    from clutchid.observer.state_file import read_state, saved_spacing
+
+    style, content = CStyle(name, real, rates), content_of(calibration)
+    spacing = 1e-3 if resume is None else saved_spacing(resume)
+    observing = observer(content.actuator, method, spacing, content.calibration, modes=modes)
+    state = begun(observing, start(observing) if resume is None else read_state(observing, resume))
+    log = None if check is None else reading_of(check).read(content.actuator)[0]
+    title = f"{'a fit' if isinstance(calibration, Fit | ParameterFile) else Path(calibration).name}, method {method}"
+    return write_export(observing, state, Path(out), style, title, to=to, check=log, model=model)

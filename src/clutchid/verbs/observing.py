@@ -1,0 +1,144 @@
+"""`observe`: load and pressure of a recording on line, from a calibration."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from clutchid.arguments import checked
+from clutchid.errors import DataError
+from clutchid.log import Log
+from clutchid.strokes.vented_rest import Zero
+from clutchid.verbs.fitting import LogOrPath
+from clutchid.verbs.reading import Reading, reading_of
+from clutchid.verbs.start import Start, calibration_file, content_of
+
+# imported on use: a command that only reads files starts faster
+if TYPE_CHECKING:
+    from clutchid.estimation.parameter_file import ParameterFile
+    from clutchid.measurements.map.channel_map import ChannelMap
+    from clutchid.observer.observer import Observer
+    from clutchid.observer.recording import ObservedRecording
+    from clutchid.observer.state import ObserverState
+
+
+#: What ends the refusal of a recording that is too slow.
+ANYWAY = " Or go on with --force (in Python force=True)."
+
+
+@checked
+def observe(
+    log: LogOrPath,
+    start: Start,
+    *,
+    method: str = "joint",
+    resume: str | PathLike[str] | None = None,
+    zero: Zero = "subtract",
+    force: bool = False,
+    ambient: float | None = None,
+    channels: ChannelMap | str | PathLike[str] | None = None,
+    dbc: Sequence[str | PathLike[str]] = (),
+) -> ObservedRecording:
+    """Follow the load and the pressure of a recording from position and duty cycles alone, sample by sample.
+
+    For samples as they come, and for blocks of them, see `clutchid.observer`.
+
+    Parameters
+    ----------
+    log : Log or path
+        Recording with position and duty cycles at 1 kHz.
+    start : Fit, ParameterFile or path
+        The calibration.
+    method : name
+        'joint', 'joint-reduced', 'states', 'paper', 'rls' or 'adaptive', see docs/commands/observe.md.
+    resume : path, optional
+        A state that was saved with `clutchid.observer.write_state`.
+    zero : 'subtract' or 'keep'
+        Whether a vented rest that has moved is subtracted from the position.
+    force, ambient, channels, dbc
+        As in `clutchid.fit`.
+
+    Returns
+    -------
+    observed : ObservedRecording
+        ``observed.estimates()`` is a `Log` of all samples, ``observed.load_by_stroke()`` one with a row a stroke, and
+        ``observed.health`` has seconds by fault.
+
+    Raises
+    ------
+    DataError, ParameterError
+        If the recording cannot be read, a check of it is bad, or recording, calibration, method and state do not fit
+        each other.
+
+    Examples
+    --------
+    After one stroke the observer knows the load, without the pressure sensor:
+
+    >>> import clutchid
+    >>> log = clutchid.bundled_recording().slice(0, 4000)
+    >>> run = clutchid.observe(log.without("pressure_a"), clutchid.calibrate(log, free="load,P_S"))
+    >>> f"{run.strokes[-1].curve.force.max() / 1e3:.1f} kN, {run.estimates()['pressure_a'].max() / 1e5:.1f} bar"
+    '4.3 kN, 5.2 bar'
+    """
+    content = calibration_file(Path(start)) if isinstance(start, str | PathLike) else content_of(start)
+    reading = reading_of(log, ambient=ambient, channels=channels, dbc=dbc, force=force, zero=zero)
+    return observed(reading, content, method, None if resume is None else Path(resume))
+
+
+def observed(
+    reading: Reading, content: ParameterFile, method: str = "joint", resume: Path | None = None
+) -> ObservedRecording:
+    """Read and check a recording, and follow it with the observer of a calibration, or from a saved state.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `observe`.
+    """
+    from clutchid.observer.recording import observe_recording
+
+    (log,) = reading.checked(content.actuator, rest=content.rest)
+    log = fast_enough(log, content, force=reading.force)
+    observer, state = observer_of(log, content, method, resume, reading.zero)
+    return observe_recording(observer, log, state)
+
+
+def fast_enough(log: Log, content: ParameterFile, *, force: bool = False) -> Log:
+    """The recording with warnings about its rate and its supply pressure.
+
+    Raises
+    ------
+    DataError
+        If it is too slow for an observer, unless with `force`.
+    """
+    from clutchid.observer.prior import unused_supply
+    from clutchid.observer.recording import too_slow
+
+    slow = too_slow(log, content.actuator)
+    if slow and not force:
+        raise DataError(f"{slow}{ANYWAY}")
+    warnings = (slow, unused_supply(log, content.actuator, content.calibration))
+    return replace(log, warnings=(*log.warnings, *filter(None, warnings)))
+
+
+def observer_of(
+    log: Log, content: ParameterFile, method: str, resume: Path | None, zero: Zero
+) -> tuple[Observer, ObserverState]:
+    """The observer of a calibration for a recording, of which the first samples suffice, and the state to start from.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `observe`.
+    """
+    from clutchid.observer.observer import observer, start
+    from clutchid.observer.recording import check_pace, spacing
+    from clutchid.observer.state_file import read_state, saved_spacing
+
+    every = spacing(log) if resume is None else saved_spacing(resume)
+    observing = observer(content.actuator, method, every, content.calibration, zero)
+    check_pace(observing, log)
+    return observing, start(observing) if resume is None else read_state(observing, resume)

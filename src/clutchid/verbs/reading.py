@@ -1,0 +1,191 @@
+"""`Reading`: the recordings of a verb, read, checked and ready to be fitted or observed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from os import PathLike
+from typing import TYPE_CHECKING, NamedTuple
+from weakref import WeakKeyDictionary
+
+from clutchid.errors import DataError, ParameterError
+from clutchid.log import INPUTS, Log
+from clutchid.parameters import known_ambient
+from clutchid.strokes.vented_rest import VentedRest, Zero, from_rest
+
+# imported on use: a command that only reads files starts faster
+if TYPE_CHECKING:
+    from clutchid.measurements.map.channel_map import ChannelMap
+    from clutchid.model.actuator import Actuator
+    from clutchid.preparation.inspection import Inspection
+
+#: The last line of what refuses a recording for a check that is bad.
+REFUSED = "Correct the recording or its channel map, or go on with --force (in Python force=True)."
+
+
+class RecordingFile(NamedTuple):
+    """A file with a channel map of its own, and the DBC files that decode it."""
+
+    path: str | PathLike[str]
+    channels: ChannelMap | str | PathLike[str] | None = None
+    dbc: tuple[str | PathLike[str], ...] = ()
+
+
+#: A recording: read, the path of its file, or a file with a channel map of its own.
+Source = Log | str | PathLike[str] | RecordingFile
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """Recordings, and how they are read and checked.
+
+    Attributes
+    ----------
+    logs, verify
+        Recordings that a verb works on, and those that its result is simulated on: logs, paths, or files with maps of
+        their own.
+    ambient : Pa
+        Ambient pressure, if stated: gauge pressures count from it, and a calibration takes it for that of the vented
+        chamber. By default gauge pressures count from a measured P_0 of the actuator, else from 101,300 Pa.
+    channels, dbc
+        Channel map or its file, and DBC files of bus logs.
+    force
+        Whether to go on with a recording although a check of it is bad.
+    zero : 'subtract' or 'keep'
+        Whether a vented rest that has moved since the calibration is subtracted from the position.
+
+    Raises
+    ------
+    ParameterError
+        If an option of reading has no effect, because no file is read.
+    """
+
+    logs: tuple[Source, ...]
+    verify: tuple[Source, ...] = ()
+    ambient: float | None = None
+    channels: ChannelMap | str | PathLike[str] | None = None
+    dbc: tuple[str | PathLike[str], ...] = ()
+    force: bool = False
+    zero: Zero = "subtract"
+
+    def __post_init__(self) -> None:
+        if self.files:
+            return
+        for name, value in (("ambient", self.ambient), ("channels", self.channels), ("dbc", self.dbc or None)):
+            if value is not None:
+                raise ParameterError(
+                    f"{name} = {value!r}: says how a file is read, and these recordings are logs that have been read; "
+                    f"give it to clutchid.read, or leave it out."
+                )
+
+    @property
+    def files(self) -> tuple[RecordingFile, ...]:
+        """The files among the recordings, each with its channel map and DBC files."""
+        return tuple(map(self._file, (one for one in (*self.logs, *self.verify) if not isinstance(one, Log))))
+
+    def _file(self, source: str | PathLike[str] | RecordingFile) -> RecordingFile:
+        return source if isinstance(source, RecordingFile) else RecordingFile(source, self.channels, self.dbc)
+
+    def read(
+        self, actuator: Actuator | None = None, measured: Sequence[str] = (), required: Sequence[str] | None = None
+    ) -> list[Log]:
+        """The recordings `logs`, and behind them those to `verify` with, in SI.
+
+        Parameters
+        ----------
+        actuator : Actuator, optional
+            Its valves say which duty cycles a recording has, and a measured P_0 is what gauge pressures count from.
+        measured
+            Columns that are compared: a file with a channel map must have those, unless it is only to verify with.
+        required
+            Columns that a file must have; by default time, position, and the duty cycles of the valves.
+
+        Raises
+        ------
+        DataError
+            The text lists the problems of all files.
+        """
+        from clutchid.measurements import read_each
+
+        needed = tuple(required or ("time", "position", *(actuator.equipment.recorded if actuator else INPUTS)))
+        added = known_ambient(actuator.parameters.P_0) if actuator else None
+
+        def read_one(item: tuple[Source, Sequence[str]]) -> Log:
+            source, compared = item
+            log = source if isinstance(source, Log) else self._read(self._file(source), needed, compared, added)
+            return log if actuator is None or required else actuator.equipment.driven(log)
+
+        return read_each([*((one, measured) for one in self.logs), *((one, ()) for one in self.verify)], read_one)
+
+    def _read(self, file: RecordingFile, needed: Sequence[str], measured: Sequence[str], added: float | None) -> Log:
+        from clutchid.measurements import read
+
+        if file.channels is not None:
+            from clutchid.measurements.map.picking import OPTIONAL
+
+            needed = (*needed, *(name for name in measured if name in OPTIONAL))
+        return read(file.path, ambient=self.ambient, added=added, channels=file.channels, dbc=file.dbc, required=needed)
+
+    def checked(self, actuator: Actuator, measured: Sequence[str] = (), rest: VentedRest | None = None) -> list[Log]:
+        """The recordings as `read` gives them, with what the checks before a fit find among their warnings.
+
+        What is checked is what will be fitted: with `zero` "subtract" the travel from the vented `rest` of a
+        calibration.
+
+        Raises
+        ------
+        DataError
+            If a recording cannot be read, or a check is bad, unless with `force`; the text has the sentences of
+            `clutchid look`.
+        """
+        return inspected(self.read(actuator, measured), actuator, rest, self.zero, force=self.force)
+
+
+def reading_of(
+    logs: Source | Iterable[Source],
+    verify: Source | Iterable[Source] = (),
+    *,
+    ambient: float | None = None,
+    channels: ChannelMap | str | PathLike[str] | None = None,
+    dbc: Iterable[str | PathLike[str]] = (),
+    force: bool = False,
+    zero: Zero = "subtract",
+) -> Reading:
+    """A `Reading` of one recording or several."""
+    return Reading(_several(logs), _several(verify), ambient, channels, tuple(dbc), force, zero)
+
+
+def _several(logs: Source | Iterable[Source]) -> tuple[Source, ...]:
+    alone = isinstance(logs, Log | str | PathLike | RecordingFile)
+    return (logs,) if alone else tuple(logs)  # type: ignore[arg-type, return-value]  # mypy does not narrow a property
+
+
+def inspected(
+    logs: Sequence[Log], actuator: Actuator, rest: VentedRest | None, zero: Zero, *, force: bool = False
+) -> list[Log]:
+    """Recordings with what the checks before a fit find among their warnings, see `Reading.checked`."""
+    from clutchid.strokes.values import values_of
+
+    values = [values_of(log, actuator) for log in logs]
+    inspections = [_inspection(each.log, actuator, rest, zero) for each in values]
+    bad = [str(DataError.of(inspection.name, list(inspection.bad))) for inspection in inspections if inspection.bad]
+    if bad and not force:
+        raise DataError("\n".join([*bad, REFUSED]))
+    return [
+        replace(log, warnings=tuple(dict.fromkeys((*each.warned.warnings, *inspection.warnings))))
+        for log, each, inspection in zip(logs, values, inspections, strict=True)
+    ]
+
+
+#: Inspections of logs that are still in use: fits of one recording with other options check it once.
+_INSPECTED: WeakKeyDictionary[Log, tuple[Actuator, Inspection]] = WeakKeyDictionary()
+
+
+def _inspection(log: Log, actuator: Actuator, rest: VentedRest | None, zero: Zero) -> Inspection:
+    from clutchid.preparation.inspection import inspect
+
+    travel = from_rest(log, rest, zero).log
+    last = _INSPECTED.get(travel)
+    if last is None or last[0] != actuator:
+        last = _INSPECTED[travel] = actuator, inspect(travel, actuator)
+    return last[1]
