@@ -20,12 +20,12 @@ import numpy as np
 from online import WEAR, calibrated
 
 from clutchid import Actuator
+from clutchid.documents.figures import draw, fill, label, legend, new_figure
+from clutchid.documents.style import Line
 from clutchid.log import FloatArray, Log
 from clutchid.model.compiled import kernels
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer import ObservedRecording, observe, observe_recording, observer, start
-from clutchid.reports.figures import draw, fill, label, legend, new_figure
-from clutchid.reports.style import Line
 from clutchid.study.paper.pressure import measured_motion
 from clutchid.study.proving.ground import STROKES
 from clutchid.truck import drive, truck

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from clutchid import FitRequest, fit
+from clutchid.documents.figures import draw, fill, label, legend, mark_span, new_figure
+from clutchid.documents.style import MM, STYLE, Line
 from clutchid.inference.uncertainty.estimates import LoadCurve
-from clutchid.reports.figures import draw, fill, label, legend, mark_span, new_figure
-from clutchid.reports.style import MM, STYLE, Line
 from clutchid.truck import Drive, drive, truck
 
 IMAGE = Path(__file__).parent / "images" / "loads.png"

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from clutchid import Actuator, Load, Log, simulate
-from clutchid.reports.figures import draw, label, legend, new_figure
-from clutchid.reports.style import Line
+from clutchid.documents.figures import draw, label, legend, new_figure
+from clutchid.documents.style import Line
 from clutchid.truck import GRID, Truck, drive
 
 IMAGE = Path(__file__).parent / "images" / "shift.png"

@@ -31,6 +31,7 @@ from fixtures.model_recordings import (  # noqa: F401, fixtures of several packa
     worn_log,
 )
 from fixtures.pages import loads_nothing  # noqa: F401, a fixture of several packages
+from fixtures.short_fit import fitted  # noqa: F401, a fixture of several packages
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent

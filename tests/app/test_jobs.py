@@ -8,7 +8,7 @@ import psutil
 import pytest
 
 from clutchid import calibrate, observe
-from clutchid.reports.fit_json import fit_json
+from clutchid.documents.fit_json import fit_json
 from fixtures.commands import called, wait_for
 
 pytestmark = pytest.mark.slow

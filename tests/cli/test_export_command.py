@@ -7,8 +7,8 @@ import pytest
 
 import clutchid
 from clutchid.exports.exporting import NO_POSITION_ONLY
+from clutchid.exports.frames import results_dbc
 from clutchid.measurements import read, write
-from clutchid.reports.observe_lines import results_dbc
 from fixtures.changed_logs import thinned
 from fixtures.commands import called
 

@@ -18,10 +18,10 @@ import pytest
 from clutchid import Fit, FitRequest, fit, read_parameters, write
 from clutchid.cli.fit import MOST_WARNINGS, answer, answer_json
 from clutchid.cli.terminal import OutputLost
+from clutchid.documents.next_step import Command
 from clutchid.errors import ExportError
 from clutchid.estimation.assess.verdict import States, states_of_wear
 from clutchid.inference.uncertainty.calibration import Origin
-from clutchid.reports.next_step import Command
 from clutchid.truck import Truck, drive
 from fixtures.baselines import with_baseline
 from fixtures.commands import process

@@ -17,7 +17,7 @@ KERNELS = "clutchid.simulation.comparison"
 
 @pytest.mark.slow
 def test_a_process_that_runs_no_kernel_does_not_import_the_compiler():
-    code = "import sys, clutchid.estimation, clutchid.reports; sys.exit('numba' in sys.modules)"
+    code = "import sys, clutchid.estimation, clutchid.documents; sys.exit('numba' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

@@ -88,7 +88,7 @@ def test_every_check_of_a_recording_is_explained():
 
 
 def test_every_section_of_the_page_of_a_fit_is_explained():
-    files = ("reports/fit_page.py", "reports/comparison_page.py")
+    files = ("documents/fit_page.py", "documents/comparison_page.py")
     headings = [heading for file in files for heading in first_arguments(file, "PageSection")]
     explained = section(PAGES["result"], "The page")
     assert len(headings) >= 6
@@ -96,7 +96,7 @@ def test_every_section_of_the_page_of_a_fit_is_explained():
 
 
 def test_every_line_that_a_fit_prints_is_explained():
-    labels = {label for file in ("reports/summary.py", "cli/fit.py") for label in first_arguments(file, "SummaryRow")}
+    labels = {label for file in ("documents/summary.py", "cli/fit.py") for label in first_arguments(file, "SummaryRow")}
     assert labels >= {"trust", "load", "errors", "next"}
     assert labels - {""} - set(messages(section(PAGES["result"], "The lines"))) == set()
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from clutchid.documents.changes import change_sentences
 from clutchid.estimation.calibrate import fit_with
 from clutchid.estimation.hypotheses import explained, mixture, softmax
 from clutchid.estimation.problem import fit_problem
@@ -14,7 +15,6 @@ from clutchid.inference.problem import with_hypothesis
 from clutchid.inference.uncertainty.change_prior import HYPOTHESES, change_covariance, changeable
 from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.numerics.failure import Failure
-from clutchid.reports.changes import change_sentences
 
 Y = np.linspace(0.5e-3, 20e-3, 40)
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from clutchid.documents.innovations import innovation_blocks, innovation_figure
 from clutchid.estimation.assess.innovations import chi_square_bounds, innovation_statistics
 from clutchid.observer import observe_recording, observer
-from clutchid.reports.innovations import innovation_blocks, innovation_figure
 
 
 @pytest.fixture(scope="module")

@@ -75,7 +75,7 @@ def parts(covariance: FloatArray) -> Numbers:
 
 def of_fit(result: Fit) -> Numbers:
     """The JSON object of a fit with every tenth point of its curves, its parameter file, and its simulations."""
-    from clutchid.reports.fit_json import fit_json
+    from clutchid.documents.fit_json import fit_json
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "fit.toml"

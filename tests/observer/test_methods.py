@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from clutchid.documents.observe_page import samples_figure
 from clutchid.errors import ParameterError
 from clutchid.model import Actuator
 from clutchid.observer import observe, observe_recording, observer, read_state, start, write_state
 from clutchid.observer.methods import METHODS
-from clutchid.reports.observe_page import samples_figure
 from fixtures.changed_logs import spoiled
 from fixtures.observing import assert_same, in_blocks
 

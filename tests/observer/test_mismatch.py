@@ -6,6 +6,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 
+from clutchid.documents.observe_text import observe_json
 from clutchid.inference.filter.joint_filter import Diverged
 from clutchid.inference.uncertainty.calibration import Calibration, Origin
 from clutchid.model import Actuator
@@ -13,7 +14,6 @@ from clutchid.observer import known, observe, observe_recording, observer, read_
 from clutchid.observer.health import health
 from clutchid.observer.mismatch import MEMORY, UNLIKE, normalised
 from clutchid.observer.recording import usual_nis
-from clutchid.reports.observe_text import observe_json
 from fixtures.observing import assert_same, in_blocks
 
 module = import_module("clutchid.observer.following")

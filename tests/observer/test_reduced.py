@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from clutchid.codegen.kernels import kernels_in
+from clutchid.documents.observe_text import observe_json
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.observer import curve, known, observe, observe_recording, observer, start
 from clutchid.observer.methods import MODES
 from clutchid.observer.observer import DRIFT
-from clutchid.reports.observe_text import observe_json
 
 ORIGIN = Origin("cal.toml", "0" * 64, "0")
 

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from clutchid.documents.fit_json import curve_json
+from clutchid.documents.wear_text import ALARMS
 from clutchid.errors import DataError
 from clutchid.files import reason_of
 from clutchid.fleets.output import CURVES, RESULTS, VEHICLES, WEAR
@@ -18,8 +20,6 @@ from clutchid.fleets.tracking import curves_path
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.log import FloatArray
 from clutchid.names import natural, printable
-from clutchid.reports.fit_json import curve_json
-from clutchid.reports.wear_text import ALARMS
 from clutchid.wear.life import COUNTED
 from clutchid.wear.trend import LIFE
 

@@ -14,6 +14,10 @@ import numpy as np
 
 from clutchid.app.plots import CLOCK, clock_column
 from clutchid.codegen.cache import when_compiling
+from clutchid.documents.fit_json import curve_json, fit_json
+from clutchid.documents.look_json import look_json
+from clutchid.documents.next_step import Command, next_step
+from clutchid.documents.summary import errors_text, summary
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.estimation.assess.comparison import comparison
 from clutchid.estimation.parameter_file import read_parameters
@@ -26,10 +30,6 @@ from clutchid.measurements.opening import open_source
 from clutchid.measurements.source import BLOCK, Source
 from clutchid.measurements.stored import store, stored, write_column
 from clutchid.numerics.progress import Step
-from clutchid.reports.fit_json import curve_json, fit_json
-from clutchid.reports.look_json import look_json
-from clutchid.reports.next_step import Command, next_step
-from clutchid.reports.summary import errors_text, summary
 from clutchid.verbs import saving
 from clutchid.verbs.fitting import fitted
 from clutchid.verbs.looking import checked, contents_of
@@ -365,9 +365,9 @@ def observe(task: Task, events: Listener) -> dict[str, Any]:
     DataError, ParameterError
         As `clutchid.observe`.
     """
+    from clutchid.documents.observe_text import end_rows
     from clutchid.observer.by_stroke import curve, positions
     from clutchid.observer.observer import start
-    from clutchid.reports.observe_text import end_rows
 
     events.progress("reading", 0.0, "reading")
     when_compiling(lambda _: events.progress("compiling", 0.1, "compiling the model, once per machine"))

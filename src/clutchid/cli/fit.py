@@ -34,8 +34,8 @@ from clutchid.verbs.commands import FitCommand
 from clutchid.verbs.options import USUAL_FILES, USUAL_SEARCH
 
 if TYPE_CHECKING:
+    from clutchid.documents.next_step import Command
     from clutchid.estimation import Fit
-    from clutchid.reports.next_step import Command
 
 #: Most warnings of a summary.
 MOST_WARNINGS = 3
@@ -45,7 +45,7 @@ Writers = Mapping[Path | None, Callable[[Path], None]]
 
 def answer_json(fit: Fit, writers: Writers) -> int:
     """Write the files, and print the JSON object; the exit code."""
-    from clutchid.reports.fit_json import fit_json
+    from clutchid.documents.fit_json import fit_json
 
     _, failures = _write(writers)
     lost = {"status": "failed", "message": f"the fit is complete, but {'; '.join(failures)}"} if failures else {}
@@ -55,8 +55,8 @@ def answer_json(fit: Fit, writers: Writers) -> int:
 
 def answer(fit: Fit, writers: Writers, command: Command, verbose: bool) -> int:
     """Write the files, and print the result; the exit code. Neither costs the other where it fails, or stalls."""
-    from clutchid.reports.next_step import next_step
-    from clutchid.reports.summary import SummaryRow, fit_text, other_warnings, summary
+    from clutchid.documents.next_step import next_step
+    from clutchid.documents.summary import SummaryRow, fit_text, other_warnings, summary
 
     written, failures = _write(writers)
     for failure in failures:

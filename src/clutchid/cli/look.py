@@ -47,8 +47,8 @@ def look(
     debug
         Show the traceback of an error.
     """
+    from clutchid.documents.look_json import look_json
     from clutchid.measurements.map.channel_map import read_map, write_map
-    from clutchid.reports.look_json import look_json
     from clutchid.verbs.looking import looked
     from clutchid.verbs.start import start_file
 

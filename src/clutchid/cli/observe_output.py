@@ -169,8 +169,8 @@ class ObserveOptions:
 
     def rest(self, run: ObservedRecording, content: ParameterFile) -> list[tuple[Path, Callable[[Path], None]]]:
         """Paths of the state and of the page, those that are asked for, and the functions that write them."""
+        from clutchid.documents.observe_page import observe_page
         from clutchid.observer.state_file import write_state
-        from clutchid.reports.observe_page import observe_page
 
         origin = origin_of(run.log)
         command = printable(f"clutchid {command_line(sys.argv[1:])}")
@@ -210,7 +210,7 @@ def answer(
     moved
         Places of files that could not be written where they were asked for; None is nowhere.
     """
-    from clutchid.reports.observe_text import end_rows, observe_json, observe_sentence
+    from clutchid.documents.observe_text import end_rows, observe_json, observe_sentence
 
     if options.json:
         ended = dict(zip(("status", "message"), trouble, strict=True)) if trouble[1] else {}

@@ -42,7 +42,7 @@ def published_lines(every: float, stopped: Stopped) -> Iterator[Sink]:
     Where standard output is closed, full or fails, the recording goes on without it; where nobody reads it, what does
     not fit is left out until somebody does. Once `stopped`, nothing waits for a reader.
     """
-    from clutchid.reports.observe_lines import observe_lines
+    from clutchid.documents.observe_lines import observe_lines
 
     with _outgoing(sys.stdout) as out:
         send = _as_printed if out is None else _sender(out, stopped)
@@ -133,14 +133,14 @@ def _left(out: Outgoing, stopped: Stopped, patience: float) -> int:
 
 @contextmanager
 def published_frames(name: BusName, every: float | None, dbc: Path, stopped: Stopped) -> Iterator[Sink]:
-    """Results as frames on a bus, a sample each `every` seconds, by default `clutchid.reports.observe_lines.PERIOD`.
+    """Results as frames on a bus, a sample each `every` seconds, by default `clutchid.exports.frames.PERIOD`.
 
     Where the bus does not take them, the recording goes on without them, and says so once. `dbc` is written once
     the bus is open.
     """
+    from clutchid.exports.frames import MESSAGES, PERIOD, observe_frames, results_dbc
     from clutchid.files import write_text
     from clutchid.measurements.live.bus import sender
-    from clutchid.reports.observe_lines import MESSAGES, PERIOD, observe_frames, results_dbc
 
     sent, failed = 0, False
     with sender(name, stopped) as send:
@@ -189,7 +189,7 @@ def view(stopped: Stopped) -> Iterator[Sink]:
     from rich.live import Live
     from rich.text import Text
 
-    from clutchid.reports.observe_view import observe_view
+    from clutchid.documents.observe_view import observe_view
 
     shown = -FRAME
     last: Callable[[], Text] | None = None

@@ -53,9 +53,9 @@ def prove(
     debug
         Show the traceback of an error.
     """
+    from clutchid.documents.tables import to_csv, to_text
     from clutchid.files import write_text
     from clutchid.fleets.cluster import Workers
-    from clutchid.reports.tables import to_csv, to_text
     from clutchid.study.proving.ground import Conditions, kept
     from clutchid.study.proving.ground import prove as run
     from clutchid.study.proving.scores import every_recording, standings

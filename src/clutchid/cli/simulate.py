@@ -112,9 +112,9 @@ def _moved(rested: ZeroedLog) -> tuple[str, ...]:
 
 def _answer(recording: Log, done: Simulation, warnings: Sequence[str], out: Path, json: bool) -> None:
     """Print the errors of the simulation against what was measured, and its warnings."""
+    from clutchid.documents.fit_json import errors_json
+    from clutchid.documents.summary import errors_text
     from clutchid.estimation.result import errors_over
-    from clutchid.reports.fit_json import errors_json
-    from clutchid.reports.summary import errors_text
 
     errors = errors_over([(recording, done.log)]) if "position" in recording else None
     distinct = list(dict.fromkeys(warnings))

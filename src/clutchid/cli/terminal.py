@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, TextIO
 from clutchid.names import printable
 
 if TYPE_CHECKING:
-    from clutchid.reports.summary import SummaryRow
+    from clutchid.documents.summary import SummaryRow
 
 #: Most columns of a terminal that are used.
 WIDTH = 80

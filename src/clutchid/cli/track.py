@@ -76,9 +76,9 @@ def track(
     debug
         Show the traceback of an error.
     """
+    from clutchid.documents.wear_page import wear_page
+    from clutchid.documents.wear_text import wear_json, wear_lines
     from clutchid.fleets import tracking
-    from clutchid.reports.wear_page import wear_page
-    from clutchid.reports.wear_text import wear_json, wear_lines
 
     shift, results = life_limit(limit), (out, tracking.curves_path(out))
     _check(out, report, start, table, wear_table, logs)

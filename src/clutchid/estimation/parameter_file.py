@@ -36,7 +36,7 @@ from clutchid.names import unknown_names
 from clutchid.parameters import Parameters
 from clutchid.strokes.vented_rest import VentedRest, ZeroedLog, from_rest
 
-#: Suffixes of files for MATLAB, which `clutchid.reports.matlab` writes and nothing reads.
+#: Suffixes of files for MATLAB, which `clutchid.exports.fit_file` writes and nothing reads.
 MATLAB_SUFFIXES = (".mat", ".m")
 
 #: No standard deviation is larger, in SI: ten times the largest admissible value, that of a stiffness.

@@ -12,6 +12,7 @@ from clutchid.errors import DataError, ParameterError
 from clutchid.exports.a2l import a2l
 from clutchid.exports.c99 import CStyle, compiler, observer_c99, source_files
 from clutchid.exports.fmu import model_fmu, observer_fmu, platforms
+from clutchid.exports.frames import results_dbc
 from clutchid.exports.matlab import matlab_files
 from clutchid.exports.misra import DEVIATIONS
 from clutchid.exports.parity import (
@@ -28,7 +29,6 @@ from clutchid.files import not_an_address, write_bytes
 from clutchid.log import Log, sample_interval
 from clutchid.observer.observer import Observer
 from clutchid.observer.state import ObserverState
-from clutchid.reports.observe_lines import results_dbc
 
 Target = Literal["c", "fmu2", "matlab", "a2l", "dbc"]
 

@@ -14,6 +14,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from clutchid.documents.fleet_page import fleet_page
+from clutchid.documents.fleet_tables import ReasonCount, VehicleRow
+from clutchid.documents.wear_page import wear_page
+from clutchid.documents.wear_text import alarm_words
 from clutchid.files import atomic_write, make_folder, write_frame
 from clutchid.fleets.cluster import version_and_source
 from clutchid.fleets.jobs import Fleet, Job
@@ -21,10 +25,6 @@ from clutchid.fleets.reading import RecordingResult, counted_once, without_resul
 from clutchid.fleets.store import Store, StoredResult
 from clutchid.fleets.tracking import LifeLimits, Tracked, load_table, table_of, tracked
 from clutchid.inference.uncertainty.estimates import LoadCurve
-from clutchid.reports.fleet_page import fleet_page
-from clutchid.reports.fleet_tables import ReasonCount, VehicleRow
-from clutchid.reports.wear_page import wear_page
-from clutchid.reports.wear_text import alarm_words
 from clutchid.systems import is_device
 from clutchid.wear.history import Listed, arranged
 from clutchid.wear.trend import Interval

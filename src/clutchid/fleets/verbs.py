@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from clutchid.arguments import checked
+from clutchid.documents.fleet_tables import VehicleRow
 from clutchid.errors import ParameterError
 from clutchid.fleets.cluster import ONE_WORKER, Workers
 from clutchid.fleets.jobs import Fleet, compile_first, fleet_of, run, tasks
@@ -17,7 +18,6 @@ from clutchid.fleets.reading import ReadingOptions
 from clutchid.fleets.store import store
 from clutchid.fleets.tracking import LifeLimits
 from clutchid.names import as_text
-from clutchid.reports.fleet_tables import VehicleRow
 from clutchid.verbs.start import start_file
 from clutchid.wear.tables import read_wear_table
 

@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.log import INPUTS, FloatArray, Log, name_and_unit, sample_interval
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.interval import QUANTILE
-from clutchid.observer.by_stroke import StrokeRow, follow_strokes, known, positions
+from clutchid.observer.by_stroke import StrokeRow, curve, follow_strokes, known, positions
 from clutchid.observer.following import Observed, observe, subtracted
 from clutchid.observer.health import health, value_health
 from clutchid.observer.mismatch import normalised
@@ -35,6 +37,9 @@ INNOVATION = {
     "position": ("innovation", "innovation std"),
     "force": ("innovation_force [N]", "innovation_force_std [N]"),
 }
+
+#: Points of a load curve.
+POINTS = 101
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,6 +137,23 @@ class ObservedRecording:
                 values = np.array([getattr(row.curve, side)[i] for row in rows])
                 columns[f"load_{round(position * 1e6):05d}um{suffix} [N]"] = values
         return Log(np.array([row.time for row in rows]), columns, f"{self.log.name}.load", self.log.metadata)
+
+
+class Loads(NamedTuple):
+    """The load of the calibration, before the first sample of a recording, and after its last one.
+
+    Each at 101 points from 0 to the full stroke.
+    """
+
+    calibrated: LoadCurve
+    before: LoadCurve
+    after: LoadCurve
+
+
+def loads(run: ObservedRecording) -> Loads:
+    """The loads of a recording."""
+    position = np.linspace(0.0, run.observer.actuator.parameters.y_max, POINTS)
+    return Loads(*(curve(run.observer, state, position) for state in (start(run.observer), run.before, run.after)))
 
 
 def spacing(log: Log) -> float:

@@ -51,7 +51,7 @@ def plot(shown: Log | Simulation | Fit) -> Figure:
     >>> [axes.get_ylabel() for axes in figure.axes]
     ['load [N]']
     """
-    from clutchid.reports.notebook import figure_of
+    from clutchid.documents.notebook import figure_of
 
     return figure_of(shown)
 
@@ -81,7 +81,7 @@ def report(fit: Fit, path: str | PathLike[str]) -> None:
     ...     "Load" in Path(folder, "page.html").read_text(encoding="utf-8")
     True
     """
-    from clutchid.reports.fit_page import fit_page
+    from clutchid.documents.fit_page import fit_page
 
     fit_page(fit, "clutchid.fit(...) in Python", path)
 
@@ -108,13 +108,13 @@ def comparison_of(fit: Fit) -> Comparison | None:
 
 
 def _printed_fit(fit: Fit) -> str:
-    from clutchid.reports.notebook import printed_fit
+    from clutchid.documents.notebook import printed_fit
 
     return printed_fit(fit)
 
 
 def _in_notebook(shown: Log | Simulation | Fit) -> str:
-    from clutchid.reports.notebook import html_of
+    from clutchid.documents.notebook import html_of
 
     return html_of(shown)
 

@@ -22,9 +22,9 @@ from clutchid.verbs.options import (
 )
 
 if TYPE_CHECKING:
+    from clutchid.documents.next_step import Command
     from clutchid.estimation.result import Fit
     from clutchid.numerics.progress import Progress
-    from clutchid.reports.next_step import Command
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,7 +100,7 @@ class FitCommand:
     @property
     def command(self) -> Command:
         """The command, for the next step after it."""
-        from clutchid.reports.next_step import Command
+        from clutchid.documents.next_step import Command
 
         own_model = ("--model", self.search.model) if self.search.model and ".py:" in self.search.model else ()
         others = tuple(path for path in self.save if path != self.saved)

@@ -24,7 +24,7 @@ def check_save(path: Path) -> None:
         If the suffix is unknown, or MATLAB cannot use the name.
     """
     from clutchid.estimation.parameter_file import MATLAB_SUFFIXES
-    from clutchid.reports.matlab import check_name
+    from clutchid.exports.fit_file import check_name
 
     suffix = path.suffix.lower()
     if suffix in MATLAB_SUFFIXES:
@@ -73,7 +73,7 @@ def save(fit: Fit, path: Path) -> None:
         If the suffix is unknown or the file cannot be written; an existing file is unchanged.
     """
     from clutchid.estimation.parameter_file import MATLAB_SUFFIXES, write_parameters
-    from clutchid.reports.matlab import write_matlab
+    from clutchid.exports.fit_file import write_matlab
 
     check_save(path)
     if path.suffix.lower() in MATLAB_SUFFIXES:
@@ -90,6 +90,6 @@ def report(fit: Fit, command: str, path: Path) -> None:
     ExportError
         If the file cannot be written; an existing file is unchanged.
     """
-    from clutchid.reports.fit_page import fit_page
+    from clutchid.documents.fit_page import fit_page
 
     fit_page(fit, printable(command), path)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from clutchid.documents.tables import load_table
 from clutchid.estimation import LoadCurve
 from clutchid.estimation.assess.comparison import half_load, half_load_band
-from clutchid.reports.tables import load_table
 
 Y = np.linspace(0.0, 25e-3, 101)
 #: 500 N/mm up to 10 mm, then 100 N/mm down.

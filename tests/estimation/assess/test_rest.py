@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from clutchid import parameter_file, read_parameters, write_parameters
+from clutchid.documents.fit_json import fit_json
+from clutchid.documents.summary import summary
 from clutchid.estimation.assess.rest import Stop, moved_rests, rest_cause
 from clutchid.estimation.fit import fit_request
 from clutchid.estimation.request import FitRequest
 from clutchid.preparation.inspection import inspect
-from clutchid.reports.fit_json import fit_json
-from clutchid.reports.summary import summary
 from clutchid.strokes.vented_rest import RestShift, merged, vented_rest
 
 UP, DOWN = RestShift(3e-4, 2.8e-4, 3.2e-4), RestShift(-3e-4, -3.2e-4, -2.8e-4)

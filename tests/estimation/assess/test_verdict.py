@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from clutchid import fit
+from clutchid.documents.fit_json import verdict_json
 from clutchid.estimation import Estimate, LoadCurve
 from clutchid.estimation.assess.evidence import actuator_of, as_recorded, evidence, predicted_fit, reach
 from clutchid.estimation.assess.reasons import ambient_reasons
 from clutchid.estimation.assess.verdict import verdict
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.log import Log
-from clutchid.reports.fit_json import verdict_json
 from clutchid.simulation.sensors import lagged
 from clutchid.strokes.vented_pressure import VENTED_KEY
 from fixtures.baselines import ORIGIN, with_baseline

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from clutchid.documents.tables import to_csv
 from clutchid.errors import DataError, ExportError
 from clutchid.log import Log
-from clutchid.reports.tables import to_csv
 from clutchid.study import halves, paper_study
 from clutchid.study.paper import study as paper
 from clutchid.study.paper.figures import FIGURES, figure_5

@@ -11,9 +11,9 @@ import pytest
 
 from clutchid import processes
 from clutchid.cli.prove import prove as command
+from clutchid.documents.tables import to_text
 from clutchid.errors import ExportError, ParameterError
 from clutchid.fleets.cluster import Workers
-from clutchid.reports.tables import to_text
 from clutchid.study.proving import Answer, score, scores, standings, workflows
 from clutchid.study.proving import ground as proving
 from clutchid.study.proving.scores import coverage, every_recording

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from clutchid.documents.figures import draw, label, legend, mark_span, new_figure, shared_legend
+from clutchid.documents.style import BAR, MM, STYLE, Line
 from clutchid.log import FloatArray, Log
 from clutchid.model.weighted_load import Load
-from clutchid.reports.figures import draw, label, legend, mark_span, new_figure, shared_legend
-from clutchid.reports.style import BAR, MM, STYLE, Line
 from clutchid.study.paper.pressure import Pressures, measured_motion, static_estimate
 from clutchid.study.paper.recording import TrueLoad
 from clutchid.study.paper.results import Case, PaperMethod, StudyResults, chosen

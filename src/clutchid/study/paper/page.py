@@ -7,11 +7,11 @@ from html import escape
 
 import numpy as np
 
+from clutchid.documents.html import Bullets, Notice, Page, PageSection, Picture, Text, provenance
+from clutchid.documents.style import BAR, MM
+from clutchid.documents.tables import ReportTable
 from clutchid.estimation import Fit
 from clutchid.log import Log
-from clutchid.reports.html import Bullets, Notice, Page, PageSection, Picture, Text, provenance
-from clutchid.reports.style import BAR, MM
-from clutchid.reports.tables import ReportTable
 from clutchid.study.paper.figures import CLOSE, SLOW
 from clutchid.study.paper.results import PaperMethod, StudyResults, best_possible, load_error, rows_of
 from clutchid.study.paper.tables import TABLE_2

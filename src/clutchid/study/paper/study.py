@@ -8,12 +8,12 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from clutchid.documents.figures import png
+from clutchid.documents.html import render
+from clutchid.documents.tables import ReportTable, to_csv
 from clutchid.errors import ExportError
 from clutchid.files import check_writable, not_an_address, write_bytes
 from clutchid.log import Log
-from clutchid.reports.figures import png
-from clutchid.reports.html import render
-from clutchid.reports.tables import ReportTable, to_csv
 from clutchid.study.paper.figures import FIGURES
 from clutchid.study.paper.page import study_page
 from clutchid.study.paper.results import Case, Progress, find

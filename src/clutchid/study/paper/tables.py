@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 
+from clutchid.documents.style import BAR, MM
+from clutchid.documents.tables import Cell, Column, ReportTable
 from clutchid.estimation.result import Errors
 from clutchid.model.weighted_load import PAPER_KNOTS
-from clutchid.reports.style import BAR, MM
-from clutchid.reports.tables import Cell, Column, ReportTable
 from clutchid.study.paper.pressure import Pressures
 from clutchid.study.paper.recording import TrueLoad
 from clutchid.study.paper.results import Carry, Case, PaperMethod, StudyResults, load_error, rows_of

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from clutchid.documents.tables import Cell, Column, ReportTable
 from clutchid.estimation.assess.comparison import half_load
 from clutchid.log import FloatArray, Log
 from clutchid.numerics.interval import QUANTILE
-from clutchid.reports.tables import Cell, Column, ReportTable
 from clutchid.truck import GRID, Truth
 
 #: Range of the grid around the touch point, in m.

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 
+from clutchid.documents.changes import notes_of
 from clutchid.errors import ParameterError, SolveError
 from clutchid.estimation import Fit
 from clutchid.estimation.automatic import AUTOMATIC
@@ -15,7 +16,6 @@ from clutchid.estimation.request import FitRequest
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import unknown_name
-from clutchid.reports.changes import notes_of
 from clutchid.simulation import Partition, simulate
 from clutchid.study.proving.scores import Answer, Workflow
 from clutchid.verbs.fitting import fit

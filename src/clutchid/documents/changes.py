@@ -1,0 +1,131 @@
+"""Changes since a calibration, and a vented rest that has moved, as sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import groupby
+
+from clutchid.documents.style import BAR
+from clutchid.estimation.assess.rest import Cause, MovedRest, moved_rests
+from clutchid.estimation.assess.verdict import states_of_wear, verdict
+from clutchid.estimation.result import Change, Fit
+from clutchid.inference.uncertainty.conditions import Assumption
+from clutchid.inference.uncertainty.identifiability import listed
+
+_CAUSE: dict[Cause, str] = {
+    "sensor": "the position sensor or its bracket has moved, or was exchanged",
+    "wear": "wear, by which the travel to the far stop has grown as much",
+    "unknown": "wear or the position sensor; several recordings in clutchid track decide",
+}
+
+
+def rest_sentences(fit: Fit) -> list[str]:
+    """A sentence for each rest that has moved."""
+    return [f"{one.recording}: {rest_words(one)}." for one in moved_rests(fit)]
+
+
+def rest_words(one: MovedRest) -> str:
+    """Shift of a rest, its cause, and its correction."""
+    done = "subtracted, so that the load is over the travel from the rest" if one.subtracted else "kept"
+    return f"the vented rest has moved by {one.shift} since the calibration ({_CAUSE[one.cause]}); {done}"
+
+
+def rests_json(fit: Fit) -> dict[str, dict[str, float | str | None]]:
+    """The shift of the rest of each recording in m with its 95 % interval, where known; a cause where it has moved."""
+    causes = {one.recording: one.cause for one in moved_rests(fit)}
+    return {
+        name: {"value": rest.value, "low": rest.low, "high": rest.high, "cause": causes.get(name)}
+        for name, recording in fit.recordings.items()
+        if (rest := recording.rest) is not None
+    }
+
+
+#: Most groups of changes that a summary shows with their values, and most parameters of a group.
+MOST_WITH_VALUES, MOST_OF_A_GROUP = 2, 3
+
+#: Probability from which on a group is said to have changed; below it may have.
+LIKELY = 0.5
+
+
+def notes_of(fit: Fit) -> list[str]:
+    """Notes on a result: of the verdict, changes since the calibration, what is assumed, what the data determine."""
+    return [*verdict(fit).notes, *since_calibration(fit), *assumed_sentences(fit), *fit.notes]
+
+
+def since_calibration(fit: Fit) -> list[str]:
+    """A sentence for each vented rest that has moved, and each group of parameters that has changed, or may have."""
+    return [*rest_sentences(fit), *change_sentences(fit)]
+
+
+def assumed_sentences(fit: Fit) -> list[str]:
+    """Assumptions on the conditions of the recordings, and how much the supply pressure moves the load."""
+    return [_assumed(one, fit.load_per_supply, len(fit.recordings)) for one in fit.assumed]
+
+
+def _assumed(one: Assumption, per_supply: float | None, of: int) -> str:
+    """A sentence on a condition that is not known in some of several recordings."""
+    supply = one.name == "P_S"
+    where = f" in {', '.join(one.recordings)}" if len(one.recordings) < of else ""
+    value = (
+        f"{one.value / BAR:.2f} ± {one.half_width / BAR:.2f} bar"
+        if supply
+        else f"{one.value - 273.15:.0f} ± {one.half_width:.0f} °C"
+    )
+    text = f"{'supply pressure' if supply else 'air temperature'} not recorded"
+    text += f"{' in the calibration' if one.recorded else where}: as calibrated, {value}"
+    if not supply or per_supply is None:
+        return text
+    return f"{text}; 1 % of it moves this load by {per_supply:.1f} %: record pressure_supply in both, for half the band"
+
+
+def change_sentences(fit: Fit) -> list[str]:
+    """A sentence for each group of parameters that has changed, or may have changed, in each recording.
+
+    One load for several states of wear leaves a difference that changes only seem to explain.
+    """
+    if fit.changes and states_of_wear(fit) is not None:
+        groups = listed(list(dict.fromkeys(change.group for change in fit.changes)))
+        return [
+            f"with one load for several states of wear the difference between them was explained by {groups}: that is "
+            "no change; those of the readings one by one are."
+        ]
+    return [_sentence(recording, list(members)) for (recording, _), members in _grouped(fit.changes)]
+
+
+def short_changes(changes: Sequence[Change]) -> list[str]:
+    """The same in a few words each, for a summary; of many groups without the values."""
+    members = [(recording, list(each)) for (recording, _), each in _grouped(changes)]
+    return [_short(recording, each, len(members) <= MOST_WITH_VALUES) for recording, each in members]
+
+
+def _grouped(changes: Sequence[Change]) -> Iterable[tuple[tuple[str, str], Iterable[Change]]]:
+    return groupby(changes, key=lambda change: (change.recording, change.group))
+
+
+def _short(recording: str, changes: Sequence[Change], with_values: bool) -> str:
+    shown, others = changes[:MOST_OF_A_GROUP], [change.name for change in changes[MOST_OF_A_GROUP:]]
+    also = f"; also {', '.join(others)}" if others else ""
+    values = f": {', '.join(map(_from_to, shown))}{also}" if with_values else ""
+    return f"{_state(changes[0])} in {recording} ({_probability(changes[0])}{values})"
+
+
+def _sentence(recording: str, changes: Sequence[Change]) -> str:
+    values = ", ".join(map(_from_to, changes))
+    return (
+        f"{recording}: {_state(changes[0])} since the calibration ({_probability(changes[0])}): {values}; the load and "
+        "its interval allow for it."
+    )
+
+
+def _state(change: Change) -> str:
+    verb = "changed" if change.probability >= LIKELY else "may have changed"
+    return f"{change.group} {verb}"
+
+
+def _probability(change: Change) -> str:
+    return f"{'over ' if change.probability > 0.99 else ''}{100 * min(change.probability, 0.99):.0f} %"
+
+
+def _from_to(change: Change) -> str:
+    unit = "" if change.unit == "1" else f" {change.unit}"
+    return f"{change.name} {change.before:.4g} -> {change.after:.4g}{unit}"

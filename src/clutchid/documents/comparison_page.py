@@ -1,0 +1,154 @@
+"""Parts of a page on new against worn: the load of a fit and that of its calibration."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from html import escape
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from clutchid.documents.changes import assumed_sentences, since_calibration
+from clutchid.documents.figures import draw, fill, label, legend, mark_span, new_figure, svg
+from clutchid.documents.html import Block, Bullets, Notice, PageSection, Picture, Text
+from clutchid.documents.style import MM, STYLE, Line
+from clutchid.documents.summary import POSITIONS, interval_words
+from clutchid.documents.tables import STEP, Cell, Column, ReportTable
+from clutchid.estimation import Fit
+from clutchid.estimation.assess.comparison import ENGAGING, Comparison, HalfLoad, comparison
+from clutchid.estimation.assess.verdict import of_the_paper, verdict
+from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.estimates import LoadCurve
+from clutchid.names import capital
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_ASSUMED = (
+    "There is no calibration: without --start everything that is not fitted is taken from the truck of the paper "
+    "(Appendix A). On another truck the load has errors that its interval does not include."
+)
+
+_AT_95 = " mm at 95 %"
+
+_CAPTION = (
+    "Load at the calibration and now, each with its pointwise 95 % band, and the present load less the calibrated one. "
+    "Dots mark half of the peak. The band of the difference treats both loads as independent."
+)
+
+
+def comparison_sections(fit: Fit) -> list[PageSection]:
+    """Changes since the calibration; without one, that the truck of the paper is assumed.
+
+    Several recordings have a table of their readings one by one.
+    """
+    if fit.baseline is None:
+        assumed = fit.status != "failed" and fit.calibration is None and of_the_paper(fit)
+        return [PageSection("Since the calibration", (Notice(_ASSUMED),))] if assumed else []
+    found = comparison(fit)
+    sentences = since_calibration(fit) or ["Besides the load no change was found."]
+    sentences += [f"{capital(sentence)}." for sentence in assumed_sentences(fit)]
+    changed = Bullets(tuple(map(escape, sentences)))
+    blocks: list[Block] = [Text(_baseline(fit.baseline))]
+    if found is not None:
+        alt = "Load of the calibration and present load over the position, and their difference, with 95 % bands"
+        figure = Picture(svg(comparison_figure(found)), _CAPTION, alt)
+        blocks += [Text(_shift(found)), changed, figure, change_table(found)]
+    elif fit.status != "failed":
+        blocks.append(Text("Its load is not in the file, or no load was fitted: there are no loads to compare."))
+    if fit.readings:
+        blocks.append(readings_table(fit.readings))
+    return [PageSection("New against worn", tuple(blocks) if found is not None else (*blocks, changed))]
+
+
+def _baseline(baseline: Calibration) -> str:
+    """Name, date, hash and verdict of the calibration."""
+    origin = baseline.origin
+    state = "" if baseline.converged else "; its search had not converged"
+    if origin is None or not origin.name:
+        return f"Compared with a calibration that is not from a file{state}."
+    made = f" of {escape(origin.created.replace('T', ' ').removesuffix('+00:00'))} UTC" if origin.created else ""
+    trust = f"; its trust is “{escape(origin.trust)}”" if origin.trust else ""
+    name = f"Compared with the calibration <b>{escape(origin.name)}</b>{made}{trust}{state}."
+    return f"{name} SHA-256: <code>{escape(origin.sha256)}</code>"
+
+
+def _shift(found: Comparison) -> str:
+    """The half-load position before and now."""
+    shift = found.shift
+    if not np.isfinite(shift.position):
+        return "One of the loads does not reach half of its peak, so that its position cannot be compared."
+    now, before = (
+        f"{at.position / MM:.2f} mm{interval_words(at, behind=_AT_95)}" for at in (found.half_now, found.half_before)
+    )
+    moved = f"<b>{shift.position / MM:+z.2f} mm</b>{interval_words(shift, '+', _AT_95)}"
+    return f"The load reaches half of its peak at {now}, at the calibration at {before}: {moved}."
+
+
+def comparison_figure(found: Comparison) -> Figure:
+    """Both loads with their bands, and below their difference with its band, up to the reach of the recordings."""
+    figure, (loads, difference) = new_figure([3.3, 1.9])
+    inside = found.present.position <= found.reach
+    x, change = found.present.position[inside] / MM, found.difference
+    for axis in (loads, difference):
+        mark_span(axis, ENGAGING[0] / MM, ENGAGING[1] / MM)
+    _draw_load(loads, found.calibrated, found.half_before, found.reach, Line(STYLE.orange, "at the calibration", 2.0))
+    _draw_load(loads, found.present, found.half_now, found.reach, Line(STYLE.blue, "now", 2.0))
+    fill(difference, x, change.low[inside], change.high[inside], Line(STYLE.red, opacity=0.2, layer=1))
+    draw(difference, x, change.force[inside], Line(STYLE.red, "now less calibration", 1.6))
+    difference.axhline(0.0, color=STYLE.ink, linewidth=0.7)
+    label(loads, y="load [N]")
+    label(difference, "position [mm]", "change [N]")
+    loads.set_xlim(0, max(found.reach / MM, 1.0))
+    for axis in (loads, difference):
+        legend(axis, 4)
+    figure.align_ylabels()
+    return figure
+
+
+def _draw_load(axis: Axes, curve: LoadCurve, half: HalfLoad, reach: float, line: Line) -> None:
+    inside = curve.position <= reach
+    x = curve.position[inside] / MM
+    fill(axis, x, curve.low[inside], curve.high[inside], Line(line.colour, opacity=0.2, layer=1))
+    draw(axis, x, curve.force[inside], line)
+    if np.isfinite(half.position):
+        force = float(np.interp(half.position, curve.position, curve.force))
+        axis.plot([half.position / MM], [force], "o", color=line.colour, markersize=5, zorder=4)
+
+
+def change_table(found: Comparison) -> ReportTable:
+    """Both loads and their difference in N and % at every millimetre within the reach."""
+    columns = (
+        Column("position [m]", "position [mm]", MM, 0), Column("calibrated [N]", "calibrated [N]", 1.0, 0),
+        Column("present [N]", "now [N]", 1.0, 0), Column("change [N]", "[N]", 1.0, 0, group="change"),
+        Column("low [N]", "from [N]", 1.0, 0, group="change"), Column("high [N]", "to [N]", 1.0, 0, group="change"),
+        Column("share [1]", "[%]", 0.01, 1, group="change"),
+    )  # fmt: skip
+    rows: list[tuple[Cell, ...]] = []
+    for position in np.arange(STEP, found.reach + 1e-9, STEP):
+        both = (float(np.interp(position, curve.position, curve.force)) for curve in (found.calibrated, found.present))
+        rows.append((float(position), *both, *found.at(float(position))))
+    return ReportTable("Load at the calibration and now", columns, tuple(rows), note="Intervals at 95 %.")
+
+
+def readings_table(readings: Mapping[str, Fit]) -> ReportTable:
+    """Each recording read alone: half-load position, change of the load, other changes, and trust."""
+    group = "change of the load"
+    columns = (
+        Column("recording", "recording"), Column("trust", "trust"),
+        Column("half_load [m]", "half load\nat [mm]", MM, 2), Column("shift [m]", "shift\n[mm]", MM, 2),
+        *(Column(f"change_{mm} [N]", f"at {mm} mm\n[N]", 1.0, 0, group=group) for mm in POSITIONS),
+        Column("share_6 [1]", "at 6 mm\n[%]", 0.01, 1, group=group), Column("others", "other changes"),
+    )  # fmt: skip
+    rows: list[tuple[Cell, ...]] = []
+    for name, one in readings.items():
+        found = comparison(one)
+        if found is not None:
+            changes = (found.at(mm * MM).force if mm * MM <= found.reach else None for mm in POSITIONS)
+            others = ", ".join(dict.fromkeys(change.group for change in one.changes)) or "none found"
+            halves = (found.half_now.position, found.shift.position)
+            share = found.at(6 * MM).share if found.reach >= 6 * MM else None
+            rows.append((name, verdict(one).trust, *halves, *changes, share, others))
+    note = "Each recording alone against the calibration; the result above has one load for all of them."
+    return ReportTable("The recordings one by one", columns, tuple(rows), note=note)

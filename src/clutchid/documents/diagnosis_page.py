@@ -1,0 +1,189 @@
+"""Parts of a page on the trust in a fit: verdict, residuals with their figures, missing excitation."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from html import escape
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from clutchid.documents.figures import label, new_figure, png, shared_legend
+from clutchid.documents.html import Block, Bullets, Details, Notice, Picture, Text
+from clutchid.documents.style import MM, STYLE
+from clutchid.documents.tables import Cell, Column, ReportTable
+from clutchid.errors import ClutchidError
+from clutchid.estimation import Fit
+from clutchid.estimation.assess.diagnostics import ColumnDiagnosis, Diagnosis, remarks
+from clutchid.estimation.assess.evidence import HORIZON, Evidence, information
+from clutchid.estimation.assess.verdict import Verdict
+from clutchid.log import INPUTS, FloatArray
+from clutchid.names import capital
+from clutchid.strokes.residual_colour import Colour
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: Name, display unit in SI, and its symbol, for the residual of a column.
+SHOWN = {"position": ("position", MM, "mm"), "pressure_a": ("pressure A", 1e3, "kPa")}
+
+_WAYS = (("opening", STYLE.blue), ("closing", STYLE.orange), ("hold", STYLE.measured))
+
+
+def colour_figure(diagnosis: Diagnosis) -> Figure:
+    """Autocorrelation of the residuals and their correlation with both valves, three panels a measured column."""
+    columns = list(diagnosis.columns.items())
+    figure, axes = new_figure([1.6] * 3 * len(columns), share_x=False)
+    for row, (name, column) in enumerate(columns):
+        draw_colour(axes[3 * row : 3 * row + 3], column.fast, SHOWN[name][0])
+    label(axes[-1], "lag [ms]")
+    figure.align_ylabels()
+    return figure
+
+
+def draw_colour(axes: Sequence[Axes], found: Colour, name: str) -> None:
+    """Three panels: autocorrelation of a residual of this name, and correlation with the supply and exhaust valve."""
+    own, *others = axes
+    _stems(own, found.lag[1:], found.autocorrelation[1:], found.bound[1:])
+    label(own, y="correlation [1]", title=f"{name}: autocorrelation")
+    for axis, key in zip(others, INPUTS, strict=True):
+        crossed = found.inputs.get(key)
+        if crossed is not None:
+            _stems(axis, crossed.lag, crossed.correlation, crossed.bound)
+        else:
+            axis.text(0.5, 0.5, "constant", ha="center", va="center", transform=axis.transAxes)
+        label(axis, y="correlation [1]", title=f"{name}: with the {key.removeprefix('duty_')} valve")
+
+
+def _stems(axis: Axes, lag: FloatArray, values: FloatArray, bound: FloatArray) -> None:
+    """Correlations over the lag with their 99 % bounds; NaN is not drawn."""
+    ms = lag * 1e3
+    axis.fill_between(ms, -bound, bound, color=STYLE.measured, alpha=0.3, linewidth=0)
+    axis.vlines(ms, 0.0, values, color=STYLE.blue, linewidth=1.3)
+    axis.axhline(0.0, color=STYLE.ink, linewidth=0.7)
+    largest = float(np.nanmax(np.abs(np.concatenate([values, bound])), initial=0.0))
+    axis.set_ylim(-1.15 * max(largest, 0.1), 1.15 * max(largest, 0.1))
+
+
+def region_figure(diagnosis: Diagnosis) -> Figure:
+    """Rms error by stroke region and direction, one panel per measured column."""
+    columns = list(diagnosis.columns.items())
+    figure, axes = new_figure([2.4] * len(columns), share_x=False)
+    for axis, (name, column) in zip(axes, columns, strict=True):
+        _bars(axis, column, SHOWN[name][1])
+        label(axis, "measured position [mm]", f"rms [{SHOWN[name][2]}]", f"error of {SHOWN[name][0]}")
+    shared_legend(axes[0])
+    return figure
+
+
+def _bars(axis: Axes, column: ColumnDiagnosis, unit: float) -> None:
+    lows = sorted({region.low for region in column.regions})
+    names = {region.low: _span(region.low, region.high) for region in column.regions}
+    for k, (way, colour) in enumerate(_WAYS):
+        found = {region.low: region.rms / unit for region in column.regions if region.direction == way}
+        x = [lows.index(low) + 0.27 * (k - 1) for low in found]
+        axis.bar(x, list(found.values()), 0.25, color=colour, label="during holds" if way == "hold" else way)
+    axis.axhline(column.rms / unit, color=STYLE.ink, linewidth=0.9, linestyle=":", label="overall")
+    axis.set_xticks(range(len(lows)), [names[low] for low in lows])
+
+
+def _span(low: float, high: float) -> str:
+    return f"{low / MM:.0f}–{high / MM:.0f}" if np.isfinite(high) else f"{low / MM:.0f}+"
+
+
+_BOX: Mapping[str, Literal["ok", "warning", "failed"]] = {"good": "ok", "with care": "warning", "none": "failed"}
+
+
+def verdict_blocks(judged: Verdict, names: Collection[str] = ()) -> list[Block]:
+    """The verdict with its reasons, notes and limits; `names` of recordings are not capitalised."""
+    experience = (judged.experience,) if judged.experience else ()
+    items = tuple(_capital(reason, names) for reason in (*judged.reasons, *experience))
+    blocks: list[Block] = [Notice(f"Trust: {judged.trust} – {judged.meaning}", _BOX[judged.trust], items)]
+    folded = (("Not counted against the result", judged.notes), ("Limits of the verdict", judged.unseen))
+    for heading, sentences in folded:
+        if sentences:
+            blocks.append(Details(heading, tuple(Text(escape(_capital(one, names))) for one in sentences)))
+    return blocks
+
+
+def information_blocks(fit: Fit, found: Evidence) -> list[Block]:
+    """Identifiability, missing excitation, and the recommended recording."""
+    sentences = [*fit.notes, *found.missing]
+    blocks: list[Block] = [Bullets(tuple(escape(_capital(sentence)) for sentence in sentences))] if sentences else []
+    if not found.missing:
+        return [*blocks, Text("The excitation is sufficient: reach, directions and vented rests.")]
+    proposal = _proposal(fit)
+    return [*blocks, Text(f"Recommended recording: {escape(proposal)}")] if proposal else blocks
+
+
+def _proposal(fit: Fit) -> str:
+    """The most informative manoeuvre for the load; empty if none can be simulated."""
+    from clutchid.estimation.assess.missing_excitation import best_manoeuvre
+
+    weights = [name for name in fit.parameters if name in fit.actuator.load.names]
+    known = information(fit)
+    if not weights or known is None:
+        return ""
+    try:
+        return best_manoeuvre(fit.actuator, weights, known).message
+    except ClutchidError:
+        return ""
+
+
+def diagnosis_table(found: Evidence) -> ReportTable:
+    """Fit in %, errors and number of independent samples of every recording."""
+    columns = (
+        Column("recording", "recording"), Column("column", "of"), Column("fit_percent [1]", "fit [%]", 1.0, 1),
+        Column("predicted_percent [1]", f"fit over\n{HORIZON:g} s [%]", 1.0, 1),
+        Column("rms", "rms"), Column("mean", "mean"), Column("samples [1]", "samples", 1.0, 0),
+        Column("effective_samples [1]", "independent\nsamples", 1.0, 0),
+    )  # fmt: skip
+    rows: list[tuple[Cell, ...]] = []
+    for name, diagnosis in found.diagnoses.items():
+        for key, column in diagnosis.columns.items():
+            shown, unit, symbol = SHOWN[key]
+            over = found.predictions[name] if key == "position" else None
+            rms, mean = (
+                Column("", "", unit, 4 if symbol == "mm" else 3).shown(value) + f" {symbol}"
+                for value in (column.rms, column.mean)
+            )
+            numbers = (column.samples, column.effective_samples)
+            rows.append((name, shown, column.fit_percent, over, rms, mean, *numbers))
+    note = (
+        "The fit is 100 % for an exact simulation and 0 % for one that is as good as the mean. Over 1 s: simulated for "
+        "a second at a time from the measured position."
+    )
+    return ReportTable("Residuals, measured less simulated", columns, tuple(rows), note=note)
+
+
+def residual_blocks(fit: Fit, diagnosis: Diagnosis) -> tuple[Block, ...]:
+    """Figures of the residuals of one recording, and remarks on them."""
+    pressure = "pressure_a" in diagnosis.columns
+    follows = " The simulated position follows the measured one." if fit.follows else ""
+    who = escape(diagnosis.name)
+    colour = Picture(
+        png(colour_figure(diagnosis)),
+        f"{who}: autocorrelation of the residual of position{' and of pressure' if pressure else ''}, and correlation "
+        "of the whitened residual with the duty cycles. At a positive lag the residual follows the valve. White noise "
+        f"is within the grey bounds at 99 of 100 lags; larger values are due to model errors.{follows}",
+        "Autocorrelation of the residuals and correlation with both valves, with 99 % bounds",
+    )
+    regions = Picture(
+        png(region_figure(diagnosis)),
+        f"{who}: rms error by position and direction of motion; the dotted line is that of the whole recording.",
+        "Rms error by stroke region, opening, closing and in hold",
+    )
+    sentences = [sentence.removeprefix(f"{diagnosis.name}: ") for sentence in remarks(diagnosis)]
+    bullets: tuple[Block, ...] = (Bullets(tuple(escape(_capital(s)) for s in sentences)),) if sentences else ()
+    return (colour, regions, *bullets)
+
+
+def _capital(sentence: str, names: Collection[str] = ()) -> str:
+    named = "_" in sentence.split(" ", maxsplit=1)[0] or any(sentence.startswith(f"{name}: ") for name in names)
+    return sentence if named else capital(sentence)
+
+
+def worst_first(found: Evidence, names: Sequence[str]) -> list[str]:
+    """Recordings by their fit over a second, the poorest first; those without one last."""
+    return sorted(names, key=lambda name: found.predictions.get(name, 100.0))

@@ -1,0 +1,172 @@
+"""A fit as a JSON object."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from clutchid.documents.changes import notes_of, rests_json
+from clutchid.estimation import Fit
+from clutchid.estimation.assess.comparison import Comparison, comparison
+from clutchid.estimation.assess.diagnostics import ColumnDiagnosis, remarks
+from clutchid.estimation.assess.evidence import evidence
+from clutchid.estimation.assess.verdict import states_of_wear, verdict
+from clutchid.estimation.result import Change, Errors
+from clutchid.inference.uncertainty.calibration import Origin
+from clutchid.inference.uncertainty.estimates import LoadCurve
+from clutchid.strokes.residual_colour import CrossCorrelation
+
+_UNCOMPARED: dict[str, Any] = {"calibrated_load_curve": None, "load_change": None}
+
+
+def fit_json(result: Fit) -> dict[str, Any]:
+    """The JSON object of a fit, docs/formats.md."""
+    rests = rests_json(result)
+    return {
+        "status": result.status,
+        "message": result.message,
+        "parameters": {name: asdict(estimate) for name, estimate in result.parameters.items()},
+        "load_curve": curve_json(result.load_curve),
+        "errors": errors_json(result.errors),
+        "logs": {
+            name: {**errors_json(recording.errors), "rest_shift_m": rests.get(name)}
+            for name, recording in result.recordings.items()
+        },
+        "rest_shift_m": next(iter(rests.values()), None),
+        "verify": {name: errors_json(recording.errors) for name, recording in result.verification.items()},
+        "noise_scales": dict(result.scales),
+        "warnings": list(result.warnings),
+        "method": result.method,
+        "notes": notes_of(result),
+        "changes": [change_json(change) for change in result.changes],
+        "load_per_supply": result.load_per_supply,
+        "verdict": verdict_json(result),
+        "trust": verdict(result).trust,
+        "reasons": list(verdict(result).reasons),
+        "calibration": origin_json(result),
+        **_compared_json(result),
+        "states_of_wear": _states_json(result),
+        "readings": {name: _reading_json(one) for name, one in result.readings.items()},
+    }
+
+
+def curve_json(curve: LoadCurve) -> dict[str, list[float]]:
+    """A load curve as a JSON object."""
+    return {
+        "position_m": curve.position.tolist(),
+        "force_N": curve.force.tolist(),
+        "low_N": curve.low.tolist(),
+        "high_N": curve.high.tolist(),
+    }
+
+
+def origin_json(result: Fit) -> dict[str, str] | None:
+    """The calibration that a fit started from; empty text where it is not from a file."""
+    if result.baseline is None:
+        return None
+    return (result.baseline.origin or Origin())._asdict()
+
+
+def comparison_json(found: Comparison) -> dict[str, Any]:
+    """The load of the calibration, and the difference of both loads."""
+    at = found.difference
+    change = {
+        "position_m": found.present.position.tolist(),
+        "difference_N": at.force.tolist(),
+        "low_N": at.low.tolist(),
+        "high_N": at.high.tolist(),
+        "difference_percent": (100.0 * at.share).tolist(),
+    }
+    halves = (("before", found.half_before), ("now", found.half_now), ("shift", found.shift))
+    half = {name: {"position_m": one.position, "low_m": one.low, "high_m": one.high} for name, one in halves}
+    return {"calibrated_load_curve": curve_json(found.calibrated), "load_change": {**change, "half_load": half}}
+
+
+def _states_json(result: Fit) -> dict[str, Any] | None:
+    """Recordings by state of wear, and the difference of the two that differ most; None if they are of one."""
+    found = states_of_wear(result)
+    if found is None:
+        return None
+    most = found.most
+    return {
+        "groups": [list(group) for group in found.groups],
+        "recordings": [most.first, most.second],
+        "load_percent": 100.0 * most.load,
+        "load_allowed_percent": 100.0 * most.load_allowed,
+        "half_load_m": most.shift,
+        "half_load_allowed_m": most.shift_allowed,
+    }
+
+
+def _compared_json(fit: Fit) -> dict[str, Any]:
+    """The load against that of the calibration; null where there is none."""
+    found = comparison(fit)
+    return _UNCOMPARED if found is None else comparison_json(found)
+
+
+def _reading_json(one: Fit) -> dict[str, Any]:
+    """One of several recordings, read alone."""
+    return {
+        "trust": verdict(one).trust,
+        "load_curve": curve_json(one.load_curve),
+        "load_change": _compared_json(one)["load_change"],
+        "changes": [change_json(change) for change in one.changes],
+    }
+
+
+def change_json(change: Change) -> dict[str, Any]:
+    """A change since the calibration as a JSON object."""
+    return {
+        name: getattr(change, name) for name in ("recording", "name", "before", "after", "std", "unit", "probability")
+    }
+
+
+def errors_json(errors: Errors) -> dict[str, float | None]:
+    """Errors of a simulation as a JSON object."""
+    return {
+        "position_rms_m": errors.position_rms,
+        "position_sse_m2": errors.position_sse,
+        "pressure_a_rms_Pa": errors.pressure_a_rms,
+        "pressure_a_sse_Pa2": errors.pressure_a_sse,
+    }
+
+
+def verdict_json(fit: Fit) -> dict[str, Any]:
+    """The verdict on a fit and its evidence as plain values."""
+    found, judged = evidence(fit), verdict(fit)
+    return {
+        "trust": judged.trust,
+        "reasons": list(judged.reasons),
+        "unseen": list(judged.unseen),
+        "notes": list(judged.notes),
+        "experience": judged.experience or None,
+        "noise_only": judged.noise_only,
+        "diagnostics": {
+            name: {
+                "position_fit_over_1_s_percent": found.predictions[name],
+                **{column: _column_json(values) for column, values in diagnosis.columns.items()},
+                "remarks": remarks(diagnosis),
+            }
+            for name, diagnosis in found.diagnoses.items()
+        },
+        "missing": list(found.missing),
+    }
+
+
+def _column_json(column: ColumnDiagnosis) -> dict[str, Any]:
+    lags = max((column.fast, column.slow), key=lambda rate: np.nan_to_num(rate.share_outside))
+    return {
+        "samples": column.samples,
+        "fit_percent": column.fit_percent,
+        "rms": column.rms,
+        "mean": column.mean,
+        "effective_samples": column.effective_samples,
+        "share_of_lags_outside": lags.share_outside,
+        "inputs": {name: _strongest_json(rate) for name, rate in column.fast.inputs.items()},
+    }
+
+
+def _strongest_json(found: CrossCorrelation) -> dict[str, float]:
+    return {"lag_s": found.strongest_lag, "correlation": found.strongest, "bound": found.strongest_bound}

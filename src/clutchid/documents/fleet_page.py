@@ -1,0 +1,227 @@
+"""Page of a fleet: distribution of wear, worst and odd vehicles, failures by reason, and all vehicles."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from html import escape
+from os import PathLike
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from clutchid.documents.figures import label, legend, new_figure, svg
+from clutchid.documents.fleet_tables import (
+    MARKS,
+    ODD_AT_LEAST,
+    ODD_SCORE,
+    OddVehicle,
+    ReasonCount,
+    Spans,
+    VehicleRow,
+    all_table,
+    has_reading,
+    left_shown,
+    odd_tables,
+    odd_vehicles,
+    quantiles,
+    quantity_of,
+    reasons_table,
+    spans_of,
+    types_table,
+    worst_table,
+)
+from clutchid.documents.html import Block, Notice, Page, PageSection, Picture, Sortable, Text, provenance, render
+from clutchid.documents.style import MM, STYLE
+from clutchid.files import write_text
+from clutchid.log import FloatArray
+from clutchid.names import printable
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: Types that have a colour of their own; more of them could not be distinguished.
+TYPES = 6
+
+#: Bars of a histogram, at most.
+BARS = 40
+
+_COLOURS = (STYLE.blue, STYLE.orange, STYLE.green, STYLE.purple, STYLE.red, STYLE.measured)
+
+
+class Panel(NamedTuple):
+    """A histogram: words of its axis, a value a vehicle, (n,), NaN where unknown."""
+
+    words: str
+    values: FloatArray
+
+
+def panels_of(vehicles: Sequence[VehicleRow], spans: Spans) -> list[Panel]:
+    """Wear where it is known, shift where a vehicle has only that, and what is left, where there is a limit."""
+    wear = np.array([one.wear.value for one in vehicles]) / MM
+    shift = np.array([one.shift.value for one in vehicles]) / MM
+    left = np.array([left_shown(one, spans).value for one in vehicles])
+    panels = [
+        Panel("wear of the facing [mm]", wear),
+        Panel("shift of the half-load position [mm]", np.where(np.isfinite(wear), np.nan, shift)),
+        Panel(f"left, median [{spans.left_words}]", left),
+    ]
+    return [panel for panel in panels if np.isfinite(panel.values).any()]
+
+
+def distribution_figure(vehicles: Sequence[VehicleRow], spans: Spans) -> Figure:
+    """A histogram a quantity, stacked by type where there are few; at least one value must be known."""
+    panels = panels_of(vehicles, spans)
+    figure, axes = new_figure([2.5] * len(panels), share_x=False)
+    types = np.array([one.type for one in vehicles])
+    names = [name for name, _ in Counter(types.tolist()).most_common()]
+    groups = [types == name for name in names] if len(names) <= TYPES else [np.ones(types.size, dtype=bool)]
+    for axis, panel in zip(axes, panels, strict=True):
+        _histogram(axis, panel, groups)
+        label(axis, y="vehicles")
+    if 1 < len(names) <= TYPES:
+        _name_types(axes[0], names)
+    return figure
+
+
+def _histogram(axis: Axes, panel: Panel, groups: Sequence[np.ndarray]) -> None:
+    """Bars over the range of nearly all values; how many lie outside stands below them."""
+    from matplotlib.ticker import MaxNLocator
+
+    finite = panel.values[np.isfinite(panel.values)]
+    low, high = _range(finite)
+    edges = np.linspace(low, high, int(np.clip(2 * np.sqrt(finite.size), 5, BARS)) + 1)
+    bottom = np.zeros(edges.size - 1)
+    for group, colour in zip(groups, _COLOURS, strict=False):
+        number = np.histogram(panel.values[group & np.isfinite(panel.values)], edges)[0]
+        axis.bar(
+            edges[:-1], number, np.diff(edges), bottom, align="edge", color=colour, edgecolor="white", linewidth=0.4
+        )
+        bottom = bottom + number
+    axis.yaxis.set_major_locator(MaxNLocator(5, integer=True))
+    margin = 0.5 * (edges[1] - edges[0])
+    axis.set_xlim(low - margin, high + margin)
+    axis.set_ylim(0.0, max(1.0, 1.12 * bottom.max()))
+    axis.set_xlabel(panel.words + _outside(panel.values, low, high), fontsize=STYLE.font_size, color=STYLE.ink)
+
+
+def _range(values: FloatArray) -> tuple[float, float]:
+    """From the smallest to the greatest, but at most half their 98 % span beyond it."""
+    first, last = np.quantile(values, (0.01, 0.99))
+    margin = 0.5 * (last - first)
+    low, high = float(max(values.min(), first - margin)), float(min(values.max(), last + margin))
+    around = 0.05 * max(abs(low), abs(high)) or 0.5
+    return (low, high) if high - low > 1e-6 * around else (low - around, high + around)
+
+
+def _outside(values: FloatArray, low: float, high: float) -> str:
+    """Number of vehicles that are not drawn, in words."""
+    below, above = int(np.sum(values < low)), int(np.sum((values > high) & np.isfinite(values)))
+    endless, unknown = int(np.sum(np.isposinf(values))), int(np.sum(np.isnan(values)))
+    counts = {"below": below, "above": above, "with no end in sight": endless, "unknown": unknown}
+    shown = ", ".join(f"{number:,} {words}" for words, number in counts.items() if number)
+    return f"; not drawn: {shown}" if shown else ""
+
+
+def _name_types(axis: Axes, names: Sequence[str]) -> None:
+    from matplotlib.patches import Patch
+
+    marks = [Patch(color=colour) for colour, _ in zip(_COLOURS, names, strict=False)]
+    words = [f"type {printable(name)[:24]}" if name else "no type" for name in names]
+    legend(axis, TYPES, (marks, words))
+
+
+#: Vehicles below which the range of all is said in place of that of nine in ten.
+FEW = 20
+
+
+def fleet_page(
+    vehicles: Sequence[VehicleRow], reasons: Sequence[ReasonCount], command: str, path: str | PathLike[str]
+) -> None:
+    """Write the page of a fleet as one self-contained HTML file, which leads to the pages of its vehicles.
+
+    Parameters
+    ----------
+    command
+        The command line that repeats the run, shown on the page.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written; an existing file is unchanged.
+    """
+    write_text(render(page_of(vehicles, reasons, command)), path)
+
+
+def page_of(vehicles: Sequence[VehicleRow], reasons: Sequence[ReasonCount], command: str) -> Page:
+    """The page before it is rendered."""
+    spans = spans_of(vehicles)
+    odd = odd_vehicles(vehicles, spans)
+    known = any(map(has_reading, vehicles))
+    failures = reasons_table(reasons) if reasons else Notice("Every recording counts.", "ok")
+    sections = [PageSection("Wear", _wear(vehicles, spans))]
+    if known:
+        limited = any(not np.isnan(one.left.value) for one in vehicles)
+        heading = "Soonest at their limit" if limited else "Most worn"
+        sections.append(PageSection(heading, (worst_table(vehicles, spans),)))
+    sections.append(PageSection("Odd vehicles", _odd(odd)))
+    sections.append(PageSection("Recordings that do not count", (failures,)))
+    if vehicles:
+        sections.append(PageSection("All vehicles", (Sortable(all_table(vehicles, odd, spans)),)))
+    return Page("Wear of a fleet", _subtitle(vehicles), tuple(sections), provenance([], command))
+
+
+def _subtitle(vehicles: Sequence[VehicleRow]) -> str:
+    statuses: Counter[str] = Counter()
+    for one in vehicles:
+        statuses.update(one.statuses)
+    recordings = sum(one.recordings for one in vehicles)
+    by_status = ", ".join(f"{number:,} {status}" for status, number in statuses.most_common() if number)
+    words = f"{_number(len(vehicles), 'vehicle')}, {_number(recordings, 'recording')}"
+    return f"{words}: {by_status}" if by_status else words
+
+
+def _wear(vehicles: Sequence[VehicleRow], spans: Spans) -> tuple[Block, ...]:
+    known = [one for one in vehicles if has_reading(one)]
+    if not known:
+        return (Notice("No recording determines the wear of a vehicle.", "failed"),)
+    words = f"{len(known):,} of {_number(len(vehicles), 'vehicle')} have readings of the clutch. {_spread(known)}"
+    what = "their wear" if quantity_of(known) == "wear" else "the shift of their half-load position"
+    more = " and by what is left until their limit" if any(np.isfinite(one.left.value) for one in vehicles) else ""
+    caption = f"Vehicles by {what} now{more}. In all figures and tables, changes are since the calibration of the type."
+    picture = Picture(svg(distribution_figure(vehicles, spans)), caption, "Histograms of wear and of what is left")
+    return Text(escape(words)), picture, types_table(vehicles, spans)
+
+
+def _spread(known: Sequence[VehicleRow]) -> str:
+    """The median and the range of nine vehicles in ten; of all where there are few, and of two that only."""
+    name = quantity_of(known)
+    few = len(known) < FEW
+    shares = (0.0, 0.5, 1.0) if few else (0.05, 0.5, 0.95)
+    low, median, high = (
+        f"{value / MM:.3f}".replace("-", "−")
+        for value in quantiles([getattr(one, name).value for one in known], shares)
+        if value is not None
+    )
+    if len(known) < 3:
+        return f"Their {name} is {low} and {high} mm." if len(known) == 2 else f"Its {name} is {median} mm."
+    return f"The median {name} is {median} mm; {'all' if few else 'nine of ten'} are between {low} and {high} mm."
+
+
+def _odd(odd: Sequence[OddVehicle]) -> tuple[Block, ...]:
+    if not odd:
+        return (Notice("No vehicle stands out.", "ok"),)
+    counts = Counter(one.mark for one in odd)
+    links = ", ".join(
+        f'<a href="#filter={mark.replace(" ", "+")}">{mark}</a> ({counts[mark]:,})' for mark in MARKS if counts[mark]
+    )
+    rule = (
+        f"A rate is fast or slow where its robust z score among at least {ODD_AT_LEAST} vehicles of the type, from "
+        f"their median and median absolute deviation, is beyond {ODD_SCORE}."
+    )
+    return Text(f"All of them, in the table of all vehicles: {links}. {rule}"), *odd_tables(odd)
+
+
+def _number(number: int, noun: str) -> str:
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"

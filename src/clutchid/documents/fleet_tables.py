@@ -1,0 +1,351 @@
+"""Tables of a fleet: by type, the worst, the odd, the reasons for failures, and every vehicle."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from datetime import datetime
+from operator import attrgetter
+from typing import NamedTuple
+
+import numpy as np
+
+from clutchid.documents.style import MM
+from clutchid.documents.tables import Cell, Column, Link, ReportTable
+from clutchid.names import capital, natural, printable
+from clutchid.wear.history import Axis
+from clutchid.wear.trend import LIFE, Interval
+
+
+class VehicleRow(NamedTuple):
+    """A vehicle: its recordings, and its clutch at the last one with 95 % bands; NaN is unknown.
+
+    `counted` are the recordings that count in the trend, without a trend those with a load; `statuses` their number by
+    status. `shift` of the half-load position [m] and relative `load` are changes since the calibration; `wear` [m] is
+    known with a table of it. `rate` is that of wear, or else of shift, a stroke, km, day or recording, as `axis` says,
+    and so is what is `left` to the limit: median and 90 % interval, infinite beyond five lives. `alarms` are
+    sentences. `page` is the file of its own page relative to that of the fleet. `limit` [m] of wear, or else of shift,
+    ends its life, NaN without one. `warnings` are what contradicts in the times of its recordings.
+    """
+
+    name: str
+    type: str
+    recordings: int
+    counted: int
+    statuses: Mapping[str, int]
+    last: datetime | None
+    shift: Interval
+    load: Interval
+    wear: Interval
+    rate: float
+    left: Interval
+    axis: Axis
+    alarms: tuple[str, ...] = ()
+    page: str = ""
+    limit: float = float("nan")
+    warnings: tuple[str, ...] = ()
+
+
+class ReasonCount(NamedTuple):
+    """Recordings without result: status, reason as a sentence without names or numbers, how many, one of them."""
+
+    status: str
+    sentence: str
+    recordings: int
+    example: str
+
+
+class Spans(NamedTuple):
+    """Units of rates and of what is left: by axis how many strokes, km and so on, and in words."""
+
+    rate: Mapping[str, float]
+    rate_words: str
+    left: Mapping[str, float]
+    left_words: str
+
+
+_SPANS = {
+    "strokes": (1e5, "100,000 strokes", 1e3, "thousand strokes"),
+    "km": (1e4, "10,000 km", 1e3, "thousand km"),
+    "days": (100.0, "100 days", 1.0, "days"),
+    "recordings": (10.0, "10 recordings", 1.0, "recordings"),
+}
+
+
+def spans_of(vehicles: Sequence[VehicleRow]) -> Spans:
+    """The unit of the fleet's only axis; shares of a life where vehicles have different ones."""
+    axes = {one.axis for one in vehicles if np.isfinite(one.rate) or not np.isnan(one.left.value)}
+    if len(axes) > 1:
+        return Spans(LIFE, "life", {axis: life / 100 for axis, life in LIFE.items()}, "% of a life")
+    axis = axes.pop() if axes else "strokes"
+    rate, rate_words, left, left_words = _SPANS[axis]
+    return Spans({axis: rate}, rate_words, {axis: left}, left_words)
+
+
+def rate_shown(one: VehicleRow, spans: Spans) -> float:
+    """The rate over the span of the page, in m."""
+    return one.rate * spans.rate.get(one.axis, np.nan)
+
+
+def left_shown(one: VehicleRow, spans: Spans) -> Interval:
+    """Remaining life in the unit of the page."""
+    span = spans.left.get(one.axis, np.nan)
+    return Interval(*(value / span for value in one.left))
+
+
+def quantiles(values: Sequence[float], shares: Sequence[float]) -> list[float | None]:
+    """Quantiles of the known values, which may be infinite: each is one of the values."""
+    known = np.sort([value for value in values if not np.isnan(value)])
+    return [float(np.quantile(known, share, method="nearest")) if known.size else None for share in shares]
+
+
+def quantity_of(vehicles: Sequence[VehicleRow]) -> str:
+    """Quantity that ends the life: wear where that of a vehicle is known, else shift."""
+    return "wear" if any(np.isfinite(one.wear.value) for one in vehicles) else "shift"
+
+
+def has_reading(one: VehicleRow) -> bool:
+    """Whether anything is known of its clutch."""
+    return bool(np.isfinite(one.shift.value) or np.isfinite(one.wear.value))
+
+
+#: A robust z score beyond this is odd. Iglewicz and Hoaglin, How to Detect and Handle Outliers, 1993: of normal rates
+#: one in 2000 is beyond.
+ODD_SCORE = 3.5
+
+#: Vehicles of a type from which their median and its deviation are taken: with fewer, the deviation itself is known to
+#: hardly better than half (guessed).
+ODD_AT_LEAST = 8
+
+#: Share of the recordings without a reading beyond which a vehicle is odd.
+ODD_SHARE = 0.5
+
+#: The median absolute deviation of the normal distribution in its standard deviations.
+_MAD = 0.6745
+
+
+#: Marks of a vehicle that stands out, and their meanings.
+MARKS = {
+    "alarm": "a clutch replaced, a sudden change, a leak, a departure",
+    "fast": "wears faster than others of its type",
+    "slow": "wears more slowly than others of its type",
+    "few readings": "most recordings do not count",
+}
+
+
+class OddVehicle(NamedTuple):
+    """A vehicle that stands out by one of MARKS, why, and how much, to sort them by."""
+
+    vehicle: VehicleRow
+    mark: str
+    reason: str
+    score: float
+
+
+def odd_vehicles(vehicles: Sequence[VehicleRow], spans: Spans) -> list[OddVehicle]:
+    """By mark, the oddest first; a vehicle has a row for each mark.
+
+    A rate is odd where its robust z score among the vehicles of its type is beyond ODD_SCORE: from their median and
+    median absolute deviation, which the odd ones hardly change.
+    """
+    alarmed = [OddVehicle(one, "alarm", " ".join(map(_sentence, one.alarms)), len(one.alarms)) for one in vehicles]
+    few = [OddVehicle(one, "few readings", _few(one), one.recordings - one.counted) for one in vehicles if _misses(one)]
+    found = [*(odd for odd in alarmed if odd.score), *_odd_rates(vehicles, spans), *few]
+    marks = list(MARKS)
+    return sorted(found, key=lambda odd: (marks.index(odd.mark), -abs(odd.score)))
+
+
+def _odd_rates(vehicles: Sequence[VehicleRow], spans: Spans) -> list[OddVehicle]:
+    groups: dict[tuple[str, str, bool], list[VehicleRow]] = defaultdict(list)
+    for one in vehicles:
+        if np.isfinite(one.rate):
+            groups[one.type, one.axis, bool(np.isfinite(one.wear.value))].append(one)
+    found = []
+    for (type_, _, _), members in groups.items():
+        rates = np.array([rate_shown(one, spans) for one in members])
+        median = float(np.median(rates))
+        deviation = float(np.median(np.abs(rates - median)))
+        if len(members) < ODD_AT_LEAST or deviation == 0.0:
+            continue
+        scores = _MAD * (rates - median) / deviation
+        others = f"of the {len(members):,} vehicles {f'of type {printable(type_)}' if type_ else 'of no given type'}"
+        for one, rate, score in zip(members, rates, scores, strict=True):
+            if abs(score) > ODD_SCORE:
+                reason = (
+                    f"{rate / MM:.3f} mm per {spans.rate_words}; the median {others} is {median / MM:.3f} mm; robust "
+                    f"z score {'+' if score > 0 else '−'}{abs(score):.1f}."
+                )
+                found.append(OddVehicle(one, "fast" if score > 0 else "slow", reason, float(score)))
+    return found
+
+
+def _few(one: VehicleRow) -> str:
+    words = ", ".join(f"{number} {printable(status)}" for status, number in one.statuses.items() if number)
+    return f"{one.counted} of {one.recordings} recordings count; by status: {words or 'not known'}."
+
+
+def _misses(one: VehicleRow) -> bool:
+    return one.recordings - one.counted > ODD_SHARE * one.recordings
+
+
+def _sentence(words: str) -> str:
+    return f"{capital(printable(words).rstrip('.'))}."
+
+
+#: Rows of the tables of the worst, of one kind of the odd, of types and of reasons, at most.
+WORST, ODD, TYPES, REASONS = 20, 12, 30, 40
+
+
+#: A column with the cell of a vehicle in it.
+Entry = tuple[Column, Callable[[VehicleRow], Cell]]
+
+
+def worst_table(vehicles: Sequence[VehicleRow], spans: Spans) -> ReportTable:
+    """The vehicles with the least left, then the most worn ones; first what is left, by which they are sorted."""
+    known = sorted(filter(has_reading, vehicles), key=_worst)[:WORST]
+    load = Column("load [1]", "now", 0.01, 1, group="load [%]")
+    entries = [
+        *_NAMES, *_left(known, spans), *_lengths(known), (load, lambda one: one.load.value),
+        _band(load, lambda one: one.load), _rate(known, spans),
+    ]  # fmt: skip
+    return _table(f"The worst {len(known)} of {len(vehicles):,} vehicles", known, entries, spans)
+
+
+def all_table(vehicles: Sequence[VehicleRow], odd: Sequence[OddVehicle], spans: Spans) -> ReportTable:
+    """Every vehicle, by name."""
+    marks: dict[int, list[str]] = defaultdict(list)
+    for each in odd:
+        marks[id(each.vehicle)].append(each.mark)
+    entries: list[Entry] = [
+        *_NAMES,
+        (Column("last", "last"), lambda one: f"{one.last:%Y-%m-%d}" if one.last else None),
+        (Column("recordings", "all", decimals=0, group="recordings"), lambda one: one.recordings),
+        (Column("counted", "counted", decimals=0, group="recordings"), lambda one: one.counted),
+        *_lengths(vehicles),
+        (Column("load [1]", "load\n[%]", 0.01, 1), lambda one: one.load.value),
+        _rate(vehicles, spans),
+        *_left(vehicles, spans),
+        (Column("odd", "odd"), lambda one: ", ".join(marks[id(one)])),
+    ]
+    return _table("All vehicles", sorted(vehicles, key=lambda one: natural(one.name)), entries, spans)
+
+
+def _table(title: str, vehicles: Sequence[VehicleRow], entries: Sequence[Entry], spans: Spans) -> ReportTable:
+    """A row a vehicle; below it the meaning of the signs, and the lives that forecasts and shares of a life assume."""
+    rows = tuple(tuple(cell(one) for _, cell in entries) for one in vehicles)
+    lives = ", ".join(f"{LIFE[axis]:,.0f} {axis}" for axis in spans.rate)
+    note = f"Changes since the calibration. ∞: not within five lives; –: not known. A life is {lives}."
+    return ReportTable(title, tuple(column for column, _ in entries), rows, note=note)
+
+
+def odd_tables(odd: Sequence[OddVehicle]) -> list[ReportTable]:
+    """The oddest vehicles and why, a table a mark."""
+    columns = (Column("vehicle", "vehicle"), Column("type", "type"), Column("reason", "why"))
+    found = []
+    for mark, meaning in MARKS.items():
+        members = [one for one in odd if one.mark == mark]
+        rows = tuple((_link(one.vehicle), printable(one.vehicle.type), one.reason) for one in members[:ODD])
+        number = f"{len(rows)} of {len(members):,}" if len(members) > ODD else f"{len(rows)}"
+        if rows:
+            found.append(ReportTable(f"{capital(mark)}, {meaning}: {number}", columns, rows))
+    return found
+
+
+def reasons_table(reasons: Sequence[ReasonCount]) -> ReportTable:
+    """Reasons why recordings do not count, the most frequent first."""
+    columns = (
+        Column("status", "status"), Column("recordings", "recordings", decimals=0), Column("reason", "reason"),
+        Column("example", "for example"),
+    )  # fmt: skip
+    ordered = sorted(reasons, key=lambda reason: -reason.recordings)
+    rows = [(one.status, one.recordings, printable(one.sentence), printable(one.example)) for one in ordered[:REASONS]]
+    rest = ordered[REASONS:]
+    more = f"{len(rest):,} rarer reasons, of {sum(one.recordings for one in rest):,} recordings, are left out here."
+    total = sum(reason.recordings for reason in reasons)
+    return ReportTable(f"{total:,} recordings by reason", columns, tuple(rows), note=more if rest else "")
+
+
+def types_table(vehicles: Sequence[VehicleRow], spans: Spans) -> ReportTable:
+    """A row a type of vehicle: how many, and how wear, its rate and what is left are distributed."""
+    name = quantity_of(vehicles)
+    groups: dict[str, list[VehicleRow]] = defaultdict(list)
+    for one in vehicles:
+        groups[one.type].append(one)
+    columns = (
+        Column("type", "type"), Column("vehicles", "vehicles", decimals=0),
+        Column("reading", "with a\nreading", decimals=0),
+        *(Column(f"{name} {share} [m]", f"{share} %", MM, 3, group=f"{name} [mm]") for share in (5, 50, 95)),
+        Column(f"rate [m per {spans.rate_words}]", f"median rate\n[mm per {spans.rate_words}]", MM, 3),
+        Column("left", f"median left\n[{spans.left_words}]", decimals=0),
+        Column("limit [m]", f"limit of\n{name} [mm]", MM, 2),
+    )  # fmt: skip
+    largest = sorted(groups.items(), key=lambda item: (-len(item[1]), item[0]))
+    rows: list[tuple[Cell, ...]] = [
+        (
+            printable(type_) or "none given", len(members), sum(map(has_reading, members)),
+            *quantiles([getattr(one, name).value for one in members], (0.05, 0.5, 0.95)),
+            *quantiles([rate_shown(one, spans) for one in members], (0.5,)),
+            *quantiles([left_shown(one, spans).value for one in members], (0.5,)),
+            *quantiles([one.limit for one in members], (0.5,)),
+        )
+        for type_, members in largest[:TYPES]
+    ]  # fmt: skip
+    more = f"{len(largest) - TYPES:,} smaller types are left out here." if len(largest) > TYPES else ""
+    return ReportTable("By type, with quantiles over its vehicles", columns, tuple(rows), note=more)
+
+
+def _worst(one: VehicleRow) -> tuple[float, float, float, float]:
+    """Sorts by what is left, in lives, then by wear and shift."""
+    life = LIFE[one.axis]
+    left = [np.inf if np.isnan(value) else value / life for value in (one.left.value, one.left.low)]
+    return left[0], left[1], -np.nan_to_num(one.wear.value), -abs(np.nan_to_num(one.shift.value))
+
+
+def _lengths(vehicles: Sequence[VehicleRow]) -> Iterator[Entry]:
+    """Wear and shift that are known, each with its band: that of the shift only where a vehicle has no wear."""
+    wear, shift = (np.isfinite([getattr(one, name).value for one in vehicles]) for name in ("wear", "shift"))
+    for name, shown, banded in (("wear", wear, True), ("shift", shift, bool((shift & ~wear).any()))):
+        if shown.any():
+            column, length = Column(f"{name} [m]", "now", MM, 3, group=f"{name} [mm]"), attrgetter(name)
+            yield column, attrgetter(f"{name}.value")
+            if banded:
+                yield _band(column, length)
+
+
+def _band(column: Column, of: Callable[[VehicleRow], Interval], words: str = "95 % band") -> Entry:
+    """The interval of the values of a column, in words."""
+    name = column.name.split(" [", maxsplit=1)[0]
+
+    def shown(one: VehicleRow) -> Cell:
+        _, low, high = of(one)
+        if np.isnan(low) or np.isnan(high):
+            return None
+        return f"{column.shown(low)} to {column.shown(high)}".replace(" ", "\N{NO-BREAK SPACE}")
+
+    return Column(f"{name} band", words, group=column.group), shown
+
+
+def _rate(vehicles: Sequence[VehicleRow], spans: Spans) -> Entry:
+    heading = f"rate of\n{quantity_of(vehicles)}\n[mm per\n{spans.rate_words.replace(' ', chr(10))}]"
+    return Column(f"rate [m per {spans.rate_words}]", heading, MM, 3), lambda one: rate_shown(one, spans)
+
+
+def _left(vehicles: Sequence[VehicleRow], spans: Spans) -> list[Entry]:
+    """Two columns where a limit is known."""
+    if all(np.isnan(one.left.value) for one in vehicles):
+        return []
+    column = Column("left", "median", decimals=0, group=f"left [{spans.left_words}]")
+    return [
+        (column, lambda one: left_shown(one, spans).value),
+        _band(column, lambda one: left_shown(one, spans), "90 % band"),
+    ]
+
+
+def _link(one: VehicleRow) -> Link:
+    return Link(printable(one.name), one.page)
+
+
+_NAMES: tuple[Entry, ...] = (
+    (Column("vehicle", "vehicle"), _link),
+    (Column("type", "type"), lambda one: printable(one.type)),
+)

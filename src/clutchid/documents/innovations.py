@@ -1,0 +1,62 @@
+"""Part of a page on the innovations of an on-line observer: NIS, whiteness, correlation with the valves."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from clutchid.documents.diagnosis_page import draw_colour
+from clutchid.documents.figures import draw, fill, label, legend, new_figure, png
+from clutchid.documents.html import Block, Picture, Text
+from clutchid.documents.style import STYLE, Line
+from clutchid.estimation.assess.innovations import InnovationStatistics, MeanNIS
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: The panels in words.
+_CAPTION = (
+    "Innovations, measured less predicted, each divided by the standard deviation that the filter predicts. First the "
+    "mean of their squares (NIS) over each second: of independent innovations with that deviation 19 of 20 would lie "
+    "in the blue band around 1. The filter takes samples within 10 ms as one, so it lies below. Then their correlation "
+    "from one correction to the next, and with the duty cycles; at a positive lag the innovation follows the valve. "
+    "White noise is within the grey bounds at 99 of 100 lags; larger values are what the model does not explain."
+)
+
+
+def innovation_figure(found: InnovationStatistics) -> Figure:
+    """NIS over time with its bounds, autocorrelation, and correlation with both valves."""
+    figure, axes = new_figure([1.6] * 4, share_x=False)
+    fill(axes[0], found.time, found.low, found.high, Line(STYLE.blue, "95 % of a chi-square", opacity=0.3))
+    draw(axes[0], found.time, found.nis, Line(STYLE.red, "mean over a second", 1.2))
+    axes[0].set_ylim(0.0, 1.1 * float(np.nanmax(np.append(found.nis, found.high), initial=1.0)))
+    label(axes[0], "time [s]", "NIS [1]")
+    legend(axes[0], 2)
+    draw_colour(axes[1:], found.colour, "innovation")
+    label(axes[-1], "lag [ms]")
+    figure.align_ylabels()
+    return figure
+
+
+def innovation_blocks(name: str, found: InnovationStatistics) -> tuple[Block, ...]:
+    """Sentence and figure of the innovations of a recording, nothing without a correction."""
+    if not found.moving.corrections + found.resting.corrections:
+        return ()
+    said = [
+        f"{_nis(mean)} while the piston {what}"
+        for mean, what in ((found.moving, "moves"), (found.resting, "rests"))
+        if mean.corrections
+    ]
+    words = f"NIS: {'; '.join(said)}."
+    outside = found.colour.share_outside
+    if np.isfinite(outside):
+        words += f" {100 * outside:.0f} % of the lags of the autocorrelation are outside the bounds of white noise."
+    alt = "NIS over time, autocorrelation of the innovations and correlation with both valves"
+    return (Text(escape(words)), Picture(png(innovation_figure(found)), f"{escape(name)}. {_CAPTION}", alt))
+
+
+def _nis(found: MeanNIS) -> str:
+    bounds = f"{found.low:.2f} to {found.high:.2f}"
+    return f"{found.mean:.2g} in {found.corrections:,d} corrections (95 % of a chi-square: {bounds})"

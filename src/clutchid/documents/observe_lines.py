@@ -1,0 +1,69 @@
+"""Results of an observer while they arise, as JSON lines."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from clutchid.documents.fit_json import curve_json
+from clutchid.log import FloatArray
+from clutchid.measurements.source import to_frame
+from clutchid.observer.by_stroke import StrokeRow
+from clutchid.observer.live import LiveRun, due
+from clutchid.observer.recording import ObservedRecording
+
+
+def observe_lines(before: LiveRun, after: LiveRun, part: ObservedRecording, every: float) -> list[str]:
+    """Lines of a block: its samples, its strokes behind the sample that ends them, and its faults if there are any.
+
+    Each is a JSON object, null for what is not finite. A sample has the columns of `ObservedRecording.estimates` under
+    the same headings; a stroke has ``stroke``, ``parameters`` and ``load_curve``; faults are the seconds so far, in
+    ``health``.
+
+    Parameters
+    ----------
+    before, after
+        The recording before and after the block.
+    every : s
+        Time from one published sample to the next; 0 publishes all.
+    """
+    rows = np.flatnonzero(due(part.log.time, before.latest, every))
+    lines = _samples(part, rows)
+    ends = np.searchsorted(part.log.time[rows], [row.time for row in part.strokes], side="right")
+    for at, row in reversed(list(zip(ends.tolist(), part.strokes, strict=True))):
+        lines.insert(at, json.dumps(_stroke(row)))
+    if any(part.health.values()):
+        lines.append(json.dumps({"time [s]": after.latest, "health": dict(after.health or {})}))
+    return lines
+
+
+def _samples(part: ObservedRecording, rows: np.ndarray) -> list[str]:
+    frame = to_frame(part.estimates())
+    columns = [_known(frame[name].to_numpy()[rows]) for name in frame.columns]
+    return [json.dumps(dict(zip(frame.columns, values, strict=True))) for values in zip(*columns, strict=True)]
+
+
+def _known(values: FloatArray) -> list[float | None]:
+    found: list[float | None] = values.tolist()
+    for i in np.flatnonzero(~np.isfinite(values)).tolist():
+        found[i] = None
+    return found
+
+
+#: Numbers of an estimate.
+_SIDES = ("value", "std", "low", "high")
+
+
+def _stroke(row: StrokeRow) -> dict[str, Any]:
+    parameters = {
+        name: {
+            **dict(zip(_SIDES, _known(np.array([getattr(one, side) for side in _SIDES])), strict=True)),
+            "unit": one.unit,
+        }
+        for name, one in row.known.items()
+    }
+    curve = curve_json(row.curve)
+    known = {name: _known(np.array(values)) for name, values in curve.items()}
+    return {"time [s]": row.time, "stroke": row.number, "parameters": parameters, "load_curve": known}

@@ -1,0 +1,293 @@
+"""Page of an observed recording: load before and after, by stroke, samples, parameters, health."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from os import PathLike
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from clutchid.documents.diagnosis_page import verdict_blocks
+from clutchid.documents.figures import (
+    draw,
+    draw_duties,
+    fill,
+    label,
+    legend,
+    mark_span,
+    new_figure,
+    png,
+    svg,
+    with_gaps,
+)
+from clutchid.documents.html import Block, Details, Notice, Page, PageSection, Picture, Text, provenance, render
+from clutchid.documents.innovations import innovation_blocks
+from clutchid.documents.observe_text import load_sentence
+from clutchid.documents.style import BAR, MM, STYLE, Line
+from clutchid.documents.tables import Cell, Column, ReportTable
+from clutchid.estimation.assess.comparison import ENGAGING
+from clutchid.estimation.assess.innovations import innovation_statistics
+from clutchid.estimation.assess.observed import indicators, observed_verdict
+from clutchid.files import write_text
+from clutchid.inference.uncertainty.calibration import Origin
+from clutchid.inference.uncertainty.estimates import Estimate, LoadCurve
+from clutchid.log import FloatArray
+from clutchid.names import capital
+from clutchid.numerics.interval import QUANTILE
+from clutchid.observer.by_stroke import curve, known, positions
+from clutchid.observer.health import FLAGS, LIVE_FLAGS, VALUE_FLAGS
+from clutchid.observer.recording import Loads, ObservedRecording, loads
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: Positions in m at which the load is drawn by stroke.
+FOLLOWED = (3e-3, 6e-3, 12e-3)
+
+#: Units of differences of pressures in Pa and of positions in m.
+KPA, MICRO = 1e3, 1e-6
+
+#: Unit of an innovation by what it compares, and its factor to SI.
+INNOVATION = {"position": ("µm", MICRO), "force": ("N", 1.0)}
+
+#: Percentage of the innovations that the figure has room for.
+SHOWN = 99.0
+
+
+def loads_figure(found: Loads) -> Figure:
+    """The load before and after a recording with their bands, and below the change with the band of the load after."""
+    figure, (loads, change) = new_figure([3.3, 1.9])
+    before, after = found.before, found.after
+    x = after.position / MM
+    for axis in (loads, change):
+        mark_span(axis, ENGAGING[0] / MM, ENGAGING[1] / MM)
+    for one, colour, words in ((before, STYLE.orange, "before"), (after, STYLE.blue, "after")):
+        fill(loads, x, one.low, one.high, Line(colour, f"95 % band {words}", opacity=0.2))
+        draw(loads, x, one.force, Line(colour, f"{words} the recording", 1.8))
+    fill(change, x, after.low - before.force, after.high - before.force, Line(STYLE.red, opacity=0.2))
+    draw(change, x, after.force - before.force, Line(STYLE.red, "after less before, with the band after", 1.6))
+    change.axhline(0.0, color=STYLE.ink, linewidth=0.7)
+    label(loads, y="load [N]")
+    label(change, "position [mm]", "change [N]")
+    loads.set_xlim(0.0, float(x[-1]))
+    _limit(loads, np.concatenate([before.force, after.force, [0.0]]), 0.15)
+    _limit(change, np.append(after.force - before.force, 0.0), 1.0)
+    for axis in (loads, change):
+        legend(axis, 4)
+    figure.align_ylabels()
+    return figure
+
+
+def _limit(axis: Axes, values: FloatArray, part: float) -> None:
+    """Limits for some values with a part of their range on both sides, however wide a band is."""
+    low, high = float(values.min()), float(values.max())
+    room = part * max(high - low, 1e-3)
+    lowest, highest = axis.get_ylim()
+    axis.set_ylim(max(lowest, low - room), min(highest, high + room))
+
+
+def strokes_figure(run: ObservedRecording) -> Figure:
+    """The load at three positions over the number of the stroke, with its band; first that before the recording."""
+    from matplotlib.ticker import MaxNLocator
+
+    grid = positions(run.observer)
+    curves: list[LoadCurve] = [curve(run.observer, run.before, grid), *(row.curve for row in run.strokes)]
+    number = np.array([run.before.strokes.ended, *(row.number for row in run.strokes)], dtype=np.float64)
+    places = [int(np.argmin(np.abs(grid - position))) for position in FOLLOWED if position <= grid[-1]]
+    figure, axes = new_figure([1.25] * len(places))
+    for axis, at in zip(axes, places, strict=True):
+        force, low, high = (np.array([getattr(one, side)[at] for one in curves]) for side in ("force", "low", "high"))
+        fill(axis, number, low, high, Line(STYLE.blue, "95 % band", opacity=0.2))
+        draw(axis, number, force, Line(STYLE.blue, "load", 1.6))
+        axis.plot(number, force, "o", color=STYLE.blue, markersize=2.8)
+        _limit(axis, np.concatenate([force, low[1:], high[1:]]), 0.2)
+        label(axis, y=f"at {grid[at] / MM:.0f} mm [N]")
+    axes[-1].xaxis.set_major_locator(MaxNLocator(integer=True))
+    label(axes[-1], "stroke")
+    legend(axes[0], 4)
+    figure.align_ylabels()
+    return figure
+
+
+def samples_figure(run: ObservedRecording) -> Figure:
+    """Position, pressure in chamber A with its band, innovations with their bounds, and duty cycles, over time.
+
+    Where the pressure was measured, its difference to the estimate follows.
+    """
+    log, states = run.log, run.observer.actuator.states
+    with_pressure = "pressure_a" in log
+    figure, axes = new_figure([1.6, 1.9, *([1.15] if with_pressure else []), 1.15, 1.05])
+    position, pressure, innovation, duty = axes[0], axes[1], axes[-2], axes[-1]
+    estimated, half = run.samples.states[:, states.index("p_A")], QUANTILE * run.deviation("p_A")
+    t, (measured, followed, p, h) = with_gaps(
+        log.time, [log["position"], run.samples.states[:, states.index("y")], estimated, half], run.observer.spacing
+    )
+    draw(position, t, measured / MM, Line(STYLE.measured, "measured", 2.2))
+    draw(position, t, followed / MM, Line(STYLE.blue, "estimated"))
+    if with_pressure:
+        _, (recorded,) = with_gaps(log.time, [log["pressure_a"]], run.observer.spacing)
+        draw(pressure, t, recorded / BAR, Line(STYLE.measured, "measured, not used", 2.2))
+        fill(axes[2], t, -h / KPA, h / KPA, Line(STYLE.blue, "95 % band", opacity=0.35, layer=3))
+        draw(axes[2], t, (recorded - p) / KPA, Line(STYLE.measured, "measured less estimated", 0.8))
+        label(axes[2], y="difference\n[kPa]")
+    fill(pressure, t, (p - h) / BAR, (p + h) / BAR, Line(STYLE.blue, "95 % band", opacity=0.3))
+    draw(pressure, t, p / BAR, Line(STYLE.blue, "estimated from the position"))
+    _innovations(innovation, run)
+    draw_duties(duty, log)
+    label(position, y="position [mm]")
+    label(pressure, y="pressure A,\nabsolute [bar]")
+    label(innovation, y=f"innovation\n[{INNOVATION[run.observer.joint.rule.compares][0]}]")
+    for axis in axes:
+        legend(axis, 4)
+    figure.align_ylabels()
+    return figure
+
+
+def _innovations(axis: Axes, run: ObservedRecording) -> None:
+    """Innovations with their 95 % bounds."""
+    found, variance = run.samples.innovations.T
+    corrected = np.isfinite(found)
+    every = run.observer.joint.settings.every * run.observer.spacing
+    compares = run.observer.joint.rule.compares
+    _, unit = INNOVATION[compares]
+    columns = [found[corrected] / unit, QUANTILE * np.sqrt(variance[corrected]) / unit]
+    t, (innovation, bound) = with_gaps(run.log.time[corrected], columns, every)
+    fill(axis, t, -bound, bound, Line(STYLE.measured, "95 % bounds", opacity=0.3))
+    draw(axis, t, innovation, Line(STYLE.red, f"{compares}, measured less predicted", 0.8))
+    if corrected.any():
+        most = 1.5 * float(np.nanpercentile(np.fmax(bound, np.abs(innovation)), SHOWN))
+        axis.set_ylim(-most, most)
+
+
+_AFTER = "after the recording"
+_MEANINGS = {**FLAGS, **VALUE_FLAGS, **LIVE_FLAGS}
+_LOADS = (
+    "Load before and after the recording over the position of the piston, each with its pointwise 95 % band, and the "
+    "change. The band before is that of a clutch that may have worn since. Shaded: 5 to 8 mm, where the clutch engages."
+)
+_STROKES = (
+    "Load at three positions after each stroke, with its 95 % band; the first point is that before the recording."
+)
+_SAMPLES = (
+    "Position and pressure as estimated at each sample from what came before it, the innovations (measured less "
+    "predicted) with their 95 % bounds, and the duty cycles."
+)
+_SUPPLY = (
+    "No supply pressure was recorded, so that of the calibration is assumed: 5 % less is taken for a load that is 6 % "
+    "larger."
+)
+
+
+def observe_page(run: ObservedRecording, origin: Origin, command: str, path: str | PathLike[str]) -> None:
+    """Write the page of an observed recording as one self-contained HTML file.
+
+    Parameters
+    ----------
+    origin : Origin
+        The calibration that the observer started from.
+    command : str
+        The command line that repeats the run, shown on the page.
+    path
+        The file; an existing one is replaced atomically.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written; an existing file is unchanged.
+    """
+    write_text(render(page_of(run, origin, command)), path)
+
+
+def page_of(run: ObservedRecording, origin: Origin, command: str) -> Page:
+    """The page before it is rendered."""
+    name = escape(run.log.name)
+    innovations = innovation_blocks(run.log.name, innovation_statistics(run))
+    sections = [
+        PageSection("Load before and after", _result(run)),
+        PageSection("Load by stroke", _by_stroke(run)),
+        PageSection("Samples", (Picture(png(samples_figure(run)), f"{name}. {_SAMPLES}", "Samples over time"),)),
+        *([PageSection("Innovations", innovations)] if innovations else []),
+        PageSection("Parameters", _parameters(run)),
+        PageSection("Flags", (health_table(run),)),
+    ]
+    subtitle = (
+        f"Model {run.observer.actuator.model}; method {run.observer.method}; started from "
+        f"{origin.name or 'a calibration that is not from a file'}."
+    )
+    title = f"Load and pressure of {run.log.name}, on line"
+    return Page(title, subtitle, tuple(sections), provenance([run.log], command))
+
+
+def _result(run: ObservedRecording) -> tuple[Block, ...]:
+    notices = verdict_blocks(observed_verdict(indicators(run)))
+    notices += [Notice(warning) for warning in run.log.warnings]
+    raised = [f"{_MEANINGS[name]}: {seconds:.3g} s" for name, seconds in run.health.items() if seconds > 0.0]
+    if raised:
+        notices.append(Notice("Flags", "warning", tuple(raised)))
+    else:
+        notices.append(Notice("No fault was found.", "ok"))
+    words = [f"{capital(load_sentence(run))}."]
+    if run.observer.compares:
+        words.append(f"Innovations (NIS in motion) are {run.after.mismatch:.2f} times those of the calibration.")
+    if run.assumes_supply:
+        words.append(_SUPPLY)
+    alt = "Load before and after the recording over the position, and its change, with 95 % bands"
+    figure = Picture(svg(loads_figure(loads(run))), _LOADS, alt)
+    return (*notices, Text(escape(" ".join(words))), figure)
+
+
+def _by_stroke(run: ObservedRecording) -> tuple[Block, ...]:
+    if not run.strokes:
+        return (Text("No stroke ended in the recording."),)
+    return (Picture(svg(strokes_figure(run)), _STROKES, "Load at three positions by stroke"),)
+
+
+def _parameters(run: ObservedRecording) -> tuple[Block, ...]:
+    """Parameters and load weights that adapt, before and after; none if the load stays as calibrated."""
+    names, weights = run.observer.adapting, run.observer.actuator.load.names
+    if not names:
+        return (Text("Nothing adapts: load and parameters stay as calibrated."),)
+    parameters = [name for name in names if name not in weights]
+    others = (parameter_table(run, "Parameters that adapt", parameters),) if parameters else ()
+    table = parameter_table(run, "Load weights", [name for name in names if name in weights])
+    return (*others, Details("Load weights", (table,)))
+
+
+def parameter_table(run: ObservedRecording, title: str, names: Sequence[str]) -> ReportTable:
+    """Some parameters, with their meaning, or load weights, before and after the recording."""
+    actuator = run.observer.actuator
+    before, after = (known(run.observer, state) for state in (run.before, run.after))
+    meant = not set(names) & set(actuator.load.names)
+    columns = (
+        Column("name", "parameter"), Column("unit", "unit"), Column("before", "before", significant=4),
+        Column("after", "value", significant=4, group=_AFTER),
+        Column("std", "standard\ndeviation", significant=2, group=_AFTER),
+        Column("low", "95 %\nfrom", significant=4, group=_AFTER), Column("high", "to", significant=4, group=_AFTER),
+        *([Column("meaning", "meaning")] if meant else []),
+    )  # fmt: skip
+    rows: list[tuple[Cell, ...]] = [
+        (
+            name, actuator.unit(name), _rounded(before[name]),
+            after[name].value, after[name].std, after[name].low, after[name].high,
+            *([actuator.row(name).meaning] if meant else []),
+        )
+        for name in names
+    ]  # fmt: skip
+    return ReportTable(title, columns, tuple(rows))
+
+
+def _rounded(one: Estimate) -> float:
+    """A value, 0 where it differs from that by rounding only."""
+    return one.value if abs(one.value) > 1e-6 * one.std else 0.0
+
+
+def health_table(run: ObservedRecording) -> ReportTable:
+    """Seconds of each flag."""
+    columns = (
+        Column("flag", "flag"), Column("meaning", "meaning"), Column("seconds [s]", "seconds", 1.0, 3),
+    )  # fmt: skip
+    rows = tuple((name, _MEANINGS[name], seconds) for name, seconds in run.health.items())
+    return ReportTable("Seconds of each flag", columns, rows)

@@ -1,0 +1,264 @@
+"""A fit for a terminal: in ten lines (verdict, load, changes, errors), or in full."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import islice
+from math import isfinite
+from textwrap import fill
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+
+from clutchid.documents.changes import assumed_sentences, rest_words, short_changes
+from clutchid.documents.style import MM
+from clutchid.estimation import Fit
+from clutchid.estimation.assess.comparison import Comparison, HalfLoad, comparison, half_load_band
+from clutchid.estimation.assess.evidence import reach
+from clutchid.estimation.assess.rest import moved_rests
+from clutchid.estimation.assess.verdict import of_the_paper, states_of_wear, verdict
+from clutchid.inference.uncertainty.calibration import Calibration
+
+if TYPE_CHECKING:
+    from clutchid.estimation import Fit
+    from clutchid.estimation.result import Errors
+
+
+def errors_text(errors: Errors) -> str:
+    """Errors of a simulation for a terminal.
+
+    Examples
+    --------
+    >>> from clutchid.estimation.result import Errors
+    >>> errors_text(Errors(2.5e-4, 1e-6, None, None)), errors_text(Errors(2.5e-4, 1e-6, 7100.0, 1e9))
+    ('position 0.250 mm rms', 'position 0.250 mm rms, pressure 7.1 kPa rms')
+    """
+    pressure = "" if errors.pressure_a_rms is None else f", pressure {errors.pressure_a_rms / 1e3:.1f} kPa rms"
+    return f"position {errors.position_rms * 1e3:.3f} mm rms{pressure}"
+
+
+def errors_words(fit: Fit) -> str:
+    """Kind of the errors of a fit, to follow them: simulated as a whole, in windows, or one sample ahead."""
+    words = {"shooting": " over windows of 0.1 s", "prediction-error": ", predicted one sample ahead"}
+    return words.get(fit.method, ", simulated")
+
+
+def fit_text(fit: Fit, columns: int = 80) -> str:
+    """Details that a summary leaves out: end of the search, all parameters, errors of all recordings, and notes.
+
+    Sentences are wrapped at a width in columns.
+    """
+    from clutchid.documents.changes import notes_of
+
+    width = max([9, *(len(name) for name in fit.parameters)])
+    lines = [f"{'parameter':<{width}}  {'value':>12}  {'std. error':>10}  {'95 % interval':>27}  unit"]
+    for name, e in fit.parameters.items():
+        lines.append(f"{name:<{width}}  {e.value:12.5g}  {e.std:10.2g}  {e.low:12.5g} .. {e.high:12.5g}  {e.unit}")
+    sentences, fitted = [f"The search {fit.message}."], errors_words(fit)
+    for title, recordings in (("fitted", fit.recordings), ("verified", fit.verification)):
+        for name, recording in recordings.items():
+            how = ", simulated from its duty cycles" if title == "verified" else fitted
+            sentences.append(f"{title} {name}: {errors_text(recording.errors)}{how}")
+    wrapped = (fill(text, columns, subsequent_indent="  ") for text in [*sentences, *notes_of(fit)])
+    return "\n".join([*lines, *wrapped])
+
+
+#: Positions in mm at which the load is given: where the clutch engages.
+POSITIONS = (5, 6, 7, 8)
+
+#: Most reasons, other parameters, and verified recordings in a summary; the rest is said to be elsewhere.
+MOST_REASONS, MOST_OTHERS, MOST_VERIFIED = 2, 4, 2
+
+#: Half width in N from which an interval is not shown, and what stands there.
+LARGEST_HALF, UNKNOWN = 1e5, "not determined"
+
+
+class SummaryRow(NamedTuple):
+    """A label, its text, whose lines may be wrapped unless `fixed`, and how it is coloured."""
+
+    label: str
+    text: str
+    mood: Literal["", "good", "with care", "none"] = ""
+    fixed: bool = False
+
+
+def summary(fit: Fit, *, in_full: bool = False) -> list[SummaryRow]:
+    """The rows of a summary of `fit`, and of its recordings read one by one.
+
+    `in_full` it has all reasons of the verdict, and lacks what `fit_text` has: changes, other parameters, errors.
+    """
+    compared = comparison(fit)
+    rows = [*_trust(fit, in_full), *_load(fit, compared), *_since(fit, compared, in_full)]
+    rows += _labelled("alone", _readings(fit.readings))
+    return rows if in_full else [*rows, *_others(fit), SummaryRow("errors", _errors(fit))]
+
+
+def _trust(fit: Fit, in_full: bool) -> list[SummaryRow]:
+    judged = verdict(fit)
+    shown = judged.reasons if in_full else judged.reasons[:MOST_REASONS]
+    more = len(judged.reasons) - len(shown)
+    rows = [SummaryRow("trust", judged.trust, judged.trust), *(SummaryRow("", reason) for reason in shown)]
+    rows += [SummaryRow("", f"{more} more reason{'s' if more > 1 else ''}: --verbose")] if more else []
+    return [*rows, SummaryRow("", judged.experience)] if judged.experience else rows
+
+
+def other_warnings(fit: Fit) -> list[str]:
+    """Warnings besides those that the verdict has as a reason: estimates at bounds, and the end of the search."""
+    said = tuple(f"{name} lies at its " for name in fit.parameters)
+    return [text for text in fit.warnings if not text.startswith((*said, f"the search {fit.message}"))]
+
+
+def _load(fit: Fit, compared: Comparison | None) -> list[SummaryRow]:
+    curve, furthest = fit.load_curve, reach(fit)
+    if not np.isfinite(curve.force).any():
+        return []
+    at = curve.peak(furthest)
+    text = f"greatest {_force(fit, at)} at {curve.position[at] / MM:.1f} mm"
+    text += f" of the recorded {furthest / MM:.1f} mm"
+    text += _half(half_load_band(curve, furthest), fit.load_is_fitted)
+    text += "" if fit.load_is_fitted else "; fixed, not fitted"
+    return [SummaryRow("load", text), SummaryRow("", _at_positions(fit, compared, furthest), fixed=True)]
+
+
+def _force(fit: Fit, at: int) -> str:
+    """The load at one of its points; without an interval, the value alone."""
+    curve = fit.load_curve
+    shown = with_interval(curve.force[at], (curve.high[at] - curve.low[at]) / 2)
+    if shown != UNKNOWN and fit.load_is_fitted:
+        return f"{shown} N"
+    return f"{curve.force[at]:.0f} N{' (interval not determined)' if fit.load_is_fitted else ''}"
+
+
+def _half(at: HalfLoad, fitted: bool) -> str:
+    if not isfinite(at.position):
+        return ""
+    return f"; half of it at {at.position / MM:.2f} mm{interval_words(at) if fitted else ''}"
+
+
+def interval_words(at: HalfLoad, sign: str = "", behind: str = "") -> str:
+    """Interval of a half-load position or of its shift in mm, in brackets, with some words; nothing if infinite."""
+    known = isfinite(at.low + at.high)
+    return f" ({at.low / MM:{sign}z.2f} to {at.high / MM:{sign}z.2f}{behind})" if known else ""
+
+
+def _at_positions(fit: Fit, compared: Comparison | None, furthest: float) -> str:
+    """The load, and its change, at the positions where the clutch engages, as a table."""
+    curve = fit.load_curve
+    force, low, high = (
+        [float(np.interp(mm * MM, curve.position, values)) for mm in POSITIONS]
+        for values in (curve.force, curve.low, curve.high)
+    )
+    lines = [["", *(f"{mm} mm" for mm in POSITIONS)]]
+    loads = (with_interval(f, (b - a) / 2) for f, a, b in zip(force, low, high, strict=True))
+    lines.append(["N", *(loads if fit.load_is_fitted else (f"{f:.0f}" for f in force))])
+    if compared:
+        changes = [compared.at(mm * MM) for mm in POSITIONS]
+        lines.append(["change", *(with_interval(c.force, (c.high - c.low) / 2, sign="+") for c in changes)])
+        lines.append(["", *(f"{100 * c.share:+z.0f} %" if isfinite(c.share) else "" for c in changes)])
+    lines = [[line[0], *_within(line[1:], furthest)] for line in lines]
+    return "\n".join("".join([line[0].ljust(7), *(cell.rjust(15) for cell in line[1:])]).rstrip() for line in lines)
+
+
+def _within(cells: list[str], furthest: float) -> list[str]:
+    """A dash beyond the reach of the recordings, where no load is determined; headings stay."""
+    if cells[0].endswith(" mm"):
+        return cells
+    return [cell if mm * MM <= furthest else "-" for mm, cell in zip(POSITIONS, cells, strict=True)]
+
+
+def with_interval(value: float, half: float, sign: str = "") -> str:
+    """A value with the half width of its interval, both in N; an interval of 100 kN says nothing.
+
+    Examples
+    --------
+    >>> with_interval(1520.3, 41.8), with_interval(-110.0, 50.0, "+"), with_interval(1520.3, float("inf"))
+    ('1520 ± 42', '-110 ± 50', 'not determined')
+    """
+    return f"{value:{sign}z.0f} ± {half:.0f}" if isfinite(value) and half < LARGEST_HALF else UNKNOWN
+
+
+def _since(fit: Fit, compared: Comparison | None, in_full: bool) -> list[SummaryRow]:
+    """Changes since the calibration, or the values that are assumed without one."""
+    if fit.baseline is None:
+        if fit.calibration is not None:
+            return []
+        assumed = "what is not fitted is that of the truck in the paper: no calibration" if of_the_paper(fit) else ""
+        return [SummaryRow("assumed", assumed)] if assumed else []
+    if states_of_wear(fit) is not None:
+        return [SummaryRow("since", f"{baseline_name(fit.baseline)}: see the recordings alone")]
+    parts = []
+    if compared and isfinite(compared.shift.position):
+        at = compared.shift
+        parts.append(f"half-load position {at.position / MM:+z.2f} mm{interval_words(at, '+')}")
+    if compared is None and fit.load_is_fitted:
+        parts.append("its load is not in the file, so that the loads cannot be compared; save the calibration again")
+    if not in_full:
+        parts += [rest_words(one) if len(fit.recordings) == 1 else f"{one.recording}: {rest_words(one)}"
+                  for one in moved_rests(fit)]  # fmt: skip
+    if not (fit.changes and in_full):
+        parts += short_changes(fit.changes) or [f"no {'other ' if fit.load_is_fitted else ''}change found"]
+    rows = [SummaryRow("since", f"{baseline_name(fit.baseline)}: {'; '.join(parts)}")] if parts else []
+    return rows if in_full else [*rows, *_labelled("assumed", assumed_sentences(fit))]
+
+
+def _labelled(label: str, lines: Sequence[str]) -> list[SummaryRow]:
+    """A row for each line, the first of them with the label."""
+    return [SummaryRow(label if i == 0 else "", line) for i, line in enumerate(lines)]
+
+
+def baseline_name(baseline: Calibration) -> str:
+    """A calibration as its file, date and trust.
+
+    Examples
+    --------
+    >>> from clutchid.inference.uncertainty.calibration import Origin
+    >>> origin = Origin("CAL.toml", "2026-11-22T10:00:00+00:00", "", "good")
+    >>> baseline_name(Calibration((), np.zeros((0, 0)), origin=origin))
+    'CAL.toml (2026-11-22, trust good)'
+    """
+    origin = baseline.origin
+    if origin is None or not origin.name:
+        return "the calibration"
+    known = [origin.created[:10], f"trust {origin.trust}" if origin.trust else ""]
+    brackets = ", ".join(part for part in known if part)
+    return f"{origin.name} ({brackets})" if brackets else origin.name
+
+
+def _readings(single: Mapping[str, Fit]) -> list[str]:
+    """A line for each recording read alone: its trust, change at 6 mm, shift, and other changes."""
+    lines = []
+    for name, one in single.items():
+        found = comparison(one)
+        if found is not None:
+            text = _change_at(found, 6)
+            text += f", half-load {found.shift.position / MM:+z.2f} mm" if isfinite(found.shift.position) else ""
+            lines.append(f"{name}: {text}, trust {verdict(one).trust}")
+    return lines
+
+
+def _change_at(found: Comparison, mm: int) -> str:
+    """The change of the load at a position in mm."""
+    change = found.at(mm * MM)
+    if not (mm * MM <= found.reach and isfinite(change.force)):
+        return f"no load at {mm} mm"
+    share = f" ({100 * change.share:+z.0f} %)" if isfinite(change.share) else ""
+    return f"{change.force:+z.0f} N{share} at {mm} mm"
+
+
+def _others(fit: Fit) -> list[SummaryRow]:
+    """Fitted parameters besides the load; many are only counted."""
+    others = {name: e for name, e in fit.parameters.items() if name not in fit.actuator.load.names}
+    own = {name: e for name, e in others.items() if "@" not in name}
+    if not own:
+        return []
+    if len(own) > MOST_OTHERS:
+        return [SummaryRow("also", f"{len(own)} other parameters were fitted: --verbose, or the page of --report")]
+    return [SummaryRow("also", ", ".join(f"{name} = {e}" for name, e in own.items()))]
+
+
+def _errors(fit: Fit) -> str:
+    parts = [f"{errors_text(fit.errors)}{errors_words(fit)}"]
+    for name, recording in islice(fit.verification.items(), MOST_VERIFIED):
+        parts.append(f"{name}, verified: {errors_text(recording.errors)}, simulated as a whole")
+    more = len(fit.verification) - MOST_VERIFIED
+    return "; ".join([*parts, *([f"{more} more: --verbose"] if more > 0 else [])])

@@ -1,0 +1,190 @@
+"""Page of the wear of a clutch: trend with bands, alarms, forecast, loads from new to now, recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from os import PathLike
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.colors import LinearSegmentedColormap
+
+from clutchid.documents.figures import draw, fill, label, legend, mark_span, new_figure, svg
+from clutchid.documents.html import Block, Notice, Page, PageSection, Picture, Text, provenance, render
+from clutchid.documents.style import MM, STYLE, Line
+from clutchid.documents.tables import Cell, Column, Link, ReportTable
+from clutchid.documents.wear_text import alarm_words, change_words, left_words, recordings_words
+from clutchid.estimation.assess.comparison import ENGAGING
+from clutchid.files import write_text
+from clutchid.inference.uncertainty.estimates import LoadCurve
+from clutchid.log import FloatArray
+from clutchid.names import capital
+from clutchid.wear.life import Wear
+from clutchid.wear.trend import FALSE_ALARMS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: Loads that are drawn, at most.
+LOADS = 12
+
+#: Names, units and factors of the quantities.
+_SHOWN = {
+    "wear": ("wear of the facing [mm]", MM),
+    "shift": ("shift of the\nhalf-load position [mm]", MM),
+    "load": ("change of the load\nover 5 to 8 mm [%]", 0.01),
+}
+
+
+def trend_figure(wear: Wear) -> Figure:
+    """Every quantity over the axis: measurements, trend with band given all recordings, alarms, and the limit."""
+    names = [name for name in _SHOWN if name in wear.now]
+    figure, axes = new_figure([2.0] * len(names))
+    s, unit = _scaled(wear.s, wear.axis)
+    jumps = [k for k, outcome in enumerate(wear.outcomes) if outcome == "jump"]
+    apart = np.insert(s, jumps, s[jumps])  # another clutch is another line
+    for axis, name in zip(axes, names, strict=True):
+        words, factor = _SHOWN[name]
+        value, low, high = (np.insert(side, jumps, np.nan) / factor for side in wear.now[name])
+        fill(axis, apart, low, high, Line(STYLE.blue, "95 % band", opacity=0.2))
+        draw(axis, apart, value, Line(STYLE.blue, "trend, given all recordings", 1.6))
+        if name != "wear":
+            _measured(axis, s, wear, name, factor)
+        _alarms(axis, s, wear, words=axis is axes[0])
+        limited = name == ("wear" if "wear" in wear.now else "shift")
+        if limited and wear.limit is not None:
+            draw(axis, s[[0, -1]], np.full(2, wear.limit / factor), Line(STYLE.orange, "limit", 1.2, (0, (5, 3))))
+        label(axis, y=words)
+        legend(axis, 5)
+    label(axes[-1], unit)
+    figure.align_ylabels()
+    return figure
+
+
+def _alarms(axis: Axes, s: FloatArray, wear: Wear, *, words: bool) -> None:
+    """A line for each alarm, with its kind if `words`."""
+    places = {dated.name: float(at) for dated, at in zip(wear.dated, s, strict=True)}
+    for alarm in wear.alarms:
+        at = places[alarm.before]
+        axis.axvline(at, color=STYLE.red, linewidth=1.2, dashes=(4, 2))
+        if words:
+            axis.text(
+                at, 0.97, f"{alarm.kind} ", color=STYLE.red, rotation=90, ha="right", va="top",
+                fontsize=STYLE.font_size - 0.5,
+                transform=axis.get_xaxis_transform(),
+            )  # fmt: skip
+
+
+def _scaled(s: FloatArray, unit: str) -> tuple[FloatArray, str]:
+    """The axis in thousands where it is long."""
+    return (s / 1e3, f"thousand {unit}") if s[-1] - s[0] >= 2e4 else (s, unit)
+
+
+def _measured(axis: Axes, s: FloatArray, wear: Wear, name: str, factor: float) -> None:
+    """The measurements that count, and those that were left out."""
+    values = np.array([getattr(one.measurement, name) if one.measurement else np.nan for one in wear.readings])
+    used = np.array(wear.counted)
+    for chosen, mark, colour, words in (
+        (used, ".", STYLE.measured, "readings"), (~used, "x", STYLE.red, "left out"),
+    ):  # fmt: skip
+        if np.isfinite(values[chosen]).any():
+            axis.plot(s[chosen], values[chosen] / factor, mark, color=colour, markersize=4, label=words, zorder=1.5)
+
+
+def loads_figure(curves: Sequence[tuple[str, LoadCurve]]) -> Figure:
+    """Loads of recordings evenly over the life, from dark (first) to light (last); the band is that of the last."""
+    figure, (axis,) = new_figure([3.2])
+    chosen = [curves[k] for k in np.unique(np.linspace(0, len(curves) - 1, LOADS).round().astype(int))]
+    colours = LinearSegmentedColormap.from_list("life", STYLE.ordered)
+    mark_span(axis, ENGAGING[0] / MM, ENGAGING[1] / MM)
+    last = chosen[-1][1]
+    fill(axis, last.position / MM, last.low, last.high, Line(STYLE.measured, "95 % band, last", opacity=0.25))
+    for k, (name, curve) in enumerate(chosen):
+        ends = name if k in (0, len(chosen) - 1) else ""
+        share = k / max(len(chosen) - 1, 1)
+        colour = "#{:02x}{:02x}{:02x}".format(*(round(255 * part) for part in colours(share)[:3]))
+        draw(axis, curve.position / MM, curve.force, Line(colour, ends, 1.4))
+    top = max(float(np.nanmax(curve.force)) for _, curve in chosen)
+    axis.set_ylim(-0.05 * top, 1.15 * top)
+    axis.set_xlim(0.0, float(last.position[-1]) / MM)
+    label(axis, "position [mm]", "load [N]")
+    legend(axis, 3)
+    return figure
+
+
+_TREND = (
+    "Readings of single recordings, and the trend with its 95 % band. Readings may all lie to one side of the trend: "
+    "it is without the error that the readings of a vehicle share and the one that goes with the air temperature, as "
+    "far as these can be estimated, and its band contains what is not known of them."
+)
+_ALARMS = " Red and dashed: alarms."
+_LOADS = (
+    "Load over the position of the piston, as read from recordings evenly over the life, from dark to light. Shaded: "
+    "5 to 8 mm, where the clutch engages."
+)
+
+
+def wear_page(
+    wear: Wear, curves: Sequence[tuple[str, LoadCurve]], command: str, path: str | PathLike[str], home: str = ""
+) -> None:
+    """Write the page of a clutch's wear as one self-contained HTML file.
+
+    Parameters
+    ----------
+    curves
+        Loads of the recordings that count, by name, in order.
+    command
+        The command line that repeats the run, shown on the page.
+    home
+        Path of the page of the fleet, relative to this one, which then leads there.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written; an existing file is unchanged.
+    """
+    write_text(render(page_of(wear, curves, command, home)), path)
+
+
+def page_of(wear: Wear, curves: Sequence[tuple[str, LoadCurve]], command: str, home: str = "") -> Page:
+    """The page before it is rendered."""
+    sections = [PageSection("Wear", _result(wear))]
+    if curves:
+        sections.append(PageSection("Load from new to now", (Picture(svg(loads_figure(curves)), _LOADS, "Loads"),)))
+    sections.append(PageSection("Recordings", (recordings_table(wear),)))
+    title = f"Wear of the clutch of {wear.vehicle}" if wear.vehicle else "Wear of a clutch"
+    fleet = Link("Back to the fleet", home) if home else None
+    return Page(title, f"Recordings: {recordings_words(wear)}", tuple(sections), provenance([], command), fleet)
+
+
+def _result(wear: Wear) -> tuple[Block, ...]:
+    blocks: list[Block] = [Notice(capital(warning)) for warning in wear.warnings]
+    if not any(wear.counted):
+        return (*blocks, Notice("No recording determines the wear.", "failed"))
+    blocks += [Notice(f"{capital(words)}.") for words in map(alarm_words, wear.alarms)]
+    if not wear.alarms:
+        blocks.append(Notice("No sudden change of the load was found, and no leak.", "ok"))
+    blocks.append(Text(f"The test for changes is set to one false alarm in {1 / FALSE_ALARMS:,.0f} recordings."))
+    words, left = change_words(wear), left_words(wear)
+    blocks.append(Text(escape(f"{capital(words)}.{f' Left: {left}.' if left else ''}")))
+    caption = f"{_TREND}{_ALARMS if wear.alarms else ''}"
+    return (*blocks, Picture(svg(trend_figure(wear)), caption, "Trend of the wear with its band"))
+
+
+def recordings_table(wear: Wear) -> ReportTable:
+    """A row a recording, with why it does not count, or a message where it is not only that the fit converged."""
+    columns = (
+        Column("recording", "recording"), Column("begin", "begin", date=True),
+        Column("strokes [1]", "strokes", decimals=0), Column("shift [m]", "shift\n[mm]", MM, 3),
+        Column("load [1]", "load\n[%]", 0.01, 1), Column("trust", "trust"),
+        Column("outcome", "in the trend"), Column("message", "reason or message"),
+    )  # fmt: skip
+    rows: list[tuple[Cell, ...]] = []
+    for dated, one, outcome, reason in zip(wear.dated, wear.readings, wear.outcomes, wear.reasons, strict=True):
+        begin = f"{dated.begin:%Y-%m-%d}" if dated.begin else None
+        shift, load = (one.measurement.shift, one.measurement.load) if one.measurement else (None, None)
+        message = reason or ("" if one.status == "ok" else one.message)
+        rows.append((dated.name, begin, dated.strokes, shift, load, one.trust, outcome, message))
+    return ReportTable("Recordings in the order of the life", columns, tuple(rows))

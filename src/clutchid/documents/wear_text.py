@@ -1,0 +1,148 @@
+"""The wear of a clutch in words and as a JSON object."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+
+from clutchid.documents.style import MM
+from clutchid.parameters import Parameters
+from clutchid.wear.alarms import Alarm
+from clutchid.wear.life import Wear
+from clutchid.wear.trend import FALSE_ALARMS, Interval
+
+#: Kinds of alarms in words.
+ALARMS = {
+    "replaced": "the clutch, or its sensor, was replaced",
+    "sudden": "the load changed suddenly",
+    "unknown": "the load changed, by a new clutch or a fault, which the recordings so far do not tell apart,",
+    "leak": "chamber A, or what is connected to it, began to leak",
+    "departed": "the actuator departed from its calibration farther than a change explains",
+    "sensor moved": "the position sensor, or its bracket, moved or was exchanged",
+}
+
+
+def wear_lines(wear: Wear) -> list[str]:
+    """The recordings, the change since the calibration, the alarms, and what is left: a line each."""
+    lines = [f"recordings  {recordings_words(wear)}"]
+    if not any(wear.counted):
+        return [*lines, "wear        no recording determines it"]
+    lines.append(f"now         {change_words(wear)}")
+    lines += [f"alarm       {alarm_words(alarm)}" for alarm in wear.alarms]
+    return [*lines, f"left        {left_words(wear) or 'not known without a limit: --limit, or a table of wear'}"]
+
+
+def recordings_words(wear: Wear) -> str:
+    """Number of recordings, their span, and their outcomes."""
+    counts = Counter(wear.outcomes)
+    used = counts["used"] + counts["jump"]
+    words = [f"{used} of {len(wear.outcomes)} count"]
+    if counts["left out"]:
+        words.append(f"{counts['left out']} outlier{'s' if counts['left out'] > 1 else ''} left out")
+    failed = Counter(one.status for one in wear.readings if one.measurement is None)
+    words += [f"{number} without a measurement ({status})" for status, number in failed.items()]
+    over = f", over {wear.s[-1] - wear.s[0]:,.0f} {wear.axis}" if wear.axis != "recordings" else ""
+    return f"{', '.join(words)}{over}"
+
+
+def change_words(wear: Wear) -> str:
+    """The change since the calibration at the last recording."""
+    present = wear.present
+    shift, load = present["shift"], present["load"]
+    words = (
+        f"half-load position {shift[0] / MM:+.3f} mm ({shift[1] / MM:+.3f} to {shift[2] / MM:+.3f}), "
+        f"load over 5 to 8 mm {100 * load[0]:+.1f} % ({100 * load[1]:+.1f} to {100 * load[2]:+.1f})"
+    )
+    return f"{_worn(wear, present['wear'])}; {words}" if "wear" in present else words
+
+
+def _worn(wear: Wear, worn: Interval) -> str:
+    """Wear of the facing with its band, as far as its table goes."""
+    interval = f"({worn[1] / MM:.2f} to {worn[2] / MM:.2f})"
+    end = wear.end_of_table
+    if np.isnan(worn.value):
+        return "wear of the facing unknown, anything that its table has"
+    if end is not None and worn[0] >= end:
+        return f"facing worn beyond the end of its table, {end / MM:.2f} mm {interval}"
+    return f"facing worn by {worn[0] / MM:.2f} mm {interval}"
+
+
+def alarm_words(alarm: Alarm) -> str:
+    """One alarm."""
+    when = f" on {alarm.begin:%Y-%m-%d}" if alarm.begin else ""
+    where = f"between {alarm.after} and {alarm.before}" if alarm.after else f"before {alarm.before}"
+    words = f"{ALARMS[alarm.kind]} {where}{when}"
+    if alarm.kind == "leak":
+        return f"{words}: {alarm.leak:.1e} m³/(Pa·s), {_lost(alarm.leak):.2g} g/s at 5 bar(g)"
+    if alarm.kind == "departed":
+        return f"{words}: look for a fault, or calibrate again"
+    if alarm.kind == "sensor moved":
+        return f"{words}: the vented rest by {alarm.rest / MM:+.2f} mm, which is no wear and does not count as such"
+    return f"{words}: half-load position {alarm.shift / MM:+.3f} mm, load {100 * alarm.load:+.1f} %"
+
+
+def _lost(conductance: float) -> float:
+    """Air in g/s that a leak loses at 5 bar(g)."""
+    from clutchid.model.valves import leak_flow  # brings SymPy, which is not needed without a leak
+
+    return 1e3 * float(leak_flow(6e5, 1e5, conductance, Parameters().rho_0))
+
+
+def left_words(wear: Wear) -> str:
+    """Remaining life until the limit; nothing without one."""
+    if wear.limit is not None and wear.sudden:
+        how = "suddenly " if wear.sudden.kind == "sudden" else ""
+        return f"unknown after the load changed {how}before {wear.sudden.before}: find the cause"
+    if wear.left is None or wear.limit is None:
+        return ""
+    what = "of wear" if "wear" in wear.then else "of shift"
+    low, median, high = wear.left
+    if not np.isfinite(low):
+        return f"{wear.limit / MM:.2f} mm {what} are not in sight: the trend does not reach them"
+    end = f"to {wear.limit / MM:.2f} mm {what}"
+    if not np.isfinite(median):
+        return f"no end in sight {end} ({_rounded(low)} {wear.axis} to no end in sight, 90 %)"
+    return f"{_rounded(median)} {wear.axis} {end} ({_rounded(low)} to {_rounded(high)}, 90 %)"
+
+
+def _rounded(value: float) -> str:
+    """Two significant digits; open where the horizon ends."""
+    return f"{float(f'{value:.2g}'):,.0f}" if np.isfinite(value) else "no end in sight"
+
+
+def wear_json(wear: Wear, left_out: str = "") -> dict[str, Any]:
+    """The keys of every result, and `wear`: the trend at the end, alarms, how often they are false, what is left.
+
+    `left_out` says what was not read as a recording, which troubles no result.
+    """
+    counted = any(wear.counted)
+    troubled = wear.warnings or wear.alarms or any(one.status != "ok" for one in wear.readings)
+    return {
+        "status": "failed" if not counted else "warning" if troubled else "ok",
+        "message": change_words(wear) if counted else recordings_words(wear),
+        "logs": {
+            dated.name: {
+                "status": one.status,
+                "message": one.message,
+                "trust": one.trust,
+                "outcome": outcome,
+                "reason": reason,
+            }
+            for dated, one, outcome, reason in zip(wear.dated, wear.readings, wear.outcomes, wear.reasons, strict=True)
+        },
+        "warnings": [sentence for sentence in (left_out, *wear.warnings) if sentence],
+        "wear": {
+            "vehicle": wear.vehicle,
+            "axis": wear.axis,
+            "quantities": {name: last._asdict() for name, last in wear.present.items()} if counted else {},
+            "alarms": [
+                {**alarm._asdict(), "begin": alarm.begin.isoformat() if alarm.begin else None} for alarm in wear.alarms
+            ],
+            "false_alarms": FALSE_ALARMS,
+            "limit_m": wear.limit,
+            "left": wear.left._asdict() if wear.left else None,
+            "text": wear_lines(wear),
+        },
+    }

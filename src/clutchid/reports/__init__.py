@@ -1,6 +1,0 @@
-"""Figures, tables and self-contained pages; matplotlib and jinja2 are imported on demand."""
-
-from clutchid.reports.fit_page import fit_page
-from clutchid.reports.tables import Column, ReportTable
-
-__all__ = ["Column", "ReportTable", "fit_page"]

@@ -1,0 +1,124 @@
+"""New against worn on the page: both loads, their difference, the calibration, and several recordings."""
+
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from clutchid.documents.comparison_page import change_table, comparison_figure, comparison_sections, readings_table
+from clutchid.documents.figures import svg
+from clutchid.documents.fit_page import page_of
+from clutchid.documents.html import Page, render
+from clutchid.estimation import LoadCurve
+from clutchid.estimation.assess.comparison import comparison
+from clutchid.estimation.result import Change
+from clutchid.inference.uncertainty.calibration import Origin
+from fixtures.baselines import ORIGIN, calibration_like, reaching, with_baseline
+
+HOSTILE = "<script>alert('x')</script>[red]\x1b[31m"
+
+
+def html_of(fit):
+    return render(Page("t", "s", tuple(comparison_sections(fit))))
+
+
+def test_the_section_has_name_date_hash_and_trust_of_the_calibration(fitted):
+    html = html_of(with_baseline(fitted))
+    assert "<h2>New against worn</h2>" in html
+    for part in ("<b>CAL.toml</b>", "of 2026-11-22 10:00:00 UTC", "“good”", f"<code>{ORIGIN.sha256}</code>"):
+        assert part in html
+    assert "had not converged" not in html
+    assert "its search had not converged" in html_of(with_baseline(fitted, converged=False))
+
+
+@pytest.mark.parametrize("origin", [None, Origin()])
+def test_a_calibration_that_is_from_no_file_is_said_to_be_so(fitted, origin):
+    html = html_of(with_baseline(fitted, origin=origin, converged=False))
+    assert "a calibration that is not from a file; its search had not converged." in html
+    assert "<code>" not in html
+
+
+def test_the_page_says_once_how_far_the_half_load_position_moved(fitted):
+    html = html_of(with_baseline(fitted, std=2e4))
+    assert html.count("half of its peak at") == 1
+    assert "<b>+0.00 mm</b> (-" in html
+    nothing = html_of(with_baseline(fitted, share=0.0))
+    assert "One of the loads does not reach half of its peak" in nothing
+    assert ">nan" not in nothing
+
+
+def test_the_table_has_both_loads_and_their_difference_at_every_millimetre(fitted):
+    found = comparison(with_baseline(fitted, share=0.8))
+    table = change_table(found)
+    positions = np.array(table.column("position"))
+    assert positions == pytest.approx(1e-3 * np.arange(1, 1 + int(found.reach * 1e3)))
+    expected = np.subtract(table.column("present"), table.column("calibrated"))
+    np.testing.assert_allclose(table.column("change"), expected, atol=1e-6)
+    assert table.column("share") == pytest.approx([0.25] * positions.size)
+
+
+@pytest.mark.slow
+def test_a_recording_that_stays_below_5_mm_is_shown_up_to_there(fitted):
+    low = reaching(with_baseline(fitted), 0.25)
+    assert len(change_table(comparison(low)).rows) == 4
+    row = dict(zip([c.name for c in readings_table({"low": low}).columns], readings_table({"low": low}).rows[0],
+                   strict=True))  # fmt: skip
+    assert [value for name, value in row.items() if name.startswith(("change_", "share_"))] == [None] * 5
+    ElementTree.fromstring(svg(comparison_figure(comparison(low))))
+
+
+def test_the_recordings_one_by_one_have_a_row_each(fitted):
+    change = Change("a", "C_vs", 1.0, 2.0, 0.1, "1", 0.9, "valves")
+    same = with_baseline(fitted, share=1.0)
+    first = replace(with_baseline(fitted), changes=(change, change))
+    table = readings_table({"a": first, "b": same, "unread": fitted})
+    assert table.column("recording") == ("a", "b")
+    assert table.column("trust") == ("good", "good")
+    assert table.column("others") == ("valves", "none found")
+    assert table.column("share_6") == pytest.approx((0.25, 0.0))
+    assert table.column("change_6")[1] == pytest.approx(0.0, abs=1e-6)
+    assert ">valves<" in html_of(replace(same, readings={"a": first, "b": same}))
+
+
+@pytest.mark.parametrize("end", [np.inf, np.nan])
+def test_an_interval_without_an_end_is_drawn_without_one(fitted, end):
+    curve, nowhere = fitted.load_curve, np.full(101, end)
+    lost = replace(with_baseline(fitted), load_curve=LoadCurve(curve.position, curve.force, -nowhere, nowhere))
+    html = html_of(lost)
+    assert "<img " in html
+    assert ">nan<" not in html
+    assert ">inf<" not in html
+
+
+def test_both_loads_and_the_change_are_in_the_figure(fitted):
+    figure = comparison_figure(comparison(with_baseline(fitted, share=0.8)))
+    loads, difference = figure.axes
+    drawn = {line.get_label(): line.get_ydata() for line in (*loads.lines, *difference.lines)}
+    np.testing.assert_allclose(drawn["at the calibration"], 0.8 * drawn["now"], atol=1e-9)
+    np.testing.assert_allclose(drawn["now less calibration"], 0.2 * drawn["now"], atol=1e-6)
+
+
+def test_a_load_that_cannot_be_compared_has_a_sentence(fitted):
+    older = with_baseline(fitted, theta=(), theta_covariance=np.zeros((0, 0)))
+    html = html_of(older)
+    assert "there are no loads to compare" in html
+    assert "<img " not in html
+
+
+def test_without_a_calibration_the_paper_is_assumed_and_said_to_be(fitted):
+    assert "the truck of the paper" in html_of(fitted)
+    assert comparison_sections(replace(fitted, actuator=fitted.actuator.replace({"P_S": 8e5}))) == []
+    assert comparison_sections(replace(fitted, calibration=calibration_like(fitted))) == []
+    assert comparison_sections(replace(fitted, status="failed")) == []
+
+
+@pytest.mark.slow
+def test_foreign_names_do_nothing_on_the_page(fitted, loads_nothing):
+    change = Change(HOSTILE, "C_vs", 1.0, 2.0, 0.1, HOSTILE, 0.9, HOSTILE)
+    known = replace(with_baseline(fitted, origin=Origin(*[HOSTILE] * 4), converged=False), changes=(change,))
+    html = render(page_of(replace(known, readings={HOSTILE: known}), "clutchid fit"))
+    assert "<script" not in html
+    assert "&lt;script&gt;" in html
+    assert loads_nothing(html)
+    assert "New against worn" in html

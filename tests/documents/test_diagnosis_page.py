@@ -1,0 +1,119 @@
+"""Blocks and figures of a diagnosis."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clutchid.documents.diagnosis_page import (
+    colour_figure,
+    diagnosis_table,
+    information_blocks,
+    region_figure,
+    residual_blocks,
+    verdict_blocks,
+    worst_first,
+)
+from clutchid.documents.html import Bullets, Details, Notice, Text
+from clutchid.estimation.assess.evidence import diagnosed, evidence
+from clutchid.estimation.assess.verdict import Verdict
+from fixtures.baselines import reaching
+
+
+@pytest.fixture(scope="module")
+def diagnosis(fitted):
+    return diagnosed(fitted, "first")
+
+
+@pytest.mark.parametrize(
+    ("trust", "kind", "words"),
+    [("good", "ok", "Trust: good"), ("with care", "warning", "with care"), ("none", "failed", "do not use")],
+)
+def test_a_verdict_has_the_colour_of_its_trust(trust, kind, words):
+    (notice,) = verdict_blocks(Verdict(trust, ()))
+    assert (isinstance(notice, Notice), notice.kind, words in notice.text) == (True, kind, True)
+
+
+def test_reasons_begin_with_a_capital_but_names_stay_as_they_are():
+    judged = Verdict("none", ("the search did not converge.", "worn: the model misses.", "theta_3 lies at its bound."))
+    (notice,) = verdict_blocks(judged, ["worn"])
+    assert notice.items == ("The search did not converge.", "worn: the model misses.", "theta_3 lies at its bound.")
+
+
+def test_what_a_verdict_cannot_see_is_folded():
+    _, folded = verdict_blocks(Verdict("good", (), ("not this.",)))
+    assert isinstance(folded, Details)
+    assert folded.blocks == (Text("Not this."),)
+
+
+def test_a_row_of_panels_for_each_measured_column(diagnosis):
+    axes = colour_figure(diagnosis).axes
+    assert len(axes) == 3 * 2
+    assert [axis.get_title(loc="left") for axis in axes[:2]] == [
+        "position: autocorrelation", "position: with the supply valve"
+    ]  # fmt: skip
+    assert axes[3].get_title(loc="left") == "pressure A: autocorrelation"
+    assert [axis.get_xlabel() for axis in axes] == [*[""] * 5, "lag [ms]"]
+
+
+def test_correlations_are_drawn_as_they_are_with_lags_in_milliseconds(diagnosis):
+    found = diagnosis.columns["position"].fast
+    _bounds, stems = colour_figure(diagnosis).axes[0].collections
+    ends = np.array([path.vertices[-1] for path in stems.get_paths()])
+    np.testing.assert_allclose(ends[:, 0], found.lag[1:] * 1e3)
+    np.testing.assert_allclose(ends[:, 1], found.autocorrelation[1:])
+
+
+def test_an_input_that_does_not_move_is_said_not_drawn(fitted):
+    one = fitted.recordings["first"]
+    still = one.measured.with_columns(duty_exhaust=np.zeros(len(one.measured)))
+    found = diagnosed(replace(fitted, recordings={"first": replace(one, measured=still)}), "first")
+    assert [text.get_text() for text in colour_figure(found).axes[2].texts] == ["constant"]
+
+
+def test_bars_have_the_height_of_the_errors_by_region(diagnosis):
+    position, pressure = region_figure(diagnosis).axes
+    for axis, name, unit in ((position, "position", 1e-3), (pressure, "pressure_a", 1e3)):
+        wanted = sorted(r.rms / unit for r in diagnosis.columns[name].regions if r.direction != "all")
+        assert sorted(bar.get_height() for bars in axis.containers for bar in bars) == pytest.approx(wanted)
+    assert (position.get_ylabel(), pressure.get_ylabel()) == ("rms [mm]", "rms [kPa]")
+
+
+def test_the_table_has_a_row_a_column_with_its_unit(fitted):
+    table = diagnosis_table(evidence(fitted))
+    assert table.column("column") == ("position", "pressure A")
+    assert [cell.split()[-1] for cell in table.column("rms")] == ["mm", "kPa"]
+    assert table.column("predicted_percent")[1] is None
+
+
+def test_residuals_that_look_like_noise_need_no_words(diagnosis, fitted):
+    calm = replace(diagnosis, columns={"position": diagnosis.columns["position"]})
+    assert len(residual_blocks(fitted, calm)) in (2, 3)
+    assert "of pressure" not in residual_blocks(fitted, calm)[0].caption
+
+
+def test_what_is_missing_comes_with_a_manoeuvre(fitted):
+    low = reaching(fitted, 0.5)
+    blocks = information_blocks(low, evidence(low))
+    assert isinstance(blocks[0], Bullets)
+    assert any("reach" in item for item in blocks[0].items)
+    assert blocks[1].html.startswith("Recommended recording: ")
+    assert "for 10 s" in blocks[1].html or "of 10 s" in blocks[1].html
+
+
+def test_nothing_missing_is_said_and_no_manoeuvre_is_looked_for(fitted):
+    found = replace(evidence(fitted), missing=())
+    said = "The excitation is sufficient: reach, directions and vented rests."
+    assert information_blocks(fitted, found) == [Text(said)]
+
+
+def test_the_poorest_recordings_come_first(fitted):
+    found = replace(evidence(fitted), predictions={"a": 95.0, "b": 60.0, "c": 80.0})
+    assert worst_first(found, ["a", "b", "c", "d"]) == ["b", "c", "a", "d"]
+
+
+def test_a_recording_too_short_for_a_colour_is_drawn_all_the_same(fitted):
+    one = fitted.recordings["first"]
+    short = replace(one, measured=one.measured.slice(0, 40), simulated=one.simulated.slice(0, 40))
+    found = diagnosed(replace(fitted, recordings={"first": short}), "first")
+    assert len(residual_blocks(fitted, found)) >= 2

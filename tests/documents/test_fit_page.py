@@ -1,0 +1,192 @@
+"""The page of a fit."""
+
+import re
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clutchid.documents import fit_page
+from clutchid.documents.fit_page import MAX_DRAWN, error_table, page_of, parameter_table
+from clutchid.documents.html import render
+from clutchid.estimation import LoadCurve
+from clutchid.log import Log
+from fixtures.baselines import reaching
+
+pytestmark = pytest.mark.slow
+
+COMMAND = "clutchid fit first.csv --verify 'my log.csv' --report page.html"
+
+
+@pytest.fixture(scope="module")
+def html(fitted):
+    return render(page_of(fitted, COMMAND))
+
+
+def test_the_page_loads_nothing_from_anywhere(html, loads_nothing):
+    assert loads_nothing(html)
+
+
+def test_the_page_has_the_load_every_recording_and_the_residuals_of_the_fitted_one_as_figures(html):
+    assert html.count("<img ") == 1 + 2 + 2
+
+
+def test_every_shown_number_of_the_tables_is_on_the_page(fitted, html):
+    for table in (parameter_table(fitted), error_table(fitted)):
+        for row in table.rows:
+            for column, cell in zip(table.columns, row, strict=True):
+                assert f">{column.shown(cell)}<" in html
+
+
+def test_the_tables_hold_the_numbers_of_the_fit(fitted):
+    assert parameter_table(fitted).column("value") == tuple(e.value for e in fitted.parameters.values())
+    table = error_table(fitted)
+    assert table.column("recording") == ("first", "checked")
+    assert table.column("position_rms")[0] == fitted.errors.position_rms
+    assert table.column("pressure_a_rms") == (fitted.errors.pressure_a_rms, None)
+    assert table.column("use") == ("fitted", "verified")
+
+
+def test_several_recordings_get_a_row_for_all_together(fitted):
+    one = fitted.recordings["first"]
+    both = replace(fitted, recordings={"a": one, "b": one})
+    assert error_table(both).column("recording") == ("a", "b", "all fitted", "checked")
+
+
+def test_the_page_says_where_it_comes_from(html):
+    command = "clutchid fit first.csv --verify &#39;my log.csv&#39;"
+    assert all(part in html for part in ("abc123", "SHA-256 of first.csv", command, "numba", "Python"))
+
+
+def test_fixed_parameters_stand_on_the_page_and_free_ones_are_not_called_fixed(html):
+    fixed = re.search(r"Fixed: (.*?)</p>", html).group(1)
+    assert "C_vs = 1.9·10⁻⁸ m³/(Pa·s)" in fixed
+    assert "theta" not in fixed
+
+
+def test_warnings_and_what_the_data_determine_are_shown_in_words(fitted):
+    noted = replace(
+        fitted, status="warning", warnings=("mind < this",), notes=("determined by the data: C_vs < C_ve.",)
+    )
+    html = render(page_of(noted, COMMAND))
+    assert '<p class="notice warning">mind &lt; this</p>' in html
+    assert "<li>Determined by the data: C_vs &lt; C_ve.</li>" in html
+
+
+def test_the_peak_is_looked_for_only_where_the_recordings_have_been(fitted):
+    curve = fitted.load_curve
+    growing = LoadCurve(curve.position, curve.position * 2e5, curve.low, curve.high)
+    html = render(page_of(replace(fitted, load_curve=growing), COMMAND))
+    reach = max(float(np.nanmax(r.measured["position"])) for r in fitted.recordings.values())
+    at = curve.position[curve.position <= reach].max() * 1e3
+    assert f"the load is greatest at {at:.1f} mm" in html
+
+
+def test_an_infinite_band_is_said_not_drawn(fitted):
+    curve = fitted.load_curve
+    unknown = LoadCurve(curve.position, curve.force, np.full(101, -np.inf), np.full(101, np.inf))
+    html = render(page_of(replace(fitted, load_curve=unknown), COMMAND))
+    assert "the interval there is infinite" in html
+
+
+def test_a_failed_fit_has_a_page_that_says_so(fitted, loads_nothing):
+    nothing = np.full(101, np.nan)
+    failed = replace(
+        fitted, status="failed", message="the simulation diverged at 1.200 s in y", recordings={}, verification={},
+        load_curve=LoadCurve(fitted.load_curve.position, nothing, nothing, nothing), scales={},
+    )  # fmt: skip
+    html = render(page_of(failed, COMMAND))
+    assert "The fit failed" in html
+    assert "there is no load to show: the simulation diverged at 1.200 s in y." in html
+    assert "<img " not in html
+    assert loads_nothing(html)
+
+
+def test_a_hostile_recording_name_is_escaped(fitted):
+    one = fitted.recordings["first"]
+    name = "<img src=x onerror=alert(1)>"
+    html = render(page_of(replace(fitted, recordings={name: one}, verification={}), COMMAND))
+    assert "<img src=x" not in html
+    assert "&lt;img src=x" in html
+
+
+def test_a_recording_with_missing_samples_is_drawn(fitted):
+    one = fitted.recordings["first"]
+    position = one.measured["position"].copy()
+    position[100:2000] = np.nan
+    log = Log(one.measured.time, {**one.measured.columns, "position": position}, "first")
+    html = render(page_of(replace(fitted, recordings={"first": replace(one, measured=log)}), COMMAND))
+    assert html.count("<img ") == 5
+
+
+def test_the_verdict_stands_above_everything_else(fitted, html):
+    assert html.index("Trust: ") < html.index("The search converged") < html.index("<img ")
+    bad = render(page_of(replace(fitted, converged=False), COMMAND))
+    assert "<li>The search did not converge; continue from its result, or free fewer parameters.</li>" in bad
+
+
+def test_by_shooting_a_verified_recording_is_drawn_as_its_sensors_see_it(fitted, monkeypatch):
+    module, drawn = sys.modules["clutchid.documents.fit_page"], {}
+    plain = module.recording_figure
+
+    def figure(as_measured, *more):
+        drawn[as_measured.measured.name] = as_measured
+        return plain(as_measured, *more)
+
+    monkeypatch.setattr(module, "recording_figure", figure)
+    page_of(replace(fitted, method="shooting", actuator=fitted.actuator.replace({"e_y": 1e-4})), COMMAND)
+    for name, one in {**fitted.recordings, **fitted.verification}.items():
+        difference = drawn[name].simulated["position"] - one.simulated["position"]
+        assert difference == pytest.approx(np.full(difference.size, 1e-4))
+
+
+def test_of_many_recordings_the_worst_are_drawn_and_the_page_stays_small(fitted):
+    one = fitted.recordings["first"]
+    names = [f"log{i}" for i in range(MAX_DRAWN + 3)]
+    late = replace(one, measured=one.measured.with_columns(position=one.measured["position"] + 2e-3))
+    many = replace(fitted, recordings={name: late if name == "log5" else one for name in names}, verification={})
+    html = render(page_of(many, COMMAND))
+    assert html.count("<img ") == 1 + 3 * MAX_DRAWN
+    assert "log5 (fitted)" in html
+    assert "3 more (fitted)" in html
+    assert len(html) < 3e6
+
+
+def test_a_long_recording_is_thinned_and_its_worst_half_minute_drawn_closer(fitted):
+    one = fitted.recordings["first"]
+
+    def longer(log):
+        return Log(np.arange(160_000) * 1e-3, {n: np.tile(v, 40) for n, v in log.columns.items()}, "first")
+
+    long = replace(one, measured=longer(one.measured), simulated=longer(one.simulated))
+    html = render(page_of(replace(fitted, recordings={"first": long}, verification={}), COMMAND))
+    assert "The 30 s with the largest error of the position." in html
+    assert html.count("<img ") == 1 + 2 + 2
+    assert len(html) < 3e6
+
+
+def test_a_load_beyond_the_reach_where_the_clutch_engages_is_not_stated(fitted):
+    html = render(page_of(replace(reaching(fitted, 0.3), verification={}), COMMAND))
+    assert "The 8 mm to where the clutch engages were not reached." in html
+    assert "Where the clutch engages it goes" not in html
+
+
+@pytest.mark.parametrize(
+    ("method", "words"),
+    [
+        ("shooting", ("fitted by multiple shooting", "within windows of 0.1 s")),
+        ("prediction-error", ("fitted by prediction error", "one-sample prediction errors")),
+    ],
+)
+def test_the_page_says_what_the_errors_of_a_method_are(fitted, method, words):
+    html = render(page_of(replace(fitted, method=method), COMMAND))
+    assert all(each in html for each in (*words, "Limits of the verdict"))
+
+
+def test_an_error_while_drawing_leaves_the_old_page(fitted, tmp_path):
+    page = tmp_path / "page.html"
+    page.write_text("old")
+    with pytest.raises(AttributeError):
+        fit_page(replace(fitted, actuator=None), COMMAND, page)
+    assert page.read_text() == "old"

@@ -1,0 +1,328 @@
+"""The page of a fleet: what is on it, in which order, and that foreign names do no harm."""
+
+import re
+import shutil
+import subprocess
+from datetime import UTC, datetime
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from clutchid.documents.fleet_page import distribution_figure, fleet_page, page_of, panels_of
+from clutchid.documents.fleet_tables import (
+    ODD,
+    ODD_AT_LEAST,
+    ODD_SCORE,
+    ReasonCount,
+    VehicleRow,
+    all_table,
+    odd_vehicles,
+    reasons_table,
+    spans_of,
+    worst_table,
+)
+from clutchid.documents.html import render
+from clutchid.documents.tables import Link
+from clutchid.wear.trend import Interval
+
+NAN, INF = float("nan"), float("inf")
+HOSTILE = "</script><script>alert('1')</script>\"><img src=x onerror=alert(2)>"
+UNKNOWN = Interval(NAN, NAN, NAN)
+NOTHING = {**dict.fromkeys(("shift", "load", "wear", "left"), UNKNOWN), "rate": NAN}
+
+
+def vehicle(name, shift=0.1e-3, rate=1e-10, left=1e5, **other):
+    """A vehicle with a reading; `shift` in m, `rate` a stroke, `left` in strokes."""
+    row = VehicleRow(
+        name, "A", 10, 9, {"ok": 9, "failed": 1}, datetime(2026, 5, 1, tzinfo=UTC),
+        Interval(shift, shift - 3e-5, shift + 3e-5), Interval(0.02, -0.01, 0.05), UNKNOWN, rate,
+        Interval(left, 0.5 * left, 2 * left), "strokes", (), f"vehicles/{name}.html",
+    )  # fmt: skip
+    return row._replace(**other)
+
+
+def unread(name, **other):
+    """A vehicle whose recordings have no reading."""
+    return vehicle(name)._replace(counted=0, statuses={"bad_input": 10}, **{**NOTHING, **other})
+
+
+class Parsed(HTMLParser):
+    """Tables by caption as rows of texts, addresses, elements that could run something, and scripts."""
+
+    def __init__(self, html):
+        super().__init__()
+        self.tables, self.addresses, self.handlers, self.scripts = {}, [], [], []
+        self._rows, self._caption, self._inside = [], "", ""
+        self.feed(html)
+
+    def handle_starttag(self, tag, attributes):
+        self.handlers += [name for name, _ in attributes if name.startswith("on")]
+        self.addresses += [value for name, value in attributes if name in ("href", "src")]
+        if tag == "table":
+            self._rows, self._caption = [], ""
+        if tag == "tr":
+            self._rows.append([])
+        if tag in ("td", "th"):
+            self._rows[-1].append("")
+        if tag == "script":
+            self.scripts.append("")
+        if tag in ("td", "th", "caption", "script"):
+            self._inside = tag
+
+    def handle_endtag(self, tag):
+        if tag == self._inside:
+            self._inside = ""
+        if tag == "table":
+            self.tables[self._caption] = self._rows
+
+    def handle_data(self, data):
+        if self._inside == "caption":
+            self._caption += data
+        elif self._inside == "script":
+            self.scripts[-1] += data
+        elif self._inside:
+            self._rows[-1][-1] += data
+
+
+def parsed(vehicles, reasons=()):
+    return Parsed(render(page_of(vehicles, reasons, "clutchid fleet")))
+
+
+def names(table):
+    return [cell.text for cell in table.column("vehicle")]
+
+
+def test_the_page_has_every_section_and_says_how_many_vehicles_and_recordings_by_status(tmp_path):
+    rows, reasons = (
+        [vehicle("V1"), vehicle("V2"), unread("V3")],
+        [ReasonCount("bad_input", "NAME has no position.", 12, "r7")],
+    )
+    fleet_page(rows, reasons, "clutchid fleet <rows>", tmp_path / "index.html")
+    html = (tmp_path / "index.html").read_text(encoding="utf-8")
+    for heading in ("Wear", "Soonest at their limit", "Odd vehicles", "Recordings that do not count", "All vehicles"):
+        assert f"<h2>{heading}</h2>" in html
+    for words in (
+        "3 vehicles, 30 recordings: 18 ok, 10 bad_input, 2 failed",
+        "2 of 3 vehicles have readings of the clutch. Their shift is 0.100 and 0.100 mm",
+        "clutchid fleet &lt;rows&gt;",
+    ):
+        assert words in html
+    assert html.count("data:image/svg+xml") == 1
+    assert Parsed(html).tables["12 recordings by reason"][1] == ["bad_input", "12", "NAME has no position.", "r7"]
+
+
+def test_the_table_of_all_vehicles_has_every_one_by_name_with_a_link_to_its_page():
+    found = parsed([vehicle(f"V{i}") for i in (10, 9, 2)])
+    rows = found.tables["All vehicles"][2:]
+    assert [row[0] for row in rows] == ["V2", "V9", "V10"]
+    assert rows[0][1:] == [
+        "A", "2026-05-01", "10", "9", "0.100", "0.070\xa0to\xa00.130", "2.0", "0.010", "100", "50\xa0to\xa0200", "",
+    ]  # fmt: skip
+    assert found.addresses.count("vehicles/V2.html") == 2  # here and among the worst
+    assert parsed([vehicle("V1", page="")]).tables["All vehicles"][2][0] == "V1"
+
+
+def test_a_link_is_relative_whatever_the_name_of_the_file():
+    assert Link("", "vehicles/a b#?%é.html").address == "vehicles/a%20b%23%3F%25%C3%A9.html"
+    assert Link("", "//host/x").address == "./host/x"
+    assert ":" not in Link("", "javascript:alert(1)").address
+    assert Link("", "v/\udcff.html").address == "v/%FF.html"
+
+
+def test_hostile_names_are_shown_and_never_run(tmp_path):
+    bad = {"type": HOSTILE, "page": f"vehicles/{HOSTILE}.html", "alarms": (HOSTILE,)}
+    rows = [vehicle(HOSTILE, **bad), vehicle("W", type="$x_$"), unread("\udcff\u202e")]
+    reasons = [ReasonCount(HOSTILE, HOSTILE, 1, HOSTILE)]
+    fleet_page(rows, reasons, HOSTILE, tmp_path / "x.html")
+    html = (tmp_path / "x.html").read_text(encoding="utf-8")
+    found = Parsed(html)
+    assert found.handlers == []
+    assert len(found.scripts) == html.count("<script") == html.count("</script") == 1
+    assert "alert" not in found.scripts[0]
+    assert all(re.match(r"vehicles/[\w%./-]+$|#|data:image/", address) for address in found.addresses)
+    assert [row[0] for row in found.tables["All vehicles"][2:]] == [HOSTILE, "W", "??"]
+
+
+def test_the_script_of_the_page_loads_nothing_and_names_no_server():
+    (script,) = parsed([vehicle("V")]).scripts
+    assert parsed([]).scripts == [], "nor is there one without a long table"
+    assert not re.search(r"https?:|fetch|import|innerHTML|eval|XMLHttp", script)
+
+
+def test_the_worst_are_those_with_the_least_left_then_the_most_worn():
+    rows = [
+        vehicle("new", shift=0.01e-3, left=INF),
+        vehicle("old", shift=-0.30e-3, left=INF),
+        vehicle("soon", shift=0.05e-3, left=1e4),
+        vehicle("over", left=0.0),
+        vehicle("unlimited", shift=0.02e-3, left=NAN),
+        unread("dark"),
+    ]
+    assert names(worst_table(rows, spans_of(rows))) == ["over", "soon", "old", "unlimited", "new"]
+
+
+def test_the_worst_begin_with_what_is_left_and_have_the_band_of_the_shift_only_where_wear_is_not_known():
+    worn = [vehicle(f"V{i}", wear=Interval(1e-3, 0.9e-3, 1.1e-3)) for i in range(2)]
+    for rows, banded in ((worn, False), ([*worn, vehicle("V3")], True), ([vehicle("V3")], True)):
+        for table in (worst_table(rows, spans_of(rows)), all_table(rows, [], spans_of(rows))):
+            assert ("shift band" in [column.name for column in table.columns]) == banded
+            assert {len(row) for row in table.rows} == {len(table.columns)}
+    assert [column.name for column in worst_table(worn, spans_of(worn)).columns[2:4]] == ["left", "left band"]
+
+
+@pytest.mark.parametrize(
+    ("count", "words"),
+    [
+        (1, "Its shift is 0.100 mm.<"),
+        (2, "Their shift is −0.100 and 0.000 mm.<"),
+        (3, "The median shift is 0.000 mm; all are between −0.100 and 0.100 mm."),
+        (21, "The median shift is 0.000 mm; nine of ten are between −0.900 and 0.900 mm."),
+    ],
+)
+def test_the_spread_of_few_vehicles_is_that_of_all_and_agrees_with_the_table_of_types(count, words):
+    shifts = 1e-4 * (np.arange(count) - count // 2) if count > 1 else [1e-4]
+    assert words in render(page_of([vehicle(f"V{i}", shift=s) for i, s in enumerate(shifts)], [], "c"))
+
+
+def test_what_is_left_is_compared_in_lives_where_vehicles_have_different_axes():
+    rows = [vehicle("far", left=4e5), vehicle("near", left=8e4, axis="km")]  # 40 % and 20 % of a life
+    table = worst_table(rows, spans_of(rows))
+    assert names(table) == ["near", "far"]
+    assert table.column("left") == (pytest.approx(20.0), pytest.approx(40.0))
+    assert table.columns[2].group == "left [% of a life]"
+    assert "A life is 1,000,000 strokes, 400,000 km" in table.note
+
+
+def test_without_a_limit_the_page_shows_the_most_worn_and_no_column_of_what_is_left():
+    html = render(page_of([vehicle("V1", left=NAN), vehicle("V2", left=NAN)], [], "c"))
+    assert "<h2>Most worn</h2>" in html
+    assert "90 % band" not in html
+
+
+def test_infinite_and_unknown_values_are_a_sign_and_a_dash():
+    rows = parsed([vehicle("V1", left=INF), unread("V2")]).tables["All vehicles"]
+    assert rows[2][-3:-1] == ["∞", "∞\xa0to\xa0∞"]
+    assert rows[3][5:-1] == ["–"] * 6
+
+
+def test_a_fleet_without_a_reading_has_no_figure_but_its_vehicles_and_reasons():
+    html = render(page_of([unread("V1"), unread("V2")], [ReasonCount("bad_input", "s", 20, "e")], "c"))
+    assert "No recording determines the wear of a vehicle." in html
+    assert "data:image" not in html
+    assert len(Parsed(html).tables["All vehicles"]) == 4
+    assert "<h2>Most worn</h2>" not in html
+
+
+def test_an_empty_fleet_and_one_vehicle_have_a_page():
+    assert "0 vehicles, 0 recordings" in render(page_of([], [], "c"))
+    one = render(page_of([vehicle("V1")], [], "c"))
+    assert "1 vehicle, 10 recordings" in one
+    assert "Every recording counts." in one
+    assert "No vehicle stands out." in one
+
+
+def rated(rates, **other):
+    return [vehicle(f"V{i}", rate=rate, **other) for i, rate in enumerate(rates)]
+
+
+def test_a_rate_beyond_the_robust_score_of_its_type_is_odd():
+    rates = 1e-10 * np.array([0.8, 0.9, 1.0, 1.0, 1.1, 1.1, 1.2, 2.0, 0.1])
+    deviation = np.median(abs(rates - 1e-10))
+    odd = odd_vehicles(rated(rates), spans_of(rated(rates)))
+    assert [(one.vehicle.name, one.mark) for one in odd] == [("V7", "fast"), ("V8", "slow")]
+    assert odd[0].score == pytest.approx(0.6745 * 1e-10 / deviation)
+    assert odd[0].reason == (
+        "0.020 mm per 100,000 strokes; the median of the 9 vehicles of type A is 0.010 mm; robust z score +6.7."
+    )
+    inside = rates.copy()
+    inside[7:] = 1e-10 + np.array([0.99, -0.99]) * ODD_SCORE * deviation / 0.6745
+    assert odd_vehicles(rated(inside), spans_of(rated(inside))) == []
+
+
+def test_a_rate_is_compared_only_within_its_type_and_with_enough_vehicles():
+    few = rated(1e-10 * np.r_[np.linspace(0.9, 1.1, ODD_AT_LEAST - 2), 5.0])
+    assert odd_vehicles(few, spans_of(few)) == []
+    other = rated(1e-10 * np.linspace(4.9, 5.1, 9), type="B")
+    assert odd_vehicles([*few, *other], spans_of(other)) == []
+    same = rated([1e-10] * 9 + [5e-10])  # no deviation that a score could be taken of
+    assert odd_vehicles(same, spans_of(same)) == []
+    km = rated(1e-10 * np.linspace(4.9, 5.1, 9), axis="km")
+    assert odd_vehicles([*rated(1e-10 * np.linspace(0.9, 1.1, 9)), *km], spans_of(km)) == []
+
+
+def test_alarms_and_missing_readings_are_odd_and_marked_among_all():
+    rows = [vehicle("V1", alarms=("the load changed",), counted=4), vehicle("V2", counted=5), vehicle("V3")]
+    odd = odd_vehicles(rows, spans_of(rows))
+    assert [(one.vehicle.name, one.mark) for one in odd] == [("V1", "alarm"), ("V1", "few readings")]
+    expected = ["The load changed.", "4 of 10 recordings count; by status: 9 ok, 1 failed."]
+    assert [one.reason for one in odd] == expected
+    assert all_table(rows, odd, spans_of(rows)).column("odd") == ("alarm, few readings", "", "")
+    assert "#filter=few+readings" in parsed(rows).addresses
+
+
+def test_long_lists_are_cut_and_say_what_is_left_out():
+    rows = [vehicle(f"V{i}", alarms=("a jump",)) for i in range(ODD + 5)]
+    caption = f"Alarm, a clutch replaced, a sudden change, a leak, a departure: {ODD} of {ODD + 5}"
+    assert len(parsed(rows).tables[caption]) == ODD + 1
+    table = reasons_table([ReasonCount("failed", f"reason {i}", 1000 - i, "e") for i in range(45)])
+    assert table.column("recordings") == tuple(range(1000, 960, -1))
+    assert table.note.startswith("5 rarer reasons, of 4,790 recordings")
+
+
+def test_the_figure_has_the_wear_where_it_is_known_and_the_shift_where_not():
+    rows = [vehicle("V1", wear=Interval(1e-3, 0.9e-3, 1.1e-3)), vehicle("V2"), vehicle("V3", left=INF)]
+    panels = panels_of(rows, spans_of(rows))
+    expected = ["wear of the facing", "shift of the half-load position", "left, median"]
+    assert [panel.words.split(" [")[0] for panel in panels] == expected
+    assert np.isnan(panels[1].values).tolist() == [True, False, False]
+    figure = distribution_figure(rows, spans_of(rows))
+    assert figure.axes[2].get_xlabel() == "left, median [thousand strokes]; not drawn: 1 with no end in sight"
+    assert sum(bar.get_height() for bar in figure.axes[1].patches) == 2
+
+
+@pytest.mark.parametrize(("types", "bars"), [(6, 6), (7, 1)])
+def test_few_types_have_a_colour_each_and_many_share_one(types, bars):
+    rows = [vehicle(f"V{i}", type=f"_{i % types}", shift=1e-5 * i) for i in range(5 * types)]
+    figure = distribution_figure(rows, spans_of(rows))
+    assert len({bar.get_facecolor() for bar in figure.axes[0].patches}) == bars
+    legend = figure.axes[0].get_legend()
+    assert (len(legend.get_texts()) if legend else 1) == bars
+
+
+def test_one_absurd_value_does_not_flatten_the_histogram():
+    rows = [vehicle(f"V{i}", shift=1e-6 * i) for i in range(300)] + [vehicle("X", shift=1.0)]
+    axis = distribution_figure(rows, spans_of(rows)).axes[0]
+    assert axis.get_xlim()[1] < 0.5
+    assert "not drawn: 1 above" in axis.get_xlabel()
+
+
+@pytest.mark.slow
+def test_ten_thousand_vehicles_are_a_page_of_a_few_megabytes():
+    rows = [vehicle(f"V{i}", shift=1e-8 * i) for i in range(10_000)]
+    html = render(page_of(rows, [], "c"))
+    assert len(html.encode()) < 5e6
+    assert len(Parsed(html).tables["All vehicles"]) == 10_002
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="needs chromium on the path")
+def test_a_browser_sorts_and_filters_by_the_address_with_unknown_values_last(tmp_path):
+    shifts = [0.2e-3, -0.1e-3, NAN, 0.05e-3]
+    rows = [vehicle(f"V{i}", shift=shift) for i, shift in enumerate(shifts)] + [vehicle("other", type="B")]
+    fleet_page(rows, [], "c", tmp_path / "x.html")
+
+    def shown(state):
+        options = ("--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}")
+        address = f"{(tmp_path / 'x.html').as_uri()}#{state}"
+        run = subprocess.run(
+            ["chromium", *options, "--dump-dom", address], capture_output=True, text=True, timeout=120, check=True
+        )
+        return [row[0] for row in Parsed(run.stdout).tables["All vehicles"][2:]]
+
+    assert shown("") == ["V0", "V1", "V2", "V3", "other"]
+    assert shown("sort=6&filter=v") == ["V1", "V3", "V0", "V2"]
+    assert shown("sort=-6&filter=V") == ["V0", "V3", "V1", "V2"]
+    assert shown("sort=7&filter=v") == ["V1", "V3", "V0", "V2"]  # by the lower end of the band
+    assert shown("sort=-2")[0] == "other"
+    assert shown("filter=b&sort=99&part=7") == ["other"]

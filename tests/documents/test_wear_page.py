@@ -1,0 +1,71 @@
+"""The page of one vehicle's wear, as a page of a fleet."""
+
+import numpy as np
+import pytest
+
+from clutchid.documents.html import render
+from clutchid.documents.wear_page import page_of, recordings_table, wear_page
+from clutchid.documents.wear_text import wear_json, wear_lines
+from clutchid.wear.history import WearReading
+from fixtures.lives import life, measured, reading
+
+
+def life_of(shifts, name="r"):
+    return life([reading(shift) for shift in shifts], name=name, vehicle="V 1", limit=1e-3)
+
+
+@pytest.mark.parametrize("shifts", [[0.0, 1e-5, 2e-5], [np.nan, np.nan], [np.nan]])
+def test_the_page_of_a_vehicle_leads_back_to_the_fleet_whatever_was_read(shifts, tmp_path):
+    wear_page(life_of(shifts), [], "c", tmp_path / "V1.html", home="../the fleet/index.html")
+    html = (tmp_path / "V1.html").read_text(encoding="utf-8")
+    assert '<a href="../the%20fleet/index.html">Back to the fleet</a>' in html
+    assert ("No recording determines the wear." in html) == bool(np.isnan(shifts[0]))
+    assert html.count("the load is not determined.") == np.isnan(shifts).sum()
+
+
+def test_a_page_of_its_own_leads_nowhere(loads_nothing):
+    assert loads_nothing(render(page_of(life_of([0.0, 1e-5]), [], "c")))
+
+
+def test_page_and_object_say_how_often_an_alarm_is_false():
+    steady = life_of([0.0, 1e-5])
+    assert "set to one false alarm in 1,000 recordings" in render(page_of(steady, [], "c"))
+    assert wear_json(steady)["wear"]["false_alarms"] == 1e-3
+
+
+def test_only_a_life_with_an_alarm_says_what_its_red_line_means_and_notices_begin_with_a_capital():
+    calm, replaced = (
+        render(page_of(life_of(shifts), [], "c"))
+        for shifts in ([0.0, 1e-5], [*np.linspace(0.0, 5e-4, 12), *np.linspace(0.0, 1e-4, 6)])
+    )
+    assert "Red and dashed" not in calm
+    assert "Red and dashed" in replaced
+    assert "The clutch, or its sensor, was replaced between r11 and r12" in replaced
+    assert "No recording has a time" in calm
+
+
+def test_a_recording_has_a_message_only_where_something_was_wrong_with_it():
+    fine, failed = WearReading("ok", "it ok", "good", measured(0.0)), WearReading("failed", "it failed", "none", None)
+    assert recordings_table(life([fine, failed], stride=0)).column("message") == ("", "it failed")
+
+
+def test_what_is_left_names_the_options_that_are_missing_for_it():
+    last = wear_lines(life([reading(0.0)] * 2))[-1]
+    assert last == "left        not known without a limit: --limit, or a table of wear"
+
+
+def test_a_name_that_is_not_utf_8_is_written_with_question_marks(tmp_path):
+    wear_page(life_of([0.0, 1e-5], "r\udcff"), [], "c", tmp_path / "x.html")
+    assert "r?00" in (tmp_path / "x.html").read_text(encoding="utf-8")
+
+
+def test_a_recording_that_does_not_count_has_its_reason_on_the_page_and_in_the_object():
+    known = life_of([0.0, 1e-5, 5e-4, 2e-5, np.nan, 3e-5, 4e-4])
+    assert known.outcomes == ("used", "used", "left out", "used", "missing", "used", "left out")
+    left_out, last = "the next recordings fit the trend without it", "the next recordings will say"
+    expected = ("", "", left_out, "", "not determined", "", last)
+    found = recordings_table(known).column("message")
+    assert list(found) == [log["reason"] for log in wear_json(known)["logs"].values()]
+    for words, shown in zip(expected, found, strict=True):
+        assert words in shown
+        assert bool(words) == bool(shown)

@@ -1,0 +1,237 @@
+"""Files for MATLAB: the same values in both, to the last bit, and names and texts that MATLAB accepts."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+from sympy import symbols
+
+from clutchid.errors import ExportError, ParameterError
+from clutchid.estimation import Fit
+from clutchid.estimation.assess.evidence import reach
+from clutchid.estimation.parameter_file import read_parameters
+from clutchid.estimation.result import Change
+from clutchid.exports.fit_file import check_name, write_matlab
+from clutchid.inference.uncertainty.estimates import Estimate
+from clutchid.log import Log
+from clutchid.measurements import write
+from clutchid.model import Actuator, Load, OwnModel, OwnParameter
+from clutchid.model.equipment import Equipment
+from fixtures.baselines import with_baseline
+from fixtures.matlab_text import struct_in
+
+
+def loaded(path: Path) -> dict:
+    """The struct in a file, as dictionaries."""
+    if path.suffix == ".mat":
+        return loadmat(path, simplify_cells=True)["clutchid"]
+    return struct_in(path.read_text(encoding="ascii"))
+
+
+@pytest.fixture
+def odd(fitted: Fit) -> Fit:
+    """A fit of two recordings with a parameter of their own, an interval without end, and names that need care."""
+    (recording,) = fitted.recordings.values()
+    own = {f"F_C@{stem}": Estimate(60.0 + i, "N", 0.1, -np.inf, np.inf) for i, stem in enumerate(("a", "Bär's\n'); x"))}
+    return replace(
+        fitted,
+        message="it's 90 % done;\nend",
+        parameters={**fitted.parameters, **own},
+        recordings={"a": recording, "Bär's\n'); x": replace(recording, starts=((0.001, 2e5), (0.0021, 3e5)))},
+    )
+
+
+@pytest.mark.parametrize("name", ["worn.mat", "worn.m"])
+def test_the_table_is_the_load_curve_and_the_parameters_are_those_of_the_fit(
+    fitted: Fit, tmp_path: Path, name: str
+) -> None:
+    write_matlab(fitted, tmp_path / name)
+    found, curve = loaded(tmp_path / name), fitted.load_curve
+    columns = {"position_m": curve.position, "force_N": curve.force, "low_N": curve.low, "high_N": curve.high}
+    for key, values in columns.items():
+        assert np.array_equal(found["load"][key], values)
+    assert tuple(found["load"]["knots_m"]) == fitted.actuator.load.knots
+    assert tuple(found["load"]["weights"]) == fitted.actuator.load.theta
+    assert found["load"]["phi2_slope"] == 1.0
+    assert found["model"] == {"variant": "isothermal"}
+    assert found["parameters"].keys() == set(fitted.actuator.names)
+    for key, entry in found["parameters"].items():
+        assert entry["value"] == fitted.actuator.value(key)
+        estimate = fitted.parameters.get(key)
+        expected = (estimate.std, estimate.low, estimate.high) if estimate else (np.nan,) * 3
+        assert np.array_equal([entry["std"], entry["low"], entry["high"]], expected, equal_nan=True)
+    assert found["parameters"]["C_vs"]["unit"] == "m^3/(Pa*s)"
+    assert found["created_by"].startswith("clutchid ")
+
+
+@pytest.mark.parametrize("name", ["worn.mat", "worn.m"])
+def test_the_reach_and_the_warnings_are_there(fitted: Fit, tmp_path: Path, name: str) -> None:
+    warned = replace(fitted, warnings=("theta_3 lies at its lower bound 0 N/m.", "a second one."))
+    write_matlab(warned, tmp_path / name)
+    found = loaded(tmp_path / name)
+    assert list(found["warnings"]) == list(warned.warnings)
+    assert found["load"]["reach_m"] == reach(fitted)
+    write_matlab(fitted, tmp_path / name)
+    assert len(loaded(tmp_path / name)["warnings"]) == len(fitted.warnings)
+
+
+def test_a_recording_and_a_fit_have_no_variable_in_common(fitted: Fit, tmp_path: Path) -> None:
+    write_matlab(fitted, tmp_path / "worn.mat")
+    write(Log(np.arange(3.0), {"position": np.zeros(3)}, metadata={"truck": "7"}), tmp_path / "states.mat")
+    ours = [set(loadmat(tmp_path / name)) for name in ("worn.mat", "states.mat")]
+    assert {one for one in ours[0] & ours[1] if not one.startswith("__")} == set()
+
+
+def test_recordings_have_their_hash_initial_states_and_own_parameters(odd: Fit, tmp_path: Path) -> None:
+    write_matlab(odd, tmp_path / "odd.m")
+    one, other = loaded(tmp_path / "odd.m")["recordings"]
+    assert (one["name"], one["sha256"]) == ("a", "abc123")
+    assert other["name"] == "Bar's '); x"
+    assert (other["position_start_m"], other["pressure_a_start_Pa"]) == ([0.001, 0.0021], [2e5, 3e5])
+    assert other["parameters"]["F_C"]["value"] == 61.0
+    assert other["parameters"]["F_C"]["high"] == np.inf
+
+
+@pytest.fixture
+def compared(fitted: Fit) -> Fit:
+    """A fit as if it had started from a calibration, with two changes, and not to be trusted without care."""
+    values = {"D_v": (2100.0, 2570.0, 35.0, "N·s/m"), "T_0": (293.0, 277.3, 0.9, "K")}
+    changes = tuple(Change("first", name, *each, 0.993, "temperature") for name, each in values.items())
+    return with_baseline(replace(fitted, converged=False, changes=changes))
+
+
+def test_a_result_carries_its_verdict_the_calibrated_load_and_what_has_changed(compared: Fit, tmp_path: Path) -> None:
+    write_matlab(compared, tmp_path / "worn.mat")
+    found = loaded(tmp_path / "worn.mat")
+    assert found["trust"] == compared.verdict.trust == "with care"
+    assert [*np.atleast_1d(found["reasons"])] == [*compared.verdict.reasons]
+    assert found["calibration"]["name"] == "CAL.toml"
+    calibrated = compared.comparison.calibrated
+    assert np.array_equal(found["calibrated_load_curve"]["force_N"], calibrated.force)
+    assert np.array_equal(found["load_change"]["difference_N"], compared.load_curve.force - calibrated.force)
+    assert found["load_change"]["half_load"]["shift"]["position_m"] == compared.comparison.shift.position
+    assert [change["name"] for change in found["changes"]] == ["D_v", "T_0"]
+    assert {**found["changes"][0]} == {
+        "recording": "first", "name": "D_v", "before": 2100.0, "after": 2570.0, "std": 35.0, "unit": "N*s/m",
+        "probability": 0.993,
+    }  # fmt: skip
+    assert [*found["covariance"]["names"]] == [*compared.parameters]
+    assert np.array_equal(found["covariance"]["matrix"], compared.covariance)
+
+
+def test_without_a_calibration_nothing_is_compared(fitted: Fit, tmp_path: Path) -> None:
+    write_matlab(fitted, tmp_path / "fit.m")
+    found = loaded(tmp_path / "fit.m")
+    assert found["changes"] == []
+    assert not {"calibration", "calibrated_load_curve", "load_change"} & found.keys()
+
+
+def test_both_files_have_the_same_struct(odd: Fit, compared: Fit, tmp_path: Path) -> None:
+    odd = replace(compared, message=odd.message, parameters=odd.parameters, recordings=odd.recordings)
+    for name in ("odd.m", "odd.mat"):
+        write_matlab(odd, tmp_path / name)
+    assert loaded(tmp_path / "odd.mat")["message"] == "it's 90 % done; end"
+    flat = dict(flattened(loaded(tmp_path / "odd.m")))
+    other = dict(flattened(loaded(tmp_path / "odd.mat")))
+    assert flat.keys() == other.keys()
+    for key, value in flat.items():
+        np.testing.assert_array_equal(np.squeeze(value), other[key], err_msg=key)
+
+
+def flattened(value, path=""):
+    """(path, leaf) of nested dictionaries and lists of them; an empty text is one, whatever SciPy makes of it."""
+    if isinstance(value, dict):
+        for key, entry in value.items():
+            yield from flattened(entry, f"{path}.{key}")
+    elif isinstance(value, list) and value and isinstance(value[0], dict):
+        for i, entry in enumerate(value):
+            yield from flattened(entry, f"{path}({i})")
+    else:
+        yield path, "" if np.size(value) == 0 else value
+
+
+def test_the_table_interpolates_the_load_to_a_thousandth_of_its_peak(tmp_path: Path, fitted: Fit) -> None:
+    write_matlab(fitted, tmp_path / "worn.mat")
+    table = loaded(tmp_path / "worn.mat")["load"]
+    y = np.linspace(0.0, fitted.actuator.parameters.y_max, 20_001)
+    force = fitted.actuator.load.force(y)
+    error = np.abs(np.interp(y, table["position_m"], table["force_N"]) - force)
+    assert 0 < error.max() < 1e-3 * force.max()
+
+
+def test_a_parameter_of_a_valve_that_does_not_exist_is_left_out(fitted: Fit, tmp_path: Path) -> None:
+    write_matlab(replace(fitted, actuator=Actuator(equipment=Equipment(valves="supply"))), tmp_path / "lift.mat")
+    found = loaded(tmp_path / "lift.mat")
+    assert "C_ve" not in found["parameters"]
+    assert found["actuator"]["valves"] == "supply"
+
+
+def test_weights_of_b_splines_come_with_their_knots(fitted: Fit, tmp_path: Path) -> None:
+    write_matlab(replace(fitted, actuator=Actuator(load=Load.on_b_splines())), tmp_path / "b.m")
+    load = loaded(tmp_path / "b.m")["load"]
+    assert (load["basis"], load["weights_unit"], len(load["weights"])) == ("b-spline", "N", len(load["knots_m"]) + 2)
+    assert "phi2_slope" not in load
+
+
+@pytest.mark.parametrize(
+    ("name", "other"),
+    [
+        ("fit-1.m", "fit_1.m"), ("1.m", "fit_1.m"), ("while.m", "fit_while.m"), ("clutchid.m", "fit_clutchid.m"),
+        ("interp1.m", "fit_interp1.m"), ("Bär.m", "B_r.m"), ("a b.m", "a_b.m"), ("worn.M", "worn.m"),
+        (64 * "a" + ".m", "fit_" + 59 * "a" + ".m"),
+    ],
+)  # fmt: skip
+def test_a_name_that_no_function_can_have_is_refused_with_one_that_it_can(
+    fitted: Fit, tmp_path: Path, name: str, other: str
+) -> None:
+    with pytest.raises(ExportError, match=f"name it {other}\\.$"):
+        write_matlab(fitted, tmp_path / name)
+    assert not list(tmp_path.iterdir())
+    check_name(other)
+    check_name(Path(name).with_suffix(".mat"))
+
+
+def test_another_suffix_is_refused_with_those_of_matlab(fitted: Fit, tmp_path: Path) -> None:
+    with pytest.raises(ExportError, match=r"'\.toml' is not one of MATLAB; name the file \.mat or \.m"):
+        write_matlab(fitted, tmp_path / "fit.toml")
+
+
+def test_a_parameter_of_an_own_model_that_no_variable_can_be_called_is_refused(fitted: Fit, tmp_path: Path) -> None:
+    f_s, end, y = symbols("f_s end y", real=True)
+    stiffness = OwnParameter(4e3, "N/m", "stiffness of the return spring", range=(0, 1e5))
+    model = OwnModel(base="isothermal", parameters={"end": stiffness}, terms={"f_s": f_s + end * y})
+    with pytest.raises(ExportError, match="MATLAB has no variables with the name end; rename the parameter"):
+        write_matlab(replace(fitted, actuator=Actuator(model=model)), tmp_path / "own.mat")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["fit.mat", "fit.m"])
+def test_a_file_for_matlab_cannot_start_a_fit_and_the_sentence_says_what_can(tmp_path: Path, name: str) -> None:
+    with pytest.raises(ParameterError, match=r"save the fit as \.toml too \(fit LOG --save FIT\.toml\)"):
+        read_parameters(tmp_path / name)
+
+
+@pytest.mark.parametrize("name", ["odd", "compared"])
+def test_octave_reads_the_same_struct_from_both_files(
+    request: pytest.FixtureRequest, tmp_path: Path, name: str
+) -> None:
+    odd = request.getfixturevalue(name)
+    octave = shutil.which("octave-cli")
+    if octave is None:
+        pytest.skip("no octave-cli on this machine")
+    for name in ("odd.m", "odd.mat"):
+        write_matlab(odd, tmp_path / name)
+    program = "load odd.mat; [c, f] = odd; printf('%d %.17g', isequaln(c, clutchid), f(5.125e-3))"
+    done = subprocess.run(
+        [octave, "--norc", "--eval", program], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False
+    )
+    same, force = done.stdout.split()
+    assert same == "1", done.stderr
+    curve = odd.load_curve
+    assert float(force) == pytest.approx(np.interp(5.125e-3, curve.position, curve.force), rel=1e-14)
