@@ -6,6 +6,8 @@ resampled together, with their autocorrelation. It does not detect model errors 
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,7 +26,7 @@ REST_SHARE = 0.1
 #: quarter. A recording with fewer is cut into pieces of this length in s.
 MIN_STROKES, PIECE_LENGTH = 8, 1.0
 
-StrokeNumbers = tuple[NDArray[np.int64], ...]
+StrokeNumbers: TypeAlias = tuple[NDArray[np.int64], ...]
 
 
 def strokes(problem: Problem) -> StrokeNumbers:

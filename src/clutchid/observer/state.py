@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +65,7 @@ def count_strokes(strokes: Strokes, time: FloatArray, position: FloatArray) -> t
     return Strokes(ended, began), ends
 
 
-Mask = NDArray[np.bool_]
+Mask: TypeAlias = NDArray[np.bool_]
 
 #: As many equal samples of the position in a row are a frozen sensor, and the later ones are left out.
 FROZEN = 15

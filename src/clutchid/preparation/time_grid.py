@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.log import INPUTS, FloatArray, Log, holes
 
-IntArray = NDArray[np.intp]
+IntArray: TypeAlias = NDArray[np.intp]
 
 #: Shortest interval of a grid in s: a period that starts this close to a sample starts with it.
 SHORTEST_STEP = 2e-5

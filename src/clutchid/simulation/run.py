@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from clutchid.model.compiled import Model, kernels, parameter_names
 from clutchid.model.weighted_load import Load
 from clutchid.simulation.plan import Segment
 
-IntArray = NDArray[np.int64]
+IntArray: TypeAlias = NDArray[np.int64]
 
 #: Names of the unknown start values of a segment among the sensitivities.
 POSITION_START, PRESSURE_START = "y_start", "p_A_start"

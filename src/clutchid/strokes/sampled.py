@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.log import FloatArray, sample_interval
 
-IntArray = NDArray[np.intp]
+IntArray: TypeAlias = NDArray[np.intp]
 
 #: Samples per block of the noise estimate, and fraction of the blocks that counts as quiet.
 BLOCK, QUIET = 32, 0.1

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +20,8 @@ from clutchid.model.actuator import Actuator
 from clutchid.strokes import rule
 from clutchid.strokes.sampled import runs
 
-Mask = NDArray[np.bool_]
-Verdicts = NDArray[np.uint8]
+Mask: TypeAlias = NDArray[np.bool_]
+Verdicts: TypeAlias = NDArray[np.uint8]
 
 #: A position is none further beyond the stops than this in m: a vented rest may have moved by 5 mm since the
 #: calibration (`clutchid.strokes.vented_rest.FURTHEST`), and 2 mm are the gain of a sensor (4 %) and noise.

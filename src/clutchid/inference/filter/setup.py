@@ -9,7 +9,7 @@ and, where gains are computed, size columns for the square root of the covarianc
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from clutchid.simulation.sensors import lag_coefficients
 from clutchid.simulation.stiffness import Pace
 from clutchid.simulation.windows import Track
 
-IntArray = NDArray[np.int64]
+IntArray: TypeAlias = NDArray[np.int64]
 
 
 class ModelArrays(NamedTuple):

@@ -7,7 +7,7 @@ import math
 from codecs import BOM_UTF8
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,7 +109,7 @@ def _number(value: Any) -> float | None:
         return None
 
 
-Mask = NDArray[np.bool_]
+Mask: TypeAlias = NDArray[np.bool_]
 
 #: Lines at the start that determine the columns and how they are written: the same ones however the text is cut.
 HEAD = 120

@@ -9,7 +9,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from cantools.database.can import Message as CantoolsMessage
     from cantools.database.can import Signal as CantoolsSignal
 
-Raw = NDArray[np.uint64]
+Raw: TypeAlias = NDArray[np.uint64]
 
 #: Bits of the numbers that IEEE 754 has, and their types.
 FLOATS = {16: (np.uint16, np.float16), 32: (np.uint32, np.float32), 64: (np.uint64, np.float64)}

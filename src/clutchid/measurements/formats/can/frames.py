@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,9 @@ from clutchid.log import FloatArray
 if TYPE_CHECKING:
     import can
 
-Bytes = NDArray[np.uint8]
-Counts = NDArray[np.int64]
-Rows = NDArray[np.int64]
+Bytes: TypeAlias = NDArray[np.uint8]
+Counts: TypeAlias = NDArray[np.int64]
+Rows: TypeAlias = NDArray[np.int64]
 
 #: Frames a block when a log is read piece by piece.
 FRAMES = 1 << 16

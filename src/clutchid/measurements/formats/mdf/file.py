@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ CHUNK = 1 << 24
 
 #: Group and index of a channel; its raw samples, and where they are invalid.
 Channel = tuple[int, int]
-Samples = tuple[NDArray[Any], NDArray[np.bool_] | None]
+Samples: TypeAlias = tuple[NDArray[Any], NDArray[np.bool_] | None]
 
 
 def blocks(mdf: Any, channels: Sequence[Channel], first: int, count: int) -> Iterator[tuple[slice, list[Samples]]]:
