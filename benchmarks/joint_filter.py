@@ -39,8 +39,7 @@ def main() -> None:
 
     def filtered(every: int, memory: float) -> Callable[[], object]:
         settings = JointSettings(every=every)
-        drifts = 1e-3 * np.eye(k)
-        joint = joint_filter(actuator, free, bounds, ("position",), Noise(memory=memory), settings, drifts)
+        joint = joint_filter(actuator, free, bounds, ("position",), Noise(memory=memory), settings)
         state, given = init(joint, track.segment, np.zeros(k), 0.3 * np.eye(k)), inputs(joint, track)
         return lambda: follow(joint, state, given, (0, count))
 

@@ -30,7 +30,7 @@ from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.following import observe
 from clutchid.observer.methods import METHODS
 from clutchid.observer.observer import observer, start
-from clutchid.observer.state import NO_STROKES, count_strokes
+from clutchid.strokes.stroke import NO_STROKES, count_strokes
 from clutchid.study.proving.ground import SECONDS, STROKES
 from clutchid.truck import GRID, Drive, Vehicle, drive, truck
 

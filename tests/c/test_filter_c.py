@@ -84,7 +84,7 @@ class Drawn:
     @property
     def room(self):
         """Scratch arrays of the kernels."""
-        return scratch(ROWS, K + ROWS, np.zeros((K, K)), N, M, SIZE.drifts)
+        return scratch(ROWS, K + ROWS, np.zeros((K, K)), N, M)
 
     @property
     def model(self):
@@ -111,7 +111,7 @@ def drawn(seed):
     outlier, speed = 1.5, 0.25
     return Drawn(
         state=FilterState(
-            single(ROWS), np.hstack([single(ROWS, K), L]), single(K), T, np.abs(single(ROWS)), np.array([seed % 2]),
+            single(ROWS), np.hstack([single(ROWS, K), L]), single(K), T, np.abs(single(ROWS)),
             single(ROWS, RESPONSES + ROWS), np.array([seed % 2]),
         ),
         numbers=numbers,
@@ -146,7 +146,7 @@ class InPython:
     def __init__(self, m, calls, g):
         self.m, self.g, self.room, self.model = m, g, g.room, g.model
         self.step, self.prepare = calls
-        self.x, self.S, self.theta, self.T, _, self.stroke, self.moved, _ = self.state = g.state
+        self.x, self.S, self.theta, self.T, _, self.moved, _ = self.state = g.state
         columns, at_weights = np.array([0, 1, 2 + g.seed % 2, 4, 5]), np.array([2, 3])
         self.window = Window(
             np.ones(1, np.int64), columns, columns[2:3], np.array([1, 2]), at_weights, np.array(WITHIN)
@@ -154,7 +154,7 @@ class InPython:
         self.weights, self.lags, self.of_sensor, self.slopes = self.derived = g.derived
         self.gains = np.zeros((M, ROWS + 1))
         self.arrays = FilterArrays(
-            self.model, g.free, self.derived, SENSORS, g.settings, g.drifts, AS_PLANNED, self.window, self.room
+            self.model, g.free, self.derived, SENSORS, g.settings, AS_PLANNED, self.window, self.room
         )
 
     def after(self, extra):
@@ -243,17 +243,6 @@ def refreshed_in_python(a):
     a.m.place_window(a.state.first[0], a.window, PIECES, BREAKPOINTS)
 
 
-def strokes_in_c(c):
-    ends, at = [], c.motion.x[0]
-    for c.motion.x[0] in STROKE:
-        ends.append(c.call("stroke_ends", c.motion, c.fixed))
-    c.motion.x[0] = at
-    return ends
-
-
-#: Positions in m around the thresholds of a stroke.
-STROKE = (0.0, 1.9e-3, 2.1e-3, 1.6e-3, 2.2e-3, 1.4e-3, 0.0, 8e-3, 0.0)
-
 #: An innovation's variance, and what is predicted of it.
 WEIGHTED, PREDICTED = 3.0, 1.25
 
@@ -317,9 +306,8 @@ FUNCTIONS = {
         sample_in_python,
         lambda c: filled(errors := c.zeros(M, 2), c.corrected, errors),
     ),
-    "stroke_ends": (lambda a: [a.m.stroke_ends(a.stroke, at) for at in STROKE], strokes_in_c),
     "drift": (
-        lambda a: a.m.drift(a.T, a.g.drifts, a.room.room),
+        lambda a: a.m.drift(a.T, a.g.drifts, np.empty((K, K + SIZE.drifts))),
         lambda c: c.call("drift", c.belief, c.fixed, c.room),
     ),
     "state_deviations": (
@@ -418,9 +406,9 @@ def test_c_is_its_compiled_kernel_up_to_rounding_and_the_order_of_sums(
 def test_a_filter_of_the_states_alone_compiles_strictly_and_corrects_them(joint_of, plain, real):
     size = FilterSize(N, M, 0, 0, 0, 0, 4, 3, 4, 0)
     c, g = joint_of(size, real, EXACT), drawn(1)
-    x, S, _, _, waiting, stroke, moved, first = deepcopy(g.state)
+    x, S, _, _, waiting, moved, first = deepcopy(g.state)
     S, moved, empty = np.ascontiguousarray(S[:, K:]), np.ascontiguousarray(moved[:, RESPONSES:]), np.zeros((0, 0))
-    state = FilterState(x, S, np.zeros(0), empty, waiting, stroke, moved, 0 * first)
+    state = FilterState(x, S, np.zeros(0), empty, waiting, moved, 0 * first)
     nowhere = np.zeros(0, np.int64)
     window = Window(nowhere, nowhere, nowhere, nowhere, nowhere, np.zeros(2))
     sensors = SENSORS * [1, 1, 0, 0] - [0, 0, 1, 1]
@@ -432,7 +420,7 @@ def test_a_filter_of_the_states_alone_compiles_strictly_and_corrects_them(joint_
            errors, c.scratch)  # fmt: skip
     c.call("drift", in_c.belief, fixed, c.scratch)
     room = scratch(ROWS, ROWS, empty, N, M)
-    arrays = FilterArrays(g.model, free, derived, sensors, g.settings, empty, AS_PLANNED, window, room)
+    arrays = FilterArrays(g.model, free, derived, sensors, g.settings, AS_PLANNED, window, room)
     plain.bring_up(state, window, PIECES, BREAKPOINTS, x[g.settings.at_position], room.S)
     plain.correct_sample(nothing, state, arrays, g.values, (expected, np.zeros((M, ROWS + 1)), NO_ROWS))
     for one, other in zip((*c.arrays(in_c), errors), (*state, expected), strict=True):

@@ -109,6 +109,13 @@ def test_with_two_rates_what_is_learnt_is_nearly_the_same_also_with_faults(found
         assert compared.strokes[0] == compared.strokes[1] > 2
 
 
+def test_strokes_count_from_the_vented_rest_wherever_the_sensor_reads_it(found_by, log):
+    far = log.with_columns(position=log["position"] + 1.8e-3)
+    _, compared = found_by("joint", CStyle(real="double"), far)
+    assert compared.holds(CStyle(real="double")), compared
+    assert compared.strokes[0] == compared.strokes[1] > 2
+
+
 def test_a_filter_that_diverges_goes_back_to_the_last_stroke_and_starts_anew(found_by, log):
     # the position stays far from what the duty cycles say
     driven = spoiled(log, "duty_supply", slice(3000, 3300), 1.0)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from clutchid.codegen.kernels import kernels_in
 from clutchid.documents.observe_text import observe_json
+from clutchid.inference.filter.joint_filter import drifted
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.observer import curve, known, observe, observe_recording, observer, start
 from clutchid.observer.methods import MODES
@@ -34,9 +34,8 @@ def load_deviations(one, state):
 @pytest.mark.parametrize("method", ["joint", "joint-reduced"])
 def test_a_stroke_widens_every_standard_deviation_of_the_prior_by_the_same_share(plant, method):
     one = observer(plant, method)
-    T, drifts = start(one).T.copy(), one.joint.drifts
-    kernels_in("clutchid.inference.filter.recursion").drift(T, drifts, np.empty((len(T), T.shape[1] + drifts.shape[1])))
-    before, after = (np.linalg.norm(root, axis=1) for root in (start(one).T, T))
+    T = start(one).T
+    before, after = (np.linalg.norm(root, axis=1) for root in (T, drifted(one.joint, T)))
     assert after == pytest.approx(np.sqrt(1.0 + DRIFT) * before, rel=1e-12)
 
 

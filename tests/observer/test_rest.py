@@ -56,6 +56,14 @@ def test_a_moved_zero_is_flagged_and_subtracted_and_the_load_is_nearer_to_that_w
     assert off["subtract"] < 0.7 * off["keep"]
 
 
+def test_strokes_count_from_the_vented_rest_wherever_the_sensor_reads_it(plant, log, calibration):
+    one = observer(plant, calibration=calibration)
+    as_calibrated, far = (observe_recording(one, moved(log, by)).strokes for by in (0.0, 1.8e-3))
+    # from the first rest on, which shows the zero
+    assert [row.time for row in far][1:] == pytest.approx([row.time for row in as_calibrated][1:], abs=0.01)
+    assert len(far) == len(as_calibrated) > 1
+
+
 def test_a_zero_that_is_counted_anew_is_no_motion_to_the_balance_of_forces(plant, log, calibration):
     found = observe_recording(observer(plant, "rls", calibration=calibration), moved(log))
     begins = int(np.argmax(found.samples.rest > 0.0))

@@ -16,7 +16,6 @@ from clutchid.codegen.templates import template
 from clutchid.errors import ParameterError
 from clutchid.exports.data import carrier_us, data_of, size_of
 from clutchid.exports.filter import filter_c99
-from clutchid.inference.filter.setup import STROKE_BEGINS, STROKE_ENDS
 from clutchid.log import HOLE
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels, system
@@ -26,9 +25,9 @@ from clutchid.observer.health import BEYOND, FLAGS
 from clutchid.observer.mismatch import MEMORY, UNLIKE
 from clutchid.observer.observer import LEAK_FOUND, Observer
 from clutchid.observer.rest import rest_pace
-from clutchid.observer.state import FROZEN, SHORTEST, ObserverState
+from clutchid.observer.state import FROZEN, ObserverState
 from clutchid.simulation.plan import OUTSIDE
-from clutchid.strokes import rest_level, vented_rest
+from clutchid.strokes import rest_level, stroke, vented_rest
 from clutchid.strokes.excitation import VENTED_POSITION
 
 Real = Literal["float", "double"]
@@ -140,8 +139,11 @@ def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title:
         "vented_position": VENTED_POSITION,
         "beyond": BEYOND,
         "frozen": FROZEN,
-        "stroke_begins": STROKE_BEGINS,
-        "stroke_ends": STROKE_ENDS,
+        "stroke": {
+            "begins": stroke.BEGINS,
+            "ends": stroke.ENDS,
+            "shortest_us": round(stroke.SHORTEST / stroke.RESOLUTION),
+        },
         "rounded_down": 1.0 - 1e-9,
         "every": joint.settings.every,
     }
@@ -171,7 +173,6 @@ def _times(observer: Observer) -> dict[str, Any]:
         "period": observer.joint.mapped.actuator.parameters.T_pwm,
         "spacing_us": spacing,
         "hole_us": int(HOLE * spacing),
-        "shortest_us": round(SHORTEST * 1e6),
         "past": period // spacing + 3,
     }
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from clutchid.codegen.c99 import CSource
 from clutchid.codegen.language import C_DOUBLE, C_FLOAT
 from clutchid.codegen.templates import template
-from clutchid.inference.filter.setup import STROKE_BEGINS, STROKE_ENDS
 from clutchid.inference.filter.transition import AHEAD, MARGIN
 from clutchid.simulation.comparison import SHORTEST_LAG
 
@@ -80,8 +79,6 @@ def filter_c99(size: FilterSize, real: str = "double", name: str = "joint") -> C
         "size": size,
         "real": real,
         "number": languages[real].print,
-        "stroke_begins": STROKE_BEGINS,
-        "stroke_ends": STROKE_ENDS,
         "shortest_lag": SHORTEST_LAG,
         "margin": MARGIN,
         "ahead": AHEAD,

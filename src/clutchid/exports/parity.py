@@ -21,7 +21,8 @@ from clutchid.observer.by_stroke import curve, positions
 from clutchid.observer.following import observe
 from clutchid.observer.health import FLAGS, health
 from clutchid.observer.observer import Observer, start
-from clutchid.observer.state import ObserverState, RestWatch, Strokes
+from clutchid.observer.state import ObserverState, RestWatch
+from clutchid.strokes.stroke import Strokes
 
 #: Standard deviation of the position sensor's noise in the trial drive in m.
 SENSOR_NOISE = 1e-5

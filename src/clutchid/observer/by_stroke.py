@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -11,9 +10,9 @@ import numpy as np
 from clutchid.inference.uncertainty.estimates import Estimate, LoadCurve
 from clutchid.log import FloatArray, Log
 from clutchid.numerics.interval import QUANTILE
-from clutchid.observer.following import Observed, observe
+from clutchid.observer.following import Observed, observe_strokes
 from clutchid.observer.observer import Observer
-from clutchid.observer.state import ObserverState, count_strokes
+from clutchid.observer.state import ObserverState
 
 #: Distance of two positions of the load curve of a stroke in m.
 STEP = 0.5e-3
@@ -78,18 +77,7 @@ def follow_strokes(
     DataError
         As `observe`.
     """
-    _, ends = count_strokes(state.strokes, block.time, block["position"])
-    cuts = [0, *(end + 1 for end in ends), len(block)]
-    parts: list[Observed] = []
-    rows: list[StrokeRow] = []
-    for begin, end in pairwise(cuts):
-        state, found = observe(observer, state, block.slice(begin, end))
-        parts.append(found)
-        if len(rows) < len(ends):
-            at = positions(observer)
-            rows.append(
-                StrokeRow(
-                    float(block.time[end - 1]), state.strokes.ended, curve(observer, state, at), known(observer, state)
-                )
-            )
-    return state, Observed(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True))), rows
+    after, samples, ends = observe_strokes(observer, state, block)
+    at = positions(observer)
+    rows = [StrokeRow(end.latest, end.strokes.ended, curve(observer, end, at), known(observer, end)) for end in ends]
+    return after, samples, rows

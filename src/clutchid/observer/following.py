@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid.errors import DataError
-from clutchid.inference.filter.joint_filter import Diverged, JointInputs, JointPass, follow, init
+from clutchid.inference.filter.joint_filter import Diverged, JointInputs, JointPass, drifted, follow, init
 from clutchid.inference.filter.rules import RuleState
 from clutchid.inference.filter.setup import intervals
 from clutchid.log import HOLE, INPUTS, FloatArray, Log
@@ -23,12 +23,12 @@ from clutchid.observer.state import (
     ObserverState,
     RestWatch,
     Tail,
-    count_strokes,
     last_samples,
     measured_values,
     segment_of,
     usable_positions,
 )
+from clutchid.strokes.stroke import Strokes, count_strokes
 
 #: Shares of ambient and supply pressure beyond which the pressure in a chamber is that of a filter that has diverged.
 PRESSURES = 0.01, 10.0
@@ -88,6 +88,20 @@ def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[Obser
     DataError
         If the block lacks a column, begins before the last sample, or has a duty cycle outside 0 to 1.
     """
+    after, samples, _ = observe_strokes(observer, state, block)
+    return after, samples
+
+
+def observe_strokes(
+    observer: Observer, state: ObserverState, block: Log
+) -> tuple[ObserverState, Observed, list[ObserverState]]:
+    """As `observe`, with the state at the end of each stroke in the block, as if the stretch ended there.
+
+    Raises
+    ------
+    DataError
+        As `observe`.
+    """
     _check(state, block)
     n = len(block)
     duties = np.column_stack([block[name] for name in INPUTS])
@@ -96,7 +110,8 @@ def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[Obser
     rest, unzeroed, moves = _rests(observer, state, block, duties, stretches, found)
     counted = subtracted(observer, found.rest)
     samples = Tail(block.time, duties, np.where(found.no_zero, np.nan, block["position"] - counted), supply)
-    strokes, ends = count_strokes(state.strokes, block.time, block["position"])
+    strokes, ends = count_strokes(state.strokes, block.time, samples.position)
+    judged, at_ends = 0, list[ObserverState]()
     for begin, end in stretches:
         if not _continues(observer, state, block.time[begin], duties[begin]):
             state = _ended(observer, state)
@@ -106,15 +121,32 @@ def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[Obser
             state = _piece(observer, state, samples, (a, b), found)
             found.leaking[a:b] = state.leaking
             if b - 1 in ends:
-                state = replace(state, sound=(state.theta, state.T), leaking=observer.leaks(state))
-    running = mismatches(observer, state.mismatch, found.states, found.innovations)
-    found.mismatch[:] = running
-    known = running[np.isfinite(running)]
+                state = _stroke_ended(observer, _judged(observer, state, found, slice(judged, b)))
+                at_ends.append(replace(_ended(observer, state), latest=float(block.time[b - 1])))
+                judged = b
+    state = _judged(observer, state, found, slice(judged, n))
     if n:
         latest = float(block.time[-1]) if np.isfinite(duties[-1]).all() else float("nan")
         state = replace(state, latest=latest)
-    latest_mismatch = float(known[-1]) if known.size else state.mismatch
-    return replace(state, rest=rest, unzeroed=unzeroed, strokes=strokes, mismatch=latest_mismatch), found
+    return replace(state, rest=rest, unzeroed=unzeroed, strokes=strokes), found, at_ends
+
+
+def _stroke_ended(observer: Observer, state: ObserverState) -> ObserverState:
+    """The state after a stroke, in which the clutch has worn: what is known of the parameters is kept."""
+    T = drifted(observer.joint, state.T)
+    state = replace(
+        state, T=T, filter=state.filter and state.filter._replace(T=T), sound=(state.theta, T),
+        strokes=Strokes(state.strokes.ended + 1),
+    )  # fmt: skip
+    return replace(state, leaking=observer.leaks(state))
+
+
+def _judged(observer: Observer, state: ObserverState, found: Observed, samples: slice) -> ObserverState:
+    """The state with the mismatch after some samples; fills that of `found`."""
+    running = mismatches(observer, state.mismatch, found.states[samples], found.innovations[samples])
+    found.mismatch[samples] = running
+    known = running[np.isfinite(running)]
+    return replace(state, mismatch=float(known[-1])) if known.size else state
 
 
 def subtracted(observer: Observer, rest: FloatArray) -> FloatArray:

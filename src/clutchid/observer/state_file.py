@@ -15,16 +15,17 @@ from clutchid.arguments import is_number
 from clutchid.errors import ParameterError
 from clutchid.files import write_text
 from clutchid.files.records import read_toml
-from clutchid.inference.filter.rules import AdaptiveState, RuleState
+from clutchid.inference.filter.rules import RuleState
 from clutchid.inference.filter.setup import FilterState
 from clutchid.log import FloatArray
 from clutchid.observer.following import ROUNDING
 from clutchid.observer.observer import Observer, blank, start
 from clutchid.observer.rest import LOW, REMEMBERED
-from clutchid.observer.state import ObserverState, RestWatch, Strokes, Tail
+from clutchid.observer.state import ObserverState, RestWatch, Tail
+from clutchid.strokes.stroke import Strokes
 from clutchid.strokes.vented_rest import FURTHEST
 
-FORMAT = 9
+FORMAT = 10
 
 
 def write_state(
@@ -252,8 +253,6 @@ def _filter_problems(state: ObserverState, saved: RuleState) -> Iterator[str]:
         yield "the parameters are not those of filter"
     if isinstance(saved, FilterState) and not saved.S.any():
         yield "S is 0, as if the states were known exactly"
-    if not isinstance(saved, AdaptiveState) and not np.isin(saved.stroke, (0, 1)).all():
-        yield "the stroke of filter is neither 0 nor 1"
 
 
 def fingerprint(observer: Observer) -> str:

@@ -1,7 +1,5 @@
 """The joint recursion on a linear model, against the textbook filter of the augmented state and batch least squares."""
 
-import math
-
 import numpy as np
 import pytest
 from numba import njit, types
@@ -90,13 +88,12 @@ def drawn():
         0.1 * random.standard_normal(K),
         T,
         np.zeros(SIZE),
-        np.zeros(1, np.int64),
         np.eye(SIZE, K + SIZE, K),
         np.zeros(1, np.int64),
     )
 
 
-def arguments(every, span=(0, SAMPLES), noise=1.0, drift=0.0):
+def arguments(every, span=(0, SAMPLES), noise=1.0):
     u, values, sigma = recording()
     dt = np.full(SAMPLES - 1, 1e-3)
     lags = np.stack([lag_coefficients(tau, dt) for tau in TAU], axis=1)
@@ -108,16 +105,16 @@ def arguments(every, span=(0, SAMPLES), noise=1.0, drift=0.0):
     model = ModelArrays(np.zeros(3), breakpoints, np.zeros((2, 4)), basis, *[none] * 5, np.zeros(N))
     derived = Derived(np.zeros(1), TAU.copy(), np.column_stack([OFFSETS, SIGMA]), np.ones(K))
     window = Window(none, np.arange(K), none, none, none, np.zeros(2))
-    room = scratch(SIZE, K + SIZE, np.zeros((K, K)), N, 2, K)
+    room = scratch(SIZE, K + SIZE, np.zeros((K, K)), N, 2)
     count = span[1] - span[0]
     output = FilterOutput(
         np.empty((count, 2, 2)), np.empty((count, N)), np.empty((count, N)), np.empty((1, 2, SIZE + 1)),
         np.empty((0, 2, 1)), np.empty((0, 1)),
     )  # fmt: skip
     intervals = Intervals(u, dt, np.ones(SAMPLES - 1, np.int32), noise * sigma, lags)
-    settings, drifts = SettingsArrays(every, NEVER, -1.0, 1, 0, -1, None), math.sqrt(drift) * np.eye(K)
+    settings = SettingsArrays(every, NEVER, -1.0, 1, 0, -1, None)
     free = FreeArrays(numbers, places, np.zeros((1, 2), np.int64))
-    arrays = FilterArrays(model, free, derived, SENSORS, settings, drifts, AS_PLANNED, window, room)
+    arrays = FilterArrays(model, free, derived, SENSORS, settings, AS_PLANNED, window, room)
     return (arrays, intervals, values, output, (*span, 0)), output
 
 
@@ -219,14 +216,6 @@ def test_drift_adds_its_covariance_to_that_of_the_parameters(kernels):
     assert np.array_equal(T, np.tril(T))
 
 
-def test_the_covariance_grows_by_its_drift_at_the_end_of_each_stroke_and_nowhere_else(kernels):
-    stroke, ends = np.zeros(1, np.int64), []
-    for i, position in enumerate([0.0, 1.9e-3, 2.1e-3, 1.6e-3, 2.2e-3, 1.4e-3, 0.0, 8e-3, 0.0]):
-        if kernels.stroke_ends(stroke, position):
-            ends.append(i)
-    assert ends == [5, 8]
-
-
 def test_parameters_stay_within_their_bounds_and_the_states_move_as_far_as_they_do(kernels, calls):
     given, _ = arguments(1)
     given[0].free.numbers[:, 5:] = -0.05, 0.05
@@ -242,7 +231,7 @@ def test_a_sample_allocates_nothing(kernels, calls):
     _nrt_python.memsys_enable_stats()
     try:
         for last in (4, SAMPLES):
-            given, _ = arguments(1, span=(0, last), drift=1e-5)
+            given, _ = arguments(1, span=(0, last))
             kernels.follow(*calls, drawn(), *given)
             state = drawn()
             before = rtsys.get_allocation_stats()

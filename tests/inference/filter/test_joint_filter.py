@@ -36,18 +36,17 @@ def problem(plant, worn, recorded_by, problem_of):
     return problem_of(recorded_by(worn, SECONDS), plant, (*plant.load.names, *NAMES), ("position",))
 
 
-def made(problem, settings=None, drift=0.0):
-    """Filter, first state, and inputs; the parameters drift by `drift` prior standard deviations a stroke."""
+def made(problem, settings=None):
+    """Filter, first state, and inputs."""
     k, track = len(problem.coordinates), problem.tracks[0]
     joint = joint_filter(
-        problem.actuator, problem.coordinates, problem.bounds(), ("position",), Noise(), settings or JointSettings(),
-        drift * np.eye(k) if drift else None,
-    )  # fmt: skip
+        problem.actuator, problem.coordinates, problem.bounds(), ("position",), Noise(), settings or JointSettings()
+    )
     return joint, init(joint, track.segment, np.zeros(k), np.eye(k)), inputs(joint, track)
 
 
-def whole(problem, settings=None, drift=0.0):
-    joint, state, given = made(problem, settings, drift)
+def whole(problem, settings=None):
+    joint, state, given = made(problem, settings)
     return joint, state, given, follow(joint, state, given, (0, len(problem.tracks[0].segment)))
 
 
@@ -89,7 +88,7 @@ def test_a_segment_that_cannot_be_followed_is_a_failure_with_its_sample(problem)
 
 @pytest.mark.parametrize("cut", [1, 995, 1003])
 def test_a_run_that_is_cut_written_and_resumed_is_the_same_bit_by_bit(problem, cut):
-    joint, state, given, found = whole(problem, drift=1e-3)
+    joint, state, given, found = whole(problem)
     first = follow(joint, state, given, (0, cut))
     file = io.BytesIO()
     np.savez(file, **first.state._asdict())
@@ -157,7 +156,7 @@ def test_missing_measurements_leave_everything_finite(problem):
 
 
 def test_the_covariance_stays_positive_and_the_parameters_gain_information(problem):
-    joint, state, _, found = whole(problem, JointSettings(every=1), drift=1e-3)
+    joint, state, _, found = whole(problem, JointSettings(every=1))
     k = len(problem.coordinates)
     before, after = (covariance(joint, s) for s in (state, found.state))
     scale = np.sqrt(np.diag(after))

@@ -16,7 +16,7 @@ import numpy as np
 
 from clutchid.codegen.kernels import kernel
 from clutchid.inference.filter.joint_parameters import basis_at, refresh, steps_at, within
-from clutchid.inference.filter.recursion import drift, project_parameters, step_model, stroke_ends, update_parameters
+from clutchid.inference.filter.recursion import project_parameters, step_model, update_parameters
 from clutchid.inference.filter.rules import BalanceState
 from clutchid.inference.filter.setup import (
     FilterArrays,
@@ -188,8 +188,6 @@ def follow_balance(
         if state.in_window[0] >= settings.every:
             close_window(state, arrays, output.errors[row, 0])
             refresh(prepare, state.theta, arrays.free, derived, model)
-        if stroke_ends(state.stroke, state.late[at_position]) and arrays.drifts.size > 0:
-            drift(state.T, arrays.drifts, arrays.scratch.room)
         output.states[row] = x[: output.states.shape[1]]
     return -1
 

@@ -143,10 +143,8 @@ def _start(
     L = np.diag(start_deviations(segment, actuator, "pressure_a" in measure, noise))
     x, S = first_state(segment, mapped, which, L[:, :0] if given else L, _SENSORS)
     none, nothing = np.zeros(0, dtype=np.int64), np.zeros((x.size, 0))
-    state = FilterState(
-        x, S, np.zeros(k), np.zeros((k, 0)), np.zeros(x.size), np.zeros(1, dtype=np.int64), nothing,
-        np.zeros(1, dtype=np.int64),
-    )  # fmt: skip
+    first = np.zeros(1, dtype=np.int64)
+    state = FilterState(x, S, np.zeros(k), np.zeros((k, 0)), np.zeros(x.size), nothing, first)
     places = states.index("v"), states.index("y"), states.index("p_A")
     arrays = FilterArrays(
         model=model_arrays(mapped, which, S.shape[1]),
@@ -154,7 +152,6 @@ def _start(
         derived=derived_arrays(actuator, _SENSORS, [noise.measured.get(name, np.inf) for name in _SENSORS], k),
         sensors=sensors,
         settings=SettingsArrays(1, float(noise.outlier), np.inf, *places, None),
-        drifts=np.zeros((k, 0)),
         pace=AS_PLANNED,
         window=Window(none, none, none, none, none, np.zeros(2)),
         scratch=scratch(x.size, S.shape[1], state.T, len(states), len(_SENSORS)),

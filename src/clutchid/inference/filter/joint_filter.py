@@ -182,7 +182,7 @@ def joint_filter(
     noise : Noise
         Of sensors and model; samples within its `memory` have the information of one.
     drifts : (k, d), optional
-        Root of the covariance that theta gains in a stroke, lower trapezoidal; by default none.
+        Root of the covariance that theta gains in a stroke, lower trapezoidal; by default none. See `drifted`.
     pace
         Integration steps by position and speed, see `clutchid.simulation.stiffness.pace`; by default those of the
         segment.
@@ -205,7 +205,7 @@ def joint_filter(
         noise=noise,
         settings=settings,
         free=free,
-        drifts=np.zeros((k, 0)) if drifts is None else np.ascontiguousarray(drifts),
+        drifts=np.zeros((k, 0)) if drifts is None or not rule.drifts else np.ascontiguousarray(drifts),
         pace=pace,
         sensors=sensors,
         few=few,
@@ -286,10 +286,8 @@ def init(joint: JointFilter, segment: Segment, theta: FloatArray, T: FloatArray)
     L = np.diag(start_deviations(segment, mapped.actuator, "pressure_a" in joint.measure, joint.noise))
     x, S = first_state(segment, mapped, joint.which, L if columns else L[:, :0], joint.measure)
     moved = np.eye(x.size, responses + x.size, responses)
-    first = FilterState(
-        x, S, theta.copy(), np.array(T, order="C"), np.zeros(x.size), np.zeros(1, dtype=np.int64), moved,
-        np.zeros(1, dtype=np.int64),
-    )  # fmt: skip
+    at = np.zeros(1, dtype=np.int64)
+    first = FilterState(x, S, theta.copy(), np.array(T, order="C"), np.zeros(x.size), moved, at)
     return joint.rule.start(first, len(kernels(joint.mapped.actuator.model).INPUTS))
 
 
@@ -312,9 +310,8 @@ def predict(joint: JointFilter, state: RuleState, interval: Intervals) -> Filter
     """The state after an interval, given as the only row of `Intervals`; for the rule of Kalman."""
     at = _of_kalman(joint, state)
     nothing = JointInputs(interval, np.full((2, len(joint.measure)), np.nan))
-    alone = replace(joint, settings=replace(joint.settings, every=_NEVER), drifts=_no_drift(joint))
-    _, after, _ = _filtered(alone, at, nothing, (1, 2, 0))
-    return after._replace(stroke=at.stroke.copy())
+    alone = replace(joint, settings=replace(joint.settings, every=_NEVER))
+    return _filtered(alone, at, nothing, (1, 2, 0))[1]
 
 
 def correct(joint: JointFilter, state: RuleState, values: FloatArray) -> tuple[FilterState, FloatArray]:
@@ -335,9 +332,16 @@ def correct(joint: JointFilter, state: RuleState, values: FloatArray) -> tuple[F
     given = JointInputs(
         Intervals(none[:, None], none, none.astype(np.int32), none[:, None], none[:, None, None]), known
     )
-    alone = replace(joint, drifts=_no_drift(joint))
-    _, after, output = _filtered(alone, at, given, (0, 1, 0))
-    return after._replace(stroke=at.stroke.copy()), output.errors[0]
+    _, after, output = _filtered(joint, at, given, (0, 1, 0))
+    return after, output.errors[0]
+
+
+def drifted(joint: JointFilter, T: FloatArray) -> FloatArray:
+    """Square root (k, k) of the covariance of the free parameters after a stroke, T T' + drifts drifts'."""
+    after = T.copy()
+    if joint.drifts.size:
+        kernels_in(KALMAN.module).drift(after, joint.drifts, np.empty((T.shape[0], T.shape[1] + joint.drifts.shape[1])))
+    return after
 
 
 def _of_kalman(joint: JointFilter, state: RuleState) -> FilterState:
@@ -346,10 +350,6 @@ def _of_kalman(joint: JointFilter, state: RuleState) -> FilterState:
             f"the rule {joint.rule.kernel} has no covariance to predict and correct; `follow` takes single samples too."
         )
     return state
-
-
-def _no_drift(joint: JointFilter) -> FloatArray:
-    return np.zeros((joint.drifts.shape[0], 0))
 
 
 _State = TypeVar("_State", bound=RuleState)
@@ -408,5 +408,5 @@ def _arrays(joint: JointFilter, state: RuleState) -> FilterArrays:
         s.every, float(joint.noise.outlier), s.least_speed, names.index("v"), names.index("y"), -1, joint.rule.numbers
     )
     width = state.S.shape[1] if isinstance(state, FilterState) else 0
-    room = scratch(state.x.size, width, state.T, n, len(joint.measure), joint.drifts.shape[1])
-    return FilterArrays(own, joint.free, derived, joint.sensors, settings, joint.drifts, joint.pace, window, room)
+    room = scratch(state.x.size, width, state.T, n, len(joint.measure))
+    return FilterArrays(own, joint.free, derived, joint.sensors, settings, joint.pace, window, room)

@@ -26,8 +26,6 @@ from clutchid.inference.filter.setup import (
     OFFSET,
     OUTPUT,
     STATE,
-    STROKE_BEGINS,
-    STROKE_ENDS,
     FilterArrays,
     FilterOutput,
     FilterState,
@@ -344,17 +342,6 @@ def write_row(row: FloatArray, h: FloatArray, e: float, s: float, outlier: float
 
 
 @kernel
-def stroke_ends(stroke: IntArray, position: float) -> bool:
-    """Whether a stroke ends with this position in m; `stroke` (1,) is 1 while one lasts."""
-    if position > STROKE_BEGINS:
-        stroke[0] = 1
-    ends = stroke[0] == 1 and position < STROKE_ENDS
-    if ends:
-        stroke[0] = 0
-    return bool(ends)
-
-
-@kernel
 def copy(to: FloatArray, values: FloatArray) -> None:
     """The first of the values, as many as `to` has; a slice that is assigned compiles for a second, for its error."""
     for j in range(to.size):
@@ -484,7 +471,5 @@ def follow(
                 state_deviations(state.S, state.T, arrays.derived.slopes, deviations[row], arrays.scratch.w)
         if watched.shape[0] > 0:
             write_watched(watched[row], state.S[settings.at_watched])
-        if stroke_ends(state.stroke, x[at_position]) and arrays.drifts.size > 0:
-            drift(state.T, arrays.drifts, arrays.scratch.room)
         copy(states[row], x)
     return -1

@@ -23,7 +23,7 @@ class CorrectionRule(NamedTuple):
 
     `start` makes its state from one of the filter at the start of a segment; `numbers` come last in the settings of the
     kernel. `columns` says whether S has its columns, see `recursion`; an innovation is that of the position in m, or of
-    a force in N.
+    a force in N. `drifts` says whether T is a root of a covariance, which grows with the wear of a stroke.
     """
 
     module: str
@@ -32,6 +32,7 @@ class CorrectionRule(NamedTuple):
     numbers: Any
     start: Callable[[FilterState, int], RuleState]
     compares: str = "position"
+    drifts: bool = True
 
 
 def _as_it_is(state: FilterState, _inputs: int) -> FilterState:
@@ -58,17 +59,16 @@ class AdaptiveState(NamedTuple):
 class BalanceState(NamedTuple):
     """State of the balance of forces between two samples: x (size,), theta (k,), and T (k, m), a root of covariance.
 
-    `stroke` (1,) is 1 while one lasts; `late` (size,) is the late state, see `balance`, and `speed` (1,) its velocity.
-    `usable` (1,) counts usable positions in a row, below 0 while more have to follow, `missing` (1,) those missing in a
-    row. The window has intervals `in_window` (1,), what mass times velocity gained in them, `momentum` (1,), their
-    `impulse` (1,) and `seconds` (1,), and `h` (k,), the derivatives with respect to the weights. Last come the newest
-    `positions` (samples,) and `intervals` (late + 1, inputs + 1), inputs and length in s, the oldest first.
+    `late` (size,) is the late state, see `balance`, and `speed` (1,) its velocity. `usable` (1,) counts usable
+    positions in a row, below 0 while more have to follow, `missing` (1,) those missing in a row. The window has
+    intervals `in_window` (1,), what mass times velocity gained in them, `momentum` (1,), their `impulse` (1,) and
+    `seconds` (1,), and `h` (k,), the derivatives with respect to the weights. Last come the newest `positions`
+    (samples,) and `intervals` (late + 1, inputs + 1), inputs and length in s, the oldest first.
     """
 
     x: FloatArray
     theta: FloatArray
     T: FloatArray
-    stroke: IntArray
     late: FloatArray
     speed: FloatArray
     usable: IntArray
@@ -186,8 +186,9 @@ def adaptive_rule(
         names.index("A_A"),
     )
     return CorrectionRule(
-        "clutchid.inference.filter.adaptive", "follow_adaptively", columns=False, numbers=numbers, start=_adaptive_start
-    )
+        "clutchid.inference.filter.adaptive", "follow_adaptively", columns=False, numbers=numbers,
+        start=_adaptive_start, drifts=False,
+    )  # fmt: skip
 
 
 def _adaptive_start(state: FilterState, _inputs: int) -> AdaptiveState:
@@ -252,7 +253,7 @@ def _balance_start(samples: int, kept: int, state: FilterState, inputs: int) -> 
     speed, momentum, impulse, seconds = np.zeros((4, 1))
     usable, missing, in_window = np.zeros((3, 1), dtype=np.int64)
     return BalanceState(
-        x=state.x, theta=state.theta, T=state.T, stroke=state.stroke, late=np.zeros_like(state.x), speed=speed,
-        usable=usable, missing=missing, in_window=in_window, momentum=momentum, impulse=impulse, seconds=seconds,
+        x=state.x, theta=state.theta, T=state.T, late=np.zeros_like(state.x), speed=speed, usable=usable,
+        missing=missing, in_window=in_window, momentum=momentum, impulse=impulse, seconds=seconds,
         h=np.zeros(state.theta.size), positions=np.zeros(samples), intervals=np.zeros((kept, inputs + 1)),
     )  # fmt: skip

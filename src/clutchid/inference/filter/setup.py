@@ -67,10 +67,6 @@ class Intervals(NamedTuple):
 #: its lag and its offset, -1 if they are fixed.
 OUTPUT, STATE, LAG, OFFSET = 0, 1, 2, 3
 
-#: A stroke begins where the position in m rises above the first and ends where it falls below the second, so that noise
-#: does not count.
-STROKE_BEGINS, STROKE_ENDS = 2e-3, 1.5e-3
-
 #: Free load weights whose columns move beside those that act at one position, see `transition`. With cubic B-splines,
 #: of which four act, eight are those of 6 mm with knots at 1.25 mm, which the piston passes in the 10 ms between
 #: corrections at 0.5 m/s.
@@ -115,11 +111,10 @@ class FilterState(NamedTuple):
     x are the states of the model, then the output of each sensor, in SI; theta the free parameters as coordinates. S is
     (size, k + size), or (size, k) with given gains. T has as many columns as rows, or none where no parameter adapts.
     `waiting` (n + sensors,) is the process noise since the last correction: variances of the states, and the share of a
-    measured state's noise in its sensor's output; `stroke` (1,) is 1 while one lasts. S is that after the last
-    correction: since then it has moved by `moved` = [Gamma | Phi] (size, p + w + size), with Gamma for the free
-    parameters of the model, for a window of w load weights, of which number `first` (1,) is the first, and for those of
-    the sensors; see `transition`. Without columns in `moved`, S itself moves. To write a state, write its arrays: a
-    filter goes on from them bit by bit.
+    measured state's noise in its sensor's output. S is that after the last correction: since then it has moved by
+    `moved` = [Gamma | Phi] (size, p + w + size), with Gamma for the free parameters of the model, for a window of w
+    load weights, of which number `first` (1,) is the first, and for those of the sensors; see `transition`. Without
+    columns in `moved`, S itself moves. To write a state, write its arrays: a filter goes on from them bit by bit.
     """
 
     x: FloatArray
@@ -127,7 +122,6 @@ class FilterState(NamedTuple):
     theta: FloatArray
     T: FloatArray
     waiting: FloatArray
-    stroke: IntArray
     moved: FloatArray
     first: IntArray
 
@@ -153,7 +147,7 @@ class Scratch(NamedTuple):
 
     Measured states before a step with their rows of the columns that move (sensors, 1 + columns); ``[L | Q]``, with Q
     the square root of the process noise (size, size + n), or (0, 0) with given gains; of the shape of S, and a row of
-    it; vectors of theta (m,) and (k,); a matrix (k, k + d) for the drift of the parameters.
+    it; vectors of theta (m,) and (k,).
     """
 
     before: FloatArray
@@ -162,7 +156,6 @@ class Scratch(NamedTuple):
     h: FloatArray
     w: FloatArray
     step: FloatArray
-    room: FloatArray
 
 
 class SettingsArrays(NamedTuple):
@@ -185,8 +178,8 @@ class SettingsArrays(NamedTuple):
 class FilterArrays(NamedTuple):
     """What a filter is besides its state: arrays that its caller makes once.
 
-    `sensors` are rows of `OUTPUT` to `OFFSET`; `drifts` (k, d) a root of the covariance that theta gains in a stroke,
-    d = 0 for none; `pace` has the integration steps by position and speed, see `joint_parameters.steps_at`.
+    `sensors` are rows of `OUTPUT` to `OFFSET`; `pace` has the integration steps by position and speed, see
+    `joint_parameters.steps_at`.
     """
 
     model: ModelArrays
@@ -194,7 +187,6 @@ class FilterArrays(NamedTuple):
     derived: Derived
     sensors: IntArray
     settings: SettingsArrays
-    drifts: FloatArray
     pace: Pace
     window: Window
     scratch: Scratch
@@ -289,9 +281,9 @@ def derived_arrays(actuator: Actuator, names: Sequence[str], deviations: Sequenc
     return Derived(np.array(actuator.load.theta), lags, np.column_stack([offsets, deviations]), np.ones(k))
 
 
-def scratch(size: int, width: int, T: FloatArray, n: int, sensors: int, drifts: int = 0) -> Scratch:
+def scratch(size: int, width: int, T: FloatArray, n: int, sensors: int) -> Scratch:
     """Scratch arrays for x of `size`, of which n are states of the model, S with `width` columns, and T (k, m)."""
     k, m = T.shape
     W = np.empty((size, size + n) if width > k else (0, 0))
     vectors = np.empty(width), np.empty(m), np.empty(k)
-    return Scratch(np.empty((sensors, 1 + width)), W, np.empty((size, width)), *vectors, np.empty((k, m + drifts)))
+    return Scratch(np.empty((sensors, 1 + width)), W, np.empty((size, width)), *vectors)

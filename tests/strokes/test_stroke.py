@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clutchid.observer.state import NO_STROKES, SHORTEST, count_strokes
+from clutchid.strokes.stroke import NO_STROKES, SHORTEST, count_strokes
 
 TIME = np.arange(1000) * 1e-3
 
