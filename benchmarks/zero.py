@@ -36,7 +36,7 @@ LEVELS: Mapping[str, Mapping[str, Any]] = {
     "seals": {"change": "seals"},
     "offset +0.3 mm": {"offset": 3e-4},
     "offset -0.3 mm, seals": {"offset": -3e-4, "change": "seals"},
-    "kept zero, worn by 2 mm": {"zero": "kept", "wear": 2e-3, "cycles": 6e5},
+    "kept zero, worn by 2 mm": {"sensor_zero": "kept", "wear": 2e-3, "cycles": 6e5},
 }
 
 #: The truck and its sensor, for the loads, and whether a moved rest is subtracted.
@@ -45,10 +45,10 @@ LOADS: Mapping[str, tuple[Mapping[str, Any], Literal["subtract", "keep"]]] = {
     "new, offset +0.3 mm": ({"offset": 3e-4}, "subtract"),
     "new, offset +0.3 mm, kept": ({"offset": 3e-4}, "keep"),
     "worn by 2 mm, learned": ({"wear": 2e-3}, "subtract"),
-    "worn by 2 mm, kept zero": ({"wear": 2e-3, "zero": "kept"}, "subtract"),
+    "worn by 2 mm, kept zero": ({"wear": 2e-3, "sensor_zero": "kept"}, "subtract"),
     "worn by 2 mm, offset +0.3 mm": ({"wear": 2e-3, "offset": 3e-4}, "subtract"),
     "worn by 2 mm, offset +0.3 mm, kept": ({"wear": 2e-3, "offset": 3e-4}, "keep"),
-    "worn by 2 mm, kept zero, offset -0.3 mm": ({"wear": 2e-3, "zero": "kept", "offset": -3e-4}, "subtract"),
+    "worn by 2 mm, kept zero, offset -0.3 mm": ({"wear": 2e-3, "sensor_zero": "kept", "offset": -3e-4}, "subtract"),
 }
 
 

@@ -21,7 +21,7 @@ OPTIONS: tuple[Mapping[str, Any], ...] = (
     {"conditions": True},
     {"stuck": (1.0, 1.2)},
     {"wear": 1.2e-3, "cycles": 4e5},
-    {"wear": 2.5e-3, "cycles": 9e5, "zero": "kept"},
+    {"wear": 2.5e-3, "cycles": 9e5, "sensor_zero": "kept"},
     {"offset": 2e-4, "late": 2e-3},
     {"supply": 7.6e5, "pressure": False},
 )

@@ -212,7 +212,7 @@ def test_a_warm_process_drives_without_the_library_of_formulas():
         ({"temperature": 20.0}, "at least 213.15"),
         ({"offset": 0.3}, "offset = 300 mm: at most 5 mm"),
         ({"offset": float("nan")}, "offset = nan mm"),
-        ({"zero": "moved"}, "zero = 'moved': no zero 'moved'. Known are learned, kept."),
+        ({"sensor_zero": "moved"}, "sensor_zero = 'moved': no sensor_zero 'moved'. Known are learned, kept."),
         ({"late": 0.5e-3}, "late = 0.5 ms: must be a whole number of ms"),
         ({"late": -1e-3}, "late = -1 ms"),
         ({"late": float("nan")}, "late = nan ms"),

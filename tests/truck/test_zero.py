@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from clutchid.truck import drive, truck
+from fixtures.commands import called
 
 WEAR = 2e-3
 
@@ -26,7 +27,7 @@ def rest(done) -> float:
 
 def test_a_learned_zero_does_not_show_wear_and_a_kept_one_falls_by_the_ratio_of_the_rest_times_the_wear(kind):
     new, learned, kept = (
-        rest(shift_drive(kind, wear=wear, zero=zero))
+        rest(shift_drive(kind, wear=wear, sensor_zero=zero))
         for wear, zero in ((0.0, "kept"), (WEAR, "learned"), (WEAR, "kept"))
     )
     assert learned == pytest.approx(new, abs=kind.q_y)
@@ -35,7 +36,7 @@ def test_a_learned_zero_does_not_show_wear_and_a_kept_one_falls_by_the_ratio_of_
 
 @pytest.mark.parametrize("zero", ["learned", "kept"])
 def test_an_offset_is_read_by_recorder_and_controller_and_moves_the_rest_by_as_much(kind, zero):
-    without, with_ = (shift_drive(kind, wear=WEAR, zero=zero, offset=off) for off in (0.0, 3e-4))
+    without, with_ = (shift_drive(kind, wear=WEAR, sensor_zero=zero, offset=off) for off in (0.0, 3e-4))
     assert rest(with_) - rest(without) == pytest.approx(3e-4, abs=2 * kind.q_y)
     assert with_.truth.shift - without.truth.shift == pytest.approx(3e-4, abs=1e-12)
     # the controller goes to the same readings, so the piston stops short
@@ -46,7 +47,7 @@ def test_an_offset_is_read_by_recorder_and_controller_and_moves_the_rest_by_as_m
 def test_the_true_load_over_the_travel_from_the_vented_rest_does_not_depend_on_the_zero(kind, tmp_path):
     travel = np.linspace(0, 0.02, 21)
     loads = [
-        shift_drive(kind, wear=WEAR, zero=zero, offset=offset)
+        shift_drive(kind, wear=WEAR, sensor_zero=zero, offset=offset)
         for zero, offset in (("learned", 0.0), ("kept", 0.0), ("kept", -3e-4))
     ]
     for done in loads[1:]:
@@ -69,3 +70,15 @@ def test_late_duty_cycles_are_those_of_the_drive_some_samples_later(kind):
 def test_a_supply_pressure_replaces_that_of_the_truck(kind):
     assert shift_drive(kind, supply=7.5e5).truth.supply == 7.5e5
     assert shift_drive(kind, supply=8e5, change="supply").truth.supply == pytest.approx(7.6e5)
+
+
+def test_the_command_has_a_word_of_its_own_for_the_zero_of_the_sensor(tmp_path, capsys):
+    """`--zero` is what is done about a rest that has moved, in all commands that read a recording."""
+    truth = tmp_path / "truth.json"
+    worn = ("drive", "--wear", "2", "--seconds", "1", "--out", tmp_path / "worn.csv", "--truth", truth)
+    assert called(*worn, "--sensor-zero", "kept") == 0
+    assert json.loads(truth.read_text())["logs"]["worn"]["rest_shift_m"] < -1e-4
+    assert called(*worn, "--zero", "kept") == 2
+    assert "Unknown option: --zero" in capsys.readouterr().err
+    assert called("drive", "--fleet", "1", "--out", tmp_path / "fleet", "--sensor-zero", "kept") == 2
+    assert "--sensor-zero: belongs to a single recording" in capsys.readouterr().err

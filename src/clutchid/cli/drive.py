@@ -67,7 +67,7 @@ class RecordingOptions(NamedTuple):
     change: tuple[str, ...] = ()
     supply: float | None = None
     offset: float = 0.0
-    zero: Literal["learned", "kept"] | None = None
+    sensor_zero: Literal["learned", "kept"] | None = None
     late: float = 0.0
 
 
@@ -91,7 +91,7 @@ def drive(
     bus: Annotated[Flag, FILES] = False,
     dropouts: Annotated[int, FILES] = 0,
     offset: Annotated[float, FILES] = 0.0,
-    zero: Annotated[Literal["learned", "kept"] | None, FILES] = None,
+    sensor_zero: Annotated[Literal["learned", "kept"] | None, FILES] = None,
     late: Annotated[float, FILES] = 0.0,
     service: Annotated[FleetOptions, Parameter(name="*"), FLEET] = SINGLE,
     json: OutputFlag = False,
@@ -141,7 +141,7 @@ def drive(
     offset
         Offset of the position sensor in mm, which the controller reads too, as after an exchange or with a bent
         bracket.
-    zero
+    sensor_zero
         learned: the sensor reads 0 at the vented rest of this recording; kept: at that of the new clutch, from which
         the rest falls with wear. That of the truck by default: learned, or for a hybrid either.
     late
@@ -155,7 +155,7 @@ def drive(
     single = RecordingOptions(
         manoeuvre, wear * 1e-3, cycles, None if temperature is None else temperature + 273.15, pressure,
         "bus" if bus else "controller", dropouts, conditions, tuple(change or ()),
-        None if supply is None else supply * 1e5, offset * 1e-3, zero, late * 1e-3,
+        None if supply is None else supply * 1e5, offset * 1e-3, sensor_zero, late * 1e-3,
     )  # fmt: skip
     if service.fleet:
         from clutchid.fleets.virtual import write_fleet
@@ -190,6 +190,7 @@ def _check_no_single(single: RecordingOptions, truth: Path | None) -> None:
     extra = [name for name, usual in RecordingOptions()._asdict().items() if getattr(single, name) != usual]
     if extra or truth:
         option = {"pressure": "no-pressure", "recorder": "bus"}.get(extra[0], extra[0]) if extra else "truth"
+        option = option.replace("_", "-")
         raise ParameterError(f"--{option}: belongs to a single recording; what happens to a fleet is drawn by --seed.")
 
 

@@ -72,7 +72,7 @@ def drive(
     wear: float = 0.0, cycles: float = 0.0, temperature: float | None = None, pressure: bool = True,
     recorder: Literal["controller", "bus"] = "controller", dropouts: int = 0,
     stuck: tuple[float, float] | None = None, conditions: bool = False, change: str | Sequence[str] = (),
-    supply: float | None = None, offset: float = 0.0, zero: Zero | None = None, late: float = 0.0,
+    supply: float | None = None, offset: float = 0.0, sensor_zero: Zero | None = None, late: float = 0.0,
     duties: FloatArray | None = None, name: str = "drive",
 ) -> Drive:  # fmt: skip
     """Drive `truck` in a closed position loop and record it.
@@ -109,7 +109,7 @@ def drive(
         Set supply pressure (absolute) instead of that of the truck.
     offset : m
         Added to what the position sensor reads, for the controller too: an exchanged sensor or a bent bracket.
-    zero : 'learned' or 'kept', optional
+    sensor_zero : 'learned' or 'kept', optional
         Whether the sensor's zero is learned at this vented rest, or still that of the new clutch, from which the rest
         falls with wear; that of the truck by default, which is learned in families A and B.
     late : s
@@ -143,7 +143,8 @@ def drive(
     _check_sensors(offset, late)
     kind = numbered(truck, family) if isinstance(truck, int) else truck
     truck = aged(kind, wear, cycles).replace({} if temperature is None else {"T_0": temperature})
-    truck = truck.replace({} if supply is None else {"P_S": supply}).replace({} if zero is None else {"zero": zero})
+    truck = truck.replace({} if supply is None else {"P_S": supply})
+    truck = truck.replace({} if sensor_zero is None else {"zero": sensor_zero})
     truck = changed(truck, *((change,) if isinstance(change, str) else change))
     curve, sensor = load_curve(truck), truck.parts.sensor
     seeds = np.random.SeedSequence(seed).spawn(5)
