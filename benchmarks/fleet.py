@@ -24,9 +24,9 @@ import psutil
 import clutchid
 from clutchid.fleets.cluster import Workers, results
 from clutchid.fleets.jobs import compile_first, fleet_of, run, tasks
-from clutchid.fleets.reading import ReadingOptions
 from clutchid.fleets.store import store
 from clutchid.truck import drive, truck
+from clutchid.verbs.tracking import ReadingOptions
 
 
 class Memory(NamedTuple):

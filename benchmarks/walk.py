@@ -25,8 +25,8 @@ from typing import Any
 import clutchid
 from clutchid import Actuator, Log
 from clutchid.cli import main as command
-from clutchid.fleets.reading import ReadingOptions, read_recording
 from clutchid.truck import drive, truck
+from clutchid.verbs.tracking import ReadingOptions, read_recording
 
 os.environ["OMP_NUM_THREADS"] = "1"  # windows that other threads simulate are not seen here
 

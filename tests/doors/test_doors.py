@@ -16,11 +16,11 @@ import clutchid
 from clutchid import Log
 from clutchid.app import tasks
 from clutchid.errors import ClutchidError
-from clutchid.fleets.reading import ReadingOptions, read_recording
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.observer.by_stroke import curve, positions
 from clutchid.verbs.observing import ANYWAY
 from clutchid.verbs.reading import REFUSED
+from clutchid.verbs.tracking import ReadingOptions, read_recording
 from fixtures.commands import called
 
 Change = Callable[[Log], Log]

@@ -10,9 +10,9 @@ from clutchid.errors import ExportError
 from clutchid.files import write_frame
 from clutchid.fleets.jobs import Fleet, Job, tasks
 from clutchid.fleets.output import rows_of
-from clutchid.fleets.reading import ReadingOptions, RecordingResult, checksum_of, read_recording
 from clutchid.fleets.store import StoredResult, store
 from clutchid.fleets.tracking import track
+from clutchid.verbs.tracking import ReadingOptions, RecordingResult, checksum_of, read_recording
 from clutchid.wear.history import WearReading
 
 

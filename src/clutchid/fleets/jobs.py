@@ -23,11 +23,11 @@ from clutchid.fleets.folders import (
     name_of,
     no_recordings,
 )
-from clutchid.fleets.reading import ReadingOptions, RecordingResult, checksum_of, read_recording, unless_lost
 from clutchid.fleets.store import Store, StoredResult
 from clutchid.measurements.suffixes import by_suffix
 from clutchid.names import as_text
 from clutchid.processes import FinishedWork, Pool
+from clutchid.verbs.tracking import ReadingOptions, RecordingResult, checksum_of, read_recording, unless_lost
 from clutchid.wear.history import Listed
 from clutchid.wear.tables import read_fleet_table
 

@@ -21,11 +21,11 @@ from clutchid.documents.wear_text import alarm_words
 from clutchid.files import atomic_write, make_folder, write_frame
 from clutchid.fleets.cluster import version_and_source
 from clutchid.fleets.jobs import Fleet, Job
-from clutchid.fleets.reading import RecordingResult, counted_once, without_result
 from clutchid.fleets.store import Store, StoredResult
 from clutchid.fleets.tracking import LifeLimits, Tracked, load_table, table_of, tracked
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.systems import is_device
+from clutchid.verbs.tracking import RecordingResult, counted_once, without_result
 from clutchid.wear.history import Listed, arranged
 from clutchid.wear.trend import Interval
 

@@ -17,9 +17,9 @@ import numpy as np
 from clutchid.errors import ExportError
 from clutchid.estimation.assess.comparison import HalfLoad, Measurement
 from clutchid.files import atomic_write, make_folder
-from clutchid.fleets.reading import RecordingResult
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.strokes.vented_rest import RestShift
+from clutchid.verbs.tracking import RecordingResult
 from clutchid.wear.history import Leak, WearReading
 
 #: The file in the folder of a run.

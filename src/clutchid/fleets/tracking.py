@@ -25,7 +25,12 @@ from clutchid.fleets.folders import (
     name_of,
     no_recordings,
 )
-from clutchid.fleets.reading import (
+from clutchid.inference.uncertainty.estimates import LoadCurve
+from clutchid.names import as_text
+from clutchid.processes import check_workers
+from clutchid.strokes.vented_rest import Zero
+from clutchid.verbs.start import start_file
+from clutchid.verbs.tracking import (
     ReadingOptions,
     RecordingResult,
     counted_once,
@@ -33,11 +38,6 @@ from clutchid.fleets.reading import (
     unless_lost,
     without_result,
 )
-from clutchid.inference.uncertainty.estimates import LoadCurve
-from clutchid.names import as_text
-from clutchid.processes import check_workers
-from clutchid.strokes.vented_rest import Zero
-from clutchid.verbs.start import start_file
 from clutchid.wear.history import Listed, arranged
 from clutchid.wear.life import Wear, wear_of
 from clutchid.wear.tables import read_table, read_wear_table
