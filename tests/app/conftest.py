@@ -9,6 +9,7 @@ import pytest
 
 from clutchid import write
 from clutchid.app.guard import Access
+from clutchid.app.records import content
 from clutchid.app.server import application
 from clutchid.app.session import Session
 from clutchid.truck import Truck, drive
@@ -93,14 +94,19 @@ class Served:
         body = b"".join(one.get("body", b"") for one in got if one["type"] == "http.response.body")
         return Answer(start["status"], {name.decode(): value.decode() for name, value in start["headers"]}, body)
 
-    def get(self, kind, id_):
-        """What a page shows of an object."""
-        return self.session.board.get(kind, id_)
+    def get(self, id_):
+        """The JSON object of a record, None where there is none."""
+        item = self.session.board.item(id_)
+        return None if item is None else content(item)
 
-    def wait(self, kind, id_, *states, seconds=120.0):
-        """The object once it has one of these states."""
-        wait_for(lambda: self.get(kind, id_)["status"] in states, seconds)
-        return self.get(kind, id_)
+    def all(self, kind):
+        """The JSON objects of all records of a kind."""
+        return [content(item) for item in self.session.board.all(kind)]
+
+    def wait(self, id_, *states, seconds=120.0):
+        """The JSON object of a record once it has one of these states."""
+        wait_for(lambda: self.get(id_)["status"] in states, seconds)
+        return self.get(id_)
 
 
 @pytest.fixture
@@ -138,4 +144,7 @@ def recorded(tmp_path_factory):
     write(drive(Truck(), seconds=8.0, seed=2, pressure=False, wear=1e-3).log, folder / "worn.csv")
     text = (folder / "cal.csv").read_text()
     (folder / "german.csv").write_text(text.replace("position [m]", "Kupplungsweg [m]"))
+    (folder / "german_worn.csv").write_text(
+        (folder / "worn.csv").read_text().replace("position [m]", "Kupplungsweg [m]")
+    )
     return folder

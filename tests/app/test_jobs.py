@@ -7,8 +7,10 @@ import numpy as np
 import psutil
 import pytest
 
-from clutchid import calibrate, observe
+from clutchid import observe
+from clutchid.app.jobs import Job
 from clutchid.documents.fit_json import fit_json
+from clutchid.errors import DataError
 from fixtures.commands import called, wait_for
 
 pytestmark = pytest.mark.slow
@@ -28,7 +30,7 @@ def processes():
 def cal(working, recorded):
     """The id of a recording with pressure."""
     id_ = upload(working, recorded / "cal.csv")
-    wait_for(lambda: working.get("recording", id_)["look"] and not working.get("recording", id_)["look"]["checking"])
+    wait_for(lambda: working.get(id_)["look"] and not working.get(id_)["look"]["checking"])
     return id_
 
 
@@ -36,16 +38,16 @@ def cal(working, recorded):
 def calibrated(working, cal):
     """The id of its calibration."""
     id_ = working.ask("POST", "/api/fits", {"verb": "calibrate", "recordings": [cal]}).json["id"]
-    wait_for(lambda: (working.get("result", id_)["found"] or {"writing": True})["writing"] is False)
+    wait_for(lambda: (working.get(id_)["found"] or {"writing": True})["writing"] is False)
     return id_
 
 
 def fits_running(served):
-    return [one for one in served.session.board.all("job") if one["do"] == "fit" and one["status"] == "running"]
+    return [one for one in served.all(Job) if one["do"] == "fit" and one["status"] == "running"]
 
 
 def test_a_recording_has_its_channels_its_checks_and_its_samples(working, cal):
-    look = working.get("recording", cal)["look"]
+    look = working.get(cal)["look"]
     assert [one["name"] for one in look["channels"]] == [
         "time",
         "position",
@@ -59,25 +61,36 @@ def test_a_recording_has_its_channels_its_checks_and_its_samples(working, cal):
     assert len(answer.body) == 3 * 8 * 200
 
 
-def test_a_calibration_is_that_of_the_library_and_has_its_files(working, calibrated, recorded):
-    found = working.get("result", calibrated)["found"]
-    expected = fit_json(calibrate(recorded / "cal.csv"))
+def repeated(served, id_, folder, monkeypatch):
+    """What the Python that the page shows makes in a folder with the recordings."""
+    monkeypatch.chdir(folder)
+    made = {}
+    exec(served.get(id_)["python"], made)
+    return made
+
+
+def test_a_calibration_is_that_of_the_python_that_is_shown_and_has_its_files(
+    working, calibrated, recorded, monkeypatch
+):
+    found = working.get(calibrated)["found"]
+    expected = fit_json(repeated(working, calibrated, recorded, monkeypatch)["fit"])
+    assert (recorded / "load.png").stat().st_size > 0
     assert found["parameters"] == expected["parameters"]
     assert found["load_curve"]["force_N"] == expected["load_curve"]["force_N"]
     assert set(found["files"]) == {"fit.toml", "fit.m", "fit.mat", "report.html", "result.json"}
     assert (found["failures"], found["is_calibration"], found["next"]["kind"]) == ([], True, "estimate")
     report = working.ask("GET", f"/api/results/{calibrated}/files/report.html")
     assert report.headers["content-security-policy"].startswith("sandbox allow-scripts; default-src 'none'")
-    stages = working.get("job", next(one["id"] for one in working.session.board.all("job") if one["do"] == "fit"))
+    stages = working.get(next(one["id"] for one in working.all(Job) if one["do"] == "fit"))
     assert (stages["share"], stages["stage"]) == (1.0, "writing")
 
 
 def test_a_worn_clutch_is_compared_with_the_calibration(working, calibrated, recorded):
     worn = upload(working, recorded / "worn.csv")
-    working.wait("recording", worn, "ready")
+    working.wait(worn, "ready")
     body = {"verb": "estimate", "recordings": [worn], "start": calibrated}
     id_ = working.ask("POST", "/api/fits", body).json["id"]
-    found = working.wait("result", id_, "done")["found"]
+    found = working.wait(id_, "done")["found"]
     assert {"5 mm", "6 mm"} <= set(found["change_at"])
     assert found["calibrated_load_curve"]["force_N"]
     assert "residual position" in found["recordings"][0]["columns"]
@@ -86,35 +99,58 @@ def test_a_worn_clutch_is_compared_with_the_calibration(working, calibrated, rec
 def test_a_saved_calibration_is_opened_again(working, calibrated):
     saved = working.ask("GET", f"/api/results/{calibrated}/files/fit.toml").body
     id_ = working.ask("PUT", "/api/calibrations?name=CAL.toml", body=[saved]).json["id"]
-    shown = working.wait("result", id_, "done")
-    assert (shown["name"], shown["found"]["trust"]) == ("CAL.toml", working.get("result", calibrated)["found"]["trust"])
+    shown = working.wait(id_, "done")
+    assert (shown["name"], shown["found"]["trust"]) == ("CAL.toml", working.get(calibrated)["found"]["trust"])
 
 
 def test_a_file_that_is_no_calibration_is_refused_with_a_sentence(working):
     id_ = working.ask("PUT", "/api/calibrations?name=MAP.toml", body=[b'[position]\nchannel = "x"\n']).json["id"]
-    assert "MAP.toml" in working.wait("result", id_, "failed")["message"] or working.get("result", id_)["message"]
+    assert "MAP.toml" in working.wait(id_, "failed")["message"] or working.get(id_)["message"]
 
 
-def test_names_of_another_language_are_mapped_and_fitted(working, recorded):
+def test_names_of_another_language_are_mapped_and_checked_also_in_the_python_that_is_shown(
+    working, recorded, tmp_path, monkeypatch
+):
     id_ = upload(working, recorded / "german.csv")
-    working.wait("recording", id_, "ready")
-    entries = working.get("recording", id_)["look"]["map"]
+    working.wait(id_, "ready")
+    entries = working.get(id_)["look"]["map"]
     entries["position"]["sign"] = -1
     assert working.ask("PUT", f"/api/recordings/{id_}/map", {"channels": entries}).status == 200
-    wait_for(
-        lambda: working.get("recording", id_)["look"]["checks"] and working.get("recording", id_)["status"] == "ready"
-    )
-    wait_for(lambda: any(one["grade"] == "bad" for one in working.get("recording", id_)["look"]["checks"]))
+    wait_for(lambda: working.get(id_)["look"]["checks"] and working.get(id_)["status"] == "ready")
+    wait_for(lambda: any(one["grade"] == "bad" for one in working.get(id_)["look"]["checks"]))
     fit = working.ask("POST", "/api/fits", {"verb": "calibrate", "recordings": [id_]}).json["id"]
-    refused = working.wait("result", fit, "failed")
+    refused = working.wait(fit, "failed")
     assert "--force" in refused["message"]
     assert refused["bad_input"]
+    saved = working.ask("GET", f"/api/recordings/{id_}/map.toml")
+    (tmp_path / "german.csv.map.toml").write_bytes(saved.body)  # under the name of the download
+    assert saved.headers["content-disposition"].endswith("german.csv.map.toml")
+    (tmp_path / "german.csv").write_bytes((recorded / "german.csv").read_bytes())
+    with pytest.raises(DataError) as said:
+        repeated(working, fit, tmp_path, monkeypatch)
+    assert str(said.value) == refused["message"]
+
+
+def test_the_map_of_a_calibration_serves_a_recording_without_its_pressure(working, calibrated, recorded):
+    whole, worn = (upload(working, recorded / name) for name in ("german.csv", "german_worn.csv"))
+    entries = working.wait(whole, "ready")["look"]["map"]
+    working.wait(worn, "ready")
+    assert working.ask("PUT", f"/api/recordings/{worn}/map", {"channels": entries}).status == 200
+    assert "pressure_a" in working.wait(worn, "ready")["look"]["map"]
+    id_ = working.ask(
+        "POST", "/api/observations", {"recording": worn, "start": calibrated, "method": "joint", "force": True}
+    )
+    run = working.wait(id_.json["id"], "done", "failed")
+    assert (run["message"], run["found"]["next"]["kind"]) == ("", "export")
+    named = {name: entry for name, entry in entries.items() if name != "pressure_a"}
+    assert working.ask("PUT", f"/api/recordings/{whole}/map", {"channels": named}).status == 200
+    assert {*working.wait(whole, "ready")["look"]["map"]} == {*named}
 
 
 def test_chosen_strokes_are_a_recording_of_their_own(working, cal):
-    strokes = [one for one in working.get("recording", cal)["look"]["strokes"] if one["kind"] == "stroke"]
+    strokes = [one for one in working.get(cal)["look"]["strokes"] if one["kind"] == "stroke"]
     id_ = working.ask("POST", f"/api/recordings/{cal}/cut", {"begins": [strokes[0]["begin"]]}).json["id"]
-    found = working.wait("recording", id_, "ready")
+    found = working.wait(id_, "ready")
     assert (found["name"], found["message"]) == ("cal-cut.parquet", "")
     assert 0 < found["look"]["grids"][0]["samples"] < 8000
 
@@ -123,7 +159,7 @@ def test_a_file_that_ends_its_reader_is_said_in_the_sentence_of_the_command_line
     poison = tmp_path / "poison.mf4"
     poison.write_bytes(b"MDF     4.10    clutchid" + os.urandom(40) + b"\xff" * 4000)
     id_ = upload(working, poison)
-    shown = working.wait("recording", id_, "failed", "ready")
+    shown = working.wait(id_, "failed", "ready")
     said = shown["message"] or shown["look"]["message"]
     assert called("look", poison) == 2
     assert " ".join(said.replace(str(tmp_path), "").split())[-40:] in " ".join(capsys.readouterr().out.split())
@@ -133,14 +169,14 @@ def test_a_cancelled_job_ends_at_once_without_an_orphan(working, cal):
     id_ = working.ask("POST", "/api/fits", {"verb": "calibrate", "recordings": [cal]}).json["id"]
     wait_for(lambda: any(one["stage"] == "preparation" for one in fits_running(working)))
     second = working.ask("POST", "/api/fits", {"verb": "calibrate", "recordings": [cal]}).json["id"]
-    assert working.get("result", second)["status"] == "waiting"
+    assert working.get(second)["status"] == "waiting"
     (job,) = fits_running(working)
     process = working.session.jobs._jobs[job["id"]].process.pid
     for about in (second, id_):
-        (one,) = [job for job in working.session.board.all("job") if job["about"] == about]
+        (one,) = [job for job in working.all(Job) if job["about"] == about]
         assert working.ask("DELETE", f"/api/jobs/{one['id']}").json == {"cancelled": True}
     wait_for(lambda: process not in processes(), 5.0)
-    assert working.get("result", id_)["status"] == "cancelled"
+    assert working.get(id_)["status"] == "cancelled"
     assert working.ask("DELETE", "/api/jobs/job-99").json == {"cancelled": False}
 
 
@@ -148,15 +184,15 @@ def test_a_killed_worker_is_said_and_the_next_job_goes_on(working, cal, recorded
     id_ = working.ask("POST", "/api/fits", {"verb": "calibrate", "recordings": [cal]}).json["id"]
     wait_for(lambda: fits_running(working) and fits_running(working)[0]["stage"])
     os.kill(working.session.jobs._jobs[fits_running(working)[0]["id"]].process.pid, signal.SIGKILL)
-    assert "SIGKILL" in working.wait("result", id_, "failed")["message"]
+    assert "SIGKILL" in working.wait(id_, "failed")["message"]
     again = upload(working, recorded / "worn.csv")
-    assert working.wait("recording", again, "ready")["look"]
+    assert working.wait(again, "ready")["look"]
 
 
 def test_an_export_is_a_zip_file_of_the_result(working, calibrated):
     assert working.ask("POST", f"/api/results/{calibrated}/export", {"to": "c,a2l", "method": "joint"}).status == 200
-    wait_for(lambda: working.get("result", calibrated)["exports"])
-    (one,) = working.get("result", calibrated)["exports"]
+    wait_for(lambda: working.get(calibrated)["exports"])
+    (one,) = working.get(calibrated)["exports"]
     assert "parity holds" in one["words"]
     assert working.ask("GET", f"/api/results/{calibrated}/files/export.zip").body[:2] == b"PK"
 
@@ -165,7 +201,7 @@ def test_an_export_to_something_unknown_is_refused(working, calibrated):
     working.ask("POST", f"/api/results/{calibrated}/export", {"to": "fortran", "method": "joint"})
 
     def failed():
-        exports = [one for one in working.session.board.all("job") if one["do"] == "export"]
+        exports = [one for one in working.all(Job) if one["do"] == "export"]
         return [one for one in exports if one["status"] == "failed"]
 
     wait_for(failed)
@@ -174,10 +210,10 @@ def test_an_export_to_something_unknown_is_refused(working, calibrated):
 
 def test_a_recording_is_observed_as_by_the_library(working, calibrated, recorded):
     worn = upload(working, recorded / "worn.csv")
-    working.wait("recording", worn, "ready")
+    working.wait(worn, "ready")
     body = {"recording": worn, "start": calibrated, "method": "joint"}
     id_ = working.ask("POST", "/api/observations", body).json["id"]
-    found = working.wait("observation", id_, "done", "failed")["found"]
+    found = working.wait(id_, "done", "failed")["found"]
     expected = observe(recorded / "worn.csv", working.session.calibration_file(calibrated))
     assert [row["time"] for row in found["loads"][1:]] == [row.time for row in expected.strokes]
     assert found["loads"][-1]["curve"]["force_N"] == expected.strokes[-1].curve.force.tolist()

@@ -1,8 +1,11 @@
 """What the page asks and the server refuses at once, with the sentence of the command line where there is one."""
 
+from pathlib import Path
+
 import pytest
 
-from clutchid.app.session import checked_options
+from clutchid.app.commands import fit_command
+from clutchid.app.records import File
 from clutchid.errors import ParameterError
 
 FIT = {"verb": "calibrate", "recordings": ["recording-1"]}
@@ -13,7 +16,7 @@ def opened(idle):
     """A recording that has been read."""
     (idle.session.below / "run.csv").write_text("time [s],position [m]\n0,0\n")
     assert idle.ask("POST", "/api/recordings", {"path": "run.csv"}).json == {"id": "recording-1"}
-    idle.session.board.update("recording", "recording-1", look={}, status="ready")
+    idle.session.board.update("recording-1", look={}, status="ready")
     return idle
 
 
@@ -46,12 +49,25 @@ def test_a_fit_that_cannot_be_made_is_refused_with_a_sentence(opened, content, s
 def test_a_fit_has_the_command_and_the_python_that_repeat_it(opened):
     options = {"free": "load,P_S", "bounds": ["P_S=8e5:9e5"], "force": True}
     assert opened.ask("POST", "/api/fits", {**FIT, "options": options}).status == 200
-    shown = opened.get("result", "result-2")
-    assert shown["command"].endswith("run.csv --free load,P_S --force --bounds P_S=8e5:9e5")
+    shown = opened.get("result-2")
+    assert shown["command"].endswith("run.csv --free load,P_S --bounds P_S=8e5:9e5 --force")
     assert shown["command"].startswith("clutchid calibrate ")
     assert "clutchid.calibrate(" in shown["python"]
-    assert "free='load,P_S', bounds={'P_S': (800000.0, 900000.0)}" in shown["python"]
-    compile(shown["python"], "shown", "exec")
+    assert "free='load,P_S', bounds={'P_S': (800000.0, 900000.0)}, force=True" in shown["python"]
+
+
+def test_recordings_with_different_maps_are_no_one_command(opened):
+    """A command has one map for all of its recordings."""
+    other = opened.ask("POST", "/api/recordings", {"path": "run.csv"}).json["id"]
+    opened.session.board.update(other, look={}, status="ready")
+    entry = {"channel": "Weg", "unit": "mm"}
+    for id_, said in ((other, ""), ("recording-1", "--map run.csv.map.toml")):
+        assert opened.ask("PUT", f"/api/recordings/{id_}/map", {"channels": {"position": entry}}).status == 200
+        opened.session.board.update(id_, status="ready")
+        made = opened.ask("POST", "/api/fits", {**FIT, "recordings": ["recording-1", other]}).json["id"]
+        shown = opened.get(made)
+        assert shown["command"].partition("run.csv ")[2].partition("run.csv ")[2] == said
+        assert ("channels='run.csv.map.toml'" in shown["python"]) == bool(said)
 
 
 @pytest.mark.parametrize("body", [b"", b"[]", b"{", b"[" * 100_000, b"\xff\xfe"])
@@ -82,7 +98,7 @@ def test_a_map_that_is_none_is_refused_with_the_sentence_of_the_command_line(ope
     assert answer.status == 422
     assert said in answer.message
     assert str(opened.session.folder) not in answer.message
-    assert opened.get("recording", "recording-1")["map"] is None
+    assert opened.get("recording-1")["map"] is None
 
 
 def test_a_map_that_was_written_to_a_file_is_given_to_another_recording(opened):
@@ -129,11 +145,13 @@ def test_a_path_elsewhere_is_refused(idle, tmp_path):
 def test_what_is_forgotten_leaves_nothing(idle):
     idle.ask("PUT", "/api/recordings?name=a.csv", body=[b"x"])
     assert idle.ask("DELETE", "/api/recordings/recording-1").status == 200
-    assert idle.get("recording", "recording-1") is None
+    assert idle.get("recording-1") is None
     assert [path for path in idle.session.folder.rglob("*") if path.is_file()] == []
 
 
 def test_options_that_are_left_empty_are_left_out():
-    assert checked_options({"free": " ", "method": "", "prior": [], "force": False}) == {}
+    files = (File(Path("cal.csv"), name="cal.csv"),)
+    asked = fit_command("calibrate", {"free": " ", "method": "", "prior": [], "force": False}, files)
+    assert asked.words == ("calibrate", "cal.csv")
     with pytest.raises(ParameterError, match="a text is needed"):
-        checked_options({"free": 3})
+        fit_command("calibrate", {"free": 3}, files)

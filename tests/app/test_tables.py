@@ -164,15 +164,11 @@ def test_a_file_beside_the_opened_one_is_not_read_where_it_lies_elsewhere(run, t
 # requests
 
 
-def table(idle, id_="table-1"):
-    return idle.get("table", id_)
-
-
 def test_a_result_below_the_folder_is_opened_by_its_path(idle, run):
     (idle.session.below / "wear.parquet").write_bytes((run / "wear.parquet").read_bytes())
     assert idle.ask("POST", "/api/tables", {"path": "wear.parquet"}).json == {"id": "table-1"}
     ((_, _, task, about),) = idle.submitted
-    assert (task["do"], task["below"], about) == ("table", str(idle.session.below), "table-1")
+    assert (task.do, task.below, about) == ("table", idle.session.below, "table-1")
     listed = idle.ask("GET", "/api/files?under=&kind=tables").json["files"]
     assert [one["name"] for one in listed] == ["wear.parquet"]
 
@@ -193,11 +189,11 @@ def test_files_of_one_run_that_are_sent_lie_beside_each_other_and_are_forgotten_
         assert second.json == {"id": first}
     task = idle.submitted[-1][2]
     path = idle.session.folder / "uploads" / first
-    assert (task["path"], task["below"]) == (str(path / "wear.parquet"), str(path.resolve()))
+    assert (task.path, task.below) == (path / "wear.parquet", path.resolve())
     assert len(shown(path.resolve() / "wear.parquet")["loads"]) == 20
     assert idle.ask("DELETE", f"/api/tables/{first}").status == 200
     assert not path.exists()
-    assert table(idle) is None
+    assert idle.get(first) is None
 
 
 @pytest.mark.parametrize("beside", ["table-9", "../..", "recording-1"])
@@ -211,11 +207,11 @@ def test_a_vehicle_of_a_fleet_is_opened_once_and_no_other_name(idle, run):
     (idle.session.below / "vehicles.parquet").write_bytes((run / "vehicles.parquet").read_bytes())
     idle.ask("POST", "/api/tables", {"path": "vehicles.parquet"})
     assert "no such vehicle" in idle.ask("POST", "/api/tables/table-1/vehicles", {"vehicle": STEADY}).message
-    idle.session.board.update("table", "table-1", found=shown(run / "vehicles.parquet"), status="done")
+    idle.session.board.update("table-1", found=shown(run / "vehicles.parquet"), status="done")
     for _ in range(2):
         assert idle.ask("POST", "/api/tables/table-1/vehicles", {"vehicle": UNREAD}).json == {"id": "table-2"}
-    assert table(idle, "table-2")["vehicle"] == UNREAD
-    assert idle.submitted[-1][2]["vehicle"] == UNREAD
+    assert idle.get("table-2")["vehicle"] == UNREAD
+    assert idle.submitted[-1][2].vehicle == UNREAD
     for vehicle in ("V 9", "../x"):
         assert "no such vehicle" in idle.ask("POST", "/api/tables/table-1/vehicles", {"vehicle": vehicle}).message
     assert "no such vehicle" in idle.ask("POST", "/api/tables/table-2/vehicles", {"vehicle": STEADY}).message
@@ -228,11 +224,11 @@ def test_a_job_reads_a_fleet_and_its_vehicles_and_says_what_is_none(working, run
         (below / "run" / path.parent.relative_to(run)).mkdir(parents=True, exist_ok=True)
         (below / "run" / path.relative_to(run)).write_bytes(path.read_bytes())
     fleet = working.ask("POST", "/api/tables", {"path": "run/results.parquet"}).json["id"]
-    assert working.wait("table", fleet, "done", "failed")["found"]["count"] == 3
+    assert working.wait(fleet, "done", "failed")["found"]["count"] == 3
     one = working.ask("POST", f"/api/tables/{fleet}/vehicles", {"vehicle": REPLACED}).json["id"]
-    assert working.wait("table", one, "done", "failed")["found"]["trend"]["alarms"][0]["kind"] == "replaced"
+    assert working.wait(one, "done", "failed")["found"]["trend"]["alarms"][0]["kind"] == "replaced"
     other = working.ask("POST", "/api/tables", {"path": "run/curves/part-00000.parquet"}).json["id"]
-    said = working.wait("table", other, "done", "failed")
+    said = working.wait(other, "done", "failed")
     assert (said["status"], said["bad_input"]) == ("failed", True)
     assert "part-00000.parquet: is no result of `clutchid track`" in said["message"]
 
@@ -242,4 +238,4 @@ def test_a_session_knows_the_name_of_a_file_as_text_only(tmp_path):
     session = Session(tmp_path / "own", tmp_path / "below")
     session.jobs.submit = lambda *_: None
     id_ = session.open_table(tmp_path / "below" / "a\x1b[31m.parquet")
-    assert "\x1b" not in session.board.get("table", id_)["name"]
+    assert "\x1b" not in session.board.item(id_).name

@@ -3,6 +3,7 @@
 import pytest
 
 from clutchid.app import uploads
+from clutchid.app.records import Recording
 from clutchid.app.uploads import allowed_path, listed, safe_name
 from clutchid.errors import DataError
 
@@ -21,7 +22,7 @@ def test_an_upload_is_kept_in_the_folder_of_the_server_and_opened(idle):
     assert (answer.status, answer.json) == (200, {"id": "recording-1"})
     (path,) = left(idle)
     assert path.read_bytes() == b"time [s],position [m]\n"
-    assert idle.get("recording", "recording-1")["name"] == "Messung.csv"
+    assert idle.get("recording-1")["name"] == "Messung.csv"
 
 
 @pytest.mark.parametrize("name", ["../../evil.csv", "/etc/evil.csv", "..%5C..%5Cevil.csv", "a/../../evil.csv", "...."])
@@ -42,7 +43,7 @@ def test_an_upload_that_breaks_off_leaves_nothing(idle):
     answer = upload(idle, "a.csv", b"time", None, content_length="100")
     assert answer.status == 400
     assert left(idle) == []
-    assert idle.session.board.all("recording") == []
+    assert idle.all(Recording) == []
 
 
 @pytest.mark.parametrize(("parts", "said"), [([b"12345"], "10 bytes arrived"), ([b"1" * 30], "10 bytes arrived")])

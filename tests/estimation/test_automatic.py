@@ -8,6 +8,7 @@ import pytest
 
 import clutchid
 from clutchid.app import tasks
+from clutchid.app.records import File, FitRecordings
 from clutchid.cli.fit import FitOptions, fitted
 from clutchid.errors import DataError, SolveError
 from clutchid.estimation.automatic import (
@@ -36,6 +37,7 @@ from clutchid.strokes.duty_cycle import duty_grid
 from clutchid.strokes.vented_pressure import ABSOLUTE
 from clutchid.truck import drive, truck
 from clutchid.verbs import fitting
+from clutchid.verbs.commands import FitCommand
 from fixtures.changed_logs import spoiled, thinned
 
 PAPER = (
@@ -194,9 +196,9 @@ def test_a_calibration_that_is_started_from_one_does_not_know_its_ambient_pressu
             options = FitOptions(start=start, force=True)
             fitted(options.command("calibrate", (unsettled,)), options)
         else:
-            options = {"measure": "position,pressure_a", "free": "auto", "zero": "subtract", "force": True}
-            task = {"verb": "calibrate", "options": options, "recordings": [{"path": str(unsettled)}], "folder": "."}
-            tasks.fit({**task, "start": str(start)}, SimpleNamespace(progress=lambda *_: None))
+            asked = FitCommand(verb="calibrate", logs=(unsettled,), force=True)
+            task = FitRecordings(asked, "", (File(unsettled),), tmp_path, start=start)
+            tasks.fit(task, SimpleNamespace(progress=lambda *_: None))
     assert ambient_priors(logs)["P_0"].std == ABSOLUTE.std
 
 

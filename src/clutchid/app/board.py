@@ -1,71 +1,89 @@
-"""`Board`: all that a page shows, as objects with a kind and an id, and the changes of them in their order.
+"""`Board`: all that a page shows, as records with an id, and the changes of them in their order.
 
-A page that is late needs the newest version of each object only, so nothing else is kept: it may ask for all that has
-changed since any number, and gets every object at most once.
+A page that is late needs the newest version of each record only, so nothing else is kept: it may ask for all that has
+changed since any number, and gets every record at most once.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Mapping
-from typing import Any, NamedTuple
+from collections.abc import AsyncIterator
+from dataclasses import replace
+from typing import Any, NamedTuple, TypeVar
 
-#: A recording, a job, a result; "session" is one object with what concerns all of them.
-Content = Mapping[str, Any]
+from clutchid.app.jobs import Job
+from clutchid.app.records import Observation, Recording, Result, Table, content
+
+Item = Job | Recording | Result | Observation | Table
+Kind = TypeVar("Kind", bound=Item)
 
 
 class Change(NamedTuple):
-    """A version of an object: its number among all changes, and the object; None where it was removed."""
+    """A version of a record: its number among all changes, its id, and the record; None where it was removed."""
 
     number: int
-    kind: str
     id: str
-    content: Content | None
+    item: Item | None
+
+    def content(self) -> dict[str, Any]:
+        """The JSON object that the page gets."""
+        kind = self.id.partition("-")[0]
+        return {"kind": kind, "id": self.id, "content": None if self.item is None else content(self.item)}
 
 
 class Board:
-    """Objects by kind and id, each with the number of its last change."""
+    """Records by id, each with the number of its last change."""
 
     def __init__(self) -> None:
-        self._newest: dict[tuple[str, str], Change] = {}
+        self._newest: dict[str, Change] = {}
         self._number = 0
         self._changed = asyncio.Event()
 
-    def put(self, kind: str, id_: str, content: Content | None) -> None:
-        """Set an object, or remove it with None."""
+    def put(self, item: Item) -> None:
+        """Set a record."""
+        self._change(item.id, item)
+
+    def remove(self, id_: str) -> None:
+        """Remove a record."""
+        self._change(id_, None)
+
+    def _change(self, id_: str, item: Item | None) -> None:
         self._number += 1
-        self._newest[kind, id_] = Change(self._number, kind, id_, content)
+        self._newest[id_] = Change(self._number, id_, item)
         self._changed.set()
         self._changed = asyncio.Event()
 
-    def update(self, kind: str, id_: str, **values: Any) -> None:
-        """Change some values of an object, unless it has been removed."""
-        content = self.get(kind, id_)
-        if content is not None:
-            self.put(kind, id_, {**content, **values})
+    def update(self, id_: str, **values: Any) -> None:
+        """Change some fields of a record, unless it has been removed."""
+        if (item := self.item(id_)) is not None:
+            self.put(replace(item, **values))
 
-    def get(self, kind: str, id_: str) -> Content | None:
-        """An object, or None."""
-        change = self._newest.get((kind, id_))
-        return None if change is None else change.content
+    def item(self, id_: str) -> Item | None:
+        """A record, or None."""
+        change = self._newest.get(id_)
+        return None if change is None else change.item
 
-    def all(self, kind: str) -> list[Content]:
-        """All objects of a kind, in the order of their making."""
-        found = [change.content for (of, _), change in self._newest.items() if of == kind]
-        return [content for content in found if content is not None]
+    def get(self, kind: type[Kind], id_: str) -> Kind | None:
+        """A record, or None where it is none of this kind."""
+        item = self.item(id_)
+        return item if isinstance(item, kind) else None
+
+    def all(self, kind: type[Kind]) -> list[Kind]:
+        """All records of a kind, in the order of their making."""
+        return [change.item for change in self._newest.values() if isinstance(change.item, kind)]
 
     def since(self, number: int) -> list[Change]:
         """What has changed after a change with this number, the oldest first."""
-        return sorted(change for change in self._newest.values() if change.number > number)
+        return sorted((change for change in self._newest.values() if change.number > number), key=lambda one: one[0])
 
     async def follow(self, number: int, patience: float) -> AsyncIterator[list[Change]]:
         """What has changed after `number`, and from then on; an empty list where nothing has for `patience` in s."""
         while True:
             changed = self._changed
-            found = self.since(number)
-            if found:
-                number = found[-1].number
-                yield found
+            changes = self.since(number)
+            if changes:
+                number = changes[-1].number
+                yield changes
                 continue
             try:
                 await asyncio.wait_for(changed.wait(), patience)

@@ -10,16 +10,18 @@ import contextlib
 import itertools
 import json
 import os
+import pickle
 import shutil
 import sys
 import time
 from asyncio.subprocess import DEVNULL, PIPE, Process
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from clutchid.app.records import PRIVATE, Task
 from clutchid.systems import APART, ending, interpreter, kill_session
 
 #: Longest event in bytes.
@@ -39,9 +41,10 @@ class Job:
 
     id: str
     title: str
-    lane: Lane
-    task: Mapping[str, Any]
+    lane: Lane = field(metadata=PRIVATE)
+    task: Task = field(metadata=PRIVATE)
     about: str
+    do: str
     status: Status = "waiting"
     stage: str = ""
     share: float | None = None
@@ -50,12 +53,7 @@ class Job:
     bad_input: bool = False
     began: float = 0.0
     ended: float = 0.0
-    process: Process | None = field(default=None, repr=False)
-
-    def content(self) -> dict[str, Any]:
-        """What a page shows of it."""
-        names = ("id", "title", "about", "status", "stage", "share", "words", "message", "bad_input", "began", "ended")
-        return {name: getattr(self, name) for name in names} | {"do": self.task["do"]}
+    process: Process | None = field(default=None, repr=False, metadata=PRIVATE)
 
 
 @dataclass(slots=True, eq=False)
@@ -103,9 +101,9 @@ class Jobs:
             if self._spare is None and not self._closed:
                 self._spare = await self._started()
 
-    def submit(self, title: str, lane: Lane, task: Mapping[str, Any], about: str) -> Job:
+    def submit(self, title: str, lane: Lane, task: Task, about: str) -> Job:
         """Start a job, or let it wait for its turn; `about` is the id of what it is about."""
-        job = Job(f"job-{next(self._numbers)}", title, lane, task, about)
+        job = Job(f"job-{next(self._numbers)}", title, lane, task, about, task.do)
         self._jobs[job.id] = job
         self._waiting[lane].append(job)
         self._next(lane)
@@ -177,7 +175,7 @@ class Jobs:
         assert process.stdin is not None
         assert process.stdout is not None
         with contextlib.suppress(ConnectionError):
-            process.stdin.write(json.dumps(job.task).encode() + b"\n")
+            process.stdin.write(pickle.dumps(job.task))
             await process.stdin.drain()
         async for line in process.stdout:
             event = json.loads(line)

@@ -11,6 +11,7 @@ import socket
 import tomllib
 import webbrowser
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -23,10 +24,12 @@ from starlette.responses import FileResponse, JSONResponse, Response, StreamingR
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
+from clutchid.app.commands import METHODS, VERBS
 from clutchid.app.folder import end_folder, make_folder, opening_page
 from clutchid.app.guard import LOOPBACK, REPORT_POLICY, Access, Guard, names_of, warning_of
 from clutchid.app.plots import plotted
-from clutchid.app.session import MEDIA, METHODS, VERBS, Session
+from clutchid.app.records import Observation, Recording, Result, Table, download_name
+from clutchid.app.session import MEDIA, Session
 from clutchid.app.uploads import allowed_path, check_size, is_opened, is_table, listed, receive
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.files import reason_of
@@ -67,23 +70,23 @@ def application(session: Session, access: Access, begun: Callable[[], None] = la
         Route("/api/files", _of(session, _files)),
         Route("/api/recordings", _of(session, _upload_recording), methods=["PUT"]),
         Route("/api/recordings", _of(session, _open_path), methods=["POST"]),
-        Route("/api/recordings/{id}", _of(session, _forget_recording), methods=["DELETE"]),
-        Route("/api/recordings/{id}/plot", _of(session, _plot_recording)),
+        Route("/api/recordings/{id}", _of(session, _forget), methods=["DELETE"]),
+        Route("/api/recordings/{id}/plot", _of(session, partial(_plot, Recording))),
         Route("/api/recordings/{id}/map", _of(session, _set_map), methods=["PUT"]),
         Route("/api/recordings/{id}/map.toml", _of(session, _map_file)),
         Route("/api/recordings/{id}/cut", _of(session, _cut), methods=["POST"]),
         Route("/api/calibrations", _of(session, _upload_calibration), methods=["PUT"]),
         Route("/api/fits", _of(session, _fit), methods=["POST"]),
         Route("/api/observations", _of(session, _observe), methods=["POST"]),
-        Route("/api/observations/{id}", _of(session, _forget_observation), methods=["DELETE"]),
-        Route("/api/observations/{id}/plot", _of(session, _plot_observation)),
+        Route("/api/observations/{id}", _of(session, _forget), methods=["DELETE"]),
+        Route("/api/observations/{id}/plot", _of(session, partial(_plot, Observation))),
         Route("/api/tables", _of(session, _upload_table), methods=["PUT"]),
         Route("/api/tables", _of(session, _open_table), methods=["POST"]),
-        Route("/api/tables/{id}", _of(session, _forget_table), methods=["DELETE"]),
+        Route("/api/tables/{id}", _of(session, _forget), methods=["DELETE"]),
         Route("/api/tables/{id}/vehicles", _of(session, _open_vehicle), methods=["POST"]),
         Route("/api/jobs/{id}", _of(session, _cancel), methods=["DELETE"]),
-        Route("/api/results/{id}", _of(session, _forget_result), methods=["DELETE"]),
-        Route("/api/results/{id}/plot", _of(session, _plot_result)),
+        Route("/api/results/{id}", _of(session, _forget), methods=["DELETE"]),
+        Route("/api/results/{id}/plot", _of(session, partial(_plot, Result))),
         Route("/api/results/{id}/export", _of(session, _export), methods=["POST"]),
         Route("/api/results/{id}/files/{name}", _of(session, _result_file)),
         Mount("/static", StaticFiles(directory=STATIC)),
@@ -128,7 +131,7 @@ async def _events(session: Session, request: Request) -> Response:
         yield "retry: 500\n\n"
         async for changes in session.board.follow(number, PATIENCE):
             for change in changes:
-                data = json.dumps({"kind": change.kind, "id": change.id, "content": change.content}, allow_nan=False)
+                data = json.dumps(change.content(), allow_nan=False)
                 yield f"id: {change.number}\ndata: {data}\n\n"
             if not changes:
                 yield ": alive\n\n"
@@ -173,25 +176,12 @@ def _open_any(session: Session, path: Path) -> str:
     return session.open(path)
 
 
-async def _forget_recording(session: Session, request: Request) -> Response:
-    session.forget("recording", request.path_params["id"])
+async def _forget(session: Session, request: Request) -> Response:
+    session.forget(request.path_params["id"])
     return JSONResponse({})
 
 
-async def _forget_result(session: Session, request: Request) -> Response:
-    session.forget("result", request.path_params["id"])
-    return JSONResponse({})
-
-
-async def _plot_recording(session: Session, request: Request) -> Response:
-    return _plot(session, request, "recording")
-
-
-async def _plot_result(session: Session, request: Request) -> Response:
-    return _plot(session, request, "result")
-
-
-def _plot(session: Session, request: Request, kind: str) -> Response:
+async def _plot(kind: type[Recording | Result | Observation], session: Session, request: Request) -> Response:
     """Time and columns as numbers of 8 bytes, one after the other: the page knows how many columns it asked for."""
     query = request.query_params
     try:
@@ -237,10 +227,10 @@ def _toml_of(text: str) -> dict[str, Any]:
 
 
 async def _map_file(session: Session, request: Request) -> Response:
-    known = session.board.get("recording", request.path_params["id"])
-    if known is None or known["map"] is None:
+    known = session.board.get(Recording, request.path_params["id"])
+    if known is None or known.map is None:
         raise DataError("this recording has no channel map of its own.")
-    return FileResponse(known["map"], media_type=MEDIA[".toml"], headers=_attachment(f"{known['name']}.map.toml"))
+    return FileResponse(known.map, media_type=MEDIA[".toml"], headers=_attachment(f"{known.name}.map.toml"))
 
 
 async def _cut(session: Session, request: Request) -> Response:
@@ -264,36 +254,22 @@ async def _observe(session: Session, request: Request) -> Response:
     return JSONResponse({"id": session.observe(recording, start, method, force=bool(body.get("force")))})
 
 
-async def _forget_observation(session: Session, request: Request) -> Response:
-    session.forget("observation", request.path_params["id"])
-    return JSONResponse({})
-
-
-async def _plot_observation(session: Session, request: Request) -> Response:
-    return _plot(session, request, "observation")
-
-
 async def _upload_table(session: Session, request: Request) -> Response:
     """A result of a track or a fleet; with `beside`, a further file of one that was sent before."""
     name, beside = request.query_params.get("name", ""), request.query_params.get("beside", "")
     size = check_size(name, request.headers.get("content-length"), session.folder)
-    first = session.board.get("table", beside)
+    first = session.board.get(Table, beside)
     if beside and first is None:
         raise DataError("what this file belongs to is not there any more; send both again.")
     id_, path = session.upload_path(name, "table", beside)
     path.unlink(missing_ok=True)  # the same file once more
     await receive(request.stream(), path, size)
-    return JSONResponse({"id": session.open_table(path if first is None else Path(first["path"]), id_)})
+    return JSONResponse({"id": session.open_table(path if first is None else first.path, id_)})
 
 
 async def _open_table(session: Session, request: Request) -> Response:
     path = allowed_path(_text(await _body(request), "path"), session.below, ())
     return JSONResponse({"id": session.open_table(path)})
-
-
-async def _forget_table(session: Session, request: Request) -> Response:
-    session.forget("table", request.path_params["id"])
-    return JSONResponse({})
 
 
 async def _open_vehicle(session: Session, request: Request) -> Response:
@@ -313,11 +289,10 @@ async def _export(session: Session, request: Request) -> Response:
 
 async def _result_file(session: Session, request: Request) -> Response:
     id_, name = request.path_params["id"], request.path_params["name"]
-    path = session.file_of(id_, name)
+    path, result = session.file_of(id_, name)
     if path.suffix == ".html":
         return FileResponse(path, media_type=MEDIA[".html"], headers={"content-security-policy": REPORT_POLICY})
-    known = session.board.get("result", id_) or {}
-    shown = f"{known.get('name', '').replace(' ', '-').replace('/', '-')}-{name}"
+    shown = download_name(result.name, name)
     return FileResponse(path, media_type=MEDIA[path.suffix], headers=_attachment(shown))
 
 

@@ -12,22 +12,15 @@ from typing import Any
 
 import tomli_w
 
+from clutchid.app import records
 from clutchid.app.board import Board
-from clutchid.app.jobs import Job, Jobs
+from clutchid.app.commands import VERBS, fit_command, repeated, repeated_observation
+from clutchid.app.jobs import Job, Jobs, Lane
 from clutchid.app.uploads import safe_name
 from clutchid.errors import DataError, ParameterError
 from clutchid.names import printable
-from clutchid.systems import command_line, replace
-from clutchid.verbs.options import bounds, pressure, priors
-
-#: What a fit on the page asks for, by verb: the defaults of the commands of the same name.
-VERBS: Mapping[str, Mapping[str, str]] = {
-    "calibrate": {"measure": "position,pressure_a", "free": "auto"},
-    "estimate": {"measure": "position", "free": "load"},
-}
-
-#: Methods of a fit; an empty text leaves the choice to it.
-METHODS = ("", "simulation", "shooting", "prediction-error")
+from clutchid.systems import replace
+from clutchid.verbs.options import pressure
 
 #: Content of the files of a result, by suffix.
 MEDIA = {
@@ -74,17 +67,11 @@ class Session:
         path.parent.mkdir(parents=True, exist_ok=True)
         return id_, path
 
-    def open(self, path: Path, id_: str | None = None, *, uploaded: bool = False, dbc: Sequence[str] = ()) -> str:
+    def open(self, path: Path, id_: str | None = None, *, uploaded: bool = False) -> str:
         """Begin to read a file as a recording; the id of the recording."""
         id_ = id_ or self._id("recording")
-        self.board.put("recording", id_, {
-            "id": id_, "name": printable(path.name), "path": str(path), "uploaded": uploaded, "status": "reading",
-            "size": path.stat().st_size, "message": "", "look": None, "map": None, "dbc": [*dbc], "ambient": "",
-        })  # fmt: skip
-        folder = str(self.folder / "columns" / id_)
-        task = {"do": "open", "path": str(path), "folder": folder, "dbc": [*dbc]}
-        self.jobs.submit(f"open {printable(path.name)}", "files", task, id_)
-        return id_
+        one = records.Recording(id_, printable(path.name), path, uploaded, size=path.stat().st_size)
+        return self._begin("open", "files", one, records.OpenRecording(records.File(path), self._columns(id_)))
 
     def set_map(self, id_: str, channels: Mapping[str, Any], rate: float | None, ambient: str) -> None:
         """Give a recording a channel map, and look at it again.
@@ -96,7 +83,7 @@ class Session:
         """
         from clutchid.measurements.map.channel_map import read_map
 
-        known = self._recording(id_)
+        recording = self._recording(id_)
         pressure(ambient or None)
         kept = self.folder / "maps" / id_ / "map.toml"
         kept.parent.mkdir(parents=True, exist_ok=True)
@@ -117,12 +104,9 @@ class Session:
             raise ParameterError("map: entries of a channel map are texts and numbers.") from None
         replace(tried, kept)
         self.jobs.cancel_about(id_)
-        self.board.update("recording", id_, map=str(kept), ambient=ambient, status="reading", message="")
-        task = {
-            "do": "look", "path": known["path"], "folder": str(self.folder / "columns" / id_), "map": str(kept),
-            "ambient": ambient or None,
-        }  # fmt: skip
-        self.jobs.submit(f"check {known['name']}", "files", task, id_)
+        self.board.update(id_, map=kept, ambient=ambient, status="reading", message="")
+        task = records.LookAgain(records.File(recording.path, kept), self._columns(id_), ambient)
+        self.jobs.submit(f"check {recording.name}", "files", task, id_)
 
     def cut(self, id_: str, begins: Sequence[float]) -> str:
         """Begin to write the strokes of a recording that begin at these times in s as a new recording; its id.
@@ -132,25 +116,17 @@ class Session:
         DataError
             If there is no such recording.
         """
-        known = self._recording(id_)
-        new = self._id("recording")
-        path = self.folder / "uploads" / new / f"{Path(safe_name(known['name'])).stem}-cut.parquet"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        self.board.put("recording", new, {
-            "id": new, "name": path.name, "path": str(path), "uploaded": True, "status": "reading", "size": 0,
-            "message": "", "look": None, "map": None, "dbc": [], "ambient": "",
-        })  # fmt: skip
-        task = {
-            "do": "cut", "source": str(self.folder / "columns" / id_), "map": known["map"], "path": str(path),
-            "folder": str(self.folder / "columns" / new), "begins": [*begins], "ambient": known["ambient"] or None,
-        }  # fmt: skip
-        self.jobs.submit(f"cut {known['name']}", "files", task, new)
-        return new
+        whole = self._recording(id_)
+        new, path = self.upload_path(f"{Path(safe_name(whole.name)).stem}-cut.parquet")
+        task = records.CutRecording(
+            self._columns(id_), whole.map, tuple(begins), whole.ambient, records.File(path), self._columns(new)
+        )
+        return self._begin("cut", "files", records.Recording(new, path.name, path, uploaded=True), task, whole.name)
 
-    def forget(self, kind: str, id_: str) -> None:
+    def forget(self, id_: str) -> None:
         """Remove a recording or a result, with all that was kept of it."""
         self.jobs.cancel_about(id_)
-        self.board.put(kind, id_, None)
+        self.board.remove(id_)
         for name in ("uploads", "columns", "maps", "results"):
             shutil.rmtree(self.folder / name / id_, ignore_errors=True)
 
@@ -173,47 +149,30 @@ class Session:
                 "no --start: a load is estimated from position alone with a calibration. Calibrate a recording with "
                 "pressure first, or open a calibration that was saved."
             )
-        used = {**VERBS[verb], "zero": "subtract", **checked_options(options)}
-        several = [self._item(one) for one in recordings]
-        others = [self._item(one) for one in verify]
-        id_ = self._id("result")
-        folder = self.folder / "results" / id_
-        folder.mkdir(parents=True)
+        files, others = self._files(recordings), self._files(verify)
         first = None if start is None else self.calibration_file(start)
-        begun = None if start is None else self._start_name(start)
-        arguments = _arguments(verb, several, others, begun, used)
-        task = {
-            "do": "fit", "verb": verb, "recordings": several, "verify": others, "folder": str(folder),
-            "start": None if first is None else str(first), "options": used, "arguments": arguments[1:],
-        }  # fmt: skip
-        names = ", ".join(item["name"] for item in several)
-        self.board.put("result", id_, {
-            "id": id_, "verb": verb, "name": f"{verb} {names}", "status": "waiting", "recordings": [*recordings],
-            "verify": [*verify], "start": start, "options": used, "made": time.time(), "found": None, "message": "",
-            "bad_input": False, "command": command_line(arguments), "exports": [],
-            "python": _python(verb, several, others, begun, used),
-        })  # fmt: skip
-        self.jobs.submit(f"{verb} {names}", "fits", task, id_)
-        return id_
+        asked = fit_command(verb, options, files, others, None if start is None else self._start_name(start))
+        again = repeated(asked, [*files, *others])
+        id_, folder = self._result_folder("result")
+        names = ", ".join(file.name for file in files)
+        name = f"{verb} {names}"
+        task = records.FitRecordings(asked, name, files, folder, others, first)
+        result = records.Result(
+            id_, verb, name, recordings=tuple(recordings), verify=tuple(verify), start=start,
+            options=asked.search, made=time.time(), command=again.command, python=again.python,
+        )  # fmt: skip
+        return self._begin(verb, "fits", result, task, names)
 
     def open_calibration(self, path: Path, name: str, *, move: bool) -> str:
         """Begin to read a calibration from a file; the id of the result that it becomes."""
-        id_ = self._id("result")
-        kept = self.folder / "results" / id_ / "fit.toml"
-        kept.parent.mkdir(parents=True)
+        id_, folder = self._result_folder("result")
+        kept = folder / "fit.toml"
         if move:
             replace(path, kept)
         else:
             shutil.copyfile(path, kept)
-        self.board.put("result", id_, {
-            "id": id_, "verb": "file", "name": printable(name), "status": "waiting", "recordings": [], "verify": [],
-            "start": None, "options": {}, "made": time.time(), "found": None, "message": "", "bad_input": False,
-            "command": "", "python": "", "exports": [],
-        })  # fmt: skip
-        self.jobs.submit(
-            f"open {printable(name)}", "files", {"do": "calibration", "path": str(kept), "name": name}, id_
-        )
-        return id_
+        result = records.Result(id_, "file", printable(name), made=time.time())
+        return self._begin("open", "files", result, records.ReadCalibration(kept, name))
 
     def observe(self, recording: str, start: str, method: str, *, force: bool) -> str:
         """Begin to follow a recording with the observer of a calibration; the id of what it becomes.
@@ -223,24 +182,15 @@ class Session:
         DataError
             If the recording or the calibration is not there.
         """
-        item, first = self._item(recording), self.calibration_file(start)
-        id_ = self._id("observation")
-        folder = self.folder / "results" / id_
-        folder.mkdir(parents=True)
-        words = ["clutchid", "observe", item["name"], "--start", self._start_name(start), "--method", method]
-        words += ["--out", "est.parquet", *(["--map", "map.toml"] if item["map"] else [])]
-        words += ["--force"] if force else []
-        task = {
-            "do": "observe", "recording": item, "start": str(first), "method": method, "folder": str(folder),
-            "force": force,
-        }  # fmt: skip
-        name = f"observe {item['name']}"
-        self.board.put("observation", id_, {
-            "id": id_, "name": name, "method": method, "status": "waiting", "recording": recording, "start": start,
-            "found": None, "message": "", "bad_input": False, "command": command_line(words),
-        })  # fmt: skip
-        self.jobs.submit(name, "fits", task, id_)
-        return id_
+        (file,), first = self._files([recording]), self.calibration_file(start)
+        id_, folder = self._result_folder("observation")
+        again = repeated_observation(file, self._start_name(start), method, force=force)
+        task = records.Observe(file, first, method, folder, force)
+        name = file.name
+        run = records.Observation(
+            id_, f"observe {name}", method, recording, start, command=again.command, python=again.python,
+        )  # fmt: skip
+        return self._begin("observe", "fits", run, task, name)
 
     # results of track and fleet
 
@@ -253,15 +203,9 @@ class Session:
         uploads = self.folder / "uploads"
         below = path.parent.resolve() if path.is_relative_to(uploads) else self.below
         id_ = id_ or self._id("table")
-        name = printable(path.name) if vehicle is None else printable(vehicle)
         self.jobs.cancel_about(id_)
-        self.board.put("table", id_, {
-            "id": id_, "name": name, "path": str(path), "folder": printable(path.parent.name), "vehicle": vehicle,
-            "status": "waiting", "found": None, "message": "", "bad_input": False,
-        })  # fmt: skip
-        task = {"do": "table", "path": str(path), "below": str(below), "vehicle": vehicle}
-        self.jobs.submit(f"open {name}", "files", task, id_)
-        return id_
+        table = records.Table(id_, printable(vehicle or path.name), path, printable(path.parent.name), vehicle)
+        return self._begin("open", "files", table, records.ReadTable(path, below, vehicle))
 
     def open_vehicle(self, id_: str, vehicle: str) -> str:
         """Begin to read a vehicle of a fleet, unless that is done; the id of what it becomes.
@@ -271,14 +215,12 @@ class Session:
         DataError
             If the fleet, or a vehicle of this name, is not there.
         """
-        known = self.board.get("table", id_)
-        found = known and known["found"]
-        if known is None or not found or vehicle not in found.get("vehicles", {}).get("vehicle", ()):
+        fleet = self.board.get(records.Table, id_)
+        if fleet is None or not fleet.found or vehicle not in fleet.found.get("vehicles", {}).get("vehicle", ()):
             raise DataError(f"{printable(vehicle)}: there is no such vehicle in this fleet.")
-        wanted = (known["path"], vehicle)
-        same = (one for one in self.board.all("table") if (one["path"], one["vehicle"]) == wanted)
-        there = next((one["id"] for one in same if one["status"] not in ("failed", "cancelled")), None)
-        return there or self.open_table(Path(known["path"]), vehicle=vehicle)
+        same = (one for one in self.board.all(records.Table) if (one.path, one.vehicle) == (fleet.path, vehicle))
+        there = next((one.id for one in same if one.status not in ("failed", "cancelled")), None)
+        return there or self.open_table(fleet.path, vehicle=vehicle)
 
     def export(self, id_: str, to: str, method: str) -> None:
         """Begin to export the observer of a calibration.
@@ -289,10 +231,11 @@ class Session:
             If it is none.
         """
         start = self.calibration_file(id_)
-        folder = start.parent
-        task = {"do": "export", "start": str(start), "to": to, "method": method, "folder": str(folder), "result": id_}
-        known = self.board.get("result", id_) or {}
-        self.jobs.submit(f"export {known.get('name', '')}", "fits", task, f"{id_} export")
+        result = self.board.get(records.Result, id_)
+        task = records.Export(start, to, method, start.parent)
+        self.jobs.submit(f"export {result.name if result else ''}", "fits", task, id_)
+
+    # files
 
     def calibration_file(self, id_: str) -> Path:
         """The parameter file of a result.
@@ -302,29 +245,29 @@ class Session:
         DataError
             If there is none.
         """
-        known = self.board.get("result", id_)
         path = self.folder / "results" / id_ / "fit.toml"
-        if known is None or not path.is_file():
+        if self.board.get(records.Result, id_) is None or not path.is_file():
             raise DataError("this calibration is not there any more; choose another one.")
         return path
 
-    def file_of(self, id_: str, name: str) -> Path:
-        """A file of a result, by its name.
+    def file_of(self, id_: str, name: str) -> tuple[Path, records.Result]:
+        """A file of a result by its name, and the result.
 
         Raises
         ------
         DataError
             If there is none.
         """
-        known = self.board.get("result", id_)
-        found = known and known["found"]
-        names = [*(found or {}).get("files", ()), *(one["file"] for one in (known or {}).get("exports", ()))]
+        result = self.board.get(records.Result, id_)
         path = self.folder / "results" / id_ / name
-        if name not in names or not path.is_file():
+        names = (
+            [] if result is None else [*(result.found or {}).get("files", ()), *(one["file"] for one in result.exports)]
+        )
+        if result is None or name not in names or not path.is_file():
             raise DataError(f"{printable(name)}: there is no such file of this result.")
-        return path
+        return path, result
 
-    def columns_of(self, kind: str, id_: str) -> Path:
+    def columns_of(self, kind: type[records.Recording | records.Result | records.Observation], id_: str) -> Path:
         """The stored columns of a recording or of a result.
 
         Raises
@@ -333,145 +276,83 @@ class Session:
             If there is none.
         """
         if self.board.get(kind, id_) is None:
-            raise DataError(f"this {kind} is not there any more.")
-        return self.folder / "columns" / id_ if kind == "recording" else self.folder / "results" / id_ / "columns"
+            raise DataError(f"this {kind.__name__.lower()} is not there any more.")
+        return self._columns(id_) if kind is records.Recording else self.folder / "results" / id_ / "columns"
 
-    # what jobs say
+    # jobs
+
+    def _begin(
+        self,
+        title: str,
+        lane: Lane,
+        item: records.Recording | records.Result | records.Observation | records.Table,
+        task: records.Task,
+        of: str = "",
+    ) -> str:
+        """Put a record on the board and submit the job that will complete it; its id."""
+        self.board.put(item)
+        self.jobs.submit(f"{title} {of or item.name}", lane, task, item.id)
+        return item.id
 
     def _job_changed(self, job: Job) -> None:
-        self.board.put("job", job.id, job.content())
-        kind = job.about.partition("-")[0]
-        if job.status in ("failed", "cancelled") and " " not in job.about:
-            self.board.update(kind, job.about, status=job.status, message=job.message, bad_input=job.bad_input)
-        elif job.status == "running" and kind != "recording" and " " not in job.about:
-            known = self.board.get(kind, job.about)
-            if known is not None and known["status"] == "waiting":
-                self.board.update(kind, job.about, status="running")
+        self.board.put(job)
+        if isinstance(job.task, records.Export):
+            return
+        if job.status in ("failed", "cancelled"):
+            self.board.update(job.about, status=job.status, message=job.message, bad_input=job.bad_input)
+        elif job.status == "running" and (item := self.board.item(job.about)) and item.status == "waiting":
+            self.board.update(job.about, status="running")
 
     def _job_done(self, job: Job, found: dict[str, Any]) -> None:
-        if job.task["do"] == "export":
-            known = self.board.get("result", found["result"])
-            if known is not None:
-                self.board.update("result", found["result"], exports=[*known["exports"], found])
-        elif job.about.startswith("recording"):
-            path = Path(job.task["path"])
-            size = path.stat().st_size if path.exists() else 0
-            self.board.update("recording", job.about, status="ready", look=found, size=size, message="")
+        task = job.task
+        if isinstance(task, records.Export):
+            result = self.board.get(records.Result, job.about)
+            if result is not None:
+                self.board.update(job.about, exports=(*result.exports, found))
+        elif isinstance(task, records.OpenRecording | records.LookAgain | records.CutRecording):
+            size = task.file.path.stat().st_size if task.file.path.exists() else 0
+            self.board.update(job.about, status="ready", look=found, size=size, message="")
         else:
-            self.board.update(job.about.partition("-")[0], job.about, status="done", found=found, message="")
+            self.board.update(job.about, status="done", found=found, message="")
+
+    # records
 
     def _id(self, kind: str) -> str:
         return f"{kind}-{next(self._numbers)}"
 
-    def _recording(self, id_: str) -> Mapping[str, Any]:
-        known = self.board.get("recording", id_)
-        if known is None:
-            raise DataError("this recording is not there any more; open it again.")
-        return known
+    def _columns(self, id_: str) -> Path:
+        return self.folder / "columns" / id_
 
-    def _item(self, id_: str) -> dict[str, Any]:
-        known = self._recording(id_)
-        if known["look"] is None:
-            raise DataError(f"{known['name']}: is not read yet.")
-        shown = known["name"] if known["uploaded"] else _relative(Path(known["path"]))
-        return {"path": known["path"], "map": known["map"], "dbc": known["dbc"], "name": shown}
+    def _result_folder(self, kind: str) -> tuple[str, Path]:
+        """An id and a new folder for the files of a result."""
+        id_ = self._id(kind)
+        folder = self.folder / "results" / id_
+        folder.mkdir(parents=True)
+        return id_, folder
+
+    def _recording(self, id_: str) -> records.Recording:
+        recording = self.board.get(records.Recording, id_)
+        if recording is None:
+            raise DataError("this recording is not there any more; open it again.")
+        return recording
+
+    def _files(self, ids: Sequence[str]) -> tuple[records.File, ...]:
+        """Recordings as jobs read them, each with the name that a command has for it."""
+        recordings = [self._recording(id_) for id_ in ids]
+        for one in recordings:
+            if one.look is None:
+                raise DataError(f"{one.name}: is not read yet.")
+        return tuple(
+            records.File(one.path, one.map, name=one.name if one.uploaded else _relative(one.path))
+            for one in recordings
+        )
 
     def _start_name(self, id_: str) -> str:
-        known = self.board.get("result", id_) or {}
-        return str(known["name"]) if known.get("verb") == "file" else "CAL.toml"
+        result = self.board.get(records.Result, id_)
+        return result.name if result is not None and result.verb == "file" else "CAL.toml"
 
 
 def _relative(path: Path) -> str:
     """A path as one would write it here."""
     here = Path.cwd()
     return str(path.relative_to(here)) if path.is_relative_to(here) else os.fspath(path)
-
-
-def checked_options(options: Any) -> dict[str, Any]:
-    """Options of a fit as the page sends them; without those that are left empty.
-
-    Raises
-    ------
-    ParameterError
-        If one cannot be understood, with the sentence of the command line.
-    """
-    if not isinstance(options, dict):
-        raise ParameterError("options: a table is needed.")
-    known = {"measure", "free", "method", "bounds", "prior", "ambient", "zero", "force"}
-    if unknown := sorted(set(options) - known):
-        raise ParameterError(f"options: {', '.join(map(str, unknown))} is not known; {', '.join(sorted(known))}.")
-    found: dict[str, Any] = {}
-    for name in ("measure", "free", "method", "ambient", "zero"):
-        text = options.get(name, "")
-        if not isinstance(text, str):
-            raise ParameterError(f"--{name}: a text is needed.")
-        if text.strip():
-            found[name] = text.strip()
-    if found.get("method", "") not in METHODS:
-        raise ParameterError(f"--method {found['method']}: is not known; {', '.join(METHODS[1:])}.")
-    if found.get("zero", "keep") not in ("keep", "subtract"):
-        raise ParameterError(f"--zero {found['zero']}: is not known; subtract or keep.")
-    for name, parse in (("bounds", bounds), ("prior", priors)):
-        items = options.get(name, [])
-        if not isinstance(items, list) or not all(isinstance(item, str) for item in items):
-            raise ParameterError(f"--{name}: a list of texts is needed.")
-        parse(items)
-        if items:
-            found[name] = items
-    pressure(found.get("ambient"))
-    if options.get("force"):
-        found["force"] = True
-    return found
-
-
-def _options_of(verb: str, several: Sequence[Mapping[str, Any]], used: Mapping[str, Any]) -> list[str]:
-    """Options of a command that differ from its defaults."""
-    words: list[str] = []
-    for name in ("measure", "free", "method", "ambient", "zero"):
-        value = used.get(name)
-        if value and value != {**VERBS[verb], "zero": "subtract"}.get(name):
-            words += [f"--{name}", str(value)]
-    if any(item["map"] for item in several):
-        words += ["--map", "map.toml"]
-    words += ["--force"] if used.get("force") else []
-    for name in ("bounds", "prior"):
-        if used.get(name):
-            words += [f"--{name}", *used[name]]
-    return words
-
-
-def _arguments(
-    verb: str, several: Sequence[Mapping[str, Any]], others: Sequence[Mapping[str, Any]], start: str | None, used: Any
-) -> list[str]:
-    """The command that repeats a fit."""
-    words = ["clutchid", verb, *(item["name"] for item in several)]
-    words += ["--start", start] if start else []
-    words += _options_of(verb, several, used)
-    return [*words, *(["--verify", *(item["name"] for item in others)] if others else [])]
-
-
-def _python(
-    verb: str, several: Sequence[Mapping[str, Any]], others: Sequence[Mapping[str, Any]], start: str | None, used: Any
-) -> str:
-    """The Python that repeats a fit."""
-
-    def read(item: Mapping[str, Any]) -> str:
-        return f'clutchid.read({item["name"]!r}, channels="map.toml")' if item["map"] else repr(item["name"])
-
-    def listed(items: Sequence[Mapping[str, Any]]) -> str:
-        texts = [read(item) for item in items]
-        return texts[0] if len(texts) == 1 else f"[{', '.join(texts)}]"
-
-    given = [listed(several), *([repr(start)] if start else [])]
-    for name in ("measure", "free", "method", "zero"):
-        value = used.get(name)
-        if value and value != {**VERBS[verb], "zero": "subtract"}.get(name):
-            given.append(f"{name}={value!r}")
-    given += [f"verify={listed(others)}"] if others else []
-    if used.get("bounds"):
-        given.append(f"bounds={ {name: tuple(span) for name, span in bounds(used['bounds']).items()}!r}")
-    if used.get("prior"):
-        each = (f"{name!r}: clutchid.Prior({one.mean!r}, {one.std!r})" for name, one in priors(used["prior"]).items())
-        given.append(f"priors={{{', '.join(each)}}}")
-    made = f"clutchid.{verb}({', '.join(given)})"
-    return f"import clutchid\n\nfound = {made}\nprint(found)\nfound.plot().savefig('load.png')\n"

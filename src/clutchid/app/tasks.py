@@ -6,17 +6,19 @@ import json
 import shutil
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from clutchid.app import records
 from clutchid.app.plots import CLOCK, clock_column
 from clutchid.codegen.cache import when_compiling
 from clutchid.documents.fit_json import curve_json, fit_json
-from clutchid.documents.look_json import look_json
-from clutchid.documents.next_step import Command, next_step
+from clutchid.documents.look_json import look_json, map_json
+from clutchid.documents.next_step import next_step
 from clutchid.documents.summary import errors_text, summary
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.estimation.assess.comparison import comparison
@@ -30,11 +32,12 @@ from clutchid.measurements.opening import open_source
 from clutchid.measurements.source import BLOCK, Source
 from clutchid.measurements.stored import store, stored, write_column
 from clutchid.numerics.progress import Step
+from clutchid.systems import command_line
 from clutchid.verbs import saving
 from clutchid.verbs.fitting import fitted
 from clutchid.verbs.looking import checked, contents_of
 from clutchid.verbs.observing import observed
-from clutchid.verbs.options import RequestText, pressure
+from clutchid.verbs.options import pressure
 from clutchid.verbs.progress import CALIBRATION, ESTIMATE, Progressed, shared
 from clutchid.verbs.reading import Reading, RecordingFile
 from clutchid.verbs.start import calibration_file, start_of
@@ -42,9 +45,6 @@ from clutchid.verbs.start import calibration_file, start_of
 if TYPE_CHECKING:
     from clutchid.estimation import Fit
     from clutchid.measurements.map.channel_map import ChannelMap
-
-Task = Mapping[str, Any]
-
 
 #: Most strokes and rests of a recording that are listed.
 MOST_SECTIONS = 2000
@@ -60,7 +60,7 @@ class Listener(Protocol):
         """What is known before the job is done."""
 
 
-def open_recording(task: Task, events: Listener) -> dict[str, Any]:
+def open_recording(task: records.OpenRecording | records.CutRecording, events: Listener) -> dict[str, Any]:
     """Copy the columns of a recording into the folder of the task, look at it and check it.
 
     Raises
@@ -69,18 +69,17 @@ def open_recording(task: Task, events: Listener) -> dict[str, Any]:
         As `clutchid.read`.
     """
     events.progress("reading", None, "reading")
-    source = open_source(task["path"], task.get("dbc", ()))
-    folder = Path(task["folder"])
-    shutil.rmtree(folder, ignore_errors=True)
+    source = open_source(task.file.path)
+    shutil.rmtree(task.folder, ignore_errors=True)
 
     def shown(done: int, size: int) -> None:
         events.progress("reading", 0.9 * done / max(size, 1), f"reading, {done:,} samples")
 
-    copied = store(source, folder, BLOCK, shown)
+    copied = store(source, task.folder, BLOCK, shown)
     return _looked(copied, task, events)
 
 
-def look_again(task: Task, events: Listener) -> dict[str, Any]:
+def look_again(task: records.LookAgain, events: Listener) -> dict[str, Any]:
     """Look at the stored columns of a recording with another channel map.
 
     Raises
@@ -88,21 +87,23 @@ def look_again(task: Task, events: Listener) -> dict[str, Any]:
     DataError, ParameterError
         If the map cannot be understood or does not fit.
     """
-    return _looked(stored(Path(task["folder"])), task, events)
+    return _looked(stored(task.folder), task, events)
 
 
-def _looked(source: Source, task: Task, events: Listener) -> dict[str, Any]:
+def _looked(
+    source: Source, task: records.OpenRecording | records.LookAgain | records.CutRecording, events: Listener
+) -> dict[str, Any]:
     """The contents of a recording, the checks, and how its channels are plotted."""
     when_compiling(lambda _: events.progress("compiling", 0.9, "compiling the model, once per machine"))
-    given = None if task.get("map") is None else read_map(task["map"])
-    ambient = pressure(task.get("ambient"))
-    folder = Path(task["folder"])
-    _write_clocks(source, given, folder)
+    given = None if task.file.map is None else read_map(task.file.map)
+    ambient = pressure(task.ambient or None)
+    _write_clocks(source, given, task.folder)
     about = {
         "ambient": AMBIENT if ambient is None else ambient,
         "plots": _plots(source),
         "strokes": [],
         "checking": False,
+        **({} if given is None else {"map": map_json(given)}),
     }
     contents = contents_of(source, ambient, given)
     events.part(finite({**look_json(contents, None, ""), **about, "checking": True}))
@@ -118,7 +119,7 @@ def _looked(source: Source, task: Task, events: Listener) -> dict[str, Any]:
     return shown
 
 
-def cut_recording(task: Task, events: Listener) -> dict[str, Any]:
+def cut_recording(task: records.CutRecording, events: Listener) -> dict[str, Any]:
     """Write the chosen strokes of stored columns as a recording, and open it.
 
     Raises
@@ -130,16 +131,16 @@ def cut_recording(task: Task, events: Listener) -> dict[str, Any]:
     from clutchid.strokes import cut, joined
 
     events.progress("cutting", None, "cutting")
-    source = stored(Path(task["source"]))
-    given = None if task.get("map") is None else read_map(task["map"])
-    chosen = {round(float(begin), 6) for begin in task["begins"]}
-    pieces = source_pieces(source, given, pressure(task.get("ambient")))
+    source = stored(task.source)
+    given = None if task.map is None else read_map(task.map)
+    chosen = {round(float(begin), 6) for begin in task.begins}
+    pieces = source_pieces(source, given, pressure(task.ambient or None))
     sections = [section for section in cut(pieces) if round(section.start, 6) in chosen]
     if not sections:
         raise DataError(f"{source.path.name}: no stroke is chosen.")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        write(joined(sections), task["path"])
+        write(joined(sections), task.file.path)
     return open_recording(task, events)
 
 
@@ -181,16 +182,12 @@ def _strokes(log: Log | None) -> list[dict[str, Any]]:
     return [{"kind": one.kind, "label": one.label, "begin": one.start, "end": one.end} for one in sections]
 
 
-def _files(items: Sequence[Task]) -> tuple[RecordingFile, ...]:
+def _files(files: Sequence[records.File]) -> tuple[RecordingFile, ...]:
     """Recordings, each with the channel map of its own."""
-    return tuple(RecordingFile(item["path"], item.get("map"), tuple(item.get("dbc", ()))) for item in items)
+    return tuple(RecordingFile(file.path, file.map) for file in files)
 
 
-#: Options of the page that say what is searched; the others say how files are read.
-_SEARCH = ("measure", "free", "method", "bounds", "prior", "zero")
-
-
-def fit(task: Task, events: Listener) -> dict[str, Any]:
+def fit(task: records.FitRecordings, events: Listener) -> dict[str, Any]:
     """Calibrate, or estimate a load, as the command of the same verb, and write its files into the folder of the task.
 
     Raises
@@ -198,43 +195,30 @@ def fit(task: Task, events: Listener) -> dict[str, Any]:
     DataError, ParameterError, SolveError
         As `clutchid.fit`.
     """
-    usual = CALIBRATION if task["verb"] == "calibrate" else ESTIMATE
+    asked = task.asked
+    usual = CALIBRATION if asked.verb == "calibrate" else ESTIMATE
 
     def show(done: Progressed) -> None:
         events.progress(done.step.stage, done.share, done.words)
 
     progress = shared(usual, show)
     when_compiling(lambda _: progress(Step("compiling")))
-    options = task["options"]
-    search = RequestText(**{name: value for name, value in options.items() if name in _SEARCH})
-    start = None if task.get("start") is None else Path(task["start"])
-    actuator, request = start_of(start, None, search.request(task["verb"]))
-    reading = Reading(
-        _files(task["recordings"]), _files(task.get("verify", ())), pressure(options.get("ambient") or None),
-        force=bool(options.get("force")), zero=request.zero,
-    )  # fmt: skip
+    actuator, request = start_of(task.start, None, asked.search.request(asked.verb))
+    reading = asked.files.reading(_files(task.recordings), _files(task.verify), force=asked.force, zero=request.zero)
     found = fitted(reading, actuator, request, progress).raised()
     progress(Step("writing"))
-    folder = Path(task["folder"])
-    shown = _shown(found, task, folder)
+    shown = _shown(found, task)
     events.part({**shown, "writing": True})
-    return {**shown, **_written(found, task, folder)}
+    return {**shown, **_written(found, task)}
 
 
-def _command(task: Task, save: Path | None = None, report: Path | None = None) -> Command:
-    """The command that repeats a fit."""
-    logs = tuple(Path(item["name"]) for item in task["recordings"])
-    return Command(tuple(task["arguments"]), logs, save=save, report=report)
-
-
-def _written(found: Fit, task: Task, folder: Path) -> dict[str, Any]:
+def _written(found: Fit, task: records.FitRecordings) -> dict[str, Any]:
     """Write the files of a fit; their names, and why others could not be written."""
-    files, failures = ["result.json"], []
-    command = _command(task)
+    folder, files, failures = task.folder, ["result.json"], []
     for name in ("fit.toml", "report.html", "fit.m", "fit.mat"):
         try:
             if name.endswith(".html"):
-                saving.report(found, command.with_options(), folder / name)
+                saving.report(found, command_line(["clutchid", *task.asked.words]), folder / name)
             else:
                 saving.save(found, folder / name)
             files.append(name)
@@ -244,17 +228,18 @@ def _written(found: Fit, task: Task, folder: Path) -> dict[str, Any]:
     return {"files": files, "failures": failures}
 
 
-def _shown(found: Fit, task: Task, folder: Path) -> dict[str, Any]:
+def _shown(found: Fit, task: records.FitRecordings) -> dict[str, Any]:
     """What the page shows of a fit."""
     compared = comparison(found)
-    step = next_step(found, _command(task, Path("CAL.toml"), Path("r.html")))
+    kept = Path(records.download_name(task.name, "fit.toml"))
+    step = next_step(found, replace(task.asked, save=(kept,), report=kept.with_suffix(".html")).command)
     shown = {
         **fit_json(found),
         "summary": [row._asdict() for row in summary(found, in_full=True)],
         "error_words": {name: errors_text(one.errors) for name, one in found.recordings.items()},
         "is_calibration": found.calibration is not None and found.baseline is None,
-        "recordings": _residuals(found, folder / "columns"),
-        "next": {"kind": step.kind, "why": step.why},
+        "recordings": _residuals(found, task.folder / "columns"),
+        "next": step._asdict(),
         "change_at": None if compared is None else {
             f"{mm} mm": compared.at(mm * 1e-3)._asdict() for mm in (5, 6, 7, 8) if mm * 1e-3 <= compared.reach
         },
@@ -293,7 +278,7 @@ def _residuals(found: Fit, folder: Path) -> list[dict[str, Any]]:
     return shown
 
 
-def check_calibration(task: Task, events: Listener) -> dict[str, Any]:
+def check_calibration(task: records.ReadCalibration, events: Listener) -> dict[str, Any]:
     """What a parameter file holds, if it is a calibration.
 
     Raises
@@ -303,13 +288,13 @@ def check_calibration(task: Task, events: Listener) -> dict[str, Any]:
     """
     events.progress("reading", None, "reading")
     try:
-        content = read_parameters(task["path"])
+        content = read_parameters(task.path)
     except ParameterError as error:
-        raise ParameterError(_no_calibration(task) or str(error).replace(task["path"], task["name"])) from None
+        raise ParameterError(_no_calibration(task) or str(error).replace(str(task.path), task.name)) from None
     known = content.calibration
     if known is None:
         raise ParameterError(
-            f"{task['name']}: is a parameter file without a calibration; a calibration is written by "
+            f"{task.name}: is a parameter file without a calibration; a calibration is written by "
             "`clutchid calibrate --save CAL.toml`."
         )
     curve = calibrated_curve(content.actuator, known)
@@ -322,16 +307,16 @@ def check_calibration(task: Task, events: Listener) -> dict[str, Any]:
     return result
 
 
-def _no_calibration(task: Task) -> str:
+def _no_calibration(task: records.ReadCalibration) -> str:
     """Advice for a channel map that was taken for a calibration; empty for other files."""
     try:
-        read_map(task["path"])
+        read_map(task.path)
     except (DataError, ParameterError):
         return ""
-    return f"{task['name']}: is a channel map; give it to a recording with “Use a map” in its table of channels."
+    return f"{task.name}: is a channel map; give it to a recording with “Use a map” in its table of channels."
 
 
-def export(task: Task, events: Listener) -> dict[str, Any]:
+def export(task: records.Export, events: Listener) -> dict[str, Any]:
     """Export the observer of a calibration, and pack it as a ZIP file.
 
     Raises
@@ -344,20 +329,19 @@ def export(task: Task, events: Listener) -> dict[str, Any]:
 
     events.progress("export", None, "writing the C and comparing it with Python")
     when_compiling(lambda _: events.progress("compiling", None, "compiling the model, once per machine"))
-    folder = Path(task["folder"])
-    made = folder / "export"
+    made = task.folder / "export"
     shutil.rmtree(made, ignore_errors=True)
-    done = exported(task["start"], made, to=targets_of(task["to"]), method=task.get("method", "joint"))
-    archive = shutil.make_archive(str(folder / "export"), "zip", made)
+    done = exported(task.start, made, to=targets_of(task.to), method=task.method)
+    archive = shutil.make_archive(str(made), "zip", made)
     parity = done.parity
     words = f"{len(done.files)} files"
     if parity is not None:
         holds = "holds" if done.holds else "does not hold"
         words += f"; parity {holds} on {parity.recording}: load {100 * parity.load:.2g} % of its peak"
-    return {"file": Path(archive).name, "words": words, "notes": list(done.notes), "result": task["result"]}
+    return {"file": Path(archive).name, "words": words, "notes": list(done.notes)}
 
 
-def observe(task: Task, events: Listener) -> dict[str, Any]:
+def observe(task: records.Observe, events: Listener) -> dict[str, Any]:
     """Follow a recording with the observer of a calibration, and write its columns and its loads by stroke.
 
     Raises
@@ -371,13 +355,12 @@ def observe(task: Task, events: Listener) -> dict[str, Any]:
 
     events.progress("reading", 0.0, "reading")
     when_compiling(lambda _: events.progress("compiling", 0.1, "compiling the model, once per machine"))
-    content = calibration_file(Path(task["start"]))
-    reading = Reading(_files([task["recording"]]), force=bool(task.get("force")))
+    content = calibration_file(task.start)
     events.progress("observing", 0.3, "following the samples")
-    run = observed(reading, content, task["method"])
+    run = observed(Reading(_files([task.recording]), force=task.force), content, task.method)
     log = run.log
     events.progress("writing", 0.9, "writing")
-    folder = Path(task["folder"]) / "columns"
+    folder = task.folder / "columns"
     folder.mkdir(parents=True, exist_ok=True)
     estimates = run.estimates()
     names = [name for name in OBSERVED if name in estimates.columns]
@@ -387,20 +370,24 @@ def observe(task: Task, events: Listener) -> dict[str, Any]:
     grid = positions(run.observer)
     loads = [(float(log.time[0]), 0, curve(run.observer, run.before, grid))]
     loads += [(row.time, row.number, row.curve) for row in run.strokes]
+    rows = end_rows(run)
     shown = {
         "columns": names,
         "span": [float(log.time[0]), float(log.time[-1])],
         "calibrated": curve_json(curve(run.observer, start(run.observer), grid)),
         "loads": [{"time": time, "stroke": number, "curve": curve_json(one)} for time, number, one in loads],
         "health": dict(run.health),
-        "summary": [row._asdict() for row in end_rows(run)],
+        "summary": [row._asdict() for row in rows],
+        "next": {"kind": "correct", "why": "correct what the reasons say", "command": ""}
+        if any(row.mood == "none" for row in rows)
+        else {"kind": "export", "why": "export the observer for a control unit", "command": ""},
         "warnings": [*log.warnings],
     }
     result: dict[str, Any] = finite(shown)
     return result
 
 
-def open_table(task: Task, events: Listener) -> dict[str, Any]:
+def open_table(task: records.ReadTable, events: Listener) -> dict[str, Any]:
     """The table of a fleet, or the trend and the loads of a vehicle, from the files of their commands.
 
     Raises
@@ -411,7 +398,7 @@ def open_table(task: Task, events: Listener) -> dict[str, Any]:
     from clutchid.app import tables  # half a second of imports, which other jobs need not wait for
 
     events.progress("reading", None, "reading")
-    found: dict[str, Any] = finite(tables.opened(Path(task["path"]), Path(task["below"]), task.get("vehicle")))
+    found: dict[str, Any] = finite(tables.opened(task.path, task.below, task.vehicle))
     return found
 
 
@@ -434,7 +421,7 @@ def finite(value: Any) -> Any:
 
 
 #: Tasks by name.
-TASKS: Mapping[str, Callable[[Task, Listener], dict[str, Any]]] = {
+TASKS: Mapping[str, Callable[[Any, Listener], dict[str, Any]]] = {
     "open": open_recording,
     "look": look_again,
     "cut": cut_recording,

@@ -1,4 +1,4 @@
-"""The process of one job: a task as a JSON line on standard input, events as JSON lines on standard output.
+"""The process of one job: a pickled task on standard input, events as JSON lines on standard output.
 
 It is started before a job is there, with its imports done, and waits. It ends with all that it started when the server
 closes its standard input, as when it is killed.
@@ -8,13 +8,16 @@ from __future__ import annotations
 
 import json
 import os
+import pickle
 import signal
 import sys
 import threading
 import time
 import traceback
+from collections.abc import Callable
 from typing import Any
 
+from clutchid.app.records import Task
 from clutchid.systems import end_session
 from clutchid.verbs.failures import failure
 
@@ -54,17 +57,18 @@ def main() -> None:
     from clutchid.app import tasks  # with all that a job needs
 
     events.say("ready")
-    line = sys.stdin.readline()
-    if not line:
+    try:
+        task: Task = pickle.load(sys.stdin.buffer)  # of the server alone, which started this process
+    except EOFError:
         return
     threading.Thread(target=_end_with_server, daemon=True).start()
-    done_by(json.loads(line), tasks.TASKS, events)
+    run(task, tasks.TASKS[task.do], events)
 
 
-def done_by(task: dict[str, Any], known: Any, events: Events) -> None:
-    """Do one task of those that are `known`, and say its result or its failure."""
+def run(task: Task, work: Callable[..., dict[str, Any]], events: Events) -> None:
+    """Do one task, and report its result or its failure."""
     try:
-        events.say("done", result=known[task["do"]](task, events))
+        events.say("done", result=work(task, events))
     except Exception as error:
         message, status = failure(error, debug=False)
         events.say("failed", message=message, status=status, traceback="" if status == "bad_input" else _trace(error))

@@ -34,7 +34,7 @@ def test_from_a_german_file_to_what_has_changed_and_an_export(page, opened, file
         page.click("text=Export (ZIP)")
     assert download.value.suggested_filename.endswith("export.zip")
     page.click("text=Repeat it on the command line")
-    assert "clutchid calibrate Messung.mf4 --map map.toml" in page.locator("pre").first.inner_text()
+    assert "clutchid calibrate Messung.mf4 --map Messung.mf4.map.toml" in page.locator("pre").first.inner_text()
 
 
 def test_a_calibrated_curve_takes_at_most_five_clicks(page, files):

@@ -1,0 +1,103 @@
+"""What the page asks for, checked before its job starts, as the command and the Python that repeat it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from clutchid.app.records import File
+from clutchid.errors import ParameterError
+from clutchid.systems import command_line
+from clutchid.verbs.commands import FitCommand
+from clutchid.verbs.options import ReadingText, RequestText, bounds, pressure, priors
+
+#: What a fit on the page asks for, by verb: the defaults of the commands of the same name.
+VERBS = {
+    "calibrate": {"measure": "position,pressure_a", "free": "auto"},
+    "estimate": {"measure": "position", "free": "load"},
+}
+
+#: Methods of a fit; an empty text leaves the choice to it.
+METHODS = ("", "simulation", "shooting", "prediction-error")
+
+_TEXTS = {"measure": None, "free": None, "method": METHODS, "zero": ("", "subtract", "keep"), "ambient": None}
+_LISTS = {"bounds": bounds, "prior": priors}
+
+
+class Repeated(NamedTuple):
+    """The command and the Python that repeat a result; both are empty where the recordings have different maps."""
+
+    command: str
+    python: str
+
+
+def fit_command(
+    verb: str, options: Any, files: Sequence[File], verify: Sequence[File] = (), start: str | None = None
+) -> FitCommand:
+    """A fit as the page asks for it, with the recordings by the names that a command has for them.
+
+    Raises
+    ------
+    ParameterError
+        If an option cannot be understood, with the sentence of the command line.
+    """
+    if not isinstance(options, dict):
+        raise ParameterError("options: a table is needed.")
+    known = {*_TEXTS, *_LISTS, "force"}
+    if unknown := sorted(map(str, {*options} - known)):
+        raise ParameterError(f"options: {', '.join(unknown)} is not known; {', '.join(sorted(known))}.")
+    stated: dict[str, Any] = {}
+    for name, choices in _TEXTS.items():
+        text = options.get(name, "")
+        if not isinstance(text, str):
+            raise ParameterError(f"--{name}: a text is needed.")
+        if choices and text.strip() not in choices:
+            raise ParameterError(f"--{name} {text}: is not known; {', '.join(filter(None, choices))}.")
+        stated |= {name: text.strip()} if text.strip() else {}
+    for name, parse in _LISTS.items():
+        items = options.get(name, [])
+        if not isinstance(items, list) or not all(isinstance(item, str) for item in items):
+            raise ParameterError(f"--{name}: a list of texts is needed.")
+        parse(items)
+        stated |= {name: items} if items else {}
+    ambient = stated.pop("ambient", None)
+    pressure(ambient)
+    return FitCommand(
+        verb=verb, logs=_names(files), verify=_names(verify), start=None if start is None else Path(start),
+        search=RequestText(**stated), files=ReadingText(ambient=ambient, map=_map_of([*files, *verify])),
+        force=bool(options.get("force")),
+    )  # fmt: skip
+
+
+def repeated(asked: FitCommand, files: Sequence[File]) -> Repeated:
+    """What repeats a fit of these recordings, those to verify with among them."""
+    if len(_maps_of(files)) > 1:
+        return Repeated("", "")
+    return Repeated(command_line(["clutchid", *asked.words]), asked.python)
+
+
+def repeated_observation(file: File, start: str, method: str, *, force: bool) -> Repeated:
+    """What repeats following a recording."""
+    channels = _map_of([file])
+    words = ["clutchid", "observe", file.name, "--start", start, "--method", method, "--out", "est.parquet"]
+    words += [*(["--map", str(channels)] if channels else []), *(["--force"] if force else [])]
+    given = [repr(file.name), repr(start), f"method={method!r}"]
+    given += [*([f"channels={str(channels)!r}"] if channels else []), *(["force=True"] if force else [])]
+    call = f"run = clutchid.observe({', '.join(given)})\nprint(run.load_by_stroke())"
+    return Repeated(command_line(words), f"import clutchid\n\n{call}\n")
+
+
+def _names(files: Sequence[File]) -> tuple[Path, ...]:
+    return tuple(Path(file.name) for file in files)
+
+
+def _maps_of(files: Sequence[File]) -> set[str]:
+    """The texts of the channel maps of recordings, of which an empty one is none."""
+    return {file.map.read_text(encoding="utf-8") if file.map else "" for file in files}
+
+
+def _map_of(files: Sequence[File]) -> Path | None:
+    """The name under which the page gives the channel map of recordings, the first's where it is that of all."""
+    mapped = [file for file in files if file.map]
+    return Path(f"{Path(mapped[0].name).name}.map.toml") if mapped and len(_maps_of(files)) == 1 else None

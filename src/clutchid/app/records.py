@@ -1,0 +1,215 @@
+"""What the page shows as frozen records, and the tasks of its jobs as records that are sent to another process."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+from clutchid.verbs.commands import FitCommand
+from clutchid.verbs.options import RequestText
+
+#: Content of a recording or a result as a job reports it, in the keys of ``--json`` and of the page.
+Json = Mapping[str, Any]
+
+
+#: Metadata of a field that the page does not get.
+PRIVATE = {"private": True}
+
+
+def content(record: Any) -> dict[str, Any]:
+    """A record as the JSON object that the page gets, by the names of its fields."""
+    return {one.name: _plain(getattr(record, one.name)) for one in fields(record) if not one.metadata}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, tuple):
+        return [_plain(inner) for inner in value]
+    return content(value) if is_dataclass(value) else value
+
+
+def download_name(result: str, file: str) -> str:
+    """The name under which a file of a result is downloaded."""
+    return f"{result.replace(' ', '-').replace('/', '-')}-{file}"
+
+
+@dataclass(frozen=True, slots=True)
+class File:
+    """A recording as a job reads it: its path, channel map, and the name that a command has for it."""
+
+    path: Path
+    map: Path | None = None
+    name: str = ""
+
+
+# what the page shows
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """A recording: its file and channel map, and what `look` reports of it."""
+
+    id: str
+    name: str
+    path: Path
+    uploaded: bool = False
+    status: str = "reading"
+    size: int = 0
+    message: str = ""
+    bad_input: bool = False
+    look: Json | None = None
+    map: Path | None = None
+    ambient: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """A fit, or with the verb "file" a calibration from a file; `found` is its content once there is one."""
+
+    id: str
+    verb: str
+    name: str
+    status: str = "waiting"
+    recordings: tuple[str, ...] = ()
+    verify: tuple[str, ...] = ()
+    start: str | None = None
+    options: RequestText | None = None
+    made: float = 0.0
+    found: Json | None = None
+    message: str = ""
+    bad_input: bool = False
+    command: str = ""
+    python: str = ""
+    exports: tuple[Json, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """A recording that an observer follows."""
+
+    id: str
+    name: str
+    method: str
+    recording: str
+    start: str
+    status: str = "waiting"
+    found: Json | None = None
+    message: str = ""
+    bad_input: bool = False
+    command: str = ""
+    python: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A result of `track` or `fleet`, or one vehicle of it."""
+
+    id: str
+    name: str
+    path: Path
+    folder: str
+    vehicle: str | None = None
+    status: str = "waiting"
+    found: Json | None = None
+    message: str = ""
+    bad_input: bool = False
+
+
+# tasks
+
+
+@dataclass(frozen=True, slots=True)
+class OpenRecording:
+    """Copy the columns of a file into a folder, and look at it."""
+
+    do: ClassVar[str] = "open"
+    file: File
+    folder: Path
+    ambient: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class LookAgain:
+    """Look at copied columns with another channel map."""
+
+    do: ClassVar[str] = "look"
+    file: File
+    folder: Path
+    ambient: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class CutRecording:
+    """Write the strokes of copied columns that begin at these times in s to a new file, and open it."""
+
+    do: ClassVar[str] = "cut"
+    source: Path
+    map: Path | None
+    begins: tuple[float, ...]
+    ambient: str
+    file: File
+    folder: Path
+
+
+@dataclass(frozen=True, slots=True)
+class FitRecordings:
+    """Calibrate or estimate as it was asked for, and write the files of the result into a folder.
+
+    Recordings and start are files of the server, which have other names in what was `asked`.
+    """
+
+    do: ClassVar[str] = "fit"
+    asked: FitCommand
+    name: str
+    recordings: tuple[File, ...]
+    folder: Path
+    verify: tuple[File, ...] = ()
+    start: Path | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ReadCalibration:
+    """Read a calibration from a file that was given under a name."""
+
+    do: ClassVar[str] = "calibration"
+    path: Path
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Observe:
+    """Follow a recording with the observer of a calibration."""
+
+    do: ClassVar[str] = "observe"
+    recording: File
+    start: Path
+    method: str
+    folder: Path
+    force: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Export:
+    """Export the observer of a calibration, and pack it."""
+
+    do: ClassVar[str] = "export"
+    start: Path
+    to: str
+    method: str
+    folder: Path
+
+
+@dataclass(frozen=True, slots=True)
+class ReadTable:
+    """Read a result of `track` or `fleet`, or a vehicle of it, whose files lie below a folder."""
+
+    do: ClassVar[str] = "table"
+    path: Path
+    below: Path
+    vehicle: str | None = None
+
+
+Task = OpenRecording | LookAgain | CutRecording | FitRecordings | ReadCalibration | Observe | Export | ReadTable
