@@ -1,11 +1,11 @@
-"""The bootstrap over strokes says what a dense sandwich says, and how strokes are cut."""
+"""The bootstrap over excursions says what a dense sandwich says, and how excursions are cut."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from clutchid.estimation.bootstrap import MIN_STROKES, bootstrap, gauss_newton_steps, scatter_ratio, strokes
+from clutchid.estimation.bootstrap import FEWEST, bootstrap, excursions, gauss_newton_steps, scatter_ratio
 from clutchid.inference.smoother.problem import condense, linearise
 from clutchid.inference.smoother.search import CONVERGED_GAIN, STAGES_FROM_CALIBRATION, search
 from clutchid.log import Log
@@ -78,7 +78,7 @@ def test_the_step_of_each_stroke_is_that_of_the_dense_problem(small):
 
 def test_the_draws_scatter_as_the_sandwich_of_the_dense_problem(small, solution, monkeypatch):
     problem, linear, numbers = small
-    monkeypatch.setattr("clutchid.estimation.bootstrap.strokes", lambda _: numbers)
+    monkeypatch.setattr("clutchid.estimation.bootstrap.excursions", lambda _: numbers)
     x = bootstrap(problem, Solution(solution.x, linear, "converged", 1), draws=20000)
     moves = dense_moves(linear, numbers)[0][:, 1:]
     # numbers of draws that add up to the number of strokes: less the part in which all strokes agree
@@ -91,7 +91,7 @@ def test_the_draws_scatter_as_the_sandwich_of_the_dense_problem(small, solution,
 
 
 def test_the_steps_of_all_strokes_add_up_to_the_step_of_the_whole_problem(problem, solution):
-    known, moves = gauss_newton_steps(solution.at, strokes(problem))
+    known, moves = gauss_newton_steps(solution.at, excursions(problem))
     factor, _ = condense(problem, solution.at)
     assert known + moves.sum(axis=1) == pytest.approx(-np.linalg.solve(factor[:-1, :-1], factor[:-1, -1]), abs=1e-8)
 
@@ -113,7 +113,7 @@ def test_many_draws_are_spread_around_what_was_found(problem, solution, root):
 def test_the_load_of_a_recording_with_white_noise_scatters_about_as_without_colour(problem, solution, root):
     # on eight recordings of other noise the load scattered with 0.81 of these deviations: the links count an error of
     # the model that is not there; 8 pieces know that to a quarter, and this is twice as much to either side
-    assert [part.max() + 1 for part in strokes(problem)] == [8]
+    assert [part.max() + 1 for part in excursions(problem)] == [8]
     assert 0.37 < scatter_ratio(problem, bootstrap(problem, solution), root) < 1.25
 
 
@@ -130,9 +130,9 @@ def test_without_a_free_load_there_is_no_ratio(problem_of, plant):
 
 
 @pytest.mark.parametrize("missing", [(), [(1.6, 1.9)], [(0.0, 0.3), (2.02, 2.37), (3.4, 3.55), (5.5, 5.9)]])
-def test_every_excursion_from_rest_is_a_stroke_also_where_position_is_missing(problem_of, plant, missing):
+def test_every_excursion_from_rest_counts_also_where_position_is_missing(problem_of, plant, missing):
     problem = resting(problem_of, plant, 10, missing=missing)
-    (numbers,) = strokes(problem)
+    (numbers,) = excursions(problem)
     starts = [window.start for window in problem.tracks[0].windows]
     # rest and excursion take a second; the rest at the end has no excursion and belongs to the last one
     wanted = np.minimum(np.array(starts) // 1000, 9)
@@ -141,17 +141,17 @@ def test_every_excursion_from_rest_is_a_stroke_also_where_position_is_missing(pr
 
 
 def test_a_recording_without_rest_is_cut_into_pieces_of_a_second(problem_of, plant):
-    (numbers,) = strokes(resting(problem_of, plant, 12, low=8e-3))
+    (numbers,) = excursions(resting(problem_of, plant, 12, low=8e-3))
     assert np.array_equal(np.unique(numbers), np.arange(12))
     assert np.ptp(np.bincount(numbers)) <= 1, "125 windows of 0.1 s"
     assert np.all(np.diff(numbers) >= 0)
 
 
-def test_a_recording_of_few_strokes_is_cut_into_pieces(problem_of, plant):
-    few, enough = (strokes(resting(problem_of, plant, count))[0] for count in (MIN_STROKES - 1, MIN_STROKES))
+def test_a_recording_of_few_excursions_is_cut_into_pieces(problem_of, plant):
+    few, enough = (excursions(resting(problem_of, plant, count))[0] for count in (FEWEST - 1, FEWEST))
     assert np.ptp(np.bincount(few)) <= 1
-    assert enough.max() + 1 == MIN_STROKES
-    # the last stroke has the rest at the end
+    assert enough.max() + 1 == FEWEST
+    # the last one has the rest at the end
     assert np.bincount(enough)[-1] == 15
 
 
@@ -160,18 +160,18 @@ def test_a_recording_without_position_is_cut_into_pieces_and_has_no_ratio(proble
     track = problem.tracks[0]
     blind = track.measured.with_columns(position=np.full(len(track.measured), np.nan))
     problem = replace(problem, tracks=(replace(track, measured=blind),))
-    assert np.ptp(np.bincount(strokes(problem)[0])) <= 1
+    assert np.ptp(np.bincount(excursions(problem)[0])) <= 1
     free = replace(problem, coordinates=problem_of([], plant, plant.load.names).coordinates)
     assert np.isnan(scatter_ratio(free, np.zeros((3, 22)), np.eye(22)))
 
 
-def test_strokes_of_several_recordings_are_numbered_without_gaps(problem_of, plant):
+def test_excursions_of_several_recordings_are_numbered_without_gaps(problem_of, plant):
     parts = [resting(problem_of, plant, count).tracks[0] for count in (10, 3)]
     problem = resting(problem_of, plant, 10)
     problem = replace(problem, tracks=(parts[0], replace(parts[1], log=1)), stems=("a", "b"))
-    numbers = strokes(problem)
+    numbers = excursions(problem)
     assert [len(part) for part in numbers] == [len(part.windows) for part in parts]
-    assert np.array_equal(np.unique(np.concatenate(numbers)), np.arange(13)), "10 strokes and 3.499 s in 3 pieces"
+    assert np.array_equal(np.unique(np.concatenate(numbers)), np.arange(13)), "10 excursions and 3.499 s in 3 pieces"
     assert numbers[1].min() == 10
 
 

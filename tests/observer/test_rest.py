@@ -97,7 +97,7 @@ def test_blocks_of_any_length_and_a_resumed_state_give_the_same_bits(plant, log,
 
 
 def test_a_hole_keeps_the_shift_until_a_rest_says_else():
-    watch = RestWatch(shift=2e-4, lowest=2e-4, returned=(5e-4,), stroke=True)
+    watch = RestWatch(shift=2e-4, lowest=2e-4, returned=(5e-4,), excursion=True)
     assert new_stretch(watch) == RestWatch(shift=2e-4)
 
 

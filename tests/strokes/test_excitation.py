@@ -39,10 +39,9 @@ def information(actuator: Actuator, log: Log, names: tuple[str, ...]) -> Informa
 
 
 @pytest.mark.parametrize("noise", [0.0, 5e-5])
-def test_rests_holds_strokes_and_speeds_are_those_of_the_course(noise):
+def test_rests_holds_and_speeds_are_those_of_the_course(noise):
     found = excitation(course(noise))
     assert found.reach == pytest.approx(0.022, abs=1e-6 + 5 * noise)
-    assert found.full_strokes == 1
     assert found.vented_rests == 2
     assert found.longest_vented_rest == pytest.approx(1.0, abs=2 * SLOW_WINDOW)
     assert [hold.position for hold in found.holds] == pytest.approx([0.022, 0.010], abs=2e-5)
@@ -111,7 +110,7 @@ def test_several_recordings_count_together():
     one = excitation(course(duty_supply=np.full(5000, 0.05)))
     short = excitation(course().slice(0, 1020))
     both = joined([one, short])
-    assert (both.recordings, both.full_strokes, both.vented_rests) == (2, 1, 3)
+    assert (both.recordings, both.vented_rests) == (2, 3)
     assert both.seconds == pytest.approx(one.seconds + short.seconds)
     assert both.reach == one.reach
     assert both.highest_supply == 0.05
@@ -185,8 +184,6 @@ def test_one_direction_only_and_a_missing_rest_are_reported():
     )
 
 
-def test_the_stroke_and_the_ambient_pressure_are_those_of_the_actuator():
-    short = Parameters(y_max=0.012, P_0=0.8e5)
-    assert excitation(course(), short).full_strokes == 1
-    assert excitation(course(pressure_a=np.full(5000, 1e5)), short).vented_rests == 0
+def test_the_ambient_pressure_is_that_of_the_actuator():
+    assert excitation(course(pressure_a=np.full(5000, 1e5)), Parameters(P_0=0.8e5)).vented_rests == 0
     assert excitation(course(pressure_a=np.full(5000, 1e5))).vented_rests == 2

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from clutchid.log import HOLE, INPUTS, Log
 from clutchid.strokes import choose, cut, joined
 from clutchid.strokes.borders import LEAD
+from clutchid.strokes.stroke import NO_STROKES, count_strokes
 
 
 def same(first, second):
@@ -40,6 +41,35 @@ def test_pieces_are_cut_as_the_whole_whatever_their_borders(minutes, whole, bord
 def test_pieces_of_one_sample_are_cut_as_the_whole(minutes):
     part = minutes.slice(0, 5000)
     assert same(list(cut(part.slice(i, i + 1) for i in range(5000))), list(cut(part)))
+
+
+REACH = 0.022
+
+#: Movements from the rest and back: highest position in m, seconds on the way out, held, back, and at rest.
+MOVEMENTS = st.tuples(
+    st.sampled_from([0.4e-3, 1.4e-3, 1.8e-3, 2.2e-3, 8e-3, REACH]), st.sampled_from([0.1, 0.4, 2.0]),
+    st.sampled_from([0.0, 0.05, 0.5, 4.0]), st.sampled_from([0.1, 0.4, 2.0]), st.sampled_from([0.0, 0.05, 0.4, 1.5]),
+)  # fmt: skip
+
+
+@settings(max_examples=30)
+@given(movements=st.lists(MOVEMENTS, max_size=8), zero=st.sampled_from([-3e-3, 0.0, 3e-3]))
+def test_every_stroke_that_is_counted_is_whole_in_one_section_of_motion(made, movements, zero):
+    corners = [(0.0, 0.0), (1.0, 0.0)]
+    for peak, out, held, back, rest in [*movements, (REACH, 0.2, 0.4, 0.3, 2.0)]:
+        for seconds, level in ((out, peak), (held, peak), (back, 0.0), (rest, 0.0)):
+            corners.append((corners[-1][0] + seconds + 1e-3, level))
+    log = made(corners, zero=zero)
+    _, ends = count_strokes(NO_STROKES, log.time, log["position"] - zero)
+    found = []
+    for section in cut(log):
+        _, within = count_strokes(NO_STROKES, section.log.time, section.log["position"] - section.summary.level)
+        assert section.kind == "stroke" or not within
+        found += [section.first + end for end in within]
+    assert len(found) == len(ends)
+    assert found == pytest.approx(ends, abs=100), (
+        "the level is known to 0.1 mm, which the slowest return passes in 91 ms"
+    )
 
 
 @st.composite

@@ -1,7 +1,7 @@
-"""Bootstrap over strokes: scatter of the estimate over resampled strokes.
+"""Bootstrap over excursions from rest: scatter of the estimate where they are resampled.
 
-The covariance assumes a fixed number of correlated samples. The bootstrap does not: the residuals of a stroke are
-resampled together, with their autocorrelation. It does not detect model errors that are the same in every stroke.
+The covariance assumes a fixed number of correlated samples. The bootstrap does not: the residuals of an excursion are
+resampled together, with their autocorrelation. It does not detect model errors that are the same in every excursion.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ from clutchid.log import FloatArray
 from clutchid.numerics.least_squares import triangular
 from clutchid.simulation.windows import Track
 
-#: The piston is at rest below this fraction of its stroke.
+#: The piston is at rest below this fraction of its travel.
 REST_SHARE = 0.1
 
-#: Fewest strokes for a bootstrap over strokes: 8 give a standard deviation with a relative error of 1/sqrt(2 x 7), a
+#: Fewest excursions for a bootstrap over them: 8 give a standard deviation with a relative error of 1/sqrt(2 x 7), a
 #: quarter. A recording with fewer is cut into pieces of this length in s.
-MIN_STROKES, PIECE_LENGTH = 8, 1.0
+FEWEST, PIECE_LENGTH = 8, 1.0
 
-StrokeNumbers: TypeAlias = tuple[NDArray[np.int64], ...]
+ExcursionNumbers: TypeAlias = tuple[NDArray[np.int64], ...]
 
 
-def strokes(problem: Problem) -> StrokeNumbers:
-    """Stroke number of each window, one array per track, consecutive over all tracks.
+def excursions(problem: Problem) -> ExcursionNumbers:
+    """Number of the excursion of each window, one array per track, consecutive over all tracks.
 
-    A stroke begins with the first window in which the piston is back at rest, and ends before the next such window. The
-    chamber is vented there, so that strokes are nearly independent. A rest after the last stroke belongs to it.
+    An excursion begins with the first window in which the piston is back at rest, and ends before the next such window.
+    The chamber is vented there, so that excursions are nearly independent. A rest after the last one belongs to it.
 
-    A recording with fewer than `MIN_STROKES` strokes, or one that never returns to rest, is cut into equal pieces of
+    A recording with fewer than `FEWEST` excursions, or one that never returns to rest, is cut into equal pieces of
     about `PIECE_LENGTH`. The blocks of a bootstrap must be longer than the correlation time of the residuals; a second
     is longer than the lags of sensors and valves and the stick-slip that cause it.
 
@@ -53,8 +53,8 @@ def strokes(problem: Problem) -> StrokeNumbers:
     first = 0
     for log in dict.fromkeys(track.log for track in problem.tracks):
         mine = [track for track in problem.tracks if track.log == log]
-        cut = [_excursions(track, REST_SHARE * problem.actuator.parameters.y_max) for track in mine]
-        if sum(int(numbers[-1]) + 1 for numbers in cut) < MIN_STROKES:
+        cut = [_by_returns(track, REST_SHARE * problem.actuator.parameters.y_max) for track in mine]
+        if sum(int(numbers[-1]) + 1 for numbers in cut) < FEWEST:
             cut = [_equal_pieces(track) for track in mine]
         for numbers in cut:
             result.append(first + numbers)
@@ -62,8 +62,8 @@ def strokes(problem: Problem) -> StrokeNumbers:
     return tuple(result)
 
 
-def _excursions(track: Track, rest: float) -> NDArray[np.int64]:
-    """Stroke numbers of a track, by its returns below the position `rest` in m; one stroke without a position."""
+def _by_returns(track: Track, rest: float) -> NDArray[np.int64]:
+    """Number of the excursion of each window, by the returns below the position `rest` in m; 0 without a position."""
     level = np.full(len(track.windows), np.nan)
     for i, window in enumerate(track.windows):
         position = track.measured["position"][window.start : window.stop]
@@ -88,7 +88,7 @@ def _equal_pieces(track: Track) -> NDArray[np.int64]:
 
 
 def bootstrap(problem: Problem, solution: ShootingSolution, draws: int = 200, seed: int = 0) -> FloatArray:
-    """Estimates of the free parameters x from strokes drawn with replacement, shape (draws, k).
+    """Estimates of the free parameters x from excursions drawn with replacement, shape (draws, k).
 
     Each is one Gauss-Newton step from the solution, so that no simulation is repeated. The bounds of x are ignored, as
     in the covariance that the bootstrap checks.
@@ -100,53 +100,53 @@ def bootstrap(problem: Problem, solution: ShootingSolution, draws: int = 200, se
     solution : ShootingSolution
         Its solution.
     draws : 1
-        Number of draws, above 0; 200 give a standard deviation to 5 %, apart from the small number of strokes.
+        Number of draws, above 0; 200 give a standard deviation to 5 %, apart from the small number of excursions.
     seed : 1
         Of the random generator.
 
     Returns
     -------
     x : (draws, k)
-        NaN for a single stroke.
+        NaN for a single one.
 
     References
     ----------
     Block bootstrap: Künsch 1989. Resampled gradients with fixed information matrix: Kline and Santos 2012.
     """
-    numbers = strokes(problem)
-    prior_step, stroke_steps = gauss_newton_steps(solution.at, numbers)
-    count = stroke_steps.shape[1]
+    numbers = excursions(problem)
+    prior_step, excursion_steps = gauss_newton_steps(solution.at, numbers)
+    count = excursion_steps.shape[1]
     if count < 2:
         return np.full((draws, solution.x.size), np.nan)
     times = np.random.default_rng(seed).multinomial(count, np.full(count, 1.0 / count), size=draws)
-    return solution.x + prior_step + times @ stroke_steps.T
+    return solution.x + prior_step + times @ excursion_steps.T
 
 
-def gauss_newton_steps(linear: LinearisedProblem, numbers: StrokeNumbers) -> tuple[FloatArray, FloatArray]:
-    """The Gauss-Newton step, split into the parts due to the prior, shape (k,), and to each stroke, (k, strokes).
+def gauss_newton_steps(linear: LinearisedProblem, numbers: ExcursionNumbers) -> tuple[FloatArray, FloatArray]:
+    """The Gauss-Newton step, split into the parts due to the prior, shape (k,), and to each excursion, (k, excursions).
 
-    A stroke that is drawn n times contributes n times its gradient; the information matrix stays that of all strokes.
-    Resampling the rows instead would cut the chain at every omitted stroke, and with it the link to the vented rest
+    An excursion that is drawn n times contributes n times its gradient; the information matrix stays that of all.
+    Resampling the rows instead would cut the chain at every omitted excursion, and with it the link to the vented rest
     that determines the pressure: for recordings simulated with the model itself, the load then scattered two to three
     times too much.
 
-    The residuals of each stroke have a column of their own, so that one elimination serves all draws.
+    The residuals of each excursion have a column of their own, so that one elimination serves all draws.
     """
     k = linear.prior.shape[1] - 1
     count = 2 + max(int(track.max()) for track in numbers)
-    parts = [_by_stroke(linear.prior, 0, count)]
+    parts = [_by_excursion(linear.prior, 0, count)]
     for chain, track in zip(linear.chains, numbers, strict=True):
         linearised, at = chain.windows.linearised, track + 1
-        windows, links = _by_stroke(linearised.state_rows, at, count), _by_stroke(chain.links, at[:-1], count)
-        parts.append(eliminate(_by_stroke(chain.first, 0, count), windows, links).rows)
+        windows, links = _by_excursion(linearised.state_rows, at, count), _by_excursion(chain.links, at[:-1], count)
+        parts.append(eliminate(_by_excursion(chain.first, 0, count), windows, links).rows)
         theta_rows = linearised.theta_rows
-        parts.append(_by_stroke(theta_rows, np.repeat(at, theta_rows.shape[0] // at.size), count))
+        parts.append(_by_excursion(theta_rows, np.repeat(at, theta_rows.shape[0] // at.size), count))
     factor = triangular(np.vstack(parts))[:k]
     contributions = -np.linalg.lstsq(factor[:, :k], factor[:, k:], rcond=None)[0].astype(np.float64)
     return contributions[:, 0], contributions[:, 1:]
 
 
-def _by_stroke(rows: FloatArray, places: NDArray[np.int64] | int, count: int) -> FloatArray:
+def _by_excursion(rows: FloatArray, places: NDArray[np.int64] | int, count: int) -> FloatArray:
     """`rows` with their residual in column `places` of `count`, one place for each element of the first axis."""
     residual = np.zeros((*rows.shape[:-1], count))
     residual[np.arange(rows.shape[0]), ..., places] = rows[..., -1]
@@ -158,7 +158,7 @@ def scatter_ratio(problem: Problem, x: FloatArray, noise_root: FloatArray) -> fl
 
     The median over the points of the load's grid that the piston has passed; beyond, the prior determines the load. It
     is 1 if the assumed number of correlated samples is right, and proportional to the square root of the actual number.
-    A strong prior makes it too small, and 8 strokes determine it to a quarter only.
+    A strong prior makes it too small, and 8 excursions determine it to a quarter only.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from clutchid.errors import ParameterError
-from clutchid.estimation.bootstrap import bootstrap, scatter_ratio, strokes
+from clutchid.estimation.bootstrap import bootstrap, excursions, scatter_ratio
 from clutchid.estimation.method import SearchResult
 from clutchid.estimation.posterior import Posterior, parameter_uncertainty
 from clutchid.estimation.result import Fit
@@ -280,7 +280,7 @@ def _bootstrapped(result: Fit, problem: Problem, solution: ShootingSolution, unc
     times = scatter_ratio(problem, bootstrap(problem, solution, draws), uncertain.noise_root)
     if not np.isfinite(times):
         return replace(result, notes=(*result.notes, "no bootstrap: a free load and two strokes are needed."))
-    count = 1 + max(int(track.max()) for track in strokes(problem))
+    count = 1 + max(int(track.max()) for track in excursions(problem))
     note = f"bootstrap over {count} strokes: the load's standard deviation is {times:.2f} times that of its interval."
     result = replace(result, notes=(*result.notes, note))
     if times < TOO_NARROW:

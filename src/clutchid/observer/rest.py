@@ -14,7 +14,7 @@ from clutchid.strokes.rest_level import BIN, CLOSED, CREEP, STILL, BoolArray
 from clutchid.strokes.sampled import runs
 from clutchid.strokes.vented_rest import VENTS, VentedRest, rest_shift
 
-#: A vented rest lies below this position in m, whatever its sensor adds.
+#: A vented rest lies below this position in m, whatever its sensor adds; above it is an excursion.
 LOW = 3e-3
 
 #: Rests after a stroke that are remembered; their median is compared.
@@ -69,11 +69,13 @@ def watch_rest(
 
 
 def _passed(watch: RestWatch, high: BoolArray) -> RestWatch:
-    """After samples that are no rest: high ones belong to a stroke."""
+    """After samples that are no rest: high ones belong to an excursion."""
     if high.size == 0:
         return watch
-    stroke = bool(high.any())
-    return watch._replace(window=np.empty(0), vents=0, stroke=watch.stroke or stroke, taken=watch.taken and not stroke)
+    away = bool(high.any())
+    return watch._replace(
+        window=np.empty(0), vents=0, excursion=watch.excursion or away, taken=watch.taken and not away
+    )
 
 
 def _low(
@@ -91,9 +93,9 @@ def _low(
             break
         medians = np.median(window.reshape(-1, pace.bins), axis=1)
         still = float(np.ptp(medians)) <= pace.range
-        if still and not watch.taken and (watch.vents >= pace.vents or not watch.stroke):
+        if still and not watch.taken and (watch.vents >= pace.vents or not watch.excursion):
             level = float(np.median(medians))
-            returned = (*watch.returned, level)[-REMEMBERED:] if watch.stroke else watch.returned
+            returned = (*watch.returned, level)[-REMEMBERED:] if watch.excursion else watch.returned
             watch = watch._replace(lowest=float(np.fmin(watch.lowest, level)), returned=returned, taken=True)
             found.append((at, watch.lowest, returned))
         watch = watch._replace(window=np.empty(0), vents=watch.vents if still else 0)

@@ -102,7 +102,7 @@ class RestWatch(NamedTuple):
     `shift` is how far in m it is taken to have moved since the calibration. `lowest` and `returned` are the levels in m
     of the stretch: the lowest, NaN before there is one, and the last ones after a stroke. `window` are the positions
     since the last still window, `vents` the samples with an open exhaust valve since the piston came to rest;
-    `stroke` says whether there was a stroke before, `taken` whether the level of the present rest has been.
+    `excursion` says whether the piston was away before, `taken` whether the level of the present rest has been.
     """
 
     shift: float = 0.0
@@ -110,7 +110,7 @@ class RestWatch(NamedTuple):
     returned: tuple[float, ...] = ()
     window: FloatArray = np.empty(0)
     vents: int = 0
-    stroke: bool = False
+    excursion: bool = False
     taken: bool = False
 
 

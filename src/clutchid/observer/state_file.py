@@ -186,7 +186,7 @@ def _rest(content: dict[str, Any]) -> RestWatch:
         tuple(returned.tolist()),
         window,
         _count(content, "vents"),
-        _flag(content, "stroke"),
+        _flag(content, "excursion"),
         _flag(content, "taken"),
     )
 

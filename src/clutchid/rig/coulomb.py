@@ -23,25 +23,25 @@ from clutchid.rig.weighted import (
 )
 from clutchid.strokes.sampled import runs, velocity
 
-#: Fractions of the reach between which a stroke is averaged: without pre-sliding and the reversals at its ends.
+#: Fractions of the reach between which a pass is averaged: without pre-sliding and the reversals at its ends.
 BAND = (0.3, 0.8)
 
 #: Half window in s over which the speed is computed.
 _WINDOW = 0.05
 
-#: Least fraction of the band that a stroke passes, and largest relative difference of its speed between thirds.
+#: Least fraction of the band that a pass covers, and largest relative difference of its speed between thirds.
 _PASSED, _UNEVEN = 0.9, 0.25
 
-#: Least number of samples of a stroke.
+#: Least number of samples of a pass.
 _FEWEST = 6
 
-#: Least speed of a stroke, as a fraction of the highest speeds.
+#: Least speed of a pass, as a fraction of the highest speeds.
 _SLOW = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class Stroke:
-    """A stroke at constant speed: start in s, mean speed (m/s, signed), force (N), absolute pressure (Pa, or NaN)."""
+class Pass:
+    """A pass at constant speed: start in s, mean speed (m/s, signed), force (N), absolute pressure (Pa, or NaN)."""
 
     start: float
     speed: float
@@ -51,10 +51,10 @@ class Stroke:
 
 @dataclass(frozen=True, slots=True)
 class Cycle:
-    """Two consecutive strokes in opposite directions: `out` towards larger positions, and `back`."""
+    """Two consecutive passes in opposite directions: `out` towards larger positions, and `back`."""
 
-    out: Stroke
-    back: Stroke
+    out: Pass
+    back: Pass
 
     @property
     def half_difference(self) -> float:
@@ -77,8 +77,8 @@ class Cycle:
         return (self.out.pressure + self.back.pressure) / 2
 
 
-def strokes(log: Log, band: tuple[float, float] = BAND) -> list[Stroke]:
-    """Strokes at constant speed in order of time, each averaged within `band` of the reach.
+def passes(log: Log, band: tuple[float, float] = BAND) -> list[Pass]:
+    """Passes at constant speed in order of time, each averaged within `band` of the reach.
 
     Parameters
     ----------
@@ -90,8 +90,8 @@ def strokes(log: Log, band: tuple[float, float] = BAND) -> list[Stroke]:
 
     Returns
     -------
-    strokes : list of Stroke
-        Strokes with a hole, uneven speed, or half of their forces missing are left out.
+    passes : list of Pass
+        Passes with a hole, uneven speed, or half of their forces missing are left out.
 
     Examples
     --------
@@ -100,7 +100,7 @@ def strokes(log: Log, band: tuple[float, float] = BAND) -> list[Stroke]:
     >>> t = np.arange(0.0, 8.0, 0.01)
     >>> y = 0.04 * np.abs((t / 4 + 1) % 2 - 1)
     >>> force = np.where(t < 4.0, 5.0, -5.0)
-    >>> [f"{s.speed * 1e3:+.0f} mm/s, {s.force:+.0f} N" for s in strokes(Log(t, {"position": y, "force": force}))]
+    >>> [f"{s.speed * 1e3:+.0f} mm/s, {s.force:+.0f} N" for s in passes(Log(t, {"position": y, "force": force}))]
     ['+10 mm/s, +5 N', '-10 mm/s, -5 N']
     """
     position, known = log["position"], np.isfinite(log["position"])
@@ -119,11 +119,11 @@ def strokes(log: Log, band: tuple[float, float] = BAND) -> list[Stroke]:
             whole = abs(position[last - 1] - position[first]) >= _PASSED * (ends[1] - ends[0])
             if whole and not holes(log.time[first:last]).any():
                 found.append((first, last))
-    candidates = [_stroke(log, speed, *ends_of) for ends_of in sorted(found)]
-    return [stroke for stroke in candidates if stroke is not None]
+    candidates = [_pass(log, speed, *ends_of) for ends_of in sorted(found)]
+    return [one for one in candidates if one is not None]
 
 
-def _stroke(log: Log, speed: FloatArray, first: int, last: int) -> Stroke | None:
+def _pass(log: Log, speed: FloatArray, first: int, last: int) -> Pass | None:
     v, force = speed[first:last], log["force"][first:last]
     known = np.isfinite(force)
     thirds = [float(third.mean()) for third in np.array_split(v, 3)]  # noise of the position averages out
@@ -131,7 +131,7 @@ def _stroke(log: Log, speed: FloatArray, first: int, last: int) -> Stroke | None
         return None
     pressure = log["pressure_a"][first:last][known] if "pressure_a" in log else np.full(1, np.nan)
     pressure = pressure[np.isfinite(pressure)]
-    return Stroke(
+    return Pass(
         float(log.time[first]),
         float(v.mean()),
         float(force[known].mean()),
@@ -139,8 +139,8 @@ def _stroke(log: Log, speed: FloatArray, first: int, last: int) -> Stroke | None
     )
 
 
-def cycles(found: list[Stroke]) -> list[Cycle]:
-    """Pair strokes to cycles; each stroke is in at most one cycle."""
+def cycles(found: list[Pass]) -> list[Cycle]:
+    """Pair passes to cycles; each pass is in at most one cycle."""
     pairs, taken = [], False
     for one, other in pairwise(found):
         if taken or (one.speed > 0) == (other.speed > 0):
@@ -164,13 +164,13 @@ class Level:
     pressure : Pa
         Above ambient.
     swing : Pa
-        Its difference between the strokes out and back; NaN: not measured.
+        Its difference between the passes out and back; NaN: not measured.
     friction : N
         With its 95 % interval over cycles.
     cycles : N, (cycles,)
         Friction of each cycle in order of time.
     speeds : m/s
-        Of the strokes out and back.
+        Of the passes out and back.
     drifts
         Whether the cycles are not independent, so that the interval is that of a single one.
     """
@@ -204,7 +204,7 @@ class CoulombFriction:
     intercept : N
         F_C of that line.
     dropped
-        Number of strokes in no cycle.
+        Number of passes in no cycle.
     """
 
     levels: tuple[Level, ...]
@@ -224,7 +224,7 @@ def coulomb_friction(
     band: tuple[float, float] = BAND,
     level_gap: float = LEVEL_GAP,
 ) -> CoulombFriction:
-    r"""Coulomb friction from strokes at constant speed and constant pressures.
+    r"""Coulomb friction from passes at constant speed and constant pressures.
 
     .. math:: F_C = (f_{out} - f_{back}) / 2 - A (p_{out} - p_{back}) / 2
 
@@ -238,7 +238,7 @@ def coulomb_friction(
     area : m², optional
         Slope of the force over the pressure, if known; by default estimated over the levels.
     band : (1, 1)
-        Fractions of the reach between which a stroke is averaged.
+        Fractions of the reach between which a pass is averaged.
     level_gap : Pa
         Cycles whose mean pressures are further apart than this belong to different levels.
 
@@ -255,8 +255,8 @@ def coulomb_friction(
 
     Notes
     -----
-    A cycle is the statistical unit, because samples of a stroke share speed, seal and bore. If the cycles of a level
-    drift, they are not independent and count as one. Viscous friction at the speed of the strokes is part of F_C.
+    A cycle is the statistical unit, because samples of a pass share speed, seal and bore. If the cycles of a level
+    drift, they are not independent and count as one. Viscous friction at the speed of the passes is part of F_C.
 
     Examples
     --------
@@ -290,7 +290,7 @@ def coulomb_friction(
 def _all_cycles(
     logs: Sequence[Log], ambient: float | None, band: tuple[float, float], level_gap: float
 ) -> tuple[list[tuple[Cycle, float]], int]:
-    """Cycles of all recordings with their pressure above ambient, and the number of strokes in no cycle."""
+    """Cycles of all recordings with their pressure above ambient, and the number of passes in no cycle."""
     pairs: list[tuple[Cycle, float]] = []
     problems, dropped = [], 0
     for log in logs:
@@ -298,7 +298,7 @@ def _all_cycles(
         if absent:
             problems.append(f"{log.name}: no {' and no '.join(absent)}; friction needs both.")
             continue
-        found = strokes(log, band)
+        found = passes(log, band)
         own = [cycle for cycle in cycles(found) if not abs(2 * cycle.half_pressure) > level_gap]
         dropped += len(found) - 2 * len(own)
         outside = _ambient(log) if ambient is None else ambient

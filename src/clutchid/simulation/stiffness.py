@@ -15,6 +15,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
 from clutchid.model.own import OwnModel
 from clutchid.simulation.partition import Partition
+from clutchid.strokes.stroke import QUICKEST
 
 #: Classical RK4 is stable for real eigenvalues down to -2.785 / h; 2.5 leaves a margin.
 STABLE_STEP = 2.5
@@ -24,9 +25,6 @@ MOST_SUBSTEPS = 1000
 
 #: Fastest motion of the piston in m/s: a full stroke of a clutch actuator in a tenth of a second.
 TOP_SPEED = 0.3
-
-#: Shortest duration of a full stroke in s; a piston with a longer stroke may exceed `TOP_SPEED`.
-STROKE_TIME = 0.1
 
 #: Fastest motion in m/s after resets that conserve the masses of air: the pressure jumps, by bars at large errors.
 RESET_SPEED = 0.9
@@ -46,7 +44,7 @@ def top_speed(partition: Partition | None) -> float:
 def stiffness(actuator: Actuator, speed: float = TOP_SPEED) -> float:
     """Largest eigenvalue magnitude in 1/s of the model's Jacobian over its operating range, up to `speed` in m/s.
 
-    The range includes a full stroke in `STROKE_TIME` if that is faster.
+    The range includes a full stroke in `QUICKEST` s if that is faster.
 
     Examples
     --------
@@ -55,7 +53,7 @@ def stiffness(actuator: Actuator, speed: float = TOP_SPEED) -> float:
     >>> 2000 < stiffness(Actuator()) < 2500
     True
     """
-    return local_stiffness(actuator, max(speed, actuator.parameters.y_max / STROKE_TIME), (-np.inf, np.inf))
+    return local_stiffness(actuator, max(speed, actuator.parameters.y_max / QUICKEST), (-np.inf, np.inf))
 
 
 def local_stiffness(actuator: Actuator, speed: float, reach: tuple[float, float]) -> float:

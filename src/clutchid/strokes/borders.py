@@ -13,6 +13,7 @@ from clutchid.strokes.rest_level import STILL, Bins, BoolArray
 from clutchid.strokes.sampled import runs
 from clutchid.strokes.section import Kind
 from clutchid.strokes.stream import Samples
+from clutchid.strokes.stroke import FULL
 
 #: Length in s of the vented rest before a stroke that is part of its section: what a fit uses for the initial state.
 LEAD = 0.5
@@ -221,9 +222,9 @@ def _completed(pending: PendingSamples, span: _Span) -> CompletedSamples:
     )
 
 
-#: Fractions of the reach: least peak of a full stroke, least amplitude of a swing and of a swing in slip, least
-#: distance between distinct levels, and the range of positions in which the clutch slips.
-FULL, SWING, SLIP_SWING, APART, SLIP_ZONE = 0.8, 0.3, 0.02, 0.08, (0.06, 0.6)
+#: Fractions of the reach: least amplitude of a swing and of a swing in slip, least distance between distinct levels,
+#: and the range of positions in which the clutch slips.
+SWING, SLIP_SWING, APART, SLIP_ZONE = 0.3, 0.02, 0.08, (0.06, 0.6)
 
 #: Half the number of bins over which these speeds are computed.
 SLOPE_BINS = 5

@@ -18,12 +18,10 @@ from clutchid.strokes.rest_level import raw_bins, samples_in_bin
 from clutchid.strokes.sampled import difference_velocity
 from clutchid.strokes.section import Section
 from clutchid.strokes.stream import Samples
+from clutchid.strokes.stroke import QUICKEST
 
 #: A usable stroke has at most this fraction of its positions missing, and travels at least this fraction of the reach.
 MOST_MISSING, LEAST_REACH = 0.5, 0.05
-
-#: Shortest usable stroke in s.
-SHORTEST = 0.1
 
 #: Largest batch of strokes, and of samples in them, that is evaluated at once.
 BATCH, SAMPLES = 64, 2**21
@@ -91,7 +89,7 @@ def _usable(section: Section, seconds: float) -> bool:
     return (
         section.kind == "stroke"
         and summary.missing <= MOST_MISSING
-        and SHORTEST <= section.seconds <= seconds
+        and QUICKEST <= section.seconds <= seconds
         and summary.highest - summary.lowest > LEAST_REACH * summary.reach
         and summary.highest > summary.level
     )

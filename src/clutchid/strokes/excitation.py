@@ -1,4 +1,4 @@
-"""Excitation in a recording: reach, speeds, vented rests, full strokes, holds, and passes by stroke region."""
+"""Excitation in a recording: reach, speeds, vented rests, holds, and passes by stroke region."""
 
 from __future__ import annotations
 
@@ -27,9 +27,6 @@ SLOW_WINDOW, FAST_WINDOW = 0.05, 0.005
 
 #: Shortest rest and shortest hold that count, in s: longer than the window that detects them.
 SHORTEST_REST, SHORTEST_HOLD = 0.1, 0.2
-
-#: A full stroke goes from the first to the second of these fractions of the stroke.
-STROKE = (0.08, 0.8)
 
 #: The first and the last region have one edge only; they count as passed from this depth inside them, in m.
 END_DEPTH = 1e-3
@@ -78,7 +75,6 @@ class Excitation:
     highest_exhaust: float
     vented_rests: int
     longest_vented_rest: float
-    full_strokes: int
     regions: tuple[RegionVisit, ...]
     holds: tuple[Hold, ...]
     unsettled: int = 0
@@ -92,7 +88,7 @@ def excitation(measured: Log, parameters: Parameters | None = None) -> Excitatio
     measured : Log
         With a position in m; duty cycles and pressure, if present, restrict what counts as a vented rest.
     parameters : Parameters, optional
-        Stroke, ambient pressure and closing of the supply valve; by default the paper's.
+        Ambient pressure and closing of the supply valve; by default the paper's.
 
     Returns
     -------
@@ -110,8 +106,8 @@ def excitation(measured: Log, parameters: Parameters | None = None) -> Excitatio
     >>> t = np.arange(0.0, 3.0, 1e-3)
     >>> y = np.interp(t, [0.0, 1.0, 1.5, 2.0, 2.5, 3.0], [0.0, 0.0, 0.022, 0.022, 0.0, 0.0])
     >>> found = excitation(Log(t, {"position": y, "duty_supply": 0.4 * (t > 1.0) * (t < 1.5)}))
-    >>> found.full_strokes, found.vented_rests, f"{found.reach * 1e3:.0f} mm at {found.top_opening * 1e3:.0f} mm/s"
-    (1, 2, '22 mm at 44 mm/s')
+    >>> found.vented_rests, f"{found.reach * 1e3:.0f} mm at {found.top_opening * 1e3:.0f} mm/s"
+    (2, '22 mm at 44 mm/s')
     """
     p = Parameters() if parameters is None else parameters
     position = measured["position"]
@@ -132,7 +128,6 @@ def excitation(measured: Log, parameters: Parameters | None = None) -> Excitatio
         highest_exhaust=highest.get("duty_exhaust", np.nan),
         vented_rests=len(rests),
         longest_vented_rest=max(rests, default=0.0),
-        full_strokes=_passes(known, STROKE[0] * p.y_max, STROKE[1] * p.y_max)[0],
         regions=_visits(measured),
         holds=holds,
         unsettled=int("pressure_a" in measured and vented_pressure(measured) is None),
@@ -169,7 +164,6 @@ def joined(found: Sequence[Excitation]) -> Excitation:
         highest_exhaust=float(np.fmax.reduce([one.highest_exhaust for one in found])),
         vented_rests=sum(one.vented_rests for one in found),
         longest_vented_rest=max(one.longest_vented_rest for one in found),
-        full_strokes=sum(one.full_strokes for one in found),
         regions=regions,
         holds=tuple(hold for one in found for hold in one.holds),
         unsettled=sum(one.unsettled for one in found),

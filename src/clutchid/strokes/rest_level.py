@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from clutchid.log import FloatArray
 from clutchid.strokes.stream import Samples
+from clutchid.strokes.stroke import QUICKEST
 
 BoolArray: TypeAlias = NDArray[np.bool_]
 
@@ -162,8 +163,8 @@ def _lowest(resting: FloatArray, band: float) -> float:
     return float(np.median(resting[np.abs(resting - low) <= band]))
 
 
-#: Length of a bin in s: a tenth of the shortest stroke.
-BIN = 0.01
+#: Length of a bin in s.
+BIN = QUICKEST / 10
 
 #: Up to this duty cycle a valve stays closed: no solenoid responds to less.
 CLOSED = 0.02

@@ -58,8 +58,10 @@ class SectionSummary:
 class Section:
     """A stroke or a rest: its samples `log` from `start` to `end` in s, and the index `first` of its first sample.
 
-    A stroke's samples begin with up to half a second of the vented rest before it, so that a simulation can start
-    there with Eq. (24); `departure` is the time in s at which the stroke leaves it (`start` where there is none).
+    A section of kind "stroke" is the motion between two rests, with all strokes in it, see `count_strokes`; one with a
+    long hold is divided there. Its samples begin with up to half a second of the vented rest before it, so that a
+    simulation can start there with Eq. (24); `departure` is the time in s at which the piston leaves it (`start` where
+    there is none).
     Two sections are adjacent if the last sample of one is followed by the first of the other.
     """
 

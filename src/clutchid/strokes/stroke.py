@@ -20,6 +20,9 @@ BEGINS, ENDS = 2e-3, 1.5e-3
 #: control unit.
 SHORTEST, RESOLUTION = 0.02, 1e-6
 
+#: A full stroke reaches this share of the way to the far stop, in this time in s at least.
+FULL, QUICKEST = 0.8, 0.1
+
 
 class Strokes(NamedTuple):
     """Number of strokes that have ended, and the time in s at which the present one began, None without one."""

@@ -17,7 +17,8 @@ from clutchid.names import unknown_name
 from clutchid.numerics.least_squares import triangular
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.simulation import Simulation, simulate
-from clutchid.strokes.excitation import SHORTEST_REST, STROKE, VENTED_POSITION, Excitation
+from clutchid.strokes.excitation import SHORTEST_REST, VENTED_POSITION, Excitation
+from clutchid.strokes.stroke import FULL
 from clutchid.strokes.vented_pressure import RECORD_REST, UNSETTLED
 
 #: A load weight acts where its basis function has more than this fraction of its largest value.
@@ -61,10 +62,10 @@ def missing(found: Excitation, actuator: Actuator, information: Information | No
         sentences += _correlated_weights(information, actuator, found, reaching)
         sentences += _other_parameters(information, actuator, found, who)
     y_max = actuator.parameters.y_max
-    if found.reach < STROKE[1] * y_max and not any(reaching in sentence for sentence in sentences):
+    if found.reach < FULL * y_max and not any(reaching in sentence for sentence in sentences):
         sentences.append(
             f"{reaching} of {y_max * 1e3:.1f} mm and {verb[2]} no information about the load beyond: "
-            f"reach {STROKE[1] * y_max * 1e3:.1f} mm or more."
+            f"reach {FULL * y_max * 1e3:.1f} mm or more."
         )
     return sentences + _one_way(found, f"{who} {verb[1]}") + _never_vents(found, who)
 

@@ -15,7 +15,8 @@ from clutchid.inference.uncertainty.coordinates import Coordinate
 from clutchid.log import FloatArray
 from clutchid.log.states import MEASURED
 from clutchid.model.actuator import Actuator
-from clutchid.simulation.stiffness import STROKE_TIME, TOP_SPEED
+from clutchid.simulation.stiffness import TOP_SPEED
+from clutchid.strokes.stroke import QUICKEST
 
 
 class CorrectionRule(NamedTuple):
@@ -234,7 +235,7 @@ def balance_rule(actuator: Actuator, spacing: float) -> CorrectionRule:
     numbers = BalanceNumbers(
         np.ascontiguousarray([position, velocity / spacing, newest]),
         FORCE,
-        max(TOP_SPEED, actuator.parameters.y_max / STROKE_TIME),
+        max(TOP_SPEED, actuator.parameters.y_max / QUICKEST),
         actuator.parameter_names.index("M"),
         actuator.parameters.M,
     )
