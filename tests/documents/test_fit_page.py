@@ -65,7 +65,7 @@ def test_fixed_parameters_stand_on_the_page_and_free_ones_are_not_called_fixed(h
     assert "theta" not in fixed
 
 
-def test_warnings_and_what_the_data_determine_are_shown_in_words(fitted):
+def test_warnings_and_what_the_data_determine_are_shown_in_words(undrawn, fitted):
     noted = replace(
         fitted, status="warning", warnings=("mind < this",), notes=("determined by the data: C_vs < C_ve.",)
     )
@@ -74,7 +74,7 @@ def test_warnings_and_what_the_data_determine_are_shown_in_words(fitted):
     assert "<li>Determined by the data: C_vs &lt; C_ve.</li>" in html
 
 
-def test_the_peak_is_looked_for_only_where_the_recordings_have_been(fitted):
+def test_the_peak_is_looked_for_only_where_the_recordings_have_been(undrawn, fitted):
     curve = fitted.load_curve
     growing = LoadCurve(curve.position, curve.position * 2e5, curve.low, curve.high)
     html = render(page_of(replace(fitted, load_curve=growing), COMMAND))
@@ -103,7 +103,7 @@ def test_a_failed_fit_has_a_page_that_says_so(fitted, loads_nothing):
     assert loads_nothing(html)
 
 
-def test_a_hostile_recording_name_is_escaped(fitted):
+def test_a_hostile_recording_name_is_escaped(undrawn, fitted):
     one = fitted.recordings["first"]
     name = "<img src=x onerror=alert(1)>"
     html = render(page_of(replace(fitted, recordings={name: one}, verification={}), COMMAND))
@@ -120,13 +120,13 @@ def test_a_recording_with_missing_samples_is_drawn(fitted):
     assert html.count("<img ") == 5
 
 
-def test_the_verdict_stands_above_everything_else(fitted, html):
+def test_the_verdict_stands_above_everything_else(undrawn, fitted, html):
     assert html.index("Trust: ") < html.index("The search converged") < html.index("<img ")
     bad = render(page_of(replace(fitted, converged=False), COMMAND))
     assert "<li>The search did not converge; continue from its result, or free fewer parameters.</li>" in bad
 
 
-def test_by_shooting_a_verified_recording_is_drawn_as_its_sensors_see_it(fitted, monkeypatch):
+def test_by_shooting_a_verified_recording_is_drawn_as_its_sensors_see_it(undrawn, fitted, monkeypatch):
     module, drawn = sys.modules["clutchid.documents.fit_page"], {}
     plain = module.recording_figure
 
@@ -166,7 +166,7 @@ def test_a_long_recording_is_thinned_and_its_worst_half_minute_drawn_closer(fitt
     assert len(html) < 3e6
 
 
-def test_a_load_beyond_the_reach_where_the_clutch_engages_is_not_stated(fitted):
+def test_a_load_beyond_the_reach_where_the_clutch_engages_is_not_stated(undrawn, fitted):
     html = render(page_of(replace(reaching(fitted, 0.3), verification={}), COMMAND))
     assert "The 8 mm to where the clutch engages were not reached." in html
     assert "Where the clutch engages it goes" not in html
@@ -179,7 +179,7 @@ def test_a_load_beyond_the_reach_where_the_clutch_engages_is_not_stated(fitted):
         ("prediction-error", ("fitted by prediction error", "one-sample prediction errors")),
     ],
 )
-def test_the_page_says_what_the_errors_of_a_method_are(fitted, method, words):
+def test_the_page_says_what_the_errors_of_a_method_are(undrawn, fitted, method, words):
     html = render(page_of(replace(fitted, method=method), COMMAND))
     assert all(each in html for each in (*words, "Limits of the verdict"))
 

@@ -19,6 +19,8 @@ from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.result import Change
 from fixtures.baselines import calibration_like, with_baseline
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 COMMAND = Command(("fit", "new.csv", "worn.csv"), (Path("new.csv"), Path("worn.csv")), Path("CAL.toml"))
 
 

@@ -214,11 +214,12 @@ def mark_span(axis: Axes, low: float, high: float, text: str = "") -> None:
 def svg(figure: Figure) -> str:
     """The figure as an SVG element for an HTML page, its text as outlines; reproducible byte by byte."""
     from matplotlib import rc_context
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     buffer = BytesIO()
     nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
     with rc_context({"svg.hashsalt": "clutchid", "svg.fonttype": "path"}):
-        figure.savefig(buffer, format="svg", metadata=nothing)
+        FigureCanvasSVG(figure).print_svg(buffer, metadata=nothing)  # Figure.savefig draws once more, for the layout
     text = buffer.getvalue().decode("utf-8")
     element = text[text.index("<svg") :].replace(f'<style type="text/css">*{{{_JOINTS}}}</style>', "")
     return element.replace("<svg", f'<svg style="{_JOINTS}; max-width: 100%; height: auto"', 1)
@@ -226,6 +227,8 @@ def svg(figure: Figure) -> str:
 
 def png(figure: Figure) -> bytes:
     """The figure as a PNG file; reproducible byte by byte."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
     buffer = BytesIO()
-    figure.savefig(buffer, format="png", metadata={"Software": None})
+    FigureCanvasAgg(figure).print_png(buffer, metadata={"Software": None})
     return buffer.getvalue()
