@@ -14,7 +14,8 @@ import pytest
 
 import clutchid
 from clutchid import Log
-from clutchid.app import tasks
+from clutchid.app import records, tasks
+from clutchid.app.commands import fit_command
 from clutchid.errors import ClutchidError
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.observer.by_stroke import curve, positions
@@ -111,14 +112,13 @@ def by_command(verb: str, path: Path, start: Path, capsys, **options: object) ->
 
 def by_page(verb: str, path: Path, start: Path, folder: Path, **options: object) -> Answer:
     events = SimpleNamespace(progress=lambda *_: None, part=lambda *_: None)
-    item = {"path": str(path), "name": path.name}
-    task = {"verb": verb, "start": str(start), "folder": str(folder), "arguments": [], **options}
+    file = records.File(path, name=path.name)
     try:
         if verb == "observe":
-            result = tasks.observe({**task, "recording": item, "method": "joint"}, events)
+            result = tasks.observe(records.Observe(file, start, "joint", folder, **options), events)
             return Answer(by_stroke=at_6_mm(result["loads"][-1]["curve"]))
-        settings = {"measure": "position", "free": "load", "zero": "subtract", **options}
-        result = tasks.fit({**task, "recordings": [item], "options": settings}, events)
+        asked = fit_command(verb, options, [file], start=start.name)
+        result = tasks.fit(records.FitRecordings(asked, verb, (file,), folder, start=start), events)
     except ClutchidError as error:
         return Answer(sentence=str(error))
     return Answer(at_6_mm(result["load_curve"]))

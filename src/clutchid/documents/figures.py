@@ -219,7 +219,8 @@ def svg(figure: Figure) -> str:
     buffer = BytesIO()
     nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
     with rc_context({"svg.hashsalt": "clutchid", "svg.fonttype": "path"}):
-        FigureCanvasSVG(figure).print_svg(buffer, metadata=nothing)  # Figure.savefig draws once more, for the layout
+        # Figure.savefig draws once more, for the layout
+        FigureCanvasSVG(figure).print_svg(buffer, metadata=nothing)  # type: ignore[no-untyped-call]
     text = buffer.getvalue().decode("utf-8")
     element = text[text.index("<svg") :].replace(f'<style type="text/css">*{{{_JOINTS}}}</style>', "")
     return element.replace("<svg", f'<svg style="{_JOINTS}; max-width: 100%; height: auto"', 1)
@@ -230,5 +231,5 @@ def png(figure: Figure) -> bytes:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     buffer = BytesIO()
-    FigureCanvasAgg(figure).print_png(buffer, metadata={"Software": None})
+    FigureCanvasAgg(figure).print_png(buffer, metadata={"Software": None})  # type: ignore[no-untyped-call]
     return buffer.getvalue()
