@@ -9,8 +9,9 @@ from cyclopts import Parameter
 
 from clutchid.cli.common import DONE, guarded
 from clutchid.cli.observe_live import observe_live
-from clutchid.cli.observe_output import STANDARD_INPUT, ObserveOptions, answer, is_live
+from clutchid.cli.observe_output import ObserveOptions, answer
 from clutchid.errors import ParameterError
+from clutchid.verbs.live import STANDARD_INPUT, is_live
 from clutchid.verbs.observing import observed
 from clutchid.verbs.start import calibration_file
 

@@ -5,23 +5,17 @@ What fails beside it, such as a disk that is full, costs what comes later in tha
 
 from __future__ import annotations
 
-import math
 import signal
-import sys
 import threading
 import time
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import replace
-from itertools import chain
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from clutchid.cli.common import BAD_INPUT, DONE, FAILED, complain
-from clutchid.cli.observe_output import STANDARD_INPUT, FileTroubles, ObserveOptions, answer, offer
+from clutchid.cli.observe_output import FileTroubles, ObserveOptions, answer, offer
 from clutchid.cli.observe_sinks import (
     Sink,
     Stopped,
@@ -32,20 +26,12 @@ from clutchid.cli.observe_sinks import (
     view,
 )
 from clutchid.errors import DataError, ExportError
-from clutchid.log import INPUTS, Log
-from clutchid.measurements.checks import AMBIENT
-from clutchid.measurements.live.bus import bus_name
-from clutchid.names import printable
-from clutchid.parameters import known_ambient
 from clutchid.systems import HANG_UPS, STOPS
-from clutchid.verbs.observing import observer_of
-from clutchid.verbs.options import pressure
+from clutchid.verbs.live import Begun, arriving, begun, steps
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
-    from clutchid.measurements.live.arrival import LiveBlock
     from clutchid.observer.live import LiveRun
-    from clutchid.observer.state import Tail
 
 #: Time in s from one saved state to the next; as much is lost where the power is.
 MINUTE = 60.0
@@ -65,8 +51,8 @@ def observe_live(log: Path, content: ParameterFile, options: ObserveOptions) -> 
         raise ExportError(f"--out {options.out}: a live recording is written as {' or '.join(SPOOLED)}, in any length.")
     kept, left = FileTroubles(), offer(options)
     with stop_signals() as stopped:
-        with closing(_blocks(log, content, options, stopped)) as blocks:
-            run, trouble = _followed(blocks, content, options, kept, left, stopped)
+        with closing(arriving(options.live(log), content, stopped)) as blocks:
+            run, trouble = _followed(begun(blocks, content, options.live(log)), options, kept, left, stopped)
         kept.write_rest(options, run.recent(), content)
     with unhurried_errors():
         return _answered(run, trouble, content, options, kept)
@@ -110,73 +96,28 @@ def stop_signals() -> Iterator[Stopped]:
             signal.signal(number, handler)
 
 
-def _blocks(log: Path, content: ParameterFile, options: ObserveOptions, stopped: Stopped) -> Generator[LiveBlock]:
-    """Blocks of the recording as they arrive, with a duty cycle for both valves of the model."""
-    from clutchid.measurements.live.bus import bus_blocks, from_bus
-    from clutchid.measurements.live.feed import from_descriptor, from_growing_file
-    from clutchid.measurements.live.text import text_blocks
-    from clutchid.measurements.map.channel_map import read_map
-    from clutchid.observer.state_file import saved_origin
-
-    files = options.files
-    channels = None if files.map is None else read_map(files.map)
-    ambient = pressure(files.ambient) or known_ambient(content.actuator.parameters.P_0) or AMBIENT
-    equipment = content.actuator.equipment
-    required = ("time", "position", *equipment.recorded)
-    if (bus := bus_name(str(log))) is not None:
-        frames = from_bus(bus, stopped)
-        name = printable(bus.channel)
-        origin = None if options.resume is None else saved_origin(options.resume)
-        blocks = bus_blocks(frames, name, tuple(files.dbc or ()), channels, ambient, required, origin)
-    elif str(log) == STANDARD_INPUT:
-        if sys.stdin is None:
-            raise DataError(
-                "standard input: is closed; name a file, or send samples, as in: cat LOG | clutchid observe -"
-            )
-        pieces = from_descriptor(sys.stdin.fileno(), stopped)
-        blocks = text_blocks(pieces, "stdin", channels, ambient, required)
-    else:
-        pieces = from_growing_file(log, stopped)
-        blocks = text_blocks(pieces, printable(log.stem), channels, ambient, required)
-    for block in blocks:
-        yield replace(block, log=equipment.driven(block.log))
-
-
 def _followed(
-    blocks: Iterator[LiveBlock],
-    content: ParameterFile,
-    options: ObserveOptions,
-    kept: FileTroubles,
-    left: Sequence[Path],
-    stopped: Stopped,
+    begin: Begun, options: ObserveOptions, kept: FileTroubles, left: Sequence[Path], stopped: Stopped
 ) -> tuple[LiveRun, str]:
     """The recording, whose samples and strokes are written as they come; and why it ended if that was a fault.
 
     `left` are files of an earlier run; what comes again is cut from them where this one goes on from it.
     """
-    from clutchid.observer.live import after_block, checked, live_run
-    from clutchid.observer.recording import no_sample
+    from clutchid.observer.live import checked
 
-    first = next(blocks)
-    one, state = observer_of(first.log, content, options.method, options.resume, options.zero)
-    if options.follow and options.resume is not None:
-        blocks = _behind(state.tail, chain([first], blocks), options.resume)
-        first = next(blocks)
     if options.resume is not None:
-        kept.cut(left, float(first.log.time[0]))
-    run = live_run(one, state)
-    trouble, saved = "", time.monotonic()
+        kept.cut(left, float(begin.first.time[0]))
+    run, trouble, saved = begin.run, "", time.monotonic()
     with (
         _sinks(options, stopped) as sinks,
         kept.spooled(options.out) as add_samples,
         kept.spooled(options.by_stroke) as add_strokes,
     ):
-        for block in _until_trouble(first, blocks):
-            if isinstance(block, DataError):
-                trouble = str(block)
+        for step in steps(begin):
+            if isinstance(step, DataError):
+                trouble = str(step)
                 break
-            before = run
-            run, part = after_block(run, block.log, block.left_out._asdict())
+            before, run, part = step
             now = run.usable and time.monotonic() - saved >= MINUTE
             add_samples(part.estimates(), now=now)
             if part.strokes or part.before is run.before or now:
@@ -188,54 +129,7 @@ def _followed(
                 say_unhurried(run.checked)
             for sink in sinks:
                 sink(before, run, part)
-        if not run.usable:
-            raise DataError(trouble or no_sample(first.log.name))
     return checked(run), trouble
-
-
-def _behind(tail: Tail, blocks: Iterator[LiveBlock], resumed: Path) -> Iterator[LiveBlock]:
-    """The blocks of a file behind the samples that a state has had, which must be in it, unless it begins later.
-
-    Raises
-    ------
-    DataError
-        If the file has other samples there, or none behind them.
-    """
-    latest = float(tail.time[-1]) if tail.time.size else -math.inf
-    had: list[Log] = []
-    name = ""
-    for block in blocks:
-        log, name = block.log, block.log.name
-        new = int(np.searchsorted(log.time, latest, side="right"))
-        old = log.slice(int(np.searchsorted(log.time[:new], tail.time[:1].min(initial=math.inf))), new)
-        had += [old] if new else []
-        if new == len(log):
-            continue
-        if had and not _same_samples(had, tail):
-            raise DataError(
-                f"{name}: has other samples up to {latest:g} s than the recording that {resumed} comes from, and time "
-                "must go on; follow that recording, or start without --resume."
-            )
-        yield replace(block, log=log.slice(new, len(log)))
-        yield from blocks
-        return
-    raise DataError(f"{name}: has no sample behind {latest:g} s, where {resumed} is; there is nothing to observe.")
-
-
-def _same_samples(logs: Sequence[Log], tail: Tail) -> bool:
-    """Whether the samples are those that a state remembers, by their stamps and duty cycles."""
-    time = np.concatenate([log.time for log in logs])
-    duties = np.concatenate([np.column_stack([log[name] for name in INPUTS]) for log in logs])
-    return np.array_equal(time, tail.time) and np.array_equal(duties, tail.duties, equal_nan=True)
-
-
-def _until_trouble(first: LiveBlock, blocks: Iterator[LiveBlock]) -> Iterator[LiveBlock | DataError]:
-    """The blocks, and last the fault that ended them, if one did: what came before it counts."""
-    yield first
-    try:
-        yield from blocks
-    except DataError as error:
-        yield error
 
 
 @contextmanager

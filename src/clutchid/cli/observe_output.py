@@ -34,6 +34,7 @@ from clutchid.errors import ExportError, ParameterError
 from clutchid.measurements.live.bus import BusName, bus_name
 from clutchid.names import printable
 from clutchid.systems import command_line
+from clutchid.verbs.live import LiveReading, is_live
 from clutchid.verbs.options import USUAL_FILES
 
 if TYPE_CHECKING:
@@ -44,8 +45,8 @@ if TYPE_CHECKING:
     from clutchid.observer.recording import ObservedRecording
 
 
-#: Name of standard input, and of standard output.
-STANDARD_INPUT = STANDARD_OUTPUT = "-"
+#: Name of standard output.
+STANDARD_OUTPUT = "-"
 
 
 @Parameter(name="*")
@@ -104,6 +105,10 @@ class ObserveOptions:
     force: ForceFlag = False
     json: OutputFlag = False
     debug: OutputFlag = False
+
+    def live(self, log: Path) -> LiveReading:
+        """The recording that arrives, as it is observed with these options."""
+        return LiveReading(log, self.files, self.method, self.zero, self.resume, grows=self.follow)
 
     @property
     def by_stroke(self) -> Path:
@@ -179,11 +184,6 @@ class ObserveOptions:
             (self.report, lambda path: observe_page(run, content.origin, command, path)),
         )
         return [(path, write) for path, write in each if path is not None]
-
-
-def is_live(log: Path) -> bool:
-    """Whether a recording arrives while it is observed."""
-    return str(log) == STANDARD_INPUT or bus_name(str(log)) is not None
 
 
 def origin_of(log: Log) -> float | None:

@@ -1,0 +1,192 @@
+"""`observe` while a recording arrives: from standard input, a growing file or a bus, block by block."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable, Generator, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from clutchid.errors import DataError
+from clutchid.log import INPUTS, Log
+from clutchid.measurements.checks import AMBIENT
+from clutchid.measurements.live.bus import bus_name
+from clutchid.names import printable
+from clutchid.observer.live import LiveRun, after_block, live_run
+from clutchid.observer.recording import ObservedRecording, no_sample
+from clutchid.parameters import known_ambient
+from clutchid.strokes.vented_rest import Zero
+from clutchid.verbs.observing import observer_of
+from clutchid.verbs.options import ReadingText, pressure
+
+if TYPE_CHECKING:
+    from clutchid.estimation.parameter_file import ParameterFile
+    from clutchid.measurements.live.arrival import LiveBlock
+    from clutchid.observer.state import Tail
+
+#: Name of standard input.
+STANDARD_INPUT = "-"
+
+
+def is_live(log: Path) -> bool:
+    """Whether a recording arrives while it is observed."""
+    return str(log) == STANDARD_INPUT or bus_name(str(log)) is not None
+
+
+@dataclass(frozen=True, slots=True)
+class LiveReading:
+    """A recording that arrives, and how it is observed.
+
+    Attributes
+    ----------
+    log
+        `-`, ``can:CHANNEL``, or a file that grows.
+    files
+        Options of reading.
+    method, zero
+        As of `clutchid.observe`.
+    resume
+        State to go on from.
+    grows
+        Whether `log` is a file, which may begin before that state.
+    """
+
+    log: Path
+    files: ReadingText
+    method: str = "joint"
+    zero: Zero = "subtract"
+    resume: Path | None = None
+    grows: bool = False
+
+
+class Begun(NamedTuple):
+    """A live recording whose first block has come: the run before it, and the blocks from it on."""
+
+    run: LiveRun
+    blocks: Iterator[LiveBlock]
+    first: Log
+
+
+class LiveStep(NamedTuple):
+    """A block that has been observed: the runs before and after it, and its results."""
+
+    before: LiveRun
+    run: LiveRun
+    part: ObservedRecording
+
+
+def arriving(reading: LiveReading, content: ParameterFile, stopped: Callable[[], bool]) -> Generator[LiveBlock]:
+    """Blocks of a recording as they arrive, with a duty cycle for both valves of the model, until `stopped`.
+
+    Raises
+    ------
+    DataError
+        If the recording cannot be followed.
+    """
+    from clutchid.measurements.live.bus import bus_blocks, from_bus
+    from clutchid.measurements.live.feed import from_descriptor, from_growing_file
+    from clutchid.measurements.live.text import text_blocks
+    from clutchid.measurements.map.channel_map import read_map
+    from clutchid.observer.state_file import saved_origin
+
+    log, files = reading.log, reading.files
+    channels = None if files.map is None else read_map(files.map)
+    ambient = pressure(files.ambient) or known_ambient(content.actuator.parameters.P_0) or AMBIENT
+    equipment = content.actuator.equipment
+    required = ("time", "position", *equipment.recorded)
+    if (bus := bus_name(str(log))) is not None:
+        frames = from_bus(bus, stopped)
+        name = printable(bus.channel)
+        origin = None if reading.resume is None else saved_origin(reading.resume)
+        blocks = bus_blocks(frames, name, tuple(files.dbc or ()), channels, ambient, required, origin)
+    elif str(log) == STANDARD_INPUT:
+        if sys.stdin is None:
+            raise DataError(
+                "standard input: is closed; name a file, or send samples, as in: cat LOG | clutchid observe -"
+            )
+        pieces = from_descriptor(sys.stdin.fileno(), stopped)
+        blocks = text_blocks(pieces, "stdin", channels, ambient, required)
+    else:
+        pieces = from_growing_file(log, stopped)
+        blocks = text_blocks(pieces, printable(log.stem), channels, ambient, required)
+    for block in blocks:
+        yield replace(block, log=equipment.driven(block.log))
+
+
+def begun(blocks: Iterator[LiveBlock], content: ParameterFile, reading: LiveReading) -> Begun:
+    """The observer of a recording whose first block has come; behind what a file that grows had when it was saved.
+
+    Raises
+    ------
+    DataError, ParameterError
+        If recording, calibration, method and state do not fit each other.
+    """
+    first = next(blocks)
+    observer, state = observer_of(first.log, content, reading.method, reading.resume, reading.zero)
+    if reading.grows and reading.resume is not None:
+        blocks = _behind(state.tail, chain([first], blocks), reading.resume)
+        first = next(blocks)
+    return Begun(live_run(observer, state), chain([first], blocks), first.log)
+
+
+def steps(begin: Begun) -> Iterator[LiveStep | DataError]:
+    """Observe the blocks as they come; last is the fault that ended them, if one did: what came before it counts.
+
+    Raises
+    ------
+    DataError
+        If nothing could be observed.
+    """
+    run, trouble = begin.run, ""
+    try:
+        for block in begin.blocks:
+            before = run
+            run, part = after_block(run, block.log, block.left_out._asdict())
+            yield LiveStep(before, run, part)
+    except DataError as error:
+        if run.usable:
+            yield error
+        trouble = str(error)
+    if not run.usable:
+        raise DataError(trouble or no_sample(begin.first.name))
+
+
+def _behind(tail: Tail, blocks: Iterator[LiveBlock], resumed: Path) -> Iterator[LiveBlock]:
+    """The blocks of a file behind the samples that a state has had, which must be in it, unless it begins later.
+
+    Raises
+    ------
+    DataError
+        If the file has other samples there, or none behind them.
+    """
+    latest = float(tail.time[-1]) if tail.time.size else -math.inf
+    had: list[Log] = []
+    name = ""
+    for block in blocks:
+        log, name = block.log, block.log.name
+        new = int(np.searchsorted(log.time, latest, side="right"))
+        old = log.slice(int(np.searchsorted(log.time[:new], tail.time[:1].min(initial=math.inf))), new)
+        had += [old] if new else []
+        if new == len(log):
+            continue
+        if had and not _same_samples(had, tail):
+            raise DataError(
+                f"{name}: has other samples up to {latest:g} s than the recording that {resumed} comes from, and time "
+                "must go on; follow that recording, or start without --resume."
+            )
+        yield replace(block, log=log.slice(new, len(log)))
+        yield from blocks
+        return
+    raise DataError(f"{name}: has no sample behind {latest:g} s, where {resumed} is; there is nothing to observe.")
+
+
+def _same_samples(logs: Sequence[Log], tail: Tail) -> bool:
+    """Whether the samples are those that a state remembers, by their stamps and duty cycles."""
+    time = np.concatenate([log.time for log in logs])
+    duties = np.concatenate([np.column_stack([log[name] for name in INPUTS]) for log in logs])
+    return np.array_equal(time, tail.time) and np.array_equal(duties, tail.duties, equal_nan=True)
