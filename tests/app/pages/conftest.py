@@ -41,7 +41,7 @@ def browser():
 
 @pytest.fixture(scope="session")
 def files(tmp_path_factory):
-    """A German MDF file of a new clutch, a CSV file of the worn one, and a file that is no recording."""
+    """German MDF files of a new clutch and, without pressure, of the worn one; CSV files of both, and a broken one."""
     import asammdf
 
     folder = tmp_path_factory.mktemp("files")
@@ -53,10 +53,11 @@ def files(tmp_path_factory):
         "Druck_Zylinder": ((log["pressure_a"] - 1.013e5) / 1e5, "bar"),
     }
     slow = np.arange(500) / 50
-    with asammdf.MDF(version="4.10") as mdf:
-        mdf.append([asammdf.Signal(v, log.time, unit=unit, name=name) for name, (v, unit) in channels.items()])
-        mdf.append([asammdf.Signal(70 + 20 * np.sin(slow), slow, unit="degC", name="Motortemperatur")])
-        mdf.save(folder / "Messung.mf4")
+    for file, names in (("Messung.mf4", [*channels]), ("Verschleiss.mf4", [*channels][:3])):
+        with asammdf.MDF(version="4.10") as mdf:
+            mdf.append([asammdf.Signal(channels[n][0], log.time, unit=channels[n][1], name=n) for n in names])
+            mdf.append([asammdf.Signal(70 + 20 * np.sin(slow), slow, unit="degC", name="Motortemperatur")])
+            mdf.save(folder / file)
     write(drive(Truck(), seconds=10.0, seed=2, pressure=False, wear=1.2e-3).log, folder / "worn.csv")
     write(log.slice(0, 5000), folder / "cal.csv")
     (folder / "broken.csv").write_text("time [s],position [m]\n0,0\n0,x\n")

@@ -28,6 +28,14 @@ def test_a_recording_is_dragged_to_verify_and_back_and_the_ticks_follow(page, op
     assert page.locator("#run-calibrate").is_enabled()
 
 
+def test_a_broken_file_is_said_to_be_one_and_is_not_chosen(page, files):
+    page.set_input_files("#files", str(files / "broken.csv"))
+    page.locator("#item-recording-1 .dot.bad").wait_for()
+    page.click("nav >> text=Load")
+    assert "has problems" in page.locator(".choose").first.inner_text()
+    assert page.locator(".choose input:checked").count() == 0
+
+
 def test_a_file_is_dropped_on_what_it_is_for(page, opened, files):
     opened("cal.csv")
     page.click("nav >> text=Load")

@@ -23,6 +23,13 @@ def test_from_a_german_file_to_what_has_changed_and_an_export(page, opened, file
     page.locator("#chart-change .uplot").wait_for()
     page.locator("text=Report (page)").wait_for()
     assert "half-load position" in page.locator(".summary").inner_text()
+    for chart in ("load", "change"):  # the answer is on the first screen
+        assert page.locator(f"#chart-{chart} .u-over").bounding_box()["y"] < 700.0
+    page.set_viewport_size({"width": 500, "height": 950})
+    box = page.locator(".answer").bounding_box()
+    assert box["y"] + box["height"] < 700.0
+    assert page.locator(".summary .fixed").evaluate("cell => cell.scrollWidth <= cell.clientWidth")
+    page.set_viewport_size({"width": 1400, "height": 950})
     assert page.locator("table.board tr").count() == 2
     page.locator("footer[hidden]").wait_for(state="attached")
     picture(page, "load", full_page=True)
@@ -52,7 +59,10 @@ def test_a_report_is_opened_beside_the_page(page, opened):
     opened("cal.csv")
     page.click("text=Load")
     page.click("#run-calibrate")
+    page.reload()  # the page is told of it anew, before the calibration has ended
     page.locator("text=Report (page)").wait_for()
+    assert page.locator("#fit-estimate-recording-1").count() == 1
+    assert not page.locator("#fit-estimate-recording-1").is_checked()
     with page.context.expect_page() as other:
         page.click("text=Report (page)")
     other.value.locator("h1").first.wait_for()

@@ -15,6 +15,12 @@ def test_a_recording_is_played_paused_and_stepped_by_strokes(page, opened, pictu
     assert page.locator(".strips .uplot").count() == 4
     assert "After stroke" in page.locator("#stroke").inner_text()
 
+    page.click("#theme")
+    dark = page.evaluate("getComputedStyle(document.body).color")  # of the load before the first sample, as the texts
+    marks = page.locator("#chart-online .u-series:not(.edge) .u-marker")
+    assert marks.nth(1).evaluate("mark => getComputedStyle(mark).borderTopColor") == dark
+    page.click("#theme")
+
     page.locator("#time").fill("0")
     assert page.locator("#stroke").inner_text() == "Before the end of the first stroke."
     page.click("#step")
@@ -35,3 +41,6 @@ def test_a_recording_is_played_paused_and_stepped_by_strokes(page, opened, pictu
     assert page.locator(".time").inner_text().startswith("10.00") or page.locator(".time").inner_text().startswith(
         "9.99"
     )
+    page.click("#next")
+    page.locator("#export").wait_for()
+    assert page.locator(".answer h2").inner_text() == "3: calibrate cal.csv"

@@ -74,6 +74,40 @@ def test_a_channel_of_another_time_grid_is_plotted_beside_the_others(page, strip
     assert page.locator(".strips .uplot").count() == 4
 
 
+def test_strips_show_the_channels_of_the_map_as_it_is_changed(page, strips):
+    page.select_option("[aria-label='Quantity of Druck_Zylinder']", "")
+    page.locator(".strips .uplot").nth(2).wait_for(state="detached")
+    assert page.locator(".strips .uplot").count() == 2
+    page.check("[aria-label='Plot Druck_Zylinder']")  # as it is, without a quantity
+    page.locator(".strips .uplot").nth(2).wait_for()
+
+
+def test_the_map_of_another_recording_is_used_and_what_only_that_one_has_can_be_removed(page, opened, strips):
+    page.click("#apply")
+    page.locator("text=map.toml").wait_for()
+    opened("Verschleiss.mf4", 2)
+    page.select_option("#map-of", label="Messung.mf4")
+    absent = page.locator("tr.absent")
+    absent.wait_for()
+    assert "Druck_Zylinder not in this recording" in absent.inner_text()
+    page.click("nav >> text=Load")
+    row = page.locator(".choose tr", has_text="Verschleiss.mf4").first
+    assert "position only" in row.inner_text()
+    page.click("nav >> text=Recording")
+    page.click("#item-recording-2")
+    page.click("[aria-label='Remove pressure_a from the map']")
+    page.click("#apply")
+    page.locator("#apply", has_text="Keep as map and check").wait_for()
+    assert absent.count() == 0
+
+
+def test_sign_and_factor_are_beside_each_other_on_a_narrow_page(page, strips):
+    page.set_viewport_size({"width": 500, "height": 950})
+    table = page.locator("[aria-label='Table of channels']")
+    assert table.evaluate("table => table.scrollWidth <= table.clientWidth")
+    assert page.locator("#sign-1").is_visible()
+
+
 def test_a_file_that_cannot_be_used_has_the_sentence_of_the_command_line(page, files):
     page.set_input_files("#files", str(files / "broken.csv"))
     said = page.locator(".details .notice.bad")

@@ -1,6 +1,6 @@
 // Plots with bands: loads over the position, or how they have changed; and the trend of a vehicle over its life.
 import uPlot from "./vendor/uPlot.esm.js";
-import { SERIES, colour, h, short } from "./page.js";
+import { SERIES, colour, h, marked, short } from "./page.js";
 
 /** A plot in `holder`: `curves` are {label, colour, position in m, force, low, high in N}; null where there is no band. */
 export function curves(holder, title, several, { zero = false } = {}) {
@@ -27,6 +27,7 @@ export function curves(holder, title, several, { zero = false } = {}) {
   const high = Math.min(Math.max(...edges, highest), highest + room);
   const plot = new uPlot({
     width: Math.max(holder.clientWidth, 200), height: 300, pxAlign: 0, title,
+    legend: marked([null, ...several.flatMap((one) => Array(3).fill(SERIES[one.colour % SERIES.length]))]),
     cursor: { drag: { x: true, y: false }, points: { size: 6 } },
     scales: { x: { time: false }, y: { range: () => [low - 0.04 * (high - low), high + 0.04 * (high - low)] } },
     axes: [{ ...axis, label: "position [mm]", labelSize: 20, size: 36 },
@@ -101,7 +102,7 @@ export function trends(holder, trend, recordings, state) {
     const limited = limit?.of === name && state.forecast;
     const tables = [[line.x, line.value, line.low, line.high], points(true), points(false)].filter(([x]) => x.length);
     const ink = (which) => () => colour(which);
-    const dots = (label, which, fill) => ({ label, stroke: ink(which), paths: () => null, points: { show: true, size: 6, width: 1.5, stroke: ink(which), fill: ink(fill) } });
+    const dots = (label, which, fill) => ({ label, which, stroke: ink(which), paths: () => null, points: { show: true, size: 6, width: 1.5, stroke: ink(which), fill: ink(fill) } });
     const shown = (_, y) => short(y, 4);
     const edges = (label) => ({ label, class: "edge", stroke: () => "transparent", points: { show: false } });
     const style = { stroke: ink("ink"), grid: { stroke: ink("grid"), width: 1 }, ticks: { stroke: ink("grid") }, font: "12px sans-serif", labelFont: "12px sans-serif" };
@@ -109,11 +110,12 @@ export function trends(holder, trend, recordings, state) {
     const [bottom, top] = [Math.min(...ends), Math.max(...ends)];
     const room = 0.08 * (top - bottom || Math.abs(top) || 1);
     const series = [{ label: axis, value: (_, x) => (x === null || x === undefined ? "–" : Math.round(x).toLocaleString("en")) },
-      { label: "trend", stroke: ink("blue"), width: 2, value: shown, points: { show: line.x.length === 1 } }, edges("low"), edges("high"),
+      { label: "trend", which: "blue", stroke: ink("blue"), width: 2, value: shown, points: { show: line.x.length === 1 } }, edges("low"), edges("high"),
       ...[[true, "reading", "measured", "measured"], [false, "left out", "red", "paper"]].filter(([counts]) => points(counts)[0].length).map(([, ...rest]) => ({ ...dots(...rest), value: shown }))];
     const all = uPlot.join(tables);
     return new uPlot({
       width: Math.max(area.clientWidth, 200), height: HEIGHT, pxAlign: 0,
+      legend: marked(series.map((one) => one.which)),
       cursor: { sync: { key }, drag: { x: true, y: false }, points: { size: 6 } },
       scales: { x: { time: false, range: (_, from, to) => (from === all[0][0] && to === all[0].at(-1) ? span : [from, to]) }, y: { range: () => [bottom - room, top + room] } },
       axes: [{ ...style, size: lowest ? 36 : 30, label: lowest ? axis : undefined, labelSize: 18, space: 80, values: (_, splits) => splits.map((x) => x.toLocaleString("en")) },

@@ -1,8 +1,8 @@
 // The stage "Load": calibrate, estimate, and a board on which results are kept, overlaid and compared.
-import { about, all, badge, copying, dropping, fill, h, notice, one, plural, points, send, short } from "./page.js";
+import { about, all, badge, dropping, fill, h, nextStep, notice, one, plural, points, repeat, send, short, summary, table, warnings } from "./page.js";
 import { curves } from "./curves.js";
 import { strips } from "./strips.js";
-import { take, unchecked, worst } from "./recording.js";
+import { contents, has, ready, take, unchecked, worst } from "./recording.js";
 
 const chosen = { calibrate: new Set(), estimate: new Set(), start: "" };
 const verified = { calibrate: new Set(), estimate: new Set() };
@@ -17,22 +17,23 @@ let plots = [];
 
 export { calibrations };
 
-export function loadStage(main) {
+export function loadStage(main, show) {
   const forms = h("div", { class: "forms" });
   const chart = h("section", { class: "charts", "aria-label": "Loads" });
   const results = h("section", { "aria-label": "Results" });
-  const details = h("section", { class: "details", "aria-label": "Result" });
-  main.replaceChildren(h("div", { class: "load" }, forms, h("div", { class: "results" }, results, chart, details)));
+  const [answer, details] = [["details answer", "Answer"], ["details", "Result"]].map(([name, label]) => h("section", { class: name, "aria-label": label }));
+  main.replaceChildren(h("div", { class: "load" }, forms, h("div", { class: "results" }, results, answer, chart, details)));
+  const drawResult = () => { drawAnswer(answer, show); drawDetails(details); };
   const draw = (these) => {
     offer();
     const kinds = new Set([...(these ?? ["recording", "result"])].map((text) => text.split(" ")[0]));
     if (!kinds.has("recording") && !kinds.has("result")) return;
     drawForms(forms, () => draw());
-    drawResults(results, () => { drawResults(results, () => draw()); drawCharts(chart); drawDetails(details); });
-    if (!these || kinds.has("result")) { drawCharts(chart); drawDetails(details); }
+    drawResults(results, () => { drawResults(results, () => draw()); drawCharts(chart); drawResult(); });
+    if (!these || kinds.has("result")) { drawCharts(chart); drawResult(); }
   };
   draw();
-  return { changed: draw, redraw() { for (const plot of plots) plot?.redraw(); }, end() { for (const plot of plots) plot?.end(); plots = []; } };
+  return { changed: draw, choose(id) { open = id; draw(); document.getElementById("downloads")?.scrollIntoView(); }, redraw() { for (const plot of plots) plot?.redraw(); }, end() { for (const plot of plots) plot?.end(); plots = []; } };
 }
 
 /** Choose what is new: recordings with pressure to calibrate, without to estimate; the newest calibration to start from. */
@@ -40,11 +41,10 @@ function offer() {
   for (const recording of all("recording")) {
     sent.get(recording.id)?.();
     if (sent.delete(recording.id)) known.add(recording.id);
-    if (!recording.look || recording.look.checking || known.has(recording.id)) continue;
+    if (!ready(recording) || known.has(recording.id)) continue;
     known.add(recording.id);
-    const pressure = "pressure_a" in recording.look.map;
-    const calibrated = calibrations().some((result) => result.recordings.includes(recording.id));
-    if (pressure && !all("result").length && !chosen.calibrate.size) chosen.calibrate.add(recording.id);
+    const calibrated = all("result").some((result) => result.verb === "calibrate" && result.recordings.includes(recording.id));
+    if (has(recording, "pressure_a") && !all("result").length && !chosen.calibrate.size) chosen.calibrate.add(recording.id);
     else if (!calibrated && !chosen.estimate.size) chosen.estimate.add(recording.id);
   }
   for (const result of all("result")) {
@@ -52,7 +52,9 @@ function offer() {
     known.add(result.id);
     board.add(result.id);
     open = result.id;
-    if (result.found.is_calibration) chosen.start = result.id;
+    if (!result.found.is_calibration) continue;
+    chosen.start = result.id;
+    for (const id of result.recordings) chosen.estimate.delete(id);  // its load is known
   }
   for (const set of [chosen.calibrate, chosen.estimate, verified.calibrate, verified.estimate]) for (const id of set) if (!one("recording", id)) set.delete(id);
   for (const id of board) if (!one("result", id)) board.delete(id);
@@ -61,7 +63,6 @@ function offer() {
   if (!one("result", chosen.start)) chosen.start = "";
 }
 
-const ready = (recording) => recording.look && !recording.look.checking && recording.look.status !== "bad_input";
 const calibrations = () => all("result").filter((result) => result.found?.is_calibration && !result.found.writing);
 
 /** Why a verb cannot run yet; empty where it can. */
@@ -73,7 +74,7 @@ function missing(verb) {
   if (unread) return unread.look?.status === "bad_input" ? `${unread.name} has problems: see “Recording”.` : `${unread.name} is not read yet.`;
   const unmapped = these.find(unchecked);
   if (unmapped) return `${unmapped.name}: check its channels under “Recording”, and keep the map.`;
-  const blind = these.find((recording) => verb === "calibrate" && !("pressure_a" in recording.look.map) && !(options[verb].measure ?? "").length);
+  const blind = these.find((recording) => verb === "calibrate" && !has(recording, "pressure_a") && !(options[verb].measure ?? "").length);
   if (blind) return `${blind.name} has no pressure: a calibration needs the channel pressure_a.`;
   const bad = these.find((recording) => recording.look.checks.some((check) => check.grade === "bad"));
   if (bad && !options[verb].force) return `A check of ${bad.name} is bad: mend it under “Recording”, or go on under “More options”.`;
@@ -93,7 +94,7 @@ function form(verb, title, purpose, redraw) {
   const rows = all("recording").map((recording) => h("tr", { draggable: "true", ondragstart: (event) => event.dataTransfer.setData("text/plain", recording.id) },
     h("td", {}, pick(chosen[verb], recording, "fit")), h("td", {}, pick(verified[verb], recording, "verify")),
     h("th", { scope: "row" }, h("span", { class: `dot ${worst(recording)}` }), recording.name),
-    h("td", { class: "hint" }, recording.look ? ("pressure_a" in recording.look.map ? "with pressure" : "position only") : "reading")));
+    h("td", { class: "hint" }, contents(recording))));
   const put = (role, id) => {  // a recording is fitted or verified
     (role === "fit" ? chosen[verb] : verified[verb]).add(id);
     if (role === "verify") chosen[verb].delete(id);
@@ -120,9 +121,9 @@ function form(verb, title, purpose, redraw) {
     } catch (problem) { refused[verb] = problem.message; }
     redraw();
   };
-  return h("section", { class: "card", "aria-label": title }, h("h2", {}, title), h("p", { class: "hint" }, purpose),
+  return h("section", { class: "card", id: verb, "aria-label": title }, h("h2", {}, title), h("p", { class: "hint" }, purpose),
     h("div", { class: "slots" }, slot("fit", "Fit", chosen[verb]), slot("verify", "Verify", verified[verb])),
-    rows.length ? h("table", { class: "choose" }, h("thead", {}, h("tr", {}, ["fit", "verify", "recording", "has"].map((text) => h("th", { scope: "col" }, text)))), h("tbody", {}, rows)) : null,
+    rows.length ? table(["fit", "verify", "recording", "has"], rows, { name: "choose" }) : null,
     verb === "estimate" && h("p", { class: "field" }, h("label", { for: "start" }, "Calibration (--start)"), h("select", { id: "start", onchange: (event) => { chosen.start = event.target.value; redraw(); } },
       h("option", { value: "" }, calibrations().length ? "–" : "none yet"), calibrations().map((result) => h("option", { value: result.id, selected: result.id === chosen.start }, `${result.name} (${result.id.split("-")[1]})`)))),
     more(verb, redraw),
@@ -193,23 +194,25 @@ const curve = (label, colour, position, force, low, high) => ({ label, colour, p
 
 let residuals = null;
 
+/** The answer of a result, before its plots: trust, load, what has changed, and what is next. */
+function drawAnswer(answer, show) {
+  const result = one("result", open);
+  if (!result) { fill(answer); return; }
+  const { found } = result;
+  const acts = { estimate: ["Estimate a worn clutch", () => document.getElementById("estimate").scrollIntoView()], correct: ["Look at the recording", () => show("recording", result.recordings[0])] };
+  fill(answer, h("div", { class: "head" }, h("h2", {}, `${result.id.split("-")[1]}: ${result.name}`)),
+    !found && (result.message ? notice(result.message) : h("p", { class: "hint" }, `${WAITING[result.status] ?? ""} …`)), !found && result.bad_input && h("p", { class: "hint" }, "Mend what the sentence says, and run it again."),
+    found?.summary && summary(found.summary), found?.next && nextStep(found.next, acts[found.next.kind]));
+}
+
 function drawDetails(details) {
   const result = one("result", open);
   residuals?.end();
   residuals = null;
-  if (!result) { fill(details); return; }
-  const { found } = result;
-  const head = h("div", { class: "head" }, h("h2", {}, `${result.id.split("-")[1]}: ${result.name}`));
-  if (!found) {
-    const advice = result.bad_input ? "Mend what the sentence says, and run it again." : "";
-    fill(details, head, result.message ? notice(result.message) : h("p", { class: "hint" }, `${WAITING[result.status] ?? ""} …`), advice && h("p", { class: "hint" }, advice));
-    return;
-  }
+  const { found } = result ?? {};
+  if (!found) { fill(details); return; }
   const strip = h("div", {});
-  fill(details, head, found.summary && h("dl", { class: "summary" }, found.summary.map((row) => [h("dt", {}, row.label), h("dd", { class: `${row.fixed ? "fixed" : ""} ${row.mood.replace(" ", "-")}` }, row.text)])),
-    changesTable(found), found.warnings?.length ? h("details", {}, h("summary", {}, plural(found.warnings.length, "warning")), h("ul", {}, found.warnings.map((text) => h("li", {}, text)))) : null,
-    found.next && h("p", { class: "hint" }, `Next: ${found.next.why}.`),
-    downloads(result), parameters(found), found.recordings.length ? h("h3", {}, "Measured and simulated") : null, strip, repeat(result));
+  fill(details, changesTable(found), warnings(found.warnings), downloads(result), parameters(found), found.recordings.length ? h("h3", {}, "Measured and simulated") : null, strip, repeat(result));
   if (found.recordings.length) residuals = residualStrips(strip, result);
 }
 
@@ -217,16 +220,14 @@ function changesTable(found) {
   if (!found.changes?.length) return null;
   const rows = found.changes.map((change) => h("tr", {}, h("th", { scope: "row" }, change.name), h("td", {}, change.recording), h("td", { class: "number" }, short(change.before)),
     h("td", { class: "number" }, `${short(change.after)} ± ${short(1.96 * change.std, 2)}`), h("td", {}, change.unit), h("td", { class: "number" }, `${(100 * change.probability).toFixed(0)} %`)));
-  return h("section", {}, h("h3", {}, "What has changed since the calibration"), h("div", { class: "scroll" }, h("table", {}, h("thead", {}, h("tr", {},
-    ["parameter", "recording", "before", "after", "unit", "probability"].map((text) => h("th", { scope: "col" }, text)))), h("tbody", {}, rows))));
+  return h("section", {}, h("h3", {}, "What has changed since the calibration"), table(["parameter", "recording", "before", "after", "unit", "probability"], rows, { scroll: "Table of changes" }));
 }
 
 function parameters(found) {
   const names = Object.entries(found.parameters ?? {});
   if (!names.length) return null;
-  return h("details", {}, h("summary", {}, plural(names.length, "parameter")), h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Table of parameters" }, h("table", {}, h("thead", {}, h("tr", {},
-    ["parameter", "value", "from", "to", "unit"].map((text) => h("th", { scope: "col" }, text)))), h("tbody", {}, names.map(([name, estimate]) => h("tr", {}, h("th", { scope: "row" }, name),
-    [estimate.value, estimate.low, estimate.high].map((value) => h("td", { class: "number" }, short(value))), h("td", {}, estimate.unit)))))));
+  return h("details", {}, h("summary", {}, plural(names.length, "parameter")), table(["parameter", "value", "from", "to", "unit"], names.map(([name, estimate]) => h("tr", {}, h("th", { scope: "row" }, name),
+    [estimate.value, estimate.low, estimate.high].map((value) => h("td", { class: "number" }, short(value))), h("td", {}, estimate.unit))), { scroll: "Table of parameters" }));
 }
 
 const FILES = { "report.html": "Report (page)", "fit.toml": "Parameters (TOML)", "fit.m": "MATLAB (.m)", "fit.mat": "MATLAB (.mat)", "result.json": "JSON", "export.zip": "Export (ZIP)" };
@@ -237,7 +238,7 @@ function downloads(result) {
   const link = (name) => h("a", { class: "button plain", href: `/api/results/${result.id}/files/${encodeURIComponent(name)}`, ...(name === "report.html" ? { target: "_blank", rel: "noopener" } : { download: "" }) }, FILES[name] ?? name);
   const select = (name, values) => h("select", { id: `export-${name}`, "aria-label": name === "to" ? "Export to" : "Method of the observer", onchange: (event) => { target[name] = event.target.value; } }, values.map(([value, words]) => h("option", { value, selected: target[name] === value }, words)));
   const failed = all("job").filter((job) => job.do === "export" && job.about === result.id).at(-1);
-  return h("section", { class: "downloads", "aria-label": "Downloads" }, h("h3", {}, "Downloads"),
+  return h("section", { class: "downloads", id: "downloads", "aria-label": "Downloads" }, h("h3", {}, "Downloads"),
     found.writing ? h("p", { class: "hint" }, "Files are being written …") : h("div", { class: "buttons" }, Object.keys(FILES).filter((name) => (found.files ?? []).includes(name)).map(link)),
     found.failures?.length ? notice(found.failures.join("\n")) : null,
     found.is_calibration && !found.writing && h("div", { class: "tools" }, "Export for a control unit:", select("to", [["c", "C99"], ["c,a2l", "C99 and A2L"], ["c,fmu2", "C99 and FMU 2.0"], ["c,matlab", "C99 and MATLAB"]]),
@@ -245,12 +246,6 @@ function downloads(result) {
       h("button", { type: "button", id: "export", onclick: () => send("POST", `/api/results/${result.id}/export`, { ...target }) }, "Export")),
     failed?.status === "failed" && notice(failed.message),
     result.exports.map((one) => h("p", {}, link(one.file), ` ${one.words}`)));
-}
-
-function repeat(result) {
-  if (!result.command) return null;
-  const block = (title, text) => h("div", { class: "code" }, h("div", { class: "head" }, h("h4", {}, title), copying(text, "Copy")), h("pre", { tabindex: "0" }, text));
-  return h("details", {}, h("summary", {}, "Repeat it on the command line or in Python"), block("Command", result.command), block("Python", result.python));
 }
 
 function residualStrips(holder, result) {

@@ -18,9 +18,16 @@ function go(wanted) {
   if (next === name) return;
   stage?.end();
   name = next;
-  stage = STAGES[name][1](main, go);
+  stage = STAGES[name][1](main, show);
   document.title = `${STAGES[name][0]} – clutchid`;
   document.getElementById("stages").replaceChildren(...Object.entries(STAGES).map(([key, [title]]) => h("a", { href: `#${key}`, "aria-current": key === name ? "page" : null }, title)));
+}
+
+/** Show a stage, and in it the object with this id. */
+function show(wanted, id) {
+  go(wanted);
+  location.hash = wanted;
+  stage.choose(id);
 }
 
 function setTheme(dark) {

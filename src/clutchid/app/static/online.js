@@ -1,9 +1,9 @@
 // The stage "On line": a recording played through the observer of a calibration, as a control unit would follow it.
-import { all, copying, fill, h, notice, one, plural, points, send, short } from "./page.js";
+import { all, fill, h, nextStep, notice, one, points, repeat, send, short, summary, warnings } from "./page.js";
 import { curves } from "./curves.js";
 import { strips } from "./strips.js";
 import { calibrations } from "./load.js";
-import { unchecked } from "./recording.js";
+import { has, ready, unchecked } from "./recording.js";
 
 const METHODS = ["joint", "joint-reduced", "states", "paper"];
 const SPEEDS = [["1", "1x"], ["10", "10x"], ["inf", "as fast as it goes"]];
@@ -12,11 +12,11 @@ let refused = "";
 let open = "";
 let awaited = "";   // an observation that was begun, and that the server has not told of yet
 
-export function onlineStage(main) {
+export function onlineStage(main, show) {
   const form = h("section", { class: "card", "aria-label": "Observe" });
   const list = h("div", { class: "list" });
   const player = h("section", { "aria-label": "Player" });
-  main.replaceChildren(h("div", { class: "load" }, h("div", {}, form, list), player));
+  main.replaceChildren(h("div", { class: "load" }, h("div", {}, form, list), h("div", { class: "results" }, player)));
   let running = null;
   let drawn = "";
   const draw = (these) => {
@@ -32,7 +32,7 @@ export function onlineStage(main) {
     if (now === drawn) return;
     drawn = now;
     running?.end();
-    running = drawPlayer(player, run);
+    running = drawPlayer(player, run, show);
   };
   draw();
   return { changed: draw, redraw() { running?.redraw(); }, end() { running?.end(); } };
@@ -49,7 +49,7 @@ function missing() {
 
 function drawForm(form, redraw) {
   const recordings = all("recording").filter((recording) => recording.look);
-  if (!one("recording", chosen.recording)) chosen.recording = recordings.find((recording) => !("pressure_a" in recording.look.map))?.id ?? recordings.at(-1)?.id ?? "";
+  if (!one("recording", chosen.recording)) chosen.recording = [...recordings.filter((recording) => !has(recording, "pressure_a")), ...recordings.toReversed()].find(ready)?.id ?? "";
   if (!one("result", chosen.start)) chosen.start = calibrations().at(-1)?.id ?? "";
   const why = missing();
   const select = (name, label, values) => h("p", { class: "field" }, h("label", { for: `observe-${name}` }, label), h("select", { id: `observe-${name}`, onchange: (event) => { chosen[name] = event.target.value; redraw(); } },
@@ -65,7 +65,7 @@ function drawForm(form, redraw) {
     } }, "Run: observe"), why && h("span", { class: "hint" }, why)), notice(refused));
 }
 
-function drawPlayer(player, run) {
+function drawPlayer(player, run, showStage) {
   if (!run) { fill(player, h("p", { class: "hint" }, "Nothing yet: run an observer.")); return null; }
   const head = h("div", { class: "head" }, h("h2", {}, run.name), h("button", { type: "button", class: "plain", onclick: () => send("DELETE", `/api/observations/${run.id}`) }, "Forget"));
   const { found } = run;
@@ -85,13 +85,12 @@ function drawPlayer(player, run) {
   const load = h("div", { class: "chart", id: "chart-online" });
   const words = h("p", { class: "hint", id: "stroke" });
   const area = h("div", {});
+  const acts = { export: ["Export the observer", () => showStage("load", run.start)], correct: ["Look at the recording", () => showStage("recording", run.recording)] };
   const raised = Object.entries(found.health).filter(([, seconds]) => seconds > 0);
-  fill(player, head, h("div", { class: "tools player" }, button, h("button", { type: "button", class: "plain", onclick: () => step(-1) }, "◀ Stroke"), h("button", { type: "button", class: "plain", id: "step", onclick: () => step(1) }, "Stroke ▶"), rates, shownTime), slider,
+  fill(player, head, summary(found.summary), nextStep(found.next, acts[found.next.kind]), h("div", { class: "tools player" }, button, h("button", { type: "button", class: "plain", onclick: () => step(-1) }, "◀ Stroke"), h("button", { type: "button", class: "plain", id: "step", onclick: () => step(1) }, "Stroke ▶"), rates, shownTime), slider,
     load, words, area,
-    h("dl", { class: "summary" }, found.summary.map((row) => [h("dt", {}, row.label), h("dd", { class: `${row.fixed ? "fixed" : ""} ${row.mood.replace(" ", "-")}` }, row.text)])),
     h("h3", {}, "Faults in the whole recording"), raised.length ? h("ul", {}, raised.map(([name, seconds]) => h("li", {}, `${name}: ${short(seconds, 3)} s`))) : h("p", { class: "hint" }, "None."),
-    found.warnings.length ? h("details", {}, h("summary", {}, plural(found.warnings.length, "warning")), h("ul", {}, found.warnings.map((text) => h("li", {}, text)))) : null,
-    h("details", {}, h("summary", {}, "Repeat it on the command line"), h("div", { class: "code" }, copying(run.command, "Copy"), h("pre", { tabindex: "0" }, run.command))));
+    warnings(found.warnings), repeat(run));
   const line = (name, label, colour, factor, more = {}) => found.columns.includes(name) ? [{ label, colour, grid: 0, column: found.columns.indexOf(name), value: (x) => factor * x, ...more }] : [];
   const shown = strips(area, {
     span: [begin, end], read: (...rest) => points(`/api/observations/${run.id}/plot`, ...rest),

@@ -130,6 +130,29 @@ export const plural = (count, word) => `${count} ${word}${count === 1 ? "" : "s"
 /** A sentence at the place where something was given. */
 export const notice = (text, mood = "bad") => (text ? h("p", { class: `notice ${mood}`, role: mood === "bad" ? "alert" : "status" }, text) : null);
 
+/** A table: a heading a column, and rows whose cells have it too, as a row is a list of them on a narrow page; `scroll` names one that scrolls. */
+export function table(heads, rows, { name = "", scroll = "" } = {}) {
+  const titles = heads.map((head) => (head instanceof Node ? head : h("th", { scope: "col" }, head)));
+  for (const row of rows) [...row.cells].forEach((cell, k) => { if (cell.tagName === "TD") cell.dataset.label = titles[k].textContent; });
+  const made = h("table", { class: name }, h("thead", {}, h("tr", {}, titles)), h("tbody", {}, rows));
+  return scroll ? h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": scroll }, made) : made;
+}
+
+/** The rows of a summary: what a result says, in the words of the command line. */
+export const summary = (rows) => h("dl", { class: "summary" }, (rows ?? []).map((row) => [h("dt", {}, row.label), h("dd", { class: `${row.fixed ? "fixed" : ""} ${row.mood.replace(" ", "-")}` }, row.text)]));
+
+/** What is to do next: a button where the page does it, a command to copy where it does not. */
+export const nextStep = (next, act) => h("p", { class: "next" }, h("strong", {}, "Next: "), `${next.why}. `,
+  act ? h("button", { type: "button", id: "next", class: "plain", onclick: act[1] }, act[0]) : copying(next.command, "Copy the command"));
+
+export const warnings = (texts) => (texts?.length ? h("details", {}, h("summary", {}, plural(texts.length, "warning")), h("ul", {}, texts.map((text) => h("li", {}, text)))) : null);
+
+/** Command and Python that repeat a result. */
+export function repeat({ command, python }) {
+  const block = (title, text) => h("div", { class: "code" }, h("div", { class: "head" }, h("h4", {}, title), copying(text, "Copy")), h("pre", { tabindex: "0" }, text));
+  return command ? h("details", {}, h("summary", {}, "Repeat it on the command line or in Python"), block("Command", command), block("Python", python)) : null;
+}
+
 export const badge = (text, mood) => h("span", { class: `badge ${mood.replace(" ", "-")}` }, text);
 
 /** A button that copies a text, and says so. */
@@ -146,6 +169,8 @@ export function copying(text, label) {
 
 export const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 export const SERIES = ["blue", "orange", "green", "red", "purple", "ink"];
+/** Marks of a legend in the colours of `names`, by series, which follow the theme as the style sheet does. */
+export const marked = (names) => ({ markers: { width: 2, stroke: (_, k) => `var(--${names[k] ?? "paper"})`, fill: "transparent" } });
 
 /**
  * A box in which files are dropped, chosen, or opened by their path. Send files one after the other with their share; `send(file, upload)` calls upload(path) for the answer.

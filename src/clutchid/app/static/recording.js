@@ -1,5 +1,5 @@
 // The stage "Recording": open files, look at them, give channels a meaning, see what the checks say, choose strokes.
-import { about, all, badge, bytes, drawBox, fill, h, notice, one, plural, points, send, sending, short, SERIES } from "./page.js";
+import { about, all, badge, bytes, drawBox, fill, h, notice, one, plural, points, send, sending, short, SERIES, table } from "./page.js";
 import { strips } from "./strips.js";
 
 /** Units in which SI is shown. */
@@ -8,7 +8,7 @@ const TITLES = { m: "position", Pa: "pressure", "1": "duty cycle", K: "temperatu
 const MOST_CHANNELS = 200;
 
 const drafts = new Map();     // by recording the map as it is edited, the one last given, and the one shown by the server then
-const plotted = new Map();    // channels that are plotted, by recording
+const plotted = new Map();    // by recording, what was ticked or unticked in the table of channels
 const messages = new Map();   // sentences of refused maps and cuts, by recording
 const searches = new Map();
 const box = { id: "", of: "recordings", title: "Drop recordings here", accepts: "CSV, Parquet, MDF, MATLAB, BLF, ASC; or a calibration (TOML)", take, none: "No recordings here.",
@@ -18,26 +18,26 @@ let shown = null;             // the strips of the recording that is shown, wher
 let holderOfShown = null;
 let keyOfShown = "";
 
-export function recordingStage(main, go) {
+export function recordingStage(main) {
   const add = h("section", { class: "add", "aria-label": "Open recordings" });
   const list = h("div", { class: "list", role: "list", "aria-label": "Recordings" });
   const details = h("div", { class: "details" });
   main.replaceChildren(h("div", { class: "columns" }, h("aside", {}, add, list), details));
-  drawAdd(add, () => drawList(list, details, go));
-  drawList(list, details, go);
-  drawDetails(details, go);
+  drawAdd(add, () => drawList(list, details));
+  drawList(list, details);
+  drawDetails(details);
   return {
     changed(these) {
       if ([...these].some((text) => text.startsWith("recording"))) {
         if (!one("recording", chosen)) chosen = all("recording").at(-1)?.id ?? "";
-        drawList(list, details, go);
+        drawList(list, details);
       }
-      if (these.has(`recording ${chosen}`) || (chosen && details.dataset.of !== chosen)) drawDetails(details, go);
+      if (these.has(`recording ${chosen}`) || (chosen && details.dataset.of !== chosen)) drawDetails(details);
     },
     redraw() { shown?.redraw(); },
     end() { endStrips(); },
-    choose(id) { chosen = id; drawList(list, details, go); drawDetails(details, go); },
-    redrawAdd() { drawAdd(add, () => drawList(list, details, go)); },
+    choose(id) { chosen = id; drawList(list, details); drawDetails(details); },
+    redrawAdd() { drawAdd(add, () => drawList(list, details)); },
   };
 }
 
@@ -57,6 +57,19 @@ const STATES = { reading: "reading", failed: "not read", ready: "", cancelled: "
 /** Whether a fit needs the channel map of a recording, and nobody has kept one yet. */
 export const unchecked = (recording) => recording.look.needs_map && !recording.look.complete && !recording.map;
 
+/** Whether a recording can be fitted, as far as its channels say. */
+export const ready = (recording) => recording.look && !recording.look.checking && recording.look.status !== "bad_input";
+
+/** Whether a recording has the channel of a quantity: a map may name one that only other recordings have. */
+export const has = ({ look }, quantity) => look.channels.some((channel) => channel.heading === look.map[quantity]?.channel);
+
+/** What a recording holds, in two words. */
+export function contents(recording) {
+  if (!recording.look) return recording.status === "failed" ? "not read" : "reading";
+  if (recording.look.status === "bad_input") return "has problems";
+  return has(recording, "pressure_a") ? "with pressure" : "position only";
+}
+
 /** The grade of the worst check of a recording. */
 export function worst(recording) {
   if (recording.status === "failed") return "bad";
@@ -67,10 +80,10 @@ export function worst(recording) {
   return grades.includes("bad") ? "bad" : grades.includes("suspect") || recording.look.warnings.length ? "suspect" : grades.length ? "good" : "";
 }
 
-function drawList(list, details, go) {
+function drawList(list, details) {
   const items = all("recording").map((recording) => h("div", { role: "listitem" }, h("button", {
     type: "button", id: `item-${recording.id}`, class: `item ${recording.id === chosen ? "chosen" : ""}`, "aria-pressed": String(recording.id === chosen),
-    onclick: () => { chosen = recording.id; drawList(list, details, go); drawDetails(details, go); },
+    onclick: () => { chosen = recording.id; drawList(list, details); drawDetails(details); },
   }, h("span", { class: `dot ${worst(recording)}` }), h("span", { class: "name" }, recording.name),
   h("span", { class: "hint" }, STATES[recording.status] || bytes(recording.size)))));
   fill(list, items);
@@ -119,7 +132,7 @@ function meaning(channel, quantity, entry, ambient) {
 }
 const scaled = (entry, convert) => (entry ? (x) => convert(entry.sign * entry.factor * x + entry.offset) : convert);
 
-function drawDetails(details, go) {
+function drawDetails(details) {
   const recording = one("recording", chosen);
   details.dataset.of = chosen;
   if (!recording?.look || stripsKey(recording) !== keyOfShown) endStrips();
@@ -146,7 +159,7 @@ function drawDetails(details, go) {
     recording.status === "failed" && notice(recording.message), look.status === "bad_input" && notice(look.message),
     look.needs_map && !recording.map && (look.complete ? h("p", { class: "hint" }, "The channels were recognised by their names; the table below has them.") :
       h("div", { class: "notice care" }, "The channels below are proposed, partly by guessing. Check them, and keep the map:", h("ul", {}, look.remarks.map((text) => h("li", {}, text))))),
-    plots, channels, drawChecks(recording), drawStrokes(recording, () => drawDetails(details, go)));
+    plots, channels, drawChecks(recording), drawStrokes(recording, () => drawDetails(details)));
   drawChannels(channels, recording, () => drawStrips(plots, recording));
   if (!shown) drawStrips(plots, recording);
 }
@@ -164,14 +177,18 @@ async function forget(recording) {
   await send("DELETE", `/api/recordings/${recording.id}`);
 }
 
+/** The channels that are plotted: those that the map names, unless they were ticked or unticked. */
 function selection(recording) {
-  if (!plotted.has(recording.id)) {
-    const several = recording.look.grids.length > 1;
-    const draft = draftOf(recording);
-    const keys = channelsOf(recording).filter((channel) => !["", "time"].includes(quantityOf(draft, channel, several))).map((channel) => channel.key);
-    plotted.set(recording.id, new Set(keys.length ? keys : channelsOf(recording).slice(1, 4).map((channel) => channel.key)));
-  }
-  return plotted.get(recording.id);
+  const several = recording.look.grids.length > 1;
+  const [draft, every, ticked] = [draftOf(recording), channelsOf(recording), plotted.get(recording.id)];
+  const named = every.filter((channel) => !["", "time"].includes(quantityOf(draft, channel, several)));
+  const usual = new Set(named.length ? named : every.slice(1, 4));
+  return new Set(every.filter((channel) => ticked?.get(channel.key) ?? usual.has(channel)).map((channel) => channel.key));
+}
+
+function tick(recording, key, wanted) {
+  if (!plotted.has(recording.id)) plotted.set(recording.id, new Map());
+  plotted.get(recording.id).set(key, wanted);
 }
 
 function drawStrips(holder, recording) {
@@ -180,8 +197,9 @@ function drawStrips(holder, recording) {
   const several = look.grids.length > 1;
   const draft = draftOf(recording);
   const panels = new Map();
+  const chosenOnes = selection(recording);
   for (const channel of channelsOf(recording)) {
-    if (!selection(recording).has(channel.key)) continue;
+    if (!chosenOnes.has(channel.key)) continue;
     const quantity = quantityOf(draft, channel, several);
     const entry = draft[quantity];
     const { title, unit, value } = meaning(channel, quantity, entry, look.ambient);
@@ -206,6 +224,7 @@ function drawChannels(holder, recording, replot) {
   const search = searches.get(recording.id) ?? "";
   const every = channelsOf(recording);
   const found = every.filter((channel) => `${channel.heading} ${channel.group} ${channel.unit ?? ""}`.toLowerCase().includes(search.toLowerCase()));
+  const drawn = selection(recording);
   const redraw = () => { drawChannels(holder, recording, replot); replot(); };
   const number = (entry, name, label, width = 5) => h("input", { type: "number", step: "any", class: `w${width}`, value: String(entry[name]), "aria-label": label,
     onchange: (event) => { entry[name] = Number(event.target.value) || (name === "factor" ? 1 : 0); redraw(); } });
@@ -215,8 +234,8 @@ function drawChannels(holder, recording, replot) {
     const known = Object.entries(about.units).filter(([, unit]) => !quantity || unit.si === about.quantities[quantity]).map(([name]) => name);
     const unit = entry?.unit || channel.unit || "";
     return h("tr", {},
-      h("td", {}, h("input", { type: "checkbox", id: `plot-${index}`, checked: selection(recording).has(channel.key), "aria-label": `Plot ${channel.heading}`,
-        onchange: (event) => { selection(recording)[event.target.checked ? "add" : "delete"](channel.key); replot(); } })),
+      h("td", {}, h("input", { type: "checkbox", id: `plot-${index}`, checked: drawn.has(channel.key), "aria-label": `Plot ${channel.heading}`,
+        onchange: (event) => { tick(recording, channel.key, event.target.checked); replot(); } })),
       h("th", { scope: "row", class: "channel" }, channel.heading, several && channel.group && h("span", { class: "hint" }, ` ${channel.group}`)),
       h("td", {}, h("select", { id: `quantity-${index}`, "aria-label": `Quantity of ${channel.heading}`, onchange: (event) => {
         if (quantity) delete draft[quantity];
@@ -235,6 +254,9 @@ function drawChannels(holder, recording, replot) {
       h("td", { class: "number" }, `${short(channel.low, 4)} to ${short(channel.high, 4)}`),
       h("td", { class: "number" }, channel.missing ? channel.missing.toLocaleString("en") : "0"));
   });
+  const absent = Object.entries(draft).filter(([, entry]) => !every.some((channel) => channel.heading === entry.channel)).map(([name, entry]) => h("tr", { class: "absent" }, h("td", {}),
+    h("th", { scope: "row", class: "channel" }, entry.channel, h("span", { class: "hint" }, " not in this recording")), h("td", {}, name),
+    h("td", { colSpan: 7 }, h("button", { type: "button", class: "plain", "aria-label": `Remove ${name} from the map`, onclick: () => { delete draft[name]; redraw(); } }, "Remove from the map"))));
   const changed = isEdited(recording);
   const ambient = h("input", { id: "ambient", class: "w7", value: recording.ambient, placeholder: "1.013bar" });
   const put = async (map, then) => {
@@ -245,10 +267,8 @@ function drawChannels(holder, recording, replot) {
     } catch (problem) { messages.set(recording.id, problem.message); drawChannels(holder, recording, replot); }
   };
   const apply = () => put({ channels: draft }, () => Object.assign(drafts.get(recording.id) ?? {}, { given: JSON.stringify(draft) }));
-  const use = async (event) => {
-    const [file] = event.target.files;
-    if (file) await put({ toml: await file.text() }, () => drafts.delete(recording.id));
-  };
+  const use = async (text) => put({ toml: await text }, () => drafts.delete(recording.id));
+  const mapped = all("recording").filter((other) => other.map && other.id !== recording.id);
   const others = look.grids.flatMap((grid) => grid.without_numbers);
   fill(holder, h("h3", {}, "Channels"),
     h("div", { class: "tools" }, h("input", { type: "search", id: "search", placeholder: `Search ${plural(every.length, "channel")}`, value: search, "aria-label": "Search channels",
@@ -256,11 +276,12 @@ function drawChannels(holder, recording, replot) {
     h("label", { for: "ambient" }, "Ambient pressure"), ambient,
     h("button", { type: "button", id: "apply", onclick: apply, class: changed || unchecked(recording) ? "" : "plain" }, changed ? "Apply the map and check" : "Keep as map and check"),
     changed && h("button", { type: "button", class: "plain", onclick: () => { drafts.delete(recording.id); redraw(); } }, "Undo"),
-    h("label", { class: "button plain" }, "Use a map …", h("input", { type: "file", id: "use-map", accept: ".toml", class: "hidden", onchange: use })),
+    h("label", { class: "button plain" }, "Use a map …", h("input", { type: "file", id: "use-map", accept: ".toml", class: "hidden", onchange: ({ target }) => target.files.length && use(target.files[0].text()) })),
+    mapped.length > 0 && h("select", { id: "map-of", "aria-label": "Use the map of another recording", onchange: async ({ target }) => use((await fetch(`/api/recordings/${target.value}/map.toml`)).text()) },
+      h("option", { value: "" }, "Use the map of …"), mapped.map((other) => h("option", { value: other.id }, other.name))),
     recording.map && h("a", { class: "button plain", href: `/api/recordings/${recording.id}/map.toml`, download: "" }, "map.toml")),
     notice(messages.get(recording.id)),
-    h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Table of channels" }, h("table", {}, h("thead", {}, h("tr", {},
-      ["plot", "channel", "quantity", "unit", "sign", "factor", "offset", "delay [s]", "range as written", "missing"].map((text) => h("th", { scope: "col" }, text)))), h("tbody", {}, rows))),
+    table(["plot", "channel", "quantity", "unit", "sign", "factor", "offset", "delay [s]", "range as written", "missing"], [...rows, ...absent], { name: "stack", scroll: "Table of channels" }),
     found.length > MOST_CHANNELS && h("p", { class: "hint" }, `${found.length - MOST_CHANNELS} more: search for them.`),
     others.length ? h("p", { class: "hint" }, `Without numbers: ${others.slice(0, 20).map((other) => `${other.channel} (${other.holds})`).join(", ")}`) : null);
 }

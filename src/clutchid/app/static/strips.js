@@ -1,6 +1,6 @@
 // Strips: one plot a unit, one below the other, with one time axis and one cursor; A and B are set by click and Shift+click.
 import uPlot from "./vendor/uPlot.esm.js";
-import { colour, h, notice, short } from "./page.js";
+import { colour, h, marked, notice, short } from "./page.js";
 
 const HEIGHT = 170;
 let keys = 0;
@@ -49,6 +49,7 @@ export function strips(holder, { panels, read, span, marks = [] }) {
       font: "12px sans-serif" };
     const options = {
       width: Math.max(area.clientWidth, 200), height: HEIGHT, pxAlign: 0,
+      legend: marked([null, ...panel.series.map((one) => one.colour)]),
       cursor: { sync: { key }, drag: { x: true, y: false, setScale: false, dist: 5 }, points: { size: 6 },
         bind: { dblclick: () => () => { show(...span); return null; } } },
       scales: { x: { time: false, range: (_, low, high) => [low, high] } },

@@ -1,5 +1,5 @@
 // The stage "Vehicle and fleet": the vehicles of a fleet, and of one its trend with alarms and forecast, and its loads.
-import { all, badge, drawBox, fill, h, notice, one, plural, send, sending, short } from "./page.js";
+import { all, badge, drawBox, fill, h, notice, one, plural, send, sending, short, table } from "./page.js";
 import { curves, trends } from "./curves.js";
 
 const PART = 100;             // vehicles that are shown at a time
@@ -130,22 +130,21 @@ function columnsOf({ vehicles, lives }) {
   ].filter((column) => vehicles[column.name].some((value) => value !== null && value !== ""));
 }
 
-function drawFleet(details, head, table, draw) {
-  const { found } = table;
+function drawFleet(details, head, { id, found }, draw) {
   const { vehicles } = found;
-  if (!states.has(table.id)) states.set(table.id, { filter: "", sort: "", up: true, part: 0 });
-  const state = states.get(table.id);
+  if (!states.has(id)) states.set(id, { filter: "", sort: "", up: true, part: 0 });
+  const state = states.get(id);
   const order = new Intl.Collator("en", { numeric: true });
   const columns = [{ name: "vehicle", title: "vehicle", sort: (i) => vehicles.vehicle[i] }, ...columnsOf(found)];
   const words = vehicles.vehicle.map((name, i) => `${name}\n${vehicles.type[i] ?? ""}\n${vehicles.trust[i] ?? ""}\n${vehicles.alarms[i] ?? ""}\n${vehicles.last[i] ?? ""}`.toLowerCase());
   const refused = h("div", {});
-  const body = h("tbody", {});
+  const holder = h("div", {});
   const count = h("span", { class: "hint", role: "status" });
   const [earlier, later] = [[-1, "◀ Earlier"], [1, "Later ▶"]].map(([step, text]) => h("button", { type: "button", class: "plain", onclick: () => { state.part += step; show(); } }, text));
   const heads = columns.map((column) => h("th", { scope: "col", class: column.number ? "number" : null }, h("button", { type: "button", class: "sort", id: `sort-${column.name}`,
     onclick: () => { state.up = state.sort === column.name ? !state.up : true; state.sort = column.name; state.part = 0; show(); } }, column.title)));
   const go = async (name) => {
-    try { open((await send("POST", `/api/tables/${table.id}/vehicles`, { vehicle: name })).id, draw); }
+    try { open((await send("POST", `/api/tables/${id}/vehicles`, { vehicle: name })).id, draw); }
     catch (problem) { fill(refused, notice(problem.message)); }
   };
   const known = (value) => value !== null && value !== undefined && value !== -1;
@@ -167,9 +166,9 @@ function drawFleet(details, head, table, draw) {
       if (columns[k].name === state.sort) cell.setAttribute("aria-sort", state.up ? "ascending" : "descending");
       else cell.removeAttribute("aria-sort");
     });
-    fill(body, these.map((i) => h("tr", { class: "row", onclick: (event) => event.target.closest("button") || getSelection().toString() || go(vehicles.vehicle[i]) },
+    fill(holder, table(heads, these.map((i) => h("tr", { class: "row", onclick: (event) => event.target.closest("button") || getSelection().toString() || go(vehicles.vehicle[i]) },
       h("th", { scope: "row" }, h("button", { type: "button", class: "link", id: `vehicle-${i}`, onclick: () => go(vehicles.vehicle[i]) }, vehicles.vehicle[i] || "without a name")),
-      columns.slice(1).map((each) => h("td", { class: each.number ? "number" : null }, each.cell(i))))));
+      columns.slice(1).map((each) => h("td", { class: each.number ? "number" : null }, each.cell(i))))), { name: "fleet stack", scroll: "Table of vehicles" }));
     count.textContent = indices.length ? `${(state.part * PART + 1).toLocaleString("en")} to ${(state.part * PART + these.length).toLocaleString("en")} of ${indices.length.toLocaleString("en")}` : "no vehicle has this in its row";
     [earlier.hidden, later.hidden] = [parts === 1, parts === 1];
     [earlier.disabled, later.disabled] = [state.part === 0, state.part === parts - 1];
@@ -178,7 +177,7 @@ function drawFleet(details, head, table, draw) {
   fill(details, head, h("p", { class: "facts" }, [plural(found.count, "vehicle"), found.trends ? plural(alarmed, "vehicle").concat(" with an alarm") : "without trends: those need --verb track"].join(" · ")), refused,
     found.count > vehicles.vehicle.length && notice(`Only the first ${vehicles.vehicle.length.toLocaleString("en")} vehicles are shown; the page of the fleet, index.html in its folder, has all.`, "care"),
     h("div", { class: "tools" }, h("label", { for: "filter" }, "Filter"), h("input", { type: "search", id: "filter", value: state.filter, placeholder: "name, type, trust, alarm", oninput: (event) => { state.filter = event.target.value; state.part = 0; show(); } }), count, earlier, later),
-    h("div", { class: "scroll tall", tabindex: "0", role: "region", "aria-label": "Table of vehicles" }, h("table", { class: "fleet" }, h("thead", {}, h("tr", {}, heads)), body)),
+    holder,
     h("p", { class: "hint" }, "Click a heading to sort, a vehicle for its trend and loads. Values are those at the last recording, changes since the calibration, with 95 % intervals; of what is left the interval has 90 %, and ∞ is more than five lives."));
   show();
 }
@@ -205,7 +204,7 @@ function drawVehicle(details, head, { id, found }) {
   fill(details, head, h("p", { class: "facts" }, facts.join(" · "), last && [" · ", trusted(last.trust), ` of ${last.recording}`]),
     alarms.length ? h("div", { class: "notice bad" }, h("ul", {}, alarms.map((alarm) => h("li", {}, alarm.words)))) : null,
     trend ? now(trend, alarms) : notice("There is no trend of this vehicle: it is written by clutchid track, or clutchid fleet --verb track.", "care"), panels,
-    chart, table());
+    chart, tableOfLoads());
   const drawLoads = () => {
     const these = loads.filter((load) => state.shown.has(load.recording));
     return curves(chart, "Load of the clutch", these.map((load, k) => ({ label: load.recording, colour: colourOf(k, these.length), position: load.curve.position_m, force: load.curve.force_N, low: load.curve.low_N, high: load.curve.high_N })));
@@ -214,7 +213,7 @@ function drawVehicle(details, head, { id, found }) {
   let plot = drawLoads();
   running = { redraw() { plots?.redraw(); plot?.end(); plot = drawLoads(); }, end() { plots?.end(); plot?.end(); } };
 
-  function table() {
+  function tableOfLoads() {
     const some = (of) => recordings.some((row) => of(row) !== null && of(row) !== undefined && of(row) !== "");
     const known = new Set(loads.map((load) => load.recording));
     const value = (shown) => (x) => (x === null || x === undefined ? "–" : shown(x));
@@ -229,11 +228,11 @@ function drawVehicle(details, head, { id, found }) {
     ].filter(([of]) => some(of));
     const alarmed = new Set(alarms.map((alarm) => alarm.index));
     return h("section", { "aria-label": "Loads over time" }, h("h3", {}, "Loads over time"),
-      h("div", { class: "scroll tall", tabindex: "0", role: "region", "aria-label": "Table of loads" }, h("table", { class: "fleet" }, h("thead", {}, h("tr", {}, ["plot", "recording", ...columns.map(([, title]) => title)].map((text, k) => h("th", { scope: "col", class: k > 1 && columns[k - 2][3] ? "number" : null }, text)))),
-        h("tbody", {}, recordings.map((row, i) => h("tr", { class: alarmed.has(i) ? "alarmed" : null },
+      table(["plot", "recording", ...columns.map(([, title, , number]) => h("th", { scope: "col", class: number ? "number" : null }, title))],
+        recordings.map((row, i) => h("tr", { class: alarmed.has(i) ? "alarmed" : null },
           h("td", {}, known.has(row.recording) && h("input", { type: "checkbox", checked: state.shown.has(row.recording), "aria-label": `Plot the load of ${row.recording}`,
             onchange: (event) => { state.shown[event.target.checked ? "add" : "delete"](row.recording); plot?.end(); plot = drawLoads(); } })),
-          h("th", { scope: "row" }, row.recording), columns.map(([, , cell, number]) => h("td", { class: number ? "number" : null }, cell(row)))))))),
+          h("th", { scope: "row" }, row.recording), columns.map(([, , cell, number]) => h("td", { class: number ? "number" : null }, cell(row))))), { name: "fleet stack", scroll: "Table of loads" }),
       h("p", { class: "hint" }, `Load with its 95 % interval${alarmed.size ? "; a bar at the left marks the recording of an alarm" : ""}.`,
         found.load_count > loads.length ? ` Of ${found.load_count} loads ${loads.length} can be plotted, evenly over the life.` : loads.length ? "" : " No loads lie beside this file (FILE.load.parquet, or curves/ of a fleet), so that none is plotted."));
   }
