@@ -119,7 +119,7 @@ def test_the_shift_on_line_is_that_of_the_whole_recording(family, plant):
     kind = truck(2, family)
     before = vented_rest(drive(kind, seconds=20, seed=1).log)
     one = observer(plant, "states", calibration=Calibration((), np.zeros((0, 0)), rest=before))
-    for options in ({}, {"offset": OFFSET}, {"zero": "kept", "wear": 2e-3}):
+    for options in ({}, {"offset": OFFSET}, {"sensor_zero": "kept", "wear": 2e-3}):
         done = drive(kind, seconds=20, seed=2, pressure=False, **options)
         pace = rest_pace(one.spacing, plant.parameters.y_max)
         duties = np.column_stack([done.log[name] for name in ("duty_supply", "duty_exhaust")])

@@ -159,7 +159,7 @@ DRIVES = {
     "mix": {},
     "full strokes": {"manoeuvre": "strokes"},
     "cold and worn": {"change": ("cold",), "wear": 3e-3, "cycles": 3e5},
-    "warm, zero kept, drop-outs": {"change": ("warm",), "zero": "kept", "wear": 2e-3, "dropouts": 10},
+    "warm, zero kept, drop-outs": {"change": ("warm",), "sensor_zero": "kept", "wear": 2e-3, "dropouts": 10},
     "offset, much supply": {"offset": 3e-3, "supply": 11e5, "conditions": True},
     "bus": {"recorder": "bus"},
 }

@@ -113,7 +113,7 @@ def test_on_virtual_trucks_the_interval_contains_the_truth(family, number):
     before = vented_rest(drive(kind, seconds=20, seed=1).log)
     for options in (
         {"change": "seals"}, {"change": "cold"}, {"wear": 2e-3, "cycles": 6e5},
-        {"offset": 3e-4}, {"offset": -3e-4, "change": "seals"}, {"zero": "kept", "wear": 2e-3},
+        {"offset": 3e-4}, {"offset": -3e-4, "change": "seals"}, {"sensor_zero": "kept", "wear": 2e-3},
     ):  # fmt: skip
         done = drive(kind, seconds=20, seed=2, pressure=False, **options)
         for begin in (0, 1000):  # with and without the rest at the stop
