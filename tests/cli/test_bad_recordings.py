@@ -10,7 +10,7 @@ from clutchid.measurements import read, write
 from clutchid.model import Actuator
 from clutchid.preparation.inspection import inspect
 from clutchid.truck import MANOEUVRES, drive, truck
-from clutchid.verbs.reading import reading_of
+from clutchid.verbs.reading import REFUSED, reading_of
 from fixtures.commands import called
 
 WRONG = {
@@ -52,7 +52,7 @@ def test_a_bad_recording_is_refused_with_the_sentence_of_look(name, sound, tmp_p
     assert answer.out == ""
     for sentence in said:
         assert sentence in answer.err
-    assert answer.err.rstrip().endswith("or go on with --force.")
+    assert answer.err.rstrip().endswith(REFUSED)
 
 
 def test_simulate_refuses_it_as_well(sound, tmp_path, capsys):
