@@ -43,18 +43,13 @@ def calibrated(working, cal):
 
 
 def fits_running(served):
-    return [one for one in served.all(Job) if one["do"] == "fit" and one["status"] == "running"]
+    return [one for one in served.all(Job) if one["do"] == "FitRecordings" and one["status"] == "running"]
 
 
 def test_a_recording_has_its_channels_its_checks_and_its_samples(working, cal):
     look = working.get(cal)["look"]
-    assert [one["name"] for one in look["channels"]] == [
-        "time",
-        "position",
-        "duty_supply",
-        "duty_exhaust",
-        "pressure_a",
-    ]
+    names = ["time", "position", "duty_supply", "duty_exhaust", "pressure_a"]
+    assert [channel["name"] for channel in look["channels"]] == names
     assert {one["grade"] for one in look["checks"]} <= {"good", "undetermined"}
     assert {one["kind"] for one in look["strokes"]} == {"stroke", "rest"}
     answer = working.ask("GET", f"/api/recordings/{cal}/plot?grid=0&columns=1,4&begin=0&end=8&width=100")
@@ -81,7 +76,7 @@ def test_a_calibration_is_that_of_the_python_that_is_shown_and_has_its_files(
     assert (found["failures"], found["is_calibration"], found["next"]["kind"]) == ([], True, "estimate")
     report = working.ask("GET", f"/api/results/{calibrated}/files/report.html")
     assert report.headers["content-security-policy"].startswith("sandbox allow-scripts; default-src 'none'")
-    stages = working.get(next(one["id"] for one in working.all(Job) if one["do"] == "fit"))
+    stages = working.get(next(one["id"] for one in working.all(Job) if one["do"] == "FitRecordings"))
     assert (stages["share"], stages["stage"]) == (1.0, "writing")
 
 
@@ -201,7 +196,7 @@ def test_an_export_to_something_unknown_is_refused(working, calibrated):
     working.ask("POST", f"/api/results/{calibrated}/export", {"to": "fortran", "method": "joint"})
 
     def failed():
-        exports = [one for one in working.all(Job) if one["do"] == "export"]
+        exports = [one for one in working.all(Job) if one["do"] == "Export"]
         return [one for one in exports if one["status"] == "failed"]
 
     wait_for(failed)

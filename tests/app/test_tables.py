@@ -168,7 +168,7 @@ def test_a_result_below_the_folder_is_opened_by_its_path(idle, run):
     (idle.session.below / "wear.parquet").write_bytes((run / "wear.parquet").read_bytes())
     assert idle.ask("POST", "/api/tables", {"path": "wear.parquet"}).json == {"id": "table-1"}
     ((_, _, task, about),) = idle.submitted
-    assert (task.do, task.below, about) == ("table", idle.session.below, "table-1")
+    assert (task.below, about) == (idle.session.below, "table-1")
     listed = idle.ask("GET", "/api/files?under=&kind=tables").json["files"]
     assert [one["name"] for one in listed] == ["wear.parquet"]
 

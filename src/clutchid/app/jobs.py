@@ -103,7 +103,7 @@ class Jobs:
 
     def submit(self, title: str, lane: Lane, task: Task, about: str) -> Job:
         """Start a job, or let it wait for its turn; `about` is the id of what it is about."""
-        job = Job(f"job-{next(self._numbers)}", title, lane, task, about, task.do)
+        job = Job(f"job-{next(self._numbers)}", title, lane, task, about, type(task).__name__)
         self._jobs[job.id] = job
         self._waiting[lane].append(job)
         self._next(lane)

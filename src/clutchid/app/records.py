@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 from clutchid.verbs.commands import FitCommand
 from clutchid.verbs.options import RequestText
@@ -122,36 +122,23 @@ class Table:
 
 
 @dataclass(frozen=True, slots=True)
-class OpenRecording:
-    """Copy the columns of a file into a folder, and look at it."""
+class Look:
+    """Look at a recording and check it; its columns are copied into a folder first, unless they are there."""
 
-    do: ClassVar[str] = "open"
     file: File
     folder: Path
     ambient: str = ""
+    copied: bool = False
 
 
 @dataclass(frozen=True, slots=True)
-class LookAgain:
-    """Look at copied columns with another channel map."""
+class Cut:
+    """Write the strokes of copied columns that begin at these times in s to a new file, and look at it."""
 
-    do: ClassVar[str] = "look"
-    file: File
-    folder: Path
-    ambient: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class CutRecording:
-    """Write the strokes of copied columns that begin at these times in s to a new file, and open it."""
-
-    do: ClassVar[str] = "cut"
     source: Path
     map: Path | None
     begins: tuple[float, ...]
-    ambient: str
-    file: File
-    folder: Path
+    look: Look
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +148,6 @@ class FitRecordings:
     Recordings and start are files of the server, which have other names in what was `asked`.
     """
 
-    do: ClassVar[str] = "fit"
     asked: FitCommand
     name: str
     recordings: tuple[File, ...]
@@ -174,7 +160,6 @@ class FitRecordings:
 class ReadCalibration:
     """Read a calibration from a file that was given under a name."""
 
-    do: ClassVar[str] = "calibration"
     path: Path
     name: str
 
@@ -183,7 +168,6 @@ class ReadCalibration:
 class Observe:
     """Follow a recording with the observer of a calibration."""
 
-    do: ClassVar[str] = "observe"
     recording: File
     start: Path
     method: str
@@ -195,7 +179,6 @@ class Observe:
 class Export:
     """Export the observer of a calibration, and pack it."""
 
-    do: ClassVar[str] = "export"
     start: Path
     to: str
     method: str
@@ -206,10 +189,9 @@ class Export:
 class ReadTable:
     """Read a result of `track` or `fleet`, or a vehicle of it, whose files lie below a folder."""
 
-    do: ClassVar[str] = "table"
     path: Path
     below: Path
     vehicle: str | None = None
 
 
-Task = OpenRecording | LookAgain | CutRecording | FitRecordings | ReadCalibration | Observe | Export | ReadTable
+Task = Look | Cut | FitRecordings | ReadCalibration | Observe | Export | ReadTable

@@ -11,6 +11,7 @@ import socket
 import tomllib
 import webbrowser
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from dataclasses import asdict
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -29,7 +30,7 @@ from clutchid.app.folder import end_folder, make_folder, opening_page
 from clutchid.app.guard import LOOPBACK, REPORT_POLICY, Access, Guard, names_of, warning_of
 from clutchid.app.plots import plotted
 from clutchid.app.records import Observation, Recording, Result, Table, download_name
-from clutchid.app.session import MEDIA, Session
+from clutchid.app.session import Session
 from clutchid.app.uploads import allowed_path, check_size, is_opened, is_table, listed, receive
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.files import reason_of
@@ -115,7 +116,7 @@ async def _index(_request: Request) -> Response:
 
 async def _about(session: Session, _request: Request) -> Response:
     """What does not change while the server runs: units, quantities, verbs."""
-    units = {name: {"si": unit.si, "scale": unit.scale, "gauge": unit.gauge} for name, unit in UNITS.items()}
+    units = {name: asdict(unit) for name, unit in UNITS.items()}
     return JSONResponse({
         "version": version("clutchid"), "folder": str(session.below), "units": units, "quantities": dict(QUANTITIES),
         "verbs": {verb: dict(options) for verb, options in VERBS.items()}, "methods": METHODS,
@@ -230,7 +231,7 @@ async def _map_file(session: Session, request: Request) -> Response:
     known = session.board.get(Recording, request.path_params["id"])
     if known is None or known.map is None:
         raise DataError("this recording has no channel map of its own.")
-    return FileResponse(known.map, media_type=MEDIA[".toml"], headers=_attachment(f"{known.name}.map.toml"))
+    return FileResponse(known.map, headers=_attachment(f"{known.name}.map.toml"))
 
 
 async def _cut(session: Session, request: Request) -> Response:
@@ -291,9 +292,9 @@ async def _result_file(session: Session, request: Request) -> Response:
     id_, name = request.path_params["id"], request.path_params["name"]
     path, result = session.file_of(id_, name)
     if path.suffix == ".html":
-        return FileResponse(path, media_type=MEDIA[".html"], headers={"content-security-policy": REPORT_POLICY})
+        return FileResponse(path, media_type="text/html", headers={"content-security-policy": REPORT_POLICY})
     shown = download_name(result.name, name)
-    return FileResponse(path, media_type=MEDIA[path.suffix], headers=_attachment(shown))
+    return FileResponse(path, headers=_attachment(shown))
 
 
 def _attachment(name: str) -> dict[str, str]:

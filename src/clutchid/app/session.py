@@ -22,16 +22,6 @@ from clutchid.names import printable
 from clutchid.systems import replace
 from clutchid.verbs.options import pressure
 
-#: Content of the files of a result, by suffix.
-MEDIA = {
-    ".toml": "application/toml",
-    ".json": "application/json",
-    ".m": "text/plain; charset=utf-8",
-    ".mat": "application/octet-stream",
-    ".zip": "application/zip",
-    ".html": "text/html; charset=utf-8",
-}
-
 
 class Session:
     """All that one server has.
@@ -71,7 +61,7 @@ class Session:
         """Begin to read a file as a recording; the id of the recording."""
         id_ = id_ or self._id("recording")
         one = records.Recording(id_, printable(path.name), path, uploaded, size=path.stat().st_size)
-        return self._begin("open", "files", one, records.OpenRecording(records.File(path), self._columns(id_)))
+        return self._begin("open", "files", one, records.Look(records.File(path), self._columns(id_)))
 
     def set_map(self, id_: str, channels: Mapping[str, Any], rate: float | None, ambient: str) -> None:
         """Give a recording a channel map, and look at it again.
@@ -105,7 +95,7 @@ class Session:
         replace(tried, kept)
         self.jobs.cancel_about(id_)
         self.board.update(id_, map=kept, ambient=ambient, status="reading", message="")
-        task = records.LookAgain(records.File(recording.path, kept), self._columns(id_), ambient)
+        task = records.Look(records.File(recording.path, kept), self._columns(id_), ambient, copied=True)
         self.jobs.submit(f"check {recording.name}", "files", task, id_)
 
     def cut(self, id_: str, begins: Sequence[float]) -> str:
@@ -118,9 +108,8 @@ class Session:
         """
         whole = self._recording(id_)
         new, path = self.upload_path(f"{Path(safe_name(whole.name)).stem}-cut.parquet")
-        task = records.CutRecording(
-            self._columns(id_), whole.map, tuple(begins), whole.ambient, records.File(path), self._columns(new)
-        )
+        look = records.Look(records.File(path), self._columns(new), whole.ambient)
+        task = records.Cut(self._columns(id_), whole.map, tuple(begins), look)
         return self._begin("cut", "files", records.Recording(new, path.name, path, uploaded=True), task, whole.name)
 
     def forget(self, id_: str) -> None:
@@ -309,8 +298,9 @@ class Session:
             result = self.board.get(records.Result, job.about)
             if result is not None:
                 self.board.update(job.about, exports=(*result.exports, found))
-        elif isinstance(task, records.OpenRecording | records.LookAgain | records.CutRecording):
-            size = task.file.path.stat().st_size if task.file.path.exists() else 0
+        elif isinstance(task, records.Look | records.Cut):
+            path = (task.look if isinstance(task, records.Cut) else task).file.path
+            size = path.stat().st_size if path.exists() else 0
             self.board.update(job.about, status="ready", look=found, size=size, message="")
         else:
             self.board.update(job.about, status="done", found=found, message="")

@@ -60,40 +60,25 @@ class Listener(Protocol):
         """What is known before the job is done."""
 
 
-def open_recording(task: records.OpenRecording | records.CutRecording, events: Listener) -> dict[str, Any]:
-    """Copy the columns of a recording into the folder of the task, look at it and check it.
+def look(task: records.Look, events: Listener) -> dict[str, Any]:
+    """The contents of a recording, the checks, and how its channels are plotted.
 
     Raises
     ------
-    DataError, MissingExtra
-        As `clutchid.read`.
+    DataError, ParameterError, MissingExtra
+        As `clutchid.read`, or if its channel map cannot be understood.
     """
     events.progress("reading", None, "reading")
-    source = open_source(task.file.path)
-    shutil.rmtree(task.folder, ignore_errors=True)
 
     def shown(done: int, size: int) -> None:
         events.progress("reading", 0.9 * done / max(size, 1), f"reading, {done:,} samples")
 
-    copied = store(source, task.folder, BLOCK, shown)
-    return _looked(copied, task, events)
-
-
-def look_again(task: records.LookAgain, events: Listener) -> dict[str, Any]:
-    """Look at the stored columns of a recording with another channel map.
-
-    Raises
-    ------
-    DataError, ParameterError
-        If the map cannot be understood or does not fit.
-    """
-    return _looked(stored(task.folder), task, events)
-
-
-def _looked(
-    source: Source, task: records.OpenRecording | records.LookAgain | records.CutRecording, events: Listener
-) -> dict[str, Any]:
-    """The contents of a recording, the checks, and how its channels are plotted."""
+    if task.copied:
+        source = stored(task.folder)
+    else:
+        opened = open_source(task.file.path)
+        shutil.rmtree(task.folder, ignore_errors=True)
+        source = store(opened, task.folder, BLOCK, shown)
     when_compiling(lambda _: events.progress("compiling", 0.9, "compiling the model, once per machine"))
     given = None if task.file.map is None else read_map(task.file.map)
     ambient = pressure(task.ambient or None)
@@ -115,11 +100,11 @@ def _looked(
         refused: dict[str, Any] = finite({**plain, **about, "status": "bad_input", "message": str(error)})
         return refused
     text = look_json(contents, found.inspection, found.unchecked)
-    shown: dict[str, Any] = finite({**text, **about, "strokes": _strokes(found.log)})
-    return shown
+    result: dict[str, Any] = finite({**text, **about, "strokes": _strokes(found.log)})
+    return result
 
 
-def cut_recording(task: records.CutRecording, events: Listener) -> dict[str, Any]:
+def cut(task: records.Cut, events: Listener) -> dict[str, Any]:
     """Write the chosen strokes of stored columns as a recording, and open it.
 
     Raises
@@ -128,20 +113,21 @@ def cut_recording(task: records.CutRecording, events: Listener) -> dict[str, Any
         If none of the chosen strokes is there any more.
     """
     from clutchid.measurements import source_pieces, write
-    from clutchid.strokes import cut, joined
+    from clutchid.strokes import cut as sections_of
+    from clutchid.strokes import joined
 
     events.progress("cutting", None, "cutting")
     source = stored(task.source)
     given = None if task.map is None else read_map(task.map)
     chosen = {round(float(begin), 6) for begin in task.begins}
-    pieces = source_pieces(source, given, pressure(task.ambient or None))
-    sections = [section for section in cut(pieces) if round(section.start, 6) in chosen]
+    pieces = source_pieces(source, given, pressure(task.look.ambient or None))
+    sections = [section for section in sections_of(pieces) if round(section.start, 6) in chosen]
     if not sections:
         raise DataError(f"{source.path.name}: no stroke is chosen.")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        write(joined(sections), task.file.path)
-    return open_recording(task, events)
+        write(joined(sections), task.look.file.path)
+    return look(task.look, events)
 
 
 def _write_clocks(source: Source, given: ChannelMap | None, folder: Path) -> None:
@@ -420,14 +406,13 @@ def finite(value: Any) -> Any:
     return value
 
 
-#: Tasks by name.
-TASKS: Mapping[str, Callable[[Any, Listener], dict[str, Any]]] = {
-    "open": open_recording,
-    "look": look_again,
-    "cut": cut_recording,
-    "fit": fit,
-    "calibration": check_calibration,
-    "export": export,
-    "observe": observe,
-    "table": open_table,
+#: What does each task.
+TASKS: Mapping[type[records.Task], Callable[[Any, Listener], dict[str, Any]]] = {
+    records.Look: look,
+    records.Cut: cut,
+    records.FitRecordings: fit,
+    records.ReadCalibration: check_calibration,
+    records.Export: export,
+    records.Observe: observe,
+    records.ReadTable: open_table,
 }

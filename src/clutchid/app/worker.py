@@ -62,7 +62,7 @@ def main() -> None:
     except EOFError:
         return
     threading.Thread(target=_end_with_server, daemon=True).start()
-    run(task, tasks.TASKS[task.do], events)
+    run(task, tasks.TASKS[type(task)], events)
 
 
 def run(task: Task, work: Callable[..., dict[str, Any]], events: Events) -> None:

@@ -27,11 +27,13 @@ def test_all_stages_can_be_read_by_everybody_at_every_width(page, opened, theme,
         picture(page, "dark")
 
 
-def test_the_theme_is_kept(page):
+def test_the_theme_is_kept_and_the_first_tab_skips_to_the_content(page):
     page.click("#theme")
     assert page.locator("html").get_attribute("data-theme") == "dark"
     page.reload()
     page.locator("html[data-theme=dark]").wait_for()
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.className") == "skip"
 
 
 def test_a_fit_is_cancelled_in_the_bar(page, opened):
@@ -55,11 +57,6 @@ def test_an_option_that_is_refused_is_said_at_its_form(page, opened):
     page.click("#run-calibrate")
     card.locator(".notice.bad").wait_for()
     assert "--bounds C_vs: write NAME=LOW:HIGH in SI units" in card.inner_text()
-
-
-def test_the_first_tab_skips_to_the_content(page):
-    page.keyboard.press("Tab")
-    assert page.evaluate("document.activeElement.className") == "skip"
 
 
 def test_a_browser_without_javascript_is_told(browser, server):

@@ -44,25 +44,17 @@ def test_from_a_german_file_to_what_has_changed_and_an_export(page, opened, file
     assert "clutchid calibrate Messung.mf4 --map Messung.mf4.map.toml" in page.locator("pre").first.inner_text()
 
 
-def test_a_calibrated_curve_takes_at_most_five_clicks(page, files):
-    clicks = 1  # the choice of a file
-    page.set_input_files("#files", str(files / "cal.csv"))
-    page.locator("#item-recording-1 .dot.good").wait_for()
-    for selector in ("text=Load", "#run-calibrate"):
-        page.click(selector)
-        clicks += 1
-    page.locator("#chart-load .uplot").wait_for()
-    assert clicks <= 5
-
-
-def test_a_report_is_opened_beside_the_page(page, opened):
-    opened("cal.csv")
+def test_a_calibrated_curve_takes_three_clicks_and_its_report_is_opened_beside_the_page(page, opened):
+    opened("cal.csv")  # the choice of a file is one
     page.click("text=Load")
     page.click("#run-calibrate")
     page.reload()  # the page is told of it anew, before the calibration has ended
     page.locator("text=Report (page)").wait_for()
+    assert page.locator("#chart-load .uplot").count() == 1
     assert page.locator("#fit-estimate-recording-1").count() == 1
     assert not page.locator("#fit-estimate-recording-1").is_checked()
+    page.click("#next")
+    assert page.locator("#estimate").evaluate("card => card.getBoundingClientRect().top < innerHeight")
     with page.context.expect_page() as other:
         page.click("text=Report (page)")
     other.value.locator("h1").first.wait_for()

@@ -72,6 +72,9 @@ def test_a_channel_of_another_time_grid_is_plotted_beside_the_others(page, strip
     page.check("[aria-label='Plot Motortemperatur']")
     page.locator(".strips .uplot").nth(3).wait_for()
     assert page.locator(".strips .uplot").count() == 4
+    page.locator(".strips[data-shown]").focus()
+    page.keyboard.press("a")
+    assert 50.0 <= readout(page, "Motortemperatur [°C]")[0] <= 90.0
 
 
 def test_strips_show_the_channels_of_the_map_as_it_is_changed(page, strips):
@@ -138,17 +141,13 @@ def test_markup_in_names_is_text(page, opened):
     assert page.locator("main img, main b").count() == 0
 
 
-def test_what_is_forgotten_is_gone_and_a_reload_loses_nothing(page, opened):
-    opened("worn.csv")
-    page.reload()
-    page.locator("#item-recording-1 .dot.good").wait_for()
-    page.click("#item-recording-1")
-    page.click("text=Forget this recording")
-    page.locator("#item-recording-1").wait_for(state="detached")
-
-
-def test_a_second_tab_shows_the_same(page, opened):
+def test_a_second_tab_shows_the_same_a_reload_loses_nothing_and_what_is_forgotten_is_gone(page, opened):
     opened("worn.csv")
     other = page.context.new_page()
     other.goto(page.url)
     other.locator("#item-recording-1 .dot.good").wait_for()
+    page.reload()
+    page.locator("#item-recording-1 .dot.good").wait_for()
+    page.click("#item-recording-1")
+    page.click("text=Forget this recording")
+    other.locator("#item-recording-1").wait_for(state="detached")

@@ -237,7 +237,7 @@ function downloads(result) {
   const { found } = result;
   const link = (name) => h("a", { class: "button plain", href: `/api/results/${result.id}/files/${encodeURIComponent(name)}`, ...(name === "report.html" ? { target: "_blank", rel: "noopener" } : { download: "" }) }, FILES[name] ?? name);
   const select = (name, values) => h("select", { id: `export-${name}`, "aria-label": name === "to" ? "Export to" : "Method of the observer", onchange: (event) => { target[name] = event.target.value; } }, values.map(([value, words]) => h("option", { value, selected: target[name] === value }, words)));
-  const failed = all("job").filter((job) => job.do === "export" && job.about === result.id).at(-1);
+  const failed = all("job").filter((job) => job.do === "Export" && job.about === result.id).at(-1);
   return h("section", { class: "downloads", id: "downloads", "aria-label": "Downloads" }, h("h3", {}, "Downloads"),
     found.writing ? h("p", { class: "hint" }, "Files are being written …") : h("div", { class: "buttons" }, Object.keys(FILES).filter((name) => (found.files ?? []).includes(name)).map(link)),
     found.failures?.length ? notice(found.failures.join("\n")) : null,

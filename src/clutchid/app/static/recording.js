@@ -2,8 +2,8 @@
 import { about, all, badge, bytes, drawBox, fill, h, notice, one, plural, points, send, sending, short, SERIES, table } from "./page.js";
 import { strips } from "./strips.js";
 
-/** Units in which SI is shown. */
-const SHOWN = { m: ["mm", 1e3], Pa: ["bar", 1e-5], "1": ["", 1], s: ["s", 1], N: ["N", 1], K: ["K", 1], "m/s": ["mm/s", 1e3] };
+/** Units in which SI is shown, with factor and offset. */
+const SHOWN = { m: ["mm", 1e3], Pa: ["bar", 1e-5], "1": ["", 1], s: ["s", 1], N: ["N", 1], K: ["°C", 1, -273.15], "m/s": ["mm/s", 1e3] };
 const TITLES = { m: "position", Pa: "pressure", "1": "duty cycle", K: "temperature", N: "force", "m/s": "velocity", s: "time" };
 const MOST_CHANNELS = 200;
 
@@ -126,9 +126,9 @@ function meaning(channel, quantity, entry, ambient) {
   const unit = about.units[entry?.unit || channel.unit];
   const si = quantity ? about.quantities[quantity] : channel.si;
   if (!unit || !si || unit.si !== si) return { title: channel.unit || "as written", unit: channel.unit || "", value: scaled(entry, (x) => x) };
-  const [name, factor] = SHOWN[si] ?? [si, 1];
-  const zero = unit.gauge ? ambient : 0;
-  return { title: TITLES[si] ?? quantity ?? si, unit: name, value: scaled(entry, (x) => factor * (unit.scale * x + zero)) };
+  const [name, factor, shift = 0] = SHOWN[si] ?? [si, 1];
+  const zero = unit.offset + (unit.gauge ? ambient : 0);
+  return { title: TITLES[si] ?? quantity ?? si, unit: name, value: scaled(entry, (x) => factor * (unit.scale * x + zero) + shift) };
 }
 const scaled = (entry, convert) => (entry ? (x) => convert(entry.sign * entry.factor * x + entry.offset) : convert);
 
