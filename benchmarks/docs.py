@@ -41,6 +41,10 @@ SKIP = "..."
 #: Prints the exit code of the command before.
 EXIT_CODE = "echo $?"
 
+#: Commands that are run once for the same files, and their exit code, output and files by command and files read.
+ONCE = re.compile(r"clutchid (drive|calibrate) (?!--fleet)")
+_RUNS: dict[tuple[str, tuple[tuple[str, bytes], ...]], tuple[tuple[int, str], dict[str, bytes]]] = {}
+
 _FENCE = re.compile(
     r"^(?:<!-- (?P<mark>long|file (?P<name>\S+)) -->\n)?```(?P<kind>\w*)\n(?P<body>.*?)^```$", re.MULTILINE | re.DOTALL
 )
@@ -109,7 +113,10 @@ def _steps(body: str, offset: int) -> Iterator[Step]:
 
 
 def differences(page: str, *, long: bool) -> list[Difference]:
-    """Run the blocks of a page, `long` ones only if wanted; the commands that print something else."""
+    """Run the blocks of a page, `long` ones only if wanted; the commands that print something else.
+
+    `drive` and `calibrate` write the same from the same files, so that pages that begin alike do so once a process.
+    """
     found = []
     code = 0
     with tempfile.TemporaryDirectory() as temporary, contextlib.chdir(temporary):
@@ -118,7 +125,7 @@ def differences(page: str, *, long: bool) -> list[Difference]:
             if block.name:
                 (folder / block.name).write_text(block.text, encoding="utf-8")
             for number, step in enumerate(block.steps if long or not block.long else (), 1):
-                code, output = run(step.command, code)
+                code, output = once(step.command) if ONCE.match(step.command) else run(step.command, code)
                 printed = output.replace(f"{folder}{os.sep}", "")
                 if code and [after.command for after in block.steps[number : number + 1]] != [EXIT_CODE]:
                     printed += f"[exit code {code}]\n"
@@ -133,6 +140,20 @@ def excerpts(page: str, source: str) -> list[Difference]:
     steps = [(block.line, step) for block in blocks(page) for step in block.steps]
     others = ((line, step, printed.get(step.command, "")) for line, step in steps)
     return [Difference(*other) for other in others if not same(other[1].expected, other[2])]
+
+
+def once(command: str) -> tuple[int, str]:
+    """What a command printed, and what it wrote, when it was run with the same files before; else it is run."""
+    inputs = {path.name: path.read_bytes() for path in map(Path, command.split()) if path.is_file()}
+    key = command, tuple(inputs.items())
+    if key not in _RUNS:
+        answer = run(command)
+        outputs = {path.name: path.read_bytes() for path in map(Path, command.split()) if path.is_file()}
+        _RUNS[key] = answer, {name: content for name, content in outputs.items() if inputs.get(name) != content}
+    answer, written = _RUNS[key]
+    for name, content in written.items():
+        Path(name).write_bytes(content)
+    return answer
 
 
 def run(command: str, last: int = 0) -> tuple[int, str]:

@@ -27,14 +27,14 @@ RESULTS = ("results.parquet", "curves/part-00000.parquet", "wear.parquet", "vehi
 def folder(tmp_path_factory):
     """Two types, of which one is calibrated, and recordings: one sent twice, one cut off, one of the other type."""
     out = tmp_path_factory.mktemp("fleet")
-    log = drive(truck(0), seconds=10, seed=1, name="cal", conditions=True).log
+    log = drive(truck(0), seconds=6, seed=1, name="cal", conditions=True).log
     fit = clutchid.fit(log, measure=("position", "pressure_a"), free=("auto",))
     (out / "cals").mkdir()
     clutchid.write_parameters(clutchid.parameter_file(fit), out / "cals" / "T1.toml")
     for vehicle in ("V1", "V2", "V3"):
         (out / "trucks" / vehicle).mkdir(parents=True)
     for k, wear in enumerate(WEAR):
-        worn = drive(truck(0), seconds=10, seed=k, wear=wear * 1e-3, pressure=False, conditions=True).log
+        worn = drive(truck(0), seconds=6, seed=k, wear=wear * 1e-3, pressure=False, conditions=True).log
         clutchid.write(worn, out / "trucks" / "V1" / f"r{k}.parquet")
     first = out / "trucks" / "V1" / "r0.parquet"
     shutil.copy(first, out / "trucks" / "V1" / "r0_again.parquet")
@@ -104,7 +104,7 @@ def test_the_page_of_the_fleet_leads_to_those_of_its_vehicles_and_back(tracked):
     assert "there is no calibration of type …" in page
 
 
-def test_a_run_that_is_killed_goes_on_and_ends_with_the_same_bytes(folder, tracked):
+def test_a_run_that_is_killed_goes_on_and_ends_with_the_same_bytes(undrawn, folder, tracked):
     out = folder / "killed"
     command = [sys.executable, "-m", "clutchid", *arguments(folder, out, "--verb", "track", "--limit", "0.2")]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -120,7 +120,7 @@ def test_a_run_that_is_killed_goes_on_and_ends_with_the_same_bytes(folder, track
     assert content(out) == content(tracked)
 
 
-def test_what_is_done_is_not_done_again_and_what_has_changed_is(folder, tracked, capsys):
+def test_what_is_done_is_not_done_again_and_what_has_changed_is(undrawn, folder, tracked, capsys):
     options = ("--verb", "track", "--limit", "0.2", "--json")
     before, pages = content(tracked), tracked / "vehicles"
     made = {name: (pages / name).stat().st_mtime_ns for name in ("V1.html", "V2.html")}
@@ -148,11 +148,11 @@ def test_what_is_done_is_not_done_again_and_what_has_changed_is(folder, tracked,
     assert content(tracked) == before
 
 
-def test_the_observer_reads_a_fleet_too(folder, tracked):
+def test_the_observer_reads_a_fleet_too(undrawn, folder, tracked):
     assert run(folder, folder / "observed", "--verb", "observe") == 0
     results = (pl.read_parquet(folder / name / "results.parquet") for name in ("observed", "one"))
     observed, fitted = (rows.row(by_predicate=pl.col("recording") == "r1", named=True) for rows in results)
-    assert "strokes" in observed["message"]
+    assert " stroke" in observed["message"]
     assert observed["peak_N"] == pytest.approx(fitted["peak_N"], rel=0.05)
 
 

@@ -1,6 +1,7 @@
 """A page a command: it names every option of the command, and no other."""
 
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,7 @@ def arguments(command: str) -> list[Argument]:
     return [a for a in app()[command].assemble_argument_collection(parse_docstring=True) if a.parse and not a.children]
 
 
+@cache
 def options(command: str) -> set[str]:
     """The options of a command."""
     return {name for argument in arguments(command) for name in argument.names if name.startswith("--")}

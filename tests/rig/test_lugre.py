@@ -93,7 +93,7 @@ def test_a_recording_turned_round_has_the_same_friction_and_the_opposite_start(t
 
 
 def test_nineteen_of_twenty_intervals_contain_the_friction_when_noise_is_coloured(tribometer, block, coloured):
-    clean, generator, trials = tribometer(), np.random.default_rng(1), 80
+    clean, generator, trials = tribometer(), np.random.default_rng(1), 40
     inside = dict.fromkeys(("F_C", "K_z", "D_v", "D_zdot"), 0)
     for _ in range(trials):
         noisy = clean.with_columns(
