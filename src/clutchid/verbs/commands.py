@@ -110,10 +110,15 @@ class FitCommand:
     @property
     def python(self) -> str:
         """The Python that repeats it."""
+        from clutchid.verbs.fitting import USUAL
+
         search, files = self.search, self.files
+        verb = "estimate" if self.start else self.verb  # `fit` and `calibrate` start from an actuator, not from a file
+        own, usual = USUAL[self.verb], USUAL[verb]
+        measure, free = (",".join(names) if names != other else None for names, other in zip(own, usual, strict=True))
         everyday = {
-            "free": search.free,
-            "measure": search.measure,
+            "free": search.free or free,
+            "measure": search.measure or measure,
             "bounds": bounds(search.bounds or ()) or None,
             "method": search.method,
             "zero": None if search.zero == "subtract" else search.zero,
@@ -133,14 +138,15 @@ class FitCommand:
         start = None if self.start is None else str(self.start)
         request = f"request=clutchid.FitRequest({_arguments(fields)})" if any(fields.values()) else ""
         texts = [repr(logs[0] if len(logs) == 1 else logs), repr(start) if start else "", request, _arguments(everyday)]
-        call = f"clutchid.{self.verb}({', '.join(filter(None, texts))})"
+        call = f"clutchid.{verb}({', '.join(filter(None, texts))})"
         return f"import clutchid\n\nfit = {call}\nprint(fit)\nfit.plot().savefig('load.png')\n"
 
 
 def _arguments(options: Mapping[str, object]) -> str:
     """Options that are not None as arguments of a call; records are those of `clutchid`."""
     texts = (f"{name}={value!r}" for name, value in options.items() if value is not None)
-    return re.sub(r"\b(Prior|Partition)\(", r"clutchid.\1(", ", ".join(texts))
+    words = re.sub(r"\binf\b", "float('inf')", ", ".join(texts))
+    return re.sub(r"\b(Prior|Partition)\(", r"clutchid.\1(", words)
 
 
 def _argument(path: Path) -> str:
