@@ -52,7 +52,7 @@ MOVEMENTS = st.tuples(
 )  # fmt: skip
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(movements=st.lists(MOVEMENTS, max_size=8), zero=st.sampled_from([-3e-3, 0.0, 3e-3]))
 def test_every_stroke_that_is_counted_is_whole_in_one_section_of_motion(made, movements, zero):
     corners = [(0.0, 0.0), (1.0, 0.0)]
