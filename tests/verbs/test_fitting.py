@@ -82,6 +82,7 @@ def test_a_command_is_spelled_from_its_options_and_reads_the_same(tmp_path):
     )
     assert asked.python.splitlines()[2] == (
         "fit = clutchid.estimate(['-a.csv', 'b.csv'], 'CAL.toml', free='load,P_S', "
-        "bounds={'P_S': (800000.0, 900000.0), 'theta_1': (0.0, float('inf'))}, verify=['c.csv'], force=True, ambient=101000.0, channels='m.toml', "
+        "bounds={'P_S': (800000.0, 900000.0), 'theta_1': (0.0, float('inf'))}, verify=['c.csv'], force=True, "
+        "ambient=101000.0, channels='m.toml', "
         "dbc=['x.dbc', 'y.dbc'])"
     )
