@@ -153,7 +153,17 @@ class SearchState:
 
 @dataclass(frozen=True, slots=True)
 class Continuation:
-    """An earlier search that may be continued: its state, values in SI, noise scales, and hashes of its recordings."""
+    """An earlier search that may be continued.
+
+    Attributes
+    ----------
+    state
+        Where it ended.
+    values, scales : SI
+        Of its parameters, and of the noise of its columns.
+    data
+        Hashes of its recordings, by name.
+    """
 
     state: SearchState
     values: Mapping[str, float]
