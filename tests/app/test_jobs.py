@@ -1,6 +1,8 @@
+
 """Jobs in processes of their own: how they go on, fail, are cancelled and killed, and that nothing of them is left."""
 
 import os
+import re
 import signal
 
 import numpy as np
@@ -74,6 +76,10 @@ def test_a_calibration_is_that_of_the_python_that_is_shown_and_has_its_files(
     assert found["load_curve"]["force_N"] == expected["load_curve"]["force_N"]
     assert set(found["files"]) == {"fit.toml", "fit.m", "fit.mat", "report.html", "result.json"}
     assert (found["failures"], found["is_calibration"], found["next"]["kind"]) == ([], True, "estimate")
+    function = working.ask("GET", f"/api/results/{calibrated}/files/fit.m")
+    (name,) = re.findall(rb"^function \[clutchid, load_force\] = (\w+)\(\)", function.body)
+    assert name.startswith(b"calibrate_")
+    assert function.headers["content-disposition"].endswith(f"''{name.decode()}.m")
     report = working.ask("GET", f"/api/results/{calibrated}/files/report.html")
     assert report.headers["content-security-policy"].startswith("sandbox allow-scripts; default-src 'none'")
     stages = working.get(next(one["id"] for one in working.all(Job) if one["do"] == "FitRecordings"))

@@ -16,8 +16,9 @@ import numpy as np
 import pytest
 
 from clutchid import Fit, FitRequest, fit, read_parameters, write
-from clutchid.cli.fit import MOST_WARNINGS, answer, answer_json
+from clutchid.cli.fit import MOST_WARNINGS, answer
 from clutchid.cli.terminal import OutputLost
+from clutchid.documents import document_of
 from clutchid.documents.next_step import Command
 from clutchid.errors import ExportError
 from clutchid.estimation.assess.verdict import States, states_of_wear
@@ -57,7 +58,7 @@ def on_a_terminal(monkeypatch):
                 for name, value in {"COLUMNS": str(columns), **env}.items():
                     patched.setenv(name, value)
                 patched.setattr(sys, "stdout", terminal)
-                assert answer(fitted, {}, COMMAND, verbose=False) == 0
+                assert answer(document_of(fitted, COMMAND), {}, json=False, verbose=False) == 0
             text = everything.result(timeout=60)
         os.close(parent)
         return text.replace("\r\n", "\n")
@@ -90,7 +91,7 @@ def truck(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def shown(fitted, capsys, *, verbose=False, command=COMMAND, writers=None):
     """Exit code, and what is printed on standard output and standard error."""
-    code = answer(fitted, writers or {}, command, verbose)
+    code = answer(document_of(fitted, command), writers or {}, json=False, verbose=verbose)
     return code, *capsys.readouterr()
 
 
@@ -153,8 +154,9 @@ def test_the_files_are_written_though_nobody_reads_what_is_printed(fitted, capsy
     os.close(reader)
     with os.fdopen(writer, "w", encoding="utf-8") as closed:
         monkeypatch.setattr(sys, "stdout", closed)
+        writers = {good: lambda path: path.write_text("done")}
         with pytest.raises(OutputLost):
-            answer(fitted, {good: lambda path: path.write_text("done")}, COMMAND, verbose=False)
+            answer(document_of(fitted, COMMAND), writers, json=False, verbose=False)
     assert good.read_text() == "done"
 
 
@@ -170,7 +172,7 @@ def test_a_file_that_cannot_be_written_does_not_cost_the_result(fitted, capsys, 
     assert f"written: {good}" in out
     assert err == "clutchid: the fit is complete, but F.toml: no space left?[31m\n"
     assert "next" not in out
-    assert answer_json(fitted, writers) == 1
+    assert answer(document_of(fitted, COMMAND), writers, json=True, verbose=False) == 1
     found = json.loads(capsys.readouterr().out)
     assert found["status"] == "failed"
     assert found["message"].startswith("the fit is complete, but F.toml")

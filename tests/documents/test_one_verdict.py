@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from clutchid.documents import document_of
+from clutchid.documents.document import On
 from clutchid.documents.fit_json import fit_json
-from clutchid.documents.fit_page import page_of
-from clutchid.documents.html import render
+from clutchid.documents.fit_rows import other_warnings
+from clutchid.documents.html import page_of
 from clutchid.documents.next_step import Command, next_step
-from clutchid.documents.summary import fit_text, other_warnings, summary
-from clutchid.estimation import LoadCurve
+from clutchid.documents.terminal import text_of
 from clutchid.estimation.assess.verdict import verdict
-from clutchid.estimation.result import Change
-from fixtures.baselines import calibration_like, with_baseline
+from fixtures.baselines import calibration_like, two_states, with_baseline
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -31,22 +31,6 @@ def at_bound(fit, name, end):
     return replace(fit, bounds={**fit.bounds, name: (low, high)})
 
 
-def two_states(fit):
-    """A fit of two recordings whose readings differ by a fifth of the load, and that blames the valves."""
-    (one,) = fit.recordings.values()
-    curve, readings = fit.load_curve, {}
-    for name, factor in (("new", 1.0), ("worn", 1.2)):
-        loads = (factor * side * curve.force for side in (1.0, 0.97, 1.03))
-        log = replace(one.measured, name=name)
-        read = replace(fit, load_curve=LoadCurve(curve.position, *loads), recordings={name: replace(one, measured=log)})
-        readings[name] = with_baseline(read, share=1.0)
-    changes = tuple(Change(name, "C_vs", 1.9e-8, after, 1e-10, "", 0.999, "valves") for name, after in
-                    (("new", 2.1e-8), ("worn", 1.7e-8)))  # fmt: skip
-    joint = with_baseline(fit, share=1.0)
-    recordings = {name: one.recordings[name] for name, one in readings.items()}
-    return replace(joint, recordings=recordings, readings=readings, changes=changes)
-
-
 def flat(text):
     """Text without tags, escapes and breaks of lines."""
     return " ".join(unescape(re.sub(r"<[^>]+>", " ", re.sub(r"base64,[\w+/=]+", "", text))).split())
@@ -57,9 +41,10 @@ def shown(fitted):
     """The verdict as every place shows it: (where, text)."""
 
     def show(fit):
-        terminal = " ".join(row.text for row in summary(fit, in_full=True)) + fit_text(fit, 10_000)
-        found = json.dumps(fit_json(fit), ensure_ascii=False)
-        page, printed, notebook = flat(render(page_of(fit, "c"))), flat(str(fit)), flat(fit._repr_html_())
+        document = document_of(fit, "c")
+        terminal = text_of(document.rows_on(On.FULL), 10_000)
+        found = json.dumps(document.data(), ensure_ascii=False)
+        page, printed, notebook = flat(page_of(document)), flat(str(fit)), flat(fit._repr_html_())
         return {"terminal": terminal, "page": page, "JSON": found, "print": printed, "notebook": notebook}
 
     return show
@@ -76,10 +61,9 @@ def test_every_place_shows_the_same_grade_and_the_same_reasons(fitted, shown, ca
     for where, text in places.items():
         for reason in judged.reasons:
             assert reason[1:] in text, where  # a page begins it with a capital
-    assert summary(fit)[0].text == fit_json(fit)["trust"] == judged.trust
+    assert document_of(fit).rows[0].text == fit_json(fit)["trust"] == judged.trust
     assert f"trust: {judged.trust}" in places["print"]
-    assert f"trust: {judged.trust}" in places["notebook"]
-    assert f"Trust: {judged.trust} – {judged.meaning}" in places["page"]
+    assert all(f"trust {judged.trust} {judged.meaning}" in places[where] for where in ("notebook", "page"))
 
 
 @pytest.mark.slow
@@ -104,7 +88,7 @@ def test_a_warning_that_the_verdict_has_as_a_reason_is_on_the_page_once(fitted):
     bounded = at_bound(fitted, "theta_1", 1)
     warnings = ("theta_1 lies at its upper bound 9e5 N/m.", "2 s are missing")
     bounded = replace(bounded, status="warning", warnings=warnings)
-    page = flat(render(page_of(bounded, "c")))
+    page = flat(page_of(document_of(bounded, "c")))
     assert page.count("theta_1 lies at its") == 0
     assert page.count("theta_1 (upper) lies at its bound") == 1
     assert "2 s are missing" in page
@@ -135,7 +119,6 @@ def test_every_place_says_that_an_interval_without_a_calibration_is_noise_only(f
     places = shown(fitted)
     assert [where for where, text in places.items() if said not in text] == []
     assert "± is noise only" in verdict(fitted).meaning
-    assert "N at 95 %, noise only." in places["page"]
     assert fit_json(fitted)["verdict"]["noise_only"]
     reading = with_baseline(fitted)
     assert not fit_json(reading)["verdict"]["noise_only"]

@@ -6,13 +6,13 @@ import re
 import numpy as np
 import pytest
 
-from clutchid.documents import observe_page, wear_page
-from clutchid.documents.comparison_page import comparison_figure
-from clutchid.documents.diagnosis_page import colour_figure, region_figure
+from clutchid.documents import document_of, observe, wear
+from clutchid.documents.comparison import comparison_figure
+from clutchid.documents.diagnosis import colour_figure, region_figure
 from clutchid.documents.figures import legend, new_figure
 from clutchid.documents.fit_figures import load_figure, recording_figure
-from clutchid.documents.fit_page import page_of
-from clutchid.documents.html import render
+from clutchid.documents.html import page_of
+from clutchid.documents.results import Observation, WornClutch
 from clutchid.estimation.assess.evidence import evidence
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.inference.uncertainty.estimates import LoadCurve
@@ -55,8 +55,8 @@ def of_loads(compared, run, curves):
     return {
         "fit": load_figure(compared),
         "comparison": comparison_figure(compared.comparison),
-        "observe": observe_page.loads_figure(loads(run)),
-        "track": wear_page.loads_figure(curves),
+        "observe": observe.loads_figure(loads(run)),
+        "track": wear.loads_figure(curves),
     }
 
 
@@ -68,9 +68,9 @@ def others(compared, run, worn):
         "recording": recording_figure(compared.recordings["first"]),
         "colour": colour_figure(diagnosis),
         "region": region_figure(diagnosis),
-        "strokes": observe_page.strokes_figure(run),
-        "samples": observe_page.samples_figure(run),
-        "trend": wear_page.trend_figure(worn),
+        "strokes": observe.strokes_figure(run),
+        "samples": observe.samples_figure(run),
+        "trend": wear.trend_figure(worn),
     }
 
 
@@ -96,21 +96,21 @@ def test_a_legend_is_no_wider_than_its_figure_however_long_its_words_are():
     assert found.get_window_extent().width < figure.get_window_extent().width
 
 
-def words_of(page):
+def words_of(result):
     """The text of a page and of its drawings."""
-    html = render(page)
+    html = page_of(document_of(result, "c"))
     drawings = [base64.b64decode(one).decode() for one in re.findall(r"svg\+xml;base64,([A-Za-z0-9+/=]+)", html)]
     return "\n".join([re.sub(r"base64,[A-Za-z0-9+/=]+", "", html), *drawings])
 
 
 @pytest.mark.slow
 def test_a_force_is_in_newtons_on_every_page(compared, run, worn, curves):
-    pages = {
-        "fit": page_of(compared, "c"),
-        "observe": observe_page.page_of(run, Origin(), "c"),
-        "track": wear_page.page_of(worn, curves, "c"),
+    results = {
+        "fit": compared,
+        "observe": Observation(run, Origin()),
+        "track": WornClutch(worn, curves),
     }
-    for name, page in pages.items():
-        words = words_of(page)
+    for name, result in results.items():
+        words = words_of(result)
         assert "load [N]" in words, name
         assert not re.search(r"\bkN\b", words), name

@@ -64,7 +64,7 @@ def test_the_nis_is_drawn_with_its_bounds_over_the_whole_recording(run):
     assert nis.lines[0].get_ydata() == pytest.approx(found.nis)
     assert nis.get_ylim()[1] > max(found.nis.max(), found.high.max())
     text, _ = innovation_blocks("log", found)
-    assert f"in {found.moving.corrections:,d} corrections" in text.html
+    assert f"in {found.moving.corrections:,d} corrections" in text.text
 
 
 def test_without_a_correction_there_is_nothing_to_say(run):

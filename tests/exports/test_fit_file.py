@@ -17,7 +17,7 @@ from clutchid.estimation import Fit
 from clutchid.estimation.assess.evidence import reach
 from clutchid.estimation.parameter_file import read_parameters
 from clutchid.estimation.result import Change
-from clutchid.exports.fit_file import check_name, write_matlab
+from clutchid.exports.fit_file import check_name, function_in, function_name, write_matlab
 from clutchid.inference.uncertainty.estimates import Estimate
 from clutchid.log import Log
 from clutchid.measurements import write
@@ -235,3 +235,20 @@ def test_octave_reads_the_same_struct_from_both_files(
     assert same == "1", done.stderr
     curve = odd.load_curve
     assert float(force) == pytest.approx(np.interp(5.125e-3, curve.position, curve.force), rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("words", "name"),
+    [
+        (("estimate", "x.mf4"), "estimate_x_mf4"),
+        (("fit", "7 runs"), "fit_7_runs"),
+        (("plot",), "clutch_plot"),
+        (("", "7.csv"), "clutch_7_csv"),
+        (("estimate", "ü" * 3 + "x" * 80), f"estimate_{'x' * 54}"),
+    ],
+)
+def test_a_file_that_is_given_on_has_a_function_that_hides_none_of_matlab(fitted, tmp_path, words, name):
+    assert function_name(*words) == name
+    check_name(f"{name}.m")
+    write_matlab(fitted, tmp_path / "fit.m", name)
+    assert function_in(tmp_path / "fit.m") == name

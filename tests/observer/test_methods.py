@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clutchid.documents.observe_page import samples_figure
+from clutchid.documents.observe import samples_figure
 from clutchid.errors import ParameterError
 from clutchid.model import Actuator
 from clutchid.observer import observe, observe_recording, observer, read_state, start, write_state

@@ -6,7 +6,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from clutchid.documents.observe_text import observe_json
+from clutchid.documents.observe_rows import observe_json
 from clutchid.inference.filter.joint_filter import Diverged
 from clutchid.inference.uncertainty.calibration import Calibration, Origin
 from clutchid.model import Actuator

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clutchid.documents.observe_text import observe_json
+from clutchid.documents.observe_rows import observe_json
 from clutchid.inference.filter.joint_filter import drifted
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.observer import curve, known, observe, observe_recording, observer, start

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clutchid.documents.wear_text import alarm_words, change_words, left_words
+from clutchid.documents.wear_rows import alarm_words, change_words, left_words
 from clutchid.wear.history import Leak
 from clutchid.wear.life import remaining
 from clutchid.wear.trend import FALSE_ALARMS, LEAKING, LEAKS, WearTable

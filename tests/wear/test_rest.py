@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.documents.wear_text import alarm_words, left_words, wear_lines
+from clutchid.documents.wear_rows import alarm_words, left_words, wear_lines
 from clutchid.estimation.assess.comparison import Measurement
 from clutchid.strokes.vented_rest import RestShift
 from clutchid.wear.alarms import rest_moves

@@ -294,6 +294,10 @@ async def _result_file(session: Session, request: Request) -> Response:
     if path.suffix == ".html":
         return FileResponse(path, media_type="text/html", headers={"content-security-policy": REPORT_POLICY})
     shown = download_name(result.name, name)
+    if path.suffix == ".m":
+        from clutchid.exports.fit_file import function_in
+
+        shown = f"{function_in(path)}.m"
     return FileResponse(path, headers=_attachment(shown))
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from clutchid.documents.fit_json import curve_json
-from clutchid.documents.wear_text import ALARMS
+from clutchid.documents.wear_rows import ALARMS
 from clutchid.errors import DataError
 from clutchid.files import reason_of
 from clutchid.fleets.output import CURVES, RESULTS, VEHICLES, WEAR

@@ -16,14 +16,13 @@ import numpy as np
 from clutchid.app import records
 from clutchid.app.plots import CLOCK, clock_column
 from clutchid.codegen.cache import when_compiling
+from clutchid.documents.fit import application_data, compared_columns
 from clutchid.documents.fit_json import curve_json, fit_json
 from clutchid.documents.look_json import look_json, map_json
-from clutchid.documents.next_step import next_step
-from clutchid.documents.summary import errors_text, summary
 from clutchid.errors import ClutchidError, DataError, ParameterError
-from clutchid.estimation.assess.comparison import comparison
 from clutchid.estimation.parameter_file import read_parameters
 from clutchid.estimation.result import calibrated_curve
+from clutchid.exports.fit_file import function_name, write_matlab
 from clutchid.log import Log
 from clutchid.measurements.checks import AMBIENT, in_si
 from clutchid.measurements.columns import Heading
@@ -32,7 +31,6 @@ from clutchid.measurements.opening import open_source
 from clutchid.measurements.source import BLOCK, Source
 from clutchid.measurements.stored import store, stored, write_column
 from clutchid.numerics.progress import Step
-from clutchid.systems import command_line
 from clutchid.verbs import saving
 from clutchid.verbs.fitting import fitted
 from clutchid.verbs.looking import checked, contents_of
@@ -204,7 +202,9 @@ def _written(found: Fit, task: records.FitRecordings) -> dict[str, Any]:
     for name in ("fit.toml", "report.html", "fit.m", "fit.mat"):
         try:
             if name.endswith(".html"):
-                saving.report(found, command_line(["clutchid", *task.asked.words]), folder / name)
+                saving.report(found, task.asked.command, folder / name)
+            elif name.endswith(".m"):
+                write_matlab(found, folder / name, function_name(*task.name.split()))
             else:
                 saving.save(found, folder / name)
             files.append(name)
@@ -216,23 +216,15 @@ def _written(found: Fit, task: records.FitRecordings) -> dict[str, Any]:
 
 def _shown(found: Fit, task: records.FitRecordings) -> dict[str, Any]:
     """What the page shows of a fit."""
-    compared = comparison(found)
     kept = Path(records.download_name(task.name, "fit.toml"))
-    step = next_step(found, replace(task.asked, save=(kept,), report=kept.with_suffix(".html")).command)
+    command = replace(task.asked, save=(kept,), report=kept.with_suffix(".html")).command
     shown = {
-        **fit_json(found),
-        "summary": [row._asdict() for row in summary(found, in_full=True)],
-        "error_words": {name: errors_text(one.errors) for name, one in found.recordings.items()},
-        "is_calibration": found.calibration is not None and found.baseline is None,
+        **application_data(found, command),
         "recordings": _residuals(found, task.folder / "columns"),
-        "next": step._asdict(),
-        "change_at": None if compared is None else {
-            f"{mm} mm": compared.at(mm * 1e-3)._asdict() for mm in (5, 6, 7, 8) if mm * 1e-3 <= compared.reach
-        },
         "files": [],
         "failures": [],
         "writing": False,
-    }  # fmt: skip
+    }
     result: dict[str, Any] = finite(shown)
     return result
 
@@ -241,26 +233,13 @@ def _residuals(found: Fit, folder: Path) -> list[dict[str, Any]]:
     """Columns of the fitted and verified recordings, and their names by number."""
     folder.mkdir(parents=True, exist_ok=True)
     shown = []
-    several = [*found.recordings.items(), *found.verification.items()]
-    for grid, (name, one) in enumerate(several):
-        columns = {
-            "position": one.measured.columns.get("position"),
-            "simulated position": one.simulated.columns.get("position"),
-            "pressure_a": one.measured.columns.get("pressure_a"),
-            "simulated pressure_a": one.simulated.columns.get("pressure_a"),
-            "pressure_a low": one.simulated.columns.get("pressure_a low"),
-            "pressure_a high": one.simulated.columns.get("pressure_a high"),
-        }
-        for residual in ("position", "pressure_a"):
-            measured, simulated = columns[residual], columns[f"simulated {residual}"]
-            if measured is not None and simulated is not None and measured.shape == simulated.shape:
-                columns[f"residual {residual}"] = measured - simulated
-        kept = {name: values for name, values in columns.items() if values is not None}
+    columns = compared_columns(found)
+    for grid, (name, one) in enumerate({**found.recordings, **found.verification}.items()):
         write_column(folder, grid, CLOCK, clock_column(one.measured.time))
-        for number, values in enumerate(kept.values()):
+        for number, values in enumerate(columns[name].values()):
             write_column(folder, grid, number, values)
         span = [float(one.measured.time[0]), float(one.measured.time[-1])]
-        shown.append({"name": name, "columns": [*kept], "span": span, "verified": name in found.verification})
+        shown.append({"name": name, "columns": [*columns[name]], "span": span, "verified": name in found.verification})
     return shown
 
 
@@ -335,7 +314,9 @@ def observe(task: records.Observe, events: Listener) -> dict[str, Any]:
     DataError, ParameterError
         As `clutchid.observe`.
     """
-    from clutchid.documents.observe_text import end_rows
+    from clutchid.documents import document_of
+    from clutchid.documents.document import page_rows
+    from clutchid.documents.results import Observation
     from clutchid.observer.by_stroke import curve, positions
     from clutchid.observer.observer import start
 
@@ -356,16 +337,16 @@ def observe(task: records.Observe, events: Listener) -> dict[str, Any]:
     grid = positions(run.observer)
     loads = [(float(log.time[0]), 0, curve(run.observer, run.before, grid))]
     loads += [(row.time, row.number, row.curve) for row in run.strokes]
-    rows = end_rows(run)
+    rows = page_rows(document_of(Observation(run, content.origin)))
     shown = {
         "columns": names,
         "span": [float(log.time[0]), float(log.time[-1])],
         "calibrated": curve_json(curve(run.observer, start(run.observer), grid)),
         "loads": [{"time": time, "stroke": number, "curve": curve_json(one)} for time, number, one in loads],
         "health": dict(run.health),
-        "summary": [row._asdict() for row in rows],
+        "summary": rows,
         "next": {"kind": "correct", "why": "correct what the reasons say", "command": ""}
-        if any(row.mood == "none" for row in rows)
+        if any(row["mood"] == "none" for row in rows)
         else {"kind": "export", "why": "export the observer for a control unit", "command": ""},
         "warnings": [*log.warnings],
     }

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ParamSpec, TextIO
 
 from cyclopts import Group, Parameter
 
-from clutchid.cli.terminal import OutputLost, printable_lines, put, say, sentences
+from clutchid.cli.terminal import OutputLost, print_rows, printable_lines, put, say, sentences
 from clutchid.errors import ParameterError
 from clutchid.log import Log
 from clutchid.names import printable
@@ -23,7 +23,7 @@ from clutchid.verbs.failures import failure
 from clutchid.verbs.options import ReadingText, RequestText, pressure
 
 if TYPE_CHECKING:
-    pass
+    from clutchid.documents import Document
 
 P = ParamSpec("P")
 
@@ -129,6 +129,15 @@ def print_written(*paths: Path | None, to: TextIO | None = None) -> None:
 def print_json(content: Mapping[str, Any]) -> None:
     """Print `content` as one JSON object with the keys of all; numbers that are not finite become null."""
     put(json.dumps(_finite({**EMPTY, **content}), ensure_ascii=True))  # independent of the encoding of standard output
+
+
+def print_document(document: Document, *, json: bool) -> None:
+    """Print a result: as JSON, or its warnings on standard error and its rows."""
+    if json:
+        print_json(document.data())
+        return
+    say(notice.text for notice in document.notices)
+    print_rows(document.rows)
 
 
 def _finite(value: Any) -> Any:

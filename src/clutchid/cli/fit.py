@@ -34,8 +34,7 @@ from clutchid.verbs.commands import FitCommand
 from clutchid.verbs.options import USUAL_FILES, USUAL_SEARCH
 
 if TYPE_CHECKING:
-    from clutchid.documents.next_step import Command
-    from clutchid.estimation import Fit
+    from clutchid.documents import Document
 
 #: Most warnings of a summary.
 MOST_WARNINGS = 3
@@ -43,35 +42,26 @@ MOST_WARNINGS = 3
 Writers = Mapping[Path | None, Callable[[Path], None]]
 
 
-def answer_json(fit: Fit, writers: Writers) -> int:
-    """Write the files, and print the JSON object; the exit code."""
-    from clutchid.documents.fit_json import fit_json
-
-    _, failures = _write(writers)
-    lost = {"status": "failed", "message": f"the fit is complete, but {'; '.join(failures)}"} if failures else {}
-    print_json({**fit_json(fit), **lost})
-    return FAILED if failures else DONE
-
-
-def answer(fit: Fit, writers: Writers, command: Command, verbose: bool) -> int:
+def answer(document: Document, writers: Writers, *, json: bool, verbose: bool) -> int:
     """Write the files, and print the result; the exit code. Neither costs the other where it fails, or stalls."""
-    from clutchid.documents.next_step import next_step
-    from clutchid.documents.summary import SummaryRow, fit_text, other_warnings, summary
+    from clutchid.documents import On, Row
 
     written, failures = _write(writers)
+    if json:
+        lost = {"status": "failed", "message": f"the fit is complete, but {'; '.join(failures)}"} if failures else {}
+        print_json({**document.data(), **lost})
+        return FAILED if failures else DONE
     for failure in failures:
         put(f"clutchid: the fit is complete, but {printable_lines(failure)}", to=sys.stderr)
-    print_rows(summary(fit, in_full=verbose))
-    if verbose:
-        put(f"\n{printable_lines(fit_text(fit, WIDTH))}")
-    warnings = other_warnings(fit)
+    print_rows(document.rows_on(On.FULL if verbose else On.BRIEF))
+    warnings = [notice.text for notice in document.notices]
     _warn(warnings, len(warnings) if verbose else MOST_WARNINGS)
     print_written(*written)
     if failures:
         return FAILED
-    step = next_step(fit, command)
-    print_rows([SummaryRow("next", f"{step.why}:")])
-    put(printable(f"  {step.command}"))
+    if document.next:
+        print_rows([Row("next", f"{document.next.why}:")])
+        put(printable(f"  {document.next.command}"))
     return DONE
 
 
@@ -179,6 +169,7 @@ def fitted(asked: FitCommand, options: FitOptions) -> int:
             f"no recording given; clutchid {asked.verb} LOG.csv. Options that take several values (--verify, --bounds, "
             "--prior, --dbc) take all that follows them: put the recordings first."
         )
+    from clutchid.documents import document_of
     from clutchid.verbs import saving
     from clutchid.verbs.progress import CALIBRATION, ESTIMATE, shared
 
@@ -193,6 +184,6 @@ def fitted(asked: FitCommand, options: FitOptions) -> int:
     command = asked.command
     writers: Writers = {
         **dict.fromkeys(asked.save, lambda path: saving.save(fit, path)),
-        asked.report: lambda path: saving.report(fit, command.with_options(), path),
+        asked.report: lambda path: saving.report(fit, command, path),
     }
-    return answer_json(fit, writers) if options.json else answer(fit, writers, command, options.verbose)
+    return answer(document_of(fit, command), writers, json=options.json, verbose=options.verbose)

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, FileOptions, OutputFlag, guarded, print_json
-from clutchid.cli.terminal import put, say
+from clutchid.cli.common import DONE, FileOptions, OutputFlag, guarded, print_document
 from clutchid.errors import ParameterError
-from clutchid.log import Log
 from clutchid.measurements.checks import AMBIENT
 from clutchid.verbs.options import USUAL_FILES, pressure
 
@@ -49,41 +46,19 @@ def friction(
     debug
         Show the traceback of an error.
     """
+    from clutchid.documents import RigFriction, document_of
+    from clutchid.rig import coulomb_friction, fit_lugre
     from clutchid.verbs.rig import rig_recordings
 
     outside = pressure(options.ambient) or AMBIENT
     fixed = _fixed(fix or (), inertia, law, area)
     logs = rig_recordings(options.reading(files))
-    text, content = _lugre(logs, fixed, inertia or 0.0) if law == "lugre" else _coulomb(logs, outside, area)
-    if json:
-        print_json({"status": "warning" if content["warnings"] else "ok", **content})
-        return DONE
-    put(text)
-    say(content["warnings"])
+    if law == "lugre":
+        friction = RigFriction(logs, [fit_lugre(log, fixed=fixed, inertia=inertia or 0.0) for log in logs])
+    else:
+        friction = RigFriction(logs, coulomb_friction(logs, ambient=outside, area=area))
+    print_document(document_of(friction), json=json)
     return DONE
-
-
-def _coulomb(logs: Sequence[Log], ambient: float, area: float | None) -> tuple[str, dict[str, Any]]:
-    from clutchid.rig import conclusions, coulomb_friction, implied
-    from clutchid.rig.summary import level_table, parameter_table
-
-    found = coulomb_friction(logs, ambient=ambient, area=area)
-    sentence, *others = conclusions(found)
-    levels = [
-        {
-            "pressure_Pa": level.pressure,
-            "friction_N": level.friction.value,
-            "low_N": level.friction.low,
-            "high_N": level.friction.high,
-            "cycles": level.cycles.size,
-        }
-        for level in found.levels
-    ]
-    parameters = implied(found)
-    text = f"{level_table(found)}\n\n{parameter_table(parameters)}\n\n{sentence}"
-    warnings = [f"{log.name}: {warning}" for log in logs for warning in log.warnings] + others
-    estimates = {name: asdict(estimate) for name, estimate in parameters.items()}
-    return text, {"message": sentence, "parameters": estimates, "levels": levels, "warnings": warnings}
 
 
 def _fixed(items: Sequence[str], inertia: float | None, law: str, area: float | None) -> dict[str, float]:
@@ -101,16 +76,3 @@ def _fixed(items: Sequence[str], inertia: float | None, law: str, area: float | 
         except ValueError:
             raise ParameterError(f"--fix {item}: write NAME=VALUE in SI units, for example K_z=1e6.") from None
     return found
-
-
-def _lugre(logs: Sequence[Log], fixed: Mapping[str, float], inertia: float) -> tuple[str, dict[str, Any]]:
-    from clutchid.rig import fit_lugre
-    from clutchid.rig.summary import lugre_table
-
-    fits = [fit_lugre(log, fixed=fixed, inertia=inertia) for log in logs]
-    estimates = {f"{name}@{fit.name}": asdict(estimate) for fit in fits for name, estimate in fit.parameters.items()}
-    message = "; ".join(f"{fit.name}: fit {fit.fit_percent:.1f} % in free run" for fit in fits)
-    entries = {fit.name: {"fit_percent": fit.fit_percent, "force_rms_N": fit.rms} for fit in fits}
-    warnings = [f"{fit.name}: {warning}" for fit in fits for warning in fit.warnings]
-    text = "\n\n".join(lugre_table(fit) for fit in fits)
-    return text, {"message": message, "parameters": estimates, "logs": entries, "warnings": warnings}

@@ -47,7 +47,7 @@ def look(
     debug
         Show the traceback of an error.
     """
-    from clutchid.documents.look_json import look_json
+    from clutchid.documents import document_of
     from clutchid.measurements.map.channel_map import read_map, write_map
     from clutchid.verbs.looking import looked
     from clutchid.verbs.start import start_file
@@ -57,11 +57,11 @@ def look(
     channels = None if files.map is None else read_map(files.map)
     found = looked(file, pressure(files.ambient), tuple(files.dbc or ()), channels, content)
     contents = found.contents
+    document = document_of(found)
     if json:
-        print_json(look_json(contents, found.inspection, found.unchecked))
+        print_json(document.data())
     else:
-        put(sentences(contents.table(), sys.stdout))
-        put(sentences(f"\n{found.checks}", sys.stdout))
+        put(*(sentences(row.text, sys.stdout) for row in document.rows))
     if save is not None:
         proposed = contents.proposal.channels
         write_map(replace(proposed, comments={**proposed.comments, "": contents.listing()}), save)

@@ -29,7 +29,7 @@ from clutchid.cli.common import (
     print_written,
 )
 from clutchid.cli.observe_sinks import say_unhurried
-from clutchid.cli.terminal import print_rows, printable_lines, put, say
+from clutchid.cli.terminal import print_rows, say
 from clutchid.errors import ExportError, ParameterError
 from clutchid.measurements.live.bus import BusName, bus_name
 from clutchid.names import printable
@@ -174,14 +174,14 @@ class ObserveOptions:
 
     def rest(self, run: ObservedRecording, content: ParameterFile) -> list[tuple[Path, Callable[[Path], None]]]:
         """Paths of the state and of the page, those that are asked for, and the functions that write them."""
-        from clutchid.documents.observe_page import observe_page
+        from clutchid.documents import Observation, document_of, write_page
         from clutchid.observer.state_file import write_state
 
         origin = origin_of(run.log)
         command = printable(f"clutchid {command_line(sys.argv[1:])}")
         each = (
             (self.save, lambda path: write_state(run.observer, run.after, path, origin)),
-            (self.report, lambda path: observe_page(run, content.origin, command, path)),
+            (self.report, lambda path: write_page(document_of(Observation(run, content.origin), command), path)),
         )
         return [(path, write) for path, write in each if path is not None]
 
@@ -210,15 +210,15 @@ def answer(
     moved
         Places of files that could not be written where they were asked for; None is nowhere.
     """
-    from clutchid.documents.observe_text import end_rows, observe_json, observe_sentence
+    from clutchid.documents import Observation, On, document_of
 
+    document = document_of(Observation(run, content.origin))
     if options.json:
         ended = dict(zip(("status", "message"), trouble, strict=True)) if trouble[1] else {}
-        print_json({**observe_json(run, content.origin), **ended})
+        print_json({**document.data(), **ended})
         return
     say(run.log.warnings)
-    put(printable_lines(f"observed {run.log.name}: {observe_sentence(run)}"), to=options.messages)
-    print_rows(end_rows(run), options.messages)
+    print_rows(document.rows_on(On.BRIEF), options.messages)
     written = (options.out, options.by_stroke, options.save, options.report, options.results_dbc)
     print_written(*(moved.get(path, path) for path in written if path is not None), to=options.messages)
 

@@ -53,7 +53,7 @@ def prove(
     debug
         Show the traceback of an error.
     """
-    from clutchid.documents.tables import to_csv, to_text
+    from clutchid.documents import to_csv, to_text
     from clutchid.files import write_text
     from clutchid.fleets.cluster import Workers
     from clutchid.study.proving.ground import Conditions, kept

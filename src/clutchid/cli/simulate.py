@@ -15,10 +15,9 @@ from clutchid.cli.common import (
     OutputFlag,
     check_outputs,
     guarded,
-    print_json,
+    print_document,
     print_written,
 )
-from clutchid.cli.terminal import put, say
 from clutchid.verbs.options import USUAL_FILES, model_of, partition_of
 
 
@@ -69,8 +68,7 @@ def simulate(
     debug
         Show the traceback of an error.
     """
-    from clutchid.documents.fit_json import errors_json
-    from clutchid.documents.summary import errors_text
+    from clutchid.documents import document_of
     from clutchid.measurements import write
     from clutchid.verbs.simulating import simulated
     from clutchid.verbs.start import start_file
@@ -85,14 +83,7 @@ def simulate(
     reading = files.reading([log], [] if band is None else [band], force=force)
     simulation = simulated(reading, content, partition, parameters)
     write(simulation.log, out)
-    name, errors, warnings = simulation.recording, simulation.errors, simulation.warnings
-    if json:
-        logs = {} if errors is None else {"errors": errors_json(errors), "logs": {name: errors_json(errors)}}
-        status = "warning" if warnings else "ok"
-        print_json({"status": status, "message": simulation.message, "warnings": list(warnings), **logs})
-        return DONE
-    say(warnings)
-    if errors is not None:
-        put(f"simulated {name}: {errors_text(errors)}")
-    print_written(out)
+    print_document(document_of(simulation), json=json)
+    if not json:
+        print_written(out)
     return DONE

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from contextlib import suppress
 from shutil import get_terminal_size
 from textwrap import fill
@@ -14,13 +14,12 @@ from typing import TYPE_CHECKING, TextIO
 from clutchid.names import printable
 
 if TYPE_CHECKING:
-    from clutchid.documents.summary import SummaryRow
+    from clutchid.documents import Row
 
 #: Most columns of a terminal that are used.
 WIDTH = 80
 
-#: Columns of the labels of rows, and how a mood is coloured.
-LABEL = 9
+#: How a mood is coloured.
 _COLOURS = {"good": "bold green", "with care": "bold yellow", "none": "bold red", "": ""}
 
 
@@ -89,20 +88,16 @@ def _wrapped(line: str) -> str:
     return fill(line, columns(), subsequent_indent=indent, break_long_words=False, break_on_hyphens=False) or line
 
 
-def print_rows(rows: Sequence[SummaryRow], to: TextIO | None = None) -> None:
+def print_rows(rows: Iterable[Row], to: TextIO | None = None) -> None:
     """Rows with labels, wrapped at words, on standard output by default; coloured on a terminal."""
     from rich.console import Console
     from rich.text import Text
 
+    from clutchid.documents import lines_of
+
     console = Console(file=sys.stdout if to is None else to, highlight=False, markup=False, emoji=False, soft_wrap=True)
-    width = min(WIDTH, console.width) if console.is_terminal else WIDTH
     with console.capture() as drawn:
-        for row in rows:
-            text = printable_lines(row.text)
-            short = max(width - LABEL, 20)
-            lines = text.splitlines() if row.fixed else fill(text, short, break_on_hyphens=False).splitlines()
-            for number, line in enumerate(lines):
-                shown = Text(f"{row.label if number == 0 else '':<{LABEL}}", style="bold")
-                console.print(shown.append(line, style=_COLOURS[row.mood] or "not bold"))
-    if rows:
+        for line in lines_of(rows, min(WIDTH, console.width) if console.is_terminal else WIDTH):
+            console.print(Text(line.label, style="bold").append(line.text, style=_COLOURS[line.mood] or "not bold"))
+    if drawn.get():
         put(drawn.get().removesuffix("\n"), to=to)

@@ -23,7 +23,7 @@ from clutchid.cli.common import (
     print_written,
     progress_of,
 )
-from clutchid.cli.terminal import printable_lines, put, say
+from clutchid.cli.terminal import print_rows, say
 from clutchid.errors import ExportError, ParameterError
 from clutchid.names import printable
 from clutchid.systems import command_line
@@ -76,8 +76,7 @@ def track(
     debug
         Show the traceback of an error.
     """
-    from clutchid.documents.wear_page import wear_page
-    from clutchid.documents.wear_text import wear_json, wear_lines
+    from clutchid.documents import WornClutch, document_of, write_page
     from clutchid.fleets import tracking
 
     shift, results = life_limit(limit), (out, tracking.curves_path(out))
@@ -89,13 +88,15 @@ def track(
             progress=progress,
         )  # fmt: skip
     tracking.write_tracked(found, out)
+    command = printable(f"clutchid {command_line(sys.argv[1:])}")
+    document = document_of(WornClutch(found.wear, found.curves, found.left_out), command)
     if report is not None:
-        wear_page(found.wear, found.curves, printable(f"clutchid {command_line(sys.argv[1:])}"), report)
+        write_page(document, report)
     if json:
-        print_json(wear_json(found.wear, found.left_out))
+        print_json(document.data())
         return DONE
     say(filter(None, (found.left_out, *found.wear.warnings)))
-    put(*map(printable_lines, wear_lines(found.wear)))
+    print_rows(document.rows)
     print_written(*results, report)
     return DONE
 

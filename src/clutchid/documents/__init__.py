@@ -1,6 +1,25 @@
-"""Figures, tables and self-contained pages; matplotlib and jinja2 are imported on demand."""
+"""Every result as one `Document`, and its renderers; matplotlib and jinja2 are imported on demand."""
 
-from clutchid.documents.fit_page import fit_page
-from clutchid.documents.tables import Column, ReportTable
+from clutchid.documents.builders import document_of
+from clutchid.documents.document import Document, On, Row
+from clutchid.documents.html import write_page
+from clutchid.documents.results import FleetWear, Observation, RigFriction, WornClutch
+from clutchid.documents.tables import Column, ReportTable, to_csv, to_text
+from clutchid.documents.terminal import lines_of
 
-__all__ = ["Column", "ReportTable", "fit_page"]
+__all__ = [
+    "Column",
+    "Document",
+    "FleetWear",
+    "Observation",
+    "On",
+    "ReportTable",
+    "RigFriction",
+    "Row",
+    "WornClutch",
+    "document_of",
+    "lines_of",
+    "to_csv",
+    "to_text",
+    "write_page",
+]

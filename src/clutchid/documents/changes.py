@@ -6,9 +6,9 @@ from collections.abc import Iterable, Sequence
 from itertools import groupby
 
 from clutchid.documents.style import BAR
+from clutchid.estimation import Change, Fit
 from clutchid.estimation.assess.rest import Cause, MovedRest, moved_rests
 from clutchid.estimation.assess.verdict import states_of_wear, verdict
-from clutchid.estimation.result import Change, Fit
 from clutchid.inference.uncertainty.conditions import Assumption
 from clutchid.inference.uncertainty.identifiability import listed
 

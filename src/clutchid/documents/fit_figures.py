@@ -20,11 +20,10 @@ from clutchid.documents.figures import (
     new_figure,
 )
 from clutchid.documents.style import BAR, MM, STYLE, Line
-from clutchid.estimation import Fit
+from clutchid.estimation import Fit, Recording
 from clutchid.estimation.assess.comparison import ENGAGING, half_load_band
 from clutchid.estimation.assess.evidence import reach
 from clutchid.estimation.assess.verdict import noise_only
-from clutchid.estimation.result import Recording
 from clutchid.log import FloatArray, Log
 from clutchid.parameters import Parameters
 from clutchid.strokes.excitation import HOLD_SPEED, SHORTEST_REST, SLOW_WINDOW, VENTED_POSITION
@@ -78,7 +77,7 @@ def load_figure(fit: Fit) -> Figure:
     curve, furthest = fit.load_curve, reach(fit)
     figure, (axis,) = new_figure([3.7])
     x, force = curve.position / MM, curve.force
-    mark_span(axis, ENGAGING[0] / MM, ENGAGING[1] / MM, "the clutch engages, 5 to 8 mm")
+    mark_span(axis, ENGAGING[0] / MM, ENGAGING[1] / MM, "engagement, 5 to 8 mm")
     banded = np.isfinite(curve.low) & np.isfinite(curve.high)
     band = "95 % band, noise only" if noise_only(fit) else "95 % band"
     fill(axis, x, curve.low, curve.high, Line(STYLE.blue, band, opacity=0.2, layer=1))
@@ -86,16 +85,16 @@ def load_figure(fit: Fit) -> Figure:
     draw(axis, x[inside], force[inside], Line(STYLE.blue, "load", 2.0))
     outside = curve.position >= (curve.position[inside][-1] if inside.any() else 0.0)
     if not inside.all():
-        draw(axis, x[outside], force[outside], Line(STYLE.blue, "load beyond the reach", 1.4, (0, (4, 3))))
+        draw(axis, x[outside], force[outside], Line(STYLE.blue, "beyond the reach", 1.4, (0, (4, 3))))
     _mark_half(axis, fit, furthest)
-    words = f"reach of the recordings, {furthest / MM:.1f} mm"
+    words = f"reach, {furthest / MM:.1f} mm"
     axis.axvline(furthest / MM, color=STYLE.ink, linewidth=1.0, linestyle=":", label=words)
     axis.set_xlim(0, x[-1])
     known = banded & inside if np.any(banded & inside) else banded
     band_edges = np.concatenate([curve.low[known], curve.high[known]])
     axis.set_ylim(*_limits(np.append(force[inside] if inside.any() else force, 0.0), band_edges))
     label(axis, "position [mm]", "load [N]")
-    legend(axis, 2)
+    legend(axis, 3)
     return figure
 
 
@@ -109,7 +108,7 @@ def _mark_half(axis: Axes, fit: Fit, furthest: float) -> None:
     error = ends[:, None] if np.isfinite(ends).all() else None
     axis.errorbar(
         [at.position / MM], [force], xerr=error, fmt="o", markersize=3.2, color=STYLE.red, capsize=3.5, linewidth=1.2,
-        label=f"half of the peak, at {at.position / MM:.2f} mm", zorder=4,
+        label=f"half of the peak, {at.position / MM:.2f} mm", zorder=4,
     )  # fmt: skip
 
 

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from clutchid.documents.changes import notes_of, rests_json
-from clutchid.estimation import Fit
+from clutchid.estimation import Change, Errors, Fit, LoadCurve
 from clutchid.estimation.assess.comparison import Comparison, comparison
 from clutchid.estimation.assess.diagnostics import ColumnDiagnosis, remarks
 from clutchid.estimation.assess.evidence import evidence
 from clutchid.estimation.assess.verdict import states_of_wear, verdict
-from clutchid.estimation.result import Change, Errors
 from clutchid.inference.uncertainty.calibration import Origin
-from clutchid.inference.uncertainty.estimates import LoadCurve
-from clutchid.strokes.residual_colour import CrossCorrelation
+
+if TYPE_CHECKING:
+    from clutchid.strokes.residual_colour import CrossCorrelation
 
 _UNCOMPARED: dict[str, Any] = {"calibrated_load_curve": None, "load_change": None}
 

@@ -12,9 +12,9 @@ import numpy as np
 
 from clutchid.documents.style import MM
 from clutchid.documents.tables import Cell, Column, Link, ReportTable
+from clutchid.log import FloatArray
 from clutchid.names import capital, natural, printable
-from clutchid.wear.history import Axis
-from clutchid.wear.trend import LIFE, Interval
+from clutchid.wear import LIFE, Axis, Interval
 
 
 class VehicleRow(NamedTuple):
@@ -94,9 +94,16 @@ def left_shown(one: VehicleRow, spans: Spans) -> Interval:
 
 
 def quantiles(values: Sequence[float], shares: Sequence[float]) -> list[float | None]:
-    """Quantiles of the known values, which may be infinite: each is one of the values."""
+    """Quantiles of the known values, which may be infinite; between two values by linear interpolation."""
     known = np.sort([value for value in values if not np.isnan(value)])
-    return [float(np.quantile(known, share, method="nearest")) if known.size else None for share in shares]
+    return [_between(known, share * (known.size - 1)) if known.size else None for share in shares]
+
+
+def _between(values: FloatArray, place: float) -> float:
+    """The value at a place that need not be a whole number; infinite where it is beyond the last finite one."""
+    below = int(place)
+    low, high = float(values[below]), float(values[min(below + 1, values.size - 1)])
+    return low if place == below or low == high else low + (place - below) * (high - low)
 
 
 def quantity_of(vehicles: Sequence[VehicleRow]) -> str:

@@ -1,4 +1,4 @@
-"""A self-contained page: sections of text, tables and figures in one HTML file, with its provenance."""
+"""A document as a self-contained page: one HTML file with styles, pictures and provenance."""
 
 from __future__ import annotations
 
@@ -7,14 +7,27 @@ import hashlib
 import platform
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any, Literal
+from os import PathLike
+from typing import Any
 
-from clutchid.documents.tables import Link, ReportTable, to_html
-from clutchid.log import Log
+from clutchid.documents.document import (
+    Block,
+    Bullets,
+    Details,
+    Document,
+    Notice,
+    On,
+    Picture,
+    Row,
+    Sortable,
+    Text,
+)
+from clutchid.documents.figures import png, svg
+from clutchid.documents.tables import ReportTable, to_html
+from clutchid.files import write_text
 
 #: Letters that no text of a page has: control characters, and marks that hide text or turn the direction of writing.
 _UNSHOWN = re.compile(
@@ -22,93 +35,11 @@ _UNSHOWN = re.compile(
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Text:
-    """A paragraph of HTML; the caller must escape all external text."""
-
-    html: str
-
-
-@dataclass(frozen=True, slots=True)
-class Bullets:
-    """A list of HTML items."""
-
-    items: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Notice:
-    """A highlighted message in plain text, with an optional list: success, warning or failure."""
-
-    text: str
-    kind: Literal["ok", "warning", "failed"] = "warning"
-    items: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class Picture:
-    """A figure, PNG or an SVG element, with a caption in HTML; `alt` is its description in plain text."""
-
-    figure: bytes | str
-    caption: str
-    alt: str
-
-    @property
-    def address(self) -> str:
-        """The image as a data URL: the names of elements in an SVG cannot clash with those of another on the page."""
-        kind, content = ("svg+xml", self.figure.encode()) if isinstance(self.figure, str) else ("png", self.figure)
-        return f"data:image/{kind};base64,{base64.b64encode(content).decode('ascii')}"
-
-
-@dataclass(frozen=True, slots=True)
-class Details:
-    """Collapsible blocks under a summary line; expanded in print."""
-
-    summary: str
-    blocks: tuple[Block, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Sortable:
-    """A long table that its reader sorts and filters, 200 rows at a time; at most one on a page, outside details.
-
-    All rows are in the page, so it can be read, searched and printed where no script runs.
-    """
-
-    table: ReportTable
-
-
-Block = Text | Bullets | Notice | Picture | ReportTable | Sortable | Details
-
 #: Blocks as the template calls them.
 _KINDS: dict[type[Block], str] = {
     Text: "text", Bullets: "bullets", Notice: "notice", Picture: "picture", ReportTable: "table", Sortable: "sortable",
     Details: "details",
 }  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True)
-class PageSection:
-    """A heading in plain text and its content."""
-
-    heading: str
-    blocks: tuple[Block, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Page:
-    """A page: title and subtitle in plain text, sections, provenance, and the page that this one is a part of."""
-
-    title: str
-    subtitle: str
-    sections: tuple[PageSection, ...]
-    provenance: Mapping[str, str] = field(default_factory=dict)
-    home: Link | None = None
-
-    @property
-    def has_script(self) -> bool:
-        """Whether the page needs the script of a table that can be sorted."""
-        return any(isinstance(block, Sortable) for section in self.sections for block in section.blocks)
 
 
 @cache
@@ -122,15 +53,60 @@ def _environment() -> Any:
     )  # fmt: skip
 
 
-def render(page: Page) -> str:
-    """The page as self-contained HTML, with a question mark for each letter that cannot be shown."""
+def write_page(document: Document, path: str | PathLike[str]) -> None:
+    """Write a document as one self-contained HTML file; an existing one is replaced atomically.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written; an existing file is unchanged.
+    """
+    write_text(page_of(document), path)
+
+
+def page_of(document: Document) -> str:
+    """The document as self-contained HTML, with a question mark for each letter that cannot be shown."""
     environment = _environment()
-    template = environment.get_template("page.html.j2")
-    script = environment.get_template("sortable.js").render() if page.has_script else ""
-    html = template.render(
-        page=page, kind=lambda block: _KINDS[type(block)], table=to_html, script=script, policy=_policy(script)
-    )
+    sections = tuple(document.sections())
+    scripted = any(isinstance(block, Sortable) for section in sections for block in section.blocks)
+    script = environment.get_template("sortable.js").render() if scripted else ""
+    html = environment.get_template("page.html.j2").render(
+        document=document, sections=sections, answer=answer_html(document), provenance=_provenance(document),
+        kind=lambda block: _KINDS[type(block)], table=to_html, address=_address, script=script, policy=_policy(script),
+    )  # fmt: skip
     return _UNSHOWN.sub("?", html)
+
+
+def answer_html(document: Document) -> str:
+    """The rows of a document with its picture and the next step, as a fragment."""
+    return str(_environment().get_template("answer.html.j2").render(
+        groups=grouped(document.rows_on(On.PAGE)), next=document.next, address=_address, transposed=_transposed,
+        picture=document.figure() if document.figure else None,
+    ))  # fmt: skip
+
+
+def _transposed(cells: Iterable[Iterable[str]]) -> Iterable[tuple[str, ...]]:
+    return zip(*cells, strict=True)
+
+
+def grouped(rows: Iterable[Row]) -> list[tuple[str, list[Row]]]:
+    """Labels with the rows that belong to them."""
+    groups: list[tuple[str, list[Row]]] = []
+    for row in rows:
+        if row.label or not groups:
+            groups.append((row.label or "", []))
+        groups[-1][1].append(row)
+    return groups
+
+
+def _address(picture: Picture) -> str:
+    """A picture as a data URL: the names of elements in an SVG cannot clash with those of another on the page."""
+    figure = picture.figure
+    if isinstance(figure, bytes) or picture.dense:
+        kind, content = "png", figure if isinstance(figure, bytes) else png(figure)
+    else:
+        kind, content = "svg+xml", svg(figure).encode()
+    return f"data:image/{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 
 def _policy(script: str) -> str:
@@ -151,18 +127,14 @@ def _policy(script: str) -> str:
 _PACKAGES = ("clutchid", "numpy", "scipy", "numba")
 
 
-def provenance(logs: Iterable[Log], command: str) -> dict[str, str]:
-    """Names and values of everything needed to reproduce a page made from `logs` with `command`."""
-    found = {"command": command, "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")}
-    for name in _PACKAGES:
-        found[name] = _version(name)
-    found["Python"] = platform.python_version()
-    found["machine"] = f"{platform.system()} {platform.machine()}"
-    for log in logs:
-        digest = log.metadata.get("sha256")
-        if digest:
-            found[f"SHA-256 of {log.metadata.get('source', log.name)}"] = digest
-    return found
+def _provenance(document: Document) -> Mapping[str, str]:
+    """Names and values of everything needed to reproduce a page."""
+    if not document.command:
+        return {}
+    about = {"command": document.command, "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")}
+    about |= {name: _version(name) for name in _PACKAGES}
+    about |= {"Python": platform.python_version(), "machine": f"{platform.system()} {platform.machine()}"}
+    return about | {f"SHA-256 of {name}": digest for name, digest in document.sources.items()}
 
 
 def _version(name: str) -> str:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from clutchid.documents.diagnosis_page import draw_colour
-from clutchid.documents.figures import draw, fill, label, legend, new_figure, png
-from clutchid.documents.html import Block, Picture, Text
+from clutchid.documents.diagnosis import draw_colour
+from clutchid.documents.document import Block, Picture, Text
+from clutchid.documents.figures import draw, fill, label, legend, new_figure
 from clutchid.documents.style import STYLE, Line
 from clutchid.estimation.assess.innovations import InnovationStatistics, MeanNIS
 
@@ -54,7 +53,7 @@ def innovation_blocks(name: str, found: InnovationStatistics) -> tuple[Block, ..
     if np.isfinite(outside):
         words += f" {100 * outside:.0f} % of the lags of the autocorrelation are outside the bounds of white noise."
     alt = "NIS over time, autocorrelation of the innovations and correlation with both valves"
-    return (Text(escape(words)), Picture(png(innovation_figure(found)), f"{escape(name)}. {_CAPTION}", alt))
+    return (Text(words), Picture(innovation_figure(found), f"{name}. {_CAPTION}", alt, dense=True))
 
 
 def _nis(found: MeanNIS) -> str:

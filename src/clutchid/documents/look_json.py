@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from clutchid.measurements.map.channel_map import ChannelMap
-from clutchid.measurements.overview import FileOverview, TimeAxis, TimeGridOverview
-from clutchid.preparation.inspection import Check, Inspection
+if TYPE_CHECKING:
+    from clutchid.measurements.map.channel_map import ChannelMap
+    from clutchid.measurements.overview import FileOverview, TimeAxis, TimeGridOverview
+    from clutchid.preparation.inspection import Check, Inspection
 
 
 def look_json(contents: FileOverview, inspection: Inspection | None, unchecked: str) -> dict[str, Any]:

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain, count
 from pathlib import Path
-from typing import Literal, NamedTuple
 
+from clutchid.documents.document import NextStep
 from clutchid.estimation import Fit
 from clutchid.estimation.assess.verdict import of_the_paper, states_of_wear, verdict
 from clutchid.model import Actuator
@@ -63,25 +63,13 @@ class Command:
         return _argument(next(one for one in chain([path], numbered) if one.absolute() not in taken))
 
 
-#: What to do next: continue a search from the saved result, or save it for that; follow the wear of a vehicle;
-#: calibrate this recording, or record one with pressure; correct what the reasons say and calibrate again; keep a
-#: calibration; read a worn clutch; see both loads on a page; keep a result; simulate the pressure over time.
-StepKind = Literal[
-    "continue", "save to continue", "track", "calibrate", "record", "correct", "keep", "estimate", "report",
-    "keep result", "simulate",
-]  # fmt: skip
-
-
-class NextStep(NamedTuple):
-    """What to do next, why, and the command that does it."""
-
-    kind: StepKind
-    why: str
-    command: str
-
-
 def next_step(fit: Fit, command: Command) -> NextStep:
     """What to do next: continue, calibrate, read a worn clutch, follow its wear, or look at the page.
+
+    Kinds: continue a search from the saved result ("continue"), or save it for that ("save to continue"); follow the
+    wear of a vehicle ("track"); calibrate this recording ("calibrate"), or record one with pressure ("record"); correct
+    what the reasons say and calibrate again ("correct"); keep a calibration ("keep"); read a worn clutch ("estimate");
+    see both loads on a page ("report"); keep a result ("keep result"); simulate the pressure over time ("simulate").
 
     Parameters
     ----------

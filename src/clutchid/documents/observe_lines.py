@@ -10,9 +10,8 @@ import numpy as np
 from clutchid.documents.fit_json import curve_json
 from clutchid.log import FloatArray
 from clutchid.measurements.source import to_frame
-from clutchid.observer.by_stroke import StrokeRow
+from clutchid.observer import ObservedRecording, StrokeRow
 from clutchid.observer.live import LiveRun, due
-from clutchid.observer.recording import ObservedRecording
 
 
 def observe_lines(before: LiveRun, after: LiveRun, part: ObservedRecording, every: float) -> list[str]:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from clutchid.documents.observe_text import flags_words
+from clutchid.documents.observe_rows import flags_words
 from clutchid.documents.style import MM
-from clutchid.inference.uncertainty.estimates import LoadCurve
+from clutchid.estimation import LoadCurve
 from clutchid.numerics.interval import QUANTILE
-from clutchid.observer.by_stroke import curve
-from clutchid.observer.live import LiveRun
-from clutchid.observer.observer import start
-from clutchid.observer.recording import ObservedRecording
+from clutchid.observer import ObservedRecording, curve, start
+
+if TYPE_CHECKING:
+    from clutchid.observer.live import LiveRun
 
 #: Lines of the load curve, characters of the labels left of it, and characters of its width at most.
 ROWS, LABELS, WIDEST = 12, 8, 100

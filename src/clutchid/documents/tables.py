@@ -9,13 +9,15 @@ from dataclasses import dataclass
 from html import escape
 from io import StringIO
 from itertools import groupby
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import quote
 
 import numpy as np
 
 from clutchid.documents.style import MM
-from clutchid.estimation import LoadCurve
+
+if TYPE_CHECKING:
+    from clutchid.estimation import LoadCurve
 
 
 class Link(NamedTuple):

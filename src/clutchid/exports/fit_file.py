@@ -15,7 +15,7 @@ from unicodedata import combining, normalize
 import numpy as np
 
 from clutchid.documents.fit_json import change_json, comparison_json, curve_json, origin_json
-from clutchid.documents.fit_page import meaning
+from clutchid.documents.fit_sections import meaning
 from clutchid.errors import ExportError
 from clutchid.estimation.assess.comparison import comparison
 from clutchid.estimation.assess.evidence import reach
@@ -77,7 +77,26 @@ def check_name(path: str | PathLike[str]) -> None:
         raise ExportError(f"{path}: MATLAB has no function files with such a name; name it {other}.m.")
 
 
-def write_matlab(fit: Fit, path: str | PathLike[str]) -> None:
+def function_name(*words: str) -> str:
+    """Name of a function of MATLAB made of words; a single word could hide a function of its own.
+
+    Examples
+    --------
+    >>> function_name("estimate", "run 1.mf4", "load"), function_name("", "7.csv")
+    ('estimate_run_1_mf4_load', 'clutch_7_csv')
+    """
+    parts = (re.sub(r"\W+", "_", word, flags=re.ASCII).strip("_") for word in words)
+    name = "_".join(filter(None, parts))[:63]
+    return (name if _is_function_name(name) and "_" in name else f"clutch_{name}")[:63]
+
+
+def function_in(path: str | PathLike[str]) -> str:
+    """Name of the function in a ``.m`` file of `write_matlab`, which the file must have as well."""
+    with Path(path).open(encoding="ascii") as file:
+        return file.readline().partition("= ")[2].partition("(")[0]
+
+
+def write_matlab(fit: Fit, path: str | PathLike[str], function: str = "") -> None:
     """Write the load as a lookup table, and the parameters, for MATLAB, Octave and Simulink.
 
     Parameters
@@ -87,6 +106,8 @@ def write_matlab(fit: Fit, path: str | PathLike[str]) -> None:
     path
         ``.mat`` for a MATLAB 5 file with the struct `clutchid`, ``.m`` for a function that returns it; docs/formats.md
         lists its fields. An existing file is replaced only by a complete new one.
+    function
+        Name of the function, if the file is not called by that of its path but given on under its name.
 
     Raises
     ------
@@ -103,7 +124,7 @@ def write_matlab(fit: Fit, path: str | PathLike[str]) -> None:
         )
     content = {key: _in_ascii(value) for key, value in _content(fit).items()}
     if Path(path).suffix == ".m":
-        write_text(_function(content, Path(path).stem), path)
+        write_text(_function(content, function or Path(path).stem), path)
         return
     from scipy.io import savemat
 

@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from clutchid.documents.fleet_page import fleet_page
+from clutchid.documents import FleetWear, WornClutch, document_of, write_page
 from clutchid.documents.fleet_tables import ReasonCount, VehicleRow
-from clutchid.documents.wear_page import wear_page
-from clutchid.documents.wear_text import alarm_words
+from clutchid.documents.wear_rows import alarm_words
 from clutchid.files import atomic_write, make_folder, write_frame
 from clutchid.fleets.cluster import version_and_source
 from clutchid.fleets.jobs import Fleet, Job
@@ -228,7 +227,7 @@ def write_vehicles(vehicles: Iterable[FleetVehicle], command: str, out: Path, *,
         )
         with atomic_write(out / PAGES / MADE) as temporary:
             temporary.write_text(json.dumps(made), encoding="utf-8")
-    fleet_page(rows, _reasons(reasons), command, out / INDEX)
+    write_page(document_of(FleetWear(rows, _reasons(reasons)), command), out / INDEX)
     return rows
 
 
@@ -268,7 +267,8 @@ def _write_page(
     )
     digest = hashlib.sha256(content.encode()).hexdigest()
     if before.get(address) != digest or not (out / address).exists():
-        wear_page(tracked.wear, tracked.curves, command, out / address, home=f"../{INDEX}")
+        clutch = WornClutch(tracked.wear, tracked.curves, home=f"../{INDEX}")
+        write_page(document_of(clutch, command), out / address)
     return digest
 
 

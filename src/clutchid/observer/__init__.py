@@ -4,24 +4,29 @@ An `observer` of a calibrated actuator is a value that does not change; what it 
 comes out: `start`, then `observe` for every block of samples.
 """
 
-from clutchid.observer.by_stroke import curve, follow_strokes, known
+from clutchid.observer.by_stroke import StrokeRow, curve, follow_strokes, known, positions
 from clutchid.observer.following import Observed, observe
 from clutchid.observer.observer import Observer, observer, start
-from clutchid.observer.recording import ObservedRecording, observe_recording
+from clutchid.observer.recording import POINTS, Loads, ObservedRecording, loads, observe_recording
 from clutchid.observer.state import ObserverState
 from clutchid.observer.state_file import read_state, write_state
 
 __all__ = [
+    "POINTS",
+    "Loads",
     "Observed",
     "ObservedRecording",
     "Observer",
     "ObserverState",
+    "StrokeRow",
     "curve",
     "follow_strokes",
     "known",
+    "loads",
     "observe",
     "observe_recording",
     "observer",
+    "positions",
     "read_state",
     "start",
     "write_state",

@@ -51,9 +51,12 @@ def plot(shown: Log | Simulation | Fit) -> Figure:
     >>> [axes.get_ylabel() for axes in figure.axes]
     ['load [N]']
     """
-    from clutchid.documents.notebook import figure_of
+    from clutchid.documents import document_of
+    from clutchid.documents.notebook import notebook_figure
 
-    return figure_of(shown)
+    figure = notebook_figure(document_of(shown.raised() if hasattr(shown, "raised") else shown))
+    assert figure is not None
+    return figure
 
 
 @checked
@@ -81,9 +84,9 @@ def report(fit: Fit, path: str | PathLike[str]) -> None:
     ...     "Load" in Path(folder, "page.html").read_text(encoding="utf-8")
     True
     """
-    from clutchid.documents.fit_page import fit_page
+    from clutchid.documents import document_of, write_page
 
-    fit_page(fit, "clutchid.fit(...) in Python", path)
+    write_page(document_of(fit, "clutchid.fit(...) in Python"), path)
 
 
 def evidence_of(fit: Fit) -> Evidence:
@@ -108,15 +111,16 @@ def comparison_of(fit: Fit) -> Comparison | None:
 
 
 def _printed_fit(fit: Fit) -> str:
-    from clutchid.documents.notebook import printed_fit
+    from clutchid.documents.fit import printed_fit
 
     return printed_fit(fit)
 
 
 def _in_notebook(shown: Log | Simulation | Fit) -> str:
-    from clutchid.documents.notebook import html_of
+    from clutchid.documents import document_of
+    from clutchid.documents.notebook import notebook_html
 
-    return html_of(shown)
+    return notebook_html(document_of(shown))
 
 
 #: Module and name of a class, and what is attached to it.

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from clutchid.arguments import checked
 from clutchid.errors import ExportError
-from clutchid.names import printable
 
 # imported on use: a command that only reads files starts faster
 if TYPE_CHECKING:
+    from clutchid.documents.next_step import Command
     from clutchid.estimation import Fit
     from clutchid.estimation.parameter_file import ParameterFile
 
@@ -82,7 +82,7 @@ def save(fit: Fit, path: Path) -> None:
         write_parameters(parameter_file(fit), path)
 
 
-def report(fit: Fit, command: str, path: Path) -> None:
+def report(fit: Fit, command: Command | str, path: Path) -> None:
     """Write the page of the result, with the `command` that repeats it.
 
     Raises
@@ -90,6 +90,6 @@ def report(fit: Fit, command: str, path: Path) -> None:
     ExportError
         If the file cannot be written; an existing file is unchanged.
     """
-    from clutchid.documents.fit_page import fit_page
+    from clutchid.documents import document_of, write_page
 
-    fit_page(fit, printable(command), path)
+    write_page(document_of(fit, command), path)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from clutchid import parameter_file, read_parameters, write_parameters
+from clutchid.documents import document_of
 from clutchid.documents.fit_json import fit_json
-from clutchid.documents.summary import summary
 from clutchid.estimation.assess.rest import Stop, moved_rests, rest_cause
 from clutchid.estimation.fit import fit_request
 from clutchid.estimation.request import FitRequest
@@ -70,7 +70,7 @@ def test_a_moved_zero_is_subtracted_and_the_load_is_that_without_it(readings):
 @pytest.mark.slow
 def test_a_moved_rest_is_said_wherever_the_result_is(readings):
     moved = readings["subtracted"]
-    since = next(row.text for row in summary(moved) if row.label == "since")
+    since = next(row.text for row in document_of(moved).rows if row.label == "since")
     assert "the vented rest has moved by +0.30 mm" in since
     assert "the position sensor" in since
     found = fit_json(moved)

@@ -8,6 +8,9 @@ import numpy as np
 
 from clutchid.log import FloatArray
 
+#: An interval is shown by its ends where its shorter side is less than this share of its longer one.
+SYMMETRIC = 0.9
+
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
@@ -26,10 +29,12 @@ class Estimate:
 
     Examples
     --------
-    As text it has the 95 % interval, not the standard error:
+    As text it has the 95 % interval, not the standard error; one that is not symmetric, as a profile's, has both ends:
 
     >>> print(Estimate(8.9e5, "Pa", 1e3, 8.8804e5, 8.9196e5))
     8.9e+05 ± 2e+03 Pa
+    >>> print(Estimate(8.9e5, "Pa", 1e3, 8.89e5, 8.95e5))
+    8.9e+05 (8.89e+05 to 8.95e+05) Pa
     """
 
     value: float
@@ -45,7 +50,11 @@ class Estimate:
 
     def __str__(self) -> str:
         unit = "" if self.unit == "1" else f" {self.unit}"
-        return f"{self.value:.4g} ± {self.half:.2g}{unit}" if np.isfinite(self.half) else "not determined"
+        if not np.isfinite(self.half):
+            return "not determined"
+        if min(self.high - self.value, self.value - self.low) < SYMMETRIC * self.half:
+            return f"{self.value:.4g} ({self.low:.4g} to {self.high:.4g}){unit}"
+        return f"{self.value:.4g} ± {self.half:.2g}{unit}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

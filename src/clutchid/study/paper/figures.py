@@ -140,7 +140,7 @@ def _load_background(axis: Axes, static: tuple[FloatArray, FloatArray], truth: T
     """What is known of the load of the recording besides the estimates: static estimate and true load."""
     position, force = static
     if truth is not None:
-        draw(axis, truth.position / MM, truth.force, Line(STYLE.orange, "true load", 3.4, opacity=0.8, layer=1.6))
+        draw(axis, truth.position / MM, truth.force, Line(STYLE.orange, "true load", 3.4, layer=1.6))
     if position.size:
         step = max(1, position.size // 3000)
         axis.plot(

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from html import escape
 
 import numpy as np
 
-from clutchid.documents.html import Bullets, Notice, Page, PageSection, Picture, Text, provenance
+from clutchid.documents.document import Bullets, Document, Markup, Notice, Picture, Section, Text
 from clutchid.documents.style import BAR, MM
 from clutchid.documents.tables import ReportTable
 from clutchid.estimation import Fit
@@ -181,38 +181,48 @@ _ALT = {
 
 def study_page(
     found: StudyResults, made: Mapping[str, ReportTable], figures: Mapping[int, bytes], command: str
-) -> Page:
+) -> Document:
     """The page of the study, not yet rendered, with the tables by file stem and the figures by number."""
     words = captions(found)
 
     def figure(number: int) -> Picture:
-        return Picture(figures[number], f"<b>Figure {number}.</b> {words[number]}", _ALT[number])
+        return Picture(figures[number], Markup(f"<b>Figure {number}.</b> {words[number]}"), _ALT[number])
 
     sections = (
-        PageSection("Summary", (Text(_abstract(found)), Bullets(_findings(found)))),
-        PageSection("Method", (Text(_data(found)), *_warnings(found), Text(_METHOD), Text(_READINGS))),
-        PageSection("Basis functions, Eq. (21)", (figure(2), made["equation_21"])),
-        PageSection("Estimated load, Table 1", (made["table_1"], made["table_1_carry_q"], figure(5), _table_1(found))),
-        PageSection(
+        Section("Summary", (_text(_abstract(found)), _bullets(_findings(found)))),
+        Section("Method", (_text(_data(found)), *_warnings(found), _text(_METHOD), _text(_READINGS))),
+        Section("Basis functions, Eq. (21)", (figure(2), made["equation_21"])),
+        Section("Estimated load, Table 1", (made["table_1"], made["table_1_carry_q"], figure(5), _table_1(found))),
+        Section(
             "Errors on the first recording, Table 2",
             (made["table_2"], made["table_2_carry_q"], _table_2(found), figure(3), figure(4)),
         ),
-        PageSection(
+        Section(
             "Verification on the second recording",
             (made["verification"], _verification(found), figure(6), figure(7)),
         ),
-        PageSection("Pressure from the load, Eq. (26)", (figure(8), made["pressure_errors"])),
-        PageSection("Why the results differ from the paper", (Text(_why(found)),)),
-        PageSection("Deviations from the printed equations", (Bullets(DEVIATIONS),)),
-        PageSection("Files", (Text(_files(made, figures)),)),
+        Section("Pressure from the load, Eq. (26)", (figure(8), made["pressure_errors"])),
+        Section("Why the results differ from the paper", (_text(_why(found)),)),
+        Section("Deviations from the printed equations", (_bullets(DEVIATIONS),)),
+        Section("Files", (_text(_files(made, figures)),)),
     )
-    return Page(
+    logs = [log for log in (found.fit_log, found.verify_log) if "sha256" in log.metadata]
+    return Document(
         "Clutch load characteristics: the paper's study repeated",
         f"{_SIMULATED if found.truth is not None else ''}After Langjord, Johansen, Snare and Bratli, “Estimation of "
         "electropneumatic clutch actuator load characteristics”, Section 3",
-        sections,
-        provenance([found.fit_log, found.verify_log], command),
+        sections=lambda: sections,
+        command=command,
+        sources={log.metadata.get("source", log.name): log.metadata["sha256"] for log in logs},
     )
+
+
+def _text(html: str) -> Text:
+    return Text(Markup(html))
+
+
+def _bullets(items: Iterable[str]) -> Bullets:
+    return Bullets(tuple(map(Markup, items)))
 
 
 def millimetres(value: float) -> str:
@@ -365,7 +375,7 @@ def _table_1(found: StudyResults) -> Text:
     )
     if np.isfinite(half).all():
         text += f", yet the 95 % band of the load itself is at most ± {half.max():.0f} N between 5 and 8 mm"
-    return Text(text + ".")
+    return _text(text + ".")
 
 
 def _table_2(found: StudyResults) -> Text:
@@ -388,7 +398,7 @@ def _table_2(found: StudyResults) -> Text:
         f"every N samples {b.ballistic.errors.position_sse / base:.1f}"
         for n, (a, b) in ratios.items()
     )
-    return Text(
+    return _text(
         f"{text}In the paper the ballistic row has the smallest position error, which is necessary for ballistic runs "
         "with each θ, but not for partitioned simulations. This suggests, without proof, that Table 2 contains "
         "ballistic runs. Position error (sum of squares, ballistic runs) relative to the ballistic row: "
@@ -399,7 +409,7 @@ def _table_2(found: StudyResults) -> Text:
 def _verification(found: StudyResults) -> Text:
     rows = rows_of(found.cases, "p")
     low, high = (f(rows, key=lambda case: case.verified.errors.position_rms) for f in (min, max))
-    return Text(
+    return _text(
         "With p carried, the position error on the second recording ranges from "
         f"{millimetres(low.verified.errors.position_rms)} rms ({low.method.label}) to "
         f"{millimetres(high.verified.errors.position_rms)} ({high.method.label})."

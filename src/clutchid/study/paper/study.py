@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from clutchid.documents.figures import png
-from clutchid.documents.html import render
+from clutchid.documents.html import page_of
 from clutchid.documents.tables import ReportTable, to_csv
 from clutchid.errors import ExportError
 from clutchid.files import check_writable, not_an_address, write_bytes
@@ -69,7 +69,7 @@ def paper_study(fit_log: Log, verify_log: Log, out: Path, progress: Progress | N
             report(f"figure {number}", 0.65 + 0.3 * done / len(FIGURES))
             figures[number] = png(make(found))
         report("page", 0.95)
-        page = render(study_page(found, tables, figures, _command(fit_log, verify_log, out)))
+        page = page_of(study_page(found, tables, figures, _command(fit_log, verify_log, out)))
         contents = [*(to_csv(table).encode("utf-8") for table in tables.values()), *figures.values(), page.encode()]
         files = tuple(out / name for name in _names())
         for path, content in zip(files, contents, strict=True):  # the page last

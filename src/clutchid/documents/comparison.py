@@ -3,34 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from clutchid.documents.changes import assumed_sentences, since_calibration
-from clutchid.documents.figures import draw, fill, label, legend, mark_span, new_figure, svg
-from clutchid.documents.html import Block, Bullets, Notice, PageSection, Picture, Text
+from clutchid.documents.changes import since_calibration
+from clutchid.documents.document import Block, Bullets, Picture, Section, Text
+from clutchid.documents.figures import draw, fill, label, legend, mark_span, new_figure
+from clutchid.documents.fit_rows import POSITIONS, interval_words
 from clutchid.documents.style import MM, STYLE, Line
-from clutchid.documents.summary import POSITIONS, interval_words
 from clutchid.documents.tables import STEP, Cell, Column, ReportTable
-from clutchid.estimation import Fit
+from clutchid.estimation import Fit, LoadCurve
 from clutchid.estimation.assess.comparison import ENGAGING, Comparison, HalfLoad, comparison
-from clutchid.estimation.assess.verdict import of_the_paper, verdict
-from clutchid.inference.uncertainty.calibration import Calibration
-from clutchid.inference.uncertainty.estimates import LoadCurve
-from clutchid.names import capital
+from clutchid.estimation.assess.verdict import verdict
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-_ASSUMED = (
-    "There is no calibration: without --start everything that is not fitted is taken from the truck of the paper "
-    "(Appendix A). On another truck the load has errors that its interval does not include."
-)
-
-_AT_95 = " mm at 95 %"
 
 _CAPTION = (
     "Load at the calibration and now, each with its pointwise 95 % band, and the present load less the calibrated one. "
@@ -38,52 +27,34 @@ _CAPTION = (
 )
 
 
-def comparison_sections(fit: Fit) -> list[PageSection]:
-    """Changes since the calibration; without one, that the truck of the paper is assumed.
+def comparison_sections(fit: Fit) -> list[Section]:
+    """Both loads, and changes since the calibration; none without one.
 
     Several recordings have a table of their readings one by one.
     """
     if fit.baseline is None:
-        assumed = fit.status != "failed" and fit.calibration is None and of_the_paper(fit)
-        return [PageSection("Since the calibration", (Notice(_ASSUMED),))] if assumed else []
-    found = comparison(fit)
-    sentences = since_calibration(fit) or ["Besides the load no change was found."]
-    sentences += [f"{capital(sentence)}." for sentence in assumed_sentences(fit)]
-    changed = Bullets(tuple(map(escape, sentences)))
-    blocks: list[Block] = [Text(_baseline(fit.baseline))]
-    if found is not None:
+        return []
+    compared = comparison(fit)
+    blocks: list[Block] = [Bullets(tuple(since_calibration(fit) or ["Besides the load no change was found."]))]
+    if compared is not None:
         alt = "Load of the calibration and present load over the position, and their difference, with 95 % bands"
-        figure = Picture(svg(comparison_figure(found)), _CAPTION, alt)
-        blocks += [Text(_shift(found)), changed, figure, change_table(found)]
+        blocks += [Text(_halves(compared)), Picture(comparison_figure(compared), _CAPTION, alt), change_table(compared)]
     elif fit.status != "failed":
         blocks.append(Text("Its load is not in the file, or no load was fitted: there are no loads to compare."))
     if fit.readings:
         blocks.append(readings_table(fit.readings))
-    return [PageSection("New against worn", tuple(blocks) if found is not None else (*blocks, changed))]
+    return [Section("New against worn", tuple(blocks))]
 
 
-def _baseline(baseline: Calibration) -> str:
-    """Name, date, hash and verdict of the calibration."""
-    origin = baseline.origin
-    state = "" if baseline.converged else "; its search had not converged"
-    if origin is None or not origin.name:
-        return f"Compared with a calibration that is not from a file{state}."
-    made = f" of {escape(origin.created.replace('T', ' ').removesuffix('+00:00'))} UTC" if origin.created else ""
-    trust = f"; its trust is “{escape(origin.trust)}”" if origin.trust else ""
-    name = f"Compared with the calibration <b>{escape(origin.name)}</b>{made}{trust}{state}."
-    return f"{name} SHA-256: <code>{escape(origin.sha256)}</code>"
-
-
-def _shift(found: Comparison) -> str:
-    """The half-load position before and now."""
-    shift = found.shift
-    if not np.isfinite(shift.position):
+def _halves(compared: Comparison) -> str:
+    """The half-load position now and at the calibration, by how much the answer says that it moved."""
+    if not np.isfinite(compared.shift.position):
         return "One of the loads does not reach half of its peak, so that its position cannot be compared."
     now, before = (
-        f"{at.position / MM:.2f} mm{interval_words(at, behind=_AT_95)}" for at in (found.half_now, found.half_before)
+        f"{at.position / MM:.2f} mm{interval_words(at, behind=' mm at 95 %')}"
+        for at in (compared.half_now, compared.half_before)
     )
-    moved = f"<b>{shift.position / MM:+z.2f} mm</b>{interval_words(shift, '+', _AT_95)}"
-    return f"The load reaches half of its peak at {now}, at the calibration at {before}: {moved}."
+    return f"The load reaches half of its peak at {now}, at the calibration at {before}."
 
 
 def comparison_figure(found: Comparison) -> Figure:

@@ -6,10 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from clutchid.documents import document_of
+from clutchid.documents.document import On
 from clutchid.documents.fit_json import fit_json
-from clutchid.documents.fit_page import page_of
-from clutchid.documents.html import render
-from clutchid.documents.summary import LARGEST_HALF, baseline_name, fit_text, other_warnings, summary, with_interval
+from clutchid.documents.fit_rows import LARGEST_HALF, baseline_name, other_warnings, with_interval
+from clutchid.documents.html import page_of
+from clutchid.documents.terminal import text_of
 from clutchid.estimation import Estimate, LoadCurve
 from clutchid.estimation.result import Change
 from clutchid.inference.uncertainty.calibration import Origin
@@ -19,10 +21,14 @@ from fixtures.baselines import ORIGIN, calibration_like, reaching, with_baseline
 VALVES = "valves"
 
 
-def rows_of(fit, label, **options):
+def rows_on(fit, medium=On.BRIEF):
+    return document_of(fit).rows_on(medium)
+
+
+def rows_of(fit, label, medium=On.BRIEF):
     """Texts of the rows under a label, and of those that follow without one."""
     found, current = [], ""
-    for row in summary(fit, **options):
+    for row in rows_on(fit, medium):
         current = row.label or current
         found += [row.text] if current == label else []
     return found
@@ -38,10 +44,10 @@ def change(name="C_vs", group=VALVES, probability=0.9, recording="first"):
 
 
 def test_the_rows_are_trust_load_what_is_assumed_and_errors(fitted):
-    assert [row.label for row in summary(fitted)] == ["trust", "", "load", "", "assumed", "errors"]
-    assert summary(fitted)[1].text == fitted.verdict.experience
-    assert summary(fitted)[0].mood == summary(fitted)[0].text == fitted.verdict.trust == "good"
-    assert summary(replace(fitted, converged=False))[0].mood == "with care"
+    assert [row.label for row in rows_on(fitted)] == ["trust", "", "load", "", "assumed", "errors"]
+    assert rows_on(fitted)[1].text == fitted.verdict.experience
+    assert rows_on(fitted)[0].mood == rows_on(fitted)[0].text == fitted.verdict.trust == "good"
+    assert rows_on(replace(fitted, converged=False))[0].mood == "with care"
 
 
 def test_the_load_has_its_peak_half_and_a_table_of_the_positions_where_the_clutch_engages(fitted):
@@ -67,9 +73,9 @@ def test_what_is_assumed_of_the_conditions_is_said_with_its_range_and_what_it_is
     assert rows_of(replace(fit, load_per_supply=None), "assumed")[0] == supply.partition(";")[0]
     assert air == "air temperature not recorded in the calibration: as calibrated, 20 ± 14 °C"
     assert {supply, air} <= set(fit_json(fit)["notes"])
-    assert supply in fit_text(fit, 1000)
-    page = render(page_of(fit, "clutchid fit"))
-    assert f"S{supply[1:]}." in page
+    assert supply in text_of(rows_on(fit, On.FULL), 1000)
+    page = page_of(document_of(fit, "clutchid fit"))
+    assert all(text in page for text in (supply, air))
     assert rows_of(with_baseline(fitted), "assumed") == []
 
 
@@ -187,22 +193,22 @@ def test_two_reasons_are_shown_and_in_full_all_of_them(fitted):
     reasons = doubtful.verdict.reasons
     assert len(reasons) > 3
     assert rows_of(doubtful, "trust") == ["none", *reasons[:2], f"{len(reasons) - 2} more reasons: --verbose"]
-    assert rows_of(doubtful, "trust", in_full=True) == ["none", *reasons]
+    assert rows_of(doubtful, "trust", On.FULL) == ["none", *reasons]
 
 
 def test_in_full_nothing_stands_in_the_summary_and_in_the_text_below(fitted):
     known = replace(with_baseline(fitted), changes=(change(),))
-    above, below = "\n".join(row.text for row in summary(known, in_full=True)), fit_text(known)
+    text = text_of(rows_on(known, On.FULL))
     for once in (VALVES, "fitted first: position", "converged"):
-        assert (above + below).count(once) == 1, once
+        assert text.count(once) == 1, once
     for name in known.parameters:
-        assert f"{name} " in below
-    assert "no other change" in "\n".join(rows_of(with_baseline(fitted), "since", in_full=True))
+        assert f"\n{name} " in text
+    assert "no other change" in "\n".join(rows_of(with_baseline(fitted), "since", On.FULL))
 
 
 def test_the_sentences_in_full_are_wrapped(fitted):
     noted = replace(fitted, notes=("a long note " * 20,))
-    assert max(map(len, fit_text(noted).splitlines())) <= 80
+    assert max(map(len, text_of(rows_on(noted, On.FULL)).splitlines())) <= 80
 
 
 def test_a_warning_that_is_a_reason_of_the_verdict_is_not_said_twice(fitted):

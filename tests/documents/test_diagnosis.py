@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.documents.diagnosis_page import (
+from clutchid.documents.diagnosis import (
     colour_figure,
     diagnosis_table,
     information_blocks,
+    limit_blocks,
     region_figure,
     residual_blocks,
-    verdict_blocks,
     worst_first,
 )
-from clutchid.documents.html import Bullets, Details, Notice, Text
+from clutchid.documents.document import Bullets, Details, Text
 from clutchid.estimation.assess.evidence import diagnosed, evidence
 from clutchid.estimation.assess.verdict import Verdict
 from fixtures.baselines import reaching
@@ -25,25 +25,10 @@ def diagnosis(fitted):
     return diagnosed(fitted, "first")
 
 
-@pytest.mark.parametrize(
-    ("trust", "kind", "words"),
-    [("good", "ok", "Trust: good"), ("with care", "warning", "with care"), ("none", "failed", "do not use")],
-)
-def test_a_verdict_has_the_colour_of_its_trust(trust, kind, words):
-    (notice,) = verdict_blocks(Verdict(trust, ()))
-    assert (isinstance(notice, Notice), notice.kind, words in notice.text) == (True, kind, True)
-
-
-def test_reasons_begin_with_a_capital_but_names_stay_as_they_are():
-    judged = Verdict("none", ("the search did not converge.", "worn: the model misses.", "theta_3 lies at its bound."))
-    (notice,) = verdict_blocks(judged, ["worn"])
-    assert notice.items == ("The search did not converge.", "worn: the model misses.", "theta_3 lies at its bound.")
-
-
-def test_what_a_verdict_cannot_see_is_folded():
-    _, folded = verdict_blocks(Verdict("good", (), ("not this.",)))
+def test_what_a_verdict_cannot_see_is_folded_and_names_stay_as_they_are():
+    (folded,) = limit_blocks(Verdict("good", (), ("not this.", "worn: that.", "theta_3 too.")), ["worn"])
     assert isinstance(folded, Details)
-    assert folded.blocks == (Text("Not this."),)
+    assert folded.blocks == (Text("Not this."), Text("worn: that."), Text("theta_3 too."))
 
 
 def test_a_row_of_panels_for_each_measured_column(diagnosis):
@@ -97,8 +82,8 @@ def test_what_is_missing_comes_with_a_manoeuvre(fitted):
     blocks = information_blocks(low, evidence(low))
     assert isinstance(blocks[0], Bullets)
     assert any("reach" in item for item in blocks[0].items)
-    assert blocks[1].html.startswith("Recommended recording: ")
-    assert "for 10 s" in blocks[1].html or "of 10 s" in blocks[1].html
+    assert blocks[1].text.startswith("Recommended recording: ")
+    assert "for 10 s" in blocks[1].text or "of 10 s" in blocks[1].html
 
 
 def test_nothing_missing_is_said_and_no_manoeuvre_is_looked_for(fitted):

@@ -1,22 +1,30 @@
-"""Page of a fleet: distribution of wear, worst and odd vehicles, failures by reason, and all vehicles."""
+"""A fleet as a document: distribution of wear, worst and odd vehicles, failures by reason, and all vehicles."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from html import escape
-from os import PathLike
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from clutchid.documents.figures import label, legend, new_figure, svg
+from clutchid.documents.document import (
+    Block,
+    Document,
+    Markup,
+    Notice,
+    Picture,
+    Row,
+    Section,
+    Sortable,
+    Text,
+)
+from clutchid.documents.figures import label, legend, new_figure
 from clutchid.documents.fleet_tables import (
     MARKS,
     ODD_AT_LEAST,
     ODD_SCORE,
     OddVehicle,
-    ReasonCount,
     Spans,
     VehicleRow,
     all_table,
@@ -31,9 +39,8 @@ from clutchid.documents.fleet_tables import (
     types_table,
     worst_table,
 )
-from clutchid.documents.html import Block, Notice, Page, PageSection, Picture, Sortable, Text, provenance, render
+from clutchid.documents.results import FleetWear
 from clutchid.documents.style import MM, STYLE
-from clutchid.files import write_text
 from clutchid.log import FloatArray
 from clutchid.names import printable
 
@@ -136,40 +143,35 @@ def _name_types(axis: Axes, names: Sequence[str]) -> None:
 FEW = 20
 
 
-def fleet_page(
-    vehicles: Sequence[VehicleRow], reasons: Sequence[ReasonCount], command: str, path: str | PathLike[str]
-) -> None:
-    """Write the page of a fleet as one self-contained HTML file, which leads to the pages of its vehicles.
-
-    Parameters
-    ----------
-    command
-        The command line that repeats the run, shown on the page.
-
-    Raises
-    ------
-    ExportError
-        If the file cannot be written; an existing file is unchanged.
-    """
-    write_text(render(page_of(vehicles, reasons, command)), path)
+def fleet_document(fleet: FleetWear, command: str = "") -> Document:
+    """Document of a fleet, whose page leads to those of its vehicles."""
+    vehicles, spans = fleet.vehicles, spans_of(fleet.vehicles)
+    known = [vehicle for vehicle in vehicles if has_reading(vehicle)]
+    counted = f"{len(known):,} of {_number(len(vehicles), 'vehicle')} have readings of the clutch"
+    rows = [Row("wear", f"{counted}. {_spread(known)}")] if known else []
+    return Document(
+        "Wear of a fleet", _subtitle(vehicles), tuple(rows),
+        notices=() if known else (Notice("No recording determines the wear of a vehicle.", "none"),),
+        figure=(lambda: _distribution(vehicles, known, spans)) if known else None,
+        sections=lambda: _sections(fleet, spans),
+        command=command,
+    )  # fmt: skip
 
 
-def page_of(vehicles: Sequence[VehicleRow], reasons: Sequence[ReasonCount], command: str) -> Page:
-    """The page before it is rendered."""
-    spans = spans_of(vehicles)
-    odd = odd_vehicles(vehicles, spans)
-    known = any(map(has_reading, vehicles))
-    failures = reasons_table(reasons) if reasons else Notice("Every recording counts.", "ok")
-    sections = [PageSection("Wear", _wear(vehicles, spans))]
-    if known:
+def _sections(fleet: FleetWear, spans: Spans) -> list[Section]:
+    vehicles, odd = fleet.vehicles, odd_vehicles(fleet.vehicles, spans)
+    failures = reasons_table(fleet.reasons) if fleet.reasons else Notice("Every recording counts.", "good")
+    sections = []
+    if any(map(has_reading, vehicles)):
         limited = any(not np.isnan(one.left.value) for one in vehicles)
+        sections.append(Section("By type", (types_table(vehicles, spans),)))
         heading = "Soonest at their limit" if limited else "Most worn"
-        sections.append(PageSection(heading, (worst_table(vehicles, spans),)))
-    sections.append(PageSection("Odd vehicles", _odd(odd)))
-    sections.append(PageSection("Recordings that do not count", (failures,)))
+        sections.append(Section(heading, (worst_table(vehicles, spans),)))
+    sections.append(Section("Odd vehicles", _odd(odd)))
+    sections.append(Section("Recordings that do not count", (failures,)))
     if vehicles:
-        sections.append(PageSection("All vehicles", (Sortable(all_table(vehicles, odd, spans)),)))
-    return Page("Wear of a fleet", _subtitle(vehicles), tuple(sections), provenance([], command))
+        sections.append(Section("All vehicles", (Sortable(all_table(vehicles, odd, spans)),)))
+    return sections
 
 
 def _subtitle(vehicles: Sequence[VehicleRow]) -> str:
@@ -182,16 +184,11 @@ def _subtitle(vehicles: Sequence[VehicleRow]) -> str:
     return f"{words}: {by_status}" if by_status else words
 
 
-def _wear(vehicles: Sequence[VehicleRow], spans: Spans) -> tuple[Block, ...]:
-    known = [one for one in vehicles if has_reading(one)]
-    if not known:
-        return (Notice("No recording determines the wear of a vehicle.", "failed"),)
-    words = f"{len(known):,} of {_number(len(vehicles), 'vehicle')} have readings of the clutch. {_spread(known)}"
+def _distribution(vehicles: Sequence[VehicleRow], known: Sequence[VehicleRow], spans: Spans) -> Picture:
     what = "their wear" if quantity_of(known) == "wear" else "the shift of their half-load position"
     more = " and by what is left until their limit" if any(np.isfinite(one.left.value) for one in vehicles) else ""
     caption = f"Vehicles by {what} now{more}. In all figures and tables, changes are since the calibration of the type."
-    picture = Picture(svg(distribution_figure(vehicles, spans)), caption, "Histograms of wear and of what is left")
-    return Text(escape(words)), picture, types_table(vehicles, spans)
+    return Picture(distribution_figure(vehicles, spans), caption, "Histograms of wear and of what is left")
 
 
 def _spread(known: Sequence[VehicleRow]) -> str:
@@ -211,7 +208,7 @@ def _spread(known: Sequence[VehicleRow]) -> str:
 
 def _odd(odd: Sequence[OddVehicle]) -> tuple[Block, ...]:
     if not odd:
-        return (Notice("No vehicle stands out.", "ok"),)
+        return (Notice("No vehicle stands out.", "good"),)
     counts = Counter(one.mark for one in odd)
     links = ", ".join(
         f'<a href="#filter={mark.replace(" ", "+")}">{mark}</a> ({counts[mark]:,})' for mark in MARKS if counts[mark]
@@ -220,7 +217,7 @@ def _odd(odd: Sequence[OddVehicle]) -> tuple[Block, ...]:
         f"A rate is fast or slow where its robust z score among at least {ODD_AT_LEAST} vehicles of the type, from "
         f"their median and median absolute deviation, is beyond {ODD_SCORE}."
     )
-    return Text(f"All of them, in the table of all vehicles: {links}. {rule}"), *odd_tables(odd)
+    return Text(Markup(f"All of them, in the table of all vehicles: {links}. {rule}")), *odd_tables(odd)
 
 
 def _number(number: int, noun: str) -> str:

@@ -3,42 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from html import escape
-from os import PathLike
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from clutchid.documents.diagnosis_page import verdict_blocks
-from clutchid.documents.figures import (
-    draw,
-    draw_duties,
-    fill,
-    label,
-    legend,
-    mark_span,
-    new_figure,
-    png,
-    svg,
-    with_gaps,
-)
-from clutchid.documents.html import Block, Details, Notice, Page, PageSection, Picture, Text, provenance, render
+from clutchid.documents.diagnosis import limit_blocks
+from clutchid.documents.document import Block, Details, Document, Notice, Picture, Section, Text
+from clutchid.documents.figures import draw, draw_duties, fill, label, legend, mark_span, new_figure, with_gaps
 from clutchid.documents.innovations import innovation_blocks
-from clutchid.documents.observe_text import load_sentence
+from clutchid.documents.observe_rows import observe_json, rows_of
+from clutchid.documents.results import Observation
 from clutchid.documents.style import BAR, MM, STYLE, Line
 from clutchid.documents.tables import Cell, Column, ReportTable
+from clutchid.estimation import Estimate, LoadCurve
 from clutchid.estimation.assess.comparison import ENGAGING
 from clutchid.estimation.assess.innovations import innovation_statistics
 from clutchid.estimation.assess.observed import indicators, observed_verdict
-from clutchid.files import write_text
-from clutchid.inference.uncertainty.calibration import Origin
-from clutchid.inference.uncertainty.estimates import Estimate, LoadCurve
 from clutchid.log import FloatArray
-from clutchid.names import capital
 from clutchid.numerics.interval import QUANTILE
-from clutchid.observer.by_stroke import curve, known, positions
+from clutchid.observer import Loads, ObservedRecording, curve, known, loads, positions
 from clutchid.observer.health import FLAGS, LIVE_FLAGS, VALUE_FLAGS
-from clutchid.observer.recording import Loads, ObservedRecording, loads
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -175,74 +159,52 @@ _SAMPLES = (
     "Position and pressure as estimated at each sample from what came before it, the innovations (measured less "
     "predicted) with their 95 % bounds, and the duty cycles."
 )
-_SUPPLY = (
-    "No supply pressure was recorded, so that of the calibration is assumed: 5 % less is taken for a load that is 6 % "
-    "larger."
-)
+_LOADS_ALT = "Load before and after the recording over the position, and its change, with 95 % bands"
 
 
-def observe_page(run: ObservedRecording, origin: Origin, command: str, path: str | PathLike[str]) -> None:
-    """Write the page of an observed recording as one self-contained HTML file.
-
-    Parameters
-    ----------
-    origin : Origin
-        The calibration that the observer started from.
-    command : str
-        The command line that repeats the run, shown on the page.
-    path
-        The file; an existing one is replaced atomically.
-
-    Raises
-    ------
-    ExportError
-        If the file cannot be written; an existing file is unchanged.
-    """
-    write_text(render(page_of(run, origin, command)), path)
-
-
-def page_of(run: ObservedRecording, origin: Origin, command: str) -> Page:
-    """The page before it is rendered."""
-    name = escape(run.log.name)
-    innovations = innovation_blocks(run.log.name, innovation_statistics(run))
-    sections = [
-        PageSection("Load before and after", _result(run)),
-        PageSection("Load by stroke", _by_stroke(run)),
-        PageSection("Samples", (Picture(png(samples_figure(run)), f"{name}. {_SAMPLES}", "Samples over time"),)),
-        *([PageSection("Innovations", innovations)] if innovations else []),
-        PageSection("Parameters", _parameters(run)),
-        PageSection("Flags", (health_table(run),)),
-    ]
-    subtitle = (
-        f"Model {run.observer.actuator.model}; method {run.observer.method}; started from "
-        f"{origin.name or 'a calibration that is not from a file'}."
+def observe_document(observation: Observation, command: str = "") -> Document:
+    """Document of an observed recording."""
+    run, origin = observation
+    name = origin.name or "a calibration that is not from a file"
+    observer = run.observer
+    log = run.log
+    return Document(
+        f"Load and pressure of {log.name}, on line",
+        f"Model {observer.actuator.model}; method {observer.method}; started from {name}.",
+        tuple(rows_of(run)),
+        notices=(*map(Notice, log.warnings), _flags(run)),
+        figure=lambda: Picture(loads_figure(loads(run)), _LOADS, _LOADS_ALT),
+        sections=lambda: observe_sections(run),
+        data=lambda: observe_json(run, origin),
+        command=command,
+        sources={log.metadata.get("source", log.name): log.metadata["sha256"]} if "sha256" in log.metadata else {},
     )
-    title = f"Load and pressure of {run.log.name}, on line"
-    return Page(title, subtitle, tuple(sections), provenance([run.log], command))
 
 
-def _result(run: ObservedRecording) -> tuple[Block, ...]:
-    notices = verdict_blocks(observed_verdict(indicators(run)))
-    notices += [Notice(warning) for warning in run.log.warnings]
+def _flags(run: ObservedRecording) -> Notice:
     raised = [f"{_MEANINGS[name]}: {seconds:.3g} s" for name, seconds in run.health.items() if seconds > 0.0]
-    if raised:
-        notices.append(Notice("Flags", "warning", tuple(raised)))
-    else:
-        notices.append(Notice("No fault was found.", "ok"))
-    words = [f"{capital(load_sentence(run))}."]
-    if run.observer.compares:
-        words.append(f"Innovations (NIS in motion) are {run.after.mismatch:.2f} times those of the calibration.")
-    if run.assumes_supply:
-        words.append(_SUPPLY)
-    alt = "Load before and after the recording over the position, and its change, with 95 % bands"
-    figure = Picture(svg(loads_figure(loads(run))), _LOADS, alt)
-    return (*notices, Text(escape(" ".join(words))), figure)
+    return Notice("Flags", items=tuple(raised)) if raised else Notice("No fault was found.", "good")
+
+
+def observe_sections(run: ObservedRecording) -> list[Section]:
+    """Load by stroke, samples, innovations, parameters and flags."""
+    innovations = innovation_blocks(run.log.name, innovation_statistics(run))
+    limits = limit_blocks(observed_verdict(indicators(run)))
+    samples = Picture(samples_figure(run), f"{run.log.name}. {_SAMPLES}", "Samples over time", dense=True)
+    return [
+        Section("Load by stroke", _by_stroke(run)),
+        Section("Samples", (samples,)),
+        *([Section("Innovations", innovations)] if innovations else []),
+        Section("Parameters", _parameters(run)),
+        Section("Flags", (health_table(run),)),
+        *([Section("Limits of the result", limits)] if limits else []),
+    ]
 
 
 def _by_stroke(run: ObservedRecording) -> tuple[Block, ...]:
     if not run.strokes:
         return (Text("No stroke ended in the recording."),)
-    return (Picture(svg(strokes_figure(run)), _STROKES, "Load at three positions by stroke"),)
+    return (Picture(strokes_figure(run), _STROKES, "Load at three positions by stroke"),)
 
 
 def _parameters(run: ObservedRecording) -> tuple[Block, ...]:

@@ -1,16 +1,16 @@
-"""A fit for a terminal: in ten lines (verdict, load, changes, errors), or in full."""
+"""Rows of a fit: verdict, load, changes, what is assumed, errors; in brief and in full."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import islice
 from math import isfinite
-from textwrap import fill
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from clutchid.documents.changes import assumed_sentences, rest_words, short_changes
+from clutchid.documents.changes import assumed_sentences, change_sentences, notes_of, rest_words, short_changes
+from clutchid.documents.document import On, Row, labelled
 from clutchid.documents.style import MM
 from clutchid.estimation import Fit
 from clutchid.estimation.assess.comparison import Comparison, HalfLoad, comparison, half_load_band
@@ -20,8 +20,7 @@ from clutchid.estimation.assess.verdict import of_the_paper, states_of_wear, ver
 from clutchid.inference.uncertainty.calibration import Calibration
 
 if TYPE_CHECKING:
-    from clutchid.estimation import Fit
-    from clutchid.estimation.result import Errors
+    from clutchid.estimation import Errors
 
 
 def errors_text(errors: Errors) -> str:
@@ -29,7 +28,7 @@ def errors_text(errors: Errors) -> str:
 
     Examples
     --------
-    >>> from clutchid.estimation.result import Errors
+    >>> from clutchid.estimation import Errors
     >>> errors_text(Errors(2.5e-4, 1e-6, None, None)), errors_text(Errors(2.5e-4, 1e-6, 7100.0, 1e9))
     ('position 0.250 mm rms', 'position 0.250 mm rms, pressure 7.1 kPa rms')
     """
@@ -43,15 +42,52 @@ def errors_words(fit: Fit) -> str:
     return words.get(fit.method, ", simulated")
 
 
-def fit_text(fit: Fit, columns: int = 80) -> str:
-    """Details that a summary leaves out: end of the search, all parameters, errors of all recordings, and notes.
+#: Positions in mm at which the load is given: where the clutch engages.
+POSITIONS = (5, 6, 7, 8)
 
-    Sentences are wrapped at a width in columns.
-    """
-    from clutchid.documents.changes import notes_of
+#: Most reasons, other parameters, and verified recordings in a summary; the rest is said to be elsewhere.
+MOST_REASONS, MOST_OTHERS, MOST_VERIFIED = 2, 4, 2
 
+_ASSUMED = (
+    "There is no calibration: without --start everything that is not fitted is taken from the truck of the paper "
+    "(Appendix A). On another truck the load has errors that its interval does not include."
+)
+
+#: Half width in N from which an interval is not shown, and what stands there.
+LARGEST_HALF, UNKNOWN = 1e5, "not determined"
+
+
+def rows_of(fit: Fit) -> list[Row]:
+    """Rows of a fit, and of its recordings read one by one."""
+    compared = comparison(fit)
+    rows = [*_trust(fit), *_load(fit, compared), *_since(fit, compared), *labelled("alone", _readings(fit.readings))]
+    rows += [*_others(fit), Row("errors", _errors(fit), on=On.BRIEF | On.PAGE)]
+    return [*rows, Row("search", _search(fit), on=On.PAGE), *_in_full(fit)]
+
+
+def _trust(fit: Fit) -> list[Row]:
+    judged = verdict(fit)
+    more = len(judged.reasons) - MOST_REASONS
+    rows = [Row("trust", judged.trust, judged.trust), Row("", judged.meaning, on=On.PAGE)]
+    rows += [
+        Row("", reason, on=On.ALL if i < MOST_REASONS else On.FULL | On.PAGE) for i, reason in enumerate(judged.reasons)
+    ]
+    rows += [Row("", f"{more} more reason{'s' if more > 1 else ''}: --verbose", on=On.BRIEF)] if more > 0 else []
+    rows += [Row("", judged.experience)] if judged.experience else []
+    return rows
+
+
+def _search(fit: Fit) -> str:
+    """End of the search, for a page."""
+    if fit.status == "failed":
+        return f"the fit failed, and there is no load to show: {fit.message.rstrip('.')}"
+    return f"{fit.message.rstrip('.')}{'' if fit.warnings else ', without warnings'}"
+
+
+def _in_full(fit: Fit) -> list[Row]:
+    """Details that a summary leaves out: end of the search, all parameters, errors of all recordings, and notes."""
     width = max([9, *(len(name) for name in fit.parameters)])
-    lines = [f"{'parameter':<{width}}  {'value':>12}  {'std. error':>10}  {'95 % interval':>27}  unit"]
+    lines = ["", f"{'parameter':<{width}}  {'value':>12}  {'std. error':>10}  {'95 % interval':>27}  unit"]
     for name, e in fit.parameters.items():
         lines.append(f"{name:<{width}}  {e.value:12.5g}  {e.std:10.2g}  {e.low:12.5g} .. {e.high:12.5g}  {e.unit}")
     sentences, fitted = [f"The search {fit.message}."], errors_words(fit)
@@ -59,47 +95,8 @@ def fit_text(fit: Fit, columns: int = 80) -> str:
         for name, recording in recordings.items():
             how = ", simulated from its duty cycles" if title == "verified" else fitted
             sentences.append(f"{title} {name}: {errors_text(recording.errors)}{how}")
-    wrapped = (fill(text, columns, subsequent_indent="  ") for text in [*sentences, *notes_of(fit)])
-    return "\n".join([*lines, *wrapped])
-
-
-#: Positions in mm at which the load is given: where the clutch engages.
-POSITIONS = (5, 6, 7, 8)
-
-#: Most reasons, other parameters, and verified recordings in a summary; the rest is said to be elsewhere.
-MOST_REASONS, MOST_OTHERS, MOST_VERIFIED = 2, 4, 2
-
-#: Half width in N from which an interval is not shown, and what stands there.
-LARGEST_HALF, UNKNOWN = 1e5, "not determined"
-
-
-class SummaryRow(NamedTuple):
-    """A label, its text, whose lines may be wrapped unless `fixed`, and how it is coloured."""
-
-    label: str
-    text: str
-    mood: Literal["", "good", "with care", "none"] = ""
-    fixed: bool = False
-
-
-def summary(fit: Fit, *, in_full: bool = False) -> list[SummaryRow]:
-    """The rows of a summary of `fit`, and of its recordings read one by one.
-
-    `in_full` it has all reasons of the verdict, and lacks what `fit_text` has: changes, other parameters, errors.
-    """
-    compared = comparison(fit)
-    rows = [*_trust(fit, in_full), *_load(fit, compared), *_since(fit, compared, in_full)]
-    rows += _labelled("alone", _readings(fit.readings))
-    return rows if in_full else [*rows, *_others(fit), SummaryRow("errors", _errors(fit))]
-
-
-def _trust(fit: Fit, in_full: bool) -> list[SummaryRow]:
-    judged = verdict(fit)
-    shown = judged.reasons if in_full else judged.reasons[:MOST_REASONS]
-    more = len(judged.reasons) - len(shown)
-    rows = [SummaryRow("trust", judged.trust, judged.trust), *(SummaryRow("", reason) for reason in shown)]
-    rows += [SummaryRow("", f"{more} more reason{'s' if more > 1 else ''}: --verbose")] if more else []
-    return [*rows, SummaryRow("", judged.experience)] if judged.experience else rows
+    table = Row(None, "\n".join(lines), fixed=True, on=On.FULL)
+    return [table, *(Row(None, text, on=On.FULL) for text in [*sentences, *notes_of(fit)])]
 
 
 def other_warnings(fit: Fit) -> list[str]:
@@ -108,7 +105,7 @@ def other_warnings(fit: Fit) -> list[str]:
     return [text for text in fit.warnings if not text.startswith((*said, f"the search {fit.message}"))]
 
 
-def _load(fit: Fit, compared: Comparison | None) -> list[SummaryRow]:
+def _load(fit: Fit, compared: Comparison | None) -> list[Row]:
     curve, furthest = fit.load_curve, reach(fit)
     if not np.isfinite(curve.force).any():
         return []
@@ -117,7 +114,7 @@ def _load(fit: Fit, compared: Comparison | None) -> list[SummaryRow]:
     text += f" of the recorded {furthest / MM:.1f} mm"
     text += _half(half_load_band(curve, furthest), fit.load_is_fitted)
     text += "" if fit.load_is_fitted else "; fixed, not fitted"
-    return [SummaryRow("load", text), SummaryRow("", _at_positions(fit, compared, furthest), fixed=True)]
+    return [Row("load", text), _at_positions(fit, compared, furthest)]
 
 
 def _force(fit: Fit, at: int) -> str:
@@ -141,7 +138,7 @@ def interval_words(at: HalfLoad, sign: str = "", behind: str = "") -> str:
     return f" ({at.low / MM:{sign}z.2f} to {at.high / MM:{sign}z.2f}{behind})" if known else ""
 
 
-def _at_positions(fit: Fit, compared: Comparison | None, furthest: float) -> str:
+def _at_positions(fit: Fit, compared: Comparison | None, furthest: float) -> Row:
     """The load, and its change, at the positions where the clutch engages, as a table."""
     curve = fit.load_curve
     force, low, high = (
@@ -156,7 +153,8 @@ def _at_positions(fit: Fit, compared: Comparison | None, furthest: float) -> str
         lines.append(["change", *(with_interval(c.force, (c.high - c.low) / 2, sign="+") for c in changes)])
         lines.append(["", *(f"{100 * c.share:+z.0f} %" if isfinite(c.share) else "" for c in changes)])
     lines = [[line[0], *_within(line[1:], furthest)] for line in lines]
-    return "\n".join("".join([line[0].ljust(7), *(cell.rjust(15) for cell in line[1:])]).rstrip() for line in lines)
+    text = ("".join([line[0].ljust(7), *(cell.rjust(15) for cell in line[1:])]).rstrip() for line in lines)
+    return Row("", "\n".join(text), fixed=True, cells=tuple(map(tuple, lines)))
 
 
 def _within(cells: list[str], furthest: float) -> list[str]:
@@ -177,33 +175,31 @@ def with_interval(value: float, half: float, sign: str = "") -> str:
     return f"{value:{sign}z.0f} ± {half:.0f}" if isfinite(value) and half < LARGEST_HALF else UNKNOWN
 
 
-def _since(fit: Fit, compared: Comparison | None, in_full: bool) -> list[SummaryRow]:
+def _since(fit: Fit, compared: Comparison | None) -> list[Row]:
     """Changes since the calibration, or the values that are assumed without one."""
     if fit.baseline is None:
-        if fit.calibration is not None:
-            return []
-        assumed = "what is not fitted is that of the truck in the paper: no calibration" if of_the_paper(fit) else ""
-        return [SummaryRow("assumed", assumed)] if assumed else []
+        if fit.calibration is None and of_the_paper(fit):
+            paper = "what is not fitted is that of the truck in the paper: no calibration"
+            return [Row("assumed", paper), Row("", _ASSUMED, on=On.PAGE)]
+        return []
+    name, on_pages = baseline_name(fit.baseline), On.BRIEF | On.PAGE
     if states_of_wear(fit) is not None:
-        return [SummaryRow("since", f"{baseline_name(fit.baseline)}: see the recordings alone")]
+        since = Row("since", f"{name}: see the recordings alone")
+        rows = [since, *(Row("", sentence, on=On.PAGE) for sentence in change_sentences(fit))]
+        return [*rows, *labelled("assumed", assumed_sentences(fit), On.PAGE)]
     parts = []
     if compared and isfinite(compared.shift.position):
         at = compared.shift
         parts.append(f"half-load position {at.position / MM:+z.2f} mm{interval_words(at, '+')}")
     if compared is None and fit.load_is_fitted:
         parts.append("its load is not in the file, so that the loads cannot be compared; save the calibration again")
-    if not in_full:
-        parts += [rest_words(one) if len(fit.recordings) == 1 else f"{one.recording}: {rest_words(one)}"
-                  for one in moved_rests(fit)]  # fmt: skip
-    if not (fit.changes and in_full):
-        parts += short_changes(fit.changes) or [f"no {'other ' if fit.load_is_fitted else ''}change found"]
-    rows = [SummaryRow("since", f"{baseline_name(fit.baseline)}: {'; '.join(parts)}")] if parts else []
-    return rows if in_full else [*rows, *_labelled("assumed", assumed_sentences(fit))]
-
-
-def _labelled(label: str, lines: Sequence[str]) -> list[SummaryRow]:
-    """A row for each line, the first of them with the label."""
-    return [SummaryRow(label if i == 0 else "", line) for i, line in enumerate(lines)]
+    rests = [rest_words(one) if len(fit.recordings) == 1 else f"{one.recording}: {rest_words(one)}"
+             for one in moved_rests(fit)]  # fmt: skip
+    changes = short_changes(fit.changes) or [f"no {'other ' if fit.load_is_fitted else ''}change found"]
+    in_full = parts if fit.changes else [*parts, *changes]
+    rows = [Row("since", f"{name}: {'; '.join([*parts, *rests, *changes])}", on=on_pages)]
+    rows += [Row("since", f"{name}: {'; '.join(in_full)}", on=On.FULL)] if in_full else []
+    return [*rows, *labelled("assumed", assumed_sentences(fit), on_pages)]
 
 
 def baseline_name(baseline: Calibration) -> str:
@@ -245,15 +241,17 @@ def _change_at(found: Comparison, mm: int) -> str:
     return f"{change.force:+z.0f} N{share} at {mm} mm"
 
 
-def _others(fit: Fit) -> list[SummaryRow]:
+def _others(fit: Fit) -> list[Row]:
     """Fitted parameters besides the load; many are only counted."""
     others = {name: e for name, e in fit.parameters.items() if name not in fit.actuator.load.names}
     own = {name: e for name, e in others.items() if "@" not in name}
     if not own:
         return []
     if len(own) > MOST_OTHERS:
-        return [SummaryRow("also", f"{len(own)} other parameters were fitted: --verbose, or the page of --report")]
-    return [SummaryRow("also", ", ".join(f"{name} = {e}" for name, e in own.items()))]
+        return [
+            Row("also", f"{len(own)} other parameters were fitted: --verbose, or the page of --report", on=On.BRIEF)
+        ]
+    return [Row("also", ", ".join(f"{name} = {e}" for name, e in own.items()), on=On.BRIEF | On.PAGE)]
 
 
 def _errors(fit: Fit) -> str:

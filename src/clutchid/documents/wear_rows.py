@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from clutchid.documents.document import Row
 from clutchid.documents.style import MM
 from clutchid.parameters import Parameters
-from clutchid.wear.alarms import Alarm
-from clutchid.wear.life import Wear
-from clutchid.wear.trend import FALSE_ALARMS, Interval
+from clutchid.wear import FALSE_ALARMS, Alarm, Interval, Wear
 
 #: Kinds of alarms in words.
 ALARMS = {
@@ -24,14 +23,21 @@ ALARMS = {
 }
 
 
-def wear_lines(wear: Wear) -> list[str]:
-    """The recordings, the change since the calibration, the alarms, and what is left: a line each."""
-    lines = [f"recordings  {recordings_words(wear)}"]
+def rows_of(wear: Wear) -> list[Row]:
+    """The recordings, the change since the calibration, the alarms, and what is left."""
+    rows = [("recordings", recordings_words(wear))]
     if not any(wear.counted):
-        return [*lines, "wear        no recording determines it"]
-    lines.append(f"now         {change_words(wear)}")
-    lines += [f"alarm       {alarm_words(alarm)}" for alarm in wear.alarms]
-    return [*lines, f"left        {left_words(wear) or 'not known without a limit: --limit, or a table of wear'}"]
+        rows.append(("wear", "no recording determines it"))
+    else:
+        rows.append(("now", change_words(wear)))
+        rows += [("alarm", alarm_words(alarm)) for alarm in wear.alarms]
+        rows.append(("left", left_words(wear) or "not known without a limit: --limit, or a table of wear"))
+    return [Row(label, text, "with care" if label == "alarm" else "", fixed=True) for label, text in rows]
+
+
+def wear_lines(wear: Wear) -> list[str]:
+    """The rows as lines."""
+    return [f"{row.label:<12}{row.text}" for row in rows_of(wear)]
 
 
 def recordings_words(wear: Wear) -> str:

@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
+from clutchid.documents.document import On, Row, labelled
 from clutchid.documents.fit_json import curve_json, errors_json
+from clutchid.documents.fit_rows import POSITIONS, with_interval
 from clutchid.documents.style import MM
-from clutchid.documents.summary import POSITIONS, SummaryRow, with_interval
+from clutchid.estimation import errors_over
 from clutchid.estimation.assess.observed import indicators, observed_verdict
-from clutchid.estimation.result import errors_over
 from clutchid.inference.uncertainty.calibration import Origin
-from clutchid.observer.by_stroke import curve, known
-from clutchid.observer.recording import POINTS, ObservedRecording, loads
+from clutchid.observer import POINTS, ObservedRecording, curve, known, loads
 
 
 def observe_sentence(run: ObservedRecording) -> str:
@@ -41,18 +41,32 @@ def load_sentence(run: ObservedRecording) -> str:
     )
 
 
-def end_rows(run: ObservedRecording) -> list[SummaryRow]:
-    """The load at the end of a recording where the clutch engages, with its 95 % band, and the trust in it."""
+def rows_of(run: ObservedRecording) -> list[Row]:
+    """What was observed, the load at the end where the clutch engages, with its 95 % band, and the trust in it."""
     at = curve(run.observer, run.after, [mm * MM for mm in POSITIONS])
     halves = ((at.high - at.low) / 2).tolist()
     shown = ", ".join(with_interval(force, half) for force, half in zip(at.force.tolist(), halves, strict=True))
-    load = f"at {', '.join(map(str, POSITIONS))} mm: {shown} N"
     judged = observed_verdict(indicators(run))
+    about = [load_sentence(run)]
+    if run.observer.compares:
+        about.append(f"innovations (NIS in motion) are {run.after.mismatch:.2f} times those of the calibration")
+    if run.assumes_supply:
+        about.append(_SUPPLY)
     return [
-        SummaryRow("load", load),
-        SummaryRow("trust", judged.trust, judged.trust),
-        *(SummaryRow("", text) for text in judged.reasons),
+        Row(None, f"observed {run.log.name}: {observe_sentence(run)}", fixed=True, on=On.TERMINAL),
+        Row("load", f"at {', '.join(map(str, POSITIONS))} mm: {shown} N"),
+        Row("trust", judged.trust, judged.trust),
+        Row("", judged.meaning, on=On.PAGE),
+        *(Row("", text) for text in judged.reasons),
+        *([Row("", judged.experience, on=On.PAGE)] if judged.experience else []),
+        *labelled("change", about, On.PAGE),
     ]
+
+
+_SUPPLY = (
+    "no supply pressure was recorded, so that of the calibration is assumed: 5 % less is taken for a load that is 6 % "
+    "larger"
+)
 
 
 def observe_json(run: ObservedRecording, origin: Origin) -> dict[str, Any]:

@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
+from clutchid.documents import document_of
 from clutchid.documents.figures import BINS, thinned, with_gaps
-from clutchid.documents.html import render
-from clutchid.documents.observe_page import (
+from clutchid.documents.html import page_of, write_page
+from clutchid.documents.observe import (
     health_table,
     loads_figure,
-    observe_page,
-    page_of,
     parameter_table,
     samples_figure,
     strokes_figure,
 )
-from clutchid.documents.observe_text import load_sentence, observe_json, observe_sentence
+from clutchid.documents.observe_rows import load_sentence, observe_json, observe_sentence
+from clutchid.documents.results import Observation
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.log import Log
 from clutchid.observer import known, observe_recording, observer
@@ -34,21 +34,21 @@ def run(plant, log):
 
 
 def test_the_page_has_loads_strokes_samples_parameters_and_health(run, loads_nothing, tmp_path):
-    observe_page(run, ORIGIN, "clutchid observe <worn>.parquet", tmp_path / "page.html")
+    write_page(document_of(Observation(run, ORIGIN), "clutchid observe <worn>.parquet"), tmp_path / "page.html")
     html = (tmp_path / "page.html").read_text(encoding="utf-8")
-    for heading in ("Load before and after", "Load by stroke", "Samples", "Innovations", "Parameters", "Flags"):
+    for heading in ("Load by stroke", "Samples", "Innovations", "Parameters", "Flags"):
         assert f"<h2>{heading}</h2>" in html
     assert "started from CAL.toml" in html
     assert "clutchid observe &lt;worn&gt;.parquet" in html
     assert "No fault was found." in html
-    assert "No supply pressure was recorded, so that of the calibration is assumed" in html
+    assert "no supply pressure was recorded, so that of the calibration is assumed" in html
     assert html.count("data:image/") == 4
     assert loads_nothing(html)
 
 
 def test_without_strokes_pressure_and_adaptation_the_page_says_so(undrawn, plant, log):
     short = observe_recording(observer(plant, "states"), log.slice(0, 40).without("pressure_a"))
-    html = render(page_of(short, Origin(), "c"))
+    html = page_of(document_of(Observation(short, Origin()), "c"))
     assert "No stroke ended in the recording." in html
     assert "Nothing adapts: load and parameters stay as calibrated." in html
     assert "started from a calibration that is not from a file" in html
@@ -94,7 +94,7 @@ def test_faults_are_on_the_page_in_words_with_their_seconds(undrawn, plant, log)
     position = log["position"].copy()
     position[1000:1200] = np.nan
     torn = observe_recording(observer(plant), log.with_columns(position=position))
-    assert "the position is missing: 0.2 s" in render(page_of(torn, ORIGIN, "c"))
+    assert "the position is missing: 0.2 s" in page_of(document_of(Observation(torn, ORIGIN), "c"))
     table = health_table(torn)
     assert dict(zip(table.column("flag"), table.column("seconds"), strict=True)) == torn.health
     assert observe_sentence(torn).endswith("flags: position_missing 0.2 s; supply pressure assumed")
@@ -128,5 +128,5 @@ def test_the_table_of_parameters_has_their_values_before_and_after(run, plant):
 
 def test_a_name_from_a_file_is_escaped(undrawn, plant, log):
     hostile = Log(log.time[:100], {name: values[:100] for name, values in log.columns.items()}, "<script>x</script>")
-    html = render(page_of(observe_recording(observer(plant), hostile), ORIGIN, "c"))
+    html = page_of(document_of(Observation(observe_recording(observer(plant), hostile), ORIGIN), "c"))
     assert "<script>x" not in html

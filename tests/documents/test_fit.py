@@ -3,25 +3,34 @@
 import re
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from clutchid.documents import fit_page
-from clutchid.documents.fit_page import MAX_DRAWN, error_table, page_of, parameter_table
-from clutchid.documents.html import render
-from clutchid.estimation import LoadCurve
+from clutchid.documents import document_of
+from clutchid.documents.fit import application_data, compared_columns
+from clutchid.documents.fit_json import fit_json
+from clutchid.documents.fit_sections import MAX_DRAWN, error_table, parameter_table
+from clutchid.documents.html import page_of, write_page
+from clutchid.documents.next_step import Command
+from clutchid.estimation import Estimate, LoadCurve
+from clutchid.inference.uncertainty.conditions import Assumption
 from clutchid.log import Log
-from fixtures.baselines import reaching
+from fixtures.baselines import reaching, two_states, with_baseline
 
 pytestmark = pytest.mark.slow
 
 COMMAND = "clutchid fit first.csv --verify 'my log.csv' --report page.html"
 
 
+def flat(html):
+    return " ".join(re.sub(r"<[^>]+>", " ", html).split())
+
+
 @pytest.fixture(scope="module")
 def html(fitted):
-    return render(page_of(fitted, COMMAND))
+    return page_of(document_of(fitted, COMMAND))
 
 
 def test_the_page_loads_nothing_from_anywhere(html, loads_nothing):
@@ -69,25 +78,25 @@ def test_warnings_and_what_the_data_determine_are_shown_in_words(undrawn, fitted
     noted = replace(
         fitted, status="warning", warnings=("mind < this",), notes=("determined by the data: C_vs < C_ve.",)
     )
-    html = render(page_of(noted, COMMAND))
-    assert '<p class="notice warning">mind &lt; this</p>' in html
+    html = page_of(document_of(noted, COMMAND))
+    assert '<p class="notice with-care">mind &lt; this</p>' in html
     assert "<li>Determined by the data: C_vs &lt; C_ve.</li>" in html
 
 
 def test_the_peak_is_looked_for_only_where_the_recordings_have_been(undrawn, fitted):
     curve = fitted.load_curve
     growing = LoadCurve(curve.position, curve.position * 2e5, curve.low, curve.high)
-    html = render(page_of(replace(fitted, load_curve=growing), COMMAND))
+    html = page_of(document_of(replace(fitted, load_curve=growing), COMMAND))
     reach = max(float(np.nanmax(r.measured["position"])) for r in fitted.recordings.values())
     at = curve.position[curve.position <= reach].max() * 1e3
-    assert f"the load is greatest at {at:.1f} mm" in html
+    assert f" N at {at:.1f} mm of the recorded" in flat(html)
 
 
 def test_an_infinite_band_is_said_not_drawn(fitted):
     curve = fitted.load_curve
     unknown = LoadCurve(curve.position, curve.force, np.full(101, -np.inf), np.full(101, np.inf))
-    html = render(page_of(replace(fitted, load_curve=unknown), COMMAND))
-    assert "the interval there is infinite" in html
+    html = page_of(document_of(replace(fitted, load_curve=unknown), COMMAND))
+    assert html.count("not determined") == 1 + 4
 
 
 def test_a_failed_fit_has_a_page_that_says_so(fitted, loads_nothing):
@@ -96,9 +105,8 @@ def test_a_failed_fit_has_a_page_that_says_so(fitted, loads_nothing):
         fitted, status="failed", message="the simulation diverged at 1.200 s in y", recordings={}, verification={},
         load_curve=LoadCurve(fitted.load_curve.position, nothing, nothing, nothing), scales={},
     )  # fmt: skip
-    html = render(page_of(failed, COMMAND))
-    assert "The fit failed" in html
-    assert "there is no load to show: the simulation diverged at 1.200 s in y." in html
+    html = page_of(document_of(failed, COMMAND))
+    assert "the fit failed, and there is no load to show: the simulation diverged at 1.200 s in y" in html
     assert "<img " not in html
     assert loads_nothing(html)
 
@@ -106,7 +114,7 @@ def test_a_failed_fit_has_a_page_that_says_so(fitted, loads_nothing):
 def test_a_hostile_recording_name_is_escaped(undrawn, fitted):
     one = fitted.recordings["first"]
     name = "<img src=x onerror=alert(1)>"
-    html = render(page_of(replace(fitted, recordings={name: one}, verification={}), COMMAND))
+    html = page_of(document_of(replace(fitted, recordings={name: one}, verification={}), COMMAND))
     assert "<img src=x" not in html
     assert "&lt;img src=x" in html
 
@@ -116,18 +124,18 @@ def test_a_recording_with_missing_samples_is_drawn(fitted):
     position = one.measured["position"].copy()
     position[100:2000] = np.nan
     log = Log(one.measured.time, {**one.measured.columns, "position": position}, "first")
-    html = render(page_of(replace(fitted, recordings={"first": replace(one, measured=log)}), COMMAND))
+    html = page_of(document_of(replace(fitted, recordings={"first": replace(one, measured=log)}), COMMAND))
     assert html.count("<img ") == 5
 
 
 def test_the_verdict_stands_above_everything_else(undrawn, fitted, html):
-    assert html.index("Trust: ") < html.index("The search converged") < html.index("<img ")
-    bad = render(page_of(replace(fitted, converged=False), COMMAND))
-    assert "<li>The search did not converge; continue from its result, or free fewer parameters.</li>" in bad
+    assert html.index(">trust<") < html.index("converged") < html.index("<img ")
+    bad = page_of(document_of(replace(fitted, converged=False), COMMAND))
+    assert "<p>the search did not converge; continue from its result, or free fewer parameters.</p>" in bad
 
 
 def test_by_shooting_a_verified_recording_is_drawn_as_its_sensors_see_it(undrawn, fitted, monkeypatch):
-    module, drawn = sys.modules["clutchid.documents.fit_page"], {}
+    module, drawn = sys.modules["clutchid.documents.fit_sections"], {}
     plain = module.recording_figure
 
     def figure(as_measured, *more):
@@ -135,7 +143,7 @@ def test_by_shooting_a_verified_recording_is_drawn_as_its_sensors_see_it(undrawn
         return plain(as_measured, *more)
 
     monkeypatch.setattr(module, "recording_figure", figure)
-    page_of(replace(fitted, method="shooting", actuator=fitted.actuator.replace({"e_y": 1e-4})), COMMAND)
+    document_of(replace(fitted, method="shooting", actuator=fitted.actuator.replace({"e_y": 1e-4}))).sections()
     for name, one in {**fitted.recordings, **fitted.verification}.items():
         difference = drawn[name].simulated["position"] - one.simulated["position"]
         assert difference == pytest.approx(np.full(difference.size, 1e-4))
@@ -146,7 +154,7 @@ def test_of_many_recordings_the_worst_are_drawn_and_the_page_stays_small(fitted)
     names = [f"log{i}" for i in range(MAX_DRAWN + 3)]
     late = replace(one, measured=one.measured.with_columns(position=one.measured["position"] + 2e-3))
     many = replace(fitted, recordings={name: late if name == "log5" else one for name in names}, verification={})
-    html = render(page_of(many, COMMAND))
+    html = page_of(document_of(many, COMMAND))
     assert html.count("<img ") == 1 + 3 * MAX_DRAWN
     assert "log5 (fitted)" in html
     assert "3 more (fitted)" in html
@@ -160,16 +168,15 @@ def test_a_long_recording_is_thinned_and_its_worst_half_minute_drawn_closer(fitt
         return Log(np.arange(160_000) * 1e-3, {n: np.tile(v, 40) for n, v in log.columns.items()}, "first")
 
     long = replace(one, measured=longer(one.measured), simulated=longer(one.simulated))
-    html = render(page_of(replace(fitted, recordings={"first": long}, verification={}), COMMAND))
+    html = page_of(document_of(replace(fitted, recordings={"first": long}, verification={}), COMMAND))
     assert "The 30 s with the largest error of the position." in html
     assert html.count("<img ") == 1 + 2 + 2
     assert len(html) < 3e6
 
 
 def test_a_load_beyond_the_reach_where_the_clutch_engages_is_not_stated(undrawn, fitted):
-    html = render(page_of(replace(reaching(fitted, 0.3), verification={}), COMMAND))
-    assert "The 8 mm to where the clutch engages were not reached." in html
-    assert "Where the clutch engages it goes" not in html
+    html = page_of(document_of(replace(reaching(fitted, 0.3), verification={}), COMMAND))
+    assert html.partition("<table>")[2].partition("</table>")[0].count(">-<") == 4
 
 
 @pytest.mark.parametrize(
@@ -180,7 +187,7 @@ def test_a_load_beyond_the_reach_where_the_clutch_engages_is_not_stated(undrawn,
     ],
 )
 def test_the_page_says_what_the_errors_of_a_method_are(undrawn, fitted, method, words):
-    html = render(page_of(replace(fitted, method=method), COMMAND))
+    html = page_of(document_of(replace(fitted, method=method), COMMAND))
     assert all(each in html for each in (*words, "Limits of the verdict"))
 
 
@@ -188,5 +195,65 @@ def test_an_error_while_drawing_leaves_the_old_page(fitted, tmp_path):
     page = tmp_path / "page.html"
     page.write_text("old")
     with pytest.raises(AttributeError):
-        fit_page(replace(fitted, actuator=None), COMMAND, page)
+        write_page(document_of(replace(fitted, actuator=None), COMMAND), page)
     assert page.read_text() == "old"
+
+
+def reading(fitted, **changes):
+    """A reading from position alone, whose recordings lack supply pressure and temperature."""
+    assumed = (Assumption("P_S", ("first",), 8.9e5, 0.5e5, False), Assumption("T_0", ("first",), 293.15, 13.0, False))
+    known = with_baseline(fitted)
+    own = {f"{name}@first": Estimate(value, unit, std, value - 2 * std, value + 2 * std)
+           for name, value, unit, std in (("P_S", 8.91e5, "Pa", 5e3), ("T_0", 293.3, "K", 0.5))}  # fmt: skip
+    parameters = {**known.parameters, **own}
+    covariance = np.diag([e.std**2 for e in parameters.values()])
+    return replace(known, parameters=parameters, covariance=covariance, assumed=assumed, **changes)
+
+
+def test_the_interval_of_what_was_not_recorded_is_the_assumed_one(fitted):
+    table = parameter_table(reading(fitted))
+    rows = dict(zip(table.column("name"), zip(table.column("low"), table.column("high"), strict=True), strict=True))
+    assert rows["P_S@first"] == (8.4e5, 9.4e5)
+    assert rows["T_0@first"] == pytest.approx((280.15, 306.15))
+    assert "these data do not narrow" in table.note
+    assert parameter_table(fitted).note == ""
+
+
+def test_a_search_that_converged_with_warnings_is_not_in_a_box_of_warnings(fitted):
+    warned = document_of(replace(fitted, status="warning", warnings=("2 s are missing",)))
+    assert [(notice.text, notice.level) for notice in warned.notices] == [("2 s are missing", "with care")]
+    assert 'notice with-care">2 s are missing' in page_of(warned)
+    assert document_of(fitted).notices == ()
+
+
+def test_the_page_has_the_next_step_and_what_is_assumed(fitted):
+    command = Command(("estimate", "worn.csv"), (Path("worn.csv"),), Path("CAL.toml"), report=Path("worn.html"))
+    html = flat(page_of(document_of(reading(fitted), command)))
+    assert "next keep the result: clutchid estimate worn.csv --save worn.toml" in html
+    assert "supply pressure not recorded: as calibrated, 8.90 ± 0.50 bar" in html
+
+
+def test_the_application_has_what_is_assumed_and_no_change_where_terminal_and_page_have_none(fitted):
+    command = Command(("estimate", "worn.csv"), (Path("worn.csv"),))
+    data = application_data(reading(fitted), command)
+    assert sum("not recorded" in row["text"] for row in data["summary"]) == 2
+    states = two_states(fitted)
+    assert fit_json(states)["changes"]
+    data = application_data(states, command)
+    assert data["changes"] == []
+    assert sum("that is no change" in row["text"] for row in data["summary"]) == 1
+
+
+def test_residuals_are_those_of_the_fit_seen_through_its_sensors(fitted):
+    offset = replace(fitted, method="shooting", actuator=fitted.actuator.replace({"e_y": 1e-4}))
+    for name, columns in compared_columns(offset).items():
+        one = {**offset.recordings, **offset.verification}[name]
+        expected = one.measured["position"] - one.simulated["position"] - 1e-4
+        np.testing.assert_allclose(columns["residual position"], expected, atol=1e-12)
+    assert "simulated pressure_a" in compared_columns(offset)["checked"]
+
+
+def test_reasons_are_wrapped_in_a_notebook(fitted):
+    html = replace(fitted, converged=False)._repr_html_()
+    assert "<p>the search did not converge; continue from its result, or free fewer parameters.</p>" in html
+    assert "<pre" not in html

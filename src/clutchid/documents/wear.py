@@ -1,27 +1,23 @@
-"""Page of the wear of a clutch: trend with bands, alarms, forecast, loads from new to now, recordings."""
+"""Wear of a clutch as a document: trend with bands, alarms, forecast, loads from new to now, recordings."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from html import escape
-from os import PathLike
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.colors import LinearSegmentedColormap
 
-from clutchid.documents.figures import draw, fill, label, legend, mark_span, new_figure, svg
-from clutchid.documents.html import Block, Notice, Page, PageSection, Picture, Text, provenance, render
+from clutchid.documents.document import Document, Notice, Picture, Section
+from clutchid.documents.figures import draw, fill, label, legend, mark_span, new_figure
+from clutchid.documents.results import WornClutch
 from clutchid.documents.style import MM, STYLE, Line
 from clutchid.documents.tables import Cell, Column, Link, ReportTable
-from clutchid.documents.wear_text import alarm_words, change_words, left_words, recordings_words
+from clutchid.documents.wear_rows import recordings_words, rows_of, wear_json
+from clutchid.estimation import LoadCurve
 from clutchid.estimation.assess.comparison import ENGAGING
-from clutchid.files import write_text
-from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.log import FloatArray
 from clutchid.names import capital
-from clutchid.wear.life import Wear
-from clutchid.wear.trend import FALSE_ALARMS
+from clutchid.wear import FALSE_ALARMS, Wear
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -95,6 +91,8 @@ def _measured(axis: Axes, s: FloatArray, wear: Wear, name: str, factor: float) -
 
 def loads_figure(curves: Sequence[tuple[str, LoadCurve]]) -> Figure:
     """Loads of recordings evenly over the life, from dark (first) to light (last); the band is that of the last."""
+    from matplotlib.colors import LinearSegmentedColormap
+
     figure, (axis,) = new_figure([3.2])
     chosen = [curves[k] for k in np.unique(np.linspace(0, len(curves) - 1, LOADS).round().astype(int))]
     colours = LinearSegmentedColormap.from_list("life", STYLE.ordered)
@@ -120,57 +118,49 @@ _TREND = (
     "far as these can be estimated, and its band contains what is not known of them."
 )
 _ALARMS = " Red and dashed: alarms."
+_TEST = f"The test for changes is set to one false alarm in {1 / FALSE_ALARMS:,.0f} recordings."
 _LOADS = (
     "Load over the position of the piston, as read from recordings evenly over the life, from dark to light. Shaded: "
     "5 to 8 mm, where the clutch engages."
 )
 
 
-def wear_page(
-    wear: Wear, curves: Sequence[tuple[str, LoadCurve]], command: str, path: str | PathLike[str], home: str = ""
-) -> None:
-    """Write the page of a clutch's wear as one self-contained HTML file.
-
-    Parameters
-    ----------
-    curves
-        Loads of the recordings that count, by name, in order.
-    command
-        The command line that repeats the run, shown on the page.
-    home
-        Path of the page of the fleet, relative to this one, which then leads there.
-
-    Raises
-    ------
-    ExportError
-        If the file cannot be written; an existing file is unchanged.
-    """
-    write_text(render(page_of(wear, curves, command, home)), path)
+def wear_document(clutch: WornClutch, command: str = "") -> Document:
+    """Document of the wear of a clutch."""
+    wear = clutch.wear
+    counted = any(wear.counted)
+    return Document(
+        f"Wear of the clutch of {wear.vehicle}" if wear.vehicle else "Wear of a clutch",
+        f"Recordings: {recordings_words(wear)}",
+        tuple(rows_of(wear)),
+        notices=tuple(_notices(wear)),
+        figure=(lambda: _trend(wear)) if counted else None,
+        sections=lambda: _sections(clutch),
+        data=lambda: wear_json(wear, clutch.left_out),
+        command=command,
+        home=Link("Back to the fleet", clutch.home) if clutch.home else None,
+    )
 
 
-def page_of(wear: Wear, curves: Sequence[tuple[str, LoadCurve]], command: str, home: str = "") -> Page:
-    """The page before it is rendered."""
-    sections = [PageSection("Wear", _result(wear))]
-    if curves:
-        sections.append(PageSection("Load from new to now", (Picture(svg(loads_figure(curves)), _LOADS, "Loads"),)))
-    sections.append(PageSection("Recordings", (recordings_table(wear),)))
-    title = f"Wear of the clutch of {wear.vehicle}" if wear.vehicle else "Wear of a clutch"
-    fleet = Link("Back to the fleet", home) if home else None
-    return Page(title, f"Recordings: {recordings_words(wear)}", tuple(sections), provenance([], command), fleet)
+def _sections(clutch: WornClutch) -> list[Section]:
+    sections = [Section("Recordings", (recordings_table(clutch.wear),))]
+    if clutch.curves:
+        sections.insert(0, Section("Load from new to now", (Picture(loads_figure(clutch.curves), _LOADS, "Loads"),)))
+    return sections
 
 
-def _result(wear: Wear) -> tuple[Block, ...]:
-    blocks: list[Block] = [Notice(capital(warning)) for warning in wear.warnings]
+def _notices(wear: Wear) -> Iterator[Notice]:
+    yield from (Notice(capital(warning)) for warning in wear.warnings)
     if not any(wear.counted):
-        return (*blocks, Notice("No recording determines the wear.", "failed"))
-    blocks += [Notice(f"{capital(words)}.") for words in map(alarm_words, wear.alarms)]
+        yield Notice("No recording determines the wear.", "none")
+        return
     if not wear.alarms:
-        blocks.append(Notice("No sudden change of the load was found, and no leak.", "ok"))
-    blocks.append(Text(f"The test for changes is set to one false alarm in {1 / FALSE_ALARMS:,.0f} recordings."))
-    words, left = change_words(wear), left_words(wear)
-    blocks.append(Text(escape(f"{capital(words)}.{f' Left: {left}.' if left else ''}")))
-    caption = f"{_TREND}{_ALARMS if wear.alarms else ''}"
-    return (*blocks, Picture(svg(trend_figure(wear)), caption, "Trend of the wear with its band"))
+        yield Notice("No sudden change of the load was found, and no leak.", "good")
+
+
+def _trend(wear: Wear) -> Picture:
+    caption = f"{_TREND}{_ALARMS if wear.alarms else ''} {_TEST}"
+    return Picture(trend_figure(wear), caption, "Trend of the wear with its band")
 
 
 def recordings_table(wear: Wear) -> ReportTable:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from clutchid.documents import ReportTable
-from clutchid.documents.fit_page import parameter_blocks, parameter_table
-from clutchid.documents.html import Details
+from clutchid.documents.document import Details
+from clutchid.documents.fit_sections import parameter_blocks, parameter_table
 from clutchid.estimation import Estimate
 from clutchid.model import Load
 
@@ -43,7 +43,7 @@ def test_every_number_has_its_meaning_and_its_recording(on_b_splines):
 
 
 def test_what_a_recording_has_of_its_own_is_not_called_fixed(on_b_splines):
-    fixed = parameter_blocks(on_b_splines)[-1].blocks[0].html
+    fixed = parameter_blocks(on_b_splines)[-1].blocks[0].text
     assert "P_S =" not in fixed
     assert "F_C =" not in fixed
     assert "C_vs = " in fixed

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from html import escape
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Collection, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from clutchid.documents.figures import label, new_figure, png, shared_legend
-from clutchid.documents.html import Block, Bullets, Details, Notice, Picture, Text
+from clutchid.documents.document import Block, Bullets, Details, Picture, Text
+from clutchid.documents.figures import label, new_figure, shared_legend
 from clutchid.documents.style import MM, STYLE
 from clutchid.documents.tables import Cell, Column, ReportTable
 from clutchid.errors import ClutchidError
@@ -19,11 +18,12 @@ from clutchid.estimation.assess.evidence import HORIZON, Evidence, information
 from clutchid.estimation.assess.verdict import Verdict
 from clutchid.log import INPUTS, FloatArray
 from clutchid.names import capital
-from clutchid.strokes.residual_colour import Colour
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from clutchid.strokes.residual_colour import Colour
 
 #: Name, display unit in SI, and its symbol, for the residual of a column.
 SHOWN = {"position": ("position", MM, "mm"), "pressure_a": ("pressure A", 1e3, "kPa")}
@@ -92,29 +92,24 @@ def _span(low: float, high: float) -> str:
     return f"{low / MM:.0f}–{high / MM:.0f}" if np.isfinite(high) else f"{low / MM:.0f}+"
 
 
-_BOX: Mapping[str, Literal["ok", "warning", "failed"]] = {"good": "ok", "with care": "warning", "none": "failed"}
-
-
-def verdict_blocks(judged: Verdict, names: Collection[str] = ()) -> list[Block]:
-    """The verdict with its reasons, notes and limits; `names` of recordings are not capitalised."""
-    experience = (judged.experience,) if judged.experience else ()
-    items = tuple(_capital(reason, names) for reason in (*judged.reasons, *experience))
-    blocks: list[Block] = [Notice(f"Trust: {judged.trust} – {judged.meaning}", _BOX[judged.trust], items)]
+def limit_blocks(judged: Verdict, names: Collection[str] = ()) -> tuple[Block, ...]:
+    """Notes and limits of a verdict; `names` of recordings are not capitalised."""
     folded = (("Not counted against the result", judged.notes), ("Limits of the verdict", judged.unseen))
-    for heading, sentences in folded:
-        if sentences:
-            blocks.append(Details(heading, tuple(Text(escape(_capital(one, names))) for one in sentences)))
-    return blocks
+    return tuple(
+        Details(heading, tuple(Text(capital_unless_named(sentence, names)) for sentence in sentences))
+        for heading, sentences in folded
+        if sentences
+    )
 
 
 def information_blocks(fit: Fit, found: Evidence) -> list[Block]:
     """Identifiability, missing excitation, and the recommended recording."""
     sentences = [*fit.notes, *found.missing]
-    blocks: list[Block] = [Bullets(tuple(escape(_capital(sentence)) for sentence in sentences))] if sentences else []
+    blocks: list[Block] = [Bullets(tuple(map(capital_unless_named, sentences)))] if sentences else []
     if not found.missing:
         return [*blocks, Text("The excitation is sufficient: reach, directions and vented rests.")]
     proposal = _proposal(fit)
-    return [*blocks, Text(f"Recommended recording: {escape(proposal)}")] if proposal else blocks
+    return [*blocks, Text(f"Recommended recording: {proposal}")] if proposal else blocks
 
 
 def _proposal(fit: Fit) -> str:
@@ -161,25 +156,27 @@ def residual_blocks(fit: Fit, diagnosis: Diagnosis) -> tuple[Block, ...]:
     """Figures of the residuals of one recording, and remarks on them."""
     pressure = "pressure_a" in diagnosis.columns
     follows = " The simulated position follows the measured one." if fit.follows else ""
-    who = escape(diagnosis.name)
+    who = diagnosis.name
     colour = Picture(
-        png(colour_figure(diagnosis)),
+        colour_figure(diagnosis),
         f"{who}: autocorrelation of the residual of position{' and of pressure' if pressure else ''}, and correlation "
         "of the whitened residual with the duty cycles. At a positive lag the residual follows the valve. White noise "
         f"is within the grey bounds at 99 of 100 lags; larger values are due to model errors.{follows}",
         "Autocorrelation of the residuals and correlation with both valves, with 99 % bounds",
+        dense=True,
     )
     regions = Picture(
-        png(region_figure(diagnosis)),
+        region_figure(diagnosis),
         f"{who}: rms error by position and direction of motion; the dotted line is that of the whole recording.",
         "Rms error by stroke region, opening, closing and in hold",
+        dense=True,
     )
     sentences = [sentence.removeprefix(f"{diagnosis.name}: ") for sentence in remarks(diagnosis)]
-    bullets: tuple[Block, ...] = (Bullets(tuple(escape(_capital(s)) for s in sentences)),) if sentences else ()
+    bullets: tuple[Block, ...] = (Bullets(tuple(map(capital_unless_named, sentences))),) if sentences else ()
     return (colour, regions, *bullets)
 
 
-def _capital(sentence: str, names: Collection[str] = ()) -> str:
+def capital_unless_named(sentence: str, names: Collection[str] = ()) -> str:
     named = "_" in sentence.split(" ", maxsplit=1)[0] or any(sentence.startswith(f"{name}: ") for name in names)
     return sentence if named else capital(sentence)
 

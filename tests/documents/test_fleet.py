@@ -9,7 +9,8 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from clutchid.documents.fleet_page import distribution_figure, fleet_page, page_of, panels_of
+from clutchid.documents import document_of
+from clutchid.documents.fleet import distribution_figure, panels_of
 from clutchid.documents.fleet_tables import (
     ODD,
     ODD_AT_LEAST,
@@ -18,11 +19,13 @@ from clutchid.documents.fleet_tables import (
     VehicleRow,
     all_table,
     odd_vehicles,
+    quantiles,
     reasons_table,
     spans_of,
     worst_table,
 )
-from clutchid.documents.html import render
+from clutchid.documents.html import page_of, write_page
+from clutchid.documents.results import FleetWear
 from clutchid.documents.tables import Link
 from clutchid.wear.trend import Interval
 
@@ -86,7 +89,7 @@ class Parsed(HTMLParser):
 
 
 def parsed(vehicles, reasons=()):
-    return Parsed(render(page_of(vehicles, reasons, "clutchid fleet")))
+    return Parsed(page_of(document_of(FleetWear(vehicles, reasons), "clutchid fleet")))
 
 
 def names(table):
@@ -98,9 +101,15 @@ def test_the_page_has_every_section_and_says_how_many_vehicles_and_recordings_by
         [vehicle("V1"), vehicle("V2"), unread("V3")],
         [ReasonCount("bad_input", "NAME has no position.", 12, "r7")],
     )
-    fleet_page(rows, reasons, "clutchid fleet <rows>", tmp_path / "index.html")
+    write_page(document_of(FleetWear(rows, reasons), "clutchid fleet <rows>"), tmp_path / "index.html")
     html = (tmp_path / "index.html").read_text(encoding="utf-8")
-    for heading in ("Wear", "Soonest at their limit", "Odd vehicles", "Recordings that do not count", "All vehicles"):
+    for heading in (
+        "By type",
+        "Soonest at their limit",
+        "Odd vehicles",
+        "Recordings that do not count",
+        "All vehicles",
+    ):
         assert f"<h2>{heading}</h2>" in html
     for words in (
         "3 vehicles, 30 recordings: 18 ok, 10 bad_input, 2 failed",
@@ -134,7 +143,7 @@ def test_hostile_names_are_shown_and_never_run(tmp_path):
     bad = {"type": HOSTILE, "page": f"vehicles/{HOSTILE}.html", "alarms": (HOSTILE,)}
     rows = [vehicle(HOSTILE, **bad), vehicle("W", type="$x_$"), unread("\udcff\u202e")]
     reasons = [ReasonCount(HOSTILE, HOSTILE, 1, HOSTILE)]
-    fleet_page(rows, reasons, HOSTILE, tmp_path / "x.html")
+    write_page(document_of(FleetWear(rows, reasons), HOSTILE), tmp_path / "x.html")
     html = (tmp_path / "x.html").read_text(encoding="utf-8")
     found = Parsed(html)
     assert found.handlers == []
@@ -182,7 +191,7 @@ def test_the_worst_begin_with_what_is_left_and_have_the_band_of_the_shift_only_w
 )
 def test_the_spread_of_few_vehicles_is_that_of_all_and_agrees_with_the_table_of_types(count, words):
     shifts = 1e-4 * (np.arange(count) - count // 2) if count > 1 else [1e-4]
-    assert words in render(page_of([vehicle(f"V{i}", shift=s) for i, s in enumerate(shifts)], [], "c"))
+    assert words in page_of(document_of(FleetWear([vehicle(f"V{i}", shift=s) for i, s in enumerate(shifts)], []), "c"))
 
 
 def test_what_is_left_is_compared_in_lives_where_vehicles_have_different_axes():
@@ -195,7 +204,7 @@ def test_what_is_left_is_compared_in_lives_where_vehicles_have_different_axes():
 
 
 def test_without_a_limit_the_page_shows_the_most_worn_and_no_column_of_what_is_left():
-    html = render(page_of([vehicle("V1", left=NAN), vehicle("V2", left=NAN)], [], "c"))
+    html = page_of(document_of(FleetWear([vehicle("V1", left=NAN), vehicle("V2", left=NAN)], []), "c"))
     assert "<h2>Most worn</h2>" in html
     assert "90 % band" not in html
 
@@ -207,7 +216,7 @@ def test_infinite_and_unknown_values_are_a_sign_and_a_dash():
 
 
 def test_a_fleet_without_a_reading_has_no_figure_but_its_vehicles_and_reasons():
-    html = render(page_of([unread("V1"), unread("V2")], [ReasonCount("bad_input", "s", 20, "e")], "c"))
+    html = page_of(document_of(FleetWear([unread("V1"), unread("V2")], [ReasonCount("bad_input", "s", 20, "e")]), "c"))
     assert "No recording determines the wear of a vehicle." in html
     assert "data:image" not in html
     assert len(Parsed(html).tables["All vehicles"]) == 4
@@ -215,8 +224,8 @@ def test_a_fleet_without_a_reading_has_no_figure_but_its_vehicles_and_reasons():
 
 
 def test_an_empty_fleet_and_one_vehicle_have_a_page():
-    assert "0 vehicles, 0 recordings" in render(page_of([], [], "c"))
-    one = render(page_of([vehicle("V1")], [], "c"))
+    assert "0 vehicles, 0 recordings" in page_of(document_of(FleetWear([], []), "c"))
+    one = page_of(document_of(FleetWear([vehicle("V1")], []), "c"))
     assert "1 vehicle, 10 recordings" in one
     assert "Every recording counts." in one
     assert "No vehicle stands out." in one
@@ -300,7 +309,7 @@ def test_one_absurd_value_does_not_flatten_the_histogram():
 @pytest.mark.slow
 def test_ten_thousand_vehicles_are_a_page_of_a_few_megabytes():
     rows = [vehicle(f"V{i}", shift=1e-8 * i) for i in range(10_000)]
-    html = render(page_of(rows, [], "c"))
+    html = page_of(document_of(FleetWear(rows, []), "c"))
     assert len(html.encode()) < 5e6
     assert len(Parsed(html).tables["All vehicles"]) == 10_002
 
@@ -310,7 +319,7 @@ def test_ten_thousand_vehicles_are_a_page_of_a_few_megabytes():
 def test_a_browser_sorts_and_filters_by_the_address_with_unknown_values_last(tmp_path):
     shifts = [0.2e-3, -0.1e-3, NAN, 0.05e-3]
     rows = [vehicle(f"V{i}", shift=shift) for i, shift in enumerate(shifts)] + [vehicle("other", type="B")]
-    fleet_page(rows, [], "c", tmp_path / "x.html")
+    write_page(document_of(FleetWear(rows, []), "c"), tmp_path / "x.html")
 
     def shown(state):
         options = ("--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}")
@@ -326,3 +335,11 @@ def test_a_browser_sorts_and_filters_by_the_address_with_unknown_values_last(tmp
     assert shown("sort=7&filter=v") == ["V1", "V3", "V0", "V2"]  # by the lower end of the band
     assert shown("sort=-2")[0] == "other"
     assert shown("filter=b&sort=99&part=7") == ["other"]
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [((1.0, 2.0), 1.5), ((1.0, 2.0, 4.0), 2.0), ((1.0, np.inf), np.inf), ((np.inf, np.inf), np.inf), ((np.nan,), None)],
+)
+def test_the_median_of_an_even_number_is_half_way_between_the_two_in_the_middle(values, expected):
+    assert quantiles(values, (0.5,)) == [expected]
