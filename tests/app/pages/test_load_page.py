@@ -1,5 +1,10 @@
 """The stage "Load": recordings and files are dropped on what they are for, or chosen by keyboard."""
 
+import json
+from dataclasses import replace
+
+from clutchid.app.records import Result, content
+
 DROP = """(target, name) => {
   const files = new DataTransfer();
   files.items.add(new File([window.dropped], name));
@@ -34,6 +39,30 @@ def test_a_broken_file_is_said_to_be_one_and_is_not_chosen(page, files):
     page.click("nav >> text=Load")
     assert "has problems" in page.locator(".choose").first.inner_text()
     assert page.locator(".choose input:checked").count() == 0
+
+
+def test_changes_are_said_in_the_words_of_the_command_line(page):
+    change = {
+        "recording": "worn",
+        "name": "P_S",
+        "before": 9e5,
+        "after": 8e5,
+        "std": 1e3,
+        "unit": "Pa",
+        "probability": 1,
+    }
+    note = "worn: supply pressure changed since the calibration (over 99 %): P_S 9e+05 -> 8e+05 Pa."
+    found = {"changes": [change], "notes": [note], "recordings": [], "parameters": {}, "files": [], "trust": "good"}
+    result = replace(Result("result-1", "estimate", "estimate worn.csv"), status="done", found=found)
+    event = json.dumps({"kind": "result", "id": result.id, "content": content(result)})
+    page.route(
+        "**/api/events", lambda route: route.fulfill(content_type="text/event-stream", body=f"data: {event}\n\n")
+    )
+    page.goto(page.url + "#load")
+    page.reload()
+    page.click("text=1 note")
+    assert note in page.locator(".results").inner_text()
+    assert "100 %" not in page.locator(".results").inner_text()
 
 
 def test_a_file_is_dropped_on_what_it_is_for(page, opened, files):

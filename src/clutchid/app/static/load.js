@@ -1,5 +1,5 @@
 // The stage "Load": calibrate, estimate, and a board on which results are kept, overlaid and compared.
-import { about, all, badge, dropping, fill, h, nextStep, notice, one, plural, points, repeat, send, short, summary, table, warnings } from "./page.js";
+import { about, all, badge, dropping, fill, h, nextStep, notice, one, plural, points, repeat, sentences, send, short, summary, table } from "./page.js";
 import { curves } from "./curves.js";
 import { strips } from "./strips.js";
 import { contents, has, ready, take, unchecked, worst } from "./recording.js";
@@ -212,15 +212,8 @@ function drawDetails(details) {
   const { found } = result ?? {};
   if (!found) { fill(details); return; }
   const strip = h("div", {});
-  fill(details, changesTable(found), warnings(found.warnings), downloads(result), parameters(found), found.recordings.length ? h("h3", {}, "Measured and simulated") : null, strip, repeat(result));
+  fill(details, sentences(found.notes, "note"), sentences(found.warnings, "warning"), downloads(result), parameters(found), found.recordings.length ? h("h3", {}, "Measured and simulated") : null, strip, repeat(result));
   if (found.recordings.length) residuals = residualStrips(strip, result);
-}
-
-function changesTable(found) {
-  if (!found.changes?.length) return null;
-  const rows = found.changes.map((change) => h("tr", {}, h("th", { scope: "row" }, change.name), h("td", {}, change.recording), h("td", { class: "number" }, short(change.before)),
-    h("td", { class: "number" }, `${short(change.after)} ± ${short(1.96 * change.std, 2)}`), h("td", {}, change.unit), h("td", { class: "number" }, `${(100 * change.probability).toFixed(0)} %`)));
-  return h("section", {}, h("h3", {}, "What has changed since the calibration"), table(["parameter", "recording", "before", "after", "unit", "probability"], rows, { scroll: "Table of changes" }));
 }
 
 function parameters(found) {

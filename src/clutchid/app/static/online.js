@@ -1,5 +1,5 @@
 // The stage "On line": a recording played through the observer of a calibration, as a control unit would follow it.
-import { all, fill, h, nextStep, notice, one, points, repeat, send, short, summary, warnings } from "./page.js";
+import { all, fill, h, nextStep, notice, one, points, repeat, sentences, send, short, summary } from "./page.js";
 import { curves } from "./curves.js";
 import { strips } from "./strips.js";
 import { calibrations } from "./load.js";
@@ -90,7 +90,7 @@ function drawPlayer(player, run, showStage) {
   fill(player, head, summary(found.summary), nextStep(found.next, acts[found.next.kind]), h("div", { class: "tools player" }, button, h("button", { type: "button", class: "plain", onclick: () => step(-1) }, "◀ Stroke"), h("button", { type: "button", class: "plain", id: "step", onclick: () => step(1) }, "Stroke ▶"), rates, shownTime), slider,
     load, words, area,
     h("h3", {}, "Faults in the whole recording"), raised.length ? h("ul", {}, raised.map(([name, seconds]) => h("li", {}, `${name}: ${short(seconds, 3)} s`))) : h("p", { class: "hint" }, "None."),
-    warnings(found.warnings), repeat(run));
+    sentences(found.warnings, "warning"), repeat(run));
   const line = (name, label, colour, factor, more = {}) => found.columns.includes(name) ? [{ label, colour, grid: 0, column: found.columns.indexOf(name), value: (x) => factor * x, ...more }] : [];
   const shown = strips(area, {
     span: [begin, end], read: (...rest) => points(`/api/observations/${run.id}/plot`, ...rest),

@@ -145,7 +145,8 @@ export const summary = (rows) => h("dl", { class: "summary" }, (rows ?? []).map(
 export const nextStep = (next, act) => h("p", { class: "next" }, h("strong", {}, "Next: "), `${next.why}. `,
   act ? h("button", { type: "button", id: "next", class: "plain", onclick: act[1] }, act[0]) : copying(next.command, "Copy the command"));
 
-export const warnings = (texts) => (texts?.length ? h("details", {}, h("summary", {}, plural(texts.length, "warning")), h("ul", {}, texts.map((text) => h("li", {}, text)))) : null);
+/** Warnings or notes, behind how many there are. */
+export const sentences = (texts, word) => (texts?.length ? h("details", {}, h("summary", {}, plural(texts.length, word)), h("ul", {}, texts.map((text) => h("li", {}, text)))) : null);
 
 /** Command and Python that repeat a result. */
 export function repeat({ command, python }) {
