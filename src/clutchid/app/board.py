@@ -11,10 +11,11 @@ from collections.abc import AsyncIterator
 from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
 
+from clutchid.app import records
 from clutchid.app.jobs import Job
-from clutchid.app.records import Observation, Recording, Result, Table, content
+from clutchid.app.records import content
 
-Item = Job | Recording | Result | Observation | Table
+Item = Job | records.Item
 Kind = TypeVar("Kind", bound=Item)
 
 

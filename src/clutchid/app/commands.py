@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from clutchid.app.records import File
 from clutchid.errors import ParameterError
@@ -23,13 +23,6 @@ METHODS = ("", "simulation", "shooting", "prediction-error")
 
 _TEXTS = {"measure": None, "free": None, "method": METHODS, "zero": ("", "subtract", "keep"), "ambient": None}
 _LISTS = {"bounds": bounds, "prior": priors}
-
-
-class Repeated(NamedTuple):
-    """The command and the Python that repeat a result; both are empty where the recordings have different maps."""
-
-    command: str
-    python: str
 
 
 def fit_command(
@@ -70,22 +63,20 @@ def fit_command(
     )  # fmt: skip
 
 
-def repeated(asked: FitCommand, files: Sequence[File]) -> Repeated:
-    """What repeats a fit of these recordings, those to verify with among them."""
-    if len(_maps_of(files)) > 1:
-        return Repeated("", "")
-    return Repeated(command_line(["clutchid", *asked.words]), asked.python)
+def repeated(asked: FitCommand, files: Sequence[File]) -> tuple[str, str]:
+    """The command and the Python that repeat a fit of these recordings; empty where they have different maps."""
+    return (command_line(["clutchid", *asked.words]), asked.python) if len(_maps_of(files)) == 1 else ("", "")
 
 
-def repeated_observation(file: File, start: str, method: str, *, force: bool) -> Repeated:
-    """What repeats following a recording."""
+def repeated_observation(file: File, start: str, method: str, *, force: bool) -> tuple[str, str]:
+    """The command and the Python that follow a recording."""
     channels = _map_of([file])
     words = ["clutchid", "observe", file.name, "--start", start, "--method", method, "--out", "est.parquet"]
     words += [*(["--map", str(channels)] if channels else []), *(["--force"] if force else [])]
     given = [repr(file.name), repr(start), f"method={method!r}"]
     given += [*([f"channels={str(channels)!r}"] if channels else []), *(["force=True"] if force else [])]
     call = f"run = clutchid.observe({', '.join(given)})\nprint(run.load_by_stroke())"
-    return Repeated(command_line(words), f"import clutchid\n\n{call}\n")
+    return command_line(words), f"import clutchid\n\n{call}\n"
 
 
 def _names(files: Sequence[File]) -> tuple[Path, ...]:

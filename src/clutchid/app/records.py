@@ -118,6 +118,8 @@ class Table:
     bad_input: bool = False
 
 
+Item = Recording | Result | Observation | Table
+
 # tasks
 
 

@@ -146,22 +146,26 @@ async def _files(session: Session, request: Request) -> Response:
 
 
 async def _upload_recording(session: Session, request: Request) -> Response:
-    """A recording as the body of the request, of which no second copy is made."""
-    name = request.query_params.get("name", "")
-    size = check_size(name, request.headers.get("content-length"), session.folder)
-    id_, path = session.upload_path(name)
-    await receive(request.stream(), path, size)
+    id_, path = await _received(session, request)
     return JSONResponse({"id": session.open(path, id_, uploaded=True)})
 
 
 async def _upload_calibration(session: Session, request: Request) -> Response:
+    length = request.headers.get("content-length", "")
+    if length.isdigit() and int(length) > _LARGEST_BODY:
+        raise DataError(f"{request.query_params.get('name')}: has {int(length) / 1e6:.3g} MB: is no parameter file.")
+    _, path = await _received(session, request)
+    return JSONResponse({"id": session.open_calibration(path, path.name, move=True)})
+
+
+async def _received(session: Session, request: Request, kind: str = "recording", beside: str = "") -> tuple[str, Path]:
+    """The body of the request as a file with its id, of which no second copy is made."""
     name = request.query_params.get("name", "")
     size = check_size(name, request.headers.get("content-length"), session.folder)
-    if size > _LARGEST_BODY:
-        raise DataError(f"{name}: has {size / 1e6:.3g} MB, so it is no parameter file.")
-    _, path = session.upload_path(name)
+    id_, path = session.upload_path(name, kind, beside)
+    path.unlink(missing_ok=True)  # the same file once more
     await receive(request.stream(), path, size)
-    return JSONResponse({"id": session.open_calibration(path, path.name, move=True)})
+    return id_, path
 
 
 async def _open_path(session: Session, request: Request) -> Response:
@@ -257,14 +261,11 @@ async def _observe(session: Session, request: Request) -> Response:
 
 async def _upload_table(session: Session, request: Request) -> Response:
     """A result of a track or a fleet; with `beside`, a further file of one that was sent before."""
-    name, beside = request.query_params.get("name", ""), request.query_params.get("beside", "")
-    size = check_size(name, request.headers.get("content-length"), session.folder)
+    beside = request.query_params.get("beside", "")
     first = session.board.get(Table, beside)
     if beside and first is None:
         raise DataError("what this file belongs to is not there any more; send both again.")
-    id_, path = session.upload_path(name, "table", beside)
-    path.unlink(missing_ok=True)  # the same file once more
-    await receive(request.stream(), path, size)
+    id_, path = await _received(session, request, "table", beside)
     return JSONResponse({"id": session.open_table(path if first is None else first.path, id_)})
 
 

@@ -37,11 +37,7 @@ class Session:
     """
 
     def __init__(
-        self,
-        folder: Path,
-        below: Path,
-        given: Sequence[Path] = (),
-        trace: Callable[[str], None] = lambda _: None,
+        self, folder: Path, below: Path, given: Sequence[Path] = (), trace: Callable[[str], None] = lambda _: None
     ) -> None:
         self.folder, self.below, self.given = folder, below.resolve(), tuple(given)
         self.board = Board()
@@ -78,15 +74,8 @@ class Session:
         kept = self.folder / "maps" / id_ / "map.toml"
         kept.parent.mkdir(parents=True, exist_ok=True)
         tried = kept.with_name("tried.toml")
-        entries = {
-            name: {key: value for key, value in entry.items() if value is not None}
-            if isinstance(entry, dict)
-            else entry
-            for name, entry in channels.items()
-        }
-        content = {**({"rate": rate} if rate is not None else {}), **entries}
         try:
-            tried.write_text(tomli_w.dumps(content), encoding="utf-8")
+            tried.write_text(tomli_w.dumps(_stated({"rate": rate, **channels})), encoding="utf-8")
             read_map(tried)
         except (ParameterError, DataError) as error:
             raise ParameterError(str(error).replace(str(tried), "map")) from None
@@ -141,14 +130,14 @@ class Session:
         files, others = self._files(recordings), self._files(verify)
         first = None if start is None else self.calibration_file(start)
         asked = fit_command(verb, options, files, others, None if start is None else self._start_name(start))
-        again = repeated(asked, [*files, *others])
+        command, python = repeated(asked, [*files, *others])
         id_, folder = self._result_folder("result")
         names = ", ".join(file.name for file in files)
         name = f"{verb} {names}"
         task = records.FitRecordings(asked, name, files, folder, others, first)
         result = records.Result(
             id_, verb, name, recordings=tuple(recordings), verify=tuple(verify), start=start,
-            options=asked.search, made=time.time(), command=again.command, python=again.python,
+            options=asked.search, made=time.time(), command=command, python=python,
         )  # fmt: skip
         return self._begin(verb, "fits", result, task, names)
 
@@ -173,12 +162,10 @@ class Session:
         """
         (file,), first = self._files([recording]), self.calibration_file(start)
         id_, folder = self._result_folder("observation")
-        again = repeated_observation(file, self._start_name(start), method, force=force)
+        command, python = repeated_observation(file, self._start_name(start), method, force=force)
         task = records.Observe(file, first, method, folder, force)
         name = file.name
-        run = records.Observation(
-            id_, f"observe {name}", method, recording, start, command=again.command, python=again.python,
-        )  # fmt: skip
+        run = records.Observation(id_, f"observe {name}", method, recording, start, command=command, python=python)
         return self._begin("observe", "fits", run, task, name)
 
     # results of track and fleet
@@ -249,12 +236,11 @@ class Session:
         """
         result = self.board.get(records.Result, id_)
         path = self.folder / "results" / id_ / name
-        names = (
-            [] if result is None else [*(result.found or {}).get("files", ()), *(one["file"] for one in result.exports)]
-        )
-        if result is None or name not in names or not path.is_file():
-            raise DataError(f"{printable(name)}: there is no such file of this result.")
-        return path, result
+        if result is not None and path.is_file():
+            files = (result.found or {}).get("files", ())
+            if name in files or any(name == export["file"] for export in result.exports):
+                return path, result
+        raise DataError(f"{printable(name)}: there is no such file of this result.")
 
     def columns_of(self, kind: type[records.Recording | records.Result | records.Observation], id_: str) -> Path:
         """The stored columns of a recording or of a result.
@@ -270,14 +256,7 @@ class Session:
 
     # jobs
 
-    def _begin(
-        self,
-        title: str,
-        lane: Lane,
-        item: records.Recording | records.Result | records.Observation | records.Table,
-        task: records.Task,
-        of: str = "",
-    ) -> str:
+    def _begin(self, title: str, lane: Lane, item: records.Item, task: records.Task, of: str = "") -> str:
         """Put a record on the board and submit the job that will complete it; its id."""
         self.board.put(item)
         self.jobs.submit(f"{title} {of or item.name}", lane, task, item.id)
@@ -332,14 +311,18 @@ class Session:
         for one in recordings:
             if one.look is None:
                 raise DataError(f"{one.name}: is not read yet.")
-        return tuple(
-            records.File(one.path, one.map, name=one.name if one.uploaded else _relative(one.path))
-            for one in recordings
-        )
+        names = (one.name if one.uploaded else _relative(one.path) for one in recordings)
+        return tuple(records.File(one.path, one.map, name) for one, name in zip(recordings, names, strict=True))
 
     def _start_name(self, id_: str) -> str:
         result = self.board.get(records.Result, id_)
         return result.name if result is not None and result.verb == "file" else "CAL.toml"
+
+
+def _stated(entries: Mapping[str, Any]) -> dict[str, Any]:
+    """Entries of a channel map without those that are null, which TOML has not."""
+    stated = {name: value for name, value in entries.items() if value is not None}
+    return {name: _stated(value) if isinstance(value, dict) else value for name, value in stated.items()}
 
 
 def _relative(path: Path) -> str:

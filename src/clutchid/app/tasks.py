@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -41,6 +41,7 @@ from clutchid.verbs.reading import Reading, RecordingFile
 from clutchid.verbs.start import calibration_file, start_of
 
 if TYPE_CHECKING:
+    from clutchid.app.worker import Events
     from clutchid.estimation import Fit
     from clutchid.measurements.map.channel_map import ChannelMap
 
@@ -48,17 +49,7 @@ if TYPE_CHECKING:
 MOST_SECTIONS = 2000
 
 
-class Listener(Protocol):
-    """Whoever hears how far a job is: the stage, the share that is done from 0 to 1, and words."""
-
-    def progress(self, stage: str, share: float | None, words: str) -> None:
-        """A stage that has begun or goes on; None where nobody knows the share."""
-
-    def part(self, result: dict[str, Any]) -> None:
-        """What is known before the job is done."""
-
-
-def look(task: records.Look, events: Listener) -> dict[str, Any]:
+def look(task: records.Look, events: Events) -> dict[str, Any]:
     """The contents of a recording, the checks, and how its channels are plotted.
 
     Raises
@@ -83,7 +74,7 @@ def look(task: records.Look, events: Listener) -> dict[str, Any]:
     _write_clocks(source, given, task.folder)
     about = {
         "ambient": AMBIENT if ambient is None else ambient,
-        "plots": _plots(source),
+        "plots": [[heading.index for heading in grid.headings] for grid in source.rasters],  # columns, as look has them
         "strokes": [],
         "checking": False,
         **({} if given is None else {"map": map_json(given)}),
@@ -102,7 +93,7 @@ def look(task: records.Look, events: Listener) -> dict[str, Any]:
     return result
 
 
-def cut(task: records.Cut, events: Listener) -> dict[str, Any]:
+def cut(task: records.Cut, events: Events) -> dict[str, Any]:
     """Write the chosen strokes of stored columns as a recording, and open it.
 
     Raises
@@ -151,11 +142,6 @@ def _write_clocks(source: Source, given: ChannelMap | None, folder: Path) -> Non
         write_column(folder, index, CLOCK, clock_column(np.concatenate(parts) if parts else np.empty(0)))
 
 
-def _plots(source: Source) -> list[list[int | None]]:
-    """By time grid, for each channel in the order of `look`, the number of its stored column."""
-    return [[heading.index for heading in raster.headings] for raster in source.rasters]
-
-
 def _strokes(log: Log | None) -> list[dict[str, Any]]:
     """The sections of a recording with their label, start and end in s."""
     from clutchid.strokes import cut
@@ -171,7 +157,7 @@ def _files(files: Sequence[records.File]) -> tuple[RecordingFile, ...]:
     return tuple(RecordingFile(file.path, file.map) for file in files)
 
 
-def fit(task: records.FitRecordings, events: Listener) -> dict[str, Any]:
+def fit(task: records.FitRecordings, events: Events) -> dict[str, Any]:
     """Calibrate, or estimate a load, as the command of the same verb, and write its files into the folder of the task.
 
     Raises
@@ -243,7 +229,7 @@ def _residuals(found: Fit, folder: Path) -> list[dict[str, Any]]:
     return shown
 
 
-def check_calibration(task: records.ReadCalibration, events: Listener) -> dict[str, Any]:
+def check_calibration(task: records.ReadCalibration, events: Events) -> dict[str, Any]:
     """What a parameter file holds, if it is a calibration.
 
     Raises
@@ -281,7 +267,7 @@ def _no_calibration(task: records.ReadCalibration) -> str:
     return f"{task.name}: is a channel map; give it to a recording with “Use a map” in its table of channels."
 
 
-def export(task: records.Export, events: Listener) -> dict[str, Any]:
+def export(task: records.Export, events: Events) -> dict[str, Any]:
     """Export the observer of a calibration, and pack it as a ZIP file.
 
     Raises
@@ -306,7 +292,7 @@ def export(task: records.Export, events: Listener) -> dict[str, Any]:
     return {"file": Path(archive).name, "words": words, "notes": list(done.notes)}
 
 
-def observe(task: records.Observe, events: Listener) -> dict[str, Any]:
+def observe(task: records.Observe, events: Events) -> dict[str, Any]:
     """Follow a recording with the observer of a calibration, and write its columns and its loads by stroke.
 
     Raises
@@ -354,7 +340,7 @@ def observe(task: records.Observe, events: Listener) -> dict[str, Any]:
     return result
 
 
-def open_table(task: records.ReadTable, events: Listener) -> dict[str, Any]:
+def open_table(task: records.ReadTable, events: Events) -> dict[str, Any]:
     """The table of a fleet, or the trend and the loads of a vehicle, from the files of their commands.
 
     Raises
@@ -388,7 +374,7 @@ def finite(value: Any) -> Any:
 
 
 #: What does each task.
-TASKS: Mapping[type[records.Task], Callable[[Any, Listener], dict[str, Any]]] = {
+TASKS: Mapping[type[records.Task], Callable[[Any, Events], dict[str, Any]]] = {
     records.Look: look,
     records.Cut: cut,
     records.FitRecordings: fit,

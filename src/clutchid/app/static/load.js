@@ -131,15 +131,8 @@ function form(verb, title, purpose, redraw) {
     notice(refused[verb]));
 }
 
-function cleaned(given) {
-  const found = { ...given };
-  for (const name of ["bounds", "prior"]) {
-    const words = (found[name] ?? "").trim();
-    delete found[name];
-    if (words) found[name] = words.split(/\s+/);
-  }
-  return found;
-}
+const listed = (text = "") => text.split(/\s+/).filter(Boolean);
+const cleaned = ({ bounds, prior, ...others }) => ({ ...others, bounds: listed(bounds), prior: listed(prior) });
 
 const opened = new Set();
 

@@ -1,5 +1,5 @@
 // The stage "On line": a recording played through the observer of a calibration, as a control unit would follow it.
-import { all, fill, h, nextStep, notice, one, points, repeat, sentences, send, short, summary } from "./page.js";
+import { all, fill, h, item, nextStep, notice, one, points, repeat, sentences, send, short, summary } from "./page.js";
 import { curves } from "./curves.js";
 import { strips } from "./strips.js";
 import { calibrations } from "./load.js";
@@ -14,7 +14,7 @@ let awaited = "";   // an observation that was begun, and that the server has no
 
 export function onlineStage(main, show) {
   const form = h("section", { class: "card", "aria-label": "Observe" });
-  const list = h("div", { class: "list" });
+  const list = h("div", { class: "list", role: "list", "aria-label": "Observed recordings" });
   const player = h("section", { "aria-label": "Player" });
   main.replaceChildren(h("div", { class: "load" }, h("div", {}, form, list), h("div", { class: "results" }, player)));
   let running = null;
@@ -25,8 +25,8 @@ export function onlineStage(main, show) {
     if (one("observation", awaited)) awaited = "";
     if (!one("observation", open) && !awaited) open = all("observation").at(-1)?.id ?? "";
     drawForm(form, draw);
-    fill(list, all("observation").map((run) => h("button", { type: "button", class: `item ${run.id === open ? "chosen" : ""}`, id: `item-${run.id}`, "aria-pressed": String(run.id === open),
-      onclick: () => { open = run.id; draw(); } }, h("span", { class: `dot ${run.found ? "good" : run.status === "failed" ? "bad" : ""}` }), h("span", { class: "name" }, `${run.name}, ${run.method}`), h("span", { class: "hint" }, run.found ? "" : run.status))));
+    fill(list, all("observation").map((run) => item(run.id, run.id === open, run.found ? "good" : run.status === "failed" ? "bad" : "", `${run.name}, ${run.method}`, run.found ? "" : run.status,
+      () => { open = run.id; draw(); })));
     const run = one("observation", open);
     const now = `${open} ${run?.status} ${run?.message} ${Boolean(run?.found)}`;
     if (now === drawn) return;

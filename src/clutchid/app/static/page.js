@@ -37,11 +37,13 @@ export async function ask(path) {
   return answered(await fetch(path));
 }
 
-async function answered(answer) {
-  const text = await answer.text();
+const answered = async (answer) => contentOf(await answer.text(), answer.status);
+
+/** The content of an answer; one that refuses is an Error with its sentence. */
+function contentOf(text, status) {
   let content = {};
   try { content = JSON.parse(text); } catch { content = { message: text }; }
-  if (!answer.ok) throw new Error(content.message || `The server answered ${answer.status}.`);
+  if (status >= 300) throw new Error(content.message || `The server answered ${status}.`);
   return content;
 }
 
@@ -52,12 +54,7 @@ export function upload(path, file, share, begun = () => {}) {
     request.open("PUT", path);
     request.setRequestHeader("x-clutchid", "1");
     request.upload.onprogress = (event) => event.lengthComputable && share(event.loaded / event.total);
-    request.onload = () => {
-      let content = {};
-      try { content = JSON.parse(request.responseText); } catch { content = { message: request.responseText }; }
-      if (request.status < 300) resolve(content);
-      else reject(new Error(content.message || `The server answered ${request.status}.`));
-    };
+    request.onload = () => { try { resolve(contentOf(request.responseText, request.status)); } catch (problem) { reject(problem); } };
     request.onerror = () => reject(new Error(`${file.name}: the connection to the server was lost.`));
     request.onabort = () => reject(new Error(`${file.name}: stopped.`));
     begun(() => request.abort());
@@ -155,6 +152,10 @@ export function repeat({ command, python }) {
 }
 
 export const badge = (text, mood) => h("span", { class: `badge ${mood.replace(" ", "-")}` }, text);
+
+/** An entry of the list at the left: its mark, name and state. */
+export const item = (id, chosen, mood, name, hint, act) => h("div", { role: "listitem" }, h("button", { type: "button", id: `item-${id}`, class: `item ${chosen ? "chosen" : ""}`, "aria-pressed": String(chosen), onclick: act },
+  h("span", { class: `dot ${mood}` }), h("span", { class: "name" }, name), h("span", { class: "hint" }, hint)));
 
 /** A button that copies a text, and says so. */
 export function copying(text, label) {

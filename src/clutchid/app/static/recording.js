@@ -1,5 +1,5 @@
 // The stage "Recording": open files, look at them, give channels a meaning, see what the checks say, choose strokes.
-import { about, all, badge, bytes, drawBox, fill, h, notice, one, plural, points, send, sending, short, SERIES, table } from "./page.js";
+import { about, all, badge, bytes, drawBox, fill, h, item, notice, one, plural, points, send, sending, short, SERIES, table } from "./page.js";
 import { strips } from "./strips.js";
 
 /** Units in which SI is shown, with factor and offset. */
@@ -81,12 +81,8 @@ export function worst(recording) {
 }
 
 function drawList(list, details) {
-  const items = all("recording").map((recording) => h("div", { role: "listitem" }, h("button", {
-    type: "button", id: `item-${recording.id}`, class: `item ${recording.id === chosen ? "chosen" : ""}`, "aria-pressed": String(recording.id === chosen),
-    onclick: () => { chosen = recording.id; drawList(list, details); drawDetails(details); },
-  }, h("span", { class: `dot ${worst(recording)}` }), h("span", { class: "name" }, recording.name),
-  h("span", { class: "hint" }, STATES[recording.status] || bytes(recording.size)))));
-  fill(list, items);
+  fill(list, all("recording").map((recording) => item(recording.id, recording.id === chosen, worst(recording), recording.name, STATES[recording.status] || bytes(recording.size),
+    () => { chosen = recording.id; drawList(list, details); drawDetails(details); })));
 }
 
 /** The map that is shown: as edited, or else as given or proposed. One that was given stays until the server shows it. */

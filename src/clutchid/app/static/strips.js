@@ -220,12 +220,7 @@ export function strips(holder, { panels, read, span, marks = [] }) {
 
 function at(plot, series, time) {
   if (time === null) return null;
-  const times = plot.data[0];
-  let best = null;
-  let distance = Infinity;
-  for (let i = 0; i < times.length; i++) {
-    const off = Math.abs(times[i] - time);
-    if (off < distance && plot.data[series][i] !== null && plot.data[series][i] !== undefined) { distance = off; best = i; }
-  }
-  return best === null ? null : plot.data[series][best];
+  const [times, values] = [plot.data[0], plot.data[series]];
+  const nearest = times.reduce((best, t, i) => (Number.isFinite(values[i]) && (best < 0 || Math.abs(t - time) < Math.abs(times[best] - time)) ? i : best), -1);
+  return nearest < 0 ? null : values[nearest];
 }

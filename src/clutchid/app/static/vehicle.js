@@ -1,5 +1,5 @@
 // The stage "Vehicle and fleet": the vehicles of a fleet, and of one its trend with alarms and forecast, and its loads.
-import { all, badge, drawBox, fill, h, notice, one, plural, send, sending, short, table } from "./page.js";
+import { all, badge, drawBox, fill, h, item, notice, one, plural, send, sending, short, table } from "./page.js";
 import { curves, trends } from "./curves.js";
 
 const PART = 100;             // vehicles that are shown at a time
@@ -60,10 +60,8 @@ const kindOf = (table) => table.vehicle ?? (table.found?.kind === "vehicle" ? ta
 
 function drawList(list, draw) {
   for (const table of all("table")) seen.add(table.id);
-  fill(list, all("table").map((table) => h("div", { role: "listitem" }, h("button", {
-    type: "button", id: `item-${table.id}`, class: `item ${table.id === chosen ? "chosen" : ""}`, "aria-pressed": String(table.id === chosen), onclick: () => open(table.id, draw),
-  }, h("span", { class: `dot ${dot(table)}` }), h("span", { class: "name" }, kindOf(table) || `fleet in ${table.folder}`),
-  h("span", { class: "hint" }, !table.found ? (table.status === "failed" ? "not read" : "reading") : table.found.kind === "fleet" ? plural(table.found.count, "vehicle") : "")))));
+  fill(list, all("table").map((one) => item(one.id, one.id === chosen, dot(one), kindOf(one) || `fleet in ${one.folder}`,
+    !one.found ? (one.status === "failed" ? "not read" : "reading") : one.found.kind === "fleet" ? plural(one.found.count, "vehicle") : "", () => open(one.id, draw))));
 }
 
 /** The mark of a vehicle: bad with an alarm or without a load. */
