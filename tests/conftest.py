@@ -46,6 +46,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """All tests of a file in one worker, so that its fixtures (a site, a fleet, a calibration) are made once."""
     from xdist.scheduler import LoadFileScheduling
 
+    config.option.loadscopereorder = False  # the order of `pytest_collection_modifyitems`
     return LoadFileScheduling(config, log)
 
 
@@ -56,13 +57,22 @@ collect_ignore = ["fixtures/another_system"]
 THETA = (9.0e5, -0.3e5, 0.6e5)
 
 
+#: Files that take longest, some with a test or two: they are first, so that no worker is left alone with one of them.
+LONG = (
+    "docs/test_site", "docs/test_console_blocks", "cli/test_fleet_command", "app/test_jobs", "house/test_python_page",
+    "cli/test_track_command", "cli/test_fit_output", "documents/test_fit_page", "model/test_texts", "test_systems",
+    "house/test_own_models_page", "house/test_new_parameter", "truck/test_plant_of_family_b", "rig/test_lugre",
+    "study/proving/test_proving", "fleets/test_cluster", "docs/test_gallery", "golden/test_golden_results",
+)  # fmt: skip
+
 #: Public names whose examples in the docstring take longer than 0.6 s.
 SLOW_EXAMPLES = {"calibrate", "export", "fleet", "prove", "report", "track"}
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark slow examples in docstrings, which cannot say so themselves."""
+    """Mark slow examples in docstrings, which cannot say so themselves, and put long files first."""
+    items.sort(key=lambda item: not item.path.with_suffix("").as_posix().endswith(LONG))
     for item in items:
         if isinstance(item, pytest.DoctestItem) and item.name.rpartition(".")[2] in SLOW_EXAMPLES:
             item.add_marker(pytest.mark.slow)

@@ -76,6 +76,7 @@ def reported(capsys, tmp_path, *arguments):
     assert "<script>alert" not in page
 
 
+@pytest.mark.slow
 def test_comments_of_an_mdf_file_reach_neither_terminal_nor_page_as_markup(log, tmp_path, capsys):
     asammdf = pytest.importorskip("asammdf")
     heading = f"<HDcomment><TX>{escape(HOSTILE)}</TX></HDcomment>"

@@ -230,6 +230,7 @@ def test_what_a_killed_run_left_loses_what_comes_again_so_that_each_sample_is_th
         assert pl.concat(both).equals(frame, null_equal=True), name
 
 
+@pytest.mark.slow
 def test_a_file_that_grows_is_followed_on_from_a_state_and_another_one_is_refused(observe, lines, same, tmp_path):
     def follow(text, out, *options):
         (tmp_path / "log.csv").write_bytes(b"".join(text))

@@ -58,6 +58,7 @@ def test_sensitivities_are_the_derivatives_of_the_computed_solution_through_bran
         np.testing.assert_allclose(S[:, :, column], difference, atol=20 * 1e-5 * np.abs(x).max())
 
 
+@pytest.mark.slow
 def test_the_table_kernel_carries_the_same_derivatives_to_states_and_weights(assorted, compiled):
     kernels = compiled(assorted)
     n = 150

@@ -71,6 +71,7 @@ def test_the_table_has_a_row_a_column_with_its_unit(fitted):
     assert table.column("predicted_percent")[1] is None
 
 
+@pytest.mark.slow
 def test_residuals_that_look_like_noise_need_no_words(diagnosis, fitted):
     calm = replace(diagnosis, columns={"position": diagnosis.columns["position"]})
     assert len(residual_blocks(fitted, calm)) in (2, 3)
@@ -97,6 +98,7 @@ def test_the_poorest_recordings_come_first(fitted):
     assert worst_first(found, ["a", "b", "c", "d"]) == ["b", "c", "a", "d"]
 
 
+@pytest.mark.slow
 def test_a_recording_too_short_for_a_colour_is_drawn_all_the_same(fitted):
     one = fitted.recordings["first"]
     short = replace(one, measured=one.measured.slice(0, 40), simulated=one.simulated.slice(0, 40))

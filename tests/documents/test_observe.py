@@ -33,6 +33,7 @@ def run(plant, log):
     return observe_recording(observer(plant), log)
 
 
+@pytest.mark.slow
 def test_the_page_has_loads_strokes_samples_parameters_and_health(run, loads_nothing, tmp_path):
     write_page(document_of(Observation(run, ORIGIN), "clutchid observe <worn>.parquet"), tmp_path / "page.html")
     html = (tmp_path / "page.html").read_text(encoding="utf-8")

@@ -225,6 +225,7 @@ def test_the_default_model_is_proportional_where_there_is_no_carrier(drive_log):
     assert set(AVERAGED) <= set(free)
 
 
+@pytest.mark.slow
 def test_with_a_carrier_the_valves_are_switched_and_their_phases_free(plant, recorded_by):
     switched = {"T_pwm": 0.01, "s_pwm": 0.3, "s_vs": 0.07, "s_ve": 0.07, "tau_p": 0.0}
     log = recorded_by(plant.replace(switched), seconds=6.0)

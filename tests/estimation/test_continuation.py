@@ -137,6 +137,7 @@ def test_a_search_is_continued_only_for_the_same_files_columns_and_parameters():
     assert not unknown.applies(("P_S", "load"), ("position",), {"a": "unknown"})
 
 
+@pytest.mark.slow
 def test_a_prediction_error_search_is_continued_too(recording, tmp_path):
     actuator, request = start_of(None, None, FitRequest(MEASURE, ("load", "P_S"), method="prediction-error"))
     reading = Reading((recording,), ambient=101300.0, force=True)

@@ -79,6 +79,7 @@ def test_as_many_parameters_are_expected_to_have_moved_as_the_data_determine(pro
     assert departed(problem, np.zeros(5), information=information).expected == pytest.approx(expected, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_the_expected_distance_is_that_of_trucks_drawn_from_the_prior(problem):
     rng = np.random.default_rng(1)
     root = with_hypothesis(problem, tuple(GROUPS)).prior_root

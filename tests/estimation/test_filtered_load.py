@@ -102,6 +102,7 @@ def test_the_load_per_supply_is_that_of_a_reading_with_another_supply(problem):
     assert load_per_supply(problem, None) is None
 
 
+@pytest.mark.slow
 def test_a_reading_with_a_recorded_supply_pressure_says_what_it_is_worth_and_has_a_band(
     recorded, calibrated, kept, worn
 ):

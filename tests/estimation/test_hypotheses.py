@@ -113,6 +113,7 @@ def test_what_has_changed_is_probable_and_the_load_is_nearer_to_the_truth(
     assert error < 0.7 * without
 
 
+@pytest.mark.slow
 def test_the_changes_of_a_fit_are_those_of_its_hypotheses(reread, known_of, calibrated, logs, trucks):
     fit = reread(logs["cold"])
     expected = mixture(known_of("cold"), calibrated.calibration)
@@ -137,6 +138,7 @@ def test_the_load_of_a_changed_truck_lies_in_its_band(reread, logs, trucks):
         assert np.mean((low < true) & (true < high)) >= 0.9, name
 
 
+@pytest.mark.slow
 def test_a_parameter_that_the_user_sets_free_is_his(reread, calibrated, logs):
     supply = calibrated.actuator.value("P_S")
     wide = {"P_S": Prior(supply, 0.05 * supply)}
@@ -158,6 +160,7 @@ def test_of_two_recordings_each_has_parameters_of_its_own(reread, logs, calibrat
     assert fit.parameters["D_v@same"].value == pytest.approx(grease, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_calibration_of_an_earlier_version_weighs_hypotheses_as_well(reread, calibrated, logs, trucks):
     request = FitRequest(("position",), ("load",), calibration=replace(calibrated.calibration, position_only=None))
     fit = fit_with(SHOOTING, [logs["cold"]], calibrated.actuator, request)
@@ -173,6 +176,7 @@ def test_a_method_without_hypotheses_reads_as_if_nothing_had_changed(calibrated,
     assert fit.changes == ()
 
 
+@pytest.mark.slow
 def test_a_hypothesis_whose_search_fails_is_left_out(calibrated, logs):
     kept, free = calibrated.calibration, FreeParameters(calibrated.actuator.load.names, ("position",))
     found, tried = shoot([logs["cold"]], calibrated.actuator, free, kept), []

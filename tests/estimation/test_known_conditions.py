@@ -85,6 +85,7 @@ def test_grease_follows_the_temperature_where_both_may_have_changed(problem_of_l
     assert value["D_v@worn"] / one.actuator.value("D_v") == pytest.approx(np.exp(0.5), rel=0.03)
 
 
+@pytest.mark.slow
 def test_a_known_change_of_nothing_costs_an_unchanged_truck_at_most_a_thousandth_of_the_peak(
     worn_log, measured, calibrated, kept, worn
 ):
@@ -99,6 +100,7 @@ def test_a_known_change_of_nothing_costs_an_unchanged_truck_at_most_a_thousandth
     assert probabilities[1].of_group("supply pressure") < probabilities[0].of_group("supply pressure")
 
 
+@pytest.mark.slow
 def test_a_temperature_that_fell_by_30_k_is_a_change_of_temperature(measured, calibrated, kept):
     request = FitRequest(("position",), ("load",), calibration=kept)
     fit = fit_with(SHOOTING, [measured(263.0, 9.5e5)], calibrated.actuator, request)
@@ -128,6 +130,7 @@ def test_a_user_may_give_a_condition_without_freeing_it_only_where_a_load_is_rea
             fit_with(SHOOTING, [worn_log], calibrated.actuator, request)
 
 
+@pytest.mark.slow
 def test_a_calibration_without_conditions_reads_and_says_what_it_lacks(measured, worn_log, calibrated):
     request = FitRequest(("position",), ("load",), calibration=calibrated.calibration)
     plain, fit = (fit_with(SHOOTING, [log], calibrated.actuator, request) for log in (worn_log, measured(263.0, 9e5)))

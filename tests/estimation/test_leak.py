@@ -70,6 +70,7 @@ def test_a_search_that_gets_nowhere_ends_after_its_patience(leaking_log, calibra
     assert again.solution.at.cost < found.solution.at.cost
 
 
+@pytest.mark.slow
 def test_only_the_search_of_a_load_from_position_alone_ends_early(calibrated, worn, recorded_by, leaking_log):
     names, with_pressure = calibrated.actuator.load.names, recorded_by(worn, seconds=3.0, seed=5, name="worn", driven=1)
     both = FreeParameters(names, ("position", "pressure_a"))

@@ -140,6 +140,7 @@ def test_a_start_at_rest_is_not_free_and_one_with_measured_pressure_only_in_posi
     assert x.size == len(NAMES) + 1
 
 
+@pytest.mark.slow
 def test_nineteen_of_twenty_intervals_hold_the_truth_where_the_valve_opens_at_the_first_sample(truth, driven):
     """The position at the start is then one sample, whose noise moves the load: without it 43 % hold theta_3."""
     log, trials = driven(seconds=4.0), 100

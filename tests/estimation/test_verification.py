@@ -69,6 +69,7 @@ def test_a_recording_without_pressure_is_verified_by_its_position(known, other):
     assert errors.pressure_a_rms is None
 
 
+@pytest.mark.slow
 def test_a_fit_by_shooting_is_verified_so(calibrated, worn, worn_log, recorded_by):
     unused = recorded_by(worn, seconds=5.0, seed=9, name="unused").without("pressure_a")
     found = clutchid.fit(
