@@ -1,4 +1,3 @@
-
 """Jobs in processes of their own: how they go on, fail, are cancelled and killed, and that nothing of them is left."""
 
 import os

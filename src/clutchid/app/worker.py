@@ -14,7 +14,9 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass
+from pathlib import Path
 from typing import Any
 
 from clutchid.app.records import Task
@@ -71,7 +73,25 @@ def run(task: Task, work: Callable[..., dict[str, Any]], events: Events) -> None
         events.say("done", result=work(task, events))
     except Exception as error:
         message, status = failure(error, debug=False)
+        message = without_folders(message, task)
         events.say("failed", message=message, status=status, traceback="" if status == "bad_input" else _trace(error))
+
+
+def without_folders(message: str, task: Task) -> str:
+    """A message with the files of a task by their names alone: their folders may be those of the server."""
+    folders = {path.parent for path in _paths(task) if path.parent != path.parent.parent}
+    for folder in sorted(folders, key=lambda folder: -len(folder.parts)):
+        message = message.replace(f"{folder}{os.sep}", "")
+    return message
+
+
+def _paths(value: object) -> Iterator[Path]:
+    if isinstance(value, Path):
+        yield value
+    elif is_dataclass(value):
+        yield from (path for field in fields(value) for path in _paths(getattr(value, field.name)))
+    elif isinstance(value, tuple):
+        yield from (path for member in value for path in _paths(member))
 
 
 def _trace(error: BaseException) -> str:

@@ -50,8 +50,6 @@ def rows_of(run: ObservedRecording) -> list[Row]:
     about = [load_sentence(run)]
     if run.observer.compares:
         about.append(f"innovations (NIS in motion) are {run.after.mismatch:.2f} times those of the calibration")
-    if run.assumes_supply:
-        about.append(_SUPPLY)
     return [
         Row(None, f"observed {run.log.name}: {observe_sentence(run)}", fixed=True, on=On.TERMINAL),
         Row("load", f"at {', '.join(map(str, POSITIONS))} mm: {shown} N"),
@@ -61,12 +59,6 @@ def rows_of(run: ObservedRecording) -> list[Row]:
         *([Row("", judged.experience, on=On.PAGE)] if judged.experience else []),
         *labelled("change", about, On.PAGE),
     ]
-
-
-_SUPPLY = (
-    "no supply pressure was recorded, so that of the calibration is assumed: 5 % less is taken for a load that is 6 % "
-    "larger"
-)
 
 
 def observe_json(run: ObservedRecording, origin: Origin) -> dict[str, Any]:

@@ -59,7 +59,7 @@ def change_words(wear: Wear) -> str:
     shift, load = present["shift"], present["load"]
     words = (
         f"half-load position {shift[0] / MM:+.3f} mm ({shift[1] / MM:+.3f} to {shift[2] / MM:+.3f}), "
-        f"load over 5 to 8 mm {100 * load[0]:+.1f} % ({100 * load[1]:+.1f} to {100 * load[2]:+.1f})"
+        f"load over 5 to 8 mm {100 * load[0]:+z.1f} % ({100 * load[1]:+z.1f} to {100 * load[2]:+z.1f})"
     )
     return f"{_worn(wear, present['wear'])}; {words}" if "wear" in present else words
 
@@ -86,7 +86,7 @@ def alarm_words(alarm: Alarm) -> str:
         return f"{words}: look for a fault, or calibrate again"
     if alarm.kind == "sensor moved":
         return f"{words}: the vented rest by {alarm.rest / MM:+.2f} mm, which is no wear and does not count as such"
-    return f"{words}: half-load position {alarm.shift / MM:+.3f} mm, load {100 * alarm.load:+.1f} %"
+    return f"{words}: half-load position {alarm.shift / MM:+.3f} mm, load {100 * alarm.load:+z.1f} %"
 
 
 def _lost(conductance: float) -> float:
