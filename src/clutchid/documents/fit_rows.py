@@ -48,11 +48,6 @@ POSITIONS = (5, 6, 7, 8)
 #: Most reasons, other parameters, and verified recordings in a summary; the rest is said to be elsewhere.
 MOST_REASONS, MOST_OTHERS, MOST_VERIFIED = 2, 4, 2
 
-_ASSUMED = (
-    "There is no calibration: without --start everything that is not fitted is taken from the truck of the paper "
-    "(Appendix A). On another truck the load has errors that its interval does not include."
-)
-
 #: Half width in N from which an interval is not shown, and what stands there.
 LARGEST_HALF, UNKNOWN = 1e5, "not determined"
 
@@ -179,8 +174,7 @@ def _since(fit: Fit, compared: Comparison | None) -> list[Row]:
     """Changes since the calibration, or the values that are assumed without one."""
     if fit.baseline is None:
         if fit.calibration is None and of_the_paper(fit):
-            paper = "what is not fitted is that of the truck in the paper: no calibration"
-            return [Row("assumed", paper), Row("", _ASSUMED, on=On.PAGE)]
+            return [Row("assumed", "what is not fitted is that of the truck in the paper: no calibration")]
         return []
     name, on_pages = baseline_name(fit.baseline), On.BRIEF | On.PAGE
     if states_of_wear(fit) is not None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from clutchid.documents.document import Row
 from clutchid.documents.style import MM
+from clutchid.documents.terminal import text_of
 from clutchid.parameters import Parameters
 from clutchid.wear import FALSE_ALARMS, Alarm, Interval, Wear
 
@@ -37,7 +38,7 @@ def rows_of(wear: Wear) -> list[Row]:
 
 def wear_lines(wear: Wear) -> list[str]:
     """The rows as lines."""
-    return [f"{row.label:<12}{row.text}" for row in rows_of(wear)]
+    return text_of(rows_of(wear)).splitlines()
 
 
 def recordings_words(wear: Wear) -> str:
