@@ -93,6 +93,7 @@ def test_a_worn_clutch_is_compared_with_the_calibration(working, calibrated, rec
     found = working.wait(id_, "done")["found"]
     assert {"5 mm", "6 mm"} <= set(found["change_at"])
     assert found["calibrated_load_curve"]["force_N"]
+    assert found["calibration"]["name"] == "CAL.toml"  # as in the command that is shown
     assert "residual position" in found["recordings"][0]["columns"]
 
 

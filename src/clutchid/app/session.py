@@ -128,10 +128,12 @@ class Session:
                 "pressure first, or open a calibration that was saved."
             )
         files, others = self._files(recordings), self._files(verify)
-        first = None if start is None else self.calibration_file(start)
+        kept = None if start is None else self.calibration_file(start)
         asked = fit_command(verb, options, files, others, None if start is None else self._start_name(start))
         command, python = repeated(asked, [*files, *others])
         id_, folder = self._result_folder("result")
+        # the result names its calibration as the command does
+        first = shutil.copyfile(kept, folder / asked.start.name) if kept and asked.start else None
         names = ", ".join(file.name for file in files)
         name = f"{verb} {names}"
         task = records.FitRecordings(asked, name, files, folder, others, first)

@@ -27,7 +27,7 @@ def test_from_a_german_file_to_what_has_changed_and_an_export(page, opened, file
         assert page.locator(f"#chart-{chart} .u-over").bounding_box()["y"] < 700.0
     page.set_viewport_size({"width": 500, "height": 950})
     box = page.locator(".answer").bounding_box()
-    assert box["y"] + box["height"] < 700.0
+    assert box["y"] + box["height"] < 950.0
     assert page.locator(".summary .fixed").evaluate("cell => cell.scrollWidth <= cell.clientWidth")
     page.set_viewport_size({"width": 1400, "height": 950})
     assert page.locator("table.board tr").count() == 2
