@@ -1,5 +1,6 @@
 """Jobs in processes of their own: how they go on, fail, are cancelled and killed, and that nothing of them is left."""
 
+import contextlib
 import os
 import re
 import signal
@@ -23,8 +24,12 @@ def upload(served, path, name=None):
 
 
 def processes():
-    """Processes that this one has started and that run."""
-    return [one.pid for one in psutil.Process().children(recursive=True) if one.status() != psutil.STATUS_ZOMBIE]
+    """Processes that this one has started and that run; one may end while it is asked."""
+    running = []
+    for process in psutil.Process().children(recursive=True):
+        with contextlib.suppress(psutil.NoSuchProcess):
+            running += [process.pid] if process.status() != psutil.STATUS_ZOMBIE else []
+    return running
 
 
 @pytest.fixture(scope="module")

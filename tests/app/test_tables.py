@@ -5,9 +5,9 @@ import json
 import polars as pl
 import pytest
 
+from clutchid.app.records import finite
 from clutchid.app.session import Session
 from clutchid.app.tables import MOST_LOADS, PLACES, files_of, opened
-from clutchid.app.tasks import finite
 from clutchid.errors import DataError
 from fixtures.results import REPLACED, STEADY, UNREAD, lives, write_fleet, write_track
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -23,7 +23,7 @@ from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.estimation.parameter_file import read_parameters
 from clutchid.estimation.result import calibrated_curve
 from clutchid.exports.fit_file import function_name, write_matlab
-from clutchid.log import Log
+from clutchid.log import FloatArray, Log
 from clutchid.measurements.checks import AMBIENT, in_si
 from clutchid.measurements.columns import Heading
 from clutchid.measurements.map.channel_map import read_map
@@ -80,17 +80,13 @@ def look(task: records.Look, events: Events) -> dict[str, Any]:
         **({} if given is None else {"map": map_json(given)}),
     }
     contents = contents_of(source, ambient, given)
-    events.part(finite({**look_json(contents, None, ""), **about, "checking": True}))
+    events.part({**look_json(contents, None, ""), **about, "checking": True})
     events.progress("checks", 0.9, "checks")
     try:
         found = checked(source, contents, ambient, given)
     except DataError as error:  # the map does not fit: the file is shown nevertheless
-        plain = look_json(contents, None, "")
-        refused: dict[str, Any] = finite({**plain, **about, "status": "bad_input", "message": str(error)})
-        return refused
-    text = look_json(contents, found.inspection, found.unchecked)
-    result: dict[str, Any] = finite({**text, **about, "strokes": _strokes(found.log)})
-    return result
+        return {**look_json(contents, None, ""), **about, "status": "bad_input", "message": str(error)}
+    return {**look_json(contents, found.inspection, found.unchecked), **about, "strokes": _strokes(found.log)}
 
 
 def cut(task: records.Cut, events: Events) -> dict[str, Any]:
@@ -196,7 +192,7 @@ def _written(found: Fit, task: records.FitRecordings) -> dict[str, Any]:
             files.append(name)
         except ClutchidError as error:
             failures.append(f"{name}: {error}")
-    (folder / "result.json").write_text(json.dumps(finite(fit_json(found))), encoding="utf-8")
+    (folder / "result.json").write_text(json.dumps(records.finite(fit_json(found))), encoding="utf-8")
     return {"files": files, "failures": failures}
 
 
@@ -204,15 +200,13 @@ def _shown(found: Fit, task: records.FitRecordings) -> dict[str, Any]:
     """What the page shows of a fit."""
     kept = Path(records.download_name(task.name, "fit.toml"))
     command = replace(task.asked, save=(kept,), report=kept.with_suffix(".html")).command
-    shown = {
+    return {
         **application_data(found, command),
         "recordings": _residuals(found, task.folder / "columns"),
         "files": [],
         "failures": [],
         "writing": False,
     }
-    result: dict[str, Any] = finite(shown)
-    return result
 
 
 def _residuals(found: Fit, folder: Path) -> list[dict[str, Any]]:
@@ -221,12 +215,16 @@ def _residuals(found: Fit, folder: Path) -> list[dict[str, Any]]:
     shown = []
     columns = compared_columns(found)
     for grid, (name, one) in enumerate({**found.recordings, **found.verification}.items()):
-        write_column(folder, grid, CLOCK, clock_column(one.measured.time))
-        for number, values in enumerate(columns[name].values()):
-            write_column(folder, grid, number, values)
+        _write_columns(folder, grid, one.measured.time, columns[name].values())
         span = [float(one.measured.time[0]), float(one.measured.time[-1])]
         shown.append({"name": name, "columns": [*columns[name]], "span": span, "verified": name in found.verification})
     return shown
+
+
+def _write_columns(folder: Path, grid: int, time: FloatArray, columns: Iterable[FloatArray]) -> None:
+    """The columns of a plot over one time."""
+    for number, values in ((CLOCK, clock_column(time)), *enumerate(columns)):
+        write_column(folder, grid, number, values)
 
 
 def check_calibration(task: records.ReadCalibration, events: Events) -> dict[str, Any]:
@@ -249,13 +247,11 @@ def check_calibration(task: records.ReadCalibration, events: Events) -> dict[str
             "`clutchid calibrate --save CAL.toml`."
         )
     curve = calibrated_curve(content.actuator, known)
-    shown = {
+    return {
         "status": "ok", "load_curve": None if curve is None else curve_json(curve), "is_calibration": True,
         "trust": content.origin.trust or "",
         "created": content.origin.created, "files": ["fit.toml"], "recordings": [], "reasons": [], "parameters": {},
     }  # fmt: skip
-    result: dict[str, Any] = finite(shown)
-    return result
 
 
 def _no_calibration(task: records.ReadCalibration) -> str:
@@ -317,14 +313,12 @@ def observe(task: records.Observe, events: Events) -> dict[str, Any]:
     folder.mkdir(parents=True, exist_ok=True)
     estimates = run.estimates()
     names = [name for name in OBSERVED if name in estimates.columns]
-    write_column(folder, 0, CLOCK, clock_column(log.time))
-    for number, name in enumerate(names):
-        write_column(folder, 0, number, np.asarray(estimates.columns[name], dtype=np.float64))
+    _write_columns(folder, 0, log.time, (np.asarray(estimates.columns[name], dtype=np.float64) for name in names))
     grid = positions(run.observer)
     loads = [(float(log.time[0]), 0, curve(run.observer, run.before, grid))]
     loads += [(row.time, row.number, row.curve) for row in run.strokes]
     rows = page_rows(document_of(Observation(run, content.origin)))
-    shown = {
+    return {
         "columns": names,
         "span": [float(log.time[0]), float(log.time[-1])],
         "calibrated": curve_json(curve(run.observer, start(run.observer), grid)),
@@ -336,8 +330,6 @@ def observe(task: records.Observe, events: Events) -> dict[str, Any]:
         else {"kind": "export", "why": "export the observer for a control unit", "command": ""},
         "warnings": [*log.warnings],
     }
-    result: dict[str, Any] = finite(shown)
-    return result
 
 
 def open_table(task: records.ReadTable, events: Events) -> dict[str, Any]:
@@ -351,8 +343,7 @@ def open_table(task: records.ReadTable, events: Events) -> dict[str, Any]:
     from clutchid.app import tables  # half a second of imports, which other jobs need not wait for
 
     events.progress("reading", None, "reading")
-    found: dict[str, Any] = finite(tables.opened(task.path, task.below, task.vehicle))
-    return found
+    return tables.opened(task.path, task.below, task.vehicle)
 
 
 #: Columns of an observed recording that are plotted.
@@ -360,17 +351,6 @@ OBSERVED = (
     "position", "pressure_a", "pressure_a low", "pressure_a high", "pressure_a_measured [Pa]", "innovation",
     "innovation std", "used [1]", "nis_ratio [1]",
 )  # fmt: skip
-
-
-def finite(value: Any) -> Any:
-    """A value for JSON: what is not finite is null."""
-    if isinstance(value, dict):
-        return {key: finite(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(inner) for inner in value]
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    return value
 
 
 #: What does each task.

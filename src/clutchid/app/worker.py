@@ -19,7 +19,7 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
-from clutchid.app.records import Task
+from clutchid.app.records import Task, finite
 from clutchid.systems import end_session
 from clutchid.verbs.failures import failure
 
@@ -36,7 +36,7 @@ class Events:
 
     def say(self, event: str, **values: Any) -> None:
         """Write an event at once."""
-        self._file.write(json.dumps({"event": event, **values}) + "\n")
+        self._file.write(json.dumps(finite({"event": event, **values}), allow_nan=False) + "\n")
         self._file.flush()
 
     def part(self, result: dict[str, Any]) -> None:
