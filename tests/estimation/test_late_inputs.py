@@ -12,7 +12,7 @@ from clutchid.preparation.pulses import pulsed
 from clutchid.simulation.sensors import lagged
 
 EXACT = Calibration((), np.zeros((0, 0)))
-PERIOD, FINE, SECONDS = 0.01, 1e-4, 8.0
+PERIOD, FINE, SECONDS = 0.01, 1e-4, 5.0
 
 pytestmark = pytest.mark.slow
 
