@@ -60,7 +60,7 @@ THETA = (9.0e5, -0.3e5, 0.6e5)
 #: Files that take longest, some with a test or two: they are first, so that no worker is left alone with one of them.
 LONG = (
     "docs/test_site", "docs/test_console_blocks", "cli/test_fleet_command", "app/test_jobs", "house/test_python_page",
-    "cli/test_track_command", "cli/test_fit_output", "documents/test_fit_page", "model/test_texts", "test_systems",
+    "cli/test_track_command", "cli/test_fit_output", "documents/test_fit", "model/test_texts", "test_systems",
     "house/test_own_models_page", "house/test_new_parameter", "truck/test_plant_of_family_b", "rig/test_lugre",
     "study/proving/test_proving", "fleets/test_cluster", "docs/test_gallery", "golden/test_golden_results",
 )  # fmt: skip

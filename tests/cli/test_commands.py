@@ -60,15 +60,15 @@ def test_fit_finds_the_load_and_prints_one_json_object(command: Command, recordi
     assert answer["logs"].keys() == {"strokes"}
 
 
-def test_a_saved_fit_starts_a_fit_and_a_simulation(recording: Path, tmp_path: Path) -> None:
+def test_a_saved_fit_starts_a_fit_and_a_simulation(command: Command, recording: Path, tmp_path: Path) -> None:
     saved, out = tmp_path / "fit.toml", tmp_path / "sim.parquet"
-    assert process("fit", recording, "--save", saved).returncode == 0
-    again = process("fit", recording, "--start", saved, "--json")
+    assert command("fit", recording, "--save", saved).returncode == 0
+    again = command("fit", recording, "--start", saved, "--json")
     assert again.returncode == 0, again.stderr
     first = clutchid.read_parameters(saved).actuator
     for name, estimate in json.loads(again.stdout)["parameters"].items():
         assert abs(estimate["value"] - first.value(name)) < 1e-2 * estimate["std"]
-    done = process("simulate", recording, "--parameters", saved, "--out", out)
+    done = command("simulate", recording, "--parameters", saved, "--out", out)
     assert done.returncode == 0, done.stderr
     simulated = clutchid.read(out)
     assert set(simulated.columns) == {

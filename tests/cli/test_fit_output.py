@@ -201,20 +201,20 @@ def test_rows_are_as_wide_as_a_narrow_terminal(fitted, on_a_terminal):
     assert max(len(line) for line in lines if line.startswith(("trust", "load", "since", "errors"))) <= 50
 
 
-def test_each_next_command_runs_as_it_is_printed(truck):
+def test_each_next_command_runs_as_it_is_printed(truck, command):
     calibrated = (truck / "calibrated.txt").read_text(encoding="utf-8")
     assert max(map(len, rows(calibrated))) <= 80
     assert len(rows(calibrated)) <= 14
     words = shlex.split(calibrated.splitlines()[-1])
     assert words == ["clutchid", "estimate", "WORN.csv", "--start", "my CAL.toml"]
-    read = process(*words[1:2], "my worn.csv", *words[3:], "--save=my worn.toml", "--report=my worn.html", cwd=truck)
+    read = command(*words[1:2], "my worn.csv", *words[3:], "--save=my worn.toml", "--report=my worn.html", cwd=truck)
     assert read.returncode == 0, read.stderr
     assert "half-load position" in read.stdout
     assert max(map(len, rows(read.stdout))) <= 80
     assert "New against worn" in (truck / "my worn.html").read_text(encoding="utf-8")
     words = shlex.split(read.stdout.splitlines()[-1])
     assert words[:3] == ["clutchid", "simulate", "my worn.csv"]
-    done = process(*words[1:], cwd=truck)
+    done = command(*words[1:], cwd=truck)
     assert done.returncode == 0, done.stderr
     assert (truck / "my worn-pressure.csv").exists()
 
@@ -239,10 +239,10 @@ def test_recordings_of_one_wear_are_of_one_state_and_of_another_wear_of_two(truc
     assert [len(group) for group in states(*slight, *worn).groups] == [3, 2]
 
 
-def test_recordings_read_together_are_read_alone_too_without_parameters_of_the_others(truck):
+def test_recordings_read_together_are_read_alone_too_without_parameters_of_the_others(truck, command):
     (truck / "other.csv").write_bytes((truck / "my worn.csv").read_bytes())
     own = ("--free", "load,P_S@other", "--prior", "P_S@other=9e5±1e4")
-    done = process("fit", "my worn.csv", "other.csv", "--start", "my CAL.toml", *own, "--json", cwd=truck)
+    done = command("fit", "my worn.csv", "other.csv", "--start", "my CAL.toml", *own, "--json", cwd=truck)
     assert done.returncode == 0, done.stdout
     found = json.loads(done.stdout)
     assert set(found["readings"]) == {"my worn", "other"}
