@@ -13,11 +13,11 @@ class Said(list):
 
 
 def test_a_message_names_a_file_and_not_the_folder_that_the_server_keeps_it_in():
-    path, said = Path("/home/me/.cache/clutchid/app/uploads/recording-1/run.csv"), Said()
+    path, said = Path("/var/cache/clutchid/app/uploads/recording-1/run.csv"), Said()
 
     def refused(task, events):
-        raise DataError(f"{task.file.path}: has no position; see /home/me/notes.")
+        raise DataError(f"{task.file.path}: has no position; see /etc/notes.")
 
     run(Look(File(path), path.parent), refused, said)
     ((event, values),) = said
-    assert (event, values["message"]) == ("failed", "run.csv: has no position; see /home/me/notes.")
+    assert (event, values["message"]) == ("failed", "run.csv: has no position; see /etc/notes.")

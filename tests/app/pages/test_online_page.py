@@ -32,6 +32,7 @@ def test_a_recording_is_played_paused_and_stepped_by_strokes(page, opened, pictu
     page.click("#play")
     page.locator("#play", has_text="Pause").wait_for()
     page.click("#play")
+    page.locator("#play", has_text="Play").wait_for()
     paused = page.locator(".time").inner_text()
     page.wait_for_timeout(300)
     assert page.locator(".time").inner_text() == paused
