@@ -190,7 +190,7 @@ def _last_rows(wear: pl.DataFrame) -> list[dict[str, Any]]:
         row = {
             "vehicle": name, "recordings": group.height, "axis": last.get("axis"), "last": _last(group["begin"]),
             "counted": sum(outcome in COUNTED for outcome in group["outcome"]),
-            "alarms": "; ".join(_alarm_words(kind) for text in group["alarm"] if text for kind in text.split(", ")),
+            "alarms": "; ".join(ALARMS.get(kind, kind) for text in group["alarm"] if text for kind in text.split(", ")),
         }  # fmt: skip
         counts = bool(row["counted"])
         for side, tail in (("", ""), (" low", "_low"), (" high", "_high")):
@@ -348,13 +348,9 @@ def _alarms(rows: pl.DataFrame) -> list[dict[str, Any]]:
         for kind in (text or "").split(", ") if text else ():
             when = f" on {begins[index][:10]}" if begins[index] else ""
             where = f"between {names[index - 1]} and {names[index]}" if index else f"before {names[index]}"
-            words = f"{_alarm_words(kind)} {where}{when}"
+            words = f"{ALARMS.get(kind, kind)} {where}{when}"
             found.append({"index": index, "kind": kind, "words": f"{words[0].upper()}{words[1:]}."})
     return found
-
-
-def _alarm_words(kind: str) -> str:
-    return ALARMS.get(kind, kind)
 
 
 def _loads(files: Files, vehicle: str, names: Sequence[str]) -> dict[str, LoadCurve]:

@@ -74,7 +74,8 @@ def run(task: Task, work: Callable[..., dict[str, Any]], events: Events) -> None
     except Exception as error:
         message, status = failure(error, debug=False)
         message = without_folders(message, task)
-        events.say("failed", message=message, status=status, traceback="" if status == "bad_input" else _trace(error))
+        trace = "" if status == "bad_input" else "".join(traceback.format_exception(error))
+        events.say("failed", message=message, status=status, traceback=trace)
 
 
 def without_folders(message: str, task: Task) -> str:
@@ -92,10 +93,6 @@ def _paths(value: object) -> Iterator[Path]:
         yield from (path for field in fields(value) for path in _paths(getattr(value, field.name)))
     elif isinstance(value, tuple):
         yield from (path for member in value for path in _paths(member))
-
-
-def _trace(error: BaseException) -> str:
-    return "".join(traceback.format_exception(error))
 
 
 def _end_with_server() -> None:
