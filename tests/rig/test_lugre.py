@@ -209,7 +209,7 @@ def test_a_contact_that_hardly_yields_is_found_from_a_recording_without_noise(tr
 @pytest.mark.slow
 def test_intervals_contain_a_friction_whose_contact_hardly_yields(tribometer, coloured):
     log, values = rigid(tribometer, 1.3e-4)
-    generator, trials = np.random.default_rng(2), 20
+    generator, trials = np.random.default_rng(2), 16
     inside = dict.fromkeys(values, 0)
     for _ in range(trials):
         found = fit_lugre(log.with_columns(force=log["force"] + 0.1 * coloured(generator, len(log), 0.8)))
