@@ -305,7 +305,7 @@ def written(draw):
     return np.array(values), labels, text.encode(draw(st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "cp1252"])))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=300, deadline=None)
 @given(table=written(), way=st.sampled_from(["numpy", "polars", "text"]), rows=st.sampled_from([None, 1, 7]))
 def test_whatever_table_in_whatever_dialect_is_read_back_exactly(tmp_path_factory, force, table, way, rows):
     values, labels, content = table
