@@ -177,6 +177,7 @@ def residual_blocks(fit: Fit, diagnosis: Diagnosis) -> tuple[Block, ...]:
 
 
 def capital_unless_named(sentence: str, names: Collection[str] = ()) -> str:
+    """A sentence with a capital, unless it begins with a name of a column or recording."""
     named = "_" in sentence.split(" ", maxsplit=1)[0] or any(sentence.startswith(f"{name}: ") for name in names)
     return sentence if named else capital(sentence)
 

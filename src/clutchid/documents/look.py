@@ -17,13 +17,20 @@ class Looked(Protocol):
     """The contents of a file, the checks on it or, in `unchecked`, why there are none, and their text."""
 
     @property
-    def contents(self) -> FileOverview: ...
+    def contents(self) -> FileOverview:
+        """Contents of the file."""
+
     @property
-    def inspection(self) -> Inspection | None: ...
+    def inspection(self) -> Inspection | None:
+        """Checks on the recording."""
+
     @property
-    def unchecked(self) -> str: ...
+    def unchecked(self) -> str:
+        """Reason why there are none."""
+
     @property
-    def checks(self) -> str: ...
+    def checks(self) -> str:
+        """Text of the checks, or that reason."""
 
 
 def look_document(looked: Looked, command: str = "") -> Document:

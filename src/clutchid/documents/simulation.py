@@ -16,13 +16,20 @@ class Simulated(Protocol):
     """Name of a recording, errors of its simulation, None without a measured position, message and warnings."""
 
     @property
-    def recording(self) -> str: ...
+    def recording(self) -> str:
+        """Name of the recording."""
+
     @property
-    def errors(self) -> Errors | None: ...
+    def errors(self) -> Errors | None:
+        """Errors against what was measured."""
+
     @property
-    def message(self) -> str: ...
+    def message(self) -> str:
+        """Sentence of the simulation."""
+
     @property
-    def warnings(self) -> tuple[str, ...]: ...
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings of both."""
 
 
 def simulated_document(simulated: Simulated, command: str = "") -> Document:
