@@ -248,7 +248,7 @@ def verdict(fit: Fit) -> Verdict:
     >>> from clutchid.log import Log
     >>> t = np.arange(0.0, 1.0, 1e-3)
     >>> still = Log(t, {name: np.zeros(1000) for name in ("position", "duty_supply", "duty_exhaust")})
-    >>> verdict(fit(still)).trust
+    >>> verdict(fit(still, force=True)).trust
     'none'
     """
     found = (*states_reasons(fit), *reasons(fit))

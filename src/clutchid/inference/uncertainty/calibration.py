@@ -120,7 +120,8 @@ class Calibration:
 
     >>> import clutchid
     >>> log = clutchid.bundled_recording().slice(0, 4000)
-    >>> known = clutchid.calibrate(log, free="load,P_S", priors={"P_S": clutchid.Prior(9e5, 5e4)}).calibration
+    >>> request = clutchid.FitRequest(priors={"P_S": clutchid.Prior(9e5, 5e4)})
+    >>> known = clutchid.calibrate(log, request=request, free="load,P_S").calibration
     >>> known.names, bool(10e3 < known.covariance[0, 0] ** 0.5 < 50e3)  # in Pa, less than that of the prior
     (('P_S',), True)
     """
