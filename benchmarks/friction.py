@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from clutchid import Log
+from clutchid.documents.friction import level_table, lugre_table, parameter_table
 from clutchid.rig import conclusions, coulomb_friction, fit_lugre, implied
 from clutchid.rig.free_run import NAMES
-from clutchid.rig.summary import level_table, lugre_table, parameter_table
 
 AMBIENT = 101_325.0
 
