@@ -130,7 +130,7 @@ def test_a_folder_that_is_a_file_or_below_one_is_refused_in_one_sentence(logs, t
 def test_a_study_that_fails_removes_what_it_made_and_leaves_older_files_as_they_were(logs, tmp_path, out):
     (tmp_path / "index.html").write_text("old")
     useless = Log(np.arange(5.0), {"position": np.zeros(5)})
-    with pytest.raises(DataError, match="nothing can be (fitted|learned)|too few samples"):
+    with pytest.raises(DataError, match=r"nothing can be (fitted|learned)|too few samples"):
         paper_study(useless, logs[1], tmp_path / out)
     assert [path.read_text() for path in tmp_path.iterdir()] == ["old"]
 
