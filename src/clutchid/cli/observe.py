@@ -12,8 +12,6 @@ from clutchid.cli.observe_live import observe_live
 from clutchid.cli.observe_output import ObserveOptions, answer
 from clutchid.errors import ParameterError
 from clutchid.verbs.live import STANDARD_INPUT, is_live
-from clutchid.verbs.observing import observed
-from clutchid.verbs.start import calibration_file
 
 
 @guarded
@@ -34,6 +32,9 @@ def observe(
         Recording in any format that `clutchid look` reads; `-` follows CSV or JSON lines on standard input while they
         arrive, until they end or Ctrl-C; `can:CHANNEL` follows a bus.
     """
+    from clutchid.verbs.observing import observed
+    from clutchid.verbs.start import calibration_file
+
     if str(log).startswith("-") and str(log) != STANDARD_INPUT:
         raise ParameterError(f"Unknown option: {log}. Try 'clutchid observe --help'.")
     options.check(log)

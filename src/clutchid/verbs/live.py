@@ -14,20 +14,18 @@ import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.log import INPUTS, Log
-from clutchid.measurements.checks import AMBIENT
 from clutchid.measurements.live.bus import bus_name
 from clutchid.names import printable
-from clutchid.observer.live import LiveRun, after_block, live_run
-from clutchid.observer.recording import ObservedRecording, no_sample
-from clutchid.parameters import known_ambient
-from clutchid.strokes.vented_rest import Zero
-from clutchid.verbs.observing import observer_of
 from clutchid.verbs.options import ReadingText, pressure
 
+# imported on use: every command starts with this file
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.measurements.live.arrival import LiveBlock
+    from clutchid.observer.live import LiveRun
+    from clutchid.observer.recording import ObservedRecording
     from clutchid.observer.state import Tail
+    from clutchid.strokes.vented_rest import Zero
 
 #: Name of standard input.
 STANDARD_INPUT = "-"
@@ -88,11 +86,13 @@ def arriving(reading: LiveReading, content: ParameterFile, stopped: Callable[[],
     DataError
         If the recording cannot be followed.
     """
+    from clutchid.measurements.checks import AMBIENT
     from clutchid.measurements.live.bus import bus_blocks, from_bus
     from clutchid.measurements.live.feed import from_descriptor, from_growing_file
     from clutchid.measurements.live.text import text_blocks
     from clutchid.measurements.map.channel_map import read_map
     from clutchid.observer.state_file import saved_origin
+    from clutchid.parameters import known_ambient
 
     log, files = reading.log, reading.files
     channels = None if files.map is None else read_map(files.map)
@@ -126,6 +126,9 @@ def begun(blocks: Iterator[LiveBlock], content: ParameterFile, reading: LiveRead
     DataError, ParameterError
         If recording, calibration, method and state do not fit each other.
     """
+    from clutchid.observer.live import live_run
+    from clutchid.verbs.observing import observer_of
+
     first = next(blocks)
     observer, state = observer_of(first.log, content, reading.method, reading.resume, reading.zero)
     if reading.grows and reading.resume is not None:
@@ -142,6 +145,9 @@ def steps(begin: Begun) -> Iterator[LiveStep | DataError]:
     DataError
         If nothing could be observed.
     """
+    from clutchid.observer.live import after_block
+    from clutchid.observer.recording import no_sample
+
     run, trouble = begin.run, ""
     try:
         for block in begin.blocks:
