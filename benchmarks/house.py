@@ -84,13 +84,13 @@ DOORS = ("cli", "app", "fleets", "study", "documents")
 
 def foreign(source: Path, rooms: tuple[str, ...]) -> int:
     """Number of modules of other rooms that the files of some rooms import when they run."""
-    known = modules(source)
+    files = modules(source)
     imports = {
         target.removeprefix("clutchid.")
-        for name, path in known.items()
+        for name, path in files.items()
         if name.split(".")[1:2] and name.split(".")[1] in rooms
-        for target in imported(ast.parse(path.read_text("utf-8")), known)
-        if target in known
+        for target in imported(ast.parse(path.read_text("utf-8")), files)
+        if target in files
     }
     return sum(1 for target in imports if target.partition(".")[0] not in rooms)
 

@@ -10,12 +10,13 @@ from clutchid.app.records import File
 from clutchid.errors import ParameterError
 from clutchid.systems import command_line
 from clutchid.verbs.commands import FitCommand
-from clutchid.verbs.options import ReadingText, RequestText, bounds, pressure, priors
+from clutchid.verbs.options import USUAL, ReadingText, RequestText, bounds, pressure, priors
 
 #: What a fit on the page asks for, by verb: the defaults of the commands of the same name.
 VERBS = {
-    "calibrate": {"measure": "position,pressure_a", "free": "auto"},
-    "estimate": {"measure": "position", "free": "load"},
+    verb: {"measure": ",".join(measure), "free": ",".join(free)}
+    for verb, (measure, free) in USUAL.items()
+    if verb != "fit"
 }
 
 #: Methods of a fit; an empty text leaves the choice to it.

@@ -32,13 +32,12 @@ from clutchid.measurements.source import BLOCK, Source
 from clutchid.measurements.stored import store, stored, write_column
 from clutchid.numerics.progress import Step
 from clutchid.verbs import saving
-from clutchid.verbs.fitting import fitted
 from clutchid.verbs.looking import checked, contents_of
 from clutchid.verbs.observing import observed
 from clutchid.verbs.options import pressure
 from clutchid.verbs.progress import CALIBRATION, ESTIMATE, Progressed, shared
 from clutchid.verbs.reading import Reading, RecordingFile
-from clutchid.verbs.start import calibration_file, start_of
+from clutchid.verbs.start import calibration_file
 
 if TYPE_CHECKING:
     from clutchid.app.worker import Events
@@ -169,9 +168,7 @@ def fit(task: records.FitRecordings, events: Events) -> dict[str, Any]:
 
     progress = shared(usual, show)
     when_compiling(lambda _: progress(Step("compiling")))
-    actuator, request = start_of(task.start, None, asked.search.request(asked.verb))
-    reading = asked.files.reading(_files(task.recordings), _files(task.verify), force=asked.force, zero=request.zero)
-    found = fitted(reading, actuator, request, progress).raised()
+    found = asked.run_on(_files(task.recordings), _files(task.verify), task.start, progress).raised()
     progress(Step("writing"))
     shown = _shown(found, task)
     events.part({**shown, "writing": True})

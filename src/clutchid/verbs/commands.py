@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from clutchid.verbs.options import (
+    USUAL,
     USUAL_FILES,
     USUAL_SEARCH,
     ReadingText,
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from clutchid.documents.next_step import Command
     from clutchid.estimation.result import Fit
     from clutchid.numerics.progress import Progress
+    from clutchid.verbs.reading import Source
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,12 +72,17 @@ class FitCommand:
         DataError, ParameterError
             As `clutchid.fit`.
         """
+        return self.run_on(self.logs, self.verify, self.start, progress)
+
+    def run_on(
+        self, logs: Sequence[Source], verify: Sequence[Source], start: Path | None, progress: Progress | None = None
+    ) -> Fit:
+        """`run` with the recordings and the parameter file where they really are, as on the server of a page."""
         from clutchid.verbs.fitting import fitted
         from clutchid.verbs.start import start_of
 
-        actuator, request = start_of(self.start, model_of(self.search.model), self.search.request(self.verb))
-        reading = self.files.reading(self.logs, self.verify, force=self.force, zero=request.zero)
-        return fitted(reading, actuator, request, progress)
+        actuator, request = start_of(start, model_of(self.search.model), self.search.request(self.verb))
+        return fitted(self.files.reading(logs, verify, force=self.force), actuator, request, progress)
 
     @property
     def automatic(self) -> bool:
@@ -110,8 +117,6 @@ class FitCommand:
     @property
     def python(self) -> str:
         """The Python that repeats it."""
-        from clutchid.verbs.fitting import USUAL
-
         search, files = self.search, self.files
         verb = "estimate" if self.start else self.verb  # `fit` and `calibrate` start from an actuator, not from a file
         own, usual = USUAL[self.verb], USUAL[verb]

@@ -20,6 +20,7 @@ from clutchid.names import listed_names
 from clutchid.numerics.progress import Progress
 from clutchid.numerics.progress import report as reported
 from clutchid.strokes.vented_rest import Zero
+from clutchid.verbs.options import USUAL
 from clutchid.verbs.reading import Reading, inspected, reading_of
 from clutchid.verbs.start import Start, content_of
 
@@ -28,13 +29,6 @@ if TYPE_CHECKING:
 
 #: A recording, or the path of its file.
 LogOrPath = Log | str | PathLike[str]
-
-#: Measured columns and free parameters where a request names none, by verb.
-USUAL: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "fit": (("position",), ("load",)),
-    "calibrate": (("position", "pressure_a"), ("auto",)),
-    "estimate": (("position",), ("load",)),
-}
 
 
 @checked
@@ -122,7 +116,7 @@ def fit(
     '8.2e+05 N/m, 0.7 mm'
     """
     asked = requested("fit", request, free=free, measure=measure, bounds=bounds, method=method, zero=zero)
-    reading = reading_of(logs, verify, ambient=ambient, channels=channels, dbc=dbc, force=force, zero=asked.zero)
+    reading = reading_of(logs, verify, ambient=ambient, channels=channels, dbc=dbc, force=force)
     return _ended(fitted(reading, actuator, asked, progress), on_failure)
 
 
@@ -183,7 +177,7 @@ def calibrate(
     ('good', True, True)
     """
     asked = requested("calibrate", request, free=free, measure=measure, bounds=bounds, method=method, zero=zero)
-    reading = reading_of(logs, verify, ambient=ambient, channels=channels, dbc=dbc, force=force, zero=asked.zero)
+    reading = reading_of(logs, verify, ambient=ambient, channels=channels, dbc=dbc, force=force)
     return _ended(fitted(reading, actuator, asked, progress), on_failure)
 
 
@@ -241,7 +235,7 @@ def estimate(
     '4 kN'
     """
     asked = requested("estimate", request, free=free, measure=measure, bounds=bounds, method=method, zero=zero)
-    reading = reading_of(logs, verify, ambient=ambient, channels=channels, dbc=dbc, force=force, zero=asked.zero)
+    reading = reading_of(logs, verify, ambient=ambient, channels=channels, dbc=dbc, force=force)
     return _ended(from_calibration(reading, content_of(start), asked, progress), on_failure)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -18,6 +18,14 @@ if TYPE_CHECKING:
     from clutchid.model.compiled import Model
     from clutchid.simulation.partition import Partition
     from clutchid.verbs.reading import Reading, Source
+
+
+#: Measured columns and free parameters where a request names none, by verb.
+USUAL: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "fit": (("position",), ("load",)),
+    "calibrate": (("position", "pressure_a"), ("auto",)),
+    "estimate": (("position",), ("load",)),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -52,7 +52,8 @@ class Reading:
     force
         Whether to go on with a recording although a check of it is bad.
     zero : 'subtract' or 'keep'
-        Whether a vented rest that has moved since the calibration is subtracted from the position.
+        Whether a vented rest that has moved since the calibration is subtracted from the position; in a fit its request
+        says so.
 
     Raises
     ------

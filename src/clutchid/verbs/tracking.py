@@ -147,7 +147,7 @@ def checksum_of(path: Path) -> str:
 def _fitted(log: Log, content: ParameterFile, path: Path, zero: Zero) -> RecordingResult:
     """The load as `clutchid estimate` reads it."""
     request = FitRequest(calibration=content.calibration, zero=zero)
-    fit = fitted(Reading((log,), zero=zero), content.actuator, request).raised()
+    fit = fitted(Reading((log,)), content.actuator, request).raised()
     curve = fit.load_curve
     judged, compared = verdict(fit), comparison(fit)
     half, trust = compared.half_now if compared else UNKNOWN, judged.trust
