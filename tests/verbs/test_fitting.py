@@ -14,8 +14,7 @@ from clutchid.errors import ParameterError
 from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.simulation.partition import Partition
 from clutchid.verbs.commands import FitCommand
-from clutchid.verbs.fitting import requested
-from clutchid.verbs.options import USUAL, ReadingText, RequestText
+from clutchid.verbs.options import USUAL, ReadingText, RequestText, requested
 from clutchid.verbs.reading import Reading
 
 EVERYDAY = ("free", "measure", "bounds", "method", "zero")

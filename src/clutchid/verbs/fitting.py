@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from os import PathLike
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from clutchid.arguments import checked
-from clutchid.errors import ParameterError
 from clutchid.estimation.automatic import AUTOMATIC
 from clutchid.estimation.fit import MethodName, fit_request
 from clutchid.estimation.parameter_file import ParameterFile, started
@@ -16,11 +14,10 @@ from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import Fit
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
-from clutchid.names import listed_names
 from clutchid.numerics.progress import Progress
 from clutchid.numerics.progress import report as reported
 from clutchid.strokes.vented_rest import Zero
-from clutchid.verbs.options import USUAL
+from clutchid.verbs.options import requested
 from clutchid.verbs.reading import Reading, inspected, reading_of
 from clutchid.verbs.start import Start, content_of
 
@@ -237,27 +234,6 @@ def estimate(
     asked = requested("estimate", request, free=free, measure=measure, bounds=bounds, method=method, zero=zero)
     reading = reading_of(logs, verify, ambient=ambient, channels=channels, dbc=dbc, force=force)
     return _ended(from_calibration(reading, content_of(start), asked, progress), on_failure)
-
-
-def requested(verb: str, request: FitRequest | None, **everyday: Any) -> FitRequest:
-    """The request of a verb: its own columns and parameters, unless the request or an everyday option names others.
-
-    Raises
-    ------
-    ParameterError
-        If an everyday option contradicts the request.
-    """
-    usual, asked = FitRequest(), request or FitRequest()
-    stated = {name: value for name, value in everyday.items() if value is not None}
-    for name in stated.keys() & {"free", "measure"}:
-        stated[name] = listed_names(stated[name])
-    for name, value in stated.items():
-        own = getattr(asked, name)
-        if own not in (getattr(usual, name), value):
-            raise ParameterError(
-                f"{name} = {value!r}: the request has {name} = {own!r}; give one of them, or the same twice."
-            )
-    return replace(asked, **stated).completed(*USUAL[verb])
 
 
 def fitted(reading: Reading, actuator: Actuator | None, request: FitRequest, progress: Progress | None = None) -> Fit:

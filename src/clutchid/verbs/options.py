@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from clutchid.errors import ParameterError
 from clutchid.log.units import UNITS, known_units
+from clutchid.names import listed_names
 
 if TYPE_CHECKING:
     from clutchid.estimation.request import FitRequest
@@ -26,6 +27,29 @@ USUAL: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "calibrate": (("position", "pressure_a"), ("auto",)),
     "estimate": (("position",), ("load",)),
 }
+
+
+def requested(verb: str, request: FitRequest | None, **everyday: Any) -> FitRequest:
+    """The request of a verb: its own columns and parameters, unless the request or an everyday option names others.
+
+    Raises
+    ------
+    ParameterError
+        If an everyday option contradicts the request.
+    """
+    from clutchid.estimation.request import FitRequest
+
+    usual, asked = FitRequest(), request or FitRequest()
+    stated = {name: value for name, value in everyday.items() if value is not None}
+    for name in stated.keys() & {"free", "measure"}:
+        stated[name] = listed_names(stated[name])
+    for name, value in stated.items():
+        own = getattr(asked, name)
+        if own not in (getattr(usual, name), value):
+            raise ParameterError(
+                f"{name} = {value!r}: the request has {name} = {own!r}; give one of them, or the same twice."
+            )
+    return replace(asked, **stated).completed(*USUAL[verb])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,8 +119,6 @@ class RequestText:
             If an option cannot be understood.
         """
         from clutchid.estimation.request import FitRequest
-        from clutchid.names import listed_names
-        from clutchid.verbs.fitting import requested
 
         request = FitRequest(
             bounds=bounds(self.bounds or ()),
