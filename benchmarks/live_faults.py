@@ -58,7 +58,8 @@ PATIENCE, HASTE = 15.0, 0.25
 TOGETHER = 10
 
 COMMAND = [sys.executable, "-m", "clutchid"]
-HASTY = [sys.executable, "-c", f"from clutchid.cli import observe_live, main; observe_live.MINUTE = {HASTE}; main()"]
+_HASTE = f"from clutchid.verbs.service import following; following.MINUTE = {HASTE}"
+HASTY = [sys.executable, "-c", f"from clutchid.cli import main; {_HASTE}; main()"]
 BUS = [sys.executable, "-c", "import live_faults; live_faults.bus_process()"]
 CALIBRATION = ["--start", "../cal.toml"]
 BUS_OPTIONS = ["--dbc", "../bus.dbc", "--map", "../map.toml"]
@@ -632,11 +633,11 @@ def bus_process() -> None:
     import can
     from can.interfaces.virtual import VirtualBus
 
-    from clutchid.cli import observe_live
+    from clutchid.verbs.service import following
 
     how = json.loads(os.environ["LIVE_FAULT"])
     if how["hasty"]:
-        observe_live.MINUTE = HASTE
+        following.MINUTE = HASTE
     if how["fault"] == "block":
         taken, send = [0], VirtualBus.send
 

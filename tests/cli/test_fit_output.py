@@ -17,8 +17,8 @@ import pytest
 
 from clutchid import Fit, FitRequest, fit, read_parameters, write
 from clutchid.cli.fit import MOST_WARNINGS, answer
-from clutchid.cli.terminal import OutputLost
 from clutchid.documents import document_of
+from clutchid.documents.console import OutputLost
 from clutchid.documents.next_step import Command
 from clutchid.errors import ExportError
 from clutchid.estimation.assess.verdict import States, states_of_wear

@@ -36,7 +36,7 @@ def block() -> list[Log]:
 
 
 def friction(monkeypatch, logs, *arguments: str) -> int:
-    monkeypatch.setattr("clutchid.verbs.rig.rig_recordings", lambda *_, **__: logs)
+    monkeypatch.setattr("clutchid.verbs.reading.Reading.read", lambda *_, **__: logs)
     return called("friction", "some.csv", *arguments)
 
 

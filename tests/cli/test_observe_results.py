@@ -136,7 +136,7 @@ def test_where_standard_output_is_lost_the_recording_goes_on(observe, same, monk
 def test_a_reader_that_stalls_costs_its_lines_and_the_first_signal_writes_the_files(
     observe, folder, same, tmp_path, monkeypatch, stall
 ):
-    monkeypatch.setattr("clutchid.cli.observe_sinks.STALL", stall)
+    monkeypatch.setattr("clutchid.verbs.service.streams.STALL", stall)
     (tmp_path / "worn.csv").write_bytes((folder / "worn.csv").read_bytes())
     reading, writing = os.pipe()
     before = signal.getsignal(signal.SIGTERM)
@@ -160,7 +160,7 @@ def test_a_reader_that_stalls_costs_its_lines_and_the_first_signal_writes_the_fi
 
 @pytest.mark.slow
 def test_lines_go_on_whole_once_they_are_read_again(observe, folder, same, tmp_path, monkeypatch):
-    monkeypatch.setattr("clutchid.cli.observe_sinks.STALL", 0.05)
+    monkeypatch.setattr("clutchid.verbs.service.streams.STALL", 0.05)
     text = (folder / "worn.csv").read_bytes()
     (tmp_path / "worn.csv").write_bytes(text[:200_000])
     reading, writing = os.pipe()
@@ -221,7 +221,7 @@ def test_a_view_on_a_terminal_shows_load_pressure_and_flags(observe, folder, sam
 def test_a_terminal_of_the_view_that_hangs_up_or_is_stopped_holds_nothing_up(
     observe, folder, same, tmp_path, monkeypatch, piped, hangs_up
 ):
-    monkeypatch.setattr("clutchid.cli.observe_sinks.FRAME", 0.0)
+    monkeypatch.setattr("clutchid.verbs.service.sinks.FRAME", 0.0)
     leader, follower = pty.openpty()
     if hangs_up:
         os.close(leader)
@@ -243,7 +243,7 @@ def test_a_terminal_of_the_view_that_hangs_up_or_is_stopped_holds_nothing_up(
 def test_one_reader_of_results_and_messages_that_stalls_holds_nothing_up(
     observe, folder, same, tmp_path, monkeypatch, piped
 ):
-    monkeypatch.setattr("clutchid.cli.observe_sinks.STALL", 0.05)
+    monkeypatch.setattr("clutchid.verbs.service.streams.STALL", 0.05)
     reading, writing = os.pipe()
     with os.fdopen(writing, "w") as stream, monkeypatch.context() as both:
         both.setattr("sys.stdout", stream)

@@ -12,13 +12,13 @@ import time
 import psutil
 import pytest
 
-from clutchid.cli.common import check_outputs
 from clutchid.errors import ExportError, ParameterError
 from clutchid.estimation.parameter_file import ParameterFile, write_parameters
 from clutchid.files import check_writable
 from clutchid.study.proving.ground import _read
 from clutchid.study.proving.workflows import workflow
 from clutchid.truck import drive, truck
+from clutchid.verbs.saving import check_outputs
 from fixtures.commands import called, process, wait_for
 
 pytestmark = pytest.mark.slow

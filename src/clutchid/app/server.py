@@ -33,7 +33,7 @@ from clutchid.app.records import Observation, Recording, Result, Table, download
 from clutchid.app.session import Session
 from clutchid.app.uploads import allowed_path, check_size, is_opened, is_table, listed, receive
 from clutchid.errors import ClutchidError, DataError, ParameterError
-from clutchid.files import reason_of
+from clutchid.files import not_an_address, reason_of
 from clutchid.log.units import UNITS
 from clutchid.measurements.columns import QUANTITIES
 from clutchid.names import printable
@@ -392,9 +392,18 @@ def serve(
 
     Raises
     ------
+    DataError
+        If a file or the folder is not there.
     ParameterError, ExportError
         If the port or the host cannot be used, or no folder can be made.
     """
+    for path, option in ((below, "--folder"), *((file, "") for file in files)):
+        not_an_address(path, option)
+    if not below.is_dir():
+        raise DataError(f"--folder {below}: there is no such folder.")
+    for file in files:
+        if not file.is_file():
+            raise DataError(f"{file}: there is no such file.")
     one = bound(port, host)
     folder = make_folder(base)
     try:
@@ -408,7 +417,7 @@ def serve(
             if browser:
                 webbrowser.open(opening_page(folder, access.address).as_uri())
 
-        app = application(Session(folder, below, files, trace), access, begun)
+        app = application(Session(folder, below, [file.absolute() for file in files], trace), access, begun)
         config = uvicorn.Config(app, log_level="critical", access_log=False, timeout_graceful_shutdown=1, ws="none")
         with contextlib.suppress(KeyboardInterrupt):  # uvicorn raises it again when it has ended
             uvicorn.Server(config).run(sockets=[one])

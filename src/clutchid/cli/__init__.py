@@ -27,10 +27,9 @@ from clutchid.cli.observe import observe
 from clutchid.cli.paper import paper
 from clutchid.cli.prove import prove
 from clutchid.cli.simulate import simulate
-from clutchid.cli.terminal import discard_output, put
 from clutchid.cli.track import track
-from clutchid.codegen.cache import when_compiling
-from clutchid.systems import is_closed_pipe
+from clutchid.documents.console import lost, put
+from clutchid.verbs.progress import when_compiling
 
 #: First lines of `clutchid --help`.
 HELP = """Estimate the load of a truck clutch on the piston of its pneumatic actuator, from a recording.
@@ -88,9 +87,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.stdout.flush()
     except OSError as error:  # `OutputLost`, or what printed the help met
         code = FAILED
-        discard_output()
-        if not is_closed_pipe(error):  # a closed pipe is normal, as in `clutchid look F | head`
-            put(f"clutchid: standard output cannot be written ({error.strerror or error}).", to=sys.stderr)
+        lost(error)
     sys.exit(code)
 
 

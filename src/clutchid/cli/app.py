@@ -10,8 +10,8 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from clutchid.cli.common import DONE, OutputFlag, guarded, print_written
-from clutchid.cli.terminal import put, say
-from clutchid.errors import DataError, missing
+from clutchid.documents.console import put, say
+from clutchid.errors import missing
 
 
 @guarded
@@ -51,17 +51,9 @@ def app(
             raise missing("clutchid app", library, "app")
     from clutchid.app.folder import cache_folder
     from clutchid.app.server import serve
-    from clutchid.files import not_an_address
 
-    for path, option in ((folder, "--folder"), *((file, "") for file in files)):
-        not_an_address(path, option)
-    if not folder.is_dir():
-        raise DataError(f"--folder {folder}: there is no such folder.")
-    for file in files:
-        if not file.is_file():
-            raise DataError(f"{file}: there is no such file.")
     kept = serve(
-        [file.absolute() for file in files],
+        files,
         folder,
         cache_folder(),
         put,

@@ -6,7 +6,7 @@ import json
 import math
 import sys
 import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
@@ -15,12 +15,10 @@ from typing import TYPE_CHECKING, Annotated, Any, ParamSpec, TextIO
 
 from cyclopts import Group, Parameter
 
-from clutchid.cli.terminal import OutputLost, print_rows, printable_lines, put, say, sentences
-from clutchid.errors import ParameterError
-from clutchid.log import Log
+from clutchid.documents.console import OutputLost, print_rows, printable_lines, put, say, sentences
 from clutchid.names import printable
 from clutchid.verbs.failures import failure
-from clutchid.verbs.options import ReadingText, RequestText, pressure
+from clutchid.verbs.options import ReadingText, RequestText
 
 if TYPE_CHECKING:
     from clutchid.documents import Document
@@ -148,68 +146,6 @@ def _finite(value: Any) -> Any:
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return value
-
-
-def pieces_of(path: Path, files: ReadingText, show: Callable[[str, float], None]) -> Iterator[Log]:
-    """A recording of any length in pieces, with its warnings on standard error and a progress bar."""
-    from clutchid.measurements import read_pieces
-
-    def shown(done: int, size: int) -> None:
-        show(f"{done:,} samples", done / max(size, 1))
-
-    reported: set[str] = set()
-    ambient, dbc = pressure(files.ambient), files.dbc or ()
-    for piece in read_pieces(path, ambient=ambient, channels=files.map, dbc=dbc, progress=shown):
-        say(warning for warning in piece.warnings if warning not in reported)
-        reported.update(piece.warnings)
-        yield piece
-
-
-def life_limit(limit: float | None) -> float | None:
-    """A shift option ``--limit`` in m: what ends the life of a clutch."""
-    from clutchid.wear.tables import MOST_MM
-
-    if limit is None:
-        return None
-    if not 0.0 < abs(limit) <= MOST_MM:
-        raise ParameterError(
-            f"--limit {limit:g}: a shift in mm is needed, not 0 and at most {MOST_MM:g}; for example 0.7, or below 0 "
-            "if the half-load position falls."
-        )
-    return limit * 1e-3
-
-
-def check_outputs(
-    outputs: Mapping[str, Path | Sequence[Path] | None], inputs: Sequence[tuple[str, Path | None]]
-) -> None:
-    """Check, before any work, that `outputs` can be written, and overwrite neither an input nor each other.
-
-    `outputs` are a path, or several, by option; `inputs` are (description, path).
-    """
-    from clutchid.files import check_writable
-
-    taken = [(what, path) for what, path in inputs if path is not None]
-    for option, path in _each(outputs):
-        for what, other in taken:
-            if _same(path, other):
-                raise ParameterError(f"{option} {path}: is {what}; name another file.")
-        check_writable(path)
-        taken.append((f"the file of {option} too", path))
-
-
-def _each(outputs: Mapping[str, Path | Sequence[Path] | None]) -> Iterator[tuple[str, Path]]:
-    """Every path with its option."""
-    for option, paths in outputs.items():
-        for path in (paths,) if isinstance(paths, Path) else paths or ():
-            yield option, path
-
-
-def _same(one: Path, other: Path) -> bool:
-    """Whether two paths are the same file, also by links or another spelling."""
-    try:
-        return one.resolve() == other.resolve() or one.samefile(other)
-    except (OSError, RuntimeError):  # one of them does not exist, or is a loop of links
-        return False
 
 
 @contextmanager

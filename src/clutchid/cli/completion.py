@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from cyclopts import App, Parameter
 
 from clutchid.cli.common import DONE, guarded, print_written
-from clutchid.cli.terminal import put
+from clutchid.documents.console import put
 from clutchid.errors import ExportError, ParameterError
 
 Shell = Literal["zsh", "bash", "fish", "powershell"]

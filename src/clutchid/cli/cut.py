@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from clutchid.cli.common import (
     DONE,
@@ -15,18 +10,13 @@ from clutchid.cli.common import (
     OutOption,
     OutputFlag,
     PathOutput,
-    check_outputs,
     guarded,
-    pieces_of,
     print_written,
     progress_bar,
 )
-from clutchid.cli.terminal import put
+from clutchid.documents.console import put, say
 from clutchid.errors import DataError
 from clutchid.verbs.options import USUAL_FILES
-
-if TYPE_CHECKING:
-    from clutchid.strokes import Section
 
 
 @guarded
@@ -57,47 +47,16 @@ def cut(
     debug
         Show the traceback of an error.
     """
-    from clutchid.files import atomic_write
-    from clutchid.measurements import write
-    from clutchid.strokes import choose, joined, sections_table
-    from clutchid.strokes import cut as sections_of
+    from clutchid.verbs.cutting import cut_file
+    from clutchid.verbs.saving import check_outputs, write_log
 
     check_outputs({"--out": out, "--table": table}, [("the recording itself", recording)])
-    counts: Counter[str] = Counter()
     with progress_bar("cut") as show:
-        pieces = pieces_of(recording, files, show)
-        sections = sections_of(pieces)
-        if table is None:
-            chosen = choose(_counted(sections, counts, lambda _: None), seconds)
-        else:
-            with atomic_write(table) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
-                chosen = choose(_counted(sections, counts, csv.writer(file).writerow), seconds)
-    put(", ".join(f"{count:,} {label}" for label, count in counts.most_common()))
-    if not chosen:
+        best = cut_file(recording, files, seconds, table, say, show)
+    put(", ".join(f"{count:,} {label}" for label, count in best.counts))
+    if best.log is None:
         raise DataError(f"{recording}: no usable stroke of at most {seconds:g} s was found; nothing is written.")
-    write(joined(chosen), out)
-    put(f"\n{sections_table(chosen)}\n")
+    write_log(best.log, out)
+    put(f"\n{best.table}\n")
     print_written(out, table)
     return DONE
-
-
-def _counted(
-    sections: Iterable[Section], counts: Counter[str], write_row: Callable[[Iterable[object]], object]
-) -> Iterator[Section]:
-    """The sections, counted by label and written to the table one by one."""
-    for number, section in enumerate(sections, 1):
-        summary = asdict(section.summary)
-        if number == 1:
-            heads = [name + _UNITS.get(name, "") for name in summary]
-            write_row(["number", "kind", "label", "first_sample", "start_s", "departure_s", "end_s", *heads])
-        ends = (section.start, section.departure, section.end)
-        write_row([number, section.kind, section.label, section.first, *ends, *summary.values()])
-        counts[section.label] += 1
-        yield section
-
-
-_UNITS = {
-    **dict.fromkeys(("lowest", "highest", "level", "reach"), "_m"),
-    **dict.fromkeys(("opening_speed", "closing_speed"), "_m_s"),
-    "vented_rest": "_s",
-}

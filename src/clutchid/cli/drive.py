@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -22,6 +22,9 @@ from clutchid.cli.common import (
     progress_of,
 )
 from clutchid.errors import ParameterError
+
+if TYPE_CHECKING:
+    from clutchid.verbs.driving import VirtualRecording
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,24 +54,6 @@ class FleetOptions:
 
 #: No fleet.
 SINGLE = FleetOptions()
-
-
-class RecordingOptions(NamedTuple):
-    """Options of a single recording, in SI, as of `clutchid.truck.drive`."""
-
-    manoeuvre: str = "mix"
-    wear: float = 0.0
-    cycles: float = 0.0
-    temperature: float | None = None
-    pressure: bool = True
-    recorder: Literal["controller", "bus"] = "controller"
-    dropouts: int = 0
-    conditions: bool = False
-    change: tuple[str, ...] = ()
-    supply: float | None = None
-    offset: float = 0.0
-    sensor_zero: Literal["learned", "kept"] | None = None
-    late: float = 0.0
 
 
 @guarded
@@ -151,15 +136,15 @@ def drive(
     debug
         Show the traceback of an error.
     """
+    from clutchid.verbs.driving import VirtualRecording, driven, visits
 
-    single = RecordingOptions(
+    single = VirtualRecording(
         manoeuvre, wear * 1e-3, cycles, None if temperature is None else temperature + 273.15, pressure,
         "bus" if bus else "controller", dropouts, conditions, tuple(change or ()),
         None if supply is None else supply * 1e5, offset * 1e-3, sensor_zero, late * 1e-3,
     )  # fmt: skip
     if service.fleet:
         from clutchid.fleets.virtual import write_fleet
-        from clutchid.truck.service import visits
 
         _check_no_single(single, truth)
         plan = visits(service.fleet, service.months, family, truck, service.types, seed, service.days)
@@ -167,15 +152,7 @@ def drive(
             write_fleet(out, plan, seconds, service.workers, progress)
         message = f"fleet of {service.fleet} vehicles of family {family}"
     else:
-        from clutchid import truck as virtual
-        from clutchid.measurements import write
-
-        _check(out, truth)
-        kind = virtual.truck(truck, family)
-        done = virtual.drive(kind, seconds=seconds, seed=seed, name=out.stem, **single._asdict())
-        write(done.log, out)
-        if truth is not None:
-            done.write_truth(truth)
+        driven(single, truck, family, seed, seconds, out, truth)
         message = f"recording of truck {truck} of family {family}"
     files = (out,) if truth is None else (out, truth)
     if json:
@@ -185,21 +162,12 @@ def drive(
     return DONE
 
 
-def _check_no_single(single: RecordingOptions, truth: Path | None) -> None:
+def _check_no_single(single: VirtualRecording, truth: Path | None) -> None:
     """Check that no option of a single recording is given with a fleet."""
-    extra = [name for name, usual in RecordingOptions()._asdict().items() if getattr(single, name) != usual]
+    from clutchid.verbs.driving import VirtualRecording
+
+    extra = [name for name, usual in VirtualRecording()._asdict().items() if getattr(single, name) != usual]
     if extra or truth:
         option = {"pressure": "no-pressure", "recorder": "bus"}.get(extra[0], extra[0]) if extra else "truth"
         option = option.replace("_", "-")
         raise ParameterError(f"--{option}: belongs to a single recording; what happens to a fleet is drawn by --seed.")
-
-
-def _check(out: Path, truth: Path | None) -> None:
-    """Check before the simulation that recording and truth can be written."""
-    from clutchid.files import check_writable
-
-    check_writable(out)
-    if truth is not None:
-        check_writable(truth)
-        if truth.resolve() == out.resolve():
-            raise ParameterError(f"--truth {truth}: is the same file as --out; name another file.")

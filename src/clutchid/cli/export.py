@@ -17,7 +17,7 @@ from clutchid.cli.common import (
     print_json,
     print_written,
 )
-from clutchid.cli.terminal import put, say
+from clutchid.documents.console import put, say
 from clutchid.verbs.options import USUAL_FILES
 
 if TYPE_CHECKING:
@@ -74,14 +74,12 @@ def export(
     debug
         Show the traceback of an error.
     """
-    from clutchid.exports.exporting import targets_of
     from clutchid.verbs import exporting
     from clutchid.verbs.start import start_file
 
-    targets, content = targets_of(to), start_file(calibration)
-    log = files.reading([check]).read(content.actuator)[0] if check else None
+    log = files.reading([check]).read(start_file(calibration).actuator)[0] if check else None
     export = exporting.export(
-        calibration, out, to=targets, method=method, modes=modes, real=real, rates=rates, name=name, resume=resume,
+        calibration, out, to=to, method=method, modes=modes, real=real, rates=rates, name=name, resume=resume,
         check=log, model=model,
     )  # fmt: skip
     _answer(export, json)

@@ -21,13 +21,12 @@ from clutchid.cli.common import (
     OutputFlag,
     PathOutput,
     SearchOptions,
-    check_outputs,
     guarded,
     print_json,
     print_written,
     progress_bar,
 )
-from clutchid.cli.terminal import WIDTH, print_rows, printable_lines, put
+from clutchid.documents.console import WIDTH, print_rows, printable_lines, put
 from clutchid.errors import ExportError, ParameterError
 from clutchid.names import printable
 from clutchid.verbs.commands import FitCommand
@@ -175,7 +174,8 @@ def fitted(asked: FitCommand, options: FitOptions) -> int:
 
     inputs: list[tuple[str, Path | None]] = [("a recording that is fitted", path) for path in asked.logs]
     inputs += [("a recording to verify with", path) for path in asked.verify]
-    check_outputs({"--save": asked.save, "--report": asked.report}, [*inputs, ("the start file itself", asked.start)])
+    inputs += [("the start file itself", asked.start)]
+    saving.check_outputs({"--save": asked.save, "--report": asked.report}, inputs)
     for path in asked.save:
         saving.check_save(path)
     with progress_bar(asked.verb) as show:

@@ -19,15 +19,14 @@ from clutchid.cli.common import (
     OutOption,
     OutputFlag,
     guarded,
-    life_limit,
     print_json,
     progress_of,
 )
-from clutchid.cli.terminal import printable_lines, put, say
+from clutchid.documents.console import printable_lines, put, say
 from clutchid.errors import ParameterError
 from clutchid.names import printable
-from clutchid.systems import command_line
-from clutchid.verbs.options import USUAL_FILES, pressure
+from clutchid.verbs.commands import typed
+from clutchid.verbs.options import USUAL_FILES, life_limit, pressure
 
 if TYPE_CHECKING:
     from clutchid.fleets.cluster import Tls, Workers
@@ -162,7 +161,7 @@ def fleet(
         done = verbs.fleet(
             source, start, out, verb=verb, place=place, limit=shift, retry=retry,
             ambient=pressure(files.ambient), channels=files.map, dbc=files.dbc or (),
-            command=printable(f"clutchid {command_line(sys.argv[1:])}"), progress=progress,
+            command=typed(sys.argv[1:]), progress=progress,
         )  # fmt: skip
     _say(done, as_json=json)
     return DONE if {"ok", "warning"} & {*done.statuses} else FAILED
@@ -171,9 +170,7 @@ def fleet(
 def _place(pool: WorkerLimits, where: Scheduler) -> Workers:
     """Workers with their limits in SI."""
     from clutchid.fleets.cluster import Workers
-    from clutchid.processes import check_workers
 
-    check_workers(pool.workers)
     return Workers(pool.workers, where.scheduler, _memory(pool.memory), _seconds(pool.timeout), where.tls())
 
 

@@ -10,8 +10,7 @@ from cyclopts import Parameter
 
 from clutchid.cli.common import DONE, FileOptions, OutputFlag, guarded, print_document
 from clutchid.errors import ParameterError
-from clutchid.measurements.checks import AMBIENT
-from clutchid.verbs.options import USUAL_FILES, pressure
+from clutchid.verbs.options import USUAL_FILES
 
 
 @guarded
@@ -46,17 +45,12 @@ def friction(
     debug
         Show the traceback of an error.
     """
-    from clutchid.documents import RigFriction, document_of
-    from clutchid.rig import coulomb_friction, fit_lugre
-    from clutchid.verbs.rig import rig_recordings
+    from clutchid.documents import document_of
+    from clutchid.verbs.rig import rig_friction
 
-    outside = pressure(options.ambient) or AMBIENT
     fixed = _fixed(fix or (), inertia, law, area)
-    logs = rig_recordings(options.reading(files))
-    if law == "lugre":
-        friction = RigFriction(logs, [fit_lugre(log, fixed=fixed, inertia=inertia or 0.0) for log in logs])
-    else:
-        friction = RigFriction(logs, coulomb_friction(logs, ambient=outside, area=area))
+    reading = options.reading(files)
+    friction = rig_friction(reading, reading.ambient, law, area, fixed, inertia or 0.0)
     print_document(document_of(friction), json=json)
     return DONE
 
@@ -68,11 +62,11 @@ def _fixed(items: Sequence[str], inertia: float | None, law: str, area: float | 
         if value is not None:
             other = "coulomb" if law == "lugre" else "lugre"
             raise ParameterError(f"{option}: belongs to --law {other}, not to --law {law}; leave it out.")
-    found = {}
+    fixed = {}
     for item in items:
         name, _, text = item.partition("=")
         try:
-            found[name.strip()] = float(text)
+            fixed[name.strip()] = float(text)
         except ValueError:
             raise ParameterError(f"--fix {item}: write NAME=VALUE in SI units, for example K_z=1e6.") from None
-    return found
+    return fixed

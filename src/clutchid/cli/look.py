@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 from clutchid.cli.common import (
@@ -12,12 +11,11 @@ from clutchid.cli.common import (
     FileOptions,
     OutputFlag,
     PathOutput,
-    check_outputs,
     guarded,
     print_json,
     print_written,
 )
-from clutchid.cli.terminal import put, sentences
+from clutchid.documents.console import put, sentences
 from clutchid.verbs.options import USUAL_FILES, pressure
 
 
@@ -48,14 +46,13 @@ def look(
         Show the traceback of an error.
     """
     from clutchid.documents import document_of
-    from clutchid.measurements.map.channel_map import read_map, write_map
-    from clutchid.verbs.looking import looked
+    from clutchid.verbs.looking import looked, save_proposed
+    from clutchid.verbs.saving import check_outputs
     from clutchid.verbs.start import start_file
 
     check_outputs({"--save": save}, [("the recording itself", file), ("the calibration", start)])
     content = None if start is None else start_file(start)
-    channels = None if files.map is None else read_map(files.map)
-    found = looked(file, pressure(files.ambient), tuple(files.dbc or ()), channels, content)
+    found = looked(file, pressure(files.ambient), tuple(files.dbc or ()), files.map, content)
     contents = found.contents
     document = document_of(found)
     if json:
@@ -63,8 +60,7 @@ def look(
     else:
         put(*(sentences(row.text, sys.stdout) for row in document.rows))
     if save is not None:
-        proposed = contents.proposal.channels
-        write_map(replace(proposed, comments={**proposed.comments, "": contents.listing()}), save)
+        proposed = save_proposed(contents, save)
         print_written(save, to=sys.stderr if json else None)
         if not proposed.channels and not json:
             put("No channel could be identified by its name: the file lists all channels, write the map by hand.")

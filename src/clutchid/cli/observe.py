@@ -2,16 +2,108 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, Literal, TextIO
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, guarded
-from clutchid.cli.observe_live import observe_live
-from clutchid.cli.observe_output import ObserveOptions, answer
+from clutchid.cli.common import (
+    BAD_INPUT,
+    DONE,
+    FAILED,
+    FILES,
+    OUTPUT,
+    SEARCH,
+    FileOptions,
+    Flag,
+    ForceFlag,
+    OutOption,
+    OutputFlag,
+    PathOutput,
+    complain,
+    guarded,
+    print_json,
+    print_written,
+)
+from clutchid.documents.console import print_rows, say
 from clutchid.errors import ParameterError
-from clutchid.verbs.live import STANDARD_INPUT, is_live
+from clutchid.verbs.commands import typed
+from clutchid.verbs.live import STANDARD_INPUT, LiveReading, is_live
+from clutchid.verbs.options import USUAL_FILES
+from clutchid.verbs.service.files import STANDARD_OUTPUT, Outputs
+
+if TYPE_CHECKING:
+    from clutchid.documents import Observation
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObserveOptions:
+    """Options of `observe`.
+
+    Parameters
+    ----------
+    start
+        Calibration (TOML), as written by `clutchid calibrate --save`.
+    out
+        States by sample to write (.csv, .parquet, .mf4 or .mat); the load by stroke is written beside it, as
+        FILE.load.parquet for FILE.parquet.
+    method
+        joint: load, wearing parameters and states adapt (the default). joint-reduced: modes of the load in place of its
+        weights. states: the load stays as calibrated. paper: the paper's three weights. For comparison: adaptive
+        (constant gains) and rls (least squares on the balance of forces).
+    save
+        State after the last sample to write (TOML), for --resume.
+    resume
+        State to go on from, as written by --save with the same calibration and method.
+    report
+        Write a self-contained HTML page.
+    zero
+        Subtract from the position how far the vented rest has moved since the calibration, or keep it as recorded.
+    follow
+        Go on when LOG, CSV or JSON lines, grows, until Ctrl-C.
+    publish
+        Results of a live recording while it goes on: `-` writes JSON lines on standard output,
+        `can:CHANNEL` frames on a bus, whose DBC is written beside --out, as FILE.dbc.
+    publish_every
+        Time in ms from one published sample to the next; 0 publishes each, the default for lines; 10 for frames.
+    view
+        Show load curve, pressure and flags of a live recording on standard error, if that is a terminal.
+    force
+        Observe although a check of the recording is bad; the checks are those of `clutchid look`.
+    json
+        Print one JSON object on standard output.
+    debug
+        Show the traceback of an error.
+    """
+
+    start: Path
+    out: OutOption
+    method: Annotated[str, SEARCH] = "joint"
+    save: PathOutput = None
+    resume: Annotated[Path | None, FILES] = None
+    report: PathOutput = None
+    files: FileOptions = USUAL_FILES
+    zero: Annotated[Literal["subtract", "keep"], SEARCH] = "subtract"
+    follow: Flag = False
+    publish: Annotated[str | None, Parameter(allow_leading_hyphen=True), OUTPUT] = None
+    publish_every: Annotated[float | None, OUTPUT] = None
+    view: OutputFlag = False
+    force: ForceFlag = False
+    json: OutputFlag = False
+    debug: OutputFlag = False
+
+    @property
+    def outputs(self) -> Outputs:
+        """The files that are written, and where results are published."""
+        return Outputs(
+            out=self.out, save=self.save, report=self.report, publish=self.publish, every=self.publish_every,
+            view=self.view, command=typed(sys.argv[1:]),
+        )  # fmt: skip
 
 
 @guarded
@@ -32,17 +124,58 @@ def observe(
         Recording in any format that `clutchid look` reads; `-` follows CSV or JSON lines on standard input while they
         arrive, until they end or Ctrl-C; `can:CHANNEL` follows a bus.
     """
+    from clutchid.documents import Observation
     from clutchid.verbs.observing import observed
+    from clutchid.verbs.service.following import follow
+    from clutchid.verbs.service.streams import unhurried_errors
     from clutchid.verbs.start import calibration_file
 
     if str(log).startswith("-") and str(log) != STANDARD_INPUT:
         raise ParameterError(f"Unknown option: {log}. Try 'clutchid observe --help'.")
-    options.check(log)
+    if options.publish == STANDARD_OUTPUT and options.json:
+        raise ParameterError("--publish - and --json both write on standard output; leave one of them out.")
+    live, outputs = options.follow or is_live(log), options.outputs
+    outputs.check(log, options.start, options.resume, options.files, live=live)
     content = calibration_file(options.start)
-    if options.follow or is_live(log):
-        return observe_live(log, content, options)
-    reading = options.files.reading([log], force=options.force, zero=options.zero)
-    run = observed(reading, content, options.method, options.resume)
-    options.write(run, content)
-    answer(run, content, options)
-    return DONE
+    if not live:
+        reading = options.files.reading([log], force=options.force, zero=options.zero)
+        run = observed(reading, content, options.method, options.resume)
+        outputs.write(run, content)
+        return _answer(Observation(run, content.origin), outputs, json=options.json)
+    arriving = LiveReading(log, options.files, options.method, options.zero, options.resume, grows=options.follow)
+    end = follow(arriving, content, outputs, say_checks=not options.json)
+    with unhurried_errors():
+        message = " ".join(filter(None, (end.fault, *end.troubles)))
+        trouble = ("bad_input" if end.fault else "failed", message)
+        observation = Observation(end.run, content.origin)
+        return _answer(observation, outputs, json=options.json, trouble=trouble, moved=end.moved)
+
+
+def _answer(
+    observation: Observation,
+    outputs: Outputs,
+    *,
+    json: bool,
+    trouble: tuple[str, str] = ("", ""),
+    moved: Mapping[Path, Path | None] = MappingProxyType({}),
+) -> int:
+    """Print the result, and which files were written; the exit code.
+
+    Parameters
+    ----------
+    trouble
+        Status and message, which is empty where a live recording ended without a fault.
+    moved
+        Places of files that could not be written where they were asked for; None is nowhere.
+    """
+    from clutchid.documents import On, document_of
+
+    document, (status, message) = document_of(observation), trouble
+    if json:
+        print_json({**document.data(), **({"status": status, "message": message} if message else {})})
+        return DONE if not message else BAD_INPUT if status == "bad_input" else FAILED
+    messages: TextIO = sys.stderr if outputs.publish == STANDARD_OUTPUT else sys.stdout
+    say(observation.run.log.warnings)
+    print_rows(document.rows_on(On.BRIEF), messages)
+    print_written(*(moved.get(path, path) for path in outputs.paths), to=messages)
+    return complain(message, as_json=False, status=status) if message else DONE

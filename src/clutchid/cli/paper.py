@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 from clutchid.cli.common import DONE, FILES, FileOptions, OutOption, OutputFlag, guarded, progress_bar
-from clutchid.cli.terminal import put
+from clutchid.documents.console import put
 from clutchid.errors import ParameterError
 from clutchid.verbs.options import USUAL_FILES
 

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from clutchid.cli.common import DONE, FAILED, FLEET, OutOption, OutputFlag, guarded, print_written, progress_of
 from clutchid.cli.fleet import NO_SCHEDULER, Scheduler
-from clutchid.cli.terminal import WIDTH, put
+from clutchid.documents.console import WIDTH, put
 from clutchid.errors import ParameterError
 
 
@@ -53,12 +53,10 @@ def prove(
     debug
         Show the traceback of an error.
     """
-    from clutchid.documents import to_csv, to_text
-    from clutchid.files import write_text
+    from clutchid.documents import to_text
     from clutchid.fleets.cluster import Workers
-    from clutchid.study.proving.ground import Conditions, kept
+    from clutchid.study.proving.ground import Conditions, write_tables
     from clutchid.study.proving.ground import prove as run
-    from clutchid.study.proving.scores import every_recording, standings
 
     if trucks < 1 or seed < 0:
         raise ParameterError(f"--trucks {trucks} --seed {seed}: needs at least 1 truck, and a seed of at least 0.")
@@ -66,10 +64,7 @@ def prove(
     numbers, conditions = range(seed, seed + trucks), Conditions(family, tuple(change or ()))
     with progress_of("prove", "trucks") as progress:
         results = run(workflow, numbers, out, conditions, place, progress)
-    everyone = kept(out, numbers)
-    table = standings(everyone)
-    write_text(to_csv(table), out / "standings.csv")
-    write_text(to_csv(every_recording(everyone)), out / "recordings.csv")
+    table = write_tables(out, numbers)
     put(to_text(table, WIDTH), "", fill(table.note, WIDTH))
     print_written(out / "recordings.csv")
     return FAILED if all(result["failed"] for result in results) else DONE

@@ -13,7 +13,6 @@ from clutchid.cli.common import (
     ForceFlag,
     OutOption,
     OutputFlag,
-    check_outputs,
     guarded,
     print_document,
     print_written,
@@ -69,7 +68,7 @@ def simulate(
         Show the traceback of an error.
     """
     from clutchid.documents import document_of
-    from clutchid.measurements import write
+    from clutchid.verbs.saving import check_outputs, write_log
     from clutchid.verbs.simulating import simulated
     from clutchid.verbs.start import start_file
 
@@ -82,7 +81,7 @@ def simulate(
     partition, content = partition_of(every, parts, carry), start_file(parameters, model_of(model))
     reading = files.reading([log], [] if band is None else [band], force=force)
     simulation = simulated(reading, content, partition, parameters)
-    write(simulation.log, out)
+    write_log(simulation.log, out)
     print_document(document_of(simulation), json=json)
     if not json:
         print_written(out)

@@ -16,18 +16,16 @@ from clutchid.cli.common import (
     OutOption,
     OutputFlag,
     PathOutput,
-    check_outputs,
     guarded,
-    life_limit,
     print_json,
     print_written,
     progress_of,
 )
-from clutchid.cli.terminal import print_rows, say
+from clutchid.documents.console import print_rows, say
 from clutchid.errors import ExportError, ParameterError
-from clutchid.names import printable
-from clutchid.systems import command_line
-from clutchid.verbs.options import USUAL_FILES, pressure
+from clutchid.verbs.commands import typed
+from clutchid.verbs.options import USUAL_FILES, life_limit, pressure
+from clutchid.verbs.saving import check_outputs
 
 
 @guarded
@@ -88,8 +86,7 @@ def track(
             progress=progress,
         )  # fmt: skip
     tracking.write_tracked(found, out)
-    command = printable(f"clutchid {command_line(sys.argv[1:])}")
-    document = document_of(WornClutch(found.wear, found.curves, found.left_out), command)
+    document = document_of(WornClutch(found.wear, found.curves, found.left_out), typed(sys.argv[1:]))
     if report is not None:
         write_page(document, report)
     if json:

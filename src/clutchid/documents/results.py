@@ -46,4 +46,4 @@ class RigFriction(NamedTuple):
     """Friction in recordings of a rig: by Coulomb's law, or by the LuGre law, a fit a recording."""
 
     logs: Sequence[Log]
-    friction: CoulombFriction | Sequence[LugreFit]
+    friction: CoulombFriction | list[LugreFit]

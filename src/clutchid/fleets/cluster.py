@@ -174,6 +174,9 @@ class Workers:
     seconds: float = 0.0
     tls: Tls | None = None
 
+    def __post_init__(self) -> None:
+        check_workers(self.workers)
+
 
 #: One worker on this machine.
 ONE_WORKER = Workers()

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from clutchid.names import printable
+from clutchid.systems import command_line
 from clutchid.verbs.options import (
     USUAL,
     USUAL_FILES,
@@ -145,6 +147,11 @@ class FitCommand:
         texts = [repr(logs[0] if len(logs) == 1 else logs), repr(start) if start else "", request, _arguments(everyday)]
         call = f"clutchid.{verb}({', '.join(filter(None, texts))})"
         return f"import clutchid\n\nfit = {call}\nprint(fit)\nfit.plot().savefig('load.png')\n"
+
+
+def typed(arguments: Sequence[str]) -> str:
+    """A command as it was typed, from its arguments."""
+    return printable(f"clutchid {command_line(arguments)}")
 
 
 def _arguments(options: Mapping[str, object]) -> str:

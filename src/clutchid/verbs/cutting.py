@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import csv
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import asdict
 from os import PathLike
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 from clutchid.arguments import checked
 from clutchid.errors import DataError
 from clutchid.log import Log
 from clutchid.verbs.fitting import LogOrPath
+from clutchid.verbs.options import ReadingText, pressure
 
 if TYPE_CHECKING:
     from clutchid.measurements.map.channel_map import ChannelMap
+    from clutchid.strokes import Section
 
 
 @checked
@@ -68,3 +74,95 @@ def cut(
     if not chosen:
         raise DataError(f"{name}: no usable stroke of at most {seconds:g} s was found.")
     return joined(chosen)
+
+
+class CutRecording(NamedTuple):
+    """Strokes and rests of a long recording.
+
+    Attributes
+    ----------
+    log
+        The chosen strokes as one recording; None where no stroke can be used.
+    table
+        The chosen strokes as text.
+    counts
+        Labels with the number of their strokes and rests, most frequent first.
+    """
+
+    log: Log | None
+    table: str
+    counts: Sequence[tuple[str, int]]
+
+
+def cut_file(
+    path: Path,
+    files: ReadingText,
+    seconds: float,
+    table: Path | None,
+    warn: Callable[[Sequence[str]], None],
+    show: Callable[[str, float], None],
+) -> CutRecording:
+    """`cut` of a file of any length, whose strokes and rests are also written as a `table` (CSV).
+
+    Parameters
+    ----------
+    warn
+        Takes the warnings of the recording as they come.
+    show
+        Takes words, and the share of the file that has been read.
+
+    Raises
+    ------
+    DataError, ExportError
+        If the recording cannot be read, or the table cannot be written.
+    """
+    from clutchid.files import atomic_write
+    from clutchid.strokes import choose, joined, sections_table
+    from clutchid.strokes import cut as sections_of
+
+    counts: Counter[str] = Counter()
+    sections = sections_of(_pieces(path, files, warn, show))
+    if table is None:
+        chosen = choose(_counted(sections, counts, lambda _: None), seconds)
+    else:
+        with atomic_write(table) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+            chosen = choose(_counted(sections, counts, csv.writer(file).writerow), seconds)
+    return CutRecording(joined(chosen) if chosen else None, sections_table(chosen), counts.most_common())
+
+
+def _pieces(
+    path: Path, files: ReadingText, warn: Callable[[Sequence[str]], None], show: Callable[[str, float], None]
+) -> Iterator[Log]:
+    from clutchid.measurements import read_pieces
+
+    def shown(done: int, size: int) -> None:
+        show(f"{done:,} samples", done / max(size, 1))
+
+    reported: set[str] = set()
+    ambient, dbc = pressure(files.ambient), files.dbc or ()
+    for piece in read_pieces(path, ambient=ambient, channels=files.map, dbc=dbc, progress=shown):
+        warn([warning for warning in piece.warnings if warning not in reported])
+        reported.update(piece.warnings)
+        yield piece
+
+
+def _counted(
+    sections: Iterable[Section], counts: Counter[str], write_row: Callable[[Iterable[object]], object]
+) -> Iterator[Section]:
+    """The sections, counted by label and written to the table one by one."""
+    for number, section in enumerate(sections, 1):
+        summary = asdict(section.summary)
+        if number == 1:
+            heads = [name + _UNITS.get(name, "") for name in summary]
+            write_row(["number", "kind", "label", "first_sample", "start_s", "departure_s", "end_s", *heads])
+        ends = (section.start, section.departure, section.end)
+        write_row([number, section.kind, section.label, section.first, *ends, *summary.values()])
+        counts[section.label] += 1
+        yield section
+
+
+_UNITS = {
+    **dict.fromkeys(("lowest", "highest", "level", "reach"), "_m"),
+    **dict.fromkeys(("opening_speed", "closing_speed"), "_m_s"),
+    "vented_rest": "_s",
+}

@@ -24,7 +24,7 @@ def export(
     calibration: Start,
     out: str | PathLike[str],
     *,
-    to: Sequence[Target] = ("c",),
+    to: str | Sequence[Target] = ("c",),
     method: str = "joint",
     modes: int | None = None,
     real: Real = "float",
@@ -43,7 +43,7 @@ def export(
     out
         Folder to write; it is made.
     to : 'c', 'fmu2', 'matlab', 'a2l', 'dbc'
-        What is written.
+        What is written: several as a sequence, or as text, comma-separated.
     method, modes
         Method of the observer, and how many modes of the load adapt in place of its weights.
     real : 'float' or 'double'
@@ -81,15 +81,16 @@ def export(
     (True, True)
     """
     from clutchid.exports.c99 import CStyle
-    from clutchid.exports.exporting import write_export
+    from clutchid.exports.exporting import targets_of, write_export
     from clutchid.exports.parity import begun
     from clutchid.observer.observer import observer, start
     from clutchid.observer.state_file import read_state, saved_spacing
 
+    targets = targets_of(to) if isinstance(to, str) else to
     style, content = CStyle(name, real, rates), content_of(calibration)
     spacing = 1e-3 if resume is None else saved_spacing(resume)
     observing = observer(content.actuator, method, spacing, content.calibration, modes=modes)
     state = begun(observing, start(observing) if resume is None else read_state(observing, resume))
     log = None if check is None else reading_of(check).read(content.actuator)[0]
     title = f"{'a fit' if isinstance(calibration, Fit | ParameterFile) else Path(calibration).name}, method {method}"
-    return write_export(observing, state, Path(out), style, title, to=to, check=log, model=model)
+    return write_export(observing, state, Path(out), style, title, to=targets, check=log, model=model)

@@ -11,6 +11,7 @@ from clutchid.errors import DataError
 from clutchid.log import Log
 from clutchid.measurements import read_pieces, source_pieces
 from clutchid.measurements.look import look, overview_of
+from clutchid.measurements.map.channel_map import read_map, write_map
 from clutchid.parameters import known_ambient
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def looked(
     file: Path,
     ambient: float | None,
     dbc: tuple[Path, ...],
-    given: ChannelMap | None,
+    given: ChannelMap | Path | None,
     content: ParameterFile | None = None,
 ) -> Looked:
     """Look at a file, and check it against the calibration `content`, if there is one.
@@ -58,6 +59,7 @@ def looked(
     DataError
         If it cannot be read, or a map that is `given` does not fit it.
     """
+    given = read_map(given) if isinstance(given, Path) else given
     added = known_ambient(content.actuator.parameters.P_0) if content else None
     contents = look(file, added if ambient is None else ambient, dbc, given)
 
@@ -65,6 +67,19 @@ def looked(
         return next(read_pieces(file, ambient=ambient, added=added, channels=channels, required=_NEEDED))
 
     return _checked(contents, given, content, read)
+
+
+def save_proposed(contents: FileOverview, path: Path) -> ChannelMap:
+    """Write the proposed channel map, with the listing of the file as a comment.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written.
+    """
+    proposed = contents.proposal.channels
+    write_map(replace(proposed, comments={**proposed.comments, "": contents.listing()}), path)
+    return proposed
 
 
 def contents_of(source: Source, ambient: float | None, given: ChannelMap | None) -> FileOverview:

@@ -271,3 +271,17 @@ def priors(items: Sequence[str]) -> dict[str, Prior]:
                 "for example P_S=8.5e5±5e3."
             )
     return result
+
+
+def life_limit(limit: float | None) -> float | None:
+    """A shift option ``--limit`` in m: what ends the life of a clutch."""
+    from clutchid.wear.tables import MOST_MM
+
+    if limit is None:
+        return None
+    if not 0.0 < abs(limit) <= MOST_MM:
+        raise ParameterError(
+            f"--limit {limit:g}: a shift in mm is needed, not 0 and at most {MOST_MM:g}; for example 0.7, or below 0 "
+            "if the half-load position falls."
+        )
+    return limit * 1e-3

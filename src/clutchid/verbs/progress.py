@@ -8,7 +8,10 @@ from itertools import accumulate
 from types import MappingProxyType
 from typing import NamedTuple
 
+from clutchid.codegen.cache import when_compiling
 from clutchid.numerics.progress import Stage, Step
+
+__all__ = ["CALIBRATION", "ESTIMATE", "Progressed", "Usual", "shared", "when_compiling", "words"]
 
 
 class Usual(NamedTuple):

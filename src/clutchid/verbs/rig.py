@@ -8,12 +8,12 @@ from os import PathLike
 from typing import TYPE_CHECKING, Literal
 
 from clutchid.arguments import checked
-from clutchid.log import Log
 from clutchid.measurements import AMBIENT
 from clutchid.verbs.fitting import LogOrPath
 from clutchid.verbs.reading import Reading, reading_of
 
 if TYPE_CHECKING:
+    from clutchid.documents import RigFriction
     from clutchid.measurements.map.channel_map import ChannelMap
     from clutchid.rig import CoulombFriction, LugreFit
 
@@ -71,22 +71,30 @@ def friction(
     >>> f"{friction.levels[0].friction.value:.1f} N"
     '5.0 N'
     """
-    from clutchid.rig import coulomb_friction, fit_lugre
-
-    outside = AMBIENT if ambient is None else ambient
     reading = reading_of(logs)
-    recordings = rig_recordings(replace(reading, ambient=ambient, channels=channels) if reading.files else reading)
-    if law == "lugre":
-        return [fit_lugre(log, fixed=fixed or {}, inertia=inertia) for log in recordings]
-    return coulomb_friction(recordings, ambient=outside, area=area)
+    reading = replace(reading, ambient=ambient, channels=channels) if reading.files else reading
+    return rig_friction(reading, ambient, law, area, fixed or {}, inertia).friction
 
 
-def rig_recordings(reading: Reading) -> list[Log]:
-    """Recordings of a test rig, with time, position and force.
+def rig_friction(
+    reading: Reading,
+    ambient: float | None,
+    law: Literal["coulomb", "lugre"],
+    area: float | None,
+    fixed: Mapping[str, float],
+    inertia: float,
+) -> RigFriction:
+    """`friction` of recordings that are read first, with these recordings.
 
     Raises
     ------
-    DataError
-        The text lists the problems of all files.
+    DataError, ParameterError
+        As `friction`; the text lists the problems of all files.
     """
-    return reading.read(required=("time", "position", "force"))
+    from clutchid.documents import RigFriction
+    from clutchid.rig import coulomb_friction, fit_lugre
+
+    logs = reading.read(required=("time", "position", "force"))
+    if law == "lugre":
+        return RigFriction(logs, [fit_lugre(log, fixed=fixed, inertia=inertia) for log in logs])
+    return RigFriction(logs, coulomb_friction(logs, ambient=AMBIENT if ambient is None else ambient, area=area))

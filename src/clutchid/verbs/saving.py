@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from clutchid.arguments import checked
-from clutchid.errors import ExportError
+from clutchid.errors import ExportError, ParameterError
+from clutchid.files import check_writable
 
 # imported on use: a command that only reads files starts faster
 if TYPE_CHECKING:
     from clutchid.documents.next_step import Command
     from clutchid.estimation import Fit
     from clutchid.estimation.parameter_file import ParameterFile
+    from clutchid.log import Log
 
 
 def check_save(path: Path) -> None:
@@ -93,3 +96,41 @@ def report(fit: Fit, command: Command | str, path: Path) -> None:
     from clutchid.documents import document_of, write_page
 
     write_page(document_of(fit, command), path)
+
+
+def write_log(log: Log, path: Path) -> None:
+    """`clutchid.write`: a recording in the format of its suffix, with libraries that are imported on use."""
+    from clutchid.measurements import write
+
+    write(log, path)
+
+
+def check_outputs(
+    outputs: Mapping[str, Path | Sequence[Path] | None], inputs: Sequence[tuple[str, Path | None]]
+) -> None:
+    """Check, before any work, that `outputs` can be written, and overwrite neither an input nor each other.
+
+    `outputs` are a path, or several, by option; `inputs` are (description, path).
+    """
+    taken = [(what, path) for what, path in inputs if path is not None]
+    for option, path in _paths_of(outputs):
+        for what, other in taken:
+            if _same(path, other):
+                raise ParameterError(f"{option} {path}: is {what}; name another file.")
+        check_writable(path)
+        taken.append((f"the file of {option} too", path))
+
+
+def _paths_of(outputs: Mapping[str, Path | Sequence[Path] | None]) -> Iterator[tuple[str, Path]]:
+    """Every path with its option."""
+    for option, paths in outputs.items():
+        for path in (paths,) if isinstance(paths, Path) else paths or ():
+            yield option, path
+
+
+def _same(one: Path, other: Path) -> bool:
+    """Whether two paths are the same file, also by links or another spelling."""
+    try:
+        return one.resolve() == other.resolve() or one.samefile(other)
+    except (OSError, RuntimeError):  # one of them does not exist, or is a loop of links
+        return False

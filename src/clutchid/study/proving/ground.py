@@ -14,11 +14,12 @@ from typing import Any
 import numpy as np
 
 from clutchid.arguments import checked
+from clutchid.documents.tables import ReportTable, to_csv
 from clutchid.errors import ExportError
 from clutchid.files import make_folder, write_text
 from clutchid.fleets.cluster import ONE_WORKER, Workers, results, version_and_source
 from clutchid.processes import LostWork, check_workers
-from clutchid.study.proving.scores import Answer, score
+from clutchid.study.proving.scores import Answer, every_recording, score, standings
 from clutchid.study.proving.workflows import workflow
 from clutchid.truck import Drive, changed, drive, truck
 
@@ -224,3 +225,18 @@ def kept(out: Path, numbers: Iterable[int]) -> dict[str, list[dict[str, Any]]]:
         if results:
             found[folder.name] = results
     return found
+
+
+def write_tables(out: Path, numbers: Iterable[int]) -> ReportTable:
+    """Write ``standings.csv`` and ``recordings.csv`` of all workflows in a folder, for trucks by number; the standings.
+
+    Raises
+    ------
+    ExportError
+        If they cannot be written.
+    """
+    results = kept(out, numbers)
+    table = standings(results)
+    write_text(to_csv(table), out / "standings.csv")
+    write_text(to_csv(every_recording(results)), out / "recordings.csv")
+    return table

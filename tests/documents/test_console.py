@@ -3,7 +3,7 @@
 import io
 import os
 
-from clutchid.cli.terminal import columns, sentences
+from clutchid.documents.console import columns, sentences
 
 LONG = "cal.csv: " + "word " * 30
 

@@ -4,35 +4,50 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager, redirect_stderr, suppress
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
-from io import StringIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, TextIO
+from typing import TYPE_CHECKING
 
-from clutchid.cli.terminal import discard_output, printable_lines, put
-from clutchid.systems import Outgoing, is_closed_pipe
+from clutchid.documents.console import discard_output
+from clutchid.systems import is_closed_pipe
+from clutchid.verbs.service.streams import (
+    STALL_AGAIN,
+    Collected,
+    Stopped,
+    as_printed,
+    outgoing,
+    say_unhurried,
+    sender_to,
+)
 
 if TYPE_CHECKING:
     from clutchid.measurements.live.bus import BusName
     from clutchid.observer.live import LiveRun
     from clutchid.observer.recording import ObservedRecording
+    from clutchid.verbs.service.files import Outputs
 
 #: Takes the recording before a block, after it, and the block.
 Sink = Callable[["LiveRun", "LiveRun", "ObservedRecording"], None]
 
-Stopped = Callable[[], bool]
-
-#: Time in s after which a reader of standard output that takes nothing is not waited for; the same once it is stopped,
-#: and where the reader had stalled and takes something again.
-STALL, STALL_STOPPED, STALL_AGAIN = 2.0, 0.2, 0.05
-
-#: Time in s after which a wait asks whether it is stopped.
-PATIENCE = 0.1
-
 #: Time in s from one picture of the view to the next.
 FRAME = 0.25
+
+
+@contextmanager
+def sinks_of(outputs: Outputs, stopped: Stopped) -> Iterator[list[Sink]]:
+    """Sinks of the results of each block, besides the files."""
+    with ExitStack() as stack:
+        sinks = []
+        every = None if outputs.every is None else 1e-3 * outputs.every
+        if outputs.bus and outputs.results_dbc:
+            sinks.append(stack.enter_context(published_frames(outputs.bus, every, outputs.results_dbc, stopped)))
+        elif outputs.publish is not None:
+            sinks.append(stack.enter_context(published_lines(every or 0.0, stopped)))
+        if outputs.view:
+            sinks.append(stack.enter_context(view(stopped)))
+        yield sinks
 
 
 @contextmanager
@@ -44,8 +59,8 @@ def published_lines(every: float, stopped: Stopped) -> Iterator[Sink]:
     """
     from clutchid.documents.observe_lines import observe_lines
 
-    with _outgoing(sys.stdout) as out:
-        send = _as_printed if out is None else _sender(out, stopped)
+    with outgoing(sys.stdout) as out:
+        send = as_printed if out is None else sender_to(out, stopped)
         open_, stalled = True, False
 
         def publish(before: LiveRun, after: LiveRun, part: ObservedRecording) -> None:
@@ -70,65 +85,6 @@ def published_lines(every: float, stopped: Stopped) -> Iterator[Sink]:
         if open_:  # the last line is whole where somebody reads
             with suppress(OSError):
                 send(b"", wait=True)
-
-
-class _Send(Protocol):
-    """Sends a text, behind what was left of those before; whether all of it was taken.
-
-    What is left over is kept, and a text that comes while there is some is left out. `wait` is whether the rest of the
-    text before is waited for.
-    """
-
-    def __call__(self, text: bytes, *, wait: bool) -> bool: ...
-
-
-def _as_printed(text: bytes, *, wait: bool) -> bool:
-    del wait
-    if text:
-        put(text.decode().removesuffix("\n"))
-    return True
-
-
-def _sender(out: Outgoing, stopped: Stopped, patience: float | None = None) -> _Send:
-    """Function that sends to `out`, which is given `patience` seconds, by default `STALL`, to take a part."""
-
-    def send(text: bytes, *, wait: bool) -> bool:
-        each = STALL if patience is None else patience
-        if _left(out, stopped, each if wait else 0.0):
-            return False
-        out.send(text)
-        return not _left(out, stopped, each)
-
-    return send
-
-
-@contextmanager
-def _outgoing(stream: TextIO) -> Iterator[Outgoing | None]:
-    """A standard stream that is written without waiting for its reader; None where it has no descriptor."""
-    with ExitStack() as stack:
-        try:
-            stream.flush()
-            out = stack.enter_context(Outgoing(stream.fileno()))
-        except (AttributeError, OSError, ValueError):
-            yield None
-            return
-        yield out
-
-
-def _left(out: Outgoing, stopped: Stopped, patience: float) -> int:
-    """Number of bytes that were not taken: there are `patience` seconds from one part to the next.
-
-    With 0 the first part must have gone, as after a stall.
-    """
-    since = time.monotonic()
-    while out.left:
-        patience = min(patience, STALL_STOPPED) if stopped() else patience
-        rest = max(since + patience - time.monotonic(), 0.0)
-        if out.wait(min(rest, PATIENCE)):
-            since, patience = time.monotonic(), max(patience, STALL_AGAIN)
-        elif rest == 0.0:
-            break
-    return out.left
 
 
 @contextmanager
@@ -158,24 +114,6 @@ def published_frames(name: BusName, every: float | None, dbc: Path, stopped: Sto
         yield publish
 
 
-class _Collected(StringIO):
-    """Text that is given as a whole where it is flushed: what is not taken then is left out."""
-
-    def __init__(self, send: _Send, terminal: bool) -> None:
-        super().__init__()
-        self._send, self._terminal = send, terminal
-
-    def isatty(self) -> bool:
-        return self._terminal
-
-    def flush(self) -> None:
-        text = self.getvalue()
-        self.seek(0)
-        self.truncate()
-        if text:
-            self._send(text.encode(), wait=False)
-
-
 @contextmanager
 def view(stopped: Stopped) -> Iterator[Sink]:
     """A view of load curve, pressure and health on standard error, redrawn a few times a second.
@@ -193,8 +131,8 @@ def view(stopped: Stopped) -> Iterator[Sink]:
 
     shown = -FRAME
     last: Callable[[], Text] | None = None
-    with _outgoing(sys.stderr) as out:
-        open_, deliver = True, _as_printed if out is None else _sender(out, stopped, STALL_AGAIN)
+    with outgoing(sys.stderr) as out:
+        open_, deliver = True, as_printed if out is None else sender_to(out, stopped, STALL_AGAIN)
 
         def send(text: bytes, *, wait: bool) -> bool:
             nonlocal open_
@@ -204,7 +142,7 @@ def view(stopped: Stopped) -> Iterator[Sink]:
                 open_ = False
                 return True
 
-        console = Console(file=_Collected(send, True), force_terminal=True)
+        console = Console(file=Collected(send, True), force_terminal=True)
         with Live(console=console, auto_refresh=False, redirect_stdout=False) as picture:
 
             def show(_before: LiveRun, after: LiveRun, part: ObservedRecording) -> None:
@@ -220,34 +158,3 @@ def view(stopped: Stopped) -> Iterator[Sink]:
             yield show
             if last is not None:
                 picture.update(last(), refresh=True)
-
-
-@contextmanager
-def unhurried_errors() -> Iterator[None]:
-    """Standard error that is written at the end of the ``with`` block, and waits for no reader that takes nothing."""
-    with _outgoing(sys.stderr) as out:
-        if out is None:
-            yield
-            return
-        collected = _Collected(_sender(out, lambda: False, STALL_STOPPED), sys.stderr.isatty())
-        try:
-            with redirect_stderr(collected):
-                yield
-        finally:
-            with suppress(OSError):
-                collected.flush()
-
-
-def say_unhurried(warnings: Iterable[str]) -> None:
-    """Say warnings while the recording goes on, also where nobody hears them: a closed terminal ends nothing.
-
-    One that is stopped, or a pipe that nobody reads, is waited for as one that publishes and is stopped.
-    """
-    text = "".join(f"warning: {printable_lines(warning)}\n" for warning in warnings)
-    shown = hasattr(sys.stderr, "rich_proxied_file")  # above the view, which does not block
-    with suppress(OSError, ValueError), _outgoing(sys.stderr) as out:
-        if out is None or shown:
-            put(text.removesuffix("\n"), to=sys.stderr)
-        else:
-            encoding = sys.stderr.encoding or "utf-8"
-            _sender(out, lambda: False, STALL_STOPPED)(text.encode(encoding, "backslashreplace"), wait=True)

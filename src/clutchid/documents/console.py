@@ -11,10 +11,12 @@ from shutil import get_terminal_size
 from textwrap import fill
 from typing import TYPE_CHECKING, TextIO
 
+from clutchid.documents.terminal import lines_of
 from clutchid.names import printable
+from clutchid.systems import is_closed_pipe
 
 if TYPE_CHECKING:
-    from clutchid.documents import Row
+    from clutchid.documents.document import Row
 
 #: Most columns of a terminal that are used.
 WIDTH = 80
@@ -63,6 +65,13 @@ def discard_output() -> None:
         os.close(null)
 
 
+def lost(error: OSError) -> None:
+    """Say that standard output cannot be written; a closed pipe is normal, as in ``clutchid look F | head``."""
+    discard_output()
+    if not is_closed_pipe(error):
+        put(f"clutchid: standard output cannot be written ({error.strerror or error}).", to=sys.stderr)
+
+
 def columns() -> int:
     """Columns to use on a terminal."""
     return max(20, min(WIDTH, get_terminal_size((WIDTH, 24)).columns))
@@ -92,8 +101,6 @@ def print_rows(rows: Iterable[Row], to: TextIO | None = None) -> None:
     """Rows with labels, wrapped at words, on standard output by default; coloured on a terminal."""
     from rich.console import Console
     from rich.text import Text
-
-    from clutchid.documents import lines_of
 
     console = Console(file=sys.stdout if to is None else to, highlight=False, markup=False, emoji=False, soft_wrap=True)
     with console.capture() as drawn:

@@ -1,0 +1,251 @@
+"""Files of an observed recording: what is written, kept whatever fails, and left by an earlier run."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from clutchid.errors import ExportError, ParameterError
+from clutchid.measurements.live.bus import BusName, bus_name
+from clutchid.systems import command_line
+from clutchid.verbs.options import ReadingText
+from clutchid.verbs.saving import check_outputs
+from clutchid.verbs.service.streams import say_unhurried
+
+if TYPE_CHECKING:
+    from clutchid.estimation.parameter_file import ParameterFile
+    from clutchid.log import Log
+    from clutchid.measurements.spool import AddBlock
+    from clutchid.observer.live import LiveRun
+    from clutchid.observer.recording import ObservedRecording
+
+
+#: Name of standard output.
+STANDARD_OUTPUT = "-"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outputs:
+    """Files that `observe` writes, and where a live recording is published.
+
+    Attributes
+    ----------
+    out
+        Estimates by sample; the load by stroke is written beside them.
+    save, report
+        State after the last sample, and page.
+    publish
+        `-` or ``can:CHANNEL``.
+    every : ms
+        Time from one published sample to the next.
+    view
+        Whether a view is drawn on standard error.
+    command
+        Command of the page.
+    """
+
+    out: Path
+    save: Path | None = None
+    report: Path | None = None
+    publish: str | None = None
+    every: float | None = None
+    view: bool = False
+    command: str = ""
+
+    @property
+    def by_stroke(self) -> Path:
+        """The load by stroke, beside the samples."""
+        return self.out.with_name(f"{self.out.stem}.load{self.out.suffix}")
+
+    @property
+    def bus(self) -> BusName | None:
+        """The bus that results go to, if they do."""
+        return bus_name(self.publish or "")
+
+    @property
+    def results_dbc(self) -> Path | None:
+        """The DBC of frames that are published, beside the samples."""
+        return self.out.with_suffix(".dbc") if self.bus else None
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """All files, in the order in which they are named."""
+        every = (self.out, self.by_stroke, self.save, self.report, self.results_dbc)
+        return tuple(path for path in every if path is not None)
+
+    def check(self, log: Path, start: Path, resume: Path | None, files: ReadingText, *, live: bool) -> None:
+        """Check that the options go together and with the recording, and that the files can be written.
+
+        A state may replace the one that it went on from.
+
+        Raises
+        ------
+        ExportError, ParameterError
+            If they do not, or cannot.
+        """
+        if (self.publish is not None or self.view) and not live:
+            option = "--view" if self.publish is None else f"--publish {self.publish}"
+            raise ParameterError(f"{option}: is for a live recording; give -, can:CHANNEL, or --follow {log}.")
+        if self.publish not in (None, STANDARD_OUTPUT) and self.bus is None:
+            raise ParameterError(
+                f"--publish {self.publish}: results go to -, standard output, or to a bus, such as can:can0."
+            )
+        if self.every is not None and not 0.0 <= self.every < math.inf:
+            raise ParameterError(f"--publish-every {self.every:g}: a time in ms is at least 0, for example 20.")
+        read: list[tuple[str, Path | None]] = [("the recording itself", log), ("the calibration", start)]
+        read += [("the DBC of the recording", path) for path in files.dbc or ()]
+        written = {
+            "--out": self.out,
+            "--out (load by stroke)": self.by_stroke,
+            "--report": self.report,
+            "--publish (DBC)": self.results_dbc,
+        }
+        check_outputs(written, [*read, ("the state of --resume", resume)])
+        others = [(f"the file of {option}", path) for option, path in written.items()]
+        check_outputs({"--save": self.save}, [*read, *others])
+
+    def write(self, run: ObservedRecording, content: ParameterFile) -> None:
+        """Write all files of a recording."""
+        from clutchid.measurements import write
+
+        write(run.estimates(), self.out)
+        write(run.load_by_stroke(), self.by_stroke)
+        for path, write_file in self.at_the_end(run, content):
+            write_file(path)
+
+    def at_the_end(self, run: ObservedRecording, content: ParameterFile) -> list[tuple[Path, Callable[[Path], None]]]:
+        """Paths of the state and of the page, if they are written, and the functions that write them."""
+        from clutchid.documents import Observation, document_of, write_page
+        from clutchid.observer.state_file import write_state
+
+        origin = _origin_of(run.log)
+        writers = (
+            (self.save, lambda path: write_state(run.observer, run.after, path, origin)),
+            (self.report, lambda path: write_page(document_of(Observation(run, content.origin), self.command), path)),
+        )
+        return [(path, write) for path, write in writers if path is not None]
+
+
+def _origin_of(log: Log) -> float | None:
+    """Stamp of the bus in s that is the time 0 of a live recording, None for any other recording."""
+    from clutchid.measurements.live.bus import ORIGIN
+
+    return float(log.metadata[ORIGIN]) if ORIGIN in log.metadata else None
+
+
+@dataclass(frozen=True, slots=True)
+class FileTroubles:
+    """Faults of the files, as sentences, and the places of those that are elsewhere; None is nowhere."""
+
+    troubles: list[str] = field(default_factory=list)
+    moved: dict[Path, Path | None] = field(default_factory=dict)
+
+    def _note(self, trouble: str) -> None:
+        if trouble not in self.troubles:
+            self.troubles.append(trouble)
+            say_unhurried([trouble])
+
+    def _move(self, path: Path, place: Path) -> None:
+        self.moved[path] = place
+        self._note(f"{path}: cannot be written any more; it is in {place} instead.")
+
+    @contextmanager
+    def spooled(self, path: Path) -> Iterator[AddBlock]:
+        """Function that adds a block to a recording; where that fails, what came before is the file.
+
+        Raises
+        ------
+        ExportError
+            If the file cannot be begun.
+        """
+        from clutchid.measurements.spool import spooled
+
+        begun, open_, before = False, True, _identity(path)
+        try:
+            with spooled(path, lambda place: self._move(path, place)) as add:
+
+                def added(block: Log, *, now: bool = False) -> None:
+                    nonlocal open_
+                    try:
+                        if open_:
+                            add(block, now=now)
+                    except ExportError as error:
+                        open_ = False
+                        self._note(f"{error} What came before is kept, and the recording goes on.")
+
+                begun = True
+                yield added
+        except ExportError as error:
+            if not begun:
+                raise
+            if _identity(path) == before:  # what was there, or nothing
+                self.moved[path] = None
+            self._note(f"{error} What came before is kept.")
+
+    def cut(self, left: Sequence[Path], time: float) -> None:
+        """Cut from files that an earlier run left what comes again, from a time in s on."""
+        from clutchid.measurements.spool import cut_behind
+
+        for path in left:
+            try:
+                cut_behind(path, time)
+            except ExportError as error:
+                self._note(f"{error} Samples from {time:g} s on are in it and in the new file.")
+
+    def save(self, path: Path | None, run: LiveRun) -> None:
+        """Save the state while the recording goes on, if it is asked for."""
+        from clutchid.observer.state_file import write_state
+
+        if path is not None:
+            try:
+                write_state(run.observer, run.after, path, _origin_of(run.parts[-1].log))
+            except ExportError as error:
+                say_unhurried([f"{error} The recording goes on."])
+
+    def write_at_the_end(self, outputs: Outputs, run: ObservedRecording, content: ParameterFile) -> None:
+        """Write the state and the page; in the folder for temporary files where that cannot be."""
+        for path, write in outputs.at_the_end(run, content):
+            try:
+                write(path)
+            except ExportError as error:
+                self._note(str(error))
+                self._elsewhere(path, write)
+
+    def _elsewhere(self, path: Path, write: Callable[[Path], None]) -> None:
+        try:
+            place = Path(tempfile.mkdtemp(prefix="clutchid-")) / path.name
+            write(place)
+        except OSError:
+            self.moved[path] = None
+        else:
+            self._move(path, place)
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    """What another file in the same place differs by, on every system; None where there is none."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_ino, status.st_mtime_ns
+
+
+def left_by_earlier_run(outputs: Outputs, resume: Path | None) -> list[Path]:
+    """Files of an earlier run that ended without writing its own; says so, and how to go on from it."""
+    from clutchid.measurements.spool import recovered
+
+    files = [path for file in (outputs.out, outputs.by_stroke) for path in recovered(file)]
+    if not files:
+        return []
+    names = " and ".join(map(str, files))
+    sentence = f"an earlier run ended before it wrote {outputs.out}: what it had observed is in {names}."
+    if outputs.save is not None and outputs.save.exists() and resume is None:
+        state = command_line([str(outputs.save)])
+        sentence += f" Its state is in {outputs.save}: go on from it with --resume {state}."
+    say_unhurried([sentence])
+    return files

@@ -1,0 +1,135 @@
+"""Observe a live recording: follow samples while they arrive; a signal ends it, and files are whole.
+
+What fails beside it, such as a disk that is full, costs what comes later in that file; the state is saved every minute.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, NamedTuple
+
+from clutchid.errors import DataError, ExportError
+from clutchid.systems import HANG_UPS, STOPS
+from clutchid.verbs.live import Begun, LiveReading, arriving, begun, steps
+from clutchid.verbs.service.files import FileTroubles, Outputs, left_by_earlier_run
+from clutchid.verbs.service.sinks import sinks_of
+from clutchid.verbs.service.streams import Stopped, say_unhurried
+
+if TYPE_CHECKING:
+    from clutchid.estimation.parameter_file import ParameterFile
+    from clutchid.observer.live import LiveRun
+    from clutchid.observer.recording import ObservedRecording
+
+#: Time in s from one saved state to the next; as much is lost where the power is.
+MINUTE = 60.0
+
+
+class Followed(NamedTuple):
+    """A live recording that has ended.
+
+    Attributes
+    ----------
+    run
+        Its last strokes and samples, with the health of all of it.
+    fault
+        Why it ended, if that was a fault of the recording.
+    troubles
+        Faults of the files, as sentences.
+    moved
+        Places of files that could not be written where they were asked for; None is nowhere.
+    """
+
+    run: ObservedRecording
+    fault: str
+    troubles: Sequence[str]
+    moved: Mapping[Path, Path | None]
+
+
+def follow(reading: LiveReading, content: ParameterFile, outputs: Outputs, *, say_checks: bool) -> Followed:
+    """Follow a live recording until it ends or is stopped, publish its results, and write all files.
+
+    Parameters
+    ----------
+    say_checks
+        Whether the checks of the recording are said while it goes on.
+
+    Raises
+    ------
+    DataError, ExportError, ParameterError
+        If nothing could be observed, or a file cannot be begun; nothing is written then.
+    """
+    from clutchid.measurements.spool import SPOOLED
+
+    if outputs.out.suffix.lower() not in SPOOLED:
+        raise ExportError(f"--out {outputs.out}: a live recording is written as {' or '.join(SPOOLED)}, in any length.")
+    files, left = FileTroubles(), left_by_earlier_run(outputs, reading.resume)
+    with stop_signals() as stopped:
+        with closing(arriving(reading, content, stopped)) as blocks:
+            begin = begun(blocks, content, reading)
+            if reading.resume is not None:  # what comes again
+                files.cut(left, float(begin.first.time[0]))
+            run, fault = _observed(begin, outputs, files, stopped, say_checks=say_checks)
+        files.write_at_the_end(outputs, run.recent(), content)
+    return Followed(run.recent(), fault, files.troubles, files.moved)
+
+
+@contextmanager
+def stop_signals() -> Iterator[Stopped]:
+    """Function that says whether a signal of `STOPS` or `HANG_UPS` came; a second one of `STOPS` stops at once.
+
+    A terminal that is closed sends SIGHUP, several times: it stops nothing at once, and is left ignored where it is.
+    """
+    signals: list[int] = []
+
+    def stop(number: int, _frame: FrameType | None) -> None:
+        if signals and number in STOPS:
+            raise KeyboardInterrupt
+        signals.append(number)
+
+    if threading.current_thread() is not threading.main_thread():
+        yield lambda: False
+        return
+    hang_ups = [number for number in HANG_UPS if signal.getsignal(number) != signal.SIG_IGN]
+    before = {number: signal.signal(number, stop) for number in (*STOPS, *hang_ups)}
+    try:
+        yield lambda: bool(signals)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _observed(
+    begin: Begun, outputs: Outputs, files: FileTroubles, stopped: Stopped, *, say_checks: bool
+) -> tuple[LiveRun, str]:
+    """The recording, whose samples and strokes are written as they come; and why it ended if that was a fault."""
+    from clutchid.observer.live import checked
+
+    run, fault, saved = begin.run, "", time.monotonic()
+    with (
+        sinks_of(outputs, stopped) as sinks,
+        files.spooled(outputs.out) as add_samples,
+        files.spooled(outputs.by_stroke) as add_strokes,
+    ):
+        for step in steps(begin):
+            if isinstance(step, DataError):
+                fault = str(step)
+                break
+            before, run, part = step
+            now = run.usable and time.monotonic() - saved >= MINUTE
+            add_samples(part.estimates(), now=now)
+            if part.strokes or part.before is run.before or now:
+                add_strokes(part.load_by_stroke(), now=now)
+            if now:
+                saved = time.monotonic()
+                files.save(outputs.save, run)
+            if before.checked is None and run.checked and say_checks:
+                say_unhurried(run.checked)
+            for sink in sinks:
+                sink(before, run, part)
+    return checked(run), fault

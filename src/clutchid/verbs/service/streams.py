@@ -1,0 +1,130 @@
+"""Standard output and standard error that a service writes without waiting for a reader that takes nothing."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager, redirect_stderr, suppress
+from io import StringIO
+from typing import Protocol, TextIO
+
+from clutchid.documents.console import printable_lines, put
+from clutchid.systems import Outgoing
+
+Stopped = Callable[[], bool]
+
+#: Time in s after which a reader of standard output that takes nothing is not waited for; the same once it is stopped,
+#: and where the reader had stalled and takes something again.
+STALL, STALL_STOPPED, STALL_AGAIN = 2.0, 0.2, 0.05
+
+#: Time in s after which a wait asks whether it is stopped.
+PATIENCE = 0.1
+
+
+@contextmanager
+def outgoing(stream: TextIO) -> Iterator[Outgoing | None]:
+    """A standard stream that is written without waiting for its reader; None where it has no descriptor."""
+    with ExitStack() as stack:
+        try:
+            stream.flush()
+            out = stack.enter_context(Outgoing(stream.fileno()))
+        except (AttributeError, OSError, ValueError):
+            yield None
+            return
+        yield out
+
+
+class Send(Protocol):
+    """Sends a text, behind what was left of those before; whether all of it was taken.
+
+    What is left over is kept, and a text that comes while there is some is left out. `wait` is whether the rest of the
+    text before is waited for.
+    """
+
+    def __call__(self, text: bytes, *, wait: bool) -> bool: ...
+
+
+def as_printed(text: bytes, *, wait: bool) -> bool:
+    del wait
+    if text:
+        put(text.decode().removesuffix("\n"))
+    return True
+
+
+def sender_to(out: Outgoing, stopped: Stopped, patience: float | None = None) -> Send:
+    """Function that sends to `out`, which is given `patience` seconds, by default `STALL`, to take a part."""
+
+    def send(text: bytes, *, wait: bool) -> bool:
+        each = STALL if patience is None else patience
+        if _left(out, stopped, each if wait else 0.0):
+            return False
+        out.send(text)
+        return not _left(out, stopped, each)
+
+    return send
+
+
+def _left(out: Outgoing, stopped: Stopped, patience: float) -> int:
+    """Number of bytes that were not taken: there are `patience` seconds from one part to the next.
+
+    With 0 the first part must have gone, as after a stall.
+    """
+    since = time.monotonic()
+    while out.left:
+        patience = min(patience, STALL_STOPPED) if stopped() else patience
+        rest = max(since + patience - time.monotonic(), 0.0)
+        if out.wait(min(rest, PATIENCE)):
+            since, patience = time.monotonic(), max(patience, STALL_AGAIN)
+        elif rest == 0.0:
+            break
+    return out.left
+
+
+class Collected(StringIO):
+    """Text that is given as a whole where it is flushed: what is not taken then is left out."""
+
+    def __init__(self, send: Send, terminal: bool) -> None:
+        super().__init__()
+        self._send, self._terminal = send, terminal
+
+    def isatty(self) -> bool:
+        return self._terminal
+
+    def flush(self) -> None:
+        text = self.getvalue()
+        self.seek(0)
+        self.truncate()
+        if text:
+            self._send(text.encode(), wait=False)
+
+
+@contextmanager
+def unhurried_errors() -> Iterator[None]:
+    """Standard error that is written at the end of the ``with`` block, and waits for no reader that takes nothing."""
+    with outgoing(sys.stderr) as out:
+        if out is None:
+            yield
+            return
+        collected = Collected(sender_to(out, lambda: False, STALL_STOPPED), sys.stderr.isatty())
+        try:
+            with redirect_stderr(collected):
+                yield
+        finally:
+            with suppress(OSError):
+                collected.flush()
+
+
+def say_unhurried(warnings: Iterable[str]) -> None:
+    """Say warnings while the recording goes on, also where nobody hears them: a closed terminal ends nothing.
+
+    One that is stopped, or a pipe that nobody reads, is waited for as one that publishes and is stopped.
+    """
+    text = "".join(f"warning: {printable_lines(warning)}\n" for warning in warnings)
+    shown = hasattr(sys.stderr, "rich_proxied_file")  # above the view, which does not block
+    with suppress(OSError, ValueError), outgoing(sys.stderr) as out:
+        if out is None or shown:
+            put(text.removesuffix("\n"), to=sys.stderr)
+        else:
+            encoding = sys.stderr.encoding or "utf-8"
+            sender_to(out, lambda: False, STALL_STOPPED)(text.encode(encoding, "backslashreplace"), wait=True)
