@@ -26,7 +26,7 @@ from clutchid.fleets.cluster import Workers, results
 from clutchid.fleets.jobs import compile_first, fleet_of, run, tasks
 from clutchid.fleets.store import store
 from clutchid.truck import drive, truck
-from clutchid.verbs.tracking import ReadingOptions
+from clutchid.verbs.wear_reading import ReadingOptions
 
 
 class Memory(NamedTuple):

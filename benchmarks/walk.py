@@ -26,7 +26,7 @@ import clutchid
 from clutchid import Actuator, Log
 from clutchid.cli import main as command
 from clutchid.truck import drive, truck
-from clutchid.verbs.tracking import ReadingOptions, read_recording
+from clutchid.verbs.wear_reading import ReadingOptions, read_recording
 
 os.environ["OMP_NUM_THREADS"] = "1"  # windows that other threads simulate are not seen here
 

@@ -22,11 +22,11 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid.estimation.assess.comparison import Measurement, half_load
-from clutchid.fleets.virtual import POSITIONS, STEPS, STROKES_A_METRE, engaging, true_load
 from clutchid.log import FloatArray
 from clutchid.truck import aged
 from clutchid.truck.families import truck
 from clutchid.truck.service import Visit, visits
+from clutchid.verbs.virtual_fleet import POSITIONS, STEPS, STROKES_A_METRE, engaging, true_load
 from clutchid.wear.history import Dated, History, WearReading
 from clutchid.wear.life import Wear, wear_of
 from clutchid.wear.trend import REFERENCE, WearTable

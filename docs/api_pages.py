@@ -19,7 +19,7 @@ FURTHER = {
         "observer", "start", "observe", "observe_recording", "curve", "known", "read_state", "write_state",
     ),
     "clutchid.fleets.cluster": ("Workers",),
-    "clutchid.fleets.tracking": ("write_tracked",),
+    "clutchid.verbs.tracking": ("write_tracked",),
 }  # fmt: skip
 
 #: Modules with the equations, in the order of the paper.

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import read_parameters as read_parameters
     from clutchid.estimation.parameter_file import write_parameters as write_parameters
     from clutchid.estimation.request import FitRequest as FitRequest
-    from clutchid.fleets.tracking import track as track
     from clutchid.fleets.verbs import FleetRun as FleetRun
     from clutchid.fleets.verbs import fleet as fleet
     from clutchid.inference.uncertainty.calibration import Calibration as Calibration
@@ -57,6 +56,7 @@ if TYPE_CHECKING:
     from clutchid.verbs.observing import observe as observe
     from clutchid.verbs.rig import friction as friction
     from clutchid.verbs.saving import parameter_file as parameter_file
+    from clutchid.verbs.tracking import track as track
     from clutchid.wear.life import Wear as Wear
 
 #: Public names by the module that has them.
@@ -66,7 +66,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "estimation.assess.verdict": ("Verdict", "verdict"),
     "estimation.request": ("FitRequest",),
     "estimation.parameter_file": ("read_parameters", "write_parameters"),
-    "fleets.tracking": ("track",),
+    "verbs.tracking": ("track",),
     "fleets.verbs": ("FleetRun", "fleet"),
     "inference.uncertainty.calibration": ("Calibration",),
     "inference.uncertainty.coordinates": ("Prior",),

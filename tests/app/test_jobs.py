@@ -96,7 +96,6 @@ def test_a_worn_clutch_is_compared_with_the_calibration(working, calibrated, rec
     body = {"verb": "estimate", "recordings": [worn], "start": calibrated}
     id_ = working.ask("POST", "/api/fits", body).json["id"]
     found = working.wait(id_, "done")["found"]
-    assert {"5 mm", "6 mm"} <= set(found["change_at"])
     assert found["calibrated_load_curve"]["force_N"]
     assert found["calibration"]["name"] == "CAL.toml"  # as in the command that is shown
     assert "residual position" in found["recordings"][0]["columns"]

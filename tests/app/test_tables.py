@@ -7,8 +7,8 @@ import pytest
 
 from clutchid.app.records import finite
 from clutchid.app.session import Session
-from clutchid.app.tables import MOST_LOADS, PLACES, files_of, opened
 from clutchid.errors import DataError
+from clutchid.fleets.opened import MOST_LOADS, PLACES, files_of, opened
 from fixtures.results import REPLACED, STEADY, UNREAD, lives, write_fleet, write_track
 
 
@@ -118,7 +118,7 @@ def test_a_table_that_was_saved_in_another_format_is_read_as_well(track, tmp_pat
 
 
 def test_of_many_loads_some_are_plotted_evenly_with_the_first_and_the_last(track, monkeypatch):
-    monkeypatch.setattr("clutchid.app.tables.MOST_LOADS", 3)
+    monkeypatch.setattr("clutchid.fleets.opened.MOST_LOADS", 3)
     found = shown(track)
     assert [load["recording"] for load in found["loads"]] == ["V 2 00", "V 2 10", "V 2 19"]
     assert (found["load_count"], MOST_LOADS) == (20, 200)

@@ -78,11 +78,11 @@ def test_an_interrupt_before_the_command_begins_is_one_sentence(options, monkeyp
     [
         (["fleet", "F", "--start", "C", "--out", "R"], "clutchid.fleets.verbs.fleet",
          "stopped: what has been read is kept in R; the same command goes on from there."),
-        (["drive", "--fleet", "3", "--out", "R"], "clutchid.fleets.virtual.write_fleet",
+        (["drive", "--fleet", "3", "--out", "R"], "clutchid.verbs.virtual_fleet.write_fleet",
          "stopped: R has a part of the fleet, without its tables; remove it, and give the same command again."),
         (["drive", "--out", "r.csv"], "clutchid.truck.drive",
          "stopped: no file is left half-written; the same command starts from the beginning."),
-        (["track", "r.csv", "--start", "C.toml", "--out", "w.parquet"], "clutchid.fleets.tracking.track",
+        (["track", "r.csv", "--start", "C.toml", "--out", "w.parquet"], "clutchid.verbs.tracking.track",
          "stopped: no file is left half-written; the same command starts from the beginning."),
         (["look", "r.csv"], "clutchid.verbs.looking.looked",
          "stopped: no file is left half-written; the same command starts from the beginning."),

@@ -21,7 +21,7 @@ from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.observer.by_stroke import curve, positions
 from clutchid.verbs.observing import ANYWAY
 from clutchid.verbs.reading import REFUSED
-from clutchid.verbs.tracking import ReadingOptions, read_recording
+from clutchid.verbs.wear_reading import ReadingOptions, read_recording
 from fixtures.commands import called
 
 Change = Callable[[Log], Log]

@@ -6,7 +6,7 @@ import pytest
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.fleets.jobs import fleet_of
-from clutchid.fleets.tracking import recordings_of
+from clutchid.verbs.tracking import recordings_of
 
 
 @pytest.fixture

@@ -11,8 +11,8 @@ from clutchid.files import write_frame
 from clutchid.fleets.jobs import Fleet, Job, tasks
 from clutchid.fleets.output import rows_of
 from clutchid.fleets.store import StoredResult, store
-from clutchid.fleets.tracking import track
-from clutchid.verbs.tracking import ReadingOptions, RecordingResult, checksum_of, read_recording
+from clutchid.verbs.tracking import track
+from clutchid.verbs.wear_reading import ReadingOptions, RecordingResult, checksum_of, read_recording
 from clutchid.wear.history import WearReading
 
 

@@ -12,7 +12,7 @@ from clutchid.errors import ExportError
 from clutchid.estimation.assess.comparison import HalfLoad, Measurement
 from clutchid.fleets.store import StoredResult, store
 from clutchid.inference.uncertainty.estimates import LoadCurve
-from clutchid.verbs.tracking import RecordingResult
+from clutchid.verbs.wear_reading import RecordingResult
 from clutchid.wear.history import WearReading
 
 ABOUT = {"source": "/fleet", "verb": "fit"}

@@ -8,9 +8,9 @@ import pytest
 from clutchid.fleets.jobs import Fleet, Job, fleet_of
 from clutchid.fleets.output import vehicles_of, write_results, write_vehicles
 from clutchid.fleets.store import StoredResult, store
-from clutchid.fleets.tracking import LifeLimits, track, write_tracked
 from clutchid.systems import is_device
-from clutchid.verbs.tracking import ReadingOptions, RecordingResult, read_recording
+from clutchid.verbs.tracking import LifeLimits, track, write_tracked
+from clutchid.verbs.wear_reading import ReadingOptions, RecordingResult, read_recording
 from clutchid.wear.history import WearReading
 
 pytestmark = pytest.mark.slow

@@ -8,8 +8,7 @@ from typing import Any
 
 from clutchid.app.records import File
 from clutchid.errors import ParameterError
-from clutchid.systems import command_line
-from clutchid.verbs.commands import FitCommand
+from clutchid.verbs.commands import FitCommand, typed
 from clutchid.verbs.options import USUAL, ReadingText, RequestText, bounds, pressure, priors
 
 #: What a fit on the page asks for, by verb: the defaults of the commands of the same name.
@@ -66,18 +65,18 @@ def fit_command(
 
 def repeated(asked: FitCommand, files: Sequence[File]) -> tuple[str, str]:
     """The command and the Python that repeat a fit of these recordings; empty where they have different maps."""
-    return (command_line(["clutchid", *asked.words]), asked.python) if len(_maps_of(files)) == 1 else ("", "")
+    return (typed(asked.words), asked.python) if len(_maps_of(files)) == 1 else ("", "")
 
 
 def repeated_observation(file: File, start: str, method: str, *, force: bool) -> tuple[str, str]:
     """The command and the Python that follow a recording."""
     channels = _map_of([file])
-    words = ["clutchid", "observe", file.name, "--start", start, "--method", method, "--out", "est.parquet"]
+    words = ["observe", file.name, "--start", start, "--method", method, "--out", "est.parquet"]
     words += [*(["--map", str(channels)] if channels else []), *(["--force"] if force else [])]
     given = [repr(file.name), repr(start), f"method={method!r}"]
     given += [*([f"channels={str(channels)!r}"] if channels else []), *(["force=True"] if force else [])]
     call = f"run = clutchid.observe({', '.join(given)})\nprint(run.load_by_stroke())"
-    return command_line(words), f"import clutchid\n\n{call}\n"
+    return typed(words), f"import clutchid\n\n{call}\n"
 
 
 def _names(files: Sequence[File]) -> tuple[Path, ...]:

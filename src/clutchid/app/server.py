@@ -28,16 +28,17 @@ from starlette.staticfiles import StaticFiles
 from clutchid.app.commands import METHODS, VERBS
 from clutchid.app.folder import end_folder, make_folder, opening_page
 from clutchid.app.guard import LOOPBACK, REPORT_POLICY, Access, Guard, names_of, warning_of
-from clutchid.app.plots import plotted
 from clutchid.app.records import Observation, Recording, Result, Table, download_name
 from clutchid.app.session import Session
 from clutchid.app.uploads import allowed_path, check_size, is_opened, is_table, listed, receive
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.files import not_an_address, reason_of
 from clutchid.log.units import UNITS
-from clutchid.measurements.columns import QUANTITIES
 from clutchid.names import printable
 from clutchid.verbs.failures import failure
+from clutchid.verbs.looking import QUANTITIES
+from clutchid.verbs.saving import file_name
+from clutchid.verbs.stored import plotted
 
 STATIC = Path(__file__).parent / "static"
 
@@ -296,9 +297,7 @@ async def _result_file(session: Session, request: Request) -> Response:
         return FileResponse(path, media_type="text/html", headers={"content-security-policy": REPORT_POLICY})
     shown = download_name(result.name, name)
     if path.suffix == ".m":
-        from clutchid.exports.fit_file import function_in
-
-        shown = f"{function_in(path)}.m"
+        shown = file_name(path)
     return FileResponse(path, headers=_attachment(shown))
 
 

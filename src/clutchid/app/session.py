@@ -67,7 +67,7 @@ class Session:
         DataError, ParameterError
             If there is no such recording, or the map is none; the text lists all problems.
         """
-        from clutchid.measurements.map.channel_map import read_map
+        from clutchid.verbs.looking import read_map
 
         recording = self._recording(id_)
         pressure(ambient or None)

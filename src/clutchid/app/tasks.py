@@ -4,45 +4,33 @@ from __future__ import annotations
 
 import json
 import shutil
-import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from clutchid.app import records
-from clutchid.app.plots import CLOCK, clock_column
-from clutchid.codegen.cache import when_compiling
+from clutchid.documents import Observation
 from clutchid.documents.fit import application_data, compared_columns
 from clutchid.documents.fit_json import curve_json, fit_json
 from clutchid.documents.look_json import look_json, map_json
+from clutchid.documents.observe import observation_data
 from clutchid.errors import ClutchidError, DataError, ParameterError
-from clutchid.estimation.parameter_file import read_parameters
-from clutchid.estimation.result import calibrated_curve
-from clutchid.exports.fit_file import function_name, write_matlab
-from clutchid.log import FloatArray, Log
-from clutchid.measurements.checks import AMBIENT, in_si
-from clutchid.measurements.columns import Heading
-from clutchid.measurements.map.channel_map import read_map
-from clutchid.measurements.opening import open_source
-from clutchid.measurements.source import BLOCK, Source
-from clutchid.measurements.stored import store, stored, write_column
 from clutchid.numerics.progress import Step
 from clutchid.verbs import saving
-from clutchid.verbs.looking import checked, contents_of
+from clutchid.verbs.looking import is_map
 from clutchid.verbs.observing import observed
 from clutchid.verbs.options import pressure
-from clutchid.verbs.progress import CALIBRATION, ESTIMATE, Progressed, shared
+from clutchid.verbs.progress import CALIBRATION, ESTIMATE, Progressed, shared, when_compiling
 from clutchid.verbs.reading import Reading, RecordingFile
-from clutchid.verbs.start import calibration_file
+from clutchid.verbs.start import calibration_file, read_calibration
+from clutchid.verbs.stored import copied, sections, stored_recording, write_columns
 
 if TYPE_CHECKING:
+    from clutchid import Fit
     from clutchid.app.worker import Events
-    from clutchid.estimation import Fit
-    from clutchid.measurements.map.channel_map import ChannelMap
 
 #: Most strokes and rests of a recording that are listed.
 MOST_SECTIONS = 2000
@@ -61,31 +49,29 @@ def look(task: records.Look, events: Events) -> dict[str, Any]:
     def shown(done: int, size: int) -> None:
         events.progress("reading", 0.9 * done / max(size, 1), f"reading, {done:,} samples")
 
-    if task.copied:
-        source = stored(task.folder)
-    else:
-        opened = open_source(task.file.path)
-        shutil.rmtree(task.folder, ignore_errors=True)
-        source = store(opened, task.folder, BLOCK, shown)
+    if not task.copied:
+        copied(task.file.path, task.folder, shown)
     when_compiling(lambda _: events.progress("compiling", 0.9, "compiling the model, once per machine"))
-    given = None if task.file.map is None else read_map(task.file.map)
-    ambient = pressure(task.ambient or None)
-    _write_clocks(source, given, task.folder)
+    recording = stored_recording(task.folder, task.file.map, pressure(task.ambient or None))
     about = {
-        "ambient": AMBIENT if ambient is None else ambient,
-        "plots": [[heading.index for heading in grid.headings] for grid in source.rasters],  # columns, as look has them
+        "ambient": recording.shown_ambient,
+        "plots": recording.grids,
         "strokes": [],
         "checking": False,
-        **({} if given is None else {"map": map_json(given)}),
+        **({} if recording.channels is None else {"map": map_json(recording.channels)}),
     }
-    contents = contents_of(source, ambient, given)
+    contents = recording.contents()
     events.part({**look_json(contents, None, ""), **about, "checking": True})
     events.progress("checks", 0.9, "checks")
     try:
-        found = checked(source, contents, ambient, given)
+        checks = recording.checked(contents)
     except DataError as error:  # the map does not fit: the file is shown nevertheless
         return {**look_json(contents, None, ""), **about, "status": "bad_input", "message": str(error)}
-    return {**look_json(contents, found.inspection, found.unchecked), **about, "strokes": _strokes(found.log)}
+    strokes = [
+        {"kind": section.kind, "label": section.label, "begin": section.start, "end": section.end}
+        for section in sections(checks.log, MOST_SECTIONS)
+    ]
+    return {**look_json(contents, checks.inspection, checks.unchecked), **about, "strokes": strokes}
 
 
 def cut(task: records.Cut, events: Events) -> dict[str, Any]:
@@ -96,55 +82,10 @@ def cut(task: records.Cut, events: Events) -> dict[str, Any]:
     DataError
         If none of the chosen strokes is there any more.
     """
-    from clutchid.measurements import source_pieces, write
-    from clutchid.strokes import cut as sections_of
-    from clutchid.strokes import joined
-
     events.progress("cutting", None, "cutting")
-    source = stored(task.source)
-    given = None if task.map is None else read_map(task.map)
-    chosen = {round(float(begin), 6) for begin in task.begins}
-    pieces = source_pieces(source, given, pressure(task.look.ambient or None))
-    sections = [section for section in sections_of(pieces) if round(section.start, 6) in chosen]
-    if not sections:
-        raise DataError(f"{source.path.name}: no stroke is chosen.")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        write(joined(sections), task.look.file.path)
+    recording = stored_recording(task.source, task.map, pressure(task.look.ambient or None))
+    recording.cut(task.begins, task.look.file.path)
     return look(task.look, events)
-
-
-def _write_clocks(source: Source, given: ChannelMap | None, folder: Path) -> None:
-    """The time of every grid in s, as a column: that of the map, of the file, or the number of the sample."""
-    from clutchid.measurements.map.picking import own_clock
-
-    for index, raster in enumerate(source.rasters):
-        clock = own_clock(raster)[0]
-        entry = None if given is None else given.channels.get("time")
-        if entry is not None:
-            named = next((h for h in raster.headings if h.text == entry.channel), None)
-            if named is not None:
-                clock = Heading(named.index, named.text, "time", entry.unit or named.unit)
-        rate = 1.0 if given is None or given.rate is None else given.rate
-        parts = []
-        done = 0
-        for table in source.tables(index, [] if clock is None else [clock.index], BLOCK):
-            if clock is None or clock.index not in table.numbers:
-                parts.append((done + np.arange(table.size)) / rate)
-            else:
-                parts.append(in_si(clock, table.numbers[clock.index], AMBIENT))
-            done += table.size
-        write_column(folder, index, CLOCK, clock_column(np.concatenate(parts) if parts else np.empty(0)))
-
-
-def _strokes(log: Log | None) -> list[dict[str, Any]]:
-    """The sections of a recording with their label, start and end in s."""
-    from clutchid.strokes import cut
-
-    if log is None or not {"position", "duty_supply", "duty_exhaust"} <= {*log.columns}:
-        return []
-    sections = islice(cut(log), MOST_SECTIONS)
-    return [{"kind": one.kind, "label": one.label, "begin": one.start, "end": one.end} for one in sections]
 
 
 def _files(files: Sequence[records.File]) -> tuple[RecordingFile, ...]:
@@ -183,7 +124,7 @@ def _written(found: Fit, task: records.FitRecordings) -> dict[str, Any]:
             if name.endswith(".html"):
                 saving.report(found, task.asked.command, folder / name)
             elif name.endswith(".m"):
-                write_matlab(found, folder / name, function_name(*task.name.split()))
+                saving.save(found, folder / name, task.name)
             else:
                 saving.save(found, folder / name)
             files.append(name)
@@ -208,20 +149,13 @@ def _shown(found: Fit, task: records.FitRecordings) -> dict[str, Any]:
 
 def _residuals(found: Fit, folder: Path) -> list[dict[str, Any]]:
     """Columns of the fitted and verified recordings, and their names by number."""
-    folder.mkdir(parents=True, exist_ok=True)
     shown = []
     columns = compared_columns(found)
     for grid, (name, one) in enumerate({**found.recordings, **found.verification}.items()):
-        _write_columns(folder, grid, one.measured.time, columns[name].values())
+        write_columns(folder, grid, one.measured.time, columns[name].values())
         span = [float(one.measured.time[0]), float(one.measured.time[-1])]
         shown.append({"name": name, "columns": [*columns[name]], "span": span, "verified": name in found.verification})
     return shown
-
-
-def _write_columns(folder: Path, grid: int, time: FloatArray, columns: Iterable[FloatArray]) -> None:
-    """The columns of a plot over one time."""
-    for number, values in ((CLOCK, clock_column(time)), *enumerate(columns)):
-        write_column(folder, grid, number, values)
 
 
 def check_calibration(task: records.ReadCalibration, events: Events) -> dict[str, Any]:
@@ -234,30 +168,18 @@ def check_calibration(task: records.ReadCalibration, events: Events) -> dict[str
     """
     events.progress("reading", None, "reading")
     try:
-        content = read_parameters(task.path)
+        calibration = read_calibration(task.path)
     except ParameterError as error:
-        raise ParameterError(_no_calibration(task) or str(error).replace(str(task.path), task.name)) from None
-    known = content.calibration
-    if known is None:
-        raise ParameterError(
-            f"{task.name}: is a parameter file without a calibration; a calibration is written by "
-            "`clutchid calibrate --save CAL.toml`."
-        )
-    curve = calibrated_curve(content.actuator, known)
+        if is_map(task.path):
+            advice = "give it to a recording with “Use a map” in its table of channels"
+            raise ParameterError(f"{task.name}: is a channel map; {advice}.") from None
+        raise ParameterError(str(error).replace(str(task.path), task.name)) from None
+    origin, curve = calibration.origin, calibration.curve
     return {
         "status": "ok", "load_curve": None if curve is None else curve_json(curve), "is_calibration": True,
-        "trust": content.origin.trust or "",
-        "created": content.origin.created, "files": ["fit.toml"], "recordings": [], "reasons": [], "parameters": {},
+        "trust": origin.trust or "",
+        "created": origin.created, "files": ["fit.toml"], "recordings": [], "reasons": [], "parameters": {},
     }  # fmt: skip
-
-
-def _no_calibration(task: records.ReadCalibration) -> str:
-    """Advice for a channel map that was taken for a calibration; empty for other files."""
-    try:
-        read_map(task.path)
-    except (DataError, ParameterError):
-        return ""
-    return f"{task.name}: is a channel map; give it to a recording with “Use a map” in its table of channels."
 
 
 def export(task: records.Export, events: Events) -> dict[str, Any]:
@@ -268,14 +190,13 @@ def export(task: records.Export, events: Events) -> dict[str, Any]:
     DataError, ParameterError, ExportError
         As `clutchid.export`.
     """
-    from clutchid.exports.exporting import targets_of
     from clutchid.verbs.exporting import export as exported
 
     events.progress("export", None, "writing the C and comparing it with Python")
     when_compiling(lambda _: events.progress("compiling", None, "compiling the model, once per machine"))
     made = task.folder / "export"
     shutil.rmtree(made, ignore_errors=True)
-    done = exported(task.start, made, to=targets_of(task.to), method=task.method)
+    done = exported(task.start, made, to=task.to, method=task.method)
     archive = shutil.make_archive(str(made), "zip", made)
     parity = done.parity
     words = f"{len(done.files)} files"
@@ -293,40 +214,17 @@ def observe(task: records.Observe, events: Events) -> dict[str, Any]:
     DataError, ParameterError
         As `clutchid.observe`.
     """
-    from clutchid.documents import document_of
-    from clutchid.documents.document import page_rows
-    from clutchid.documents.results import Observation
-    from clutchid.observer.by_stroke import curve, positions
-    from clutchid.observer.observer import start
-
     events.progress("reading", 0.0, "reading")
     when_compiling(lambda _: events.progress("compiling", 0.1, "compiling the model, once per machine"))
     content = calibration_file(task.start)
     events.progress("observing", 0.3, "following the samples")
     run = observed(Reading(_files([task.recording]), force=task.force), content, task.method)
-    log = run.log
     events.progress("writing", 0.9, "writing")
-    folder = task.folder / "columns"
-    folder.mkdir(parents=True, exist_ok=True)
     estimates = run.estimates()
     names = [name for name in OBSERVED if name in estimates.columns]
-    _write_columns(folder, 0, log.time, (np.asarray(estimates.columns[name], dtype=np.float64) for name in names))
-    grid = positions(run.observer)
-    loads = [(float(log.time[0]), 0, curve(run.observer, run.before, grid))]
-    loads += [(row.time, row.number, row.curve) for row in run.strokes]
-    rows = page_rows(document_of(Observation(run, content.origin)))
-    return {
-        "columns": names,
-        "span": [float(log.time[0]), float(log.time[-1])],
-        "calibrated": curve_json(curve(run.observer, start(run.observer), grid)),
-        "loads": [{"time": time, "stroke": number, "curve": curve_json(one)} for time, number, one in loads],
-        "health": dict(run.health),
-        "summary": rows,
-        "next": {"kind": "correct", "why": "correct what the reasons say", "command": ""}
-        if any(row["mood"] == "none" for row in rows)
-        else {"kind": "export", "why": "export the observer for a control unit", "command": ""},
-        "warnings": [*log.warnings],
-    }
+    values = (np.asarray(estimates.columns[name], dtype=np.float64) for name in names)
+    write_columns(task.folder / "columns", 0, run.log.time, values)
+    return {"columns": names, **observation_data(Observation(run, content.origin))}
 
 
 def open_table(task: records.ReadTable, events: Events) -> dict[str, Any]:
@@ -335,12 +233,12 @@ def open_table(task: records.ReadTable, events: Events) -> dict[str, Any]:
     Raises
     ------
     DataError
-        As `clutchid.app.tables.opened`.
+        As `clutchid.fleets.opened.opened`.
     """
-    from clutchid.app import tables  # half a second of imports, which other jobs need not wait for
+    from clutchid.fleets import opened  # half a second of imports, which other jobs need not wait for
 
     events.progress("reading", None, "reading")
-    return tables.opened(task.path, task.below, task.vehicle)
+    return opened.opened(task.path, task.below, task.vehicle)
 
 
 #: Columns of an observed recording that are plotted.

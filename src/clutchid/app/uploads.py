@@ -10,9 +10,9 @@ from pathlib import Path
 from clutchid.app.folder import free_bytes
 from clutchid.errors import DataError
 from clutchid.files import reason_of
-from clutchid.measurements.suffixes import by_suffix, split_name
 from clutchid.names import printable
 from clutchid.systems import is_device
+from clutchid.verbs.reading import by_suffix, split_name
 
 #: Largest upload in bytes; a larger file is opened by its path.
 LARGEST = 4 << 30

@@ -144,7 +144,7 @@ def drive(
         None if supply is None else supply * 1e5, offset * 1e-3, sensor_zero, late * 1e-3,
     )  # fmt: skip
     if service.fleet:
-        from clutchid.fleets.virtual import write_fleet
+        from clutchid.verbs.virtual_fleet import write_fleet
 
         _check_no_single(single, truth)
         plan = visits(service.fleet, service.months, family, truck, service.types, seed, service.days)

@@ -21,7 +21,7 @@ from clutchid.documents.console import put, say
 from clutchid.verbs.options import USUAL_FILES
 
 if TYPE_CHECKING:
-    from clutchid.exports.exporting import Export
+    from clutchid.verbs.exporting import Export
 
 
 @guarded

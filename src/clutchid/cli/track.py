@@ -75,7 +75,7 @@ def track(
         Show the traceback of an error.
     """
     from clutchid.documents import WornClutch, document_of, write_page
-    from clutchid.fleets import tracking
+    from clutchid.verbs import tracking
 
     shift, results = life_limit(limit), (out, tracking.curves_path(out))
     _check(out, report, start, table, wear_table, logs)

@@ -9,12 +9,11 @@ import numpy as np
 from clutchid.documents.document import Document, Notice, Picture, page_rows
 from clutchid.documents.fit_figures import load_figure
 from clutchid.documents.fit_json import fit_json
-from clutchid.documents.fit_rows import POSITIONS, errors_text, other_warnings, rows_of
+from clutchid.documents.fit_rows import other_warnings, rows_of
 from clutchid.documents.fit_sections import fit_sections
 from clutchid.documents.next_step import Command, next_step
 from clutchid.documents.style import MM
 from clutchid.estimation import Fit
-from clutchid.estimation.assess.comparison import comparison
 from clutchid.estimation.assess.evidence import as_recorded
 from clutchid.estimation.assess.verdict import states_of_wear, verdict
 from clutchid.log import FloatArray
@@ -39,18 +38,14 @@ def application_data(fit: Fit, command: Command) -> dict[str, Any]:
 
     A difference between states of wear that changes seem to explain is no change: it is a sentence among the rows.
     """
-    document, compared = fit_document(fit, command), comparison(fit)
+    document = fit_document(fit, command)
     data = document.data()
     return {
         **data,
         "changes": [] if states_of_wear(fit) else data["changes"],
         "summary": page_rows(document),
-        "error_words": {name: errors_text(recording.errors) for name, recording in fit.recordings.items()},
         "is_calibration": fit.calibration is not None and fit.baseline is None,
         "next": None if document.next is None else document.next._asdict(),
-        "change_at": None if compared is None else {
-            f"{mm} mm": compared.at(mm * MM)._asdict() for mm in POSITIONS if mm * MM <= compared.reach
-        },
     }  # fmt: skip
 
 

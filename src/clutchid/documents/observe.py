@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from clutchid.documents.diagnosis import limit_blocks
-from clutchid.documents.document import Block, Details, Document, Notice, Picture, Section, Text
+from clutchid.documents.document import Block, Details, Document, Notice, Picture, Section, Text, page_rows
 from clutchid.documents.figures import draw, draw_duties, fill, label, legend, mark_span, new_figure, with_gaps
+from clutchid.documents.fit_json import curve_json
 from clutchid.documents.innovations import innovation_blocks
 from clutchid.documents.observe_rows import observe_json, rows_of
 from clutchid.documents.results import Observation
@@ -21,7 +22,7 @@ from clutchid.estimation.assess.innovations import innovation_statistics
 from clutchid.estimation.assess.observed import indicators, observed_verdict
 from clutchid.log import FloatArray
 from clutchid.numerics.interval import QUANTILE
-from clutchid.observer import Loads, ObservedRecording, curve, known, loads, positions
+from clutchid.observer import Loads, ObservedRecording, curve, known, loads, positions, start
 from clutchid.observer.health import FLAGS, LIVE_FLAGS, VALUE_FLAGS
 
 if TYPE_CHECKING:
@@ -179,6 +180,28 @@ def observe_document(observation: Observation, command: str = "") -> Document:
         command=command,
         sources={log.metadata.get("source", log.name): log.metadata["sha256"]} if "sha256" in log.metadata else {},
     )
+
+
+def observation_data(observation: Observation) -> dict[str, Any]:
+    """What the local page shows of an observed recording: its loads by stroke, its rows, and the next step."""
+    run = observation.run
+    time, grid = run.log.time, positions(run.observer)
+    loads = [(float(time[0]), 0, curve(run.observer, run.before, grid))]
+    loads += [(row.time, row.number, row.curve) for row in run.strokes]
+    rows = page_rows(observe_document(observation))
+    wrong = any(row["mood"] == "none" for row in rows)
+    kind, why = (
+        ("correct", "correct what the reasons say") if wrong else ("export", "export the observer for a control unit")
+    )
+    return {
+        "span": [float(time[0]), float(time[-1])],
+        "calibrated": curve_json(curve(run.observer, start(run.observer), grid)),
+        "loads": [{"time": at, "stroke": number, "curve": curve_json(load)} for at, number, load in loads],
+        "health": dict(run.health),
+        "summary": rows,
+        "next": {"kind": kind, "why": why, "command": ""},
+        "warnings": [*run.log.warnings],
+    }
 
 
 def _flags(run: ObservedRecording) -> Notice:

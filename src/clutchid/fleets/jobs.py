@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from time import monotonic
 from typing import NamedTuple
 
-from clutchid.errors import ClutchidError, DataError, ParameterError
+from clutchid.errors import DataError, ParameterError
 from clutchid.files import digest, is_there, not_an_address
 from clutchid.fleets.cluster import Workers, results, version_and_source
-from clutchid.fleets.folders import (
+from clutchid.fleets.store import Store, StoredResult
+from clutchid.names import as_text
+from clutchid.processes import FinishedWork, Pool
+from clutchid.verbs.folders import (
     FolderContent,
     ListedFile,
     files_by_name,
@@ -23,11 +25,8 @@ from clutchid.fleets.folders import (
     name_of,
     no_recordings,
 )
-from clutchid.fleets.store import Store, StoredResult
-from clutchid.measurements.suffixes import by_suffix
-from clutchid.names import as_text
-from clutchid.processes import FinishedWork, Pool
-from clutchid.verbs.tracking import ReadingOptions, RecordingResult, checksum_of, read_recording, unless_lost
+from clutchid.verbs.reading import by_suffix
+from clutchid.verbs.wear_reading import ReadingOptions, RecordingResult, checksum_of, read_recording, unless_lost
 from clutchid.wear.history import Listed
 from clutchid.wear.tables import read_fleet_table
 
@@ -250,14 +249,9 @@ def compile_first(calibrations: Iterable[Path]) -> None:
 
 
 def _compiled(calibrations: Iterable[Path]) -> None:
-    from clutchid.model.compiled import compile_ahead
-    from clutchid.verbs.start import start_file
+    from clutchid.verbs.start import compile_models
 
-    models = set()
-    for path in calibrations:
-        with suppress(ClutchidError):  # each of its recordings says so
-            models.add(start_file(path).actuator.model)
-    compile_ahead(models)
+    compile_models(calibrations)
 
 
 def _work(options: ReadingOptions, task: Task) -> RecordingResult:

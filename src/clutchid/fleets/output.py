@@ -21,10 +21,10 @@ from clutchid.files import atomic_write, make_folder, write_frame
 from clutchid.fleets.cluster import version_and_source
 from clutchid.fleets.jobs import Fleet, Job
 from clutchid.fleets.store import Store, StoredResult
-from clutchid.fleets.tracking import LifeLimits, Tracked, load_table, table_of, tracked
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.systems import is_device
-from clutchid.verbs.tracking import RecordingResult, counted_once, without_result
+from clutchid.verbs.tracking import LifeLimits, Tracked, load_table, table_of, tracked
+from clutchid.verbs.wear_reading import RecordingResult, counted_once, without_result
 from clutchid.wear.history import Listed, arranged
 from clutchid.wear.trend import Interval
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import sqlite3
 from collections.abc import Iterable, Iterator
 from contextlib import closing, contextmanager, suppress
@@ -12,18 +11,10 @@ from pathlib import Path
 from time import monotonic
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from clutchid.errors import ExportError
-from clutchid.estimation.assess.comparison import HalfLoad, Measurement
 from clutchid.files import atomic_write, make_folder
-from clutchid.inference.uncertainty.estimates import LoadCurve
-from clutchid.strokes.vented_rest import RestShift
-from clutchid.verbs.tracking import RecordingResult
-from clutchid.wear.history import Leak, WearReading
-
-#: The file in the folder of a run.
-STORE = "run.sqlite"
+from clutchid.verbs.folders import STORE
+from clutchid.verbs.wear_reading import RecordingResult, packed, unpacked
 
 #: Time in s after which results are on the disk at the latest.
 COMMIT = 0.5
@@ -274,44 +265,12 @@ def _row(kept: StoredResult) -> _StoredRow:
     read = kept.read
     row = (
         kept.vehicle, kept.recording, kept.inputs, kept.file, read.reading.status, read.reading.message,
-        read.sha256, json.dumps(_content(read)), _packed(read.curve), float(kept.seconds),
+        read.sha256, *packed(read), float(kept.seconds),
     )  # fmt: skip
     return (*row, _checksum(row))
 
 
 def _kept(row: tuple[Any, ...]) -> StoredResult:
     vehicle, recording, inputs, file, status, message, sha256, content, curve, seconds, _ = row
-    read = _read(recording, status, message, sha256, json.loads(content), curve)
+    read = unpacked(recording, status, message, sha256, content, curve)
     return StoredResult(vehicle, recording, inputs, file, read, seconds)
-
-
-def _content(read: RecordingResult) -> dict[str, object]:
-    one = read.reading
-    return {
-        "trust": one.trust, "measurement": one.measurement and list(one.measurement), "clock": read.clock,
-        "half_load": list(read.half_load), "changes": list(read.changes), "leak": one.leak and list(one.leak),
-        "departs": one.departs, "rest": one.rest and list(one.rest), "reason": one.reason,
-    }  # fmt: skip
-
-
-def _read(
-    recording: str, status: str, message: str, sha256: str, content: dict[str, list[float]], curve: bytes | None
-) -> RecordingResult:
-    measured, leak, rest = content["measurement"], content.get("leak"), content.get("rest")
-    reading = WearReading(
-        status, message, str(content["trust"]), Measurement(*measured) if measured else None,
-        Leak(*leak) if leak else None, bool(content.get("departs")), RestShift(*rest) if rest else None,
-        str(content.get("reason", "")),
-    )  # fmt: skip
-    half, changes = HalfLoad(*content["half_load"]), tuple(map(str, content["changes"]))
-    return RecordingResult(Path(recording), reading, str(content["clock"]), sha256, _unpacked(curve), half, changes)
-
-
-def _packed(curve: LoadCurve | None) -> bytes | None:
-    if curve is None:
-        return None
-    return np.ascontiguousarray(curve.table().T, dtype="<f8").tobytes()
-
-
-def _unpacked(content: bytes | None) -> LoadCurve | None:
-    return None if content is None else LoadCurve(*np.frombuffer(content, dtype="<f8").reshape(4, -1))

@@ -15,10 +15,10 @@ from clutchid.fleets.cluster import ONE_WORKER, Workers
 from clutchid.fleets.jobs import Fleet, compile_first, fleet_of, run, tasks
 from clutchid.fleets.output import RESULTS, VEHICLES, vehicles_of, write_results, write_vehicles
 from clutchid.fleets.store import store
-from clutchid.fleets.tracking import LifeLimits
 from clutchid.names import as_text
 from clutchid.verbs.start import start_file
-from clutchid.verbs.tracking import ReadingOptions
+from clutchid.verbs.tracking import LifeLimits
+from clutchid.verbs.wear_reading import ReadingOptions
 from clutchid.wear.tables import read_wear_table
 
 

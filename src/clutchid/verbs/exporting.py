@@ -10,13 +10,16 @@ from typing import TYPE_CHECKING
 from clutchid.arguments import checked
 from clutchid.estimation.parameter_file import ParameterFile
 from clutchid.estimation.result import Fit
+from clutchid.exports.exporting import Export
 from clutchid.verbs.fitting import LogOrPath
 from clutchid.verbs.reading import reading_of
 from clutchid.verbs.start import Start, content_of
 
 if TYPE_CHECKING:
     from clutchid.exports.c99 import Rates, Real
-    from clutchid.exports.exporting import Export, Target
+    from clutchid.exports.exporting import Target
+
+__all__ = ["Export", "export"]
 
 
 @checked

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from clutchid.errors import DataError
+from clutchid.errors import DataError, ParameterError
 from clutchid.log import Log
 from clutchid.measurements import read_pieces, source_pieces
+from clutchid.measurements.columns import QUANTITIES
 from clutchid.measurements.look import look, overview_of
 from clutchid.measurements.map.channel_map import read_map, write_map
 from clutchid.parameters import known_ambient
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from clutchid.measurements.overview import FileOverview
     from clutchid.measurements.source import Source
     from clutchid.preparation.inspection import Inspection
+
+__all__ = ["QUANTITIES", "Looked", "checked", "contents_of", "is_map", "looked", "read_map", "save_proposed"]
 
 #: What a recording needs to be checked.
 _NEEDED = ("time", "position")
@@ -67,6 +70,15 @@ def looked(
         return next(read_pieces(file, ambient=ambient, added=added, channels=channels, required=_NEEDED))
 
     return _checked(contents, given, content, read)
+
+
+def is_map(path: Path) -> bool:
+    """Whether a file is a channel map."""
+    try:
+        read_map(path)
+    except (DataError, ParameterError):
+        return False
+    return True
 
 
 def save_proposed(contents: FileOverview, path: Path) -> ChannelMap:

@@ -10,6 +10,7 @@ from weakref import WeakKeyDictionary
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.log import INPUTS, Log
+from clutchid.measurements.suffixes import by_suffix, split_name
 from clutchid.parameters import known_ambient
 from clutchid.strokes.vented_rest import VentedRest, Zero, from_rest
 
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from clutchid.measurements.map.channel_map import ChannelMap
     from clutchid.model.actuator import Actuator
     from clutchid.preparation.inspection import Inspection
+
+__all__ = ["REFUSED", "Reading", "RecordingFile", "Source", "by_suffix", "inspected", "reading_of", "split_name"]
 
 #: The last line of what refuses a recording for a check that is bad.
 REFUSED = "Correct the recording or its channel map, or go on with --force (in Python force=True)."

@@ -67,8 +67,13 @@ def parameter_file(fit: Fit) -> ParameterFile:
     return with_trust(fit, verdict(fit).trust)
 
 
-def save(fit: Fit, path: Path) -> None:
+def save(fit: Fit, path: Path, name: str = "") -> None:
     """Write the result as a parameter file, or for MATLAB if the suffix is ``.mat`` or ``.m``.
+
+    Parameters
+    ----------
+    name
+        Words for the function in a ``.m`` file, which is given on under that name.
 
     Raises
     ------
@@ -76,13 +81,20 @@ def save(fit: Fit, path: Path) -> None:
         If the suffix is unknown or the file cannot be written; an existing file is unchanged.
     """
     from clutchid.estimation.parameter_file import MATLAB_SUFFIXES, write_parameters
-    from clutchid.exports.fit_file import write_matlab
+    from clutchid.exports.fit_file import function_name, write_matlab
 
     check_save(path)
     if path.suffix.lower() in MATLAB_SUFFIXES:
-        write_matlab(fit, path)
+        write_matlab(fit, path, function_name(*name.split()) if name else "")
     else:
         write_parameters(parameter_file(fit), path)
+
+
+def file_name(path: Path) -> str:
+    """The name under which a ``.m`` file must be kept: that of its function."""
+    from clutchid.exports.fit_file import function_in
+
+    return f"{function_in(path)}.m"
 
 
 def report(fit: Fit, command: Command | str, path: Path) -> None:

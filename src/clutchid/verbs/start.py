@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from contextlib import suppress
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
-from clutchid.errors import ParameterError
+from clutchid.errors import ClutchidError, ParameterError
 from clutchid.estimation.parameter_file import ParameterFile, read_parameters, started
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import Fit
@@ -14,6 +16,8 @@ from clutchid.model.actuator import Actuator
 from clutchid.model.own import OwnModel
 
 if TYPE_CHECKING:
+    from clutchid.inference.uncertainty.calibration import Origin
+    from clutchid.inference.uncertainty.estimates import LoadCurve
     from clutchid.model.compiled import Model
 
 #: A calibration: a result, the contents of its file, or the path of that.
@@ -63,6 +67,43 @@ def start_of(path: Path | None, model: Model | None, request: FitRequest) -> tup
         return None if model is None else Actuator(model=model), request
     content = start_file(path, model)
     return content.actuator, started(content, request)
+
+
+def compile_models(calibrations: Iterable[Path]) -> None:
+    """Compile the models of calibrations, so that no worker has to; a file that cannot be read is left out."""
+    from clutchid.model.compiled import compile_ahead
+
+    models = set()
+    for path in calibrations:
+        with suppress(ClutchidError):
+            models.add(start_file(path).actuator.model)
+    compile_ahead(models)
+
+
+class CalibrationFile(NamedTuple):
+    """Where a calibration comes from, and its load; None where that was not kept."""
+
+    origin: Origin
+    curve: LoadCurve | None
+
+
+def read_calibration(path: Path) -> CalibrationFile:
+    """The calibration in a parameter file.
+
+    Raises
+    ------
+    DataError, ParameterError
+        If it cannot be understood, or has none.
+    """
+    from clutchid.estimation.result import calibrated_curve
+
+    content = read_parameters(path)
+    if content.calibration is None:
+        raise ParameterError(
+            f"{path}: is a parameter file without a calibration; a calibration is written by "
+            "`clutchid calibrate --save CAL.toml`."
+        )
+    return CalibrationFile(content.origin, calibrated_curve(content.actuator, content.calibration))
 
 
 def calibration_file(path: Path) -> ParameterFile:

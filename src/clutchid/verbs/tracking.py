@@ -1,183 +1,365 @@
-"""Read the load of one recording from a calibration; whatever happens is a value."""
+"""Track the wear of one clutch: from recordings to its life, and the files that hold it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from functools import lru_cache
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from os import PathLike
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from clutchid.errors import ClutchidError, DataError, ParameterError
-from clutchid.estimation.assess.comparison import HalfLoad, comparison, half_load_band, measured
-from clutchid.estimation.assess.reasons import departs
-from clutchid.estimation.assess.verdict import verdict
-from clutchid.estimation.request import FitRequest
-from clutchid.files import digest
+from clutchid import processes
+from clutchid.arguments import checked
+from clutchid.errors import DataError
+from clutchid.files import not_an_address, write_frame
 from clutchid.inference.uncertainty.estimates import LoadCurve
-from clutchid.log import Log
 from clutchid.names import as_text
-from clutchid.processes import LostWork
-from clutchid.strokes.vented_rest import Zero, from_rest
-from clutchid.verbs.fitting import fitted
-from clutchid.verbs.observing import ANYWAY, observed
-from clutchid.verbs.reading import REFUSED, Reading
+from clutchid.processes import check_workers
+from clutchid.strokes.vented_rest import Zero
+from clutchid.verbs.folders import (
+    FolderContent,
+    files_by_name,
+    folder_content,
+    left_out,
+    name_in,
+    name_of,
+    no_recordings,
+)
 from clutchid.verbs.start import start_file
-from clutchid.wear.history import WearReading, leak_of, unmeasured
+from clutchid.verbs.wear_reading import (
+    ReadingOptions,
+    RecordingResult,
+    counted_once,
+    read_recording,
+    unless_lost,
+    without_result,
+)
+from clutchid.wear.history import Listed, arranged
+from clutchid.wear.life import Wear, wear_of
+from clutchid.wear.tables import read_table, read_wear_table
+from clutchid.wear.trend import WearTable
 
 if TYPE_CHECKING:
-    from clutchid.estimation.parameter_file import ParameterFile
+    import polars as pl
 
-#: Why a recording that was observed gives no measurement.
-_ONLY_ITS_END = "the load of an observer at the end of a recording is no measurement of the wear; --verb track has one."
-
-#: No half-load position.
-UNKNOWN = HalfLoad(np.nan, np.nan, np.nan)
+#: Problem of a row of a table where files are named one by one.
+_NOT_NAMED = "the table names it, but it is none of the recordings of this command."
 
 
-class ReadingOptions(NamedTuple):
-    """Options for reading the load of a recording: ambient pressure in Pa, channel map, DBC files.
+class LifeLimits(NamedTuple):
+    """Limits of a life: a shift in m, if one is given, and the load against the wear of the facing, if it is known."""
 
-    The ambient pressure is P_0 of the calibration where it is None; `verb` is what reads the load: "observe", or "fit";
-    `zero` says whether a vented rest that has moved is subtracted from the position.
-    """
-
-    ambient: float | None = None
-    channel_map: Path | None = None
-    dbc: tuple[Path, ...] = ()
-    verb: str = "fit"
-    zero: Zero = "subtract"
+    shift: float | None = None
+    table: WearTable | None = None
 
 
-class RecordingResult(NamedTuple):
-    """A recording that was read.
+@dataclass(frozen=True, slots=True, eq=False)
+class Tracked:
+    """The wear of a clutch, and its recordings as they were read.
 
     Attributes
     ----------
-    path
-        Of its file.
-    reading
-        What came of it.
-    clock
-        Start time in the file; empty if unknown.
-    sha256
-        Checksum of the file.
-    curve : N over m
-        The load; None without one.
-    half_load : m
-        Position where the load reaches half its peak.
-    changes
-        Since the calibration, one sentence each.
+    wear
+        The trend, alarms and remaining life.
+    reads
+        A result a recording, in the order of its life.
+    left_out
+        What the folder holds beside the recordings, in a sentence; empty if nothing.
     """
 
-    path: Path
-    reading: WearReading
-    clock: str = ""
-    sha256: str = ""
-    curve: LoadCurve | None = None
-    half_load: HalfLoad = UNKNOWN
-    changes: tuple[str, ...] = ()
+    wear: Wear
+    reads: tuple[RecordingResult, ...]
+    left_out: str = ""
+
+    @property
+    def curves(self) -> list[tuple[str, LoadCurve]]:
+        """The loads of the recordings that count in the trend, by name."""
+        reads = zip(self.wear.dated, self.reads, self.wear.counted, strict=True)
+        return [(dated.name, one.curve) for dated, one, counts in reads if one.curve and counts]
 
 
-def read_recording(options: ReadingOptions, start: Path, path: Path) -> RecordingResult:
-    """Read the load of a recording from position alone with the calibration `start`; a fault is a status."""
-    read = _read(options, start, path)
-    reading = read.reading  # its sentences name the file
-    return read._replace(reading=reading._replace(message=as_text(reading.message), reason=as_text(reading.reason)))
+class TrackFiles(NamedTuple):
+    """The recordings to be tracked.
+
+    `paths` are their files by name, `problems` those of rows of the table by name, and `left_out` says what folders
+    hold beside them.
+    """
+
+    paths: Mapping[str, Path]
+    problems: Mapping[str, str]
+    left_out: str
 
 
-def _read(options: ReadingOptions, start: Path, path: Path) -> RecordingResult:
-    clock = checksum = ""
-    try:
-        checksum = digest(path)
-        content = _calibration(start, digest(start))
-        files = Reading((path,), (), options.ambient, options.channel_map, options.dbc)
-        (log,) = files.read(content.actuator)
-        clock = str(log.metadata.get("start", ""))
-        read = (_observed if options.verb == "observe" else _fitted)(log, content, path, options.zero)
-    except ClutchidError as error:
-        status = "bad_input" if isinstance(error, DataError | ParameterError) else "failed"
-        return without_result(path, status, _alone(str(error)), clock, checksum)
-    except Exception as error:  # a fleet goes on
-        sentence = f"an error that clutchid did not expect, {type(error).__name__}: {error}."
-        return without_result(path, "failed", sentence, clock, checksum)
-    return read._replace(clock=clock, sha256=checksum)
+def recordings_of(
+    sources: Sequence[Path], rows: Mapping[str, Listed] = MappingProxyType({}), apart: Sequence[Path] = ()
+) -> TrackFiles:
+    """The recordings: files as they are, and of a folder all files below it that can be recordings or `rows` name.
+
+    Parameters
+    ----------
+    apart
+        Files that are no recordings: tables, and what an earlier run may have left in the folder.
+
+    Raises
+    ------
+    DataError
+        If there is none, one is not there, or two have the same name.
+    """
+    for source in sources:
+        not_an_address(source)
+        if not source.exists():
+            raise DataError(f"{source}: there is no such file or folder.")
+    left = {path.resolve() for path in apart}
+    contents = [folder_content(source, left) for source in sources if source.is_dir()]
+    whole = FolderContent(
+        tuple(path for content in contents for path in content.recordings),
+        tuple(path for content in contents for path in content.others),
+        sum(content.results for content in contents),
+    )
+    paths = [*(source for source in sources if not source.is_dir()), *whole.recordings]
+    names: dict[str, Path] = {}
+    for path in paths:
+        other = names.setdefault(name_in(rows, path) or name_of(path), path)
+        if other is not path:
+            raise DataError(f"{path} and {other}: have the same name; every recording of a vehicle needs its own.")
+    files = files_by_name(whole, rows)
+    listed = {name: files.file_of(name, row.vehicle) for name, row in rows.items() if name not in names}
+    names |= {name: file.path for name, file in listed.items() if file.path is not None}
+    named = set(names.values())
+    beside = left_out([path for path in whole.others if path not in named], whole.results)
+    if not names:
+        raise DataError(no_recordings(", ".join(map(str, sources)) or "no folder", beside))
+    problems = {name: file.problem if contents else _NOT_NAMED for name, file in listed.items() if file.path is None}
+    return TrackFiles(names, problems, beside)
 
 
-def _alone(message: str) -> str:
-    """The message of a refused recording; many are read without --force, so it says where that option is."""
-    alone = " Correct the recording or its channel map, or read it alone by estimate with --force."
-    return message.replace(f"\n{REFUSED}", alone).removesuffix(ANYWAY)
+def vehicle_of(recordings: Mapping[str, Path], table: Mapping[str, Listed], source: str) -> str:
+    """The one vehicle of all recordings: that of the table, else of their folder.
+
+    Raises
+    ------
+    DataError
+        If they belong to several vehicles, or to none of the table.
+    """
+    if not table:
+        folders = {path.resolve().parent for path in recordings.values()}
+        return as_text(folders.pop().name) if len(folders) == 1 else ""
+    vehicles = {table[name].vehicle for name in recordings if name in table}
+    if not vehicles:
+        raise DataError(
+            f"{source}: names none of the {len(recordings)} recordings; its column 'recording' has their names."
+        )
+    if len(vehicles) > 1:
+        some = ", ".join(sorted(vehicles)[:3])
+        raise DataError(f"{source}: the recordings are of {len(vehicles)} vehicles ({some}, ...); track follows one.")
+    (vehicle,) = vehicles
+    return vehicle
 
 
-def without_result(path: Path, status: str, message: str, clock: str = "", sha256: str = "") -> RecordingResult:
-    """A recording that gives no load, with the reason."""
-    return RecordingResult(path, WearReading(status, message, "none", None), clock, sha256)
+@checked
+def track(
+    recordings: str | PathLike[str] | Sequence[str | PathLike[str]],
+    start: str | PathLike[str],
+    *,
+    table: str | PathLike[str] | None = None,
+    wear_table: str | PathLike[str] | None = None,
+    limit: float | None = None,
+    workers: int = 1,
+    ambient: float | None = None,
+    channels: str | PathLike[str] | None = None,
+    dbc: Sequence[str | PathLike[str]] = (),
+    zero: Zero = "subtract",
+    results: Sequence[Path] = (),
+    progress: Callable[[int, int], None] | None = None,
+) -> Tracked:
+    """Follow the wear of one clutch through its recordings.
+
+    Parameters
+    ----------
+    recordings : path, or several
+        Files of one vehicle, or a folder with them.
+    start : path
+        Calibration (TOML) of its type.
+    table : path, optional
+        CSV with recording, vehicle, date, odometer_km and strokes, as far as they are known.
+    wear_table : path, optional
+        CSV with wear [mm], half_load [mm] and load [N] of this type.
+    limit : m, optional
+        Shift of the half-load position that ends the life of the clutch; by default the last row of `wear_table`.
+    workers : int
+        Number of processes.
+    ambient : Pa, optional
+        Ambient pressure for gauge units; P_0 of the calibration by default.
+    channels, dbc : paths
+        Channel map (TOML), and DBC files of bus logs.
+    zero : 'subtract' or 'keep'
+        Whether a vented rest that has moved is subtracted from the position.
+    results : paths
+        Files that an earlier run may have left among the recordings.
+    progress : function(done, all), optional
+        Called after each recording.
+
+    Returns
+    -------
+    tracked : Tracked
+        ``tracked.wear`` is the `Wear`; `clutchid.verbs.tracking.write_tracked` writes its files.
+
+    Raises
+    ------
+    DataError, ParameterError
+        If there are no recordings, they belong to several vehicles, or a file cannot be understood.
+
+    Examples
+    --------
+    One recording says how far the load of one clutch has moved, but nothing of a trend:
+
+    >>> import clutchid, tempfile
+    >>> log = clutchid.bundled_recording()
+    >>> cal = clutchid.calibrate(log.slice(0, 4000))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     clutchid.write_parameters(clutchid.parameter_file(cal), f"{folder}/cal.toml")
+    ...     clutchid.write(log.slice(6000, 10_000).without("pressure_a"), f"{folder}/run.csv")
+    ...     tracked = clutchid.track(f"{folder}/run.csv", f"{folder}/cal.toml")
+    >>> len(tracked.wear.readings), bool(abs(tracked.wear.now["shift"].value[0]) < 0.2e-3)
+    (1, True)
+    """
+    start_file(Path(start))  # a broken one is one sentence, not one a recording
+    rows = read_table(Path(table)) if table else {}
+    limits = LifeLimits(limit, read_wear_table(Path(wear_table)) if wear_table else None)
+    several = [recordings] if isinstance(recordings, str | PathLike) else recordings
+    apart = [*results, *(Path(one) for one in (table, wear_table) if one)]
+    files = recordings_of([Path(one) for one in several], rows, apart)
+    vehicle, paths = vehicle_of(files.paths, rows, str(table)), list(files.paths.values())
+    check_workers(workers)
+    options = ReadingOptions(ambient, Path(channels) if channels else None, tuple(map(Path, dbc)), zero=zero)
+    found: dict[Path, RecordingResult] = {}
+    for done in processes.results(partial(read_recording, options, Path(start)), paths, workers):
+        found[done.item] = unless_lost(done.item, done.result)
+        if progress:
+            progress(len(found), len(paths))
+    absent = sorted(name for name in files.problems if rows[name].vehicle == vehicle)
+    reads = [*counted_once((as_text(path.name), found[path]) for path in paths)]
+    reads += [without_result(Path(name), "bad_input", files.problems[name]) for name in absent]
+    warnings = () if rows else _several_folders(paths)
+    return replace(tracked(vehicle, [*files.paths, *absent], reads, rows, limits, warnings), left_out=files.left_out)
 
 
-def unless_lost(path: Path, read: RecordingResult | LostWork) -> RecordingResult:
-    """A recording as a worker process read it; without a result if the process was lost."""
-    return without_result(path, *read, sha256=checksum_of(path)) if isinstance(read, LostWork) else read
+def tracked(
+    vehicle: str,
+    names: Sequence[str],
+    reads: Sequence[RecordingResult],
+    table: Mapping[str, Listed],
+    limits: LifeLimits,
+    warnings: Sequence[str] = (),
+) -> Tracked:
+    """The wear of a vehicle through recordings that were read, with `names` in the `table`, in any order."""
+    history = arranged(names, [read.clock for read in reads], table)
+    history = replace(history, warnings=(*warnings, *history.warnings))
+    wear = wear_of(vehicle, history, [read.reading for read in reads], limits.table, limits.shift)
+    return Tracked(wear, tuple(reads[i] for i in history.order))
 
 
-def counted_once(named: Iterable[tuple[str, RecordingResult]]) -> Iterator[RecordingResult]:
-    """Recordings by name; one that was sent twice counts once: the second is a warning without a measurement."""
-    first: dict[str, str] = {}
-    for name, read in named:
-        known = read.sha256 if read.reading.has_result else ""
-        if known in first:
-            sentence = f"the same recording as {first[known]}; it counts once."
-            again = read.reading._replace(status="warning", message=sentence, measurement=None, reason=sentence)
-            yield read._replace(reading=again)
-            continue
-        if known:
-            first[known] = name
-        yield read
+def _several_folders(paths: Sequence[Path]) -> tuple[str, ...]:
+    """Warning of recordings in several folders, of which no table says that they belong together."""
+    folders = sorted({path.resolve().parent for path in paths})
+    if len(folders) < 2:
+        return ()
+    names = ", ".join([*(as_text(one.name) for one in folders[:3]), *(["..."] if len(folders) > 3 else [])])
+    return (
+        f"the recordings lie in {len(folders)} folders ({names}) and are taken for those of one vehicle; give --table "
+        "with the vehicle of each, or one folder.",
+    )
 
 
-def checksum_of(path: Path) -> str:
-    """SHA-256 of a file, or an empty string where it cannot be read."""
-    try:
-        return digest(path)
-    except DataError:
-        return ""
+def table_of(tracked: Tracked) -> pl.DataFrame:
+    """A row a recording: when, what came of it, its reading, and the trend there, as known then and given all."""
+    import polars as pl
+
+    wear, nothing = tracked.wear, float("nan")
+    measured = [one.measurement for one in wear.readings]
+    columns: dict[str, object] = {
+        "recording": [one.name for one in wear.dated],
+        "vehicle": [wear.vehicle] * len(wear.dated),
+        "begin": [one.begin.isoformat() if one.begin else None for one in wear.dated],
+        "odometer [km]": [one.odometer for one in wear.dated],
+        "strokes [1]": [one.strokes for one in wear.dated],
+        "status": [one.status for one in wear.readings],
+        "message": [one.message for one in wear.readings],
+        "trust": [one.trust for one in wear.readings],
+        "outcome": list(wear.outcomes),
+        "reason": list(wear.reasons),
+        "warnings": [" ".join(one.warnings) for one in wear.dated],
+        "alarm": [", ".join(a.kind for a in wear.alarms if a.before == one.name) or None for one in wear.dated],
+        "half_load [m]": [read.half_load[0] for read in tracked.reads],
+        "half_load low [m]": [read.half_load[1] for read in tracked.reads],
+        "half_load high [m]": [read.half_load[2] for read in tracked.reads],
+        "shift measured [m]": [one.shift if one else nothing for one in measured],
+        "shift measured std [m]": [one.shift_std if one else nothing for one in measured],
+        "load measured [1]": [one.load if one else nothing for one in measured],
+        "load measured std [1]": [one.load_std if one else nothing for one in measured],
+        "temperature_ambient [K]": [one.temperature if one else nothing for one in measured],
+        "changes": [", ".join(read.changes) for read in tracked.reads],
+        "leak [m³/(Pa·s)]": [one.leak.conductance if one.leak else 0.0 for one in wear.readings],
+        "leak probability [1]": [one.leak.probability if one.leak else 0.0 for one in wear.readings],
+        "rest shift [m]": [one.rest.value if one.rest else nothing for one in wear.readings],
+        "rest shift low [m]": [one.rest.low if one.rest else nothing for one in wear.readings],
+        "rest shift high [m]": [one.rest.high if one.rest else nothing for one in wear.readings],
+        "rest cause": [one.cause for one in wear.rests],
+        "sha256": [read.sha256 for read in tracked.reads],
+        "axis": [wear.axis] * len(wear.dated),
+        "along": wear.s,
+        "limit [m]": [nothing if wear.limit is None else wear.limit] * len(wear.dated),
+        **_forecast(wear),
+    }
+    units = {"shift": "m", "wear": "m", "load": "1"}
+    for when, bands in (("", wear.then), (" smoothed", wear.now)):
+        for name, band in bands.items():
+            columns |= {
+                f"{name}{when}{part} [{units[name]}]": values
+                for part, values in (("", band.value), (" low", band.low), (" high", band.high))
+            }
+    return pl.DataFrame(columns)
 
 
-def _fitted(log: Log, content: ParameterFile, path: Path, zero: Zero) -> RecordingResult:
-    """The load as `clutchid estimate` reads it."""
-    request = FitRequest(calibration=content.calibration, zero=zero)
-    fit = fitted(Reading((log,)), content.actuator, request).raised()
-    curve = fit.load_curve
-    judged, compared = verdict(fit), comparison(fit)
-    half, trust = compared.half_now if compared else UNKNOWN, judged.trust
-    message = fit.message if trust == "good" or not judged.reasons else judged.reasons[0]
-    status = "warning" if fit.warnings or trust != "good" else "ok"
-    # a load that is only uncertain counts in the trend by its band
-    reason = unmeasured(fit)
-    measurement = None if reason else measured(fit, log)
-    changes = tuple(dict.fromkeys(change.group for change in fit.changes))
-    rest = next((one.rest for one in fit.recordings.values()), None)
-    wear = WearReading(status, message, trust, measurement, leak_of(fit), departs(fit), rest, reason)
-    return RecordingResult(path, wear, curve=curve, half_load=half, changes=changes)
+def _forecast(wear: Wear) -> dict[str, pl.Series]:
+    """What is left at the last recording, in the unit of the axis, infinite beyond the horizon; empty before it."""
+    import polars as pl
+
+    sides = (None,) * 3 if wear.left is None else (wear.left.median, wear.left.low, wear.left.high)
+    before = [None] * (len(wear.dated) - 1)
+    names = ("left", "left low", "left high")
+    return {name: pl.Series([*before, side], dtype=pl.Float64) for name, side in zip(names, sides, strict=True)}
 
 
-def _observed(log: Log, content: ParameterFile, path: Path, zero: Zero) -> RecordingResult:
-    """The load as `clutchid observe` has it at the end of the recording, which is no measurement of the wear."""
-    from clutchid.documents.observe_rows import observe_sentence
-    from clutchid.estimation.assess.observed import indicators, observed_verdict
-    from clutchid.observer.recording import loads
+def load_table(keys: Mapping[str, Sequence[str]], curves: Sequence[LoadCurve | None]) -> pl.DataFrame:
+    """Loads below each other, those that are known: columns of `keys` with a text a load, position, force and band."""
+    import polars as pl
 
-    run = observed(Reading((log,), zero=zero), content)
-    after = loads(run).after
-    half = half_load_band(after, float(np.nanmax(run.log["position"])))
-    status = "warning" if run.log.warnings or any(run.health.values()) else "ok"
-    trust, shift = observed_verdict(indicators(run)).trust, from_rest(run.log, content.rest, zero).shift
-    at_end = WearReading(status, observe_sentence(run), trust, None, rest=shift, reason=_ONLY_ITS_END)
-    return RecordingResult(path, at_end, curve=after, half_load=half)
+    known = [(i, curve) for i, curve in enumerate(curves) if curve is not None]
+    values = np.concatenate([curve.table() for _, curve in known]) if known else np.zeros((0, 4))
+    rows = [i for i, curve in known for _ in range(curve.position.size)]
+    named = {key: pl.Series([texts[i] for i in rows], dtype=pl.String) for key, texts in keys.items()}
+    heads = ("position [m]", "force [N]", "force low [N]", "force high [N]")
+    return pl.DataFrame({**named, **dict(zip(heads, values.T, strict=True))})
 
 
-@lru_cache(maxsize=64)
-def _calibration(path: Path, _checksum: str) -> ParameterFile:
-    """A calibration, read once a process; the workers of a scheduler outlive a change of its file."""
-    return start_file(path)
+def write_tracked(tracked: Tracked, out: Path) -> None:
+    """Write the rows, and beside them the loads as OUT.load.parquet.
+
+    Raises
+    ------
+    ExportError
+        If a file cannot be written; an existing one is then unchanged.
+    """
+    write_frame(table_of(tracked), out)
+    names = [dated.name for dated in tracked.wear.dated]
+    write_frame(load_table({"recording": names}, [read.curve for read in tracked.reads]), curves_path(out))
+
+
+def curves_path(out: Path) -> Path:
+    """The file of the loads, beside the rows."""
+    return out.with_name(f"{out.stem}.load{out.suffix}")

@@ -10,13 +10,13 @@ import pytest
 import clutchid
 from clutchid.app.uploads import listed
 from clutchid.errors import DataError
-from clutchid.fleets.folders import folder_content, left_out, name_of
 from clutchid.fleets.jobs import fleet_of
-from clutchid.fleets.tracking import recordings_of
 from clutchid.log import Log
 from clutchid.measurements.formats.kinds import is_recording
 from clutchid.measurements.look import look
 from clutchid.measurements.suffixes import FORMATS, SUFFIXES, split_name
+from clutchid.verbs.folders import folder_content, left_out, name_of
+from clutchid.verbs.tracking import recordings_of
 from clutchid.wear.tables import read_table
 from fixtures.forms import NAMES, kind_in, write_forms
 

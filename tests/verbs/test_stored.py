@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from clutchid.app.plots import CLOCK, clock_column, plotted
 from clutchid.measurements.stored import write_column
+from clutchid.verbs.stored import CLOCK, clock_column, plotted
 
 SIZE = 400_000
 

@@ -8,9 +8,9 @@ import pytest
 
 import clutchid
 from clutchid.errors import DataError, ExportError
-from clutchid.fleets.virtual import POSITIONS, true_load, write_fleet
 from clutchid.truck import aged, truck
 from clutchid.truck.service import visits
+from clutchid.verbs.virtual_fleet import POSITIONS, true_load, write_fleet
 from fixtures.commands import called
 
 

@@ -16,10 +16,10 @@ from clutchid.documents.wear_rows import ALARMS
 from clutchid.errors import DataError
 from clutchid.files import reason_of
 from clutchid.fleets.output import CURVES, RESULTS, VEHICLES, WEAR
-from clutchid.fleets.tracking import curves_path
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.log import FloatArray
 from clutchid.names import natural, printable
+from clutchid.verbs.tracking import curves_path
 from clutchid.wear.life import COUNTED
 from clutchid.wear.trend import LIFE
 

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from clutchid.fleets.store import STORE
 from clutchid.measurements.formats.kinds import is_recording
 from clutchid.measurements.suffixes import SUFFIXES_SHOWN, by_suffix, recording_name, split_name
 from clutchid.names import as_text
+
+#: The file that says that a folder is that of a run of `fleet`.
+STORE = "run.sqlite"
 
 #: Problem of a row of a table without a file.
 ABSENT = "the table names it, but its file is not there."
