@@ -21,7 +21,7 @@ from online import WEAR, calibrated
 
 from clutchid import Actuator
 from clutchid.documents.figures import draw, fill, label, legend, new_figure
-from clutchid.documents.style import Line
+from clutchid.documents.style import STYLE, Line
 from clutchid.log import FloatArray, Log
 from clutchid.model.compiled import kernels
 from clutchid.numerics.interval import QUANTILE
@@ -36,7 +36,7 @@ SECONDS = 30.0
 HELD, OFF_REST = 5e-3, 5e-4
 
 WAYS = ("Eq. (26)", "balance of forces", "states, new load", "states", "joint")
-COLOURS = ("#e69f00", "#cc79a7", "#999999", "#009e73", "#0072b2")
+COLOURS = (STYLE.orange, STYLE.purple, STYLE.measured, STYLE.green, STYLE.blue)
 
 #: Largest error in kPa that the figure shows.
 LARGEST = 120.0
@@ -117,11 +117,11 @@ def figure(log: Log, truth: FloatArray, ways: dict[str, Way], file: Path) -> Non
     at = slice(max(0, end - 1800), end)
     t = log.time[at]
     drawn, axes = new_figure([1.2, 2.6, 2.2])
-    draw(axes[0], t, log["position"][at] * 1e3, Line("#000000", "position", width=1.4))
-    draw(axes[1], t, truth[at] * 1e-5, Line("#000000", "true pressure", width=2.2))
+    draw(axes[0], t, log["position"][at] * 1e3, Line(STYLE.ink, "position", width=1.4))
+    draw(axes[1], t, truth[at] * 1e-5, Line(STYLE.ink, "true pressure", width=2.2))
     joint = ways["joint"]
     low, high = ((joint.pressure + side * joint.half)[at] * 1e-5 for side in (-1, 1))
-    fill(axes[1], t, low, high, Line("#0072b2", "", opacity=0.25))
+    fill(axes[1], t, low, high, Line(STYLE.blue, "", opacity=0.25))
     for (name, way), colour in zip(ways.items(), COLOURS, strict=True):
         draw(axes[1], t, way.pressure[at] * 1e-5, Line(colour, name, width=1.2))
         draw(axes[2], t, (way.pressure - truth)[at] * 1e-3, Line(colour, name, width=1.2))

@@ -12,7 +12,7 @@ import numpy as np
 
 from clutchid import Actuator, Load, Log, simulate
 from clutchid.documents.figures import draw, label, legend, new_figure
-from clutchid.documents.style import Line
+from clutchid.documents.style import STYLE, Line
 from clutchid.truck import GRID, Truck, drive
 
 IMAGE = Path(__file__).parent / "images" / "shift.png"
@@ -33,9 +33,9 @@ def main() -> None:
     inputs = {name: done.log[name] for name in ("duty_supply", "duty_exhaust")}
     model = simulate(Actuator(load=load), Log(done.log.time, inputs)).log
     at = (t >= SPAN[0]) & (t <= SPAN[1])
-    plant, paper = Line("#0072b2", "virtual truck", width=1.8), Line("#d55e00", "paper's model", width=1.4, dash="--")
+    plant, paper = Line(STYLE.blue, "virtual truck", width=1.8), Line(STYLE.red, "paper's model", width=1.4, dash="--")
     figure, axes = new_figure([1.1, 2.0, 2.0, 1.5])
-    for name, text, colour in (("duty_supply", "supply", "#009e73"), ("duty_exhaust", "exhaust", "#cc79a7")):
+    for name, text, colour in (("duty_supply", "supply", STYLE.green), ("duty_exhaust", "exhaust", STYLE.purple)):
         draw(axes[0], t[at], inputs[name][at], Line(colour, text, width=1.2))
     label(axes[0], y="duty cycle [1]")
     for axis, column, scale, words in (
