@@ -57,12 +57,15 @@ def checked(function: Function) -> Function:
     clutchid.errors.ParameterError: stroke: reach = 'far': a number is needed, not a text; see help(clutchid.stroke).
     """
     signature = inspect.signature(function)
-    name = function.__name__
+    name, places = function.__name__, tuple(signature.parameters)
 
     @wraps(function)
     def call(*arguments: Any, **options: Any) -> Any:
         hints = _hints(function)
-        for place, value in signature.bind(*arguments, **options).arguments.items():
+        stated = {**dict(zip(places, arguments, strict=False)), **options}
+        if not hints.keys() >= stated.keys():  # an argument that it does not have
+            signature.bind(*arguments, **options)
+        for place, value in stated.items():
             hint, usual = hints[place]
             if type(value) not in usual:
                 _check(name, value, hint, place)

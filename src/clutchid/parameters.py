@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import Field, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol
@@ -189,7 +189,7 @@ def in_order(rows: Mapping[str, Row], entry: Callable[[Row], _Ordered | None]) -
 
 def known_ambient(P_0: float) -> float | None:
     """The ambient pressure in Pa that is known with a P_0: none with that of Appendix A, which nobody has measured."""
-    return None if P_0 == Parameters().P_0 else P_0
+    return None if P_0 == DEFAULTS.P_0 else P_0
 
 
 def _row(
@@ -493,14 +493,16 @@ class Parameters:
 
     def __post_init__(self) -> None:
         problems = []
-        for item in fields(self):
-            row, value = item.metadata["row"], getattr(self, item.name)
+        for name, row in self.rows().items():
+            value = getattr(self, name)
+            if type(value) is float and row.low < value < row.high:  # nearly all, of thousands that a search makes
+                continue
             if not is_number(value):
-                problems.append(f"{item.name} = {_short(value)}: a number in {row.unit} is needed.")
+                problems.append(f"{name} = {_short(value)}: a number in {row.unit} is needed.")
             elif not row.admits(float(value)):
-                problems.append(f"{_shown(item.name, float(value), row)}: {_advice(item, row)}")
+                problems.append(f"{_shown(name, float(value), row)}: {_advice(name, row)}")
             else:
-                object.__setattr__(self, item.name, float(value))
+                object.__setattr__(self, name, float(value))
         if not problems:
             for valve, low, high in (("vs", self.R_0vs, self.R_1vs), ("ve", self.R_0ve, self.R_1ve)):
                 if low >= high:
@@ -571,7 +573,11 @@ def _short(value: object) -> str:
     return text if len(text) <= 40 else f"{text[:39]}…"
 
 
-def _advice(item: Field[float], row: Row) -> str:
-    noun = "a conductance" if item.name.startswith("C_") else "it"
+def _advice(name: str, row: Row) -> str:
+    noun = "a conductance" if name.startswith("C_") else "it"
     origin = _APPENDIX if row.source == _APPENDIX else "The default"
-    return f"{noun} is {row.allowed}. {origin} {'has' if origin == _APPENDIX else 'is'} {item.default:g}."
+    return f"{noun} is {row.allowed}. {origin} {'has' if origin == _APPENDIX else 'is'} {getattr(DEFAULTS, name):g}."
+
+
+#: Appendix A, and where it has none the defaults.
+DEFAULTS = Parameters()

@@ -10,7 +10,7 @@ import numpy as np
 from clutchid.documents.document import Row
 from clutchid.documents.style import MM
 from clutchid.documents.terminal import text_of
-from clutchid.parameters import Parameters
+from clutchid.parameters import DEFAULTS
 from clutchid.wear import FALSE_ALARMS, Alarm, Interval, Wear
 
 #: Kinds of alarms in words.
@@ -94,7 +94,7 @@ def _lost(conductance: float) -> float:
     """Air in g/s that a leak loses at 5 bar(g)."""
     from clutchid.model.valves import leak_flow  # brings SymPy, which is not needed without a leak
 
-    return 1e3 * float(leak_flow(6e5, 1e5, conductance, Parameters().rho_0))
+    return 1e3 * float(leak_flow(6e5, 1e5, conductance, DEFAULTS.rho_0))
 
 
 def left_words(wear: Wear) -> str:

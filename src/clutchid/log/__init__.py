@@ -202,7 +202,14 @@ def sample_interval(time: FloatArray, otherwise: float = math.nan) -> float:
     >>> sample_interval(np.array([0.0, 0.01, 0.02, 0.5]))
     0.01
     """
-    return float(np.median(np.diff(time))) if time.size > 1 else otherwise
+    if time.size < 2:
+        return otherwise
+    intervals = time[1:] - time[:-1]
+    middle = intervals.size // 2
+    if intervals.size % 2:
+        return float(np.partition(intervals, middle)[middle])
+    low, high = np.partition(intervals, (middle - 1, middle))[middle - 1 : middle + 1].tolist()
+    return float(low + high) / 2
 
 
 def holes(time: FloatArray) -> NDArray[np.bool_]:
@@ -213,7 +220,10 @@ def holes(time: FloatArray) -> NDArray[np.bool_]:
     >>> holes(np.array([0.0, 0.01, 0.02, 0.5])).tolist()
     [False, False, True]
     """
-    mask: NDArray[np.bool_] = np.diff(time) > HOLE * sample_interval(time, 0.0)
+    intervals = time[1:] - time[:-1]
+    if intervals.size and intervals.max() <= HOLE * intervals.min():  # no median is needed
+        return np.zeros(intervals.size, dtype=bool)
+    mask: NDArray[np.bool_] = intervals > HOLE * sample_interval(time, 0.0)
     return mask
 
 

@@ -15,7 +15,7 @@ from clutchid.model.equipment import Equipment
 from clutchid.model.own import OwnModel, OwnParameter
 from clutchid.model.weighted_load import Load, in_metres
 from clutchid.names import check_names, unknown_name
-from clutchid.parameters import Parameters, Row
+from clutchid.parameters import DEFAULTS, Parameters, Row
 
 
 @dataclass(frozen=True)
@@ -159,7 +159,7 @@ class Actuator:
     def default(self, name: str) -> float:
         """The default of a parameter."""
         own = self.own_row(name)
-        result: float = getattr(Parameters(), name) if own is None else float(own.default)
+        result: float = getattr(DEFAULTS, name) if own is None else float(own.default)
         return result
 
     def value(self, name: str) -> float:

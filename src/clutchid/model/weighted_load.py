@@ -232,7 +232,8 @@ class Load:
     def combined(self, theta: FloatArray | None = None) -> FloatArray:
         """Coefficients of the load itself, shape (s, 4), with the weights `theta` in place of the own ones."""
         weights = np.asarray(self.theta if theta is None else theta, dtype=np.float64)
-        result: FloatArray = np.tensordot(weights, self.coefficients, axes=1)
+        table = self.coefficients
+        result: FloatArray = (weights @ table.reshape(len(table), -1)).reshape(table.shape[1:])
         return result
 
     def phi(self, y: FloatArray) -> FloatArray:

@@ -41,29 +41,41 @@ def input_span(log: Log) -> slice:
     >>> input_span(Log(np.arange(5.0), duty))
     slice(1, 4, None)
     """
-    missing = [name for name in INPUTS if name not in log]
-    if missing:
-        raise DataError(f"{log.name}: no column '{missing[0]}'; a simulation needs both duty cycles.")
-    known = np.flatnonzero(np.isfinite(log[INPUTS[0]]) & np.isfinite(log[INPUTS[1]]))
-    if not known.size:
-        raise DataError(
-            f"{log.name}: no sample has both duty cycles, so that nothing can be simulated; record "
-            f"{' and '.join(INPUTS)} over the same time as the position."
-        )
-    return slice(int(known[0]), int(known[-1]) + 1)
+    has_inputs = with_both_duties(log)
+    return slice(int(np.argmax(has_inputs)), len(log) - int(np.argmax(has_inputs[::-1])))
 
 
-def with_inputs(log: Log) -> Log:
-    """`log` without the samples before the first and after the last one with both duty cycles, as a view.
-
-    It has a warning where `LONG` s or more are cut off.
+def with_both_duties(log: Log) -> NDArray[np.bool_]:
+    """Whether each sample has both duty cycles, as at least one has.
 
     Raises
     ------
     DataError
         As `input_span`.
     """
-    span = input_span(log)
+    missing = [name for name in INPUTS if name not in log]
+    if missing:
+        raise DataError(f"{log.name}: no column '{missing[0]}'; a simulation needs both duty cycles.")
+    both: NDArray[np.bool_] = np.isfinite(log[INPUTS[0]]) & np.isfinite(log[INPUTS[1]])
+    if not both.any():
+        raise DataError(
+            f"{log.name}: no sample has both duty cycles, so that nothing can be simulated; record "
+            f"{' and '.join(INPUTS)} over the same time as the position."
+        )
+    return both
+
+
+def with_inputs(log: Log, span: slice | None = None) -> Log:
+    """`log` without the samples before the first and after the last one with both duty cycles, as a view.
+
+    It has a warning where `LONG` s or more are cut off. `span` is its `input_span`, where that is known.
+
+    Raises
+    ------
+    DataError
+        As `input_span`.
+    """
+    span = input_span(log) if span is None else span
     if span.stop - span.start == len(log):
         return log
     return replace(log.slice(span.start, span.stop), warnings=(*log.warnings, *cut_warnings(log, span)))

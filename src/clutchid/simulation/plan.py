@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from clutchid.errors import DataError
 from clutchid.log import FloatArray, Log, holes
 from clutchid.model.actuator import Actuator
-from clutchid.simulation.inputs import held_inputs, input_span
+from clutchid.simulation.inputs import held_inputs, with_both_duties
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.stiffness import substeps
 from clutchid.strokes.excitation import VENTED_POSITION
@@ -106,8 +106,8 @@ def plan(
     DataError
         As `input_span`; and if no stretch has two samples with known inputs.
     """
-    first = input_span(log).start
-    bounds = _stretches(log)
+    has_inputs = with_both_duties(log)
+    first, bounds = int(np.argmax(has_inputs)), _stretches(log.time, has_inputs)
     if not bounds:
         raise DataError(f"{log.name}: no two neighbouring samples have both duty cycles; nothing can be simulated.")
     y_max = actuator.parameters.y_max
@@ -150,10 +150,9 @@ def outside_stroke(log: Log, y_max: float) -> OutsideStroke:
     return OutsideStroke((sentence,), low < -ALIEN * y_max or high > (1 + ALIEN) * y_max)
 
 
-def _stretches(log: Log) -> list[tuple[int, int]]:
+def _stretches(time: FloatArray, has_inputs: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Sample ranges with known inputs and without holes in time; stretches that are too short are left out."""
-    known = np.isfinite(log["duty_supply"]) & np.isfinite(log["duty_exhaust"])
-    stretches = [(a, b + 1) for a, b in runs(known[:-1] & known[1:] & ~holes(log.time))]
+    stretches = [(a, b + 1) for a, b in runs(has_inputs[:-1] & has_inputs[1:] & ~holes(time))]
     return stretches if len(stretches) < 2 else [(a, b) for a, b in stretches if b - a >= SHORTEST]
 
 

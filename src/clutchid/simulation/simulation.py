@@ -137,7 +137,7 @@ def simulate(
     log = values.log
     actuator, said = with_ambient(actuator, [log])
     span = input_span(log)
-    prepared = plan(with_inputs(log), actuator, stiffness(actuator, top_speed(partition)), partition)
+    prepared = plan(with_inputs(log, span), actuator, stiffness(actuator, top_speed(partition)), partition)
     if starts is not None and len(starts) != len(prepared.segments):
         raise ParameterError(f"starts: {len(starts)} given, the recording has {len(prepared.segments)} segments.")
     arrays, which = KernelArrays.of(actuator), columns(actuator, _known(sensitivities, actuator))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from clutchid.log import FloatArray
-from clutchid.parameters import Parameters
+from clutchid.parameters import DEFAULTS
 from clutchid.strokes.rest_level import STILL, Bins, BoolArray
 from clutchid.strokes.sampled import runs
 from clutchid.strokes.section import Kind
@@ -158,7 +158,7 @@ def _vented(pending: PendingSamples, begin: int, end: int) -> float:
     known = pressure[np.isfinite(pressure)]
     if known.size:
         floor = float(known.min())
-        if floor > PRESSED * Parameters().P_0:
+        if floor > PRESSED * DEFAULTS.P_0:
             return 0.0
         pressed = np.flatnonzero(pressure > VENTED * floor)
         since += int(pressed[-1]) + 1 if pressed.size and pressed[-1] < pressure.size - 1 else 0
@@ -328,7 +328,7 @@ def rest_label(bins: Bins, *, long_hold: bool, missing: float) -> str:
     if missing > MOST_MISSING:
         return "no position"
     pressure = bins.pressure[np.isfinite(bins.pressure)]
-    pressed = pressure.size > 0 and float(np.median(pressure)) > PRESSED * Parameters().P_0
+    pressed = pressure.size > 0 and float(np.median(pressure)) > PRESSED * DEFAULTS.P_0
     return "held" if long_hold or pressed or not np.median(bins.inside) else "vented rest"
 
 

@@ -9,7 +9,7 @@ from clutchid.inference.uncertainty.conditions import condition_problems, condit
 from clutchid.log import FloatArray
 from clutchid.log.units import UNITS, known_units
 from clutchid.measurements.source import UNIT_KEY
-from clutchid.parameters import Parameters
+from clutchid.parameters import DEFAULTS
 from clutchid.preparation.inspection.columns import direction
 from clutchid.preparation.inspection.reading import Check, Grade, InspectedRecording, spread_over
 from clutchid.strokes.sampled import run_ends
@@ -211,7 +211,7 @@ _MISSING = {
     ),
     "temperature_ambient": (
         "air temperature not recorded: a reading assumes that of its calibration "
-        f"within {assumed_change('T_0') * Parameters().T_0:.0f} K; {_RECORD} (J1939: AMB)."
+        f"within {assumed_change('T_0') * DEFAULTS.T_0:.0f} K; {_RECORD} (J1939: AMB)."
     ),
 }
 
