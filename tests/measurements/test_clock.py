@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from clutchid.measurements.clock import AT_START, Tolerance, matched, runs_of
 from clutchid.measurements.source import Places
-from clutchid.measurements.time_axis import AT_START, repair
+from clutchid.measurements.time_axis import repair
 
 
 @given(st.lists(st.integers(0, 40), min_size=1, max_size=80), st.lists(st.integers(0, 80), max_size=4))
@@ -62,3 +63,80 @@ def test_a_block_of_nothing_changes_nothing():
     empty = repair(np.empty(0), Places(), first.clock)
     assert empty.time.size == 0
     assert empty.clock == first.clock
+
+
+RUN = np.arange(1000) * 0.01
+
+
+def repaired(stamps):
+    found = repair(np.asarray(stamps), Places())
+    return found.time, found.messages
+
+
+@pytest.mark.parametrize(
+    ("period", "said"), [(65.536, "counter of 16 bits"), (4294.967296, "counter of 32 bits"), (86400.0, "midnight")]
+)
+def test_a_counter_that_wraps_and_a_time_of_day_go_on(period, said):
+    true = period - 5.0 + RUN
+    time, (sentence,) = repaired(true % period)
+    assert np.allclose(time, true, rtol=0, atol=1e-9)
+    assert said in sentence
+    assert "row 501" in sentence
+
+
+@pytest.mark.parametrize("ahead", [6.0, -6.0, 4e9, -0.5])
+@pytest.mark.parametrize("rows", [[500], [500, 501], [200, 700]])
+def test_one_or_two_stamps_far_from_those_around_them_are_left_out(ahead, rows):
+    stamps = RUN + 7.0
+    stamps[rows] += ahead
+    found = repair(stamps, Places())
+    assert np.array_equal(found.kept, np.delete(np.arange(1000), rows))
+    assert np.array_equal(found.time, np.delete(RUN + 7.0, rows))
+    assert any("left out" in sentence for sentence in found.messages)
+
+
+@pytest.mark.parametrize("jump", [4e5, 30.0, -3.0])
+def test_a_clock_that_jumps_and_later_goes_on_as_before_is_moved_between(jump):
+    stamps = RUN + 5.0
+    stamps[300:500] += jump
+    time, (sentence,) = repaired(stamps)
+    assert np.allclose(time, RUN + 5.0, rtol=0, atol=1e-6)
+    assert "jumps at row 301" in sentence
+
+
+def test_a_hole_is_no_jump():
+    stamps = RUN + 3600.0 * (np.arange(1000) >= 400)
+    time, messages = repaired(stamps)
+    assert np.array_equal(time, stamps)
+    assert messages == ()
+
+
+@pytest.mark.parametrize("size", [3, 16, 40])
+@pytest.mark.parametrize("tick", [0.0, 2e-6])
+def test_bursts_get_the_mean_rate(size, tick):
+    number = np.arange(4000)
+    stamps = 1e-3 * size * (number // size) + tick * (number % size)
+    time, (sentence,) = repaired(stamps)
+    assert time.size == 4000
+    assert np.allclose(np.diff(time), 1e-3, rtol=1e-3, atol=0)
+    assert f"bursts of {size}" in sentence
+
+
+@given(st.lists(st.integers(5, 60), max_size=6))
+def test_groups_without_a_common_order_share_one_shift(lengths):
+    fast, slow = [np.arange(60) * 0.01], [np.arange(12) * 0.05 + 0.002]
+    for length in lengths:
+        fast.append(np.arange(10 * length) * 0.01)
+        slow.append(np.arange(2 * length) * 0.05 + 0.002)
+    tolerances = [Tolerance.of(0.01), Tolerance.of(0.05)]
+    clocks = [
+        runs_of(np.arange(stamps.size), stamps, -np.inf, tolerance)
+        for stamps, tolerance in zip(map(np.concatenate, (fast, slow)), tolerances, strict=True)
+    ]
+    plans, _, problem = matched(clocks, tolerances)
+    assert problem == ""
+    begins = [np.cumsum([0, *(run.size for run in group)])[:-1] for group in (fast, slow)]
+    times = [plan.applied(np.concatenate(group), 0) for plan, group in zip(plans, (fast, slow), strict=True)]
+    first = [time[begin] for time, begin in zip(times, begins, strict=True)]
+    assert np.allclose(first[1] - first[0], 0.002, rtol=0, atol=1e-9)
+    assert all(np.all(np.diff(time) > 0) for time in times)

@@ -117,10 +117,19 @@ def test_bad_samples_are_told_with_their_row_and_stamps_are_mended(source):
     bad = {**VALVES, "Auslass": ("1", np.where(np.arange(2000) % 50 == 27, 3.0, 0.0))}
     with pytest.raises(DataError, match="column 'Auslass' is not a duty cycle: row 28 has 3"):
         read(source(bad, TRAVEL, PRESSURE))
-    again = {name: (unit, np.r_[values, values]) for name, (unit, values) in VALVES.items()}
-    (log,) = read(source(again, TRAVEL, PRESSURE))
+    twice = [
+        {name: (unit, np.r_[values, values]) for name, (unit, values) in group.items()}
+        for group in (VALVES, TRAVEL, PRESSURE)
+    ]
+    (log,) = read(source(*twice))
     assert log.time.size == 4000
     assert any(w.startswith("group 0: the clock restarts at row 2001") for w in log.warnings)
+    (once,) = read(source(VALVES, TRAVEL, PRESSURE))
+    for name, values in once.columns.items():
+        later = log[name][2100:], values[100:]
+        assert np.allclose(*later, rtol=1e-9, atol=1e-12, equal_nan=True), f"{name}: one shift for all groups"
+    with pytest.raises(DataError, match="restart 0 and 1 times, and nothing says which samples belong together"):
+        read(source(twice[0], TRAVEL, PRESSURE))
 
 
 LONG = "Vehicle.Powertrain.Transmission.ClutchActuator.PositionMeasured [mm]"

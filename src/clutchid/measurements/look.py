@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
@@ -12,17 +12,16 @@ import numpy as np
 
 from clutchid.arguments import checked
 from clutchid.log import INPUTS, FloatArray
-from clutchid.measurements.checks import AMBIENT, check, check_ambient, in_si
-from clutchid.measurements.columns import REQUIRED, Heading, heading_problems, ignored
+from clutchid.measurements.checks import AMBIENT, check_ambient, in_si
+from clutchid.measurements.columns import REQUIRED, Heading
 from clutchid.measurements.map.channel_map import Channel, ChannelMap
 from clutchid.measurements.map.picking import own_clock
 from clutchid.measurements.map.proposal import Proposal, means_the_contract, propose
 from clutchid.measurements.opening import open_source
 from clutchid.measurements.overview import ColumnOverview, FileOverview, TimeAxis, TimeGridOverview, updated
-from clutchid.measurements.recording import findings, picked, scaled
+from clutchid.measurements.recording import by_names, findings, picked, scaled
 from clutchid.measurements.source import BLOCK, Places, Raster, Source, Table, in_contract
 from clutchid.measurements.stored import WHOLE
-from clutchid.messages import SHOWN
 
 #: What a recording of a test rig needs, whose map assigns a force and no duty cycle.
 _RIG = ("time", "position", "force")
@@ -93,13 +92,17 @@ def overview_of(
     problems += [source.unnamed] if source.unnamed else []
     for index, raster in enumerate(source.rasters):
         clock, warning = _clock(raster, proposal.channels)
-        summary = _Summary(checks)
-        if checks is not None:
-            summary.problems += heading_problems(raster.headings)
-            summary.warnings += ignored(raster.headings)
-        rasters.append(_raster(source, index, summary, _Axis(clock, {}, ambient)))
-        problems += summary.problems
-        warnings += [*([warning] if warning else []), *summary.warnings]
+        summary = _Summary()
+        tables = _summed(source, index, summary, _Axis(clock, {}, ambient))
+        if checks is None:
+            problems += dict.fromkeys(problem for table in tables for problem in table.problems)
+            told: list[str] = []
+        else:
+            picks, misnamed = by_names(source, REQUIRED)
+            wrong, told = findings(source, picks, checks, None, tables)
+            problems += [*misnamed, *wrong]
+        rasters.append(_overview(raster, summary, _Axis(clock, {}, ambient)))
+        warnings += [*([warning] if warning else []), *told]
     found = tuple(rasters), tuple(problems), tuple(dict.fromkeys(warnings))
     return FileOverview(str(source.path), source.format, *found, proposal, needs_map=not in_contract(source))
 
@@ -116,7 +119,10 @@ def _mapped(source: Source, proposal: Proposal, channels: ChannelMap, ambient: f
         columns = {heading.index: (heading, entry) for pick in chosen for heading, entry in pick.columns.values()}
         time = next((pick.columns["time"][0] for pick in chosen if "time" in pick.columns), own_clock(raster)[0])
         rate = chosen[0].rate if chosen else None
-        rasters.append(_raster(source, index, _Summary(), _Axis(time, columns, ambient, rate)))
+        summary, axis = _Summary(), _Axis(time, columns, ambient, rate)
+        for _ in _summed(source, index, summary, axis):
+            pass
+        rasters.append(_overview(raster, summary, axis))
     problems = tuple(dict.fromkeys((*source.problems, *mismatches, *found)))
     warnings = tuple(dict.fromkeys((*source.warnings, *warned)))
     completed = replace(
@@ -155,31 +161,27 @@ class _Axis:
 
 @dataclass(slots=True)
 class _Summary:
-    """Summary of the samples of a time grid so far; with `checks`, an ambient pressure, also problems as of `read`.
+    """Summary of the samples of a time grid so far.
 
     `ranges` are the lowest and highest value, and the number of finite ones, of each column that has any.
     """
 
-    checks: float | None = None
     ranges: dict[int, tuple[float, float, int]] = field(default_factory=dict)
     time: TimeAxis | None = None
     places: Places = field(default_factory=Places)
     samples: int = 0
-    problems: list[str] = field(default_factory=list)
-    warnings: list[str] = field(default_factory=list)
 
 
-def _raster(source: Source, index: int, summary: _Summary, axis: _Axis) -> TimeGridOverview:
+def _summed(source: Source, index: int, summary: _Summary, axis: _Axis) -> Iterator[Table]:
+    """The tables of a time grid, each added to the summary as it is read."""
     raster = source.rasters[index]
     rows = None if raster.size * len(raster.headings) * 8 < WHOLE else BLOCK
     for table in source.tables(index, [heading.index for heading in raster.headings], rows):
         _add(summary, table, axis)
-        if summary.checks is not None:
-            checked = check(table, summary.checks)
-            summary.problems += checked.problems[: SHOWN if summary.problems else None]
-            summary.warnings += checked.warnings
-        else:
-            summary.problems += [problem for problem in table.problems if problem not in summary.problems]
+        yield table
+
+
+def _overview(raster: Raster, summary: _Summary, axis: _Axis) -> TimeGridOverview:
     columns = tuple(_column(heading, summary, axis) for heading in raster.headings)
     return TimeGridOverview(raster.name, summary.samples, columns, summary.time, summary.places.word, raster.others)
 

@@ -20,6 +20,7 @@ from clutchid.errors import DataError, MissingExtra, ParameterError
 from clutchid.files import plain_file, reason_of
 from clutchid.measurements.formats.kinds import readable_kind
 from clutchid.measurements.formats.opening import opened_here
+from clutchid.measurements.grids import with_own_grids
 from clutchid.measurements.reader_service import Answer, Message, decoded, encoded, source_of, unpacked
 from clutchid.measurements.source import BLOCK, Source, Table, joined
 from clutchid.processes import Limits, Worker, WorkerEnd
@@ -43,8 +44,8 @@ def open_source(path: str | PathLike[str], dbc: Sequence[str | PathLike[str]] = 
     databases = [plain_file(name, "DBC file") for name in dbc]
     kind = readable_kind(file)
     if kind == "csv" or (kind == "parquet" and _is_moderate(file)):
-        return opened_here(file, databases, kind)
-    return _guarded_source(file, databases, kind)
+        return with_own_grids(opened_here(file, databases, kind))
+    return with_own_grids(_guarded_source(file, databases, kind))
 
 
 def _is_moderate(file: Path) -> bool:

@@ -60,6 +60,7 @@ def described(source: Source) -> Message:
         "warnings": source.warnings,
         "metadata": dict(source.metadata),
         "unnamed": source.unnamed,
+        "one_clock": source.one_clock,
     }
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import chain, islice
+from itertools import chain, islice, tee
 from pathlib import Path
 
 import numpy as np
@@ -17,17 +17,29 @@ import numpy as np
 from clutchid.errors import DataError
 from clutchid.log import HOLE, FloatArray, Log, Samples
 from clutchid.measurements.checks import check, in_si
+from clutchid.measurements.clock import (
+    AT_START,
+    Clock,
+    ClockPlan,
+    Run,
+    Tolerance,
+    disordered,
+    joined_runs,
+    matched,
+    runs_of,
+    sentences,
+)
 from clutchid.measurements.columns import Heading, heading_problems, ignored
 from clutchid.measurements.map.channel_map import COUNTED, Channel, ChannelMap, PickedChannels
 from clutchid.measurements.opening import MEMORY_VARIABLE, memory
-from clutchid.measurements.source import Places, Source, Table, with_unit
+from clutchid.measurements.source import BLOCK, Places, Rows, Source, Table, with_unit
+from clutchid.measurements.sparse import by_presence
 from clutchid.measurements.time_axis import (
-    AT_START,
     ChannelStream,
-    RepairedTime,
     SampleBlock,
     aligned,
     no_samples,
+    on_clock,
     repair,
     usual_interval,
 )
@@ -76,15 +88,17 @@ def pieces(
     if channels is not None:
         messages.warnings += channels.comments.get("", "").splitlines()
     messages.warnings += [note for chosen in picks for note in chosen.notes]
-    if len(picks) == 1 and (channels is None or channels.raster is None):
-        base, others = ChannelStream(_blocks(source, picks[0], ambient, rows, messages), {}), list[ChannelStream]()
+    timed = [
+        _stream(blocks, chosen) for grids in _grids(source, picks, ambient, rows, messages) for chosen, blocks in grids
+    ]
+    if len(timed) == 1 and (channels is None or channels.raster is None):
+        base, others = timed[0][1], list[ChannelStream]()
     else:
-        streams = [(*_stream(source, chosen, ambient, rows, messages), chosen) for chosen in picks]
-        (usual, base, fastest), *slower = sorted(streams, key=lambda stream: stream[0])
-        others = [stream for _, stream, _ in slower]
+        (usual, base), *slower = sorted(timed, key=lambda stream: stream[0])
+        others = [stream for _, stream in slower]
         if channels is not None and channels.raster is not None:
-            clock = _blocks(source, fastest, ambient, rows, _Messages())
-            base, others = _uniform(clock, channels.raster, HOLE * usual), [base, *others]
+            first, again = tee(base.blocks)
+            base, others = _uniform(again, channels.raster, HOLE * usual), [replace(base, blocks=first), *others]
     read = [heading for chosen in picks for heading, _ in chosen.columns.values()]
     edges = source.edges if channels is None else {}
     described = replace(source, metadata=with_unit(source.metadata, read), edges=edges)
@@ -133,13 +147,22 @@ def picked(
 
 
 def findings(
-    source: Source, picks: Sequence[PickedChannels], ambient: float, rows: int | None
+    source: Source,
+    picks: Sequence[PickedChannels],
+    ambient: float,
+    rows: int | None,
+    tables: Iterator[Table] | None = None,
 ) -> tuple[list[str], list[str]]:
-    """Problems and warnings that `pieces` has for the samples of these channels."""
+    """Problems and warnings that `pieces` has for the samples of these channels.
+
+    Those of a single pick may be in `tables` that are read for something else as well.
+    """
     messages = _Messages(warnings=[note for chosen in picks for note in chosen.notes])
-    for chosen in [chosen for chosen in picks if "time" in chosen.columns]:
-        for _ in _blocks(source, chosen, ambient, rows, messages):
-            pass
+    timed = [chosen for chosen in picks if "time" in chosen.columns]
+    for streams in _grids(source, timed, ambient, rows, messages, tables):
+        for _, blocks in streams:
+            for _ in blocks:
+                pass
     return messages.problems, messages.warnings
 
 
@@ -157,35 +180,76 @@ def _logs(
         raise DataError.of(str(source.path), messages.problems)
 
 
-def _stream(
-    source: Source, chosen: PickedChannels, ambient: float, rows: int | None, messages: _Messages
-) -> tuple[float, ChannelStream]:
+def _stream(blocks: Iterator[SampleBlock], chosen: PickedChannels) -> tuple[float, ChannelStream]:
     """The channels of a pick as a stream in SI, and their usual interval in s, from the first block."""
-    blocks = _blocks(source, chosen, ambient, rows, messages)
     first = list(islice(blocks, 1))
     usual = usual_interval(first[0].time) if first else math.inf
     return usual, ChannelStream(chain(first, blocks), chosen.longest(usual))
 
 
+def _grids(
+    source: Source,
+    picks: Sequence[PickedChannels],
+    ambient: float,
+    rows: int | None,
+    messages: _Messages,
+    tables: Iterator[Table] | None = None,
+) -> Iterator[list[tuple[PickedChannels, Iterator[SampleBlock]]]]:
+    """Time grids of each pick with their samples, block by block, with increasing time stamps on one clock.
+
+    A pick is one grid, unless its rows are sparse.
+    """
+    plans = _plans(source, picks, ambient, messages) if len(picks) > 1 and not source.one_clock else {}
+    for chosen in picks:
+        columns = chosen.indices
+        if chosen.increasing:  # of columns with the same name all are checked
+            columns = [heading.index for heading in source.rasters[chosen.raster].headings if heading.name is not None]
+        every = tables if tables is not None else source.tables(chosen.raster, columns, rows)
+        first = next(every, None)
+        grids = [chosen] if first is None else by_presence(chosen, first)
+        whole = every if first is None else chain([first], every)
+        del first  # it may be the whole file
+        copies = tee(whole, len(grids)) if len(grids) > 1 else (whole,)
+        del whole
+        plan = plans.get(chosen.raster)
+        yield [
+            (grid, _blocks(source, grid, copy, ambient, messages, plan))
+            for grid, copy in zip(grids, copies, strict=True)
+        ]
+
+
 def _blocks(
-    source: Source, chosen: PickedChannels, ambient: float, rows: int | None, messages: _Messages
+    source: Source,
+    chosen: PickedChannels,
+    tables: Iterator[Table],
+    ambient: float,
+    messages: _Messages,
+    plan: ClockPlan | None,
 ) -> Iterator[SampleBlock]:
-    """The samples of a pick, block by block, with increasing time stamps."""
+    """The samples of a time grid, block by block, with increasing time stamps."""
     clock, done = AT_START, 0
-    columns_read = chosen.indices
-    if chosen.increasing:  # of columns with the same name all are checked
-        columns_read = [heading.index for heading in source.rasters[chosen.raster].headings if heading.name is not None]
-    for table in source.tables(chosen.raster, columns_read, rows):
-        if chosen.increasing:
-            checked = check(table, ambient)
-        else:
-            named = _named(table, chosen, done)
-            done += table.size
-            stamps = in_si(named.headings[0], named.numbers[named.headings[0].index], ambient)
-            repaired = repair(stamps, named.places, clock)
-            clock = repaired.clock
-            messages.warnings += [f"{_where(source, chosen)}{sentence}" for sentence in repaired.messages]
-            checked = check(_kept(named, repaired), ambient)
+    for table in tables:
+        named = table if chosen.increasing else _named(table, chosen, done)
+        said: Sequence[str] = ()
+        at = next((i for i, heading in enumerate(named.headings) if heading.name == "time"), None)
+        if at is not None and named.headings[at].index in named.numbers and named.headings[at].si:
+            stamps = in_si(named.headings[at], named.numbers[named.headings[at].index], ambient)
+            if plan is not None:
+                stamps = plan.applied(stamps, done)
+            if chosen.increasing:
+                on_one_clock, said, clock = _as_written(named, at, stamps, clock)
+            else:
+                named, stamps = _present(named, at, stamps) if chosen.sparse else (named, stamps)
+                repaired = repair(stamps, named.places, clock, shared=source.one_clock)
+                on_one_clock, said, clock = (
+                    _kept(named, at, repaired.kept, repaired.time),
+                    repaired.messages,
+                    repaired.clock,
+                )
+            named = on_one_clock
+        done += table.size
+        checked = check(named, ambient)
+        messages.warnings += [f"{_where(source, chosen.raster)}{sentence}" for sentence in said]
         messages.problems += checked.problems
         messages.warnings += checked.warnings
         if table.problems or (chosen.increasing and messages.problems):
@@ -195,8 +259,59 @@ def _blocks(
         yield SampleBlock(columns.pop("time"), columns).earlier(chosen.delay)
 
 
-def _where(source: Source, chosen: PickedChannels) -> str:
-    name = source.rasters[chosen.raster].name
+def _as_written(table: Table, at: int, stamps: FloatArray, clock: Clock) -> tuple[Table, Sequence[str], Clock]:
+    """A table whose stamps must increase, repaired where its clock restarts, and as it is where it does not."""
+    if not np.isfinite(stamps).all():
+        return table, (), clock
+    rows, time, said, after = on_clock(stamps, table.places, clock)
+    unchanged = rows.size == stamps.size and np.array_equal(time, stamps)
+    return (table if unchanged else _kept(table, at, rows, time)), said, after
+
+
+def _present(table: Table, at: int, stamps: FloatArray) -> tuple[Table, FloatArray]:
+    """The rows in which a channel besides the time has a value, and their stamps."""
+    values = [table.numbers[heading.index] for i, heading in enumerate(table.headings) if i != at]
+    rows = np.flatnonzero(np.isfinite(values).any(axis=0))
+    return _kept(table, at, rows, stamps[rows]), stamps[rows]
+
+
+def _plans(
+    source: Source, picks: Sequence[PickedChannels], ambient: float, messages: _Messages
+) -> dict[int, ClockPlan]:
+    """One clock for time grids that have no common order; empty where none restarts."""
+    clocks: dict[int, list[Run]] = {}
+    tolerances: list[Tolerance] = []
+    word = "sample"
+    for chosen in picks:
+        heading, entry = chosen.columns.get("time", (None, None))
+        if heading is None or entry is None or heading.index == COUNTED or chosen.raster in clocks:
+            continue
+        runs: list[Run] = []
+        tolerance, before, done = Tolerance.of(math.inf), -math.inf, 0
+        for table in source.tables(chosen.raster, [heading.index], BLOCK):
+            stamps = in_si(heading, scaled(table.numbers.get(heading.index, np.empty(0)), entry), ambient)
+            rows = np.flatnonzero(np.isfinite(stamps))
+            if not math.isfinite(tolerance.usual):
+                tolerance = Tolerance.of(usual_interval(stamps[rows]))
+            runs += runs_of(rows + done, stamps[rows], before, tolerance)
+            before = runs[-1].last if runs else before
+            done += table.size
+            word = table.places.word
+        clocks[chosen.raster] = joined_runs(runs, tolerance)
+        tolerances.append(tolerance)
+    if len(clocks) < 2 or not any(disordered(runs) for runs in clocks.values()):
+        return {}
+    plans, changes, problem = matched(list(clocks.values()), tolerances)
+    messages.problems += [problem] if problem else []
+    apart = max(tolerance.apart for tolerance in tolerances)
+    for raster, group in zip(clocks, changes, strict=True):
+        name = _where(source, raster)
+        messages.warnings += [name + sentence for sentence in sentences(group, Places(word), apart)]
+    return dict(zip(clocks, plans, strict=bool(plans)))
+
+
+def _where(source: Source, raster: int) -> str:
+    name = source.rasters[raster].name
     return f"{name}: " if name and len(source.rasters) > 1 else ""
 
 
@@ -235,16 +350,22 @@ def scaled(values: FloatArray, entry: Channel) -> FloatArray:
         return scale * values + entry.offset
 
 
-def _kept(table: Table, repaired: RepairedTime) -> Table:
-    """The rows of a table that are kept, with repaired time stamps in s."""
-    clock, *others = table.headings
-    rows, places = repaired.kept, table.places
-    if rows.size < table.size:
+def _kept(table: Table, at: int, rows: Rows, time: FloatArray) -> Table:
+    """Some rows of a table, with repaired time stamps in s; `at` is the place of the time among its headings."""
+    clock = table.headings[at]
+    places = table.places
+    if rows.size < table.size or (np.diff(rows) != 1).any():
         places = Places(places.word, numbers=places.each_number(table.size)[rows])
+    headings = [
+        Heading(clock.index, clock.text, "time", "s") if i == at else heading
+        for i, heading in enumerate(table.headings)
+        if i == at or heading.name != "time"
+    ]
+    numbers = {index: values[rows] for index, values in table.numbers.items() if index != clock.index}
     return replace(
         table,
-        headings=(Heading(clock.index, clock.text, "time", "s"), *others),
-        numbers={clock.index: repaired.time, **{other.index: table.numbers[other.index][rows] for other in others}},
+        headings=tuple(headings),
+        numbers={clock.index: time, **numbers},
         size=rows.size,
         places=places,
         unread={index: np.flatnonzero(np.isin(rows, unread)) for index, unread in table.unread.items()},
@@ -262,13 +383,14 @@ def _uniform(clock: Iterator[SampleBlock], interval: float, longest: float) -> C
                 continue
             if math.isnan(start):
                 start = last = float(time[0])
-            end = math.floor((time[-1] - start) / interval + 1e-9) + 1
-            instants = _snapped(start + interval * np.arange(count, end), time, 1e-6 * interval)
             stamps = np.r_[last, time]
-            before = np.clip(np.searchsorted(stamps, instants, side="right") - 1, 0, stamps.size - 2)
-            known = (stamps[before + 1] - stamps[before] <= longest) | (instants == stamps[before])
-            yield SampleBlock(instants[known], {})
-            count, last = max(count, end), float(time[-1])
+            begins = np.r_[0, np.flatnonzero(np.diff(stamps) > longest) + 1]
+            firsts = np.maximum(np.ceil((stamps[begins] - start) / interval - 1e-9), count).astype(np.int64)
+            ends = np.floor((stamps[np.r_[begins[1:], stamps.size] - 1] - start) / interval + 1e-9).astype(np.int64) + 1
+            sizes = np.maximum(ends - firsts, 0)
+            numbers = np.repeat(firsts - np.r_[0, np.cumsum(sizes)[:-1]], sizes) + np.arange(sizes.sum())
+            yield SampleBlock(_snapped(start + interval * numbers, time, 1e-6 * interval), {})
+            count, last = max(count, int(ends[-1])), float(time[-1])
 
     return ChannelStream(blocks(), {})
 

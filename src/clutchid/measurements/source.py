@@ -152,7 +152,8 @@ class Source:
 
     `problems` are messages about the file as a whole (truncated, empty), `warnings` about parts that were ignored,
     `metadata` that of the file, `unnamed` why it needs a channel map if its channels have no names, and `edges` those
-    of the log that was written, see `clutchid.log.Log`.
+    of the log that was written, see `clutchid.log.Log`. With `one_clock` the stamps of all its time grids come from one
+    clock, which the reader has repaired.
     """
 
     path: Path
@@ -164,6 +165,7 @@ class Source:
     metadata: Mapping[str, str] = field(default_factory=dict)
     unnamed: str = ""
     edges: Mapping[str, Samples] = field(default_factory=dict)
+    one_clock: bool = False
 
     @property
     def name(self) -> str:
@@ -196,8 +198,15 @@ def refused(path: Path, form: str, problem: str, *warnings: str) -> Source:
 
 
 def in_contract(source: Source) -> bool:
-    """Whether a file is one table whose columns have the standard names, so that it needs no channel map."""
-    return len(source.rasters) == 1 and {heading.name for heading in source.rasters[0].headings}.issuperset(REQUIRED)
+    """Whether a file is one table whose columns have the standard names, so that it needs no channel map.
+
+    In a file whose channels cannot be renamed they have units as well, which a map may give.
+    """
+    if len(source.rasters) != 1:
+        return False
+    named = {heading.name: heading for heading in source.rasters[0].headings if heading.name is not None}
+    complete = source.tabular or all(heading.si for heading in named.values())
+    return complete and set(named).issuperset(REQUIRED)
 
 
 def with_unit(metadata: Mapping[str, str], headings: Iterable[Heading]) -> dict[str, str]:

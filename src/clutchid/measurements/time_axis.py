@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.log import HOLE, INPUTS, FloatArray, Samples
-from clutchid.measurements.source import Places
-from clutchid.messages import SHOWN, listed, quantity, sample_count
+from clutchid.measurements.clock import AT_START, JUMP, Clock, Tolerance, runs_of, sentences, shifts_of
+from clutchid.measurements.source import Places, Rows
+from clutchid.messages import quantity, sample_count
 
 
 def holes(time: FloatArray) -> NDArray[np.int64]:
@@ -39,23 +40,6 @@ def usual_interval(time: FloatArray) -> float:
     return float(np.median(forward)) if forward.size else math.inf
 
 
-#: Gap between two runs that are placed one after the other, in usual intervals; long enough to be a hole.
-_APART = 20.0
-
-
-@dataclass(frozen=True, slots=True)
-class Clock:
-    """State of the clock after a block: last time stamp as written and as repaired, and usual interval, in s."""
-
-    written: float = -math.inf
-    last: float = -math.inf
-    shift: float = 0.0
-    usual: float = math.inf
-
-
-AT_START = Clock()
-
-
 @dataclass(frozen=True, eq=False, slots=True)
 class RepairedTime:
     """Rows of a block that are kept, their time stamps in s, messages about changes, and the state of the clock."""
@@ -66,12 +50,13 @@ class RepairedTime:
     clock: Clock
 
 
-def repair(stamps: FloatArray, places: Places, clock: Clock = AT_START) -> RepairedTime:
+def repair(stamps: FloatArray, places: Places, clock: Clock = AT_START, *, shared: bool = False) -> RepairedTime:
     """Repair time stamps so that they increase strictly.
 
     A sample without a time stamp is dropped. Of samples with equal time stamps the last is kept. Samples that are out
-    of order by up to five usual intervals are dropped. If the clock goes back further, it has restarted: the new run is
-    placed after the previous one with a hole between them, so that each is a separate segment.
+    of order by up to five usual intervals are dropped. If the clock goes back further, `clutchid.measurements.clock`
+    says why: a run after a restart is placed after the previous one with a hole between them, so that each is a
+    separate segment.
 
     Parameters
     ----------
@@ -81,6 +66,8 @@ def repair(stamps: FloatArray, places: Places, clock: Clock = AT_START) -> Repai
         Location of the samples in the file, for the messages.
     clock
         State of the clock after the previous block.
+    shared
+        Whether it is the clock of several messages, repaired already: what is out of order is sorted.
 
     Examples
     --------
@@ -93,44 +80,84 @@ def repair(stamps: FloatArray, places: Places, clock: Clock = AT_START) -> Repai
     1 sample repeats the time stamp of another (row 3); the later one is kept.
     the clock restarts at row 9 (0 s after 0.6 s); each run becomes a separate segment, 2 s after the previous one.
     """
-    known = np.isfinite(stamps)
-    finite = np.flatnonzero(known)
-    time = stamps[finite]
+    rows, time, said, after = on_clock(stamps, places, clock, shared=shared)
+    if shared and time.size and (np.diff(time) < 0).any():
+        order = np.argsort(time, kind="stable")
+        rows, time = rows[order], time[order]
+    ahead = np.r_[clock.last, np.maximum.accumulate(np.r_[clock.last, time])[1:-1]] if time.size else time
+    late, same = time < ahead, time == ahead
+    messages = (
+        *_repeats(rows[same], places),
+        *_dropped(rows[late], places, "out of order in time"),
+        *_dropped(np.flatnonzero(~np.isfinite(stamps)), places, "without a time stamp"),
+        *said,
+    )
+    kept = _last_of_each(time, late | (time == clock.last))  # the previous block may end at this time stamp
+    return RepairedTime(rows[kept], time[kept], messages, after)
+
+
+def on_clock(
+    stamps: FloatArray, places: Places, clock: Clock = AT_START, *, shared: bool = False
+) -> tuple[Rows, FloatArray, list[str], Clock]:
+    """Rows that have a stamp, their stamps on a clock without restarts and bursts, what is said, and the clock after.
+
+    The stamps may still repeat, or be out of order.
+    """
+    rows = np.flatnonzero(np.isfinite(stamps))
+    time = stamps[rows]
     usual = clock.usual if math.isfinite(clock.usual) else usual_interval(time)
-    before = np.r_[clock.written, time[:-1]]
-    resets = np.flatnonzero(before - time > HOLE * usual) if math.isfinite(usual) else np.empty(0, dtype=np.int64)
-    apart = _APART * usual
-    shifted, shift = _shifted(time, before, resets, clock, apart)
-    ahead = np.r_[clock.last, np.maximum.accumulate(np.r_[clock.last, shifted])[1:-1]] if time.size else time
-    late, same = shifted < ahead, shifted == ahead
-    messages = [
-        *_repeats(finite[same], places),
-        *_dropped(finite[late], places, "out of order in time"),
-        *_dropped(np.flatnonzero(~known), places, "without a time stamp"),
-    ]
-    if resets.size:
-        shown = [
-            f"{places.word} {places.number(finite[i])} ({quantity(time[i], 's')} after {quantity(before[i], 's')})"
-            for i in resets[:SHOWN].tolist()
-        ]
-        messages.append(
-            f"the clock restarts at {listed(shown, total=resets.size)}; each run becomes a separate segment, "
-            f"{quantity(apart, 's')} after the previous one."
-        )
-    kept = _last_of_each(shifted, late | (shifted == clock.last))  # the previous block may end at this time stamp
-    last = float(max(clock.last, shifted.max())) if time.size else clock.last
-    written = float(time[-1]) if time.size else clock.written
-    return RepairedTime(finite[kept], shifted[kept], tuple(messages), Clock(written, last, shift, usual))
+    steady = steadied(time)
+    said = []
+    if steady is not None:
+        time, sentence = steady
+        said, usual = [sentence], usual_interval(time)
+    tolerance = Tolerance.of(usual, shared=shared)
+    runs = runs_of(rows, time, clock.written, tolerance)
+    shifts, changes, after = shifts_of(runs, tolerance, clock)
+    if any(shifts):
+        time = time + np.repeat(shifts, [run.size for run in runs])
+        rows, time = rows[np.isfinite(time)], time[np.isfinite(time)]
+    said += sentences(changes, places, tolerance.apart)
+    return rows, time, said, replace(after, last=float(max(clock.last, time.max(initial=-math.inf))))
 
 
-def _shifted(
-    time: FloatArray, before: FloatArray, resets: NDArray[np.int64], clock: Clock, apart: float
-) -> tuple[FloatArray, float]:
-    """Time stamps with every run placed after the previous one, and the shift of the last run."""
-    jumps = np.zeros(time.size)
-    jumps[resets] = before[resets] - time[resets] + apart
-    shifts = clock.shift + np.cumsum(jumps)
-    return (time + shifts if resets.size or clock.shift else time), float(shifts[-1]) if time.size else clock.shift
+#: Bursts: as many at least, of as many samples on average, with no more than this share of the time within one.
+_BURSTS, _LEAST, _WITHIN = 20, 2.5, 0.2
+
+
+def steadied(time: FloatArray) -> tuple[FloatArray, str] | None:
+    """Stamps at the mean rate where a logger stamps what it collected together, and what is said; else None.
+
+    Bursts come at regular intervals of at most `JUMP`. The last sample of one is the newest, so that a line through
+    these has the rate.
+
+    Examples
+    --------
+    >>> bursts = np.repeat(np.arange(100) * 16e-3, 16) + np.tile(np.arange(16) * 1e-6, 100)
+    >>> time, sentence = steadied(bursts)
+    >>> round(float(np.ptp(np.diff(time))), 9), sentence
+    (0.0, 'the time stamps arrive in bursts of 16 every 0.016 s; the mean rate of 1000 Hz is used instead.')
+    >>> steadied(np.arange(1600) * 1e-3) is None
+    True
+    """
+    steps = intervals(time)
+    if steps.size < _BURSTS * _LEAST or steps.min() < 0 or steps.max() > JUMP:
+        return None
+    ends = np.flatnonzero(steps > HOLE * np.median(steps))
+    if ends.size < _BURSTS or ends.size * _LEAST > time.size:
+        return None
+    inside, between = time[ends[1:]] - time[ends[:-1] + 1], np.diff(time[ends])
+    period = float(np.median(between))
+    if np.median(inside) > _WITHIN * period or np.mean(np.abs(between - period) < period / 2) < 1 - _WITHIN:
+        return None
+    rate, start = np.polyfit(ends, time[ends], 1)
+    line: FloatArray = start + rate * np.arange(time.size)
+    if np.abs(line[ends] - time[ends]).max() > period:
+        return None
+    return line, (
+        f"the time stamps arrive in bursts of {round(period / rate)} every {quantity(float(f'{period:.4g}'), 's')}; "
+        f"the mean rate of {1 / rate:.5g} Hz is used instead."
+    )
 
 
 def _last_of_each(time: FloatArray, late: NDArray[np.bool_]) -> NDArray[np.int64]:

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
+from clutchid.measurements.clock import JUMP, WINDOW
 from clutchid.measurements.live.order import (
-    JUMP,
     LOST,
-    WINDOW,
     ArrivedSamples,
     LeftOutCounts,
     final,

@@ -52,7 +52,7 @@ def live_blocks(
     """Blocks of a recording as their samples arrive; the first has at least `FIRST` samples, if there are as many.
 
     The numbers do not depend on how the samples are cut into batches. Samples wait
-    `clutchid.measurements.live.order.WINDOW` seconds for those that come out of order. Columns of other streams than
+    `clutchid.measurements.clock.WINDOW` seconds for those that come out of order. Columns of other streams than
     the position's are held.
 
     Parameters

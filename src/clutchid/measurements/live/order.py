@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from clutchid.errors import DataError
 from clutchid.log import INPUTS, FloatArray
 from clutchid.measurements.checks import in_si, outside_duty
+from clutchid.measurements.clock import JUMP, WINDOW
 from clutchid.measurements.columns import heading_problems
 from clutchid.measurements.map.channel_map import Channel, ChannelMap, PickedChannels
 from clutchid.measurements.map.picking import pick
@@ -114,15 +115,8 @@ def arrived(
     return found if known.all() else found.take(known)
 
 
-#: Time in s by which a stamp may lie behind the latest one: as long samples wait for those that come out of order.
-WINDOW = 0.05
-
 #: As many late samples in a row mean that the clock of the source has gone back, or has jumped ahead before.
 LOST = 1000
-
-
-#: Time in s by which a stamp may lie ahead of the latest one without a second sample that confirms it.
-JUMP = 0.2
 
 
 @dataclass(frozen=True, eq=False, slots=True)

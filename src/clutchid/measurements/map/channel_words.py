@@ -127,7 +127,7 @@ def name_score(name: str, text: str) -> float:
     >>> name_score("position", "Kupplungsweg"), name_score("position", "Weg"), name_score("position", "ThrottlePos")
     (2.0, 1.0, 0.0)
     """
-    known = quantity_named(_bare(text))
+    known = quantity_named(_bare(text)) or quantity_named(_bare(text).rpartition(".")[2])  # a field of a struct
     if known is not None:
         return 100.0 if known == name else 0.0
     quantity = _QUANTITIES.get(name)

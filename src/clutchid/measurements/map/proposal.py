@@ -241,7 +241,7 @@ def propose(source: Source, required: Sequence[str] = REQUIRED) -> Proposal:
         found = [candidate for candidate in candidates(source, name, ranges) if not _taken(candidate, channels)]
         ranked = _ranked(name, found)
         notes += _left_out(name, found)
-        if not ranked or (name == "time" and not source.tabular and timed):
+        if not ranked or (name == "time" and timed and not (source.tabular and len(source.rasters) == 1)):
             unused[name] = found
             continue
         best, *others = ranked
@@ -249,7 +249,7 @@ def propose(source: Source, required: Sequence[str] = REQUIRED) -> Proposal:
         channels[name] = _entry(source, best)
         comments[name] = _comment(best)
         equal = _equal(name, best, others)
-        remark = _remark(name, best, equal)
+        remark = _remark(name, best, equal, source.tabular)
         (notes if name in PLAUSIBLE else remarks).extend([remark] if remark else [])
         sure = name != "pressure_supply" or best.score >= STANDARD or is_sure(best.heading)
         certain += [name] if sure and not remark else []
@@ -371,15 +371,18 @@ def _in_another_unit(one: Candidate, other: Candidate) -> bool:
     return all(math.isclose(a, b, rel_tol=_SAME, abs_tol=_SAME) for a, b in zip(*ends, strict=True))
 
 
-def _remark(name: str, best: Candidate, equal: Sequence[Candidate]) -> str:
-    """Decision that a proposed channel needs; empty if none."""
+def _remark(name: str, best: Candidate, equal: Sequence[Candidate], tabular: bool) -> str:
+    """Decision that a proposed channel needs; empty if none.
+
+    A unit that is guessed under the standard name needs one only where the user can write it into a heading.
+    """
     text = best.heading.text
     if equal:
         others = ", ".join(f"'{candidate.heading.text}'" for candidate in equal[:5])
         return f"{name}: '{text}' is proposed, but {others} would match as well."
     if name in INPUTS and is_beside(text) and best.flag:
         return f"{name}: '{text}' {best.flag}; write it into a channel map if it is the duty cycle."
-    if best.guess:
+    if best.guess and (tabular or best.score < STANDARD):
         return f"{name}: '{text}' {best.guess}."
     return "" if best.unit else f"{name}: '{text}' has no known unit; add it to the map."
 
@@ -399,6 +402,8 @@ def _notes(name: str, best: Candidate, others: Sequence[Candidate]) -> Iterator[
         yield from [why] if why else []
     if best.implied:
         yield f"{name}: '{best.heading.text}' [{best.heading.unit or best.unit}] {best.implied}."
+    if best.guess and best.score >= STANDARD:
+        yield f"{name}: '{best.heading.text}' {best.guess}."
     if best.heading.unit is None and best.unit and not best.guess:
         yield f"{name}: the unit [{best.unit}] is taken from the name of the channel '{best.heading.text}'."
     if best.span.constant and name not in PLAUSIBLE:

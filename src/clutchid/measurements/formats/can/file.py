@@ -6,17 +6,20 @@ they take no more than `KEPT` bytes; else the file is read again for each time g
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import timedelta
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.log import FloatArray
+from clutchid.measurements.clock import LONE, Run, Tolerance, cuts, sentences, shifts_of
 from clutchid.measurements.formats.can.dbc import Message, read_dbc
 from clutchid.measurements.formats.can.frames import Bytes, FrameLog, Frames, Rows, payloads
 from clutchid.measurements.formats.can.streams import (
@@ -34,6 +37,7 @@ from clutchid.measurements.formats.can.streams import (
 )
 from clutchid.measurements.formats.kinds import head_of, kind_of
 from clutchid.measurements.source import Places, Raster, Source, Table, refused
+from clutchid.measurements.time_axis import usual_interval
 from clutchid.messages import listed
 
 #: Bytes of frames that are kept in memory between the passes over a log: about 15 million classic frames.
@@ -109,8 +113,8 @@ def open_file(path: Path, dbc: Sequence[Path] = (), kind: str = "", log: FrameLo
     streams = in_order(scanned.sizes, messages)
     rasters = rasters_of(streams, scanned.sizes)
     tables = partial(_tables, log, known, scanned, streams, rasters)
-    warnings = (*log.warnings, *_scan_warnings(scanned, streams))
-    return Source(path, log.format, rasters, tables, (), warnings, metadata)
+    warnings = (*log.warnings, *scanned.clock, *_scan_warnings(scanned, streams))
+    return Source(path, log.format, rasters, tables, (), warnings, metadata, one_clock=True)
 
 
 def _metadata(log: FrameLog, origin: float, dbc: Sequence[Path]) -> dict[str, str]:
@@ -124,11 +128,15 @@ def _metadata(log: FrameLog, origin: float, dbc: Sequence[Path]) -> dict[str, st
 
 @dataclass(frozen=True, eq=False, slots=True)
 class StreamFrames:
-    """Consecutive frames of one stream: stamps as in the log, payload bytes, and number of these in each frame."""
+    """Consecutive frames of one stream: stamps as in the log, payload bytes, and number of these in each frame.
+
+    `run` is the number of the run of the log's clock to which all of them belong.
+    """
 
     stamp: FloatArray
     data: Bytes
     length: Bytes
+    run: int = 0
 
     def __len__(self) -> int:
         """Number of frames."""
@@ -136,15 +144,23 @@ class StreamFrames:
 
     def part(self, rows: slice) -> StreamFrames:
         """Some of the frames."""
-        return StreamFrames(self.stamp[rows], self.data[rows], self.length[rows])
+        return StreamFrames(self.stamp[rows], self.data[rows], self.length[rows], self.run)
 
 
 @dataclass(slots=True)
 class ScannedLog:
-    """Contents of a log, counted in the first pass; `kept` is None if the frames are too many to keep."""
+    """Contents of a log, counted in the first pass; `kept` is None if the frames are too many to keep.
+
+    `runs` are those of the clock, `shifts` by how much each is moved in s, `clock` what is said about it; `few` are
+    runs with their streams and numbers of frames where these may be lone ones.
+    """
 
     origin: float = 0.0
     frames: int = 0
+    runs: list[Run] = field(default_factory=list)
+    shifts: Sequence[float] = ()
+    clock: Sequence[str] = ()
+    few: list[tuple[int, FrameStream, int]] = field(default_factory=list)
     sizes: Counter[FrameStream] = field(default_factory=Counter)
     short: Counter[str] = field(default_factory=Counter)
     unknown: Counter[int] = field(default_factory=Counter)
@@ -164,9 +180,15 @@ def _scan(log: FrameLog, known: MessageCatalogue) -> ScannedLog:
         If the file cannot be read; what is wrong inside it is in ``ScannedLog.damage``.
     """
     scanned = ScannedLog()
-    for frames in _stamped(log, scanned):
-        if scanned.frames == 0 and len(frames):
-            scanned.origin = float(frames.stamp[0])
+    tolerance = Tolerance.of(math.inf, shared=True)
+    for number, cut_by, frames in _in_runs(_stamped(log, scanned)):
+        tolerance = cut_by
+        run = Run(scanned.frames, len(frames), float(frames.stamp[0]), float(frames.stamp.max()))
+        if number == len(scanned.runs):
+            scanned.runs.append(run)
+        else:
+            row, size, first, last = scanned.runs[-1]
+            scanned.runs[-1] = Run(row, size + run.size, first, max(last, run.last))
         scanned.frames += len(frames)
         for stream, rows in by_stream(frames, known):
             if stream == UNKNOWN:
@@ -174,8 +196,29 @@ def _scan(log: FrameLog, known: MessageCatalogue) -> ScannedLog:
             elif stream == FRAGMENT:
                 scanned.fragments += rows.size
             elif isinstance(stream, FrameStream):
-                _count(scanned, stream, _frames_of(stream, frames, rows))
+                _count(scanned, stream, _frames_of(stream, frames, rows, number))
+    scanned.shifts, changes, _ = shifts_of(scanned.runs, tolerance)
+    scanned.clock = tuple(sentences(changes, Places("frame"), tolerance.apart))
+    for number, stream, count in scanned.few:
+        scanned.sizes[stream] -= count if math.isnan(scanned.shifts[number]) else 0
+    scanned.sizes = +scanned.sizes
+    used = [run for run, shift in zip(scanned.runs, scanned.shifts, strict=True) if not math.isnan(shift)]
+    triggered = bool(used) and used[0].first < 0.0 <= max(run.last for run in used)  # the trigger has the stamp 0
+    scanned.origin = used[0].first if used and not triggered else 0.0
     return scanned
+
+
+def _in_runs(blocks: Iterable[Frames]) -> Iterator[tuple[int, Tolerance, Frames]]:
+    """The frames, cut where the clock of the log is cut, with the number of the run; how it is cut comes with them."""
+    number, before, tolerance = -1, -math.inf, Tolerance.of(math.inf, shared=True)
+    for frames in blocks:
+        if not math.isfinite(tolerance.usual):
+            tolerance = Tolerance.of(usual_interval(frames.stamp), shared=True)
+        begins = cuts(frames.stamp, before, tolerance).tolist()
+        for begin, end in pairwise(sorted({0, *begins, len(frames)})):
+            number += begin in begins
+            yield number, tolerance, frames if end - begin == len(frames) else frames.take(slice(begin, end))
+        before = float(frames.stamp[-1]) if len(frames) else before
 
 
 def _stamped(log: FrameLog, scanned: ScannedLog) -> Iterator[Frames]:
@@ -199,6 +242,8 @@ def _count_unknown(scanned: ScannedLog, frames: Frames) -> None:
 
 def _count(scanned: ScannedLog, stream: FrameStream, frames: StreamFrames) -> None:
     scanned.sizes[stream] += len(frames)
+    if len(frames) <= LONE:
+        scanned.few.append((frames.run, stream, len(frames)))
     group = stream.group.name
     name = f"{stream.message.name} ({group})" if group else stream.message.name
     scanned.short[name] += int(np.sum(frames.length < min(stream.group.bytes, 255)))
@@ -209,9 +254,9 @@ def _count(scanned: ScannedLog, stream: FrameStream, frames: StreamFrames) -> No
             scanned.kept = None
 
 
-def _frames_of(stream: FrameStream, frames: Frames, rows: Rows) -> StreamFrames:
+def _frames_of(stream: FrameStream, frames: Frames, rows: Rows, run: int) -> StreamFrames:
     data = frames.data[rows, : stream.group.bytes]
-    return StreamFrames(frames.stamp[rows], data, frames.length[rows].astype(np.uint8))
+    return StreamFrames(frames.stamp[rows], data, frames.length[rows].astype(np.uint8), run)
 
 
 def _tables(
@@ -228,18 +273,26 @@ def _tables(
     stream, headings = streams[raster], rasters[raster].headings
     kept = iter(scanned.kept[stream]) if scanned.kept is not None else _read_again(log, known, stream)
     first = 1
-    for frames in _in_rows(kept, rows):
-        numbers = values_of(stream, columns, frames.stamp - scanned.origin, frames.data, frames.length)
+    for frames in _in_rows(_on_one_clock(kept, scanned), rows):
+        numbers = values_of(stream, columns, frames.stamp, frames.data, frames.length)
         yield Table(headings, numbers, len(frames), Places("frame", first))
         first += len(frames)
 
 
+def _on_one_clock(parts: Iterator[StreamFrames], scanned: ScannedLog) -> Iterator[StreamFrames]:
+    """The frames with stamps in s from the origin, moved as the clock of the log says; without lone stamps."""
+    for part in parts:
+        shift = scanned.shifts[part.run]
+        if not math.isnan(shift):
+            yield replace(part, stamp=part.stamp + (shift - scanned.origin))
+
+
 def _read_again(log: FrameLog, known: MessageCatalogue, stream: FrameStream) -> Iterator[StreamFrames]:
     """The frames of one stream, from the file."""
-    for frames in _stamped(log, ScannedLog()):
+    for number, _, frames in _in_runs(_stamped(log, ScannedLog())):
         for other, rows in by_stream(frames, known):
             if other == stream:
-                yield _frames_of(stream, frames, rows)
+                yield _frames_of(stream, frames, rows, number)
 
 
 def _in_rows(parts: Iterator[StreamFrames], rows: int | None) -> Iterator[StreamFrames]:

@@ -6,7 +6,7 @@ import logging
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -43,7 +43,7 @@ class Frames:
 
     `stamp` counts in s from the log's own zero; `identifier` has 11 bits, or 29 where `extended`; `length` is the
     number of payload bytes, `data` the payload with zeros behind it, 8 or 64 columns. `left_out` counts what was met
-    meanwhile and holds no payload, by what one of it is.
+    meanwhile and holds no payload, by what one of it is. `sent` says which frames the logger has sent (None: none).
     """
 
     stamp: FloatArray
@@ -53,14 +53,16 @@ class Frames:
     length: Counts
     data: Bytes
     left_out: Mapping[str, int] = field(default_factory=dict)
+    sent: NDArray[np.bool_] | None = None
 
     def __len__(self) -> int:
         """Number of frames."""
         return int(self.stamp.size)
 
-    def take(self, rows: Rows | NDArray[np.bool_]) -> Frames:
+    def take(self, rows: Rows | NDArray[np.bool_] | slice) -> Frames:
         """The frames of `rows`; what was left out is counted only once, so not here."""
-        return Frames(*(getattr(self, name)[rows] for name in _FIELDS))
+        frames = Frames(*(getattr(self, name)[rows] for name in _FIELDS))
+        return frames if self.sent is None else replace(frames, sent=self.sent[rows])
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +190,11 @@ def _together(parts: Sequence[tuple[FloatArray, Frames]]) -> Frames:
     order = np.argsort(np.concatenate([key for key, _ in parts]), kind="stable")
     *columns, data = [[getattr(frames, name) for _, frames in parts] for name in _FIELDS]
     joined: list[Any] = [*map(np.concatenate, columns), payloads(data)]
-    return Frames(*joined).take(order)
+    frames = Frames(*joined)
+    if any(part.sent is not None for _, part in parts):
+        sent = [np.zeros(len(part), dtype=np.bool_) if part.sent is None else part.sent for _, part in parts]
+        frames = replace(frames, sent=np.concatenate(sent))
+    return frames.take(order)
 
 
 def payloads(parts: Sequence[Bytes]) -> Bytes:
@@ -210,6 +216,7 @@ def _block(messages: list[can.Message], left_out: Counter[str]) -> Frames:
         np.array([min(len(row), FD) for row in data], dtype=np.int64),
         as_payload(data),
         counts,
+        None if all(message.is_rx for message in messages) else np.array([not message.is_rx for message in messages]),
     )
 
 

@@ -19,6 +19,9 @@ from clutchid.measurements.formats.can.frames import FrameLog, Frames, check_pyt
 if TYPE_CHECKING:
     import can
 
+#: Stamps of 64 bits in ns count from here as negative numbers, in s.
+_SIGNED = 2.0**63 * 1e-9
+
 _BLF_HEADER = struct.Struct("<4sL8xQQLL8H")
 
 
@@ -61,7 +64,9 @@ def _blf_blocks(path: Path) -> Iterator[Frames]:
         try:
             reader = BLFReader(file)
             reader.start_timestamp = 0.0  # stamps as they are stored: added to a date they would lose nanoseconds
-            yield from in_blocks(reader, Counter())
+            for frames in in_blocks(reader, Counter()):
+                frames.stamp[frames.stamp >= _SIGNED] -= 2 * _SIGNED  # before a trigger
+                yield frames
         except (BLFParseError, struct.error, zlib.error, ValueError, LookupError, OverflowError) as error:
             place = "" if file.closed else f" before byte {file.tell():,}"
             raise DataError(f"is damaged{place} ({str(error) or 'no object where one must start'})") from error
@@ -74,6 +79,7 @@ _NOT_READ = "unreadable line"
 
 _BASE = re.compile(r"\s*base\s+(?:hex|dec)(?:\s+timestamps\s+(?P<kind>absolute|relative))?", re.IGNORECASE)
 _BEGIN = re.compile(r"\s*(?:date\s+\w|begin\s+triggerblock\b)", re.IGNORECASE)
+_NEGATIVE = re.compile(r"\s*-(?=\d+\.\d)")
 _STAMPED = re.compile(r"\s*(?P<stamp>\d{1,15}\.\d{1,15})(?P<rest>\s.*)", re.DOTALL)
 
 #: Lines of the header of an ASC log, and the one that ends it for python-can.
@@ -167,7 +173,7 @@ def _asc_blocks(path: Path) -> Iterator[Frames]:
     with path.open("rb") as file, quiet("can.io.asc"):
         lines = _AscLines(file)
         reader = ASCReader(lines, relative_timestamp=True)  # type: ignore[arg-type]
-        yield from in_blocks(_readable(reader, lines, left_out), left_out)
+        yield from in_blocks((lines.signed(message) for message in _readable(reader, lines, left_out)), left_out)
 
 
 def _trc_start(path: Path) -> datetime | None:
@@ -252,7 +258,7 @@ class _AscLines(_TextLines):
     """The lines of an ASC file as python-can reads them, each with its stamp from the start.
 
     python-can takes the first line behind the header for the line "internal events logged", which may be missing: it
-    is put in where the header ends.
+    is put in where the header ends. It knows no stamps before a trigger, which are negative: the sign is kept here.
     """
 
     def __init__(self, file: BinaryIO) -> None:
@@ -260,6 +266,13 @@ class _AscLines(_TextLines):
         self._relative = False
         self._stamp = 0.0
         self._first = ""
+        self._negative = False
+
+    def signed(self, message: can.Message) -> can.Message:
+        """The message that was read from the last line, with the sign of its stamp."""
+        if self._negative:
+            message.timestamp = -message.timestamp
+        return message
 
     def __next__(self) -> str:
         """The next line.
@@ -275,6 +288,9 @@ class _AscLines(_TextLines):
         if self.in_header and not _ASC_HEADER.match(line):
             self.in_header, self._first = False, line
             return _END_OF_HEADER
+        sign = _NEGATIVE.match(line)
+        self._negative = sign is not None and not self._relative
+        line = line[sign.end() :] if sign and self._negative else line
         return self._from_start(line) if self._relative else line
 
     def _from_start(self, line: str) -> str:

@@ -92,7 +92,7 @@ def _frames(mdf: Any, number: int, fields: Mapping[str, int]) -> Iterator[Frames
     """The frames of a group."""
     group = mdf.groups[number]
     names = [name for name in ("stamp", *_FIELDS) if name in fields]
-    rules = {name: group.channels[fields[name]].conversion for name in names}
+    rules = {name: group.channels[fields[name]].conversion if name != "Dir" else None for name in names}
     # else asammdf loads all payloads of the file to find the longest: 40 million frames do not fit into 1.5 GB then
     mdf._mdf.vlsd_max_length[number, group.channels[fields["DataBytes"]].name] = CLASSIC
     written = re.search(r"\d{1,4}", group.channel_group.acq_name or "")
@@ -119,9 +119,9 @@ def _block(values: Mapping[str, NDArray[np.float64]], payload: NDArray[Any], bus
     else:
         length = np.full(len(data), width)
     buses = _whole(values["BusChannel"]) if "BusChannel" in values else np.full(len(data), bus)
-    return Frames(
-        values["stamp"], np.clip(buses, 0, LARGEST_BUS), identifier, extended, np.clip(length, 0, width), data
-    )
+    sent = values["Dir"] == 1 if "Dir" in values else None
+    numbers = (np.clip(buses, 0, LARGEST_BUS), identifier, extended, np.clip(length, 0, width))
+    return Frames(values["stamp"], *numbers, data, sent=sent if sent is not None and sent.any() else None)
 
 
 def _whole(values: NDArray[np.float64]) -> Counts:

@@ -33,12 +33,14 @@ class BrokenMat(ValueError):
 class Numbers:
     """An array of real numbers of this shape, as in MATLAB, and its unit if the array itself has one.
 
-    `place` is the loaded array, or where its reader finds it in the file.
+    `place` is the loaded array, or where its reader finds it in the file. Of times that count from a date, `origin` is
+    that date in ms since 1970.
     """
 
     shape: tuple[int, ...]
     place: object = None
     unit: str | None = None
+    origin: float | None = None
 
     @property
     def size(self) -> int:

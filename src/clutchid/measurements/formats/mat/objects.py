@@ -1,12 +1,17 @@
 """Objects of MATLAB's own classes as structs and numbers, where the library mat-io is installed to decode them.
 
-Tables and timetables become structs of their columns, timeseries structs of time and data, dates and durations seconds.
+Tables and timetables become structs of their columns, timeseries structs of time and data, dates and durations seconds:
+all dates of a file from its first one.
 """
 
 from __future__ import annotations
 
+import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from datetime import UTC, datetime
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
@@ -43,6 +48,8 @@ def with_objects(path: Path, root: Struct) -> Struct:
     except Exception:  # it is not installed, or does not know the objects; the user is told how to save them otherwise
         return root
     decoded = {name: found for name, found in decoded.items() if found is not NO_NUMBERS}
+    zero = min((origin for found in decoded.values() for origin in _origins(found)), default=0.0)
+    decoded = {name: _since(found, zero) for name, found in decoded.items()}
     return Struct({name: decoded.get(name, kept) for name, kept in root.fields.items()})
 
 
@@ -55,6 +62,30 @@ def _has_object(found: Node) -> bool:
         case NodeArray():
             return any(map(_has_object, found.items))
     return False
+
+
+def _children(found: Node) -> Iterable[Node]:
+    return found.fields.values() if isinstance(found, Struct) else found.items if isinstance(found, NodeArray) else ()
+
+
+def _origins(found: Node) -> Iterator[float]:
+    """The dates from which times count, in ms since 1970."""
+    if isinstance(found, Numbers) and found.origin is not None and math.isfinite(found.origin):
+        yield found.origin
+    for child in _children(found):
+        yield from _origins(child)
+
+
+def _since(found: Node, zero: float) -> Node:
+    """The node with times that count from one date, in ms since 1970."""
+    match found:
+        case Numbers(place=np.ndarray() as place, origin=float(origin)) if math.isfinite(origin):
+            return replace(found, place=place + (origin - zero) / 1e3, origin=zero)
+        case Struct():
+            return Struct({name: _since(child, zero) for name, child in found.fields.items()})
+        case NodeArray():
+            return replace(found, items=tuple(_since(child, zero) for child in found.items))
+    return found
 
 
 def _decoded(value: Any) -> Node | None:
@@ -78,8 +109,10 @@ def _duration(properties: Mapping[str, Any]) -> Node:
 def _datetime(properties: Mapping[str, Any]) -> Node:
     """Seconds since the first; the imaginary part holds what a double of milliseconds since 1970 cannot."""
     data = np.asarray(properties["data"], dtype=np.complex128)
-    since = data - data.ravel()[0] if data.size else data
-    return _seconds((since.real + since.imag) / 1e3)
+    first = data[np.isfinite(data)][:1]
+    since = data - first if first.size else data
+    origin = float(first[0].real + first[0].imag) if first.size else None
+    return replace(_seconds((since.real + since.imag) / 1e3), origin=origin)
 
 
 def _table(properties: Mapping[str, Any]) -> Node:
@@ -103,7 +136,15 @@ def _row_times(times: Any, count: int) -> Node | None:
     step = 1 / regular["sampleRate"].item() if regular["specifiedAsRate"].item() else None
     if step is None:
         step = regular["stepSize"].properties["millis"].item() / 1e3
-    return _seconds(np.arange(count) * step)
+    origin = _decoded(regular["origin"])
+    begin = _number(origin.place) if isinstance(origin, Numbers) else 0.0
+    date = origin.origin if isinstance(origin, Numbers) else None
+    return replace(_seconds(begin + np.arange(count) * step), origin=date)
+
+
+def _number(place: object) -> float:
+    values = np.ravel(np.asarray(place, dtype=np.float64))
+    return float(values[0]) if values.size and math.isfinite(values[0]) else 0.0
 
 
 def _timeseries(properties: Mapping[str, Any]) -> Node | None:
@@ -114,7 +155,15 @@ def _timeseries(properties: Mapping[str, Any]) -> Node | None:
         times = start + step * np.arange(int(about["Length"].item()))
     data = node(properties["Data_"] if "Data_" in properties else properties["Data"])
     units = Struct({"time": node(about["Units"]), "data": node(info["Units"])})
-    return Struct({"time": Numbers(times.shape, times), "data": data, "units": units})
+    return Struct({"time": Numbers(times.shape, times, origin=_started(about)), "data": data, "units": units})
+
+
+def _started(about: Mapping[str, Any]) -> float | None:
+    """The date of a timeseries in ms since 1970, as MATLAB writes it by default; None where it has none."""
+    for form in ("%d-%b-%Y %H:%M:%S", "%d-%b-%Y %H:%M:%S.%f", "%d-%b-%Y"):
+        with suppress(ValueError, KeyError, IndexError):
+            return 1e3 * datetime.strptime(_texts(about["StartDate"])[0], form).replace(tzinfo=UTC).timestamp()
+    return None
 
 
 def _columns(data: Any, names: Any, units: Any) -> Struct:

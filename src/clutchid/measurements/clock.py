@@ -1,0 +1,329 @@
+"""The clock of a file: restarts, counters that wrap, jumps ahead and back, and lone stamps, on stamps in file order.
+
+Stamps are cut into runs wherever they step back, or far ahead. Each run gets one shift, for all that is stamped by this
+clock; one or two stamps far from those around them are left out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from clutchid.log import HOLE, FloatArray
+from clutchid.measurements.source import Places, Rows
+from clutchid.messages import SHOWN, listed, quantity
+
+#: Time in s by which a stamp may lie behind the latest one where several devices write to one log.
+WINDOW = 0.05
+
+#: Time in s by which a stamp may lie ahead of the latest one without a second sample that confirms it.
+JUMP = 0.2
+
+#: Gap between two runs that are placed one after the other, in usual intervals, which is long enough to be a hole; and
+#: at least, in s, where several messages share the clock.
+_APART, _APART_SHARED = 20.0, 1.0
+
+#: As many stamps far from those around them are lone ones; more are a jump.
+LONE = 2
+
+#: Runs among which the one is looked for that goes on where the clock was before a jump.
+_AHEAD = 16
+
+#: Share of its length by which the runs of several groups may differ where they are matched by number.
+_NEAR = 0.1
+
+#: Changes after which a clock goes on as before.
+_PASSING = ("lone", "excursion")
+
+#: A period must be as many times the tolerance by which it is recognised.
+_SURE = 50.0
+
+#: Times in s after which clocks begin again: counters of 16 and 32 bits, 12 and 24 hours; the end of summer time.
+_PERIODS = {
+    **{2.0**bits * tick: f"its counter of {bits} bits wraps" for bits in (16, 32) for tick in (1e-3, 1e-4, 1e-5, 1e-6)},
+    **{2.0**32 * tick: "its counter of 32 bits wraps" for tick in (1e-7, 1e-8, 1e-9)},
+    86400.0: "midnight passes", 43200.0: "its twelve hours begin again", 3600.0: "it is set back by an hour",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """Intervals of a clock in s: the usual one; steps `behind` and `ahead` that cut it; `apart`, between two runs."""
+
+    usual: float
+    behind: float
+    ahead: float
+    apart: float
+
+    @classmethod
+    def of(cls, usual: float, *, shared: bool = False) -> Tolerance:
+        """Tolerance of a clock with this usual interval; several messages that share one may be disordered."""
+        hole = HOLE * usual
+        behind, apart = (max(WINDOW, hole), max(_APART_SHARED, _APART * usual)) if shared else (hole, _APART * usual)
+        return cls(usual, behind, max(JUMP, hole), apart)
+
+
+class Run(NamedTuple):
+    """Consecutive stamps without a step that cuts them: row of the first, their number, first and greatest in s."""
+
+    row: int
+    size: int
+    first: float
+    last: float
+
+    @property
+    def length(self) -> float:
+        """Time in s from the first stamp to the greatest."""
+        return self.last - self.first
+
+
+class ClockChange(NamedTuple):
+    """What a clock does at a row: what is done about it, the stamp there and the one before it in s, and an amount.
+
+    The amount, in s, is by how much the stamps are moved; where stamps are left out, their number.
+    """
+
+    kind: str
+    row: int
+    stamp: float
+    before: float
+    amount: float
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """State of a clock after some runs: last stamp as written and as repaired, shift, and usual interval, in s."""
+
+    written: float = -math.inf
+    last: float = -math.inf
+    shift: float = 0.0
+    usual: float = math.inf
+
+
+AT_START = Clock()
+
+
+def cuts(time: FloatArray, before: float, tolerance: Tolerance) -> Rows:
+    """The stamps at which a run begins; `before` is the stamp in front of them, without one (-inf) the first is one."""
+    if not time.size or not math.isfinite(tolerance.behind):
+        return np.zeros(min(time.size, 1) if before == -math.inf else 0, dtype=np.int64)
+    with np.errstate(over="ignore", invalid="ignore"):
+        steps = np.diff(time, prepend=before)
+    return np.flatnonzero((steps < -tolerance.behind) | (steps > tolerance.ahead))
+
+
+def runs_of(rows: Rows, time: FloatArray, before: float, tolerance: Tolerance) -> list[Run]:
+    """The runs of finite stamps in s at these rows; the first one goes on from `before` where nothing cuts it."""
+    if not time.size:
+        return []
+    begins = np.unique(np.r_[0, cuts(time, before, tolerance)])
+    ends = np.r_[begins[1:], time.size]
+    greatest = np.maximum.reduceat(time, begins)
+    return [
+        Run(*values)
+        for values in zip(
+            rows[begins].tolist(), (ends - begins).tolist(), time[begins].tolist(), greatest.tolist(), strict=True
+        )
+    ]
+
+
+def disordered(runs: Sequence[Run]) -> bool:
+    """Whether a clock ever steps back."""
+    return any(run.first < before.last for before, run in pairwise(runs))
+
+
+def joined_runs(runs: Iterable[Run], tolerance: Tolerance) -> list[Run]:
+    """Runs of consecutive blocks, where one goes on with the one before it as one."""
+    found: list[Run] = []
+    for run in runs:
+        step = run.first - found[-1].last if found else math.inf
+        if -tolerance.behind <= step <= tolerance.ahead:
+            last = found.pop()
+            run = Run(last.row, last.size + run.size, last.first, max(last.last, run.last))  # noqa: PLW2901
+        found.append(run)
+    return found
+
+
+def shifts_of(
+    runs: Sequence[Run], tolerance: Tolerance, clock: Clock = AT_START
+) -> tuple[list[float], list[ClockChange], Clock]:
+    """The shift in s of each run, NaN where its stamps are left out; what that means; and the clock after them.
+
+    Examples
+    --------
+    A stamp 6 s ahead is left out; a clock that begins again goes on behind:
+
+    >>> runs = [Run(0, 100, 0.0, 1.0), Run(100, 1, 7.0, 7.0), Run(101, 99, 1.02, 2.0), Run(200, 9, 0.0, 0.1)]
+    >>> shifts, changes, _ = shifts_of(runs, Tolerance.of(0.01))
+    >>> [round(shift, 6) for shift in shifts], [change.kind for change in changes]
+    ([0.0, nan, 0.0, 2.2], ['lone', 'restart'])
+    """
+    shifts: list[float] = []
+    changes: list[ClockChange] = []
+    written, shift, last = clock.written, clock.shift, clock.last
+    i = 0
+    while i < len(runs):
+        run = runs[i]
+        back = _return(runs, i, written, tolerance)
+        if back > i:
+            between = runs[i:back]
+            count = sum(each.size for each in between)
+            if count <= LONE:
+                shifts += [math.nan] * len(between)
+                changes.append(ClockChange("lone", run.row, run.first, written, float(count)))
+            else:
+                begin = written + max((runs[back].first - written - _span(between, tolerance.usual)) / 2, 0.0)
+                for each in between:
+                    begin += tolerance.usual
+                    shifts.append(shift + begin - each.first)
+                    begin += each.length
+                changes.append(ClockChange("excursion", run.row, run.first, written, shifts[-1] - shift))
+            i = back
+            continue
+        step = run.first - written
+        if written == -math.inf:
+            pass
+        elif step < -tolerance.behind:
+            period = _period(step, tolerance.usual)
+            if period:
+                shift += period
+                changes.append(ClockChange(_PERIODS[period], run.row, run.first, written, period))
+            else:
+                shift += tolerance.apart - step
+                changes.append(ClockChange("restart", run.row, run.first, written, tolerance.apart))
+        shifts.append(shift)
+        written, last = run.last, max(last, run.last + shift)
+        i += 1
+    return shifts, changes, Clock(written, last, shift, tolerance.usual)
+
+
+def _return(runs: Sequence[Run], i: int, written: float, tolerance: Tolerance) -> int:
+    """The run with which the clock goes on as before, where run `i` is a jump that ends in front of it; else `i`."""
+    if written == -math.inf:
+        lone = len(runs) > i + 1 and runs[i].size <= LONE < runs[i + 1].size
+        step = runs[i + 1].first - runs[i].last if lone else 0.0
+        return i + 1 if step < -tolerance.behind else i
+    if -tolerance.behind <= runs[i].first - written <= tolerance.ahead:
+        return i
+    disordered = runs[i].first < written - tolerance.behind
+    for m in range(i + 1, min(len(runs), i + 1 + _AHEAD)):
+        disordered |= runs[m].first < runs[m - 1].last - tolerance.behind
+        between = runs[i:m]
+        span, step = _span(between, tolerance.usual), runs[m].first - written
+        lone = sum(each.size for each in between) <= LONE
+        least = -tolerance.behind if lone else span - tolerance.ahead
+        if disordered and least <= step <= span + tolerance.ahead and step >= -tolerance.behind:
+            return m
+    return i
+
+
+def _span(runs: Sequence[Run], usual: float) -> float:
+    """Time in s that runs take one after the other."""
+    return sum(run.length + usual for run in runs) + usual
+
+
+def _period(step: float, usual: float) -> float:
+    """The period after which a clock that steps back has begun again; 0 where it is none of the known ones."""
+    slack = HOLE * usual
+    return next((period for period in _PERIODS if abs(step + period) <= slack <= period / _SURE), 0.0)
+
+
+def sentences(changes: Sequence[ClockChange], places: Places, apart: float) -> Iterator[str]:
+    """What clocks do and what is done about it, a sentence each kind; runs lie `apart` in s after a restart."""
+    by_kind: dict[str, list[ClockChange]] = {}
+    for change in changes:
+        by_kind.setdefault(change.kind, []).append(change)
+    for kind, group in by_kind.items():
+        shown = [
+            f"{places.word} {places.number(change.row)} ({quantity(change.stamp, 's')}"
+            + (f" after {quantity(change.before, 's')})" if math.isfinite(change.before) else ")")
+            for change in group[:SHOWN]
+        ]
+        where = listed(shown, total=len(group))
+        if kind == "restart":
+            yield (
+                f"the clock restarts at {where}; each run becomes a separate segment, "
+                f"{quantity(apart, 's')} after the previous one."
+            )
+        elif kind == "lone":
+            count = int(sum(change.amount for change in group))
+            noun = "1 time stamp is" if count == 1 else f"{count:,} time stamps are"
+            yield f"{noun} far from those around, and left out: {where}."
+        elif kind == "excursion":
+            amounts = listed([quantity(change.amount, "s") for change in group[:SHOWN]], total=len(group))
+            yield f"the clock jumps at {where} and later goes on as before; what is between is moved by {amounts}."
+        else:
+            yield f"the clock: {kind} at {where}; {quantity(abs(group[0].amount), 's')} are made good from there on."
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ClockPlan:
+    """Shifts in s of a clock, by the row at which each begins; NaN where stamps are left out."""
+
+    rows: Rows
+    shifts: FloatArray
+
+    def applied(self, stamps: FloatArray, first: int) -> FloatArray:
+        """Stamps from the row `first` on, repaired; NaN where they are left out."""
+        if not self.rows.size:
+            return stamps
+        run = np.searchsorted(self.rows, np.arange(first, first + stamps.size), side="right") - 1
+        repaired: FloatArray = stamps + self.shifts[np.maximum(run, 0)]
+        return repaired
+
+    @classmethod
+    def of(cls, runs: Sequence[Run], shifts: Sequence[float]) -> ClockPlan:
+        """The plan that moves these runs by these shifts; empty where none moves."""
+        if not any(shifts):
+            return cls(np.empty(0, dtype=np.int64), np.empty(0))
+        return cls(np.array([run.row for run in runs], dtype=np.int64), np.array(shifts))
+
+
+def matched(
+    clocks: Sequence[Sequence[Run]], tolerances: Sequence[Tolerance]
+) -> tuple[list[ClockPlan], list[list[ClockChange]], str]:
+    """One shift for all groups of a file that have no common order, what changes in each, or why there is none.
+
+    Restarts are matched by number; those of one number must be near each other in all groups.
+    """
+    apart = max(tolerance.apart for tolerance in tolerances)
+    tolerances = [replace(tolerance, apart=apart) for tolerance in tolerances]
+    resolved = [shifts_of(runs, tolerance) for runs, tolerance in zip(clocks, tolerances, strict=True)]
+    changes = [group for _, group, _ in resolved]
+    steps = [[change for change in group if change.kind not in _PASSING] for group in changes]
+    counts = {len(group) for group in steps}
+    if len(counts) > 1:
+        shown = " and ".join(str(count) for count in sorted(counts))
+        return [], changes, _apart_sentence(f"{shown} times")
+    common = [0.0]
+    slack = max(JUMP, HOLE * max(tolerance.usual for tolerance in tolerances))
+    for same in zip(*steps, strict=True):
+        ends = [change.before for change in same]
+        if max(ends) - min(ends) > slack + _NEAR * abs(max(ends)):
+            return (
+                [],
+                changes,
+                _apart_sentence(f"after {quantity(min(ends), 's')} and after {quantity(max(ends), 's')}"),
+            )
+        restart = max(ends) - min(change.stamp for change in same) + apart
+        periodic = all(change.kind == same[0].kind != "restart" for change in same)
+        common.append(common[-1] + (same[0].amount if periodic else restart))
+    plans = []
+    for runs, (shifts, _, _), group in zip(clocks, resolved, steps, strict=True):
+        places = np.searchsorted([change.row for change in group], [run.row for run in runs], side="right").tolist()
+        base = {n: shift for n, shift in reversed(list(zip(places, shifts, strict=True))) if not math.isnan(shift)}
+        moved = [shift - base.get(n, 0.0) + common[n] for shift, n in zip(shifts, places, strict=True)]
+        plans.append(ClockPlan.of(runs, moved))
+    return plans, changes, ""
+
+
+def _apart_sentence(when: str) -> str:
+    return (
+        f"the clocks of its groups restart {when}, and nothing says which samples belong together; cut the file at a "
+        "restart, or export each run on its own."
+    )
