@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import chain, islice, tee
+from itertools import islice, tee
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -43,6 +44,8 @@ from clutchid.measurements.time_axis import (
     repair,
     usual_interval,
 )
+
+Item = TypeVar("Item")
 
 #: Part of the memory limit that the values of a recording may take as a whole: reading holds them up to four times.
 _PART = 0.4
@@ -184,7 +187,14 @@ def _stream(blocks: Iterator[SampleBlock], chosen: PickedChannels) -> tuple[floa
     """The channels of a pick as a stream in SI, and their usual interval in s, from the first block."""
     first = list(islice(blocks, 1))
     usual = usual_interval(first[0].time) if first else math.inf
-    return usual, ChannelStream(chain(first, blocks), chosen.longest(usual))
+    return usual, ChannelStream(_again(first, blocks), chosen.longest(usual))
+
+
+def _again(first: list[Item], rest: Iterator[Item]) -> Iterator[Item]:
+    """What was taken from an iterator, which is kept no longer than needed, and the rest of it."""
+    while first:
+        yield first.pop(0)
+    yield from rest
 
 
 def _grids(
@@ -205,10 +215,9 @@ def _grids(
         if chosen.increasing:  # of columns with the same name all are checked
             columns = [heading.index for heading in source.rasters[chosen.raster].headings if heading.name is not None]
         every = tables if tables is not None else source.tables(chosen.raster, columns, rows)
-        first = next(every, None)
-        grids = [chosen] if first is None else by_presence(chosen, first)
-        whole = every if first is None else chain([first], every)
-        del first  # it may be the whole file
+        first = list(islice(every, 1))
+        grids = by_presence(chosen, first[0]) if first else [chosen]
+        whole = _again(first, every)
         copies = tee(whole, len(grids)) if len(grids) > 1 else (whole,)
         del whole
         plan = plans.get(chosen.raster)
