@@ -125,13 +125,13 @@ def _bounded_step(
     current: Linearisation, scale: FloatArray, damping: float, low: FloatArray, high: FloatArray
 ) -> tuple[FloatArray, float]:
     """Damped step within its bounds, and its predicted decrease of the cost."""
-    from scipy.optimize import lsq_linear
-
     scaled = current.R / scale
     matrix = np.vstack([scaled, np.sqrt(damping) * np.eye(scale.size)])
     target = -np.concatenate([current.q, np.zeros(scale.size)])
     step = np.linalg.lstsq(matrix, target, rcond=None)[0]
     if np.any(step < low * scale) or np.any(step > high * scale):
+        from scipy.optimize import lsq_linear  # slow to import
+
         step = lsq_linear(matrix, target, bounds=(low * scale, high * scale), method="bvls", tol=1e-12).x
     after = scaled @ step + current.q
     return step / scale, 0.5 * float(current.q @ current.q - after @ after)

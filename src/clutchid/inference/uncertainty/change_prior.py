@@ -12,7 +12,6 @@ from itertools import combinations
 from math import exp, sqrt
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.special import erfc
 
 from clutchid.inference.uncertainty.coordinates import Prior
@@ -82,10 +81,12 @@ def assumed_change(name: str) -> float:
     ]
     stds = np.sqrt(variances)
 
-    def beyond(half: float) -> float:
-        return float(weights @ erfc(half / (sqrt(2.0) * stds)) / weights.sum()) - 0.05
-
-    return float(brentq(beyond, 0.0, 10.0 * stds.max()))
+    low, high = 0.0, 10.0 * float(stds.max())
+    for _ in range(60):  # bisection: a process that reads a file need not import SciPy's search for a root
+        half = (low + high) / 2
+        beyond = float(weights @ erfc(half / (sqrt(2.0) * stds)) / weights.sum())
+        low, high = (half, high) if beyond > 0.05 else (low, half)
+    return high
 
 
 def drift(actuator: Actuator, name: str) -> float:
