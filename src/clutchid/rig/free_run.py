@@ -12,6 +12,7 @@ from types import ModuleType
 import numpy as np
 
 from clutchid.codegen.cache import generator_files, load_module
+from clutchid.codegen.kernels import kernels_in
 from clutchid.log import FloatArray, Log, holes
 from clutchid.strokes.sampled import runs, velocity
 
@@ -128,24 +129,24 @@ def free_run(segment: FreeRunSegment, values: Sequence[float], z_start: float) -
     Within an interval the velocity is constant at the mean of its ends, for which the deflection is exact at any
     stiffness.
     """
-    from scipy.linalg import solve_banded
-
     module, n, v = kernels(), len(segment), segment.velocity
     p = np.array(values, dtype=np.float64)
     interval = ((v[:-1] + v[1:]) / 2, segment.dt, *p[:2])
     decay = module.decay(*interval)
-    band = np.vstack([np.ones(n), np.append(-decay, 0.0)])
 
-    def run(first: float, driven: FloatArray) -> FloatArray:
-        """Solution of z[k+1] = decay[k] z[k] + driven[k] from z[0] = first."""
-        solution: FloatArray = solve_banded((1, 0), band, np.append(first, driven))
+    def run(first: Sequence[float], *driven: FloatArray) -> FloatArray:
+        """Solution of z[k+1] = decay[k] z[k] + driven[k] from z[0] = first, each in a column."""
+        solution = np.empty((n, len(first)))
+        solution[0] = first
+        kernels_in("clutchid.rig.recurrence").follow_columns(decay, np.column_stack(driven), solution)
         return solution
 
-    z = run(z_start, module.gain(*interval))
+    z = run([z_start], module.gain(*interval))[:, 0]
     to_z = module.force_z(v, z, *p)
     jacobian = np.column_stack([*(getattr(module, f"force_{name}")(v, z, *p) for name in NAMES), np.zeros(n)])
-    for column, name in enumerate(NAMES[:2]):
-        driven = getattr(module, f"decay_{name}")(*interval) * z[:-1] + getattr(module, f"gain_{name}")(*interval)
-        jacobian[:, column] += to_z * run(0.0, driven)
-    jacobian[:, len(NAMES)] += to_z * run(1.0, np.zeros(n - 1))
+    driven = (
+        getattr(module, f"decay_{name}")(*interval) * z[:-1] + getattr(module, f"gain_{name}")(*interval)
+        for name in NAMES[:2]
+    )
+    jacobian[:, [0, 1, len(NAMES)]] += to_z[:, None] * run([0.0, 0.0, 1.0], *driven, np.zeros(n - 1))
     return module.force(v, z, *p), jacobian
