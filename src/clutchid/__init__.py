@@ -42,7 +42,9 @@ if TYPE_CHECKING:
     from clutchid.parameters import Parameters as Parameters
     from clutchid.simulation import Partition as Partition
     from clutchid.simulation import Simulation as Simulation
+    from clutchid.simulation import Simulations as Simulations
     from clutchid.simulation import simulate as simulate
+    from clutchid.simulation import simulate_many as simulate_many
     from clutchid.study import bundled_recording as bundled_recording
     from clutchid.study.proving.ground import prove as prove
     from clutchid.truck import drive as drive
@@ -76,7 +78,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "parameters": ("Parameters",),
     "measurements": ("read", "read_pieces", "write"),
     "measurements.look": ("look",),
-    "simulation": ("Partition", "Simulation", "simulate"),
+    "simulation": ("Partition", "Simulation", "Simulations", "simulate", "simulate_many"),
     "study": ("bundled_recording",),
     "study.proving.ground": ("prove",),
     "truck": ("drive",),

@@ -28,7 +28,7 @@ from clutchid.simulation.run import (
     start_state,
 )
 from clutchid.simulation.stiffness import stiffness, top_speed
-from clutchid.strokes.values import values_of
+from clutchid.strokes.values import Values, values_of
 from clutchid.strokes.vented_pressure import with_ambient
 
 if TYPE_CHECKING:
@@ -71,6 +71,18 @@ class Simulation:
     sensitivities: Mapping[str, FloatArray] = field(default_factory=dict)
 
     __reduce__ = made_anew
+
+    def raised(self) -> Simulation:
+        """The simulation itself.
+
+        Raises
+        ------
+        SolveError
+            If it diverged.
+        """
+        if self.status == "failed":
+            raise SolveError(self.message)
+        return self
 
     def __repr__(self) -> str:
         sensitivities = f"; sensitivities to {', '.join(self.sensitivities)}" if self.sensitivities else ""
@@ -133,20 +145,52 @@ def simulate(
     >>> f"{t[np.argmax(stroke.log['position'] > 0.02)]:.2f} s"
     '0.15 s'
     """
-    values = values_of(actuator.equipment.driven(log if isinstance(log, Log) else _read(log, actuator)), actuator)
-    log = values.log
-    actuator, said = with_ambient(actuator, [log])
-    span = input_span(log)
-    prepared = plan(with_inputs(log, span), actuator, stiffness(actuator, top_speed(partition)), partition)
-    if starts is not None and len(starts) != len(prepared.segments):
-        raise ParameterError(f"starts: {len(starts)} given, the recording has {len(prepared.segments)} segments.")
-    arrays, which = KernelArrays.of(actuator), columns(actuator, _known(sensitivities, actuator))
+    log = log if isinstance(log, Log) else read_log(log, actuator)
+    prepared = prepared_log(actuator, log, partition)
+    segments = prepared.plan.segments
+    if starts is not None and len(starts) != len(segments):
+        raise ParameterError(f"starts: {len(starts)} given, the recording has {len(segments)} segments.")
+    result = simulated(prepared, _known(sensitivities, actuator), starts)
+    return result.raised() if on_failure == "raise" else result
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PreparedLog:
+    """A recording that is ready to be simulated: what counts as a value, the span of its inputs, and the plan."""
+
+    values: Values
+    span: slice
+    plan: Plan
+    notes: tuple[str, ...]
+
+
+def prepared_log(actuator: Actuator, log: Log, partition: Partition | None) -> PreparedLog:
+    """Prepare a recording for an actuator.
+
+    Raises
+    ------
+    DataError
+        As `simulate`.
+    """
+    values = values_of(actuator.equipment.driven(log), actuator)
+    actuator, notes = with_ambient(actuator, [values.log])
+    span = input_span(values.log)
+    rate = stiffness(actuator, top_speed(partition))
+    return PreparedLog(values, span, plan(with_inputs(values.log, span), actuator, rate, partition), notes)
+
+
+def simulated(
+    prepared: PreparedLog, sensitivities: Sequence[str] = (), starts: Sequence[tuple[float, float]] | None = None
+) -> Simulation:
+    """Simulate a prepared recording; a divergence is a status."""
+    log, actuator = prepared.values.log, prepared.plan.actuator
+    arrays, which = KernelArrays.of(actuator), columns(actuator, sensitivities)
     names = actuator.states
     everywhere = np.full((len(log), len(names)), np.nan)
     all_sens = np.full((len(log), len(names), len(which.names)), np.nan)
-    states, sens = everywhere[span], all_sens[span]
+    states, sens = everywhere[prepared.span], all_sens[prepared.span]
     message = ""
-    for number, segment in enumerate(prepared.segments):
+    for number, segment in enumerate(prepared.plan.segments):
         x0 = start_state(segment, actuator, starts[number] if starts is not None else None)
         at = slice(segment.start, segment.stop)
         if which.names:
@@ -155,16 +199,22 @@ def simulate(
         else:
             states[at], failed = run(segment, arrays, x0)
         if failed >= 0 and not message:
-            message = failure_message(prepared.log, segment, states[at], failed, names, actuator)
-    if message and on_failure == "raise":
-        raise SolveError(message)
+            message = failure_message(prepared.plan.log, segment, states[at], failed, names, actuator)
+    result = simulation_of(prepared, actuator, everywhere, message)
+    return replace(result, sensitivities={name: all_sens[:, :, c] for c, name in enumerate(which.names)})
+
+
+def simulation_of(prepared: PreparedLog, actuator: Actuator, states: FloatArray, message: str) -> Simulation:
+    """The result of states at all samples of a recording; `message` says why it diverged, if it did."""
+    log = prepared.values.log
     return Simulation(
-        log=simulated_log(replace(prepared, log=log), everywhere, actuator),
+        log=simulated_log(replace(prepared.plan, log=log), states, actuator),
         status="failed" if message else "ok",
         message=message or "simulated to the end",
-        warnings=(*said, *values.warnings, *cut_warnings(log, span), *prepared.warnings),
-        sensitivities={name: all_sens[:, :, c] for c, name in enumerate(which.names)},
-    )
+        warnings=(
+            *prepared.notes, *prepared.values.warnings, *cut_warnings(log, prepared.span), *prepared.plan.warnings
+        ),
+    )  # fmt: skip
 
 
 def _known(names: str | Sequence[str], actuator: Actuator) -> tuple[str, ...]:
@@ -173,7 +223,8 @@ def _known(names: str | Sequence[str], actuator: Actuator) -> tuple[str, ...]:
     return expanded
 
 
-def _read(path: str | PathLike[str], actuator: Actuator) -> Log:
+def read_log(path: str | PathLike[str], actuator: Actuator) -> Log:
+    """A recording from its file, with a measured P_0 added to gauge pressures."""
     from clutchid.measurements import read
 
     return read(path, added=known_ambient(actuator.parameters.P_0), required=("time", *actuator.equipment.recorded))

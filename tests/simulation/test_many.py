@@ -1,0 +1,112 @@
+"""`simulate_many` has the numbers of `simulate`, whatever is shared between the simulations."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clutchid import Load, Partition, simulate, simulate_many
+from clutchid.errors import DataError, ParameterError, SolveError
+from clutchid.log import Log
+from clutchid.measurements import write
+from clutchid.model import Actuator
+from clutchid.parameters import Parameters
+from clutchid.simulation.many import MOTION_BY, PREPARED_BY
+from clutchid.simulation.simulation import prepared_log
+from clutchid.simulation.stiffness import stiffness
+
+T = 1e-3 * np.arange(400)
+STROKE = {"duty_supply": 0.8 * (T > 0.02) * (T < 0.12), "duty_exhaust": 0.9 * (T > 0.2)}
+
+
+def recorded(shift: int = 0) -> Log:
+    """A stroke with its position and pressure, whose samples come some samples later."""
+    log = simulate(Actuator(), Log(T, {name: np.roll(duty, shift) for name, duty in STROKE.items()}, "stroke")).log
+    position = np.where(np.arange(T.size) % 97 == 50, 0.05, log["position"])  # values that no piston reaches
+    return Log(T, {**{name: log[name] for name in ("duty_supply", "duty_exhaust", "pressure_a")}, "position": position})
+
+
+def assert_as_simulated(simulations, actuators, logs, **options):
+    for simulation, actuator, log in zip(simulations, actuators, logs, strict=True):
+        alone = simulate(actuator, log, on_failure="return", **options)
+        assert (simulation.status, simulation.message, simulation.warnings) == (
+            alone.status, alone.message, alone.warnings,
+        )  # fmt: skip
+        assert simulation.log.columns.keys() == alone.log.columns.keys()
+        for name, values in alone.log.columns.items():
+            assert np.array_equal(simulation.log[name], values, equal_nan=True), name
+
+
+@pytest.mark.parametrize("carrier", [0.0, 0.01])
+@pytest.mark.parametrize("measured", [True, False])
+def test_what_a_recording_is_prepared_by_is_what_preparing_reads(monkeypatch, carrier, measured):
+    actuator = Actuator(model="energy-balance-stribeck").replace({"T_pwm": carrier})
+    log = recorded() if measured else recorded().without("position", "pressure_a")
+    stamps = T[:-1] + 3e-4
+    log = replace(log, edges={"duty_supply": (stamps, STROKE["duty_supply"][1:])})
+    names, used = {*Parameters.names()}, set()
+    usual = Parameters.__getattribute__
+
+    def noted(parameters, name):
+        used.update({name} & names)
+        return usual(parameters, name)
+
+    rate = stiffness(actuator)
+    monkeypatch.setattr("clutchid.simulation.simulation.stiffness", lambda *_: rate)
+    monkeypatch.setattr(Parameters, "__getattribute__", noted)
+    prepared_log(actuator, log, Partition(every=50) if measured else None)
+    monkeypatch.setattr(Parameters, "__getattribute__", usual)
+    assert used <= {*PREPARED_BY, *(MOTION_BY if measured else ())}
+    assert "R_0vs" in used
+
+
+@pytest.mark.parametrize("changes", [{"y_max": 0.02}, {"T_pwm": 0.01}, {"P_0": 0.9e5}, {"C_vs": 8e-9}, {"K_z": 3e6}])
+def test_actuators_that_differ_in_anything_have_their_own_numbers(changes):
+    usual, log = Actuator(model="energy-balance-stribeck"), recorded()
+    actuators, partition = [usual, usual.replace(changes), usual], Partition(every=50)
+    assert_as_simulated(simulate_many(actuators, log, partition=partition), actuators, [log] * 3, partition=partition)
+
+
+def test_one_actuator_on_many_recordings_and_pairs_of_both():
+    logs, actuators = [recorded(i) for i in range(3)], [Actuator(load=Load((w, 0.0, 0.0))) for w in (7e5, 9e5, 12e5)]
+    assert_as_simulated(simulate_many(actuators[0], logs), actuators[:1] * 3, logs)
+    many = simulate_many(actuators, logs)
+    assert_as_simulated(many, actuators, logs)
+    assert many.column("position").shape == (3, T.size)
+    assert np.array_equal(many[1:].column("pressure_a")[0], many[1].log["pressure_a"])
+
+
+def test_a_file_with_gauge_pressures_counts_from_the_ambient_of_each_actuator(tmp_path):
+    log = recorded()
+    write(replace(log, metadata={}), tmp_path / "log.csv")
+    text = (tmp_path / "log.csv").read_text().replace("pressure_a [Pa]", "pressure_a [Pa(g)]")
+    (tmp_path / "log.csv").write_text(text)
+    actuators = [Actuator().replace({"P_0": 0.95e5}), Actuator(), Actuator().replace({"P_0": 1.02e5})]
+    simulations = simulate_many(actuators, tmp_path / "log.csv")
+    assert_as_simulated(simulations, actuators, [tmp_path / "log.csv"] * 3)
+    assert "P_0 is" in simulations[1].warnings[0]
+
+
+def test_a_divergence_is_a_status_or_is_raised():
+    wild = (
+        Actuator(load=Load((9e5, 0.0, 0.0))).replace({"C_vs": 1e300}) if Parameters.row("C_vs").admits(1e300) else None
+    )
+    log = recorded()
+    actuators = [Actuator(), wild or Actuator(load=Load((1e300, 0.0, 0.0)))]
+    simulations = simulate_many(actuators, log)
+    assert_as_simulated(simulations, actuators, [log] * 2)
+    assert simulations.failed == (1,)
+    with pytest.raises(SolveError):
+        simulate_many(actuators, log, on_failure="raise")
+
+
+def test_numbers_that_do_not_go_together_are_said():
+    with pytest.raises(ParameterError, match="2 actuators and 3 recordings"):
+        simulate_many([Actuator()] * 2, [recorded()] * 3)
+    assert len(simulate_many([], recorded())) == 0
+    short = Log(T[:100], {name: duty[:100] for name, duty in STROKE.items()})
+    many = simulate_many(Actuator(), [recorded(), short])
+    with pytest.raises(DataError, match="100 to 400 samples"):
+        many.column("position")
+    with pytest.raises(DataError, match="no simulated column 'load'"):
+        many[:1].column("load")
