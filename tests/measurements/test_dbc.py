@@ -230,3 +230,30 @@ def test_databases_of_all_formats_decode_as_cantools_does(data):
                         assert missing or same, (path, name)
                         counts[path.suffix.lower()] += 1
     assert all(count > 10 for count in counts.values()), counts
+
+
+CODES = """VERSION ""
+BO_ 256 M: 8 TCU
+ SG_ Said : 0|16@1+ (0.001,0) [0|0] "mm" LOG
+ SG_ Ranged : 16|16@1+ (0.001,-1) [-1|64] "mm" LOG
+ SG_ Full : 32|8@1+ (0.392156863,0) [0|0] "%" LOG
+ SG_ Signed : 40|16@1- (0.01,0) [-300|300] "bar" LOG
+ SG_ State : 56|2@1+ (1,0) [0|3] "" LOG
+VAL_ 256 Said 4660 "Signal not available" 4661 "Sensor_Error" 0 "No error" ;
+"""
+
+
+@pytest.mark.parametrize(
+    ("signal", "raw", "none"),
+    [
+        ("Said", 0x1234, True), ("Said", 0x1235, True), ("Said", 0, False), ("Said", 0xFFFF, True),
+        ("Ranged", 0xFFFF, True), ("Ranged", 0xFE00, True), ("Ranged", 0xFA00, False), ("Full", 0xFF, False),
+        ("Signed", 0x7FFF, True), ("Signed", 0x8000, True), ("Signed", 0xFFFF, False), ("State", 3, False),
+    ],
+)  # fmt: skip
+def test_codes_that_mean_none_are_missing_in_any_database(signal, raw, none):
+    (message,) = messages_in(CODES)
+    (group,) = message.groups
+    one = next(each for each in group.signals if each.name == signal)
+    data = np.frombuffer((raw << one.begin).to_bytes(8, "little"), dtype=np.uint8).reshape(1, 8)
+    assert np.isnan(decode(one, data, np.array([8])))[0] == none

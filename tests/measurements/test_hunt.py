@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from clutchid.errors import DataError
 from clutchid.measurements import read
 
 
@@ -22,6 +23,12 @@ def on_bus(hunt, name, database="10_std.dbc", **options):
 def trigger(hunt):
     """A drive of 3 s whose stamps begin 1 s before a trigger."""
     return on_bus(hunt, "10b_negative.asc")
+
+
+@pytest.fixture(scope="module")
+def drive(hunt):
+    """Another drive, of 5 s, as a table."""
+    return read(hunt / "07d_midnight.csv")
 
 
 def test_stamps_before_a_trigger_are_negative(hunt, trigger):
@@ -64,11 +71,10 @@ def test_a_jump_ahead_and_back_makes_no_grid_of_a_hole(hunt, trigger):
     assert any("jumps at frame 701" in sentence for sentence in log.warnings)
 
 
-def test_a_time_of_day_goes_on_over_midnight(hunt):
+def test_a_time_of_day_goes_on_over_midnight(drive):
     """07d."""
-    log = read(hunt / "07d_midnight.csv")
-    assert np.allclose(np.diff(log.time), 0.002, rtol=0, atol=1e-9)
-    assert any("midnight" in sentence for sentence in log.warnings)
+    assert np.allclose(np.diff(drive.time), 0.002, rtol=0, atol=1e-9)
+    assert any("midnight" in sentence for sentence in drive.warnings)
 
 
 def test_stamps_in_bursts_get_the_mean_rate(hunt):
@@ -95,16 +101,15 @@ def test_rows_that_hold_only_what_arrived_give_each_channel_its_own_samples(hunt
 @pytest.mark.parametrize(
     ("name", "mapped"), [("03a_own_time_columns", "map03"), ("03d_own_times_same_length", "map03d")]
 )
-def test_a_value_belongs_to_the_time_column_before_it(hunt, name, mapped):
+def test_a_value_belongs_to_the_time_column_before_it(hunt, drive, name, mapped):
     """03a, 03d."""
-    whole = read(hunt / "07d_midnight.csv")
     for channels in ({}, {"channels": hunt / f"{mapped}.toml"}):
         log = read(hunt / f"{name}.csv", **channels)
-        assert np.allclose(log["position"], whole["position"], rtol=0, atol=1e-9)
+        assert np.allclose(log["position"], drive["position"], rtol=0, atol=1e-9)
         late = 0.13 if name.startswith("03d") else 0.0
         stamps, values = log.edges["duty_supply"] if log.edges else (log.time, log["duty_supply"])
         edge = stamps[np.argmax(values > 0.5)]
-        assert edge == pytest.approx(whole.time[np.argmax(whole["duty_supply"] > 0.5)] + late, abs=0.011)
+        assert edge == pytest.approx(drive.time[np.argmax(drive["duty_supply"] > 0.5)] + late, abs=0.011)
         assert np.isfinite(log["duty_supply"][log.time >= 0.14]).mean() > 0.95
 
 
@@ -125,3 +130,55 @@ def test_timetables_of_a_file_share_one_zero(hunt):
     assert log.time[0] == 0.0
     assert np.array_equal(np.isnan(log["duty_supply"]), log.time < 0.13 - 1e-6)
     assert log.edges["duty_supply"][0][0] == pytest.approx(0.13, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["01a_date_preamble.csv", "01c_date_column_first.csv"])
+def test_a_table_with_a_date_is_no_bus_log(hunt, name):
+    """01a, 01c."""
+    log = read(hunt / name)
+    assert log.time.size == 2500
+    assert np.allclose(np.diff(log.time), 0.002, rtol=0, atol=1e-9)
+
+
+def test_codes_of_a_value_table_are_missing_and_said(hunt):
+    """29: 65535 is SNA."""
+    log = on_bus(hunt, "29_sna.asc", "29_sna.dbc")
+    assert np.nanmax(log["position"]) < 0.023
+    assert np.count_nonzero(np.isnan(log["position"])) == 25
+    assert any("25 frames say that there is no value" in sentence for sentence in log.warnings)
+    plain = on_bus(hunt, "29_sna.asc")
+    assert np.array_equal(plain["position"], log["position"], equal_nan=True), "all ones lie outside the range"
+
+
+def test_frames_in_other_logs_are_those_of_asc(hunt, trigger, drive):
+    """15a, 34: candump, and a table of GVRET."""
+    candump = on_bus(hunt, "15a_candump.log")
+    assert np.array_equal(candump["position"], trigger["position"])
+    assert np.allclose(candump.time, np.arange(1500) * 0.002, rtol=0, atol=1e-9)
+    table = on_bus(hunt, "34_gvret.csv")
+    assert np.allclose(table["position"], drive["position"][:600], rtol=0, atol=1e-9)
+    assert np.allclose(np.diff(table.time), 0.002, rtol=0, atol=1e-9)
+    with pytest.raises(DataError, match=r"holds raw frames \(1,200\) of 2 identifiers; give the DBC with --dbc FILE"):
+        read(hunt / "34_gvret.csv")
+    with pytest.raises(DataError, match="is Parquet with channels, not a log of frames, so that a DBC decodes nothing"):
+        on_bus(hunt, "25r_spikes.parquet")
+
+
+def test_frames_that_a_logger_sent_and_received_are_used_once(hunt, drive):
+    """32."""
+    log = on_bus(hunt, "32_tx_rx_echo.asc")
+    assert log.time.size == 850
+    assert np.allclose(log["position"], drive["position"][:850], rtol=0, atol=1e-9)
+    assert any("1,700 frames are in the log twice, as sent and as received" in sentence for sentence in log.warnings)
+
+
+def test_two_buses_with_the_same_identifiers_are_named(hunt):
+    """31."""
+    with pytest.raises(DataError, match=r"of 'ClutchState \(CAN1\)' is proposed, but .* of 'ClutchState \(CAN2\)'"):
+        on_bus(hunt, "31_two_buses.asc")
+
+
+def test_a_message_for_any_sender_is_matched_by_its_group(hunt, trigger):
+    """11a: a DBC that does not say J1939 has the address 0xFE."""
+    log = on_bus(hunt, "11a_two_senders.asc", "10_j1939_noattr.dbc")
+    assert np.array_equal(log["position"], trigger["position"][:898])

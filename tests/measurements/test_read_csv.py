@@ -218,3 +218,11 @@ def test_a_large_file_is_read_by_polars(recording, save, monkeypatch):
     monkeypatch.setattr(csv_file, "read_text", None)
     log = cio.read(save(recording(3000, {(5, 4): "", (6, 4): ""})))
     assert np.isnan(log["pressure_a"]).sum() == 2
+
+
+def test_cells_that_say_that_there_is_no_value_are_missing_and_counted(save, recording, parser):
+    text = recording(40, {(3, 1): "SNA", (4, 1): "sensor error", (5, 4): "nicht verfügbar"})
+    log = cio.read(save(text))
+    assert np.flatnonzero(np.isnan(log["position"])).tolist() == [3, 4]
+    assert "column 'position [m]': 2 cells say that there is no value; these samples are missing." in log.warnings
+    assert np.flatnonzero(np.isnan(log["pressure_a"])).tolist() == [5]

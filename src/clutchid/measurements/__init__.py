@@ -15,7 +15,7 @@ from clutchid.files import atomic_write, digest, reading
 from clutchid.log import Log
 from clutchid.measurements.checks import AMBIENT, check_ambient
 from clutchid.measurements.columns import REQUIRED
-from clutchid.measurements.opening import open_source
+from clutchid.measurements.opening import open_source, with_dbc
 from clutchid.measurements.source import BLOCK, VENTED_KEY, Source, in_contract
 from clutchid.names import printable
 
@@ -157,7 +157,7 @@ def read_pieces(
     check_ambient(ambient)
     check_ambient(added)
     given = _map(channels)
-    source = open_source(path, (*(given.dbc if given else ()), *dbc))
+    source = with_dbc(open_source(path, (*(given.dbc if given else ()), *dbc)), dbc)
     yield from source_pieces(source, given, ambient, required, rows, progress, added)
 
 

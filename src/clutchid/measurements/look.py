@@ -17,7 +17,7 @@ from clutchid.measurements.columns import REQUIRED, Heading
 from clutchid.measurements.map.channel_map import Channel, ChannelMap
 from clutchid.measurements.map.picking import own_clock
 from clutchid.measurements.map.proposal import Proposal, means_the_contract, propose
-from clutchid.measurements.opening import open_source
+from clutchid.measurements.opening import open_source, with_dbc
 from clutchid.measurements.overview import ColumnOverview, FileOverview, TimeAxis, TimeGridOverview, updated
 from clutchid.measurements.recording import by_names, findings, picked, scaled
 from clutchid.measurements.source import BLOCK, Places, Raster, Source, Table, in_contract
@@ -74,7 +74,8 @@ def look(
     """
     check_ambient(ambient)
     files = tuple(dict.fromkeys((*(channels.dbc if channels else ()), *map(Path, dbc))))
-    return replace(overview_of(open_source(path, files), ambient, files, channels), source=str(path))
+    source = with_dbc(open_source(path, files), dbc)
+    return replace(overview_of(source, ambient, files, channels), source=str(path))
 
 
 def overview_of(
@@ -94,13 +95,16 @@ def overview_of(
         clock, warning = _clock(raster, proposal.channels)
         summary = _Summary()
         tables = _summed(source, index, summary, _Axis(clock, {}, ambient))
+        told: list[str] = []
         if checks is None:
-            problems += dict.fromkeys(problem for table in tables for problem in table.problems)
-            told: list[str] = []
+            for table in tables:
+                problems += [problem for problem in table.problems if problem not in problems]
+                told += table.warnings
         else:
             picks, misnamed = by_names(source, REQUIRED)
-            wrong, told = findings(source, picks, checks, None, tables)
+            wrong, warned = findings(source, picks, checks, None, tables)
             problems += [*misnamed, *wrong]
+            told += warned
         rasters.append(_overview(raster, summary, _Axis(clock, {}, ambient)))
         warnings += [*([warning] if warning else []), *told]
     found = tuple(rasters), tuple(problems), tuple(dict.fromkeys(warnings))

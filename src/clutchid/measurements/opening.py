@@ -25,6 +25,9 @@ from clutchid.measurements.reader_service import Answer, Message, decoded, encod
 from clutchid.measurements.source import BLOCK, Source, Table, joined
 from clutchid.processes import Limits, Worker, WorkerEnd
 
+#: Kinds of text that are read in this process, by our own code.
+_OWN = ("csv", "candump", "frames")
+
 #: Bytes in memory up to which a Parquet file is read in this process.
 _MODERATE = 256_000_000
 
@@ -43,9 +46,25 @@ def open_source(path: str | PathLike[str], dbc: Sequence[str | PathLike[str]] = 
     file = plain_file(path)
     databases = [plain_file(name, "DBC file") for name in dbc]
     kind = readable_kind(file)
-    if kind == "csv" or (kind == "parquet" and _is_moderate(file)):
+    if kind in _OWN or (kind == "parquet" and _is_moderate(file)):
         return with_own_grids(opened_here(file, databases, kind))
     return with_own_grids(_guarded_source(file, databases, kind))
+
+
+def with_dbc(source: Source, dbc: Sequence[str | PathLike[str]]) -> Source:
+    """The source, of which DBC files that the user names must decode frames; of an MDF file a warning says if not.
+
+    Raises
+    ------
+    DataError
+        If the recording is a table, which has none.
+    """
+    if not dbc or source.one_clock or source.problems:
+        return source
+    idle = f"is {source.format} with channels, not a log of frames, so that a DBC decodes nothing in it"
+    if source.format.startswith("MDF"):
+        return replace(source, warnings=(*source.warnings, f"{idle}."))
+    raise DataError(f"{source.path}: {idle}; leave --dbc out.")
 
 
 def _is_moderate(file: Path) -> bool:

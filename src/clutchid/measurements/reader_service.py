@@ -89,6 +89,7 @@ def packed(table: Table) -> Answer:
         "problems": table.problems,
         "unread": {str(index): rows.tolist() for index, rows in table.unread.items()},
         "metadata": dict(table.metadata),
+        "warnings": table.warnings,
     }
     return message, arrays
 
@@ -105,6 +106,7 @@ def unpacked(message: Message, arrays: Arrays, headings: Sequence[Heading]) -> T
         tuple(message["problems"]),
         {int(index): np.array(rows, dtype=np.int64) for index, rows in message["unread"].items()},
         message["metadata"],
+        tuple(message["warnings"]),
     )
 
 

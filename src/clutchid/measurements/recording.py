@@ -260,7 +260,7 @@ def _blocks(
         checked = check(named, ambient)
         messages.warnings += [f"{_where(source, chosen.raster)}{sentence}" for sentence in said]
         messages.problems += checked.problems
-        messages.warnings += checked.warnings
+        messages.warnings += [*table.warnings, *checked.warnings]
         if table.problems or (chosen.increasing and messages.problems):
             yield no_samples(name for name in chosen.columns if name != "time")
             return

@@ -60,7 +60,8 @@ class Places:
 class Table:
     """Headings, values by column index in the units as written, and problems found while reading.
 
-    `unread` has, by column index, the rows with an invalid cell, which a problem reports already.
+    `unread` has, by column index, the rows with an invalid cell, which a problem reports already; `warnings` say what
+    was left out of the selected columns.
     """
 
     headings: tuple[Heading, ...] = ()
@@ -70,6 +71,7 @@ class Table:
     problems: tuple[str, ...] = ()
     unread: Mapping[int, Rows] = field(default_factory=dict)
     metadata: Mapping[str, str] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
 
 
 def joined(tables: Sequence[Table]) -> Table:
@@ -93,6 +95,7 @@ def joined(tables: Sequence[Table]) -> Table:
         places=places,
         problems=tuple(dict.fromkeys(problem for table in tables for problem in table.problems)),
         unread=unread,
+        warnings=tuple(dict.fromkeys(warning for table in tables for warning in table.warnings)),
     )
 
 

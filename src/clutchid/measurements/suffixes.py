@@ -25,6 +25,7 @@ FORMATS = (
     Format("blf", (".blf",), (b"LOGG",)),
     Format("asc", (".asc",)),
     Format("trc", (".trc",)),
+    Format("candump", (".log",)),
 )
 
 #: Suffixes after that of the format: a packed file, or Parquet that says how it is packed inside.

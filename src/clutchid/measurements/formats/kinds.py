@@ -14,6 +14,8 @@ from clutchid.measurements.suffixes import FORMATS, split_name
 ENOUGH = 4096
 
 
+_CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f]")
+
 _GZIP = b"\x1f\x8b"
 
 #: Two numbers beside each other, as a table has them: with a decimal point or comma, between any separators.
@@ -50,8 +52,8 @@ _TEXTS = (
     (r"(?s)\s*(<\?xml.{0,2000}?|<!--.{0,2000}?)?<(\w+:)?NetworkDefinition\b", "a KCD database", _DATABASE),
     (r"(?s)\s*(<\?xml.{0,2000}?)?<(!DOCTYPE\s+)?html\b", "a web page", "download the recording itself"),
     (r"\s*<\?xml\b|\s*<(\w+:)?FIBEX\b", "an XML file", _EXPORT),
-    (r"(?s)\s*(//[^\n]*\n\s*)*(FormatVersion\s*=\s*[\d.]+|Title\s*=.*?\{(ENUMS|SEND|SIGNALS))", "a SYM database",
-     _DATABASE),
+    (r"(?s)\s*(//[^\n]*\n\s*)*(FormatVersion\s*=|Title\s*=).*?(\{(ENUMS|SEND\w*|RECEIVE|SIGNALS)\}|Title\s*=)",
+     "a SYM database", _DATABASE),
     (r'(?ms)\s*(//[^\n]*\n\s*)*VERSION\s*(""|"[^"]*"?)\s*$', "a DBC database", _DATABASE),
     (r"(?m)\A(?s:.*?)^\s*(BU_\s*:|BO_ \d+ \w+\s*:|NS_\s*:)", "a DBC database", _DATABASE),
     (r'\s*(\{\s*"|\[\s*[\[{])', "a JSON file", "write the channels as columns of a CSV or Parquet file"),
@@ -61,17 +63,21 @@ _TEXTS = (
 
 
 def is_recording(path: Path) -> bool:
-    """Whether a file of a folder is called like a recording; a text (``.txt``) also needs a line of numbers.
+    """Whether a file of a folder is called like a recording.
+
+    A text (``.txt``) also needs a line of numbers, and a log (``.log``) frames.
 
     A text that cannot be read may be one, so that its reader says why.
     """
     suffix = split_name(path.name)[1].lower()
-    if suffix != ".txt":
+    if suffix not in (".txt", ".log"):
         return bool(suffix)
     try:
         head = head_of(path)
     except DataError:
         return True
+    if suffix == ".log":
+        return kind_of(head) == "candump"
     return b"\0" in head or _NUMBERS.search(head) is not None  # UTF-16 has zeros
 
 
@@ -108,21 +114,29 @@ def kind_of(head: bytes) -> str:
 
     Examples
     --------
-    >>> kind_of(b"PAR1..."), kind_of(b"time [s],position [m]"), kind_of(b"date Wed Sep 30 15:06:13.191 2017")
+    >>> kind_of(b"PAR1..."), kind_of(b"time [s],position [m]"), kind_of(b"date Wed Sep 30 15:06:13.191 2017\\nbase hex")
     ('parquet', 'csv', 'asc')
     """
     if head.startswith(_GZIP):
         return "gzip"
     for row in FORMATS:
-        if head.startswith(row.marks):
+        if head.startswith(row.marks) and not _is_text(head):
             return row.kind
     if b"\0" in head:  # not text, except UTF-16
         from clutchid.measurements.formats.mat.file import is_mat
 
         return "mat" if is_mat(head) else "csv"
     from clutchid.measurements.formats.can.logs import is_asc, is_trc
+    from clutchid.measurements.formats.can.texts import frame_table, is_candump
 
-    return "asc" if is_asc(head) else "trc" if is_trc(head) else "csv"
+    lines = head.removeprefix(BOM_UTF8).decode("latin-1").splitlines()
+    kinds = (("asc", is_asc(head)), ("trc", is_trc(head)), ("candump", is_candump(lines)))
+    return next((kind for kind, found in kinds if found), "frames" if frame_table(lines) else "csv")
+
+
+def _is_text(head: bytes) -> bool:
+    """Whether a file begins with a line of text, so that its first letters are no mark of a binary format."""
+    return b"\n" in head and _CONTROL.search(head) is None
 
 
 def refusal(head: bytes, path: Path) -> str:
@@ -138,7 +152,7 @@ def refusal(head: bytes, path: Path) -> str:
     if head[257:262] == b"ustar":
         return f"is a tar archive; {_UNPACK}."
     for mark, what, advice in _FOREIGN:
-        if head.startswith(mark):
+        if head.startswith(mark) and not (mark.isalnum() and _is_text(head)):
             return f"is {what}; {advice}."
     text = head.removeprefix(BOM_UTF8).decode("latin-1")
     if "\0" in text:

@@ -49,7 +49,7 @@ def _opened(file: Path, dbc: Sequence[Path], kind: str) -> Source:
         return _unpacked(file, dbc)
     if kind == "mdf":
         return _mdf(file, dbc)
-    if kind in ("blf", "asc", "trc"):
+    if kind in ("blf", "asc", "trc", "candump", "frames"):
         return _can(file, dbc, kind)
     if kind == "parquet":
         from clutchid.measurements.formats.parquet import file as parquet_file

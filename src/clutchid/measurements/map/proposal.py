@@ -378,8 +378,12 @@ def _remark(name: str, best: Candidate, equal: Sequence[Candidate], tabular: boo
     """
     text = best.heading.text
     if equal:
-        others = ", ".join(f"'{candidate.heading.text}'" for candidate in equal[:5])
-        return f"{name}: '{text}' is proposed, but {others} would match as well."
+        same = any(candidate.heading.text == text for candidate in equal)
+        own, *others = [
+            f"'{one.heading.text}'" + (f" of '{one.raster.name}'" if same and one.raster.name else "")
+            for one in (best, *equal[:5])
+        ]
+        return f"{name}: {own} is proposed, but {', '.join(others)} would match as well."
     if name in INPUTS and is_beside(text) and best.flag:
         return f"{name}: '{text}' {best.flag}; write it into a channel map if it is the duty cycle."
     if best.guess and (tabular or best.score < STANDARD):

@@ -5,6 +5,7 @@ cantools decodes one message in about 2 µs, so it reads the database only; `dec
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,8 +18,10 @@ from numpy.typing import NDArray
 from clutchid.errors import DataError, missing
 from clutchid.files import small_file
 from clutchid.log import FloatArray
+from clutchid.measurements.columns import unit_spelled
 from clutchid.measurements.formats.can.frames import Bytes, Counts, quiet
 from clutchid.measurements.formats.can.j1939 import first_code
+from clutchid.measurements.no_value import means_no_value
 from clutchid.messages import shortened
 
 if TYPE_CHECKING:
@@ -37,8 +40,8 @@ class Signal:
     """A number in the payload of a frame: ``scale * raw + offset`` of `length` bits.
 
     `begin` is the number of its first bit: in the order of Intel its lowest, where bit 0 is the lowest bit of byte 0;
-    in the order of Motorola its highest, where bit 0 is the highest bit of byte 0. `codes` is the first raw number that
-    means an error or "not available" (None: there is none).
+    in the order of Motorola its highest, where bit 0 is the highest bit of byte 0. `codes` is the first raw number from
+    which on all mean an error or "not available" (None: there is none), `none` are others that mean it.
     """
 
     name: str
@@ -52,6 +55,7 @@ class Signal:
     unit: str = ""
     comment: str = ""
     codes: int | None = None
+    none: frozenset[int] = frozenset()
 
     @property
     def bytes(self) -> int:
@@ -139,6 +143,8 @@ def decode(signal: Signal, data: Bytes, length: Counts) -> FloatArray:
     missing = length < signal.bytes
     if signal.codes is not None:
         missing |= raw >= np.uint64(signal.codes)
+    for code in signal.none:
+        missing |= raw == np.uint64(code)
     values[missing] = np.nan
     return values
 
@@ -348,6 +354,7 @@ def _condition(signal: CantoolsSignal, by_name: dict[str, CantoolsSignal]) -> Co
 def _signal(signal: CantoolsSignal, j1939: bool) -> Signal:
     motorola = signal.byte_order == "big_endian"
     coded = j1939 and not (signal.is_signed or signal.is_float or signal.is_multiplexer)
+    codes = first_code(signal.length) if coded or _above_range(signal) else None
     return Signal(
         signal.name,
         8 * (signal.start // 8) + 7 - signal.start % 8 if motorola else signal.start,
@@ -359,8 +366,65 @@ def _signal(signal: CantoolsSignal, j1939: bool) -> Signal:
         _as_float(signal.offset),
         signal.unit or "",
         signal.comment or "",
-        first_code(signal.length) if coded else None,
+        codes,
+        frozenset() if signal.is_multiplexer else _said(signal) | _extreme(signal),
     )
+
+
+#: Bits of signals whose extreme numbers may mean that there is no value.
+_CODED = range(8, 33)
+
+#: Bits from which on words of a value table are codes among numbers, not states.
+_NUMBERS = 4
+
+#: A percentage whose highest number is this has no number left for a code.
+_FULL = {"%": (100.0, 1.0), "": (1.0, 0.01), "1": (1.0, 0.01)}
+
+
+def _said(signal: CantoolsSignal) -> frozenset[int]:
+    """The raw numbers that the value table says to be none."""
+    if signal.length < _NUMBERS:
+        return frozenset()
+    mask = (1 << signal.length) - 1
+    return frozenset(raw & mask for raw, text in (signal.choices or {}).items() if means_no_value(str(text)))
+
+
+def _above_range(signal: CantoolsSignal) -> bool:
+    """Whether the highest numbers, which are codes by SAE J1939-71, lie outside the range of a DBC of any kind."""
+    first = first_code(signal.length) if signal.length in _CODED else None
+    plain = not (signal.is_signed or signal.is_float or signal.is_multiplexer)
+    return plain and first is not None and _is_outside(signal, first) and _is_outside(signal, (1 << signal.length) - 1)
+
+
+def _extreme(signal: CantoolsSignal) -> frozenset[int]:
+    """The raw numbers at the ends of those that there are, where no value of the signal can be one.
+
+    These are all ones, and with a sign the highest and the lowest; without a range all ones are none unless they are
+    100 %.
+    """
+    if signal.length not in _CODED or signal.is_float:
+        return frozenset()
+    if signal.is_signed:
+        top = 1 << signal.length - 1
+        return frozenset(raw & (2 * top - 1) for raw in (top - 1, -top) if _is_outside(signal, raw))
+    ones = (1 << signal.length) - 1
+    if signal.minimum is None or signal.maximum is None or signal.minimum >= signal.maximum:
+        full, slack = _FULL.get(unit_spelled(signal.unit) or "", (math.inf, 0.0))
+        return (
+            frozenset()
+            if abs(_as_float(signal.scale) * ones + _as_float(signal.offset) - full) <= slack
+            else frozenset([ones])
+        )
+    return frozenset([ones]) if _is_outside(signal, ones) else frozenset()
+
+
+def _is_outside(signal: CantoolsSignal, raw: int) -> bool:
+    """Whether a number is outside the range of its signal, if it has one."""
+    low, high = signal.minimum, signal.maximum
+    if low is None or high is None or low >= high:
+        return False
+    value, step = _as_float(signal.scale) * raw + _as_float(signal.offset), abs(_as_float(signal.scale))
+    return value > float(high) + step / 2 or value < float(low) - step / 2
 
 
 def _as_float(number: float) -> float:

@@ -1,4 +1,4 @@
-"""CAN logs: BLF, ASC, TRC and MF4 bus logging, decoded with DBC files; a time grid for each message.
+"""Logs of frames (BLF, ASC, TRC, candump, tables, MF4), decoded with DBC files: a time grid for each message.
 
 The frames are read once when a log is opened, to find the messages in it. Those that a DBC decodes are kept as long as
 they take no more than `KEPT` bytes; else the file is read again for each time grid.
@@ -21,12 +21,15 @@ from clutchid.errors import DataError
 from clutchid.log import FloatArray
 from clutchid.measurements.clock import LONE, Run, Tolerance, cuts, sentences, shifts_of
 from clutchid.measurements.formats.can.dbc import Message, read_dbc
+from clutchid.measurements.formats.can.echoes import Echoes
 from clutchid.measurements.formats.can.frames import Bytes, FrameLog, Frames, Rows, payloads
+from clutchid.measurements.formats.can.j1939 import group_number
 from clutchid.measurements.formats.can.streams import (
     FRAGMENT,
     UNKNOWN,
     FrameStream,
     MessageCatalogue,
+    by_group,
     by_stream,
     catalogue,
     in_order,
@@ -58,9 +61,12 @@ def frame_log(path: Path, kind: str = "") -> FrameLog:
     OSError
         If the file cannot be read.
     """
-    from clutchid.measurements.formats.can import logs, mf4
+    from clutchid.measurements.formats.can import logs, mf4, texts
 
-    readers = {"blf": logs.blf_log, "asc": logs.asc_log, "trc": logs.trc_log, "mdf": mf4.frame_log}
+    readers = {
+        **{"blf": logs.blf_log, "asc": logs.asc_log, "trc": logs.trc_log, "mdf": mf4.frame_log},
+        **{"candump": texts.candump_log, "frames": texts.frame_table_log},
+    }
     reader = readers.get(kind or kind_of(head_of(path)))
     log = reader(path) if reader else None
     if log is None:
@@ -100,7 +106,7 @@ def open_file(path: Path, dbc: Sequence[Path] = (), kind: str = "", log: FrameLo
     OSError
         If a file cannot be read.
     """
-    messages = tuple(message for file in dbc for message in read_dbc(file))
+    messages = by_group(tuple(message for file in dbc for message in read_dbc(file)))
     try:
         log = log or frame_log(path, kind)
     except DataError as error:
@@ -108,7 +114,7 @@ def open_file(path: Path, dbc: Sequence[Path] = (), kind: str = "", log: FrameLo
     known = catalogue(messages)
     scanned = _scan(log, known)
     metadata = _metadata(log, scanned.origin, dbc)
-    if problem := _decoding_problem(scanned, dbc):
+    if problem := _decoding_problem(scanned, dbc, messages):
         return replace(refused(path, log.format, problem, *log.warnings), metadata=metadata)
     streams = in_order(scanned.sizes, messages)
     rasters = rasters_of(streams, scanned.sizes)
@@ -166,6 +172,7 @@ class ScannedLog:
     unknown: Counter[int] = field(default_factory=Counter)
     left_out: Counter[str] = field(default_factory=Counter)
     fragments: int = 0
+    echoes: int = 0
     damage: str = ""
     kept: dict[FrameStream, list[StreamFrames]] | None = field(default_factory=dict)
     bytes: int = 0
@@ -223,11 +230,14 @@ def _in_runs(blocks: Iterable[Frames]) -> Iterator[tuple[int, Tolerance, Frames]
 
 def _stamped(log: FrameLog, scanned: ScannedLog) -> Iterator[Frames]:
     """The blocks of a log up to where it is damaged, without frames whose stamp is no number; both are noted."""
+    echoes = Echoes()
     try:
-        for frames in log.blocks():
+        for block in log.blocks():
+            frames = echoes.without(block)
             stamped = np.isfinite(frames.stamp)
-            scanned.left_out.update(frames.left_out)
+            scanned.left_out.update(block.left_out)
             scanned.left_out.update({"frame without a stamp": int(stamped.size - stamped.sum())})
+            scanned.echoes += len(block) - len(frames)
             yield frames if stamped.all() else frames.take(stamped)
     except DataError as error:
         scanned.damage = str(error)
@@ -275,8 +285,21 @@ def _tables(
     first = 1
     for frames in _in_rows(_on_one_clock(kept, scanned), rows):
         numbers = values_of(stream, columns, frames.stamp, frames.data, frames.length)
-        yield Table(headings, numbers, len(frames), Places("frame", first))
+        coded = tuple(sentence for column in columns if (sentence := _coded(stream, column, numbers, frames)))
+        yield Table(headings, numbers, len(frames), Places("frame", first), warnings=coded)
         first += len(frames)
+
+
+def _coded(stream: FrameStream, column: int, numbers: Mapping[int, FloatArray], frames: StreamFrames) -> str:
+    """Sentence about the frames that say that a signal has no value; empty where none does."""
+    if column == 0:
+        return ""
+    signal = stream.group.signals[column - 1]
+    count = int(np.sum(np.isnan(numbers[column]) & (frames.length >= min(signal.bytes, 255))))
+    if not count or (signal.codes is None and not signal.none):
+        return ""
+    verb = "frame says" if count == 1 else "frames say"
+    return f"{signal.name}: {count:,} {verb} that there is no value (error, not available); these samples are missing."
 
 
 def _on_one_clock(parts: Iterator[StreamFrames], scanned: ScannedLog) -> Iterator[StreamFrames]:
@@ -313,7 +336,17 @@ def _joined(parts: Sequence[StreamFrames]) -> StreamFrames:
     return StreamFrames(np.concatenate(stamps), payloads([part.data for part in parts]), np.concatenate(lengths))
 
 
-def _decoding_problem(scanned: ScannedLog, dbc: Sequence[Path]) -> str:
+def _other_sender(scanned: ScannedLog, messages: Sequence[Message]) -> str:
+    """The commonest frame whose identifier differs from that of a message in its last byte only; empty if none."""
+    groups = {group_number(message.identifier) for message in messages if message.extended}
+    for key, _ in scanned.unknown.most_common():
+        identifier, extended, _ = parts_of(key)
+        if extended and group_number(identifier) in groups:
+            return f"0x{identifier:08X}"
+    return ""
+
+
+def _decoding_problem(scanned: ScannedLog, dbc: Sequence[Path], messages: Sequence[Message]) -> str:
     """Reason why a log cannot be decoded, in one sentence; empty where it can."""
     if scanned.frames == 0:
         return (
@@ -327,6 +360,10 @@ def _decoding_problem(scanned: ScannedLog, dbc: Sequence[Path]) -> str:
     if not dbc:
         return f"holds raw frames ({frames}) of {_identifiers(scanned)}; give the DBC with --dbc FILE."
     names = ", ".join(file.name for file in dbc)
+    if sender := _other_sender(scanned, messages):
+        return (
+            f"{sender} is not in {names}, which has that message from another sender only; write its identifier there."
+        )
     count = scanned.fragments
     fragments = f", and {count:,} are pieces of longer messages, which are not put together" if count else ""
     common = f" (the commonest: {_commonest(scanned.unknown)}{fragments})" if scanned.unknown else ""
@@ -337,6 +374,10 @@ def _scan_warnings(scanned: ScannedLog, streams: Sequence[FrameStream]) -> list[
     """Sentences about what was left out of a log."""
     found = [f"{scanned.damage}; the {scanned.frames:,} frames before it are used."] if scanned.damage else []
     found += [f"{_counted(count, what)} left out." for what, count in scanned.left_out.items() if count]
+    if scanned.echoes:
+        found.append(
+            f"{_counted(scanned.echoes, 'frame')} in the log twice, as sent and as received; one of each two is used."
+        )
     if scanned.fragments:
         found.append(
             f"{_counted(scanned.fragments, 'frame')} left out: pieces of longer messages (J1939 transport protocol, "

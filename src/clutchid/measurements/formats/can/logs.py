@@ -78,7 +78,16 @@ _LONGEST_LINE = 1 << 16
 _NOT_READ = "unreadable line"
 
 _BASE = re.compile(r"\s*base\s+(?:hex|dec)(?:\s+timestamps\s+(?P<kind>absolute|relative))?", re.IGNORECASE)
-_BEGIN = re.compile(r"\s*(?:date\s+\w|begin\s+triggerblock\b)", re.IGNORECASE)
+
+#: Lines at the start of an ASC log; two kinds of them make one, as a table may have a line or a column called Date.
+_SIGNS = (
+    re.compile(r"\s*date\s+\w{2,3}\.?\s+\w{3}\.?\s+\d", re.IGNORECASE),
+    _BASE,
+    re.compile(r"\s*begin\s+triggerblock\b", re.IGNORECASE),
+    re.compile(r"\s*(?:no\s+)?internal events logged", re.IGNORECASE),
+    re.compile(r"\s*-?\d+\.\d+\s+(?:\d+\s+[0-9a-fA-F]+x?\s+(?:Rx|Tx)\s|CANFD\s)"),
+)
+_FIRST = 40
 _NEGATIVE = re.compile(r"\s*-(?=\d+\.\d)")
 _STAMPED = re.compile(r"\s*(?P<stamp>\d{1,15}\.\d{1,15})(?P<rest>\s.*)", re.DOTALL)
 
@@ -99,15 +108,11 @@ def is_asc(head: bytes) -> bool:
 
     Examples
     --------
-    >>> is_asc(b"date Wed Sep 30 15:06:13.191 2017\\nbase hex\\n"), is_asc(b"time [s],position [m]")
+    >>> is_asc(b"date Wed Sep 30 15:06:13.191 2017\\nbase hex\\n"), is_asc(b"Date Exported: 10/19/2025\\ntime [s],x")
     (True, False)
     """
-    lines = [
-        line
-        for line in head.removeprefix(BOM_UTF8).decode("latin-1").splitlines()
-        if line.strip() and not line.startswith("//")
-    ]
-    return any(_BEGIN.match(line) or _BASE.match(line) for line in lines[:2])
+    lines = head.removeprefix(BOM_UTF8).decode("latin-1").splitlines()[:_FIRST]
+    return sum(any(sign.match(line) for line in lines) for sign in _SIGNS) >= 2
 
 
 def is_trc(head: bytes) -> bool:

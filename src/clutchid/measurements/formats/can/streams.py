@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +72,19 @@ def catalogue(messages: Sequence[Message]) -> MessageCatalogue:
         if message.j1939 and message.extended:
             groups[group_number(message.identifier)].append(message)
     return MessageCatalogue(exact, groups)
+
+
+def by_group(messages: Sequence[Message]) -> tuple[Message, ...]:
+    """The messages, as J1939 those that a database does not say to be it but writes for any sender (0xFE)."""
+    groups = Counter(group_number(message.identifier) for message in messages if message.extended)
+    return tuple(
+        replace(message, j1939=True)
+        if message.extended
+        and addresses(message.identifier)[0] == ANYBODY
+        and groups[group_number(message.identifier)] == 1
+        else message
+        for message in messages
+    )
 
 
 def in_order(streams: Iterable[FrameStream], messages: Sequence[Message]) -> list[FrameStream]:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from array import array
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
@@ -29,6 +30,7 @@ from clutchid.measurements.formats.csv.cells import (
 )
 from clutchid.measurements.formats.csv.dialect import Dialect
 from clutchid.measurements.formats.csv.lines import LineBlock, split
+from clutchid.measurements.no_value import means_no_value
 from clutchid.measurements.source import Places, Rows, Table
 from clutchid.measurements.source import joined as joined_tables
 from clutchid.messages import SHOWN, listed, shortened
@@ -44,6 +46,7 @@ class ParsedRows:
     """Samples of some lines, and invalid cells and lines; the table has no headings and no problems yet.
 
     `texts` and `ragged` are the first invalid cells and lines, for messages; after `broken` nothing could be read.
+    `none` counts, by column, the cells that say that there is no value.
     """
 
     table: Table
@@ -51,6 +54,7 @@ class ParsedRows:
     ragged: list[str] = field(default_factory=list)
     ragged_count: int = 0
     broken: str = ""
+    none: Counter[int] = field(default_factory=Counter)
 
 
 def must_be_numeric(column: Heading, dialect: Dialect) -> bool:
@@ -79,7 +83,9 @@ def read_text(block: LineBlock, dialect: Dialect, selected: Sequence[Heading]) -
             value = read(cells[index])
             if value is None:
                 value = np.nan
-                if numeric:
+                if numeric and means_no_value(cells[index]):
+                    part.none[index] += 1
+                elif numeric:
                     unread[index].append(len(lines))
                     _text(part, index, cells[index])
             numbers[index].append(value)
@@ -135,6 +141,7 @@ def joined(parts: Sequence[ParsedRows]) -> ParsedRows:
         whole.ragged += part.ragged[: SHOWN - len(whole.ragged)]
         whole.ragged_count += part.ragged_count
         whole.broken = whole.broken or part.broken
+        whole.none += part.none
     return whole
 
 
@@ -157,7 +164,11 @@ def table(part: ParsedRows, dialect: Dialect) -> Table:
             "where the sample is missing."
         )
     metadata = {"start": dialect.start} if dialect.start else {}
-    return replace(part.table, headings=columns, problems=tuple(problems), metadata=metadata)
+    none = tuple(
+        f"column '{columns[index].text}': {count:,} cells say that there is no value; these samples are missing."
+        for index, count in sorted(part.none.items())
+    )
+    return replace(part.table, headings=columns, problems=tuple(problems), metadata=metadata, warnings=none)
 
 
 def _advice(texts: Sequence[str], dialect: Dialect, index: int) -> str:
@@ -279,6 +290,7 @@ def _words(block: LineBlock, dialect: Dialect, selected: Sequence[Heading]) -> P
     texts: dict[int, list[str]] = {}
     numbers: dict[int, FloatArray] = {}
     unread: dict[int, Rows] = {}
+    none: Counter[int] = Counter()
     for column in selected:
         form, cells = dialect.forms[column.index], frame[str(column.index)]
         stripped = cells.str.strip_chars()
@@ -288,6 +300,11 @@ def _words(block: LineBlock, dialect: Dialect, selected: Sequence[Heading]) -> P
             read = reader(form)
             meant = {word: read(word) for word in stripped.filter(not_number).unique().to_list()}
             known = {word: value for word, value in meant.items() if value is not None}
+            if must_be_numeric(column, dialect) and (
+                said := [w for w in meant if w not in known and means_no_value(w)]
+            ):
+                known |= dict.fromkeys(said, math.nan)
+                none[column.index] = int(stripped.is_in(said).sum())
             words = stripped.replace_strict(known, default=None, return_dtype=pl.Float64)
             invalid = not_number & words.is_null()
             values = values.fill_null(words)
@@ -296,7 +313,7 @@ def _words(block: LineBlock, dialect: Dialect, selected: Sequence[Heading]) -> P
                 texts[column.index] = cells.gather(rows[:SHOWN]).to_list()
         numbers[column.index] = values.to_numpy()
     table = Table(numbers=numbers, size=frame.height, places=Places("line", block.first), unread=unread)
-    return ParsedRows(table, texts)
+    return ParsedRows(table, texts, none=none)
 
 
 def _frame(text: bytes, dialect: Dialect, selected: Sequence[Heading], kind: pl.DataType) -> pl.DataFrame:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from clutchid.errors import DataError, ExportError
 from clutchid.log import FloatArray, Log, name_and_unit
 from clutchid.measurements.formats.mdf.layout import ChannelPlace, GroupLayout, comment_of, layouts, metadata_of
-from clutchid.measurements.formats.mdf.numbers import converted
+from clutchid.measurements.formats.mdf.numbers import converted, has_texts
 from clutchid.measurements.formats.mdf.opening import BrokenMdf, asammdf, opened, quiet, version_of
 from clutchid.measurements.source import BLOCK, Places, Source, Table, refused
 
@@ -162,7 +162,15 @@ def _tables(
             for first in range(0, size, rows or size):
                 count = min(rows or size, size - first)
                 numbers = _numbers(mdf, places, rules, first, count)
-                yield Table(layout.raster.headings, numbers, count, Places("sample", first + 1))
+                headings, version = layout.raster.headings, version_of(mdf)
+                texts = [i for i, rule in rules.items() if has_texts(rule, version)]
+                none = {headings[i].text: int(np.isnan(numbers[i]).sum()) for i in texts}
+                said = tuple(
+                    f"{name}: {n:,} samples are texts, which are no value, and missing."
+                    for name, n in none.items()
+                    if n
+                )
+                yield Table(headings, numbers, count, Places("sample", first + 1), warnings=said)
     except BrokenMdf as error:
         raise DataError(f"{path}: {error}") from error
 

@@ -14,16 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.log import FloatArray
+from clutchid.measurements.no_value import means_no_value
 
 # by the number of a conversion, in MDF 4 and in MDF 3
 _ROLES_4 = {0: "none", 1: "rule", 2: "rule", 3: "formula", 4: "rule", 5: "rule", 6: "rule", 7: "text", 8: "text"}
 _ROLES_3 = {65535: "none", 10: "formula", 11: "text", 12: "text"} | dict.fromkeys((0, 1, 2, 6, 7, 8, 9), "rule")
 _RANGES_3 = 12
 
-#: Texts that mean 1 or 0, and those that mean that there is no value.
+#: Texts that mean 1 or 0.
 _TRUE = frozenset({"on", "true", "yes", "open", "active", "an", "ein", "ja", "wahr"})
 _FALSE = frozenset({"off", "false", "no", "closed", "inactive", "aus", "nein", "falsch"})
-_NOTHING = frozenset({"", "error", "fault", "invalid", "not available", "n/a", "na", "sna", "reserved", "undefined"})
 
 _OPERATORS: Mapping[type, Callable[..., Any]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
@@ -71,6 +71,11 @@ def converted(values: NDArray[Any], conversion: Any, version: int) -> FloatArray
             assert rule is not None
             return np.asarray(np.broadcast_to(rule(numbers), numbers.shape), dtype=np.float64)
         return numbers if role == "none" else np.asarray(conversion.convert(numbers), dtype=np.float64)
+
+
+def has_texts(conversion: Any, version: int) -> bool:
+    """Whether a conversion turns some values into texts, which are none."""
+    return _role(conversion, version) == "text"
 
 
 def formula(text: str) -> Callable[[FloatArray], Any] | None:
@@ -127,7 +132,8 @@ def _has_rule(conversion: Any, version: int) -> bool:
 def _is_switch(conversion: Any, version: int) -> bool:
     """Whether the texts are an "on" and an "off", and all others say that there is no value."""
     words = {_word(text) for text in _texts(conversion, version)}
-    return bool(words & _TRUE and words & _FALSE and words <= _TRUE | _FALSE | _NOTHING)
+    others = words - _TRUE - _FALSE
+    return bool(words & _TRUE and words & _FALSE and all(word == "" or means_no_value(word or "-") for word in others))
 
 
 def _texts(conversion: Any, version: int) -> Iterator[Any]:

@@ -1,0 +1,309 @@
+"""Frames as lines of text: candump in its forms, and tables with a column for the identifier and for the payload."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from clutchid.errors import DataError
+from clutchid.log import FloatArray
+from clutchid.measurements.columns import headings
+from clutchid.measurements.formats.can.frames import FD, FRAMES, LARGEST_BUS, FrameLog, Frames, as_payload
+from clutchid.measurements.formats.csv.cells import nanoseconds, plain_number
+
+_EPOCH = datetime(1970, 1, 1)
+
+#: A line of candump: `-L` writes ``(stamp) can0 123#0102``, the others ``(stamp)  can0  123   [2]  01 02``.
+_CANDUMP = re.compile(
+    r"\s*(?:\((?P<stamp>[\d.:\- ]{1,40})\)\s+)?(?P<bus>[A-Za-z][\w.-]{0,30})\s+(?:(?P<way>TX|RX)\s[\s\-BE]*)?"
+    r"(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})"
+    r"(?:#(?:#[0-9A-Fa-f])?(?P<data>(?:[0-9A-Fa-f]{2})*)(?P<remote>R\d?)?(?:\s+(?P<sent>[RT]))?"
+    r"|\s+\[\d{1,2}\](?:\s+(?P<bytes>[0-9A-Fa-f]{2}(?: [0-9A-Fa-f]{2})*)(?:\s+'.*')?"
+    r"|\s+(?P<request>remote request))?)\s*"
+)
+
+_NO_STAMPS = (
+    "is a log of candump without time stamps; record it with `candump -L`, or with `-ta`, `-tz` or `-td` to read "
+    "it as well."
+)
+
+
+def is_candump(lines: Sequence[str]) -> bool:
+    """Whether the first lines of a text are those of candump: two at least, or the only one.
+
+    Examples
+    --------
+    >>> is_candump(["(1714564800.0) can0 100#E803", "(1714564800.1) can0 101#00"]), is_candump(["time [s]", "0"])
+    (True, False)
+    """
+    filled = [line for line in lines if line.strip()][:3]
+    return bool(filled) and sum(_CANDUMP.fullmatch(line) is not None for line in filled) >= min(2, len(filled))
+
+
+def candump_log(path: Path) -> FrameLog:
+    """The frames of a log of candump.
+
+    Raises
+    ------
+    DataError
+        If it has no time stamps.
+    OSError
+        If the file cannot be read.
+    """
+    with path.open(encoding="utf-8", errors="replace") as file:
+        lines = [line.rstrip("\r\n") for line in islice(file, _SHOWN)]
+    stamps = [match["stamp"] for line in lines if (match := _CANDUMP.fullmatch(line))]
+    if not any(stamps):
+        raise DataError(_NO_STAMPS)
+    seconds = np.array([_seconds(stamp) for stamp in stamps if stamp])
+    steps = np.diff(seconds)
+    between = bool(np.count_nonzero(steps < 0) > _BETWEEN * steps.size)
+    zero, start, said = _origin(float(seconds[0]))
+    return FrameLog("candump", start, lambda: _candump_blocks(path, between, zero), said)
+
+
+def _origin(first: float) -> tuple[int, datetime | None, tuple[str, ...]]:
+    """Whole seconds that stamps count from: so they keep their microseconds; when that was, and what is said if not."""
+    if not first > _YEAR:
+        return 0, None, ("does not say when it was recorded: its stamps count from its first frame only.",)
+    try:
+        return int(first), _EPOCH + timedelta(seconds=int(first)), ()
+    except OverflowError:
+        return int(first), None, ()
+
+
+#: Lines that show what stamps are: from the line before where more than this share of them goes back; since 1970.
+_SHOWN, _BETWEEN, _YEAR = 2000, 0.05, 3e7
+
+
+def _candump_blocks(path: Path, between: bool, zero: int) -> Iterator[Frames]:
+    block = _Block()
+    buses: dict[str, int] = {}
+    now = 0.0
+    with path.open(encoding="utf-8", errors="replace") as file:
+        for line in file:
+            match = _CANDUMP.fullmatch(line.rstrip("\r\n"))
+            if match is None or match["stamp"] is None:
+                block.leave("unreadable line" if line.strip() else "")
+                continue
+            if match["remote"] or match["request"]:
+                block.leave("remote frame")
+                continue
+            stamp = _seconds(match["stamp"], zero)
+            now = now + stamp if between else stamp
+            bus = buses.setdefault(match["bus"], len(buses) + 1)
+            payload = bytes.fromhex(match["data"] or match["bytes"] or "")
+            sent = match["way"] == "TX" or match["sent"] == "T"
+            block.add(now, bus, int(match["id"], 16), len(match["id"]) == 8, payload, sent)
+            if block.full:
+                yield block.frames()
+                block = _Block()
+    yield block.frames()
+
+
+def _seconds(text: str, zero: int = 0) -> float:
+    """A stamp in s from `zero`: a number, or date and time; NaN for any other text."""
+    whole, _, fraction = text.partition(".")
+    if whole.isdigit() and fraction.isdigit():
+        return int(whole) - zero + float(f"0.{fraction}")
+    number = plain_number(text)
+    if number is not None:
+        return number - zero
+    stamp = nanoseconds(text)
+    return math.nan if stamp is None else stamp // 10**9 - zero + stamp % 10**9 * 1e-9
+
+
+class _Block:
+    """Frames that are collected one by one."""
+
+    def __init__(self) -> None:
+        self._rows: list[tuple[float, int, int, bool, bool]] = []
+        self._payloads: list[bytes] = []
+        self._left_out: dict[str, int] = {}
+
+    @property
+    def full(self) -> bool:
+        """Whether it has as many frames as a block may have."""
+        return len(self._rows) == FRAMES
+
+    def add(self, stamp: float, bus: int, identifier: int, extended: bool, payload: bytes, sent: bool) -> None:
+        """Add a frame."""
+        self._rows.append((stamp, bus, identifier & 0x1FFFFFFF, extended, sent))
+        self._payloads.append(payload[:FD])
+
+    def leave(self, what: str) -> None:
+        """Count something that is no frame with a payload."""
+        if what:
+            self._left_out[what] = self._left_out.get(what, 0) + 1
+
+    def frames(self) -> Frames:
+        """The frames so far."""
+        stamp, bus, identifier, extended, sent = zip(*self._rows, strict=True) if self._rows else ((),) * 5
+        return Frames(
+            np.array(stamp, dtype=np.float64),
+            np.minimum(np.array(bus, dtype=np.int64), LARGEST_BUS),
+            np.array(identifier, dtype=np.int64),
+            np.array(extended, dtype=np.bool_),
+            np.array([len(payload) for payload in self._payloads], dtype=np.int64),
+            as_payload(self._payloads),
+            self._left_out,
+            np.array(sent, dtype=np.bool_) if any(sent) else None,
+        )
+
+
+#: Columns of a table of frames by their names, in lower case without blanks and underscores.
+_COLUMNS: Mapping[str, frozenset[str]] = {
+    "stamp": frozenset(
+        {"timestamp", "time", "timestampepoch", "timestamps", "abstime", "reltime", "timeoffset", "t", "zeit"}
+    ),
+    "id": frozenset(
+        {"id", "canid", "arbitrationid", "identifier", "idhex", "messageid", "msgid", "frameid", "canidhex"}
+    ),
+    "data": frozenset({"data", "databytes", "payload", "datahex", "bytes", "databyteshex"}),
+    "extended": frozenset({"extended", "ide", "isextended", "isextendedid", "ext", "idtype"}),
+    "bus": frozenset({"bus", "buschannel", "channel", "interface", "chn"}),
+    "length": frozenset({"len", "dlc", "length", "datalength"}),
+    "way": frozenset({"dir", "direction", "rxtx", "txrx", "isrx"}),
+    "remote": frozenset({"remote", "rtr"}),
+    "error": frozenset({"error", "iserror"}),
+}
+_BYTE = re.compile(r"(?:d|b|data|byte|databyte)\[?(\d{1,2})\]?")
+_SEPARATORS = (",", ";", "\t")
+_TRUE = frozenset({"true", "1", "yes", "x", "ext", "extended"})
+
+
+@dataclass(frozen=True, slots=True)
+class _FrameTable:
+    """Layout of a table of frames: separator, columns by their meaning, and those of single bytes in their order."""
+
+    separator: str
+    columns: Mapping[str, int]
+    bytes: tuple[int, ...]
+    unit: str
+
+
+def frame_table(lines: Sequence[str]) -> _FrameTable | None:
+    """Layout of a table of raw frames, by the words of its first line; None where it is none.
+
+    It has a time, an identifier and a payload, and besides at least one of what only frames have.
+    """
+    header = next((line for line in lines if line.strip()), "")
+    for separator in _SEPARATORS:
+        cells = headings(header.lstrip("\ufeff").split(separator))
+        names = [re.sub(r"[\s_.\-]|\[.*|\(.*", "", cell.text).casefold() if cell.text else "" for cell in cells]
+        indexed = [re.sub(r"[\s_.\-]", "", cell.text).casefold() for cell in cells]
+        columns = {
+            what: i for what, words in _COLUMNS.items() for i, name in reversed(list(enumerate(names))) if name in words
+        }
+        numbered = sorted((int(match[1]), i) for i, name in enumerate(indexed) if (match := _BYTE.fullmatch(name)))
+        payload = "data" in columns or len(numbered) >= 1
+        if {"stamp", "id"} <= set(columns) and payload and len(columns) >= 4 - (len(numbered) > 1):
+            return _FrameTable(separator, columns, tuple(i for _, i in numbered), cells[columns["stamp"]].unit or "")
+    return None
+
+
+def frame_table_log(path: Path) -> FrameLog:
+    """The frames of a table.
+
+    Raises
+    ------
+    DataError
+        If it is no such table.
+    OSError
+        If the file cannot be read.
+    """
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        lines = list(islice(file, _SHOWN))
+    layout = frame_table(lines)
+    if layout is None:
+        raise DataError("is no table of frames; a time, an identifier and a payload are needed in its header.")
+    rows = [cells for line in lines[1:] if len(cells := line.split(layout.separator)) > max(layout.columns.values())]
+    stamps = np.array([_seconds(cells[layout.columns["stamp"]].strip()) for cells in rows])
+    texts = [cells[layout.columns["stamp"]].strip() for cells in rows]
+    scale = _scale(stamps, layout.unit, whole=all(text.isdigit() for text in texts))
+    identifier = _base([cells[layout.columns["id"]] for cells in rows])
+    zero, start, said = _origin(float(stamps[0]) * scale if stamps.size else 0.0)
+    offset = round(zero / scale)
+    return FrameLog("CSV of frames", start, lambda: _table_blocks(path, layout, scale, offset, identifier), said)
+
+
+_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
+
+
+def _scale(stamps: FloatArray, unit: str, *, whole: bool) -> float:
+    """Unit of the stamps in s, which whole numbers without one show by their steps: frames come every 10 us to 1 s."""
+    if unit in _UNITS:
+        return _UNITS[unit]
+    steps = np.diff(stamps[np.isfinite(stamps)])
+    steps = steps[steps > 0]
+    usual = float(np.median(steps)) if steps.size else 0.0
+    return 1.0 if not whole else 1e-9 if usual >= 2e4 else 1e-6 if usual >= 20.0 else 1e-3
+
+
+def _base(cells: Sequence[str]) -> int:
+    """10 where identifiers are decimal: none has a letter, and those of a bus would be too long otherwise; else 16."""
+    plain = [cell.strip().removesuffix("h") for cell in cells]
+    if any(not cell.isdigit() for cell in plain) or any(len(cell) in (3, 8) for cell in plain):
+        return 16
+    return 10
+
+
+def _table_blocks(path: Path, layout: _FrameTable, scale: float, zero: int, base: int) -> Iterator[Frames]:
+    block, columns = _Block(), layout.columns
+    buses: dict[str, int] = {}
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        next((line for line in file if line.strip()), None)
+        for line in file:
+            cells = [cell.strip().strip('"') for cell in line.rstrip("\r\n").split(layout.separator)]
+            try:
+                if _is_true(cells, columns.get("remote")) or _is_true(cells, columns.get("error")):
+                    block.leave("remote frame" if _is_true(cells, columns.get("remote")) else "error frame")
+                    continue
+                stamp, written = _seconds(cells[columns["stamp"]], zero) * scale, cells[columns["id"]]
+                identifier = int(written.removesuffix("h"), base)
+                extended = identifier > 0x7FF or _is_true(cells, columns.get("extended"))
+                payload = _payload(cells, layout)
+                bus = cells[columns["bus"]] if "bus" in columns else ""
+                sent = "way" in columns and cells[columns["way"]].casefold() in ("tx", "t", "1")
+            except (ValueError, IndexError, binascii.Error):
+                block.leave("unreadable line" if line.strip() else "")
+                continue
+            block.add(
+                stamp,
+                buses.setdefault(bus, int(bus) + 1 if bus.isdigit() else len(buses) + 1),
+                identifier,
+                extended,
+                payload,
+                sent,
+            )
+            if block.full:
+                yield block.frames()
+                block = _Block()
+    yield block.frames()
+
+
+def _is_true(cells: Sequence[str], index: int | None) -> bool:
+    return index is not None and cells[index].casefold() in _TRUE
+
+
+def _payload(cells: Sequence[str], layout: _FrameTable) -> bytes:
+    """The payload of a line: single bytes, or one text, hexadecimal or as python-can writes it (base 64)."""
+    length = (
+        int(cells[layout.columns["length"]]) if "length" in layout.columns and cells[layout.columns["length"]] else FD
+    )
+    if layout.bytes:
+        given = [cells[i] for i in layout.bytes if i < len(cells) and cells[i]]
+        return bytes(int(cell, 16) for cell in given[:length])
+    text = cells[layout.columns["data"]].removeprefix("0x")
+    if re.fullmatch(r"(?:[0-9A-Fa-f]{2}[ .:\-]?)*", text) and not text.endswith("="):
+        return bytes.fromhex(re.sub(r"[ .:\-]", "", text))[:length]
+    return base64.b64decode(text, validate=True)[:length]
