@@ -105,9 +105,9 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'clutchid' has no attribute '{name}'")
     from clutchid.verbs.attached import attach
 
-    found = getattr(import_module(_HOME[name]), name)
+    value = getattr(import_module(_HOME[name]), name)
     attach()
-    return found
+    return value
 
 
 def made(name: str, *values: Any) -> Any:

@@ -17,13 +17,13 @@ BEHIND = 0.05
 
 def main() -> None:
     """Load the command line, and run it; Ctrl-C while it loads or ends stops the process without a traceback."""
-    known = signal.signal(signal.SIGINT, signal.SIG_DFL)
+    handler = signal.signal(signal.SIGINT, signal.SIG_DFL)
     open_streams()
     sys.unraisablehook = keeping_interrupts(sys.unraisablehook)
     from clutchid.cli import main as run
 
     try:
-        signal.signal(signal.SIGINT, known)
+        signal.signal(signal.SIGINT, handler)
         for number in STOPS[1:]:  # like Ctrl-C: nothing half-written is left
             signal.signal(number, signal.default_int_handler)
         run()

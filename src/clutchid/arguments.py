@@ -115,7 +115,7 @@ def _check(name: str, value: object, hint: Any, place: str) -> None:
 def _hints(owner: Any) -> dict[str, tuple[Any, frozenset[type]]]:
     """Annotations of a function or record by name, each with the types that need no further look.
 
-    One that cannot be resolved admits anything.
+    An annotation that cannot be resolved admits anything.
     """
     module = import_module(owner.__module__)
     texts = {name: text for name, text in owner.__annotations__.items() if name != "return"}
@@ -209,7 +209,7 @@ def _is_container(value: object, origin: type, arguments: tuple[Any, ...]) -> bo
 
 
 def _parts(value: Any, origin: Any, arguments: tuple[Any, ...], place: str) -> Iterator[tuple[object, Any, str]]:
-    """What a container holds, with the kind and the place of each."""
+    """Elements of a container, with the kind and the place of each."""
     if not arguments or not isinstance(origin, type):
         return
     if isinstance(value, Mapping):

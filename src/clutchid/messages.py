@@ -34,9 +34,9 @@ def listed(texts: Iterable[str], most: int = SHOWN, total: int | None = None) ->
     >>> listed(["line 4", "line 7", "line 9"], 2), listed(["line 4"], total=3)
     ('line 4, line 7 and 1 more', 'line 4 and 2 more')
     """
-    given = list(texts)
-    shown = given[:most]
-    rest = (len(given) if total is None else total) - len(shown)
+    all_texts = list(texts)
+    shown = all_texts[:most]
+    rest = (len(all_texts) if total is None else total) - len(shown)
     return ", ".join(shown) + (f" and {rest} more" if rest else "")
 
 

@@ -64,42 +64,42 @@ def listed_names(names: str | Iterable[str]) -> tuple[str, ...]:
     return tuple(part.strip() for part in names.split(",") if part.strip()) if isinstance(names, str) else tuple(names)
 
 
-def unknown_name(name: str, known: Iterable[str], what: str = "parameter") -> str:
-    """Message for a name that is not among `known`, with the nearest known name.
+def unknown_name(name: str, choices: Iterable[str], what: str = "parameter") -> str:
+    """Message for a name that is not among `choices`, with the nearest known name.
 
     Examples
     --------
     >>> unknown_name("C_sv", ["C_vs", "C_ve"])
     "no parameter 'C_sv'; did you mean 'C_vs'? Known are C_vs, C_ve."
     """
-    names = list(known)
-    same = [known for known in names if known.casefold() == name.casefold()]
+    names = list(choices)
+    same = [choice for choice in names if choice.casefold() == name.casefold()]
     near = difflib.get_close_matches(name, same or names, n=1, cutoff=0.0 if same else 0.4)
     hint = f"; did you mean '{near[0]}'?" if near else "."
     return f"no {what} '{name}'{hint} Known are {', '.join(names)}."
 
 
-def check_names(names: Iterable[str], known: Collection[str], what: str = "parameter") -> None:
-    """Refuse names that are not among `known`.
+def check_names(names: Iterable[str], choices: Collection[str], what: str = "parameter") -> None:
+    """Refuse names that are not among `choices`.
 
     Raises
     ------
     ParameterError
         With the message of `unknown_name` for each of them.
     """
-    ParameterError.raise_for(unknown_name(str(name), known, what) for name in names if name not in known)
+    ParameterError.raise_for(unknown_name(str(name), choices, what) for name in names if name not in choices)
 
 
-def unknown_names(names: Iterable[str], known: Sequence[str], what: str = "parameter") -> list[str]:
-    """Messages for those of `names` that are not `known`: the first few, and the count of the others.
+def unknown_names(names: Iterable[str], choices: Sequence[str], what: str = "parameter") -> list[str]:
+    """Messages for those of `names` that are not among `choices`: the first few, and the count of the others.
 
     Examples
     --------
     >>> unknown_names(["F_c", "M"], ["F_C", "M"])
     ["no parameter 'F_c'; did you mean 'F_C'? Known are F_C, M."]
     """
-    unknown = [name for name in names if name not in known]
-    messages = [unknown_name(name, known, what) for name in unknown[:_SHOWN]]
+    unknown = [name for name in names if name not in choices]
+    messages = [unknown_name(name, choices, what) for name in unknown[:_SHOWN]]
     messages[:-1] = [message.partition(" Known are ")[0] for message in messages[:-1]]  # once is enough
     return [*messages, f"and {len(unknown) - _SHOWN:,} more."] if len(unknown) > _SHOWN else messages
 

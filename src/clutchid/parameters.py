@@ -183,8 +183,8 @@ def in_order(rows: Mapping[str, Row], entry: Callable[[Row], _Ordered | None]) -
     >>> in_order(Parameters.rows(), lambda row: row.adapts)
     ('F_C', 'V_0A', 'y_max', 'D_v', 'tau_y', 'C_A0', 's_pwm')
     """
-    found = {name: at.order for name, row in rows.items() if (at := entry(row)) is not None}
-    return tuple(sorted(found, key=found.__getitem__))
+    entries = {name: at.order for name, row in rows.items() if (at := entry(row)) is not None}
+    return tuple(sorted(entries, key=entries.__getitem__))
 
 
 def known_ambient(P_0: float) -> float | None:
@@ -199,7 +199,7 @@ def _row(
     """A parameter that its definition limits, such as a fraction or a flow shape.
 
     `above`: `low` itself is excluded. The prior is log-normal with a standard deviation of a `share` of the value, for
-    one that must be positive, or normal with a `width` in its unit, for one that may be 0 or change its sign.
+    a positive parameter, or normal with a `width` in its unit, where it may be 0 or change its sign.
     """
     spread = None if share is None and width is None else Spread(share or width or 0.0, share is not None, _PRIORS)
     row = Row(unit, meaning, low, high, not above, source, spread=spread, log_normal=share is not None, **facts)

@@ -1,7 +1,7 @@
-"""What operating systems do not share, with a substitute where one lacks it; no other module asks on which it runs.
+"""Differences between operating systems, with substitutes; no other module asks for the system.
 
-POSIX (Linux, macOS) and Windows differ in processes, signals, locks, and in what can be waited for. Substitutes are
-chosen by what is there, so that a test can take names away.
+POSIX (Linux, macOS) and Windows differ in processes, signals, locks, and in what can be waited for. A substitute is
+chosen where a name is missing, so that a test can remove names.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _KILL = 9
 #: Request to Linux for a signal when the thread that started this process has ended.
 _PR_SET_PDEATHSIG = 1
 
-#: Interval in s at which a process looks for the one that started it, where the system has no such request.
+#: Interval in s at which a process checks that its parent is alive, where the system cannot notify it.
 _GLANCE = 0.5
 
 #: Options of `subprocess.Popen` for a process that Ctrl-C in the terminal does not reach.

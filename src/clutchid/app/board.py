@@ -74,11 +74,11 @@ class Board:
         return [change.item for change in self._newest.values() if isinstance(change.item, kind)]
 
     def since(self, number: int) -> list[Change]:
-        """What has changed after a change with this number, the oldest first."""
-        return sorted((change for change in self._newest.values() if change.number > number), key=lambda one: one[0])
+        """Changes after this number, the oldest first."""
+        return sorted((item for item in self._newest.values() if item.number > number), key=lambda item: item.number)
 
     async def follow(self, number: int, patience: float) -> AsyncIterator[list[Change]]:
-        """What has changed after `number`, and from then on; an empty list where nothing has for `patience` in s."""
+        """Changes after `number`, and those to come; an empty list after `patience` in s without a change."""
         while True:
             changed = self._changed
             changes = self.since(number)

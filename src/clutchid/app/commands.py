@@ -1,4 +1,4 @@
-"""What the page asks for, checked before its job starts, as the command and the Python that repeat it."""
+"""Requests of the page, checked before their job starts, as the command and the Python that repeat them."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ def fit_command(
     """
     if not isinstance(options, dict):
         raise ParameterError("options: a table is needed.")
-    known = {*_TEXTS, *_LISTS, "force"}
-    if unknown := sorted(map(str, {*options} - known)):
-        raise ParameterError(f"options: {', '.join(unknown)} is not known; {', '.join(sorted(known))}.")
+    names = {*_TEXTS, *_LISTS, "force"}
+    if unknown := sorted(map(str, {*options} - names)):
+        raise ParameterError(f"options: {', '.join(unknown)} is not known; {', '.join(sorted(names))}.")
     stated: dict[str, Any] = {}
     for name, choices in _TEXTS.items():
         text = options.get(name, "")
@@ -73,9 +73,9 @@ def repeated_observation(file: File, start: str, method: str, *, force: bool) ->
     channels = _map_of([file])
     words = ["observe", file.name, "--start", start, "--method", method, "--out", "est.parquet"]
     words += [*(["--map", str(channels)] if channels else []), *(["--force"] if force else [])]
-    given = [repr(file.name), repr(start), f"method={method!r}"]
-    given += [*([f"channels={str(channels)!r}"] if channels else []), *(["force=True"] if force else [])]
-    call = f"run = clutchid.observe({', '.join(given)})\nprint(run.load_by_stroke())"
+    arguments = [repr(file.name), repr(start), f"method={method!r}"]
+    arguments += [*([f"channels={str(channels)!r}"] if channels else []), *(["force=True"] if force else [])]
+    call = f"run = clutchid.observe({', '.join(arguments)})\nprint(run.load_by_stroke())"
     return typed(words), f"import clutchid\n\n{call}\n"
 
 

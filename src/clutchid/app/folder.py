@@ -21,8 +21,8 @@ def cache_folder() -> Path:
     """The folder in which servers have theirs: that of compiled models, or as the user has set it."""
     from platformdirs import user_cache_path
 
-    given = os.environ.get("CLUTCHID_CACHE")
-    return (Path(given) if given else user_cache_path("clutchid", appauthor=False)) / "app"
+    folder = os.environ.get("CLUTCHID_CACHE")
+    return (Path(folder) if folder else user_cache_path("clutchid", appauthor=False)) / "app"
 
 
 def make_folder(base: Path) -> Path:

@@ -51,7 +51,7 @@ LOOPBACK = ("127.0.0.1", "localhost")
 
 
 def names_of(address: str, host: str) -> tuple[str, ...]:
-    """The names under which a server may be asked that listens at an address, given as a host; others are refused.
+    """Host names that requests may use to a server that listens at `address`, given as `host`; others are refused.
 
     Examples
     --------
@@ -67,12 +67,12 @@ def names_of(address: str, host: str) -> tuple[str, ...]:
     import psutil
 
     several = psutil.net_if_addrs().values()
-    addresses = {one.address for each in several for one in each if one.family == socket.AF_INET}
+    addresses = {address.address for interface in several for address in interface if address.family == socket.AF_INET}
     return (*LOOPBACK, socket.gethostname().lower(), *sorted(addresses - {*LOOPBACK}))
 
 
 def warning_of(address: str, names: tuple[str, ...]) -> str:
-    """What is said where others than this machine can reach the server; nothing where they cannot."""
+    """Warning that other machines can reach the server; empty where they cannot."""
     if address == LOOPBACK[0]:
         return ""
     others = [name for name in names if name not in LOOPBACK]
@@ -91,9 +91,9 @@ def new_secret() -> str:
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """What opens the server at a port: the token of the printed address, and the cookie that is given for it.
+    """Access to the server at a port: the token of the printed address, and the cookie that replaces it.
 
-    `names` are those of this machine under which it may be asked; the first is in the address that is printed.
+    `names` are the host names that a request may use; the first is in the printed address.
     """
 
     port: int
@@ -142,15 +142,15 @@ class Guard:
         await (refused or self.app)(scope, receive, guarded)
 
     def _refused(self, scope: Scope) -> Response | None:
-        """The answer to a request that the application does not get; None for one that it gets."""
+        """Response that refuses a request, or opens the page by its token; None to let the request through."""
         headers, access = Headers(scope=scope), self.access
         host = headers.get("host", "")
         if host not in access.hosts:
             return PlainTextResponse("This server answers for this machine only.", 421)
         if scope["method"] == "GET" and scope["path"] == "/":
-            given = parse_qs(scope["query_string"].decode("latin-1")).get("token", [])
-            if given:
-                return self._opened(given[0])
+            tokens = parse_qs(scope["query_string"].decode("latin-1")).get("token", [])
+            if tokens:
+                return self._opened(tokens[0])
         if not self._knows(headers.getlist("cookie")):
             return PlainTextResponse("Open the address that `clutchid app` has printed: it has a token.", 403)
         ours = headers.get("origin") == f"http://{host}" and headers.get(OURS) is not None
@@ -168,14 +168,14 @@ class Guard:
     def _knows(self, cookies: Iterable[str]) -> bool:
         for text in cookies:
             try:
-                found = SimpleCookie(text).get(self.access.name)
+                cookie = SimpleCookie(text).get(self.access.name)
             except CookieError:
                 continue
-            if found is not None and _same(found.value, self.access.cookie):
+            if cookie is not None and _same(cookie.value, self.access.cookie):
                 return True
         return False
 
 
-def _same(given: str, known: str) -> bool:
+def _same(received: str, secret: str) -> bool:
     """Whether two secrets are the same, in a time that does not depend on where they differ."""
-    return hmac.compare_digest(given.encode("utf-8", "replace"), known.encode())
+    return hmac.compare_digest(received.encode("utf-8", "replace"), secret.encode())

@@ -83,10 +83,10 @@ class Jobs:
         self,
         folder: Path,
         changed: Callable[[Job], None],
-        done: Callable[[Job, dict[str, Any]], None],
+        ended: Callable[[Job, dict[str, Any]], None],
         trace: Callable[[str], None],
     ) -> None:
-        self._folder, self._changed, self._done, self._trace = folder, changed, done, trace
+        self._folder, self._changed, self._done, self._trace = folder, changed, ended, trace
         self._waiting: dict[Lane, deque[Job]] = {"files": deque(), "fits": deque()}
         self._running: dict[Lane, asyncio.Task[None]] = {}
         self._jobs: dict[str, Job] = {}

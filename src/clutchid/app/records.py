@@ -1,4 +1,4 @@
-"""What the page shows as frozen records, and the tasks of its jobs as records that are sent to another process."""
+"""Frozen records of the content of the page, and of the tasks that its jobs send to another process."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PRIVATE = {"private": True}
 
 def content(record: Any) -> dict[str, Any]:
     """A record as the JSON object that the page gets, by the names of its fields."""
-    return {one.name: _plain(getattr(record, one.name)) for one in fields(record) if not one.metadata}
+    return {item.name: _plain(getattr(record, item.name)) for item in fields(record) if not item.metadata}
 
 
 def _plain(value: Any) -> Any:

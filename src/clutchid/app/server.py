@@ -56,7 +56,7 @@ def application(session: Session, access: Access, begun: Callable[[], None] = la
 
     @contextlib.asynccontextmanager
     async def lifespan(_app: Starlette) -> AsyncIterator[None]:
-        for path in session.given:
+        for path in session.named:
             _open_any(session, path)
         begun()
         with contextlib.suppress(OSError):
@@ -116,7 +116,7 @@ async def _index(_request: Request) -> Response:
 
 
 async def _about(session: Session, _request: Request) -> Response:
-    """What does not change while the server runs: units, quantities, verbs."""
+    """Facts that are constant while the server runs: units, quantities, verbs."""
     units = {name: asdict(unit) for name, unit in UNITS.items()}
     return JSONResponse({
         "version": version("clutchid"), "folder": str(session.below), "units": units, "quantities": dict(QUANTITIES),
@@ -171,7 +171,7 @@ async def _received(session: Session, request: Request, kind: str = "recording",
 
 async def _open_path(session: Session, request: Request) -> Response:
     body = await _body(request)
-    path = allowed_path(_text(body, "path"), session.below, session.given)
+    path = allowed_path(_text(body, "path"), session.below, session.named)
     return JSONResponse({"id": _open_any(session, path)})
 
 
@@ -200,10 +200,10 @@ async def _plot(kind: type[Recording | Result | Observation], session: Session, 
         raise ParameterError("plot: begin and end are times in s, and at most 64 columns are plotted.")
     folder = session.columns_of(kind, request.path_params["id"])
     try:
-        found = plotted(folder, grid, columns, begin, end, width)
+        values = plotted(folder, grid, columns, begin, end, width)
     except FileNotFoundError:
         raise DataError("this channel has no numbers to plot.") from None
-    return Response(found.astype("<f8").tobytes(), media_type="application/octet-stream")
+    return Response(values.astype("<f8").tobytes(), media_type="application/octet-stream")
 
 
 async def _set_map(session: Session, request: Request) -> Response:
@@ -233,15 +233,15 @@ def _toml_of(text: str) -> dict[str, Any]:
 
 
 async def _map_file(session: Session, request: Request) -> Response:
-    known = session.board.get(Recording, request.path_params["id"])
-    if known is None or known.map is None:
+    recording = session.board.get(Recording, request.path_params["id"])
+    if recording is None or recording.map is None:
         raise DataError("this recording has no channel map of its own.")
-    return FileResponse(known.map, headers=_attachment(f"{known.name}.map.toml"))
+    return FileResponse(recording.map, headers=_attachment(f"{recording.name}.map.toml"))
 
 
 async def _cut(session: Session, request: Request) -> Response:
     begins = (await _body(request)).get("begins")
-    if not isinstance(begins, list) or not begins or not all(isinstance(one, int | float) for one in begins):
+    if not isinstance(begins, list) or not begins or not all(isinstance(begin, int | float) for begin in begins):
         raise ParameterError("cut: no stroke is chosen.")
     return JSONResponse({"id": session.cut(request.path_params["id"], begins)})
 
@@ -261,7 +261,7 @@ async def _observe(session: Session, request: Request) -> Response:
 
 
 async def _upload_table(session: Session, request: Request) -> Response:
-    """A result of a track or a fleet; with `beside`, a further file of one that was sent before."""
+    """A result of a track or a fleet; with `beside`, a further file of an earlier upload."""
     beside = request.query_params.get("beside", "")
     first = session.board.get(Table, beside)
     if beside and first is None:
@@ -318,12 +318,12 @@ async def _body(request: Request) -> dict[str, Any]:
     if not length.isdigit() or int(length) > _LARGEST_BODY:
         raise ParameterError("this request is too large, or does not say how large it is.")
     try:
-        found = json.loads(await request.body())
+        body = json.loads(await request.body())
     except (ValueError, RecursionError):
-        found = None
-    if not isinstance(found, dict):
+        body = None
+    if not isinstance(body, dict):
         raise ParameterError("this request is no JSON object.")
-    return found
+    return body
 
 
 def _text(body: dict[str, Any], name: str) -> str:
@@ -335,7 +335,7 @@ def _text(body: dict[str, Any], name: str) -> str:
 
 def _texts(body: dict[str, Any], name: str) -> list[str]:
     value = body.get(name, [])
-    if not isinstance(value, list) or not all(isinstance(one, str) for one in value):
+    if not isinstance(value, list) or not all(isinstance(text, str) for text in value):
         raise ParameterError(f"{name}: a list of texts is needed.")
     return value
 
@@ -348,12 +348,12 @@ def bound(port: int, host: str = LOOPBACK[0]) -> socket.socket:
     ParameterError
         If the port is in use or may not be used, or the host is no name or IPv4 address of this machine.
     """
-    one = socket.socket(proto=socket.IPPROTO_TCP)  # known to asyncio as TCP, it sends small answers at once
+    listener = socket.socket(proto=socket.IPPROTO_TCP)  # known to asyncio as TCP, it sends small answers at once
     try:
-        one.bind((host, port))
-        one.listen(128)
+        listener.bind((host, port))
+        listener.listen(128)
     except (OSError, OverflowError, UnicodeError) as error:
-        one.close()
+        listener.close()
         if isinstance(error, socket.gaierror | UnicodeError) or getattr(error, "errno", 0) == errno.EADDRNOTAVAIL:
             raise ParameterError(
                 f"--host {printable(host)}: is no name or IPv4 address of this machine; 0.0.0.0 is all of its "
@@ -361,9 +361,9 @@ def bound(port: int, host: str = LOOPBACK[0]) -> socket.socket:
             ) from error
         reason = reason_of(error) if isinstance(error, OSError) else "no such port"
         raise ParameterError(
-            f"--port {port}: cannot be used ({reason}); name another one, or leave --port out for one that is free."
+            f"--port {port}: cannot be used ({reason}); name another, or leave --port out for a free one."
         ) from error
-    return one
+    return listener
 
 
 def serve(
@@ -403,10 +403,10 @@ def serve(
     for file in files:
         if not file.is_file():
             raise DataError(f"{file}: there is no such file.")
-    one = bound(port, host)
+    listener = bound(port, host)
     folder = make_folder(base)
     try:
-        address, number = one.getsockname()
+        address, number = listener.getsockname()
         access = Access(number, names_of(address, host))
         if warning := warning_of(address, access.names):
             warn(warning)
@@ -419,8 +419,8 @@ def serve(
         app = application(Session(folder, below, [file.absolute() for file in files], trace), access, begun)
         config = uvicorn.Config(app, log_level="critical", access_log=False, timeout_graceful_shutdown=1, ws="none")
         with contextlib.suppress(KeyboardInterrupt):  # uvicorn raises it again when it has ended
-            uvicorn.Server(config).run(sockets=[one])
+            uvicorn.Server(config).run(sockets=[listener])
     finally:
-        one.close()
+        listener.close()
         end_folder(folder, keep=keep)
     return folder

@@ -37,9 +37,9 @@ class Session:
     """
 
     def __init__(
-        self, folder: Path, below: Path, given: Sequence[Path] = (), trace: Callable[[str], None] = lambda _: None
+        self, folder: Path, below: Path, named: Sequence[Path] = (), trace: Callable[[str], None] = lambda _: None
     ) -> None:
-        self.folder, self.below, self.given = folder, below.resolve(), tuple(given)
+        self.folder, self.below, self.named = folder, below.resolve(), tuple(named)
         self.board = Board()
         self.jobs = Jobs(folder / "processes", self._job_changed, self._job_done, trace)
         self._numbers = itertools.count(1)
@@ -56,8 +56,8 @@ class Session:
     def open(self, path: Path, id_: str | None = None, *, uploaded: bool = False) -> str:
         """Begin to read a file as a recording; the id of the recording."""
         id_ = id_ or self._id("recording")
-        one = records.Recording(id_, printable(path.name), path, uploaded, size=path.stat().st_size)
-        return self._begin("open", "files", one, records.Look(records.File(path), self._columns(id_)))
+        recording = records.Recording(id_, printable(path.name), path, uploaded, size=path.stat().st_size)
+        return self._begin("open", "files", recording, records.Look(records.File(path), self._columns(id_)))
 
     def set_map(self, id_: str, channels: Mapping[str, Any], rate: float | None, ambient: str) -> None:
         """Give a recording a channel map, and look at it again.
@@ -71,9 +71,9 @@ class Session:
 
         recording = self._recording(id_)
         pressure(ambient or None)
-        kept = self.folder / "maps" / id_ / "map.toml"
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        tried = kept.with_name("tried.toml")
+        file = self.folder / "maps" / id_ / "map.toml"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        tried = file.with_name("tried.toml")
         try:
             tried.write_text(tomli_w.dumps(_stated({"rate": rate, **channels})), encoding="utf-8")
             read_map(tried)
@@ -81,10 +81,10 @@ class Session:
             raise ParameterError(str(error).replace(str(tried), "map")) from None
         except TypeError:  # what JSON has and TOML has not
             raise ParameterError("map: entries of a channel map are texts and numbers.") from None
-        replace(tried, kept)
+        replace(tried, file)
         self.jobs.cancel_about(id_)
-        self.board.update(id_, map=kept, ambient=ambient, status="reading", message="")
-        task = records.Look(records.File(recording.path, kept), self._columns(id_), ambient, copied=True)
+        self.board.update(id_, map=file, ambient=ambient, status="reading", message="")
+        task = records.Look(records.File(recording.path, file), self._columns(id_), ambient, copied=True)
         self.jobs.submit(f"check {recording.name}", "files", task, id_)
 
     def cut(self, id_: str, begins: Sequence[float]) -> str:
@@ -128,12 +128,12 @@ class Session:
                 "pressure first, or open a calibration that was saved."
             )
         files, others = self._files(recordings), self._files(verify)
-        kept = None if start is None else self.calibration_file(start)
+        calibration = None if start is None else self.calibration_file(start)
         asked = fit_command(verb, options, files, others, None if start is None else self._start_name(start))
         command, python = repeated(asked, [*files, *others])
         id_, folder = self._result_folder("result")
         # the result names its calibration as the command does
-        first = shutil.copyfile(kept, folder / asked.start.name) if kept and asked.start else None
+        first = shutil.copyfile(calibration, folder / asked.start.name) if calibration and asked.start else None
         names = ", ".join(file.name for file in files)
         name = f"{verb} {names}"
         task = records.FitRecordings(asked, name, files, folder, others, first)
@@ -146,13 +146,13 @@ class Session:
     def open_calibration(self, path: Path, name: str, *, move: bool) -> str:
         """Begin to read a calibration from a file; the id of the result that it becomes."""
         id_, folder = self._result_folder("result")
-        kept = folder / "fit.toml"
+        file = folder / "fit.toml"
         if move:
-            replace(path, kept)
+            replace(path, file)
         else:
-            shutil.copyfile(path, kept)
+            shutil.copyfile(path, file)
         result = records.Result(id_, "file", printable(name), made=time.time())
-        return self._begin("open", "files", result, records.ReadCalibration(kept, name))
+        return self._begin("open", "files", result, records.ReadCalibration(file, name))
 
     def observe(self, recording: str, start: str, method: str, *, force: bool) -> str:
         """Begin to follow a recording with the observer of a calibration; the id of what it becomes.
@@ -196,8 +196,9 @@ class Session:
         fleet = self.board.get(records.Table, id_)
         if fleet is None or not fleet.found or vehicle not in fleet.found.get("vehicles", {}).get("vehicle", ()):
             raise DataError(f"{printable(vehicle)}: there is no such vehicle in this fleet.")
-        same = (one for one in self.board.all(records.Table) if (one.path, one.vehicle) == (fleet.path, vehicle))
-        there = next((one.id for one in same if one.status not in ("failed", "cancelled")), None)
+        tables = self.board.all(records.Table)
+        same = (table for table in tables if (table.path, table.vehicle) == (fleet.path, vehicle))
+        there = next((table.id for table in same if table.status not in ("failed", "cancelled")), None)
         return there or self.open_table(fleet.path, vehicle=vehicle)
 
     def export(self, id_: str, to: str, method: str) -> None:
@@ -273,18 +274,18 @@ class Session:
         elif job.status == "running" and (item := self.board.item(job.about)) and item.status == "waiting":
             self.board.update(job.about, status="running")
 
-    def _job_done(self, job: Job, found: dict[str, Any]) -> None:
+    def _job_done(self, job: Job, content: dict[str, Any]) -> None:
         task = job.task
         if isinstance(task, records.Export):
             result = self.board.get(records.Result, job.about)
             if result is not None:
-                self.board.update(job.about, exports=(*result.exports, found))
+                self.board.update(job.about, exports=(*result.exports, content))
         elif isinstance(task, records.Look | records.Cut):
             path = (task.look if isinstance(task, records.Cut) else task).file.path
             size = path.stat().st_size if path.exists() else 0
-            self.board.update(job.about, status="ready", look=found, size=size, message="")
+            self.board.update(job.about, status="ready", look=content, size=size, message="")
         else:
-            self.board.update(job.about, status="done", found=found, message="")
+            self.board.update(job.about, status="done", found=content, message="")
 
     # records
 
@@ -310,11 +311,12 @@ class Session:
     def _files(self, ids: Sequence[str]) -> tuple[records.File, ...]:
         """Recordings as jobs read them, each with the name that a command has for it."""
         recordings = [self._recording(id_) for id_ in ids]
-        for one in recordings:
-            if one.look is None:
-                raise DataError(f"{one.name}: is not read yet.")
-        names = (one.name if one.uploaded else _relative(one.path) for one in recordings)
-        return tuple(records.File(one.path, one.map, name) for one, name in zip(recordings, names, strict=True))
+        for recording in recordings:
+            if recording.look is None:
+                raise DataError(f"{recording.name}: is not read yet.")
+        names = (recording.name if recording.uploaded else _relative(recording.path) for recording in recordings)
+        files = ((recording.path, recording.map) for recording in recordings)
+        return tuple(records.File(*file, name) for file, name in zip(files, names, strict=True))
 
     def _start_name(self, id_: str) -> str:
         result = self.board.get(records.Result, id_)

@@ -1,4 +1,4 @@
-"""What a job does, in its own process: open a recording, apply a map, fit, check a calibration, export."""
+"""Tasks of jobs, each in a process of its own: open a recording, apply a map, fit, check a calibration, export."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ def look(task: records.Look, events: Events) -> dict[str, Any]:
     """
     events.progress("reading", None, "reading")
 
-    def shown(done: int, size: int) -> None:
-        events.progress("reading", 0.9 * done / max(size, 1), f"reading, {done:,} samples")
+    def shown(count: int, size: int) -> None:
+        events.progress("reading", 0.9 * count / max(size, 1), f"reading, {count:,} samples")
 
     if not task.copied:
         copied(task.file.path, task.folder, shown)
@@ -104,62 +104,62 @@ def fit(task: records.FitRecordings, events: Events) -> dict[str, Any]:
     asked = task.asked
     usual = CALIBRATION if asked.verb == "calibrate" else ESTIMATE
 
-    def show(done: Progressed) -> None:
-        events.progress(done.step.stage, done.share, done.words)
+    def show(state: Progressed) -> None:
+        events.progress(state.step.stage, state.share, state.words)
 
     progress = shared(usual, show)
     when_compiling(lambda _: progress(Step("compiling")))
-    found = asked.run_on(_files(task.recordings), _files(task.verify), task.start, progress).raised()
+    result = asked.run_on(_files(task.recordings), _files(task.verify), task.start, progress).raised()
     progress(Step("writing"))
-    shown = _shown(found, task)
+    shown = _shown(result, task)
     events.part({**shown, "writing": True})
-    return {**shown, **_written(found, task)}
+    return {**shown, **_written(result, task)}
 
 
-def _written(found: Fit, task: records.FitRecordings) -> dict[str, Any]:
+def _written(result: Fit, task: records.FitRecordings) -> dict[str, Any]:
     """Write the files of a fit; their names, and why others could not be written."""
     folder, files, failures = task.folder, ["result.json"], []
     for name in ("fit.toml", "report.html", "fit.m", "fit.mat"):
         try:
             if name.endswith(".html"):
-                saving.report(found, task.asked.command, folder / name)
+                saving.report(result, task.asked.command, folder / name)
             elif name.endswith(".m"):
-                saving.save(found, folder / name, task.name)
+                saving.save(result, folder / name, task.name)
             else:
-                saving.save(found, folder / name)
+                saving.save(result, folder / name)
             files.append(name)
         except ClutchidError as error:
             failures.append(f"{name}: {error}")
-    (folder / "result.json").write_text(json.dumps(records.finite(fit_json(found))), encoding="utf-8")
+    (folder / "result.json").write_text(json.dumps(records.finite(fit_json(result))), encoding="utf-8")
     return {"files": files, "failures": failures}
 
 
-def _shown(found: Fit, task: records.FitRecordings) -> dict[str, Any]:
-    """What the page shows of a fit."""
-    kept = Path(records.download_name(task.name, "fit.toml"))
-    command = replace(task.asked, save=(kept,), report=kept.with_suffix(".html")).command
+def _shown(result: Fit, task: records.FitRecordings) -> dict[str, Any]:
+    """Content of the page of a fit."""
+    file = Path(records.download_name(task.name, "fit.toml"))
+    command = replace(task.asked, save=(file,), report=file.with_suffix(".html")).command
     return {
-        **application_data(found, command),
-        "recordings": _residuals(found, task.folder / "columns"),
+        **application_data(result, command),
+        "recordings": _residuals(result, task.folder / "columns"),
         "files": [],
         "failures": [],
         "writing": False,
     }
 
 
-def _residuals(found: Fit, folder: Path) -> list[dict[str, Any]]:
+def _residuals(result: Fit, folder: Path) -> list[dict[str, Any]]:
     """Columns of the fitted and verified recordings, and their names by number."""
     shown = []
-    columns = compared_columns(found)
-    for grid, (name, one) in enumerate({**found.recordings, **found.verification}.items()):
-        write_columns(folder, grid, one.measured.time, columns[name].values())
-        span = [float(one.measured.time[0]), float(one.measured.time[-1])]
-        shown.append({"name": name, "columns": [*columns[name]], "span": span, "verified": name in found.verification})
+    columns = compared_columns(result)
+    for grid, (name, recording) in enumerate({**result.recordings, **result.verification}.items()):
+        write_columns(folder, grid, recording.measured.time, columns[name].values())
+        span = [float(recording.measured.time[0]), float(recording.measured.time[-1])]
+        shown.append({"name": name, "columns": [*columns[name]], "span": span, "verified": name in result.verification})
     return shown
 
 
 def check_calibration(task: records.ReadCalibration, events: Events) -> dict[str, Any]:
-    """What a parameter file holds, if it is a calibration.
+    """Content of a parameter file that is a calibration.
 
     Raises
     ------
@@ -196,14 +196,14 @@ def export(task: records.Export, events: Events) -> dict[str, Any]:
     when_compiling(lambda _: events.progress("compiling", None, "compiling the model, once per machine"))
     made = task.folder / "export"
     shutil.rmtree(made, ignore_errors=True)
-    done = exported(task.start, made, to=task.to, method=task.method)
+    bundle = exported(task.start, made, to=task.to, method=task.method)
     archive = shutil.make_archive(str(made), "zip", made)
-    parity = done.parity
-    words = f"{len(done.files)} files"
+    parity = bundle.parity
+    words = f"{len(bundle.files)} files"
     if parity is not None:
-        holds = "holds" if done.holds else "does not hold"
+        holds = "holds" if bundle.holds else "does not hold"
         words += f"; parity {holds} on {parity.recording}: load {100 * parity.load:.2g} % of its peak"
-    return {"file": Path(archive).name, "words": words, "notes": list(done.notes)}
+    return {"file": Path(archive).name, "words": words, "notes": list(bundle.notes)}
 
 
 def observe(task: records.Observe, events: Events) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What a page sends as a file or names by its path: safe names, limits of size and disk, and only what lies below."""
+"""Files that the page sends or names by a path: safe names, limits of size and disk, only below the open folder."""
 
 from __future__ import annotations
 
@@ -85,13 +85,13 @@ async def receive(chunks: AsyncGenerator[bytes, None], path: Path, size: int) ->
     DataError
         If it is not as long as it said, or cannot be written.
     """
-    done = 0
+    received = 0
     try:
         with path.open("xb") as file:
             async with aclosing(chunks):  # it may end before they do
                 async for chunk in chunks:
-                    done += len(chunk)
-                    if done > size:
+                    received += len(chunk)
+                    if received > size:
                         break
                     file.write(chunk)
     except OSError as error:
@@ -100,12 +100,12 @@ async def receive(chunks: AsyncGenerator[bytes, None], path: Path, size: int) ->
     except BaseException:
         path.unlink(missing_ok=True)
         raise
-    if done != size:
+    if received != size:
         path.unlink(missing_ok=True)
-        raise DataError(f"{path.name}: {done:,} of {size:,} bytes arrived; send it again.")
+        raise DataError(f"{path.name}: {received:,} of {size:,} bytes arrived; send it again.")
 
 
-def allowed_path(text: str, below: Path, given: Iterable[Path]) -> Path:
+def allowed_path(text: str, below: Path, named: Iterable[Path]) -> Path:
     """A file that may be opened by its path: one below the folder, also by links, or one given on the command line.
 
     Raises
@@ -118,10 +118,10 @@ def allowed_path(text: str, below: Path, given: Iterable[Path]) -> Path:
         raise DataError(f"{shown}: is no path.")
     try:
         path = (below / text).resolve()
-        known = path.is_relative_to(below) or path in {one.resolve() for one in given}
+        allowed = path.is_relative_to(below) or path in {file.resolve() for file in named}
     except (OSError, RuntimeError) as error:
         raise DataError(f"{shown}: cannot be opened ({error}).") from error
-    if not known:
+    if not allowed:
         raise DataError(f"{shown}: does not lie below {below}; start `clutchid app --folder DIR` with another folder.")
     if not path.is_file():
         raise DataError(f"{shown}: there is no such file below {below}.")
@@ -129,7 +129,7 @@ def allowed_path(text: str, below: Path, given: Iterable[Path]) -> Path:
 
 
 def is_opened(name: str) -> bool:
-    """Whether a file is called like one that the page opens: a recording, or what comes with one."""
+    """Whether the page opens a file of this name: a recording, or a file that belongs to one."""
     return bool(split_name(name)[1]) or Path(name).suffix.lower() in BESIDE
 
 
@@ -139,9 +139,9 @@ def is_table(name: str) -> bool:
 
 
 def listed(text: str, below: Path, chosen: Callable[[str], bool] = is_opened) -> dict[str, object]:
-    """Folders and files with a `chosen` name in a folder below the one that is open to the page.
+    """Folders, and files with a `chosen` name, in a folder below that of the page.
 
-    How many others there are, by suffix, stands in `others`.
+    `others` has the number of other files by suffix.
 
     Raises
     ------
@@ -156,7 +156,7 @@ def listed(text: str, below: Path, chosen: Callable[[str], bool] = is_opened) ->
     others: list[Path] = []
     try:
         names = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
-        entries = sorted(names, key=lambda one: one.name.casefold())[:MOST_ENTRIES]
+        entries = sorted(names, key=lambda entry: entry.name.casefold())[:MOST_ENTRIES]
         for entry in entries:
             path = entry.relative_to(below).as_posix()
             if entry.is_dir():

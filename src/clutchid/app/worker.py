@@ -28,7 +28,7 @@ GLANCE = 0.1
 
 
 class Events:
-    """What a job says, as JSON lines; progress of one stage is thinned out."""
+    """Messages of a job as JSON lines; progress within a stage is thinned out."""
 
     def __init__(self, descriptor: int) -> None:
         self._file = os.fdopen(descriptor, "w", encoding="utf-8")

@@ -33,7 +33,7 @@ def app(
     files
         Recordings and calibrations (TOML) that are opened at once.
     port
-        Port of this machine; by default one that is free.
+        Port of this machine; by default a free one.
     host
         Address or name of this machine at which the page is served; by default only this machine reaches it. Another
         one, or 0.0.0.0 for all, lets other machines ask, which need the token too; nothing is encrypted.
@@ -52,7 +52,7 @@ def app(
     from clutchid.app.folder import cache_folder
     from clutchid.app.server import serve
 
-    kept = serve(
+    base = serve(
         files,
         folder,
         cache_folder(),
@@ -65,5 +65,5 @@ def app(
         warn=lambda text: say([text]),
     )
     if keep:
-        print_written(kept)
+        print_written(base)
     return DONE

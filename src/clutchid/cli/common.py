@@ -84,7 +84,7 @@ def guarded(command: Callable[P, int]) -> Callable[P, int]:
 
 
 def stopped(command: str, options: Mapping[str, Any]) -> str:
-    """What an interrupted command has kept, and what goes on with it.
+    """Message of an interrupted command: the files that are kept, and how to continue.
 
     Examples
     --------
@@ -189,11 +189,11 @@ def progress_of(
     begin = last = clock()
     with progress_bar(title) as show:
 
-        def progress(done: int, total: int) -> None:
+        def progress(count: int, total: int) -> None:
             nonlocal last
             now = clock()
-            words = progress_words(done, total, items, now - begin)
-            show(words, done / total)
+            words = progress_words(count, total, items, now - begin)
+            show(words, count / total)
             if now - last >= EVERY and not sys.stderr.isatty():
                 put(f"{title}: {words}", to=sys.stderr)
                 last = now
@@ -201,7 +201,7 @@ def progress_of(
         yield progress
 
 
-def progress_words(done: int, total: int, items: str, seconds: float) -> str:
+def progress_words(count: int, total: int, items: str, seconds: float) -> str:
     """Items done of all, at least one, their rate so far, and the time left at that rate.
 
     Examples
@@ -209,13 +209,13 @@ def progress_words(done: int, total: int, items: str, seconds: float) -> str:
     >>> progress_words(30, 1200, "recordings", 60.0)
     '30 of 1,200 recordings, 30 a minute, 39 min left'
     """
-    rate = done / max(seconds, 1e-3)
-    return f"{done:,} of {total:,} {items}, {_rate(rate)}, {_span((total - done) / rate)} left"
+    rate = count / max(seconds, 1e-3)
+    return f"{count:,} of {total:,} {items}, {_rate(rate)}, {_span((total - count) / rate)} left"
 
 
 def _rate(rate: float) -> str:
     """A rate in 1/s with two digits, in the smallest unit of time in which it is 1 or more."""
-    size, unit = next((each for each in _RATES if rate * each[0] >= 1.0), _RATES[-1])
+    size, unit = next((entry for entry in _RATES if rate * entry[0] >= 1.0), _RATES[-1])
     return f"{float(f'{rate * size:.2g}'):,g} {unit}"
 
 

@@ -86,31 +86,31 @@ def export(
     return DONE
 
 
-def _answer(done: Export, json: bool) -> None:
+def _answer(bundle: Export, json: bool) -> None:
     if json:
-        found = done.parity
+        parity = bundle.parity
         print_json({
-            "status": "ok" if done.holds else "warning",
-            "message": _sentence(done),
-            "files": list(done.files),
-            "parity": None if found is None else {
-                "recording": found.recording, "samples": found.samples, "holds": done.holds, "theta": found.theta,
-                "load": found.load, "pressure_a_rms_Pa": found.pressure,
+            "status": "ok" if bundle.holds else "warning",
+            "message": _sentence(bundle),
+            "files": list(bundle.files),
+            "parity": None if parity is None else {
+                "recording": parity.recording, "samples": parity.samples, "holds": bundle.holds, "theta": parity.theta,
+                "load": parity.load, "pressure_a_rms_Pa": parity.pressure,
             },
-            "warnings": list(done.notes),
+            "warnings": list(bundle.notes),
         })  # fmt: skip
         return
-    say(done.notes)
-    put(_sentence(done))
-    print_written(done.folder)
+    say(bundle.notes)
+    put(_sentence(bundle))
+    print_written(bundle.folder)
 
 
-def _sentence(done: Export) -> str:
-    found = done.parity
-    if found is None:
-        return f"exported {len(done.files)} files; parity was not run."
-    words = "parity holds" if done.holds else "parity does not hold"
+def _sentence(bundle: Export) -> str:
+    parity = bundle.parity
+    if parity is None:
+        return f"exported {len(bundle.files)} files; parity was not run."
+    words = "parity holds" if bundle.holds else "parity does not hold"
     return (
-        f"{words} on {found.recording}, {found.samples} samples: load {100 * found.load:.2g} % of its peak, pressure "
-        f"{found.pressure:.2g} Pa rms, theta {found.theta:.2g} prior standard deviations."
+        f"{words} on {parity.recording}, {parity.samples} samples: load {100 * parity.load:.2g} % of its peak, "
+        f"pressure {parity.pressure:.2g} Pa rms, theta {parity.theta:.2g} prior standard deviations."
     )

@@ -72,9 +72,9 @@ class Scheduler:
         """
         from clutchid.fleets.cluster import Tls
 
-        given = {"--tls-ca": self.tls_ca, "--tls-cert": self.tls_cert, "--tls-key": self.tls_key}
-        absent = [name for name, path in given.items() if path is None]
-        if len(absent) == len(given):
+        files = {"--tls-ca": self.tls_ca, "--tls-cert": self.tls_cert, "--tls-key": self.tls_key}
+        absent = [name for name, path in files.items() if path is None]
+        if len(absent) == len(files):
             return None
         if not self.scheduler:
             raise ParameterError("--tls-ca, --tls-cert, --tls-key: belong to --scheduler tls://host:port.")
@@ -158,13 +158,13 @@ def fleet(
 
     shift, place = life_limit(limit), _place(pool, scheduler)
     with progress_of("fleet") as progress:
-        done = verbs.fleet(
+        run = verbs.fleet(
             source, start, out, verb=verb, place=place, limit=shift, retry=retry,
             ambient=pressure(files.ambient), channels=files.map, dbc=files.dbc or (),
             command=typed(sys.argv[1:]), progress=progress,
         )  # fmt: skip
-    _say(done, as_json=json)
-    return DONE if {"ok", "warning"} & {*done.statuses} else FAILED
+    _say(run, as_json=json)
+    return DONE if {"ok", "warning"} & {*run.statuses} else FAILED
 
 
 def _place(pool: WorkerLimits, where: Scheduler) -> Workers:
@@ -174,12 +174,12 @@ def _place(pool: WorkerLimits, where: Scheduler) -> Workers:
     return Workers(pool.workers, where.scheduler, _memory(pool.memory), _seconds(pool.timeout), where.tls())
 
 
-def _say(done: FleetRun, *, as_json: bool) -> None:
+def _say(run: FleetRun, *, as_json: bool) -> None:
     """Print how many recordings there are by status, and what was written."""
-    statuses, vehicles = done.statuses, done.vehicles
+    statuses, vehicles = run.statuses, run.vehicles
     count = sum(statuses.values())
     words = ", ".join(f"{statuses[name]:,} {name}" for name in STATUSES if statuses.get(name))
-    message = f"{count:,} recordings, {done.read:,} of them read now: {words}"
+    message = f"{count:,} recordings, {run.read:,} of them read now: {words}"
     if as_json:
         useful = statuses.get("ok", 0) + statuses.get("warning", 0)
         ended = "ok" if statuses.get("ok") == count else "warning" if useful else "failed"
@@ -188,14 +188,14 @@ def _say(done: FleetRun, *, as_json: bool) -> None:
                 "status": ended,
                 "message": message,
                 "statuses": dict(statuses),
-                "out": str(done.out.resolve()),
-                "warnings": list(done.warnings),
+                "out": str(run.out.resolve()),
+                "warnings": list(run.warnings),
             }
         )
         return
-    say(done.warnings)
+    say(run.warnings)
     put(printable_lines(message))
-    put(f"{vehicles:,} vehicle{'' if vehicles == 1 else 's'}: {printable(str((done.out / 'index.html').resolve()))}")
+    put(f"{vehicles:,} vehicle{'' if vehicles == 1 else 's'}: {printable(str((run.out / 'index.html').resolve()))}")
 
 
 def _seconds(timeout: float) -> float:

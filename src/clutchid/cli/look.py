@@ -52,9 +52,9 @@ def look(
 
     check_outputs({"--save": save}, [("the recording itself", file), ("the calibration", start)])
     content = None if start is None else start_file(start)
-    found = looked(file, pressure(files.ambient), tuple(files.dbc or ()), files.map, content)
-    contents = found.contents
-    document = document_of(found)
+    result = looked(file, pressure(files.ambient), tuple(files.dbc or ()), files.map, content)
+    contents = result.contents
+    document = document_of(result)
     if json:
         print_json(document.data())
     else:

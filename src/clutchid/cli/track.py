@@ -45,8 +45,8 @@ def track(
 ) -> int:
     """Follow the wear of one clutch through its recordings: trend, replaced clutches, remaining life.
 
-    Every recording is read from position alone, as `clutchid estimate` does. One that cannot be read is a row with
-    its reason.
+    Every recording is read from position alone, as `clutchid estimate` does. A recording that cannot be read is
+    a row with its reason.
 
     Parameters
     ----------
@@ -80,19 +80,19 @@ def track(
     shift, results = life_limit(limit), (out, tracking.curves_path(out))
     _check(out, report, start, table, wear_table, logs)
     with progress_of("track") as progress:
-        found = tracking.track(
+        tracked = tracking.track(
             logs, start, table=table, wear_table=wear_table, limit=shift, workers=workers,
             ambient=pressure(files.ambient), channels=files.map, dbc=files.dbc or (), zero=zero, results=results,
             progress=progress,
         )  # fmt: skip
-    tracking.write_tracked(found, out)
-    document = document_of(WornClutch(found.wear, found.curves, found.left_out), typed(sys.argv[1:]))
+    tracking.write_tracked(tracked, out)
+    document = document_of(WornClutch(tracked.wear, tracked.curves, tracked.left_out), typed(sys.argv[1:]))
     if report is not None:
         write_page(document, report)
     if json:
         print_json(document.data())
         return DONE
-    say(filter(None, (found.left_out, *found.wear.warnings)))
+    say(filter(None, (tracked.left_out, *tracked.wear.warnings)))
     print_rows(document.rows)
     print_written(*results, report)
     return DONE

@@ -56,12 +56,12 @@ def _branch(
     named = [str(target) for target in new if str(target) in defined]
     lines = [f"{indent}/* {', '.join(named)}, case by case */"] if named else []
     lines += [f"{indent}{language.real} {target};" for target in new]
-    known = {*declared, *outputs}
+    in_scope = {*declared, *outputs}
     for number, (condition, arm) in enumerate(branch.arms):
         final = number == len(branch.arms) - 1
         test = "" if final else f"if ({language.print(condition)}) "
         lines.append(f"{indent}{'} else ' if number else ''}{test}{{")
-        lines += c_lines(arm, language, indent + "    ", known, defined)
+        lines += c_lines(arm, language, indent + "    ", in_scope, defined)
     return [*lines, f"{indent}}}"]
 
 

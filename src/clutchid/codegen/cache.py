@@ -169,7 +169,7 @@ def _mark(text: bytes) -> bytes:
 
 
 def _read(sign: Path) -> str:
-    """The folder that a sign points to; one that is not there points nowhere."""
+    """The folder that a sign points to, "nowhere" without a sign."""
     try:
         return sign.read_text("ascii").strip() or "nowhere"
     except (OSError, UnicodeDecodeError):

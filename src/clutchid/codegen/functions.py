@@ -69,11 +69,11 @@ def _program(
     of_run = _loads(_stores("p", plan.system.parameters))
     of_sample = of_run | _loads(constants)
     of_stage = of_sample | _loads(held)
-    given = of_sample | _loads(_stores("u", plan.system.inputs))
+    of_inputs = of_sample | _loads(_stores("u", plan.system.inputs))
     once, hold = Interface(("p", "work"), inline=inline), Interface(("u", "p", "work"), ("u",), inline=inline)
     return {
         f"constants_{name}": function(f"constants_{name}", once, program.constants, of_run, constants),
-        f"hold_{name}": function(f"hold_{name}", hold, program.held, given, held),
+        f"hold_{name}": function(f"hold_{name}", hold, program.held, of_inputs, held),
         f"step_{name}": step_function(f"step_{name}", plan, work, program.stage, (of_stage, results), inline),
     }
 

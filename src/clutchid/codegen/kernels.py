@@ -122,7 +122,7 @@ def _has_kernels(path: Path) -> bool:
 
 
 def _file(name: str) -> Path:
-    found = find_spec(name)
-    if found is None or found.origin is None:
+    spec = find_spec(name)
+    if spec is None or spec.origin is None:
         raise ModuleNotFoundError(f"no module named {name}")
-    return Path(found.origin)
+    return Path(spec.origin)

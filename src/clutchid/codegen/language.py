@@ -111,10 +111,10 @@ class Language:
 
     def _power(self, base: Expr, exponent: Expr) -> str:
         if exponent.is_Integer and abs(exponent) <= 6:
-            one = self._factor(base) if base.is_Symbol or base.is_number else f"({self._visit(base)})"
+            factor = self._factor(base) if base.is_Symbol or base.is_number else f"({self._visit(base)})"
             if exponent < 0:
-                one = f"({self._number(sp.Integer(1))}/{one})"
-            return "*".join([one] * abs(int(exponent)))
+                factor = f"({self._number(sp.Integer(1))}/{factor})"
+            return "*".join([factor] * abs(int(exponent)))
         if abs(exponent) == sp.Rational(1, 2):
             root = self._call("sqrt", base)
             return root if exponent > 0 else f"({self._number(sp.Integer(1))}/{root})"

@@ -38,7 +38,7 @@ def linked(name: str, arguments: Mapping[str, str], text: str) -> Any:
 
     def definition(_typing: Any, *passed: Any) -> Any:
         pairs = zip(arguments.items(), passed, strict=True)
-        taken = tuple(_array(name, of, given) if kind == "ptr" else _NUMBERS[kind] for (of, kind), given in pairs)
+        taken = tuple(_array(name, of, argument) if kind == "ptr" else _NUMBERS[kind] for (of, kind), argument in pairs)
         return types.void(*taken), _call(name, text)
 
     # Numba matches arguments by the names of a signature; it cannot count a tuple of them

@@ -36,26 +36,26 @@ class Writer:
     """Instructions as they are written, and what holds each symbol's value.
 
     Symbols in `places` are loaded where they are used first, so that an arm that is not taken loads nothing either.
-    `known` are instructions whose result can be used again: those of the blocks around the one that is written.
+    `written` has the instructions whose result can be used again: those of this block and of the blocks around it.
     """
 
     places: dict[Expr, ArrayElement] = field(default_factory=dict)
     lines: list[str] = field(default_factory=list)
     values: dict[Expr, str] = field(default_factory=dict)
     bases: dict[str, str] = field(default_factory=dict)
-    known: list[dict[str, str]] = field(default_factory=lambda: [{}])
+    written: list[dict[str, str]] = field(default_factory=lambda: [{}])
     lookup: Callable[[Lookup], None] | None = None
     block: str = "entry"
     count: int = 0
 
     def new(self, instruction: str) -> str:
-        """The result of an instruction, written unless it is known."""
-        for known in self.known:
-            if instruction in known:
-                return known[instruction]
+        """The result of an instruction, written unless it has been before."""
+        for names in self.written:
+            if instruction in names:
+                return names[instruction]
         name = f"%{self._unused()}"
         self.lines.append(f"  {name} = {instruction}")
-        self.known[-1][instruction] = name
+        self.written[-1][instruction] = name
         return name
 
     def address(self, place: ArrayElement) -> str:
@@ -120,24 +120,24 @@ class Writer:
         return self._chain("fmul", [self.number(factor) for factor in value.as_ordered_factors()])
 
     def _power(self, base: Expr, exponent: Expr) -> str:
-        one = constant(sp.Integer(1))
+        unit = constant(sp.Integer(1))
         if exponent.is_Integer and abs(exponent) <= 6:
             factor = self.number(base)
             if exponent < 0:
-                factor = self._chain("fdiv", [one, factor])
+                factor = self._chain("fdiv", [unit, factor])
             return self._chain("fmul", [factor] * abs(int(exponent)))
         if abs(exponent) == sp.Rational(1, 2):
             root = self._call("sqrt", base)
-            return root if exponent > 0 else self._chain("fdiv", [one, root])
+            return root if exponent > 0 else self._chain("fdiv", [unit, root])
         return self._general_power(self.number(base), self.number(exponent))
 
     def _general_power(self, base: str, exponent: str) -> str:
         """A power; ``pow``, as costly as all the rest of a stage, is not called for a base of 1: in choked flow."""
-        one, key = constant(sp.Integer(1)), f"pow {base}, {exponent}"
-        for known in self.known:
-            if key in known:
-                return known[key]
-        trivial = self.new(f"fcmp {FAST} oeq double {base}, {one}")
+        unit, key = constant(sp.Integer(1)), f"pow {base}, {exponent}"
+        for names in self.written:
+            if key in names:
+                return names[key]
+        trivial = self.new(f"fcmp {FAST} oeq double {base}, {unit}")
         before, full, after = self.block, self._unused(), self._unused()
         self.lines.append(f"  br i1 {trivial}, label %{after}, label %{full}")
         self._begin(full)
@@ -145,8 +145,8 @@ class Writer:
         self.lines.append(f"  {name} = call {FAST} double @llvm.pow.f64(double {base}, double {exponent})")
         self.lines.append(f"  br label %{after}")
         self._begin(after)
-        self.known[-1][key] = self.new(f"phi double [ {one}, %{before} ], [ {name}, %{full} ]")
-        return self.known[-1][key]
+        self.written[-1][key] = self.new(f"phi double [ {unit}, %{before} ], [ {name}, %{full} ]")
+        return self.written[-1][key]
 
     def _call(self, name: str, *arguments: Expr) -> str:
         if name not in FUNCTIONS:
@@ -177,7 +177,7 @@ class Writer:
 
     def _branch(self, branch: Branch) -> None:
         """The arms as blocks of their own; where they meet, each symbol that all of them set has one value again."""
-        outputs, after, before, depth = targets(branch), self._unused(), dict(self.values), len(self.known)
+        outputs, after, before, depth = targets(branch), self._unused(), dict(self.values), len(self.written)
         ends: list[tuple[str, list[str]]] = []
         for condition, arm in branch.arms:
             self.values = dict(before)
@@ -186,15 +186,15 @@ class Writer:
                 tested, then, otherwise = self._condition(condition), self._unused(), self._unused()
                 self.lines.append(f"  br i1 {tested}, label %{then}, label %{otherwise}")
                 self._begin(then)
-            self.known.append({})
+            self.written.append({})
             self.run(arm)
-            self.known.pop()
+            self.written.pop()
             ends.append((self.block, [self.values[output] for output in outputs]))
             self.lines.append(f"  br label %{after}")
             if otherwise:
                 self._begin(otherwise)
-                self.known.append({})
-        del self.known[depth:]
+                self.written.append({})
+        del self.written[depth:]
         self.values = before
         self._begin(after)
         for number, output in enumerate(outputs):

@@ -42,10 +42,10 @@ class MachineCode(FunctionCache):
 
     def load_overload(self, signature: Any, context: Any) -> Any:
         """Machine code of a signature, or None: then Numba compiles it next."""
-        found = super().load_overload(signature, context)
-        if found is None:
+        code = super().load_overload(signature, context)
+        if code is None:
             announce()
-        return found
+        return code
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
         """Keep what was compiled."""

@@ -92,7 +92,7 @@ def elementwise_source(name: str, columns: Sequence[Expr], numbers: Sequence[Exp
     """
     arguments = [f"a{number}" for number, _ in enumerate((*columns, *numbers))]
     result = sp.Dummy("result", real=True)
-    one = function(
+    row_function = function(
         name,
         Interface(("out",), moving=("out",), numbers=tuple(zip(arguments, (*columns, *numbers), strict=True))),
         lower(result, value),
@@ -101,7 +101,7 @@ def elementwise_source(name: str, columns: Sequence[Expr], numbers: Sequence[Exp
     )
     rows = [f"{argument}[k]" for argument in arguments[: len(columns)]]
     text: str = template("elementwise.py.j2").render(
-        name=name, arguments=arguments, one=one, passed=[*rows, *arguments[len(columns) :]]
+        name=name, arguments=arguments, row_function=row_function, passed=[*rows, *arguments[len(columns) :]]
     )
     return text
 

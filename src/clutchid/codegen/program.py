@@ -146,24 +146,24 @@ def reads(statement: Statement) -> set[Expr]:
     needed: set[Expr] = set()
     for condition, arm in statement.arms:
         needed |= condition.free_symbols
-        known: set[Expr] = set()
+        assigned: set[Expr] = set()
         for inner in arm:
-            needed |= reads(inner) - known
-            known |= set(targets(inner))
+            needed |= reads(inner) - assigned
+            assigned |= set(targets(inner))
     return needed
 
 
 def live(statements: Sequence[Statement], needed: Iterable[Expr]) -> list[Statement]:
     """The statements that the symbols `needed` depend on."""
     wanted = set(needed)
-    kept: list[Statement] = []
+    results: list[Statement] = []
     for statement in reversed(statements):
         if not wanted & set(targets(statement)):
             continue
         needs = _live_arms(statement, wanted) if isinstance(statement, Branch) else statement
         wanted |= reads(needs)
-        kept.append(needs)
-    return kept[::-1]
+        results.append(needs)
+    return results[::-1]
 
 
 def _live_arms(branch: Branch, wanted: set[Expr]) -> Branch:

@@ -111,8 +111,8 @@ class _Writer:
 
     def spread(self, number: str) -> str:
         """A number in all lanes."""
-        one = self.new(f"insertelement {_VECTOR} poison, double {number}, i64 0")
-        return self.new(f"shufflevector {_VECTOR} {one}, {_VECTOR} poison, <{WIDTH} x i32> zeroinitializer")
+        first = self.new(f"insertelement {_VECTOR} poison, double {number}, i64 0")
+        return self.new(f"shufflevector {_VECTOR} {first}, {_VECTOR} poison, <{WIDTH} x i32> zeroinitializer")
 
     def row(self, group: int, row: int) -> str:
         return self.new(f"load {_VECTOR}, ptr {self.address(group, row)}, align 8")
@@ -302,7 +302,7 @@ class _Step:
     keep: bool
     start: list[str] = field(default_factory=list)
     opened: int = 0
-    found: bool = False
+    looked_up: bool = False
 
     def begin(self) -> None:
         """Read the states, and enter the loop."""
@@ -318,7 +318,7 @@ class _Step:
 
     def look_up(self, lookup: Lookup) -> None:
         """The table at an argument."""
-        writer, self.found = self.writer, True
+        writer, self.looked_up = self.writer, True
         passed = f"double {writer.number(lookup.argument)}, i64 %seg, ptr %breakpoints, i64 %count, ptr %load"
         writer.lines.append(f"  %found = call {_FOUND} @clutchid_look_up({passed})")
         writer.values[lookup.value] = writer.new(f"extractvalue {_FOUND} %found, 0")
@@ -351,7 +351,7 @@ class _Step:
             ]
         writer.lines += ["  %again = icmp slt i64 %next, 4", "  br i1 %again, label %stages, label %done", "done:"]
         writer.lines.append(f"  %sixth = fmul {FAST} double %h, {constant(1.0 / 6.0)}")
-        if self.found:
+        if self.looked_up:
             writer.lines += ["  %left = sitofp i64 %reached to double", "  store double %left, ptr %work"]
         for i, x in enumerate(self.start):
             writer.lines.append(f"  %all.{i} = fmul {FAST} double %sixth, %total.{i}")
@@ -361,7 +361,7 @@ class _Step:
     def _entered(self, last: str) -> list[str]:
         """Head of every stage: its number, the states there, the sum of the rates so far, the segment."""
         lines = [f"  %number = phi i64 [ 0, %entry ], [ %next, %{last} ]"]
-        if self.found:
+        if self.looked_up:
             lines.append(f"  %seg = phi i64 [ %segment, %entry ], [ %reached, %{last} ]")
         for i, x in enumerate(self.start):
             lines.append(f"  %at.{i} = phi double [ {x}, %entry ], [ %moved.{i}, %{last} ]")

@@ -68,20 +68,20 @@ class System:
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ValueError(f"{self.name}: {', '.join(twice)} named twice.")
-        known = {*self.states, *self.inputs, *self.parameters, *self.tabulated}
+        symbols = {*self.states, *self.inputs, *self.parameters, *self.tabulated}
         for symbol, expression in (*self.definitions, *zip(self.states, self.derivatives, strict=True)):
-            unknown = sorted(str(s) for s in symbols_in([expression]) - known)
+            unknown = sorted(str(s) for s in symbols_in([expression]) - symbols)
             if unknown:
                 raise ValueError(f"{self.name}: {symbol} uses {', '.join(unknown)} before it is defined.")
-            known.add(symbol)
+            symbols.add(symbol)
         self._check_jumps()
 
     def _check_jumps(self) -> None:
-        known = {*self.states, *self.parameters, *self.measured}
+        symbols = {*self.states, *self.parameters, *self.measured}
         for jump in self.jumps:
             if len(jump.states) != len(self.states):
                 raise ValueError(f"{self.name}, jump {jump.name}: {len(jump.states)} of {len(self.states)} states.")
-            unknown = sorted(str(s) for s in symbols_in(jump.states) - known)
+            unknown = sorted(str(s) for s in symbols_in(jump.states) - symbols)
             if unknown:
                 raise ValueError(
                     f"{self.name}, jump {jump.name} uses {', '.join(unknown)}; jumps know states, parameters, measured."

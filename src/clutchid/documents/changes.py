@@ -21,18 +21,18 @@ _CAUSE: dict[Cause, str] = {
 
 def rest_sentences(fit: Fit) -> list[str]:
     """A sentence for each rest that has moved."""
-    return [f"{one.recording}: {rest_words(one)}." for one in moved_rests(fit)]
+    return [f"{rest.recording}: {rest_words(rest)}." for rest in moved_rests(fit)]
 
 
-def rest_words(one: MovedRest) -> str:
+def rest_words(rest: MovedRest) -> str:
     """Shift of a rest, its cause, and its correction."""
-    done = "subtracted, so that the load is over the travel from the rest" if one.subtracted else "kept"
-    return f"the vented rest has moved by {one.shift} since the calibration ({_CAUSE[one.cause]}); {done}"
+    correction = "subtracted, so that the load is over the travel from the rest" if rest.subtracted else "kept"
+    return f"the vented rest has moved by {rest.shift} since the calibration ({_CAUSE[rest.cause]}); {correction}"
 
 
 def rests_json(fit: Fit) -> dict[str, dict[str, float | str | None]]:
     """The shift of the rest of each recording in m with its 95 % interval, where known; a cause where it has moved."""
-    causes = {one.recording: one.cause for one in moved_rests(fit)}
+    causes = {rest.recording: rest.cause for rest in moved_rests(fit)}
     return {
         name: {"value": rest.value, "low": rest.low, "high": rest.high, "cause": causes.get(name)}
         for name, recording in fit.recordings.items()
@@ -59,20 +59,20 @@ def since_calibration(fit: Fit) -> list[str]:
 
 def assumed_sentences(fit: Fit) -> list[str]:
     """Assumptions on the conditions of the recordings, and how much the supply pressure moves the load."""
-    return [_assumed(one, fit.load_per_supply, len(fit.recordings)) for one in fit.assumed]
+    return [_assumed(assumption, fit.load_per_supply, len(fit.recordings)) for assumption in fit.assumed]
 
 
-def _assumed(one: Assumption, per_supply: float | None, of: int) -> str:
+def _assumed(assumption: Assumption, per_supply: float | None, of: int) -> str:
     """A sentence on a condition that is not known in some of several recordings."""
-    supply = one.name == "P_S"
-    where = f" in {', '.join(one.recordings)}" if len(one.recordings) < of else ""
+    supply = assumption.name == "P_S"
+    where = f" in {', '.join(assumption.recordings)}" if len(assumption.recordings) < of else ""
     value = (
-        f"{one.value / BAR:.2f} ± {one.half_width / BAR:.2f} bar"
+        f"{assumption.value / BAR:.2f} ± {assumption.half_width / BAR:.2f} bar"
         if supply
-        else f"{one.value - 273.15:.0f} ± {one.half_width:.0f} °C"
+        else f"{assumption.value - 273.15:.0f} ± {assumption.half_width:.0f} °C"
     )
     text = f"{'supply pressure' if supply else 'air temperature'} not recorded"
-    text += f"{' in the calibration' if one.recorded else where}: as calibrated, {value}"
+    text += f"{' in the calibration' if assumption.recorded else where}: as calibrated, {value}"
     if not supply or per_supply is None:
         return text
     return f"{text}; 1 % of it moves this load by {per_supply:.1f} %: record pressure_supply in both, for half the band"
@@ -94,8 +94,8 @@ def change_sentences(fit: Fit) -> list[str]:
 
 def short_changes(changes: Sequence[Change]) -> list[str]:
     """The same in a few words each, for a summary; of many groups without the values."""
-    members = [(recording, list(each)) for (recording, _), each in _grouped(changes)]
-    return [_short(recording, each, len(members) <= MOST_WITH_VALUES) for recording, each in members]
+    members = [(recording, list(group)) for (recording, _), group in _grouped(changes)]
+    return [_short(recording, group, len(members) <= MOST_WITH_VALUES) for recording, group in members]
 
 
 def _grouped(changes: Sequence[Change]) -> Iterable[tuple[tuple[str, str], Iterable[Change]]]:

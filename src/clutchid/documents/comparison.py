@@ -57,21 +57,22 @@ def _halves(compared: Comparison) -> str:
     return f"The load reaches half of its peak at {now}, at the calibration at {before}."
 
 
-def comparison_figure(found: Comparison) -> Figure:
+def comparison_figure(compared: Comparison) -> Figure:
     """Both loads with their bands, and below their difference with its band, up to the reach of the recordings."""
     figure, (loads, difference) = new_figure([3.3, 1.9])
-    inside = found.present.position <= found.reach
-    x, change = found.present.position[inside] / MM, found.difference
+    inside = compared.present.position <= compared.reach
+    x, change = compared.present.position[inside] / MM, compared.difference
     for axis in (loads, difference):
         mark_span(axis, ENGAGING[0] / MM, ENGAGING[1] / MM)
-    _draw_load(loads, found.calibrated, found.half_before, found.reach, Line(STYLE.orange, "at the calibration", 2.0))
-    _draw_load(loads, found.present, found.half_now, found.reach, Line(STYLE.blue, "now", 2.0))
+    before, now = Line(STYLE.orange, "at the calibration", 2.0), Line(STYLE.blue, "now", 2.0)
+    _draw_load(loads, compared.calibrated, compared.half_before, compared.reach, before)
+    _draw_load(loads, compared.present, compared.half_now, compared.reach, now)
     fill(difference, x, change.low[inside], change.high[inside], Line(STYLE.red, opacity=0.2, layer=1))
     draw(difference, x, change.force[inside], Line(STYLE.red, "now less calibration", 1.6))
     difference.axhline(0.0, color=STYLE.ink, linewidth=0.7)
     label(loads, y="load [N]")
     label(difference, "position [mm]", "change [N]")
-    loads.set_xlim(0, max(found.reach / MM, 1.0))
+    loads.set_xlim(0, max(compared.reach / MM, 1.0))
     for axis in (loads, difference):
         legend(axis, 4)
     figure.align_ylabels()
@@ -88,7 +89,7 @@ def _draw_load(axis: Axes, curve: LoadCurve, half: HalfLoad, reach: float, line:
         axis.plot([half.position / MM], [force], "o", color=line.colour, markersize=5, zorder=4)
 
 
-def change_table(found: Comparison) -> ReportTable:
+def change_table(compared: Comparison) -> ReportTable:
     """Both loads and their difference in N and % at every millimetre within the reach."""
     columns = (
         Column("position [m]", "position [mm]", MM, 0), Column("calibrated [N]", "calibrated [N]", 1.0, 0),
@@ -97,9 +98,10 @@ def change_table(found: Comparison) -> ReportTable:
         Column("share [1]", "[%]", 0.01, 1, group="change"),
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = []
-    for position in np.arange(STEP, found.reach + 1e-9, STEP):
-        both = (float(np.interp(position, curve.position, curve.force)) for curve in (found.calibrated, found.present))
-        rows.append((float(position), *both, *found.at(float(position))))
+    for position in np.arange(STEP, compared.reach + 1e-9, STEP):
+        curves = compared.calibrated, compared.present
+        both = (float(np.interp(position, curve.position, curve.force)) for curve in curves)
+        rows.append((float(position), *both, *compared.at(float(position))))
     return ReportTable("Load at the calibration and now", columns, tuple(rows), note="Intervals at 95 %.")
 
 
@@ -113,13 +115,13 @@ def readings_table(readings: Mapping[str, Fit]) -> ReportTable:
         Column("share_6 [1]", "at 6 mm\n[%]", 0.01, 1, group=group), Column("others", "other changes"),
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = []
-    for name, one in readings.items():
-        found = comparison(one)
-        if found is not None:
-            changes = (found.at(mm * MM).force if mm * MM <= found.reach else None for mm in POSITIONS)
-            others = ", ".join(dict.fromkeys(change.group for change in one.changes)) or "none found"
-            halves = (found.half_now.position, found.shift.position)
-            share = found.at(6 * MM).share if found.reach >= 6 * MM else None
-            rows.append((name, verdict(one).trust, *halves, *changes, share, others))
+    for name, reading in readings.items():
+        compared = comparison(reading)
+        if compared is not None:
+            changes = (compared.at(mm * MM).force if mm * MM <= compared.reach else None for mm in POSITIONS)
+            others = ", ".join(dict.fromkeys(change.group for change in reading.changes)) or "none found"
+            halves = (compared.half_now.position, compared.shift.position)
+            share = compared.at(6 * MM).share if compared.reach >= 6 * MM else None
+            rows.append((name, verdict(reading).trust, *halves, *changes, share, others))
     note = "Each recording alone against the calibration; the result above has one load for all of them."
     return ReportTable("The recordings one by one", columns, tuple(rows), note=note)

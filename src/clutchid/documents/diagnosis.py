@@ -42,13 +42,13 @@ def colour_figure(diagnosis: Diagnosis) -> Figure:
     return figure
 
 
-def draw_colour(axes: Sequence[Axes], found: Colour, name: str) -> None:
+def draw_colour(axes: Sequence[Axes], colour: Colour, name: str) -> None:
     """Three panels: autocorrelation of a residual of this name, and correlation with the supply and exhaust valve."""
     own, *others = axes
-    _stems(own, found.lag[1:], found.autocorrelation[1:], found.bound[1:])
+    _stems(own, colour.lag[1:], colour.autocorrelation[1:], colour.bound[1:])
     label(own, y="correlation [1]", title=f"{name}: autocorrelation")
     for axis, key in zip(others, INPUTS, strict=True):
-        crossed = found.inputs.get(key)
+        crossed = colour.inputs.get(key)
         if crossed is not None:
             _stems(axis, crossed.lag, crossed.correlation, crossed.bound)
         else:
@@ -81,9 +81,9 @@ def _bars(axis: Axes, column: ColumnDiagnosis, unit: float) -> None:
     lows = sorted({region.low for region in column.regions})
     names = {region.low: _span(region.low, region.high) for region in column.regions}
     for k, (way, colour) in enumerate(_WAYS):
-        found = {region.low: region.rms / unit for region in column.regions if region.direction == way}
-        x = [lows.index(low) + 0.27 * (k - 1) for low in found]
-        axis.bar(x, list(found.values()), 0.25, color=colour, label="during holds" if way == "hold" else way)
+        rms = {region.low: region.rms / unit for region in column.regions if region.direction == way}
+        x = [lows.index(low) + 0.27 * (k - 1) for low in rms]
+        axis.bar(x, list(rms.values()), 0.25, color=colour, label="during holds" if way == "hold" else way)
     axis.axhline(column.rms / unit, color=STYLE.ink, linewidth=0.9, linestyle=":", label="overall")
     axis.set_xticks(range(len(lows)), [names[low] for low in lows])
 
@@ -102,11 +102,11 @@ def limit_blocks(judged: Verdict, names: Collection[str] = ()) -> tuple[Block, .
     )
 
 
-def information_blocks(fit: Fit, found: Evidence) -> list[Block]:
+def information_blocks(fit: Fit, basis: Evidence) -> list[Block]:
     """Identifiability, missing excitation, and the recommended recording."""
-    sentences = [*fit.notes, *found.missing]
+    sentences = [*fit.notes, *basis.missing]
     blocks: list[Block] = [Bullets(tuple(map(capital_unless_named, sentences)))] if sentences else []
-    if not found.missing:
+    if not basis.missing:
         return [*blocks, Text("The excitation is sufficient: reach, directions and vented rests.")]
     proposal = _proposal(fit)
     return [*blocks, Text(f"Recommended recording: {proposal}")] if proposal else blocks
@@ -117,16 +117,16 @@ def _proposal(fit: Fit) -> str:
     from clutchid.estimation.assess.missing_excitation import best_manoeuvre
 
     weights = [name for name in fit.parameters if name in fit.actuator.load.names]
-    known = information(fit)
-    if not weights or known is None:
+    determined = information(fit)
+    if not weights or determined is None:
         return ""
     try:
-        return best_manoeuvre(fit.actuator, weights, known).message
+        return best_manoeuvre(fit.actuator, weights, determined).message
     except ClutchidError:
         return ""
 
 
-def diagnosis_table(found: Evidence) -> ReportTable:
+def diagnosis_table(basis: Evidence) -> ReportTable:
     """Fit in %, errors and number of independent samples of every recording."""
     columns = (
         Column("recording", "recording"), Column("column", "of"), Column("fit_percent [1]", "fit [%]", 1.0, 1),
@@ -135,10 +135,10 @@ def diagnosis_table(found: Evidence) -> ReportTable:
         Column("effective_samples [1]", "independent\nsamples", 1.0, 0),
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = []
-    for name, diagnosis in found.diagnoses.items():
+    for name, diagnosis in basis.diagnoses.items():
         for key, column in diagnosis.columns.items():
             shown, unit, symbol = SHOWN[key]
-            over = found.predictions[name] if key == "position" else None
+            over = basis.predictions[name] if key == "position" else None
             rms, mean = (
                 Column("", "", unit, 4 if symbol == "mm" else 3).shown(value) + f" {symbol}"
                 for value in (column.rms, column.mean)
@@ -146,8 +146,8 @@ def diagnosis_table(found: Evidence) -> ReportTable:
             numbers = (column.samples, column.effective_samples)
             rows.append((name, shown, column.fit_percent, over, rms, mean, *numbers))
     note = (
-        "The fit is 100 % for an exact simulation and 0 % for one that is as good as the mean. Over 1 s: simulated for "
-        "a second at a time from the measured position."
+        "The fit is 100 % for an exact simulation and 0 % for a simulation that is as good as the mean. Over 1 s: "
+        "simulated for a second at a time from the measured position."
     )
     return ReportTable("Residuals, measured less simulated", columns, tuple(rows), note=note)
 
@@ -182,6 +182,6 @@ def capital_unless_named(sentence: str, names: Collection[str] = ()) -> str:
     return sentence if named else capital(sentence)
 
 
-def worst_first(found: Evidence, names: Sequence[str]) -> list[str]:
+def worst_first(basis: Evidence, names: Sequence[str]) -> list[str]:
     """Recordings by their fit over a second, the poorest first; those without one last."""
-    return sorted(names, key=lambda name: found.predictions.get(name, 100.0))
+    return sorted(names, key=lambda name: basis.predictions.get(name, 100.0))

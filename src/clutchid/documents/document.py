@@ -42,7 +42,7 @@ class Row(NamedTuple):
 
 
 class NextStep(NamedTuple):
-    """What to do next: its kind, for a page with buttons, why, and the command that does it."""
+    """The next step: its kind, for a page with buttons, why, and the command that does it."""
 
     kind: str
     why: str
@@ -84,7 +84,7 @@ class Notice:
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A figure, or one that is a PNG file already, with a caption; `alt` describes it to those who do not see it.
+    """A figure, or the bytes of a PNG file, with a caption; `alt` is its description for screen readers.
 
     A `dense` figure, one of samples over time, is drawn as PNG.
     """

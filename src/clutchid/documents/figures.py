@@ -102,14 +102,14 @@ def _in_columns(axis: Axes, columns: int, entries: Entries, place: Callable[...,
     figure = _figure_of(axis)
     most = LEGEND_SHARE * figure.get_figwidth() * figure.dpi
     for number in range(min(columns, len(entries[0])), 0, -1):
-        found = place(
+        box = place(
             *entries, ncols=number, fontsize=STYLE.font_size - 0.5, frameon=False, handlelength=1.6, columnspacing=1.3
         )
-        for text in found.get_texts():
+        for text in box.get_texts():
             text.set_parse_math(False)  # a name of a recording may have a $
-        if number == 1 or found.get_window_extent().width <= most:
+        if number == 1 or box.get_window_extent().width <= most:
             return
-        found.remove()
+        box.remove()
 
 
 def draw(axis: Axes, x: FloatArray, y: FloatArray, line: Line) -> None:

@@ -34,9 +34,9 @@ def fit_document(fit: Fit, command: Command | str = "") -> Document:
 
 
 def application_data(fit: Fit, command: Command) -> dict[str, Any]:
-    """What the local page shows of a fit: its data, the rows for pages, and the next step.
+    """Data of a fit for the local page: its JSON, the rows for pages, and the next step.
 
-    A difference between states of wear that changes seem to explain is no change: it is a sentence among the rows.
+    Changes that only reflect recordings of different states of wear are left out: a row says so.
     """
     document = fit_document(fit, command)
     data = document.data()

@@ -46,10 +46,10 @@ def vented_rests(measured: Log, p: Parameters) -> list[tuple[int, int]]:
     [(0.0, 0.5), (1.5, 2.0)]
     """
     time, position = measured.time, measured["position"]
-    known = np.flatnonzero(np.isfinite(position))
-    if known.size == 0:
+    finite = np.flatnonzero(np.isfinite(position))
+    if finite.size == 0:
         return []
-    position = np.interp(time, time[known], position[known])
+    position = np.interp(time, time[finite], position[finite])
     still = np.abs(velocity(time, position, SLOW_WINDOW)) < HOLD_SPEED
     closed = measured["duty_supply"] <= p.R_0vs if "duty_supply" in measured else np.ones(len(measured), dtype=bool)
     spans = runs(still & closed & (np.abs(position) <= VENTED_POSITION))
@@ -90,8 +90,8 @@ def load_figure(fit: Fit) -> Figure:
     words = f"reach, {furthest / MM:.1f} mm"
     axis.axvline(furthest / MM, color=STYLE.ink, linewidth=1.0, linestyle=":", label=words)
     axis.set_xlim(0, x[-1])
-    known = banded & inside if np.any(banded & inside) else banded
-    band_edges = np.concatenate([curve.low[known], curve.high[known]])
+    limiting = banded & inside if np.any(banded & inside) else banded
+    band_edges = np.concatenate([curve.low[limiting], curve.high[limiting]])
     axis.set_ylim(*_limits(np.append(force[inside] if inside.any() else force, 0.0), band_edges))
     label(axis, "position [mm]", "load [N]")
     legend(axis, 3)

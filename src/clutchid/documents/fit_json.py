@@ -48,7 +48,7 @@ def fit_json(result: Fit) -> dict[str, Any]:
         "calibration": origin_json(result),
         **_compared_json(result),
         "states_of_wear": _states_json(result),
-        "readings": {name: _reading_json(one) for name, one in result.readings.items()},
+        "readings": {name: _reading_json(fit) for name, fit in result.readings.items()},
     }
 
 
@@ -69,29 +69,29 @@ def origin_json(result: Fit) -> dict[str, str] | None:
     return (result.baseline.origin or Origin())._asdict()
 
 
-def comparison_json(found: Comparison) -> dict[str, Any]:
+def comparison_json(compared: Comparison) -> dict[str, Any]:
     """The load of the calibration, and the difference of both loads."""
-    at = found.difference
+    at = compared.difference
     change = {
-        "position_m": found.present.position.tolist(),
+        "position_m": compared.present.position.tolist(),
         "difference_N": at.force.tolist(),
         "low_N": at.low.tolist(),
         "high_N": at.high.tolist(),
         "difference_percent": (100.0 * at.share).tolist(),
     }
-    halves = (("before", found.half_before), ("now", found.half_now), ("shift", found.shift))
-    half = {name: {"position_m": one.position, "low_m": one.low, "high_m": one.high} for name, one in halves}
-    return {"calibrated_load_curve": curve_json(found.calibrated), "load_change": {**change, "half_load": half}}
+    halves = (("before", compared.half_before), ("now", compared.half_now), ("shift", compared.shift))
+    half = {name: {"position_m": half.position, "low_m": half.low, "high_m": half.high} for name, half in halves}
+    return {"calibrated_load_curve": curve_json(compared.calibrated), "load_change": {**change, "half_load": half}}
 
 
 def _states_json(result: Fit) -> dict[str, Any] | None:
     """Recordings by state of wear, and the difference of the two that differ most; None if they are of one."""
-    found = states_of_wear(result)
-    if found is None:
+    states = states_of_wear(result)
+    if states is None:
         return None
-    most = found.most
+    most = states.most
     return {
-        "groups": [list(group) for group in found.groups],
+        "groups": [list(group) for group in states.groups],
         "recordings": [most.first, most.second],
         "load_percent": 100.0 * most.load,
         "load_allowed_percent": 100.0 * most.load_allowed,
@@ -102,17 +102,17 @@ def _states_json(result: Fit) -> dict[str, Any] | None:
 
 def _compared_json(fit: Fit) -> dict[str, Any]:
     """The load against that of the calibration; null where there is none."""
-    found = comparison(fit)
-    return _UNCOMPARED if found is None else comparison_json(found)
+    compared = comparison(fit)
+    return _UNCOMPARED if compared is None else comparison_json(compared)
 
 
-def _reading_json(one: Fit) -> dict[str, Any]:
+def _reading_json(fit: Fit) -> dict[str, Any]:
     """One of several recordings, read alone."""
     return {
-        "trust": verdict(one).trust,
-        "load_curve": curve_json(one.load_curve),
-        "load_change": _compared_json(one)["load_change"],
-        "changes": [change_json(change) for change in one.changes],
+        "trust": verdict(fit).trust,
+        "load_curve": curve_json(fit.load_curve),
+        "load_change": _compared_json(fit)["load_change"],
+        "changes": [change_json(change) for change in fit.changes],
     }
 
 
@@ -135,7 +135,7 @@ def errors_json(errors: Errors) -> dict[str, float | None]:
 
 def verdict_json(fit: Fit) -> dict[str, Any]:
     """The verdict on a fit and its evidence as plain values."""
-    found, judged = evidence(fit), verdict(fit)
+    basis, judged = evidence(fit), verdict(fit)
     return {
         "trust": judged.trust,
         "reasons": list(judged.reasons),
@@ -145,13 +145,13 @@ def verdict_json(fit: Fit) -> dict[str, Any]:
         "noise_only": judged.noise_only,
         "diagnostics": {
             name: {
-                "position_fit_over_1_s_percent": found.predictions[name],
+                "position_fit_over_1_s_percent": basis.predictions[name],
                 **{column: _column_json(values) for column, values in diagnosis.columns.items()},
                 "remarks": remarks(diagnosis),
             }
-            for name, diagnosis in found.diagnoses.items()
+            for name, diagnosis in basis.diagnoses.items()
         },
-        "missing": list(found.missing),
+        "missing": list(basis.missing),
     }
 
 
@@ -168,5 +168,5 @@ def _column_json(column: ColumnDiagnosis) -> dict[str, Any]:
     }
 
 
-def _strongest_json(found: CrossCorrelation) -> dict[str, float]:
-    return {"lag_s": found.strongest_lag, "correlation": found.strongest, "bound": found.strongest_bound}
+def _strongest_json(input_: CrossCorrelation) -> dict[str, float]:
+    return {"lag_s": input_.strongest_lag, "correlation": input_.strongest, "bound": input_.strongest_bound}

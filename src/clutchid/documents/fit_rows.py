@@ -129,8 +129,8 @@ def _half(at: HalfLoad, fitted: bool) -> str:
 
 def interval_words(at: HalfLoad, sign: str = "", behind: str = "") -> str:
     """Interval of a half-load position or of its shift in mm, in brackets, with some words; nothing if infinite."""
-    known = isfinite(at.low + at.high)
-    return f" ({at.low / MM:{sign}z.2f} to {at.high / MM:{sign}z.2f}{behind})" if known else ""
+    finite = isfinite(at.low + at.high)
+    return f" ({at.low / MM:{sign}z.2f} to {at.high / MM:{sign}z.2f}{behind})" if finite else ""
 
 
 def _at_positions(fit: Fit, compared: Comparison | None, furthest: float) -> Row:
@@ -187,8 +187,8 @@ def _since(fit: Fit, compared: Comparison | None) -> list[Row]:
         parts.append(f"half-load position {at.position / MM:+z.2f} mm{interval_words(at, '+')}")
     if compared is None and fit.load_is_fitted:
         parts.append("its load is not in the file, so that the loads cannot be compared; save the calibration again")
-    rests = [rest_words(one) if len(fit.recordings) == 1 else f"{one.recording}: {rest_words(one)}"
-             for one in moved_rests(fit)]  # fmt: skip
+    rests = [rest_words(rest) if len(fit.recordings) == 1 else f"{rest.recording}: {rest_words(rest)}"
+             for rest in moved_rests(fit)]  # fmt: skip
     changes = short_changes(fit.changes) or [f"no {'other ' if fit.load_is_fitted else ''}change found"]
     in_full = parts if fit.changes else [*parts, *changes]
     rows = [Row("since", f"{name}: {'; '.join([*parts, *rests, *changes])}", on=on_pages)]
@@ -209,27 +209,27 @@ def baseline_name(baseline: Calibration) -> str:
     origin = baseline.origin
     if origin is None or not origin.name:
         return "the calibration"
-    known = [origin.created[:10], f"trust {origin.trust}" if origin.trust else ""]
-    brackets = ", ".join(part for part in known if part)
+    facts = [origin.created[:10], f"trust {origin.trust}" if origin.trust else ""]
+    brackets = ", ".join(part for part in facts if part)
     return f"{origin.name} ({brackets})" if brackets else origin.name
 
 
 def _readings(single: Mapping[str, Fit]) -> list[str]:
     """A line for each recording read alone: its trust, change at 6 mm, shift, and other changes."""
     lines = []
-    for name, one in single.items():
-        found = comparison(one)
-        if found is not None:
-            text = _change_at(found, 6)
-            text += f", half-load {found.shift.position / MM:+z.2f} mm" if isfinite(found.shift.position) else ""
-            lines.append(f"{name}: {text}, trust {verdict(one).trust}")
+    for name, fit in single.items():
+        compared = comparison(fit)
+        if compared is not None:
+            text = _change_at(compared, 6)
+            text += f", half-load {compared.shift.position / MM:+z.2f} mm" if isfinite(compared.shift.position) else ""
+            lines.append(f"{name}: {text}, trust {verdict(fit).trust}")
     return lines
 
 
-def _change_at(found: Comparison, mm: int) -> str:
+def _change_at(compared: Comparison, mm: int) -> str:
     """The change of the load at a position in mm."""
-    change = found.at(mm * MM)
-    if not (mm * MM <= found.reach and isfinite(change.force)):
+    change = compared.at(mm * MM)
+    if not (mm * MM <= compared.reach and isfinite(change.force)):
         return f"no load at {mm} mm"
     share = f" ({100 * change.share:+z.0f} %)" if isfinite(change.share) else ""
     return f"{change.force:+z.0f} N{share} at {mm} mm"

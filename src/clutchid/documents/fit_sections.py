@@ -47,7 +47,7 @@ def parameter_table(fit: Fit, names: Iterable[str] | None = None, title: str = "
         Column("high", "to", significant=5, group="95 % interval"), Column("meaning", "meaning"),
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = []
-    assumed = {f"{one.name}@{stem}": one for one in fit.assumed for stem in one.recordings}
+    assumed = {f"{assumption.name}@{stem}": assumption for assumption in fit.assumed for stem in assumption.recordings}
     names = list(fit.parameters if names is None else names)
     for name in names:
         e, words = fit.parameters[name], meaning(fit, name)
@@ -91,15 +91,15 @@ LONG_RECORDING, DETAIL_LENGTH = 120.0, 30.0
 
 def fit_sections(fit: Fit) -> list[Section]:
     """Tables and figures of a fit, below its answer."""
-    found = evidence(fit)
+    basis = evidence(fit)
     sections = comparison_sections(fit)
-    if found.diagnoses:
-        sections.append(Section("What the data determine", tuple(information_blocks(fit, found))))
+    if basis.diagnoses:
+        sections.append(Section("What the data determine", tuple(information_blocks(fit, basis))))
     sections.append(Section("Parameters", parameter_blocks(fit)))
     if fit.recordings:
-        sections.append(Section("Errors", _errors(fit, found)))
-        sections += _drawn(fit, found, fit.recordings, "fitted")
-    sections += _drawn(fit, found, fit.verification, "verified, not fitted")
+        sections.append(Section("Errors", _errors(fit, basis)))
+        sections += _drawn(fit, basis, fit.recordings, "fitted")
+    sections += _drawn(fit, basis, fit.verification, "verified, not fitted")
     sections += [
         Section(f"Innovations of {name}", innovation_blocks(name, of_one))
         for name, of_one in list(calibration_innovations(fit).items())[:MAX_DRAWN]
@@ -134,23 +134,23 @@ def _cells(errors: Errors) -> tuple[Cell, ...]:
     return errors.position_rms, errors.position_sse, errors.pressure_a_rms, errors.pressure_a_sse
 
 
-def _errors(fit: Fit, found: Evidence) -> tuple[Block, ...]:
+def _errors(fit: Fit, basis: Evidence) -> tuple[Block, ...]:
     scales = []
     if "position" in fit.scales:
         scales.append(f"{fit.scales['position'] / MM:.3g} mm for position")
     if "pressure_a" in fit.scales:
         scales.append(f"{fit.scales['pressure_a'] / BAR:.3g} bar for pressure")
     divided = Text(f"Residuals were divided by {' and '.join(scales) or 'nothing'}.")
-    return (error_table(fit), *([diagnosis_table(found)] if found.diagnoses else []), divided)
+    return (error_table(fit), *([diagnosis_table(basis)] if basis.diagnoses else []), divided)
 
 
-def _drawn(fit: Fit, found: Evidence, recordings: Mapping[str, Recording], use: str) -> list[Section]:
+def _drawn(fit: Fit, basis: Evidence, recordings: Mapping[str, Recording], use: str) -> list[Section]:
     """A section for each recording; of many, only those with the poorest fit."""
     names = list(recordings)
     if len(names) > MAX_DRAWN:
-        kept = worst_first(found, names)[:MAX_DRAWN]
-        names = [name for name in names if name in kept]
-    sections = [_section(fit, name, recordings[name], use, found) for name in names]
+        worst = worst_first(basis, names)[:MAX_DRAWN]
+        names = [name for name in names if name in worst]
+    sections = [_section(fit, name, recordings[name], use, basis) for name in names]
     if len(names) < len(recordings):
         rest = f"{len(recordings) - len(names)} more ({use})"
         words = f"The {len(names)} recordings with the poorest fit are drawn; the others are in the table of errors."
@@ -158,7 +158,7 @@ def _drawn(fit: Fit, found: Evidence, recordings: Mapping[str, Recording], use: 
     return sections
 
 
-def _section(fit: Fit, name: str, recording: Recording, use: str, found: Evidence) -> Section:
+def _section(fit: Fit, name: str, recording: Recording, use: str, basis: Evidence) -> Section:
     e = recording.errors
     rms = e.pressure_a_rms
     fitted = use == "fitted"
@@ -179,7 +179,7 @@ def _section(fit: Fit, name: str, recording: Recording, use: str, found: Evidenc
     starts = "; ".join(f"{in_mm(y)} mm, {in_bar(p)} bar" for y, p in recording.starts[:6])
     more = " …" if len(recording.starts) > 6 else ""
     start = Text(f"Simulated from position and pressure at the start: {starts}{more}.")
-    residuals = residual_blocks(fit, found.diagnoses[name]) if fitted and name in found.diagnoses else ()
+    residuals = residual_blocks(fit, basis.diagnoses[name]) if fitted and name in basis.diagnoses else ()
     pictures = [
         Picture(recording_figure(as_measured, span), caption, alt, dense=True),
         *_detail(as_measured, span, alt),

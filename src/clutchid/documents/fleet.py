@@ -66,9 +66,9 @@ class Panel(NamedTuple):
 
 def panels_of(vehicles: Sequence[VehicleRow], spans: Spans) -> list[Panel]:
     """Wear where it is known, shift where a vehicle has only that, and what is left, where there is a limit."""
-    wear = np.array([one.wear.value for one in vehicles]) / MM
-    shift = np.array([one.shift.value for one in vehicles]) / MM
-    left = np.array([left_shown(one, spans).value for one in vehicles])
+    wear = np.array([vehicle.wear.value for vehicle in vehicles]) / MM
+    shift = np.array([vehicle.shift.value for vehicle in vehicles]) / MM
+    left = np.array([left_shown(vehicle, spans).value for vehicle in vehicles])
     panels = [
         Panel("wear of the facing [mm]", wear),
         Panel("shift of the half-load position [mm]", np.where(np.isfinite(wear), np.nan, shift)),
@@ -81,7 +81,7 @@ def distribution_figure(vehicles: Sequence[VehicleRow], spans: Spans) -> Figure:
     """A histogram a quantity, stacked by type where there are few; at least one value must be known."""
     panels = panels_of(vehicles, spans)
     figure, axes = new_figure([2.5] * len(panels), share_x=False)
-    types = np.array([one.type for one in vehicles])
+    types = np.array([vehicle.type for vehicle in vehicles])
     names = [name for name, _ in Counter(types.tolist()).most_common()]
     groups = [types == name for name in names] if len(names) <= TYPES else [np.ones(types.size, dtype=bool)]
     for axis, panel in zip(axes, panels, strict=True):
@@ -146,13 +146,13 @@ FEW = 20
 def fleet_document(fleet: FleetWear, command: str = "") -> Document:
     """Document of a fleet, whose page leads to those of its vehicles."""
     vehicles, spans = fleet.vehicles, spans_of(fleet.vehicles)
-    known = [vehicle for vehicle in vehicles if has_reading(vehicle)]
-    counted = f"{len(known):,} of {_number(len(vehicles), 'vehicle')} have readings of the clutch"
-    rows = [Row("wear", f"{counted}. {_spread(known)}")] if known else []
+    measured = [vehicle for vehicle in vehicles if has_reading(vehicle)]
+    counted = f"{len(measured):,} of {_number(len(vehicles), 'vehicle')} have readings of the clutch"
+    rows = [Row("wear", f"{counted}. {_spread(measured)}")] if measured else []
     return Document(
         "Wear of a fleet", _subtitle(vehicles), tuple(rows),
-        notices=() if known else (Notice("No recording determines the wear of a vehicle.", "none"),),
-        figure=(lambda: _distribution(vehicles, known, spans)) if known else None,
+        notices=() if measured else (Notice("No recording determines the wear of a vehicle.", "none"),),
+        figure=(lambda: _distribution(vehicles, measured, spans)) if measured else None,
         sections=lambda: _sections(fleet, spans),
         command=command,
     )  # fmt: skip
@@ -163,7 +163,7 @@ def _sections(fleet: FleetWear, spans: Spans) -> list[Section]:
     failures = reasons_table(fleet.reasons) if fleet.reasons else Notice("Every recording counts.", "good")
     sections = []
     if any(map(has_reading, vehicles)):
-        limited = any(not np.isnan(one.left.value) for one in vehicles)
+        limited = any(not np.isnan(vehicle.left.value) for vehicle in vehicles)
         sections.append(Section("By type", (types_table(vehicles, spans),)))
         heading = "Soonest at their limit" if limited else "Most worn"
         sections.append(Section(heading, (worst_table(vehicles, spans),)))
@@ -176,40 +176,40 @@ def _sections(fleet: FleetWear, spans: Spans) -> list[Section]:
 
 def _subtitle(vehicles: Sequence[VehicleRow]) -> str:
     statuses: Counter[str] = Counter()
-    for one in vehicles:
-        statuses.update(one.statuses)
-    recordings = sum(one.recordings for one in vehicles)
+    for vehicle in vehicles:
+        statuses.update(vehicle.statuses)
+    recordings = sum(vehicle.recordings for vehicle in vehicles)
     by_status = ", ".join(f"{number:,} {status}" for status, number in statuses.most_common() if number)
     words = f"{_number(len(vehicles), 'vehicle')}, {_number(recordings, 'recording')}"
     return f"{words}: {by_status}" if by_status else words
 
 
-def _distribution(vehicles: Sequence[VehicleRow], known: Sequence[VehicleRow], spans: Spans) -> Picture:
-    what = "their wear" if quantity_of(known) == "wear" else "the shift of their half-load position"
-    more = " and by what is left until their limit" if any(np.isfinite(one.left.value) for one in vehicles) else ""
+def _distribution(vehicles: Sequence[VehicleRow], measured: Sequence[VehicleRow], spans: Spans) -> Picture:
+    what = "their wear" if quantity_of(measured) == "wear" else "the shift of their half-load position"
+    more = " and by what is left until their limit" if any(np.isfinite(row.left.value) for row in vehicles) else ""
     caption = f"Vehicles by {what} now{more}. In all figures and tables, changes are since the calibration of the type."
     return Picture(distribution_figure(vehicles, spans), caption, "Histograms of wear and of what is left")
 
 
-def _spread(known: Sequence[VehicleRow]) -> str:
+def _spread(vehicles: Sequence[VehicleRow]) -> str:
     """The median and the range of nine vehicles in ten; of all where there are few, and of two that only."""
-    name = quantity_of(known)
-    few = len(known) < FEW
+    name = quantity_of(vehicles)
+    few = len(vehicles) < FEW
     shares = (0.0, 0.5, 1.0) if few else (0.05, 0.5, 0.95)
     low, median, high = (
         f"{value / MM:.3f}".replace("-", "−")
-        for value in quantiles([getattr(one, name).value for one in known], shares)
+        for value in quantiles([getattr(vehicle, name).value for vehicle in vehicles], shares)
         if value is not None
     )
-    if len(known) < 3:
-        return f"Their {name} is {low} and {high} mm." if len(known) == 2 else f"Its {name} is {median} mm."
+    if len(vehicles) < 3:
+        return f"Their {name} is {low} and {high} mm." if len(vehicles) == 2 else f"Its {name} is {median} mm."
     return f"The median {name} is {median} mm; {'all' if few else 'nine of ten'} are between {low} and {high} mm."
 
 
 def _odd(odd: Sequence[OddVehicle]) -> tuple[Block, ...]:
     if not odd:
         return (Notice("No vehicle stands out.", "good"),)
-    counts = Counter(one.mark for one in odd)
+    counts = Counter(vehicle.mark for vehicle in odd)
     links = ", ".join(
         f'<a href="#filter={mark.replace(" ", "+")}">{mark}</a> ({counts[mark]:,})' for mark in MARKS if counts[mark]
     )

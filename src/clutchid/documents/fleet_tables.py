@@ -74,7 +74,7 @@ _SPANS = {
 
 def spans_of(vehicles: Sequence[VehicleRow]) -> Spans:
     """The unit of the fleet's only axis; shares of a life where vehicles have different ones."""
-    axes = {one.axis for one in vehicles if np.isfinite(one.rate) or not np.isnan(one.left.value)}
+    axes = {vehicle.axis for vehicle in vehicles if np.isfinite(vehicle.rate) or not np.isnan(vehicle.left.value)}
     if len(axes) > 1:
         return Spans(LIFE, "life", {axis: life / 100 for axis, life in LIFE.items()}, "% of a life")
     axis = axes.pop() if axes else "strokes"
@@ -82,21 +82,21 @@ def spans_of(vehicles: Sequence[VehicleRow]) -> Spans:
     return Spans({axis: rate}, rate_words, {axis: left}, left_words)
 
 
-def rate_shown(one: VehicleRow, spans: Spans) -> float:
+def rate_shown(vehicle: VehicleRow, spans: Spans) -> float:
     """The rate over the span of the page, in m."""
-    return one.rate * spans.rate.get(one.axis, np.nan)
+    return vehicle.rate * spans.rate.get(vehicle.axis, np.nan)
 
 
-def left_shown(one: VehicleRow, spans: Spans) -> Interval:
+def left_shown(vehicle: VehicleRow, spans: Spans) -> Interval:
     """Remaining life in the unit of the page."""
-    span = spans.left.get(one.axis, np.nan)
-    return Interval(*(value / span for value in one.left))
+    span = spans.left.get(vehicle.axis, np.nan)
+    return Interval(*(value / span for value in vehicle.left))
 
 
 def quantiles(values: Sequence[float], shares: Sequence[float]) -> list[float | None]:
     """Quantiles of the known values, which may be infinite; between two values by linear interpolation."""
-    known = np.sort([value for value in values if not np.isnan(value)])
-    return [_between(known, share * (known.size - 1)) if known.size else None for share in shares]
+    finite = np.sort([value for value in values if not np.isnan(value)])
+    return [_between(finite, share * (finite.size - 1)) if finite.size else None for share in shares]
 
 
 def _between(values: FloatArray, place: float) -> float:
@@ -108,12 +108,12 @@ def _between(values: FloatArray, place: float) -> float:
 
 def quantity_of(vehicles: Sequence[VehicleRow]) -> str:
     """Quantity that ends the life: wear where that of a vehicle is known, else shift."""
-    return "wear" if any(np.isfinite(one.wear.value) for one in vehicles) else "shift"
+    return "wear" if any(np.isfinite(vehicle.wear.value) for vehicle in vehicles) else "shift"
 
 
-def has_reading(one: VehicleRow) -> bool:
+def has_reading(vehicle: VehicleRow) -> bool:
     """Whether anything is known of its clutch."""
-    return bool(np.isfinite(one.shift.value) or np.isfinite(one.wear.value))
+    return bool(np.isfinite(vehicle.shift.value) or np.isfinite(vehicle.wear.value))
 
 
 #: A robust z score beyond this is odd. Iglewicz and Hoaglin, How to Detect and Handle Outliers, 1993: of normal rates
@@ -155,44 +155,44 @@ def odd_vehicles(vehicles: Sequence[VehicleRow], spans: Spans) -> list[OddVehicl
     A rate is odd where its robust z score among the vehicles of its type is beyond ODD_SCORE: from their median and
     median absolute deviation, which the odd ones hardly change.
     """
-    alarmed = [OddVehicle(one, "alarm", " ".join(map(_sentence, one.alarms)), len(one.alarms)) for one in vehicles]
-    few = [OddVehicle(one, "few readings", _few(one), one.recordings - one.counted) for one in vehicles if _misses(one)]
-    found = [*(odd for odd in alarmed if odd.score), *_odd_rates(vehicles, spans), *few]
+    alarmed = [OddVehicle(row, "alarm", " ".join(map(_sentence, row.alarms)), len(row.alarms)) for row in vehicles]
+    few = [OddVehicle(row, "few readings", _few(row), row.recordings - row.counted) for row in vehicles if _misses(row)]
+    rows = [*(odd for odd in alarmed if odd.score), *_odd_rates(vehicles, spans), *few]
     marks = list(MARKS)
-    return sorted(found, key=lambda odd: (marks.index(odd.mark), -abs(odd.score)))
+    return sorted(rows, key=lambda odd: (marks.index(odd.mark), -abs(odd.score)))
 
 
 def _odd_rates(vehicles: Sequence[VehicleRow], spans: Spans) -> list[OddVehicle]:
     groups: dict[tuple[str, str, bool], list[VehicleRow]] = defaultdict(list)
-    for one in vehicles:
-        if np.isfinite(one.rate):
-            groups[one.type, one.axis, bool(np.isfinite(one.wear.value))].append(one)
-    found = []
+    for vehicle in vehicles:
+        if np.isfinite(vehicle.rate):
+            groups[vehicle.type, vehicle.axis, bool(np.isfinite(vehicle.wear.value))].append(vehicle)
+    odd = []
     for (type_, _, _), members in groups.items():
-        rates = np.array([rate_shown(one, spans) for one in members])
+        rates = np.array([rate_shown(vehicle, spans) for vehicle in members])
         median = float(np.median(rates))
         deviation = float(np.median(np.abs(rates - median)))
         if len(members) < ODD_AT_LEAST or deviation == 0.0:
             continue
         scores = _MAD * (rates - median) / deviation
         others = f"of the {len(members):,} vehicles {f'of type {printable(type_)}' if type_ else 'of no given type'}"
-        for one, rate, score in zip(members, rates, scores, strict=True):
+        for vehicle, rate, score in zip(members, rates, scores, strict=True):
             if abs(score) > ODD_SCORE:
                 reason = (
                     f"{rate / MM:.3f} mm per {spans.rate_words}; the median {others} is {median / MM:.3f} mm; robust "
                     f"z score {'+' if score > 0 else '−'}{abs(score):.1f}."
                 )
-                found.append(OddVehicle(one, "fast" if score > 0 else "slow", reason, float(score)))
-    return found
+                odd.append(OddVehicle(vehicle, "fast" if score > 0 else "slow", reason, float(score)))
+    return odd
 
 
-def _few(one: VehicleRow) -> str:
-    words = ", ".join(f"{number} {printable(status)}" for status, number in one.statuses.items() if number)
-    return f"{one.counted} of {one.recordings} recordings count; by status: {words or 'not known'}."
+def _few(vehicle: VehicleRow) -> str:
+    words = ", ".join(f"{number} {printable(status)}" for status, number in vehicle.statuses.items() if number)
+    return f"{vehicle.counted} of {vehicle.recordings} recordings count; by status: {words or 'not known'}."
 
 
-def _misses(one: VehicleRow) -> bool:
-    return one.recordings - one.counted > ODD_SHARE * one.recordings
+def _misses(vehicle: VehicleRow) -> bool:
+    return vehicle.recordings - vehicle.counted > ODD_SHARE * vehicle.recordings
 
 
 def _sentence(words: str) -> str:
@@ -209,37 +209,37 @@ Entry = tuple[Column, Callable[[VehicleRow], Cell]]
 
 def worst_table(vehicles: Sequence[VehicleRow], spans: Spans) -> ReportTable:
     """The vehicles with the least left, then the most worn ones; first what is left, by which they are sorted."""
-    known = sorted(filter(has_reading, vehicles), key=_worst)[:WORST]
+    worst = sorted(filter(has_reading, vehicles), key=_worst)[:WORST]
     load = Column("load [1]", "now", 0.01, 1, group="load [%]")
     entries = [
-        *_NAMES, *_left(known, spans), *_lengths(known), (load, lambda one: one.load.value),
-        _band(load, lambda one: one.load), _rate(known, spans),
+        *_NAMES, *_left(worst, spans), *_lengths(worst), (load, lambda vehicle: vehicle.load.value),
+        _band(load, lambda vehicle: vehicle.load), _rate(worst, spans),
     ]  # fmt: skip
-    return _table(f"The worst {len(known)} of {len(vehicles):,} vehicles", known, entries, spans)
+    return _table(f"The worst {len(worst)} of {len(vehicles):,} vehicles", worst, entries, spans)
 
 
 def all_table(vehicles: Sequence[VehicleRow], odd: Sequence[OddVehicle], spans: Spans) -> ReportTable:
     """Every vehicle, by name."""
     marks: dict[int, list[str]] = defaultdict(list)
-    for each in odd:
-        marks[id(each.vehicle)].append(each.mark)
+    for entry in odd:
+        marks[id(entry.vehicle)].append(entry.mark)
     entries: list[Entry] = [
         *_NAMES,
-        (Column("last", "last"), lambda one: f"{one.last:%Y-%m-%d}" if one.last else None),
-        (Column("recordings", "all", decimals=0, group="recordings"), lambda one: one.recordings),
-        (Column("counted", "counted", decimals=0, group="recordings"), lambda one: one.counted),
+        (Column("last", "last"), lambda vehicle: f"{vehicle.last:%Y-%m-%d}" if vehicle.last else None),
+        (Column("recordings", "all", decimals=0, group="recordings"), lambda vehicle: vehicle.recordings),
+        (Column("counted", "counted", decimals=0, group="recordings"), lambda vehicle: vehicle.counted),
         *_lengths(vehicles),
-        (Column("load [1]", "load\n[%]", 0.01, 1), lambda one: one.load.value),
+        (Column("load [1]", "load\n[%]", 0.01, 1), lambda vehicle: vehicle.load.value),
         _rate(vehicles, spans),
         *_left(vehicles, spans),
-        (Column("odd", "odd"), lambda one: ", ".join(marks[id(one)])),
+        (Column("odd", "odd"), lambda vehicle: ", ".join(marks[id(vehicle)])),
     ]
-    return _table("All vehicles", sorted(vehicles, key=lambda one: natural(one.name)), entries, spans)
+    return _table("All vehicles", sorted(vehicles, key=lambda vehicle: natural(vehicle.name)), entries, spans)
 
 
 def _table(title: str, vehicles: Sequence[VehicleRow], entries: Sequence[Entry], spans: Spans) -> ReportTable:
     """A row a vehicle; below it the meaning of the signs, and the lives that forecasts and shares of a life assume."""
-    rows = tuple(tuple(cell(one) for _, cell in entries) for one in vehicles)
+    rows = tuple(tuple(cell(vehicle) for _, cell in entries) for vehicle in vehicles)
     lives = ", ".join(f"{LIFE[axis]:,.0f} {axis}" for axis in spans.rate)
     note = f"Changes since the calibration. ∞: not within five lives; –: not known. A life is {lives}."
     return ReportTable(title, tuple(column for column, _ in entries), rows, note=note)
@@ -248,14 +248,14 @@ def _table(title: str, vehicles: Sequence[VehicleRow], entries: Sequence[Entry],
 def odd_tables(odd: Sequence[OddVehicle]) -> list[ReportTable]:
     """The oddest vehicles and why, a table a mark."""
     columns = (Column("vehicle", "vehicle"), Column("type", "type"), Column("reason", "why"))
-    found = []
+    tables = []
     for mark, meaning in MARKS.items():
-        members = [one for one in odd if one.mark == mark]
-        rows = tuple((_link(one.vehicle), printable(one.vehicle.type), one.reason) for one in members[:ODD])
+        members = [entry for entry in odd if entry.mark == mark]
+        rows = tuple((_link(entry.vehicle), printable(entry.vehicle.type), entry.reason) for entry in members[:ODD])
         number = f"{len(rows)} of {len(members):,}" if len(members) > ODD else f"{len(rows)}"
         if rows:
-            found.append(ReportTable(f"{capital(mark)}, {meaning}: {number}", columns, rows))
-    return found
+            tables.append(ReportTable(f"{capital(mark)}, {meaning}: {number}", columns, rows))
+    return tables
 
 
 def reasons_table(reasons: Sequence[ReasonCount]) -> ReportTable:
@@ -265,9 +265,9 @@ def reasons_table(reasons: Sequence[ReasonCount]) -> ReportTable:
         Column("example", "for example"),
     )  # fmt: skip
     ordered = sorted(reasons, key=lambda reason: -reason.recordings)
-    rows = [(one.status, one.recordings, printable(one.sentence), printable(one.example)) for one in ordered[:REASONS]]
+    rows = [(row.status, row.recordings, printable(row.sentence), printable(row.example)) for row in ordered[:REASONS]]
     rest = ordered[REASONS:]
-    more = f"{len(rest):,} rarer reasons, of {sum(one.recordings for one in rest):,} recordings, are left out here."
+    more = f"{len(rest):,} rarer reasons, of {sum(row.recordings for row in rest):,} recordings, are left out here."
     total = sum(reason.recordings for reason in reasons)
     return ReportTable(f"{total:,} recordings by reason", columns, tuple(rows), note=more if rest else "")
 
@@ -276,8 +276,8 @@ def types_table(vehicles: Sequence[VehicleRow], spans: Spans) -> ReportTable:
     """A row a type of vehicle: how many, and how wear, its rate and what is left are distributed."""
     name = quantity_of(vehicles)
     groups: dict[str, list[VehicleRow]] = defaultdict(list)
-    for one in vehicles:
-        groups[one.type].append(one)
+    for vehicle in vehicles:
+        groups[vehicle.type].append(vehicle)
     columns = (
         Column("type", "type"), Column("vehicles", "vehicles", decimals=0),
         Column("reading", "with a\nreading", decimals=0),
@@ -290,10 +290,10 @@ def types_table(vehicles: Sequence[VehicleRow], spans: Spans) -> ReportTable:
     rows: list[tuple[Cell, ...]] = [
         (
             printable(type_) or "none given", len(members), sum(map(has_reading, members)),
-            *quantiles([getattr(one, name).value for one in members], (0.05, 0.5, 0.95)),
-            *quantiles([rate_shown(one, spans) for one in members], (0.5,)),
-            *quantiles([left_shown(one, spans).value for one in members], (0.5,)),
-            *quantiles([one.limit for one in members], (0.5,)),
+            *quantiles([getattr(vehicle, name).value for vehicle in members], (0.05, 0.5, 0.95)),
+            *quantiles([rate_shown(vehicle, spans) for vehicle in members], (0.5,)),
+            *quantiles([left_shown(vehicle, spans).value for vehicle in members], (0.5,)),
+            *quantiles([vehicle.limit for vehicle in members], (0.5,)),
         )
         for type_, members in largest[:TYPES]
     ]  # fmt: skip
@@ -301,16 +301,16 @@ def types_table(vehicles: Sequence[VehicleRow], spans: Spans) -> ReportTable:
     return ReportTable("By type, with quantiles over its vehicles", columns, tuple(rows), note=more)
 
 
-def _worst(one: VehicleRow) -> tuple[float, float, float, float]:
+def _worst(vehicle: VehicleRow) -> tuple[float, float, float, float]:
     """Sorts by what is left, in lives, then by wear and shift."""
-    life = LIFE[one.axis]
-    left = [np.inf if np.isnan(value) else value / life for value in (one.left.value, one.left.low)]
-    return left[0], left[1], -np.nan_to_num(one.wear.value), -abs(np.nan_to_num(one.shift.value))
+    life = LIFE[vehicle.axis]
+    left = [np.inf if np.isnan(value) else value / life for value in (vehicle.left.value, vehicle.left.low)]
+    return left[0], left[1], -np.nan_to_num(vehicle.wear.value), -abs(np.nan_to_num(vehicle.shift.value))
 
 
 def _lengths(vehicles: Sequence[VehicleRow]) -> Iterator[Entry]:
     """Wear and shift that are known, each with its band: that of the shift only where a vehicle has no wear."""
-    wear, shift = (np.isfinite([getattr(one, name).value for one in vehicles]) for name in ("wear", "shift"))
+    wear, shift = (np.isfinite([getattr(vehicle, name).value for vehicle in vehicles]) for name in ("wear", "shift"))
     for name, shown, banded in (("wear", wear, True), ("shift", shift, bool((shift & ~wear).any()))):
         if shown.any():
             column, length = Column(f"{name} [m]", "now", MM, 3, group=f"{name} [mm]"), attrgetter(name)
@@ -323,8 +323,8 @@ def _band(column: Column, of: Callable[[VehicleRow], Interval], words: str = "95
     """The interval of the values of a column, in words."""
     name = column.name.split(" [", maxsplit=1)[0]
 
-    def shown(one: VehicleRow) -> Cell:
-        _, low, high = of(one)
+    def shown(vehicle: VehicleRow) -> Cell:
+        _, low, high = of(vehicle)
         if np.isnan(low) or np.isnan(high):
             return None
         return f"{column.shown(low)} to {column.shown(high)}".replace(" ", "\N{NO-BREAK SPACE}")
@@ -334,25 +334,25 @@ def _band(column: Column, of: Callable[[VehicleRow], Interval], words: str = "95
 
 def _rate(vehicles: Sequence[VehicleRow], spans: Spans) -> Entry:
     heading = f"rate of\n{quantity_of(vehicles)}\n[mm per\n{spans.rate_words.replace(' ', chr(10))}]"
-    return Column(f"rate [m per {spans.rate_words}]", heading, MM, 3), lambda one: rate_shown(one, spans)
+    return Column(f"rate [m per {spans.rate_words}]", heading, MM, 3), lambda vehicle: rate_shown(vehicle, spans)
 
 
 def _left(vehicles: Sequence[VehicleRow], spans: Spans) -> list[Entry]:
     """Two columns where a limit is known."""
-    if all(np.isnan(one.left.value) for one in vehicles):
+    if all(np.isnan(vehicle.left.value) for vehicle in vehicles):
         return []
     column = Column("left", "median", decimals=0, group=f"left [{spans.left_words}]")
     return [
-        (column, lambda one: left_shown(one, spans).value),
-        _band(column, lambda one: left_shown(one, spans), "90 % band"),
+        (column, lambda vehicle: left_shown(vehicle, spans).value),
+        _band(column, lambda vehicle: left_shown(vehicle, spans), "90 % band"),
     ]
 
 
-def _link(one: VehicleRow) -> Link:
-    return Link(printable(one.name), one.page)
+def _link(vehicle: VehicleRow) -> Link:
+    return Link(printable(vehicle.name), vehicle.page)
 
 
 _NAMES: tuple[Entry, ...] = (
     (Column("vehicle", "vehicle"), _link),
-    (Column("type", "type"), lambda one: printable(one.type)),
+    (Column("type", "type"), lambda vehicle: printable(vehicle.type)),
 )

@@ -65,25 +65,25 @@ def parameter_table(parameters: Mapping[str, Estimate]) -> str:
     return _table(["parameter", "value", "low", "high", "unit"], rows)
 
 
-def lugre_table(found: LugreFit) -> str:
+def lugre_table(fit: LugreFit) -> str:
     """Fit and parameters of one recording."""
     head = (
-        f"{found.name}: fit {found.fit_percent:.1f} % in free run, rms {found.rms:.3g} N, "
-        f"{found.effective_samples:.0f} effective samples"
+        f"{fit.name}: fit {fit.fit_percent:.1f} % in free run, rms {fit.rms:.3g} N, "
+        f"{fit.effective_samples:.0f} effective samples"
     )
-    return f"{head}\n{parameter_table(found.parameters)}" if found.parameters else head
+    return f"{head}\n{parameter_table(fit.parameters)}" if fit.parameters else head
 
 
-def level_table(found: CoulombFriction) -> str:
+def level_table(coulomb: CoulombFriction) -> str:
     """Coulomb friction by level, one per line."""
     rows = []
-    for level in found.levels:
-        friction, known = level.friction, math.isfinite(level.friction.std)
+    for level in coulomb.levels:
+        friction, finite = level.friction, math.isfinite(level.friction.std)
         rows.append(
             [
                 f"{level.pressure / 1e5:.2f}" if math.isfinite(level.pressure) else "-",
                 f"{friction.value:.3f}",
-                *(f"{x:.3f}" if known else "-" for x in (friction.low, friction.high)),
+                *(f"{x:.3f}" if finite else "-" for x in (friction.low, friction.high)),
                 f"{level.cycles.size}",
                 f"{level.cycles[0]:.2f} .. {level.cycles[-1]:.2f}",
                 *(f"{speed * 1e3:+.1f}" for speed in level.speeds),

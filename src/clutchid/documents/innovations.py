@@ -25,37 +25,38 @@ _CAPTION = (
 )
 
 
-def innovation_figure(found: InnovationStatistics) -> Figure:
+def innovation_figure(statistics: InnovationStatistics) -> Figure:
     """NIS over time with its bounds, autocorrelation, and correlation with both valves."""
     figure, axes = new_figure([1.6] * 4, share_x=False)
-    fill(axes[0], found.time, found.low, found.high, Line(STYLE.blue, "95 % of a chi-square", opacity=0.3))
-    draw(axes[0], found.time, found.nis, Line(STYLE.red, "mean over a second", 1.2))
-    axes[0].set_ylim(0.0, 1.1 * float(np.nanmax(np.append(found.nis, found.high), initial=1.0)))
+    time, bounds = statistics.time, Line(STYLE.blue, "95 % of a chi-square", opacity=0.3)
+    fill(axes[0], time, statistics.low, statistics.high, bounds)
+    draw(axes[0], time, statistics.nis, Line(STYLE.red, "mean over a second", 1.2))
+    axes[0].set_ylim(0.0, 1.1 * float(np.nanmax(np.append(statistics.nis, statistics.high), initial=1.0)))
     label(axes[0], "time [s]", "NIS [1]")
     legend(axes[0], 2)
-    draw_colour(axes[1:], found.colour, "innovation")
+    draw_colour(axes[1:], statistics.colour, "innovation")
     label(axes[-1], "lag [ms]")
     figure.align_ylabels()
     return figure
 
 
-def innovation_blocks(name: str, found: InnovationStatistics) -> tuple[Block, ...]:
+def innovation_blocks(name: str, statistics: InnovationStatistics) -> tuple[Block, ...]:
     """Sentence and figure of the innovations of a recording, nothing without a correction."""
-    if not found.moving.corrections + found.resting.corrections:
+    if not statistics.moving.corrections + statistics.resting.corrections:
         return ()
     said = [
         f"{_nis(mean)} while the piston {what}"
-        for mean, what in ((found.moving, "moves"), (found.resting, "rests"))
+        for mean, what in ((statistics.moving, "moves"), (statistics.resting, "rests"))
         if mean.corrections
     ]
     words = f"NIS: {'; '.join(said)}."
-    outside = found.colour.share_outside
+    outside = statistics.colour.share_outside
     if np.isfinite(outside):
         words += f" {100 * outside:.0f} % of the lags of the autocorrelation are outside the bounds of white noise."
     alt = "NIS over time, autocorrelation of the innovations and correlation with both valves"
-    return (Text(words), Picture(innovation_figure(found), f"{name}. {_CAPTION}", alt, dense=True))
+    return (Text(words), Picture(innovation_figure(statistics), f"{name}. {_CAPTION}", alt, dense=True))
 
 
-def _nis(found: MeanNIS) -> str:
-    bounds = f"{found.low:.2f} to {found.high:.2f}"
-    return f"{found.mean:.2g} in {found.corrections:,d} corrections (95 % of a chi-square: {bounds})"
+def _nis(mean: MeanNIS) -> str:
+    bounds = f"{mean.low:.2f} to {mean.high:.2f}"
+    return f"{mean.mean:.2g} in {mean.corrections:,d} corrections (95 % of a chi-square: {bounds})"

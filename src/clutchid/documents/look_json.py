@@ -1,4 +1,4 @@
-"""What `look` finds as a JSON object."""
+"""JSON object of a look at a file."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ def look_json(contents: FileOverview, inspection: Inspection | None, unchecked: 
 
 def _check_json(check: Check) -> dict[str, Any]:
     """A check, with the place where it fails in s, if it has one."""
-    found = asdict(check)
-    return {**found, "begin_s": found.pop("begin"), "end_s": found.pop("end")}
+    entries = asdict(check)
+    return {**entries, "begin_s": entries.pop("begin"), "end_s": entries.pop("end")}
 
 
 def _grid_json(grid: TimeGridOverview) -> dict[str, Any]:

@@ -34,15 +34,15 @@ class Command:
 
     def with_options(self, *options: str, without: Sequence[str] = ()) -> str:
         """The command with `options` added, and `without` options that have one value."""
-        kept: list[str] = []
+        arguments: list[str] = []
         skip = False
         for argument in self.arguments:
             name = argument.partition("=")[0]
             if not skip and name not in without:
-                kept.append(argument)
+                arguments.append(argument)
             skip = not skip and argument in without  # its value follows
-        at = kept.index("--") if "--" in kept else len(kept)  # what follows is no option
-        return command_line(["clutchid", *kept[:at], *options, *kept[at:]])
+        at = arguments.index("--") if "--" in arguments else len(arguments)  # what follows is no option
+        return command_line(["clutchid", *arguments[:at], *options, *arguments[at:]])
 
     @property
     def names(self) -> list[str]:
@@ -58,13 +58,13 @@ class Command:
         """`name`, with a number if the command reads or writes a file of that name."""
         path = Path(name)
         files = (*self.logs, self.start, self.save, *self.others, self.report)
-        taken = {one.absolute() for one in files if one is not None}
+        taken = {file.absolute() for file in files if file is not None}
         numbered = (path.with_name(f"{path.stem}-{number}{path.suffix}") for number in count(2))
-        return _argument(next(one for one in chain([path], numbered) if one.absolute() not in taken))
+        return _argument(next(candidate for candidate in chain([path], numbered) if candidate.absolute() not in taken))
 
 
 def next_step(fit: Fit, command: Command) -> NextStep:
-    """What to do next: continue, calibrate, read a worn clutch, follow its wear, or look at the page.
+    """The next step: continue, calibrate, read a worn clutch, follow its wear, or look at the page.
 
     Kinds: continue a search from the saved result ("continue"), or save it for that ("save to continue"); follow the
     wear of a vehicle ("track"); calibrate this recording ("calibrate"), or record one with pressure ("record"); correct
@@ -76,7 +76,7 @@ def next_step(fit: Fit, command: Command) -> NextStep:
     fit : Fit
         Not failed.
     command : Command
-        The one that made it.
+        Command of this result.
     """
     saved = command.save if command.save and command.save.suffix.lower() in ("", ".toml") else None
     if not fit.converged:
@@ -100,8 +100,8 @@ def next_step(fit: Fit, command: Command) -> NextStep:
 
 def _continue(command: Command, saved: Path | None) -> NextStep:
     if saved is None:
-        kept = command.with_options("--save", command.new_file("FIT.toml"))
-        return NextStep("save to continue", "save the result, to continue the search from it", kept)
+        saving = command.with_options("--save", command.new_file("FIT.toml"))
+        return NextStep("save to continue", "save the result, to continue the search from it", saving)
     further = saved.with_name(f"{saved.stem}-continued{saved.suffix}")
     options = ("--start", _argument(saved), "--save", _argument(further))
     again = command.with_options(*options, without=("--start", "--save", "--report"))
@@ -112,8 +112,8 @@ def _after_calibration(fit: Fit, command: Command, saved: Path | None) -> NextSt
     if verdict(fit).trust == "none":
         return NextStep("correct", "correct what the reasons say, and calibrate again", command.with_options())
     if saved is None:
-        kept = command.with_options("--save", command.new_file("CAL.toml"))
-        return NextStep("keep", "keep the calibration", kept)
+        saving = command.with_options("--save", command.new_file("CAL.toml"))
+        return NextStep("keep", "keep the calibration", saving)
     words = ["clutchid", "estimate", "WORN.csv", *command.reading, "--start", _argument(saved)]
     return NextStep("estimate", "read a worn clutch, from position alone", command_line(words))
 
@@ -124,13 +124,13 @@ def _after_reading(command: Command, saved: Path | None) -> NextStep:
         page = command.with_options("--report", command.new_file(f"{log.stem}.html"))
         return NextStep("report", "see both loads on a page", page)
     if saved is None:
-        kept = command.with_options("--save", command.new_file(f"{log.stem}.toml"))
-        return NextStep("keep result", "keep the result", kept)
+        saving = command.with_options("--save", command.new_file(f"{log.stem}.toml"))
+        return NextStep("keep result", "keep the result", saving)
     words = ["clutchid", "simulate", command.names[0], *command.again, "--parameters", _argument(saved)]
     what = command_line([*words, "--out", command.new_file(f"{log.stem}-pressure.csv")])
     return NextStep("simulate", "the pressure over time", what)
 
 
 def _argument(path: Path) -> str:
-    """A path as an argument; one that begins with a dash is no option."""
+    """A path as an argument, also where its name begins with a dash."""
     return f"./{path}" if str(path).startswith("-") else str(path)

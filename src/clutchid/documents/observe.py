@@ -42,16 +42,16 @@ INNOVATION = {"position": ("µm", MICRO), "force": ("N", 1.0)}
 SHOWN = 99.0
 
 
-def loads_figure(found: Loads) -> Figure:
+def loads_figure(both: Loads) -> Figure:
     """The load before and after a recording with their bands, and below the change with the band of the load after."""
     figure, (loads, change) = new_figure([3.3, 1.9])
-    before, after = found.before, found.after
+    before, after = both.before, both.after
     x = after.position / MM
     for axis in (loads, change):
         mark_span(axis, ENGAGING[0] / MM, ENGAGING[1] / MM)
-    for one, colour, words in ((before, STYLE.orange, "before"), (after, STYLE.blue, "after")):
-        fill(loads, x, one.low, one.high, Line(colour, f"95 % band {words}", opacity=0.2))
-        draw(loads, x, one.force, Line(colour, f"{words} the recording", 1.8))
+    for load, colour, words in ((before, STYLE.orange, "before"), (after, STYLE.blue, "after")):
+        fill(loads, x, load.low, load.high, Line(colour, f"95 % band {words}", opacity=0.2))
+        draw(loads, x, load.force, Line(colour, f"{words} the recording", 1.8))
     fill(change, x, after.low - before.force, after.high - before.force, Line(STYLE.red, opacity=0.2))
     draw(change, x, after.force - before.force, Line(STYLE.red, "after less before, with the band after", 1.6))
     change.axhline(0.0, color=STYLE.ink, linewidth=0.7)
@@ -84,7 +84,7 @@ def strokes_figure(run: ObservedRecording) -> Figure:
     places = [int(np.argmin(np.abs(grid - position))) for position in FOLLOWED if position <= grid[-1]]
     figure, axes = new_figure([1.25] * len(places))
     for axis, at in zip(axes, places, strict=True):
-        force, low, high = (np.array([getattr(one, side)[at] for one in curves]) for side in ("force", "low", "high"))
+        force, low, high = (np.array([getattr(load, side)[at] for load in curves]) for side in ("force", "low", "high"))
         fill(axis, number, low, high, Line(STYLE.blue, "95 % band", opacity=0.2))
         draw(axis, number, force, Line(STYLE.blue, "load", 1.6))
         axis.plot(number, force, "o", color=STYLE.blue, markersize=2.8)
@@ -133,12 +133,12 @@ def samples_figure(run: ObservedRecording) -> Figure:
 
 def _innovations(axis: Axes, run: ObservedRecording) -> None:
     """Innovations with their 95 % bounds."""
-    found, variance = run.samples.innovations.T
-    corrected = np.isfinite(found)
+    innovations, variance = run.samples.innovations.T
+    corrected = np.isfinite(innovations)
     every = run.observer.joint.settings.every * run.observer.spacing
     compares = run.observer.joint.rule.compares
     _, unit = INNOVATION[compares]
-    columns = [found[corrected] / unit, QUANTILE * np.sqrt(variance[corrected]) / unit]
+    columns = [innovations[corrected] / unit, QUANTILE * np.sqrt(variance[corrected]) / unit]
     t, (innovation, bound) = with_gaps(run.log.time[corrected], columns, every)
     fill(axis, t, -bound, bound, Line(STYLE.measured, "95 % bounds", opacity=0.3))
     draw(axis, t, innovation, Line(STYLE.red, f"{compares}, measured less predicted", 0.8))
@@ -183,7 +183,7 @@ def observe_document(observation: Observation, command: str = "") -> Document:
 
 
 def observation_data(observation: Observation) -> dict[str, Any]:
-    """What the local page shows of an observed recording: its loads by stroke, its rows, and the next step."""
+    """Data of an observed recording for the local page: loads by stroke, rows, and the next step."""
     run = observation.run
     time, grid = run.log.time, positions(run.observer)
     loads = [(float(time[0]), 0, curve(run.observer, run.before, grid))]
@@ -264,9 +264,9 @@ def parameter_table(run: ObservedRecording, title: str, names: Sequence[str]) ->
     return ReportTable(title, columns, tuple(rows))
 
 
-def _rounded(one: Estimate) -> float:
+def _rounded(estimate: Estimate) -> float:
     """A value, 0 where it differs from that by rounding only."""
-    return one.value if abs(one.value) > 1e-6 * one.std else 0.0
+    return estimate.value if abs(estimate.value) > 1e-6 * estimate.std else 0.0
 
 
 def health_table(run: ObservedRecording) -> ReportTable:

@@ -45,10 +45,10 @@ def _samples(part: ObservedRecording, rows: np.ndarray) -> list[str]:
 
 
 def _known(values: FloatArray) -> list[float | None]:
-    found: list[float | None] = values.tolist()
+    entries: list[float | None] = values.tolist()
     for i in np.flatnonzero(~np.isfinite(values)).tolist():
-        found[i] = None
-    return found
+        entries[i] = None
+    return entries
 
 
 #: Numbers of an estimate.
@@ -58,11 +58,11 @@ _SIDES = ("value", "std", "low", "high")
 def _stroke(row: StrokeRow) -> dict[str, Any]:
     parameters = {
         name: {
-            **dict(zip(_SIDES, _known(np.array([getattr(one, side) for side in _SIDES])), strict=True)),
-            "unit": one.unit,
+            **dict(zip(_SIDES, _known(np.array([getattr(estimate, side) for side in _SIDES])), strict=True)),
+            "unit": estimate.unit,
         }
-        for name, one in row.known.items()
+        for name, estimate in row.known.items()
     }
     curve = curve_json(row.curve)
-    known = {name: _known(np.array(values)) for name, values in curve.items()}
-    return {"time [s]": row.time, "stroke": row.number, "parameters": parameters, "load_curve": known}
+    entries = {name: _known(np.array(values)) for name, values in curve.items()}
+    return {"time [s]": row.time, "stroke": row.number, "parameters": parameters, "load_curve": entries}

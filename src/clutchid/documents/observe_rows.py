@@ -42,7 +42,7 @@ def load_sentence(run: ObservedRecording) -> str:
 
 
 def rows_of(run: ObservedRecording) -> list[Row]:
-    """What was observed, the load at the end where the clutch engages, with its 95 % band, and the trust in it."""
+    """The observed recording, its final load where the clutch engages, with the 95 % band, and the trust in it."""
     at = curve(run.observer, run.after, [mm * MM for mm in POSITIONS])
     halves = ((at.high - at.low) / 2).tolist()
     shown = ", ".join(with_interval(force, half) for force, half in zip(at.force.tolist(), halves, strict=True))
@@ -63,7 +63,7 @@ def rows_of(run: ObservedRecording) -> list[Row]:
 
 def observe_json(run: ObservedRecording, origin: Origin) -> dict[str, Any]:
     """The JSON object of an observed recording: that of a fit for the load at its end, and its health."""
-    values = {name: one for name, one in known(run.observer, run.after).items() if name in run.observer.adapting}
+    estimates, adapting = known(run.observer, run.after), run.observer.adapting
     calibrated, _, after = loads(run)
     errors = errors_json(errors_over([(run.travel, run.estimates())]))
     warnings = list(run.log.warnings)
@@ -71,7 +71,7 @@ def observe_json(run: ObservedRecording, origin: Origin) -> dict[str, Any]:
     return {
         "status": "warning" if warnings or any(run.health.values()) else "ok",
         "message": observe_sentence(run),
-        "parameters": {name: asdict(one) for name, one in values.items()},
+        "parameters": {name: asdict(estimates[name]) for name in estimates if name in adapting},
         "load_curve": curve_json(after),
         "calibrated_load_curve": curve_json(calibrated),
         "errors": errors,

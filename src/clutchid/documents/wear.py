@@ -80,7 +80,8 @@ def _scaled(s: FloatArray, unit: str) -> tuple[FloatArray, str]:
 
 def _measured(axis: Axes, s: FloatArray, wear: Wear, name: str, factor: float) -> None:
     """The measurements that count, and those that were left out."""
-    values = np.array([getattr(one.measurement, name) if one.measurement else np.nan for one in wear.readings])
+    measured = [reading.measurement for reading in wear.readings]
+    values = np.array([getattr(measurement, name) if measurement else np.nan for measurement in measured])
     used = np.array(wear.counted)
     for chosen, mark, colour, words in (
         (used, ".", STYLE.measured, "readings"), (~used, "x", STYLE.red, "left out"),
@@ -114,8 +115,8 @@ def loads_figure(curves: Sequence[tuple[str, LoadCurve]]) -> Figure:
 
 _TREND = (
     "Readings of single recordings, and the trend with its 95 % band. Readings may all lie to one side of the trend: "
-    "it is without the error that the readings of a vehicle share and the one that goes with the air temperature, as "
-    "far as these can be estimated, and its band contains what is not known of them."
+    "errors that the readings of a vehicle share, and errors by air temperature, are removed from it as far as they "
+    "can be estimated, and its band covers the rest of them."
 )
 _ALARMS = " Red and dashed: alarms."
 _TEST = f"The test for changes is set to one false alarm in {1 / FALSE_ALARMS:,.0f} recordings."
@@ -172,9 +173,9 @@ def recordings_table(wear: Wear) -> ReportTable:
         Column("outcome", "in the trend"), Column("message", "reason or message"),
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = []
-    for dated, one, outcome, reason in zip(wear.dated, wear.readings, wear.outcomes, wear.reasons, strict=True):
+    for dated, reading, outcome, reason in zip(wear.dated, wear.readings, wear.outcomes, wear.reasons, strict=True):
         begin = f"{dated.begin:%Y-%m-%d}" if dated.begin else None
-        shift, load = (one.measurement.shift, one.measurement.load) if one.measurement else (None, None)
-        message = reason or ("" if one.status == "ok" else one.message)
-        rows.append((dated.name, begin, dated.strokes, shift, load, one.trust, outcome, message))
+        shift, load = (reading.measurement.shift, reading.measurement.load) if reading.measurement else (None, None)
+        message = reason or ("" if reading.status == "ok" else reading.message)
+        rows.append((dated.name, begin, dated.strokes, shift, load, reading.trust, outcome, message))
     return ReportTable("Recordings in the order of the life", columns, tuple(rows))

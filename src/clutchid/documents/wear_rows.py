@@ -48,7 +48,7 @@ def recordings_words(wear: Wear) -> str:
     words = [f"{used} of {len(wear.outcomes)} count"]
     if counts["left out"]:
         words.append(f"{counts['left out']} outlier{'s' if counts['left out'] > 1 else ''} left out")
-    failed = Counter(one.status for one in wear.readings if one.measurement is None)
+    failed = Counter(reading.status for reading in wear.readings if reading.measurement is None)
     words += [f"{number} without a measurement ({status})" for status, number in failed.items()]
     over = f", over {wear.s[-1] - wear.s[0]:,.0f} {wear.axis}" if wear.axis != "recordings" else ""
     return f"{', '.join(words)}{over}"
@@ -125,19 +125,19 @@ def wear_json(wear: Wear, left_out: str = "") -> dict[str, Any]:
     `left_out` says what was not read as a recording, which troubles no result.
     """
     counted = any(wear.counted)
-    troubled = wear.warnings or wear.alarms or any(one.status != "ok" for one in wear.readings)
+    troubled = wear.warnings or wear.alarms or any(reading.status != "ok" for reading in wear.readings)
     return {
         "status": "failed" if not counted else "warning" if troubled else "ok",
         "message": change_words(wear) if counted else recordings_words(wear),
         "logs": {
             dated.name: {
-                "status": one.status,
-                "message": one.message,
-                "trust": one.trust,
+                "status": read.status,
+                "message": read.message,
+                "trust": read.trust,
                 "outcome": outcome,
                 "reason": reason,
             }
-            for dated, one, outcome, reason in zip(wear.dated, wear.readings, wear.outcomes, wear.reasons, strict=True)
+            for dated, read, outcome, reason in zip(wear.dated, wear.readings, wear.outcomes, wear.reasons, strict=True)
         },
         "warnings": [sentence for sentence in (left_out, *wear.warnings) if sentence],
         "wear": {

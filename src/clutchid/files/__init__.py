@@ -159,7 +159,7 @@ def not_an_address(path: str | PathLike[str], option: str = "") -> None:
 
 
 def is_there(path: Path) -> bool:
-    """Whether there is a file or folder; at a name that none can have, or cannot be looked at, there is none."""
+    """Whether a file or folder exists; False where the name is invalid or the place cannot be read."""
     try:
         return path.exists()
     except OSError:

@@ -91,10 +91,10 @@ def table(record: Any, names: Iterable[str] = ()) -> dict[str, Any]:
     Levels(quantum=1.0, shift=nan, rests=(0.0002, 0.0003))
     """
     entries = _entries(type(record))
-    found = {name: plain(getattr(record, name)) for name in names or entries}
-    unknown = [name for name, value in found.items() if value is None or (isinstance(value, float) and np.isnan(value))]
-    empty = [name for name, value in found.items() if value in ([], {}) and not entries[name][1]]
-    return {name: value for name, value in found.items() if name not in (*unknown, *empty)}
+    values = {name: plain(getattr(record, name)) for name in names or entries}
+    unknown = [name for name, item in values.items() if item is None or (isinstance(item, float) and np.isnan(item))]
+    empty = [name for name, item in values.items() if item in ([], {}) and not entries[name][1]]
+    return {name: value for name, value in values.items() if name not in (*unknown, *empty)}
 
 
 def plain(value: Any) -> Any:
@@ -102,10 +102,10 @@ def plain(value: Any) -> Any:
     if _entries(type(value)):
         return table(value)
     if isinstance(value, Mapping):
-        return {name: plain(each) for name, each in value.items()}
+        return {name: plain(item) for name, item in value.items()}
     if isinstance(value, (np.ndarray, np.generic)):
         return value.tolist()
-    return [plain(each) for each in value] if isinstance(value, (list, tuple)) else value
+    return [plain(item) for item in value] if isinstance(value, (list, tuple)) else value
 
 
 def read(kind: type[T], content: object, where: str, rules: Mapping[str, Rule] = MappingProxyType({})) -> T:
@@ -171,7 +171,7 @@ def _fields(kind: Any) -> Mapping[str, tuple[Any, bool]]:
     else:
         required = {name: name not in kind._field_defaults for name in kind._fields}
     hints = get_type_hints(kind)
-    return {name: (hints[name], each) for name, each in required.items()}
+    return {name: (hints[name], needed) for name, needed in required.items()}
 
 
 def _got(content: object, where: str) -> str:
@@ -183,21 +183,21 @@ def _got(content: object, where: str) -> str:
 
 def _read(kind: Any, content: Any, where: str, rules: Mapping[str, Rule]) -> Any:
     if get_origin(kind) in (Union, UnionType):  # X | None: there is no null in TOML
-        kind = next(each for each in get_args(kind) if each is not NoneType)
+        kind = next(option for option in get_args(kind) if option is not NoneType)
     origin, inner, entries = _origin(kind), get_args(kind), _entries(kind)
     if entries and isinstance(content, list) and len(content) == len(entries):
         content = dict(zip(entries, content, strict=True))
     if isinstance(content, dict) and (entries or origin in (dict, Mapping)):
         wanted = entries or dict.fromkeys(content, (inner[-1], True))
         problems = unknown_names(content, tuple(wanted), f"entry of {where}")
-        found = {
-            name: collected(problems, read, each, content.get(name, MISSING), _place(where, name, each), rules)
-            for name, (each, required) in wanted.items()
+        values = {
+            name: collected(problems, read, entry, content.get(name, MISSING), _place(where, name, entry), rules)
+            for name, (entry, required) in wanted.items()
             if required or name in content
         }
         if problems:
             raise ParameterError("\n".join(problems))
-        return kind(**found) if entries else found
+        return kind(**values) if entries else values
     if origin is Literal and content not in list(inner):
         raise ParameterError(
             f"{where}: {unknown_name(str(content), inner, where.rpartition(' ')[2].replace('_', ' '))}"
@@ -209,7 +209,7 @@ def _read(kind: Any, content: Any, where: str, rules: Mapping[str, Rule]) -> Any
 
 
 def _origin(kind: Any) -> Any:
-    """What a type is made of: a union, a tuple, an array; from NumPy 2.5 an array is a named alias of one."""
+    """Origin of a generic type: union, tuple, array; from NumPy 2.5 the array type is a named alias."""
     origin = get_origin(kind)
     return get_origin(origin.__value__) if hasattr(origin, "__value__") else origin
 
@@ -219,7 +219,7 @@ def _value(kind: Any, origin: Any, inner: tuple[Any, ...], content: Any, where: 
     if isinstance(content, list) and origin is tuple:
         kinds = inner[:1] * len(content) if inner[1:] == (...,) else inner
         same = len(kinds) == len(content)
-        return tuple(_read(each, item, where, {}) for each, item in zip(kinds, content, strict=True)) if same else None
+        return tuple(_read(of, item, where, {}) for of, item in zip(kinds, content, strict=True)) if same else None
     if isinstance(content, list) and origin is np.ndarray:
         return _array(content)
     if kind is float and is_number(content):
@@ -236,7 +236,7 @@ def _array(content: list[Any]) -> NDArray[np.float64] | None:
 
 
 def _place(where: str, name: str, kind: Any) -> str:
-    records = any(_entries(each) for each in (kind, *get_args(kind)))
+    records = any(_entries(part) for part in (kind, *get_args(kind)))
     return f"{where[:-1]}.{name}]" if records and where.endswith("]") else f"{where} {name}"
 
 

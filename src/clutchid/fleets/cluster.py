@@ -100,7 +100,7 @@ def _check_certificates(tls: Tls) -> None:
 
 
 async def answered(address: str, security: Security, seconds: float) -> None:
-    """Ask the scheduler who it is; a `Client` waits much longer for one that takes the connection and is silent."""
+    """Ask the scheduler for its identity; a `Client` waits much longer where no answer comes."""
     from distributed import rpc
 
     async with rpc(address, connection_args=security.get_connection_args("client")) as scheduler:
@@ -130,10 +130,10 @@ def check_scheduler(client: Client, address: str, seconds: float) -> None:
         ) from None
     except Exception as error:  # its Python has no clutchid
         here, versions = error, {}
-    for who, found in {"the scheduler": here, **{f"worker {name}": one for name, one in versions.items()}}.items():
-        if isinstance(found, BaseException):
-            raise ParameterError(f"--scheduler {address}: {who} has no clutchid of this version ({found}).")
-        if found != version_and_source():
+    for who, answer in [("the scheduler", here), *((f"worker {name}", of) for name, of in versions.items())]:
+        if isinstance(answer, BaseException):
+            raise ParameterError(f"--scheduler {address}: {who} has no clutchid of this version ({answer}).")
+        if answer != version_and_source():
             raise ParameterError(
                 f"--scheduler {address}: {who} has another clutchid than this process, or other sources; "
                 "install the same version everywhere."
@@ -266,15 +266,15 @@ def _spread(
 
     submit(list(islice(waiting, WINDOW)), 1)
     for batch in todo.batches():
-        for future, found in _outcomes(client, batch, workers.scheduler):
+        for future, outcome in _outcomes(client, batch, workers.scheduler):
             item, attempt = attempts.pop(future)
-            if found is None and attempt < ATTEMPTS:
+            if outcome is None and attempt < ATTEMPTS:
                 submit([item], attempt + 1)
-            elif isinstance(found, FinishedWork):
-                yield found
+            elif isinstance(outcome, FinishedWork):
+                yield outcome
             else:
                 yield FinishedWork(
-                    item, found or LostWork("killed", f"{ATTEMPTS} workers that were given it were lost."), 0.0
+                    item, outcome or LostWork("killed", f"{ATTEMPTS} workers that were given it were lost."), 0.0
                 )
         if len(attempts) <= WINDOW - BATCH:
             submit(list(islice(waiting, WINDOW - len(attempts))), 1)
@@ -322,10 +322,10 @@ def _outcomes(
     from distributed import CancelledError
 
     finished = {future: future for future in futures if future.status == "finished"}
-    found: dict[Future[Any], FinishedWork[Any, Any]] = {}
+    gathered: dict[Future[Any], FinishedWork[Any, Any]] = {}
     with suppress(TimeoutError, OSError, KeyError, CancelledError):  # a worker went with a result
-        found = client.sync(client._gather, finished, errors="skip", callback_timeout=ANSWER)
-    return [(one, found[one] if one in found else _lost(client, one, scheduler)) for one in futures]
+        gathered = client.sync(client._gather, finished, errors="skip", callback_timeout=ANSWER)
+    return [(work, gathered[work] if work in gathered else _lost(client, work, scheduler)) for work in futures]
 
 
 def _lost(client: Client, future: Future[Any], scheduler: str) -> LostWork | None:
@@ -362,11 +362,11 @@ def _quiet() -> Iterator[None]:
         name for name in logging.root.manager.loggerDict if name.split(".")[0] in roots
     }  # have levels of their own
     loggers = [logging.getLogger(name) for name in sorted(roots | below)]
-    levels = [one.level for one in loggers]
-    for one in loggers:
-        one.setLevel(logging.CRITICAL + 1)
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL + 1)
     try:
         yield
     finally:
-        for one, level in zip(loggers, levels, strict=True):
-            one.setLevel(level)
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)

@@ -85,18 +85,18 @@ def fleet_of(source: Path, start: Path) -> Fleet:
         _check_vehicles(rows.values(), table)
         content = folder_content(table.parent, {table.resolve()})
         files = files_by_name(content, {recording for _, recording in rows})
-        found = {(vehicle, recording): files.file_of(recording, vehicle) for vehicle, recording in rows}
-        beside = _unlisted(found.values(), content) if source.is_dir() else ""
+        by_key = {(vehicle, recording): files.file_of(recording, vehicle) for vehicle, recording in rows}
+        beside = _unlisted(by_key.values(), content) if source.is_dir() else ""
     else:
         rows, content = {}, folder_content(source)
         beside = left_out(content.others, content.results)
-        found = {key: ListedFile(path) for key, path in _in_folders(source, content.recordings).items()}
-    if not found:
+        by_key = {key: ListedFile(path) for key, path in _in_folders(source, content.recordings).items()}
+    if not by_key:
         raise DataError(no_recordings(str(source), beside))
-    if all(file.path is None for file in found.values()):
-        raise DataError(f"{source}: none of the files of its {len(found):,} recordings is there.")
+    if all(file.path is None for file in by_key.values()):
+        raise DataError(f"{source}: none of the files of its {len(by_key):,} recordings is there.")
     calibrations = _calibrations(start)
-    jobs = tuple(_job(key, file, rows.get(key), start, calibrations) for key, file in sorted(found.items()))
+    jobs = tuple(_job(key, file, rows.get(key), start, calibrations) for key, file in sorted(by_key.items()))
     if all(job.start is None for job in jobs):
         raise ParameterError(f"--start {start}: {jobs[0].problem}")
     return Fleet(source, jobs, rows, beside)
@@ -105,7 +105,7 @@ def fleet_of(source: Path, start: Path) -> Fleet:
 def _in_folders(source: Path, recordings: Iterable[Path]) -> dict[tuple[str, str], Path]:
     """Recordings by (vehicle, name): the vehicle is their folder."""
     folders: dict[str, Path] = {}
-    found: dict[tuple[str, str], Path] = {}
+    by_key: dict[tuple[str, str], Path] = {}
     for path in recordings:
         vehicle = as_text(path.parent.resolve().name)
         other = folders.setdefault(vehicle, path.parent)
@@ -114,10 +114,10 @@ def _in_folders(source: Path, recordings: Iterable[Path]) -> dict[tuple[str, str
                 f"{source}: '{other}' and '{path.parent}' are two vehicles under one name, '{vehicle}'; rename one, or "
                 "say in a table which recordings belong together."
             )
-        one = found.setdefault((vehicle, name_of(path)), path)
-        if one is not path:
-            raise DataError(f"{one} and {path}: have the same name; every recording of a vehicle needs its own.")
-    return found
+        first = by_key.setdefault((vehicle, name_of(path)), path)
+        if first is not path:
+            raise DataError(f"{first} and {path}: have the same name; every recording of a vehicle needs its own.")
+    return by_key
 
 
 def _check_vehicles(rows: Iterable[Listed], table: Path) -> None:
@@ -149,12 +149,12 @@ def _calibrations(start: Path) -> dict[str, Path] | None:
         raise ParameterError(f"--start {start}: there is no such file or folder.")
     if start.is_file():
         return None
-    found = {as_text(path.stem): path for path in sorted(start.glob("*.toml"))}
-    if not found:
+    by_name = {as_text(path.stem): path for path in sorted(start.glob("*.toml"))}
+    if not by_name:
         raise ParameterError(
             f"--start {start}: has no calibrations (TYPE.toml); `clutchid calibrate --save` writes them."
         )
-    return found
+    return by_name
 
 
 def _job(
@@ -185,35 +185,35 @@ class Task(NamedTuple):
     file: str
 
 
-def tasks(fleet: Fleet, options: ReadingOptions, kept: Store, *, retry: bool = False) -> list[Task]:
+def tasks(fleet: Fleet, options: ReadingOptions, store: Store, *, retry: bool = False) -> list[Task]:
     """The recordings that are not done, or whose file, calibration or clutchid has changed since.
 
     With `retry` also those that ended their worker or took too long.
     """
-    done, inputs = kept.keys(), _inputs(fleet, options)
-    found = []
+    stored, inputs = store.keys(), _inputs(fleet, options)
+    todo = []
     for job in fleet.jobs:
         if job.path is None or job.start is None:
             continue
         key, file = (job.vehicle, job.recording), _file(job.path)
         task = Task(*key, job.path, job.start, inputs[job.start], file)
-        known_inputs, known_file, checksum, status = done.get(key, ("", "", "", ""))
+        known_inputs, known_file, checksum, status = stored.get(key, ("", "", "", ""))
         unread = file and not checksum  # as where a share was away for a while
         if known_inputs != task.inputs or unread or (retry and status in LOST):
-            found.append(task)
+            todo.append(task)
         elif known_file != file:
             if checksum_of(job.path) == checksum:
-                kept.same_file(key, file)
+                store.same_file(key, file)
             else:
-                found.append(task)
-    return found
+                todo.append(task)
+    return todo
 
 
 def run(
     workers: Workers,
     options: ReadingOptions,
     todo: Sequence[Task],
-    kept: Store,
+    store: Store,
     progress: Callable[[int, int], None],
 ) -> None:
     """Read recordings, and keep every result as it comes.
@@ -232,12 +232,12 @@ def run(
     """
     last, count = monotonic(), 0
     try:
-        for done in results(partial(_work, options), todo, workers):
-            kept.put(_result(done))
-            last, count = kept.saved(last), count + 1
+        for finished in results(partial(_work, options), todo, workers):
+            store.put(_result(finished))
+            last, count = store.saved(last), count + 1
             progress(count, len(todo))
     finally:
-        kept.saved()
+        store.saved()
 
 
 def compile_first(calibrations: Iterable[Path]) -> None:
@@ -258,10 +258,10 @@ def _work(options: ReadingOptions, task: Task) -> RecordingResult:
     return read_recording(options, task.start, task.path)
 
 
-def _result(done: FinishedWork[Task, RecordingResult]) -> StoredResult:
-    task = done.item
-    read = unless_lost(task.path, done.result)
-    return StoredResult(task.vehicle, task.recording, task.inputs, task.file, read, done.seconds)
+def _result(finished: FinishedWork[Task, RecordingResult]) -> StoredResult:
+    task = finished.item
+    read = unless_lost(task.path, finished.result)
+    return StoredResult(task.vehicle, task.recording, task.inputs, task.file, read, finished.seconds)
 
 
 def _inputs(fleet: Fleet, options: ReadingOptions) -> Mapping[Path, str]:
@@ -275,7 +275,7 @@ def _inputs(fleet: Fleet, options: ReadingOptions) -> Mapping[Path, str]:
 def _file(path: Path) -> str:
     """Size and time of a file, which tell that it has not changed without reading it; empty where it is gone."""
     try:
-        known = path.stat()
+        status = path.stat()
     except OSError:
         return ""
-    return f"{known.st_size} {known.st_mtime_ns}"
+    return f"{status.st_size} {status.st_mtime_ns}"

@@ -68,12 +68,12 @@ def files_of(path: Path, below: Path) -> Files:
             f"{printable(path.name)}: is no result of `clutchid track` (FILE.parquet of --out) or of `clutchid fleet` "
             f"({VEHICLES}, {RESULTS} or {WEAR} of its folder)."
         )
-    found = {other: _inside(path.with_name(name), below) for other, name in names.items()}
+    paths = {other: _inside(path.with_name(name), below) for other, name in names.items()}
     own = _inside(curves_path(path), below)
-    if own is not None or (kind == "wear" and found["results"] is None):  # that of a single vehicle
+    if own is not None or (kind == "wear" and paths["results"] is None):  # that of a single vehicle
         return Files(path, None, None, (own,) if own else ())
     parts = [*sorted((path.parent / CURVES).glob("part-*.parquet")), *sorted(path.parent.glob("part-*.parquet"))]
-    return Files(**(found | {kind: path}), loads=tuple(part for part in parts if _inside(part, below)))
+    return Files(**(paths | {kind: path}), loads=tuple(part for part in parts if _inside(part, below)))
 
 
 def _inside(path: Path, below: Path) -> Path | None:
@@ -104,11 +104,11 @@ def _read(path: Path, where: pl.Expr | None = None, most: int = MOST_ROWS) -> pl
 
     try:
         frame = _scanned(path)
-        found: pl.DataFrame = (frame if where is None else frame.filter(where)).head(most).collect()
+        rows: pl.DataFrame = (frame if where is None else frame.filter(where)).head(most).collect()
     except (OSError, pl.exceptions.PolarsError, ValueError) as error:
         why = reason_of(error) if type(error) is OSError else str(error).splitlines()[0][:200]
         raise DataError(f"{printable(path.name)}: cannot be read as a table ({why}).") from error
-    return found
+    return rows
 
 
 def _columns(path: Path) -> Sequence[str]:
@@ -155,7 +155,7 @@ def fleet_of(files: Files) -> dict[str, Any]:
     else:
         rows = []
     newest = {} if files.results is None else _newest(_read(files.results))
-    rows = rows or [{"vehicle": name, **one} for name, one in newest.items()]
+    rows = rows or [{"vehicle": name, **row} for name, row in newest.items()]
     rows.sort(key=lambda row: natural(str(row["vehicle"])))
     shown = rows[:MOST_VEHICLES]
     columns: dict[str, list[Any]] = {
@@ -171,12 +171,12 @@ def fleet_of(files: Files) -> dict[str, Any]:
 
 def _band(sides: Sequence[Any]) -> list[float | str | None] | None:
     """A value with its ends; None where it is not known."""
-    found = [_number(side) for side in sides]
-    return None if found[0] is None else found
+    numbers = [_number(side) for side in sides]
+    return None if numbers[0] is None else numbers
 
 
 def _number(value: Any) -> float | str | None:
-    """A number for JSON: infinity is "inf", what is none is None."""
+    """A number for JSON: "inf" for infinity, None for a missing value."""
     if not isinstance(value, int | float) or np.isnan(value):
         return None
     return float(f"{value:.6g}") if np.isfinite(value) else "inf"
@@ -184,7 +184,7 @@ def _number(value: Any) -> float | str | None:
 
 def _last_rows(wear: pl.DataFrame) -> list[dict[str, Any]]:
     """The vehicles of a table of wear, as the table of vehicles has them."""
-    found = []
+    rows = []
     for (name,), group in wear.group_by(["vehicle"], maintain_order=True):
         last = group.row(-1, named=True)
         row = {
@@ -199,29 +199,29 @@ def _last_rows(wear: pl.DataFrame) -> list[dict[str, Any]]:
                 row[f"{quantity}{tail}_mm"] = None if value is None else 1e3 * value
             row[f"load_change{tail}"] = last.get(f"load{side} [1]") if counts else None
             row[f"left{tail}"] = last.get(f"left{side}")
-        found.append(row)
-    return found
+        rows.append(row)
+    return rows
 
 
 def _last(begins: pl.Series) -> str | None:
-    known = [text for text in begins.to_list() if text]
-    return str(known[-1]) if known else None
+    dates = [text for text in begins.to_list() if text]
+    return str(dates[-1]) if dates else None
 
 
 def _newest(results: pl.DataFrame) -> dict[str, dict[str, Any]]:
     """By vehicle: how many recordings, and the trust, peak and half-load position of the last one with a load."""
-    found: dict[str, dict[str, Any]] = {}
+    vehicles: dict[str, dict[str, Any]] = {}
     for row in results.iter_rows(named=True):
-        one = found.setdefault(
+        vehicle = vehicles.setdefault(
             row["vehicle"], {"type": row.get("type"), "recordings": 0, "counted": 0, "trust": row["trust"]}
         )
-        one["recordings"] += 1
+        vehicle["recordings"] += 1
         peak = _band([row[f"peak{side}_N"] for side in ("", "_low", "_high")])
         if peak is None:
             continue
         half = _band([row[f"half_load{side}_mm"] for side in ("", "_low", "_high")])
-        one |= {"counted": one["counted"] + 1, "trust": row["trust"], "peak": peak, "half_load": half}
-    return found
+        vehicle |= {"counted": vehicle["counted"] + 1, "trust": row["trust"], "peak": peak, "half_load": half}
+    return vehicles
 
 
 # a vehicle
@@ -243,14 +243,14 @@ def vehicle_of(files: Files, name: str) -> dict[str, Any]:
     if not rows.height:
         where = "no table of recordings lies beside it" if source is None else f"{source.name} has no recordings of it"
         raise DataError(f"{printable(name)}: {where}, so that nothing is known of it.")
-    names = [str(one) for one in rows["recording"]]
+    names = [str(recording) for recording in rows["recording"]]
     loads = _loads(files, name, names)
     trend = _trend(rows) if "shift smoothed [m]" in rows.columns else None
     return {
         "kind": "vehicle", "vehicle": name, "type": _type(files, own),
         "recordings": [_recording(row, loads.get(row["recording"])) for row in rows.iter_rows(named=True)],
         "trend": trend,
-        "loads": [{"recording": one, "curve": curve_json(_rounded(loads[one]))} for one in _evenly(names, loads)],
+        "loads": [{"recording": key, "curve": curve_json(_rounded(loads[key]))} for key in _evenly(names, loads)],
         "load_count": len(loads), "places": PLACES,
     }  # fmt: skip
 
@@ -269,21 +269,21 @@ def _rounded(load: LoadCurve) -> LoadCurve:
 
 def _evenly(names: Sequence[str], loads: Mapping[str, LoadCurve]) -> list[str]:
     """Recordings with a load, at most so many, evenly from the first to the last."""
-    known = [name for name in names if name in loads]
-    if not known:
+    loaded = [name for name in names if name in loads]
+    if not loaded:
         return []
-    chosen = np.unique(np.linspace(0, len(known) - 1, MOST_LOADS).round().astype(int))
-    return [known[i] for i in chosen.tolist()]
+    chosen = np.unique(np.linspace(0, len(loaded) - 1, MOST_LOADS).round().astype(int))
+    return [loaded[i] for i in chosen.tolist()]
 
 
 def _recording(row: Mapping[str, Any], load: LoadCurve | None) -> dict[str, Any]:
-    """What the table of a vehicle has of a recording, in SI, and its load at `PLACES`."""
+    """A recording as a row of the table of its vehicle, in SI, with its load at `PLACES`."""
     if "outcome" in row:
         half = [row.get(f"half_load{side} [m]") for side in ("", " low", " high")]
         shift, change = row.get("shift measured [m]"), row.get("load measured [1]")
     else:
         millimetres = [row.get(f"half_load{side}_mm") for side in ("", "_low", "_high")]
-        half = [None if one is None else 1e-3 * one for one in millimetres]
+        half = [None if value is None else 1e-3 * value for value in millimetres]
         shift = None if row.get("shift_mm") is None else 1e-3 * row["shift_mm"]
         change = row.get("load_change")
     why = row.get("reason") or ("" if row.get("status") == "ok" else row.get("message"))
@@ -315,15 +315,15 @@ def _trend(rows: pl.DataFrame) -> dict[str, Any]:
         columns = [f"{name}{when}{side} [{heads[name]}]" for side in ("", " low", " high")]
         return [[_number(value) for value in rows[column]] for column in columns]
 
-    known = {name for name in heads if rows[f"{name} smoothed [{units[name]}]"].is_not_null().any()}
+    quantities = {name for name in heads if rows[f"{name} smoothed [{units[name]}]"].is_not_null().any()}
     last = rows.row(-1, named=True)
     limit = _number(last.get("limit [m]"))
     return {
         "axis": axis, "along": [_number(value) for value in along],
         "counted": sum(outcome in COUNTED for outcome in rows["outcome"]),
-        "bands": {name: band(name, " smoothed") for name in units if name in known},
-        "now": {name: [side[-1] for side in band(name, "")] for name in units if name in known},
-        "limit": None if limit is None else {"of": "wear" if "wear" in known else "shift", "value": limit},
+        "bands": {name: band(name, " smoothed") for name in units if name in quantities},
+        "now": {name: [side[-1] for side in band(name, "")] for name in units if name in quantities},
+        "limit": None if limit is None else {"of": "wear" if "wear" in quantities else "shift", "value": limit},
         "left": _band([last.get(name) for name in ("left", "left low", "left high")]),
         "alarms": _alarms(rows),
     }  # fmt: skip
@@ -341,28 +341,28 @@ def _along(rows: pl.DataFrame) -> tuple[FloatArray, str]:
 
 
 def _alarms(rows: pl.DataFrame) -> list[dict[str, Any]]:
-    """The alarms in their order, each at its recording, with a sentence."""
-    found = []
+    """The alarms in order, each with its recording and a sentence."""
+    alarms = []
     names, begins = rows["recording"].to_list(), rows["begin"].to_list()
     for index, text in enumerate(rows["alarm"]):
         for kind in (text or "").split(", ") if text else ():
             when = f" on {begins[index][:10]}" if begins[index] else ""
             where = f"between {names[index - 1]} and {names[index]}" if index else f"before {names[index]}"
             words = f"{ALARMS.get(kind, kind)} {where}{when}"
-            found.append({"index": index, "kind": kind, "words": f"{words[0].upper()}{words[1:]}."})
-    return found
+            alarms.append({"index": index, "kind": kind, "words": f"{words[0].upper()}{words[1:]}."})
+    return alarms
 
 
 def _loads(files: Files, vehicle: str, names: Sequence[str]) -> dict[str, LoadCurve]:
     """The loads of a vehicle by recording."""
     import polars as pl
 
-    found: dict[str, LoadCurve] = {}
+    curves: dict[str, LoadCurve] = {}
     for path in files.loads:
         several = "vehicle" in _columns(path)
         wanted = pl.col("vehicle") == vehicle if several else pl.col("recording").is_in(names)
         frame = _read(path, wanted)
         for (name,), group in frame.group_by(["recording"], maintain_order=True):
             columns = ("position [m]", "force [N]", "force low [N]", "force high [N]")
-            found[str(name)] = LoadCurve(*(group[column].to_numpy() for column in columns))
-    return found
+            curves[str(name)] = LoadCurve(*(group[column].to_numpy() for column in columns))
+    return curves

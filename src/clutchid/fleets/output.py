@@ -47,13 +47,13 @@ class RecordingRow(NamedTuple):
     warnings: tuple[str, ...] = ()
 
 
-def rows_of(fleet: Fleet, kept: Store) -> Iterator[RecordingRow]:
-    """Every recording of a fleet in the order of vehicle and name; one that was sent twice counts once."""
-    done, again = tee(_merged(fleet.jobs, kept.results()))
+def rows_of(fleet: Fleet, store: Store) -> Iterator[RecordingRow]:
+    """Every recording of a fleet in the order of vehicle and name; duplicates count once."""
+    merged, again = tee(_merged(fleet.jobs, store.results()))
     named = (
         (f"{job.recording} of {job.vehicle}", result.read if result else _without_result(job)) for job, result in again
     )
-    for (job, result), read in zip(done, counted_once(named), strict=True):
+    for (job, result), read in zip(merged, counted_once(named), strict=True):
         yield RecordingRow(job, read, result.seconds if result else float("nan"))
 
 
@@ -87,7 +87,7 @@ def _rows_of_table(fleet: Fleet, vehicle: str, names: Sequence[str]) -> dict[str
     return {name: fleet.rows[vehicle, name] for name in names if fleet.rows}
 
 
-def write_results(fleet: Fleet, kept: Store, out: Path, *, trends: bool = False) -> Counter[str]:
+def write_results(fleet: Fleet, store: Store, out: Path, *, trends: bool = False) -> Counter[str]:
     """Write results, times and loads of all recordings; how many there are by status.
 
     With `trends` a recording also has the warnings about its time, which is its place in the life of its vehicle.
@@ -103,7 +103,7 @@ def write_results(fleet: Fleet, kept: Store, out: Path, *, trends: bool = False)
     results: list[Mapping[str, object]] = []
     timings: list[tuple[str, str, float]] = []
     make_folder(out / CURVES)
-    rows, part = rows_of(fleet, kept), 0
+    rows, part = rows_of(fleet, store), 0
     rows = _with_warnings(fleet, rows) if trends else rows
     while some := list(islice(rows, PART)):
         statuses.update(row.read.reading.status for row in some)
@@ -175,7 +175,7 @@ class FleetVehicle(NamedTuple):
     tracked: Tracked
 
 
-def vehicles_of(fleet: Fleet, kept: Store, limits: Mapping[str, LifeLimits]) -> Iterator[FleetVehicle]:
+def vehicles_of(fleet: Fleet, store: Store, limits: Mapping[str, LifeLimits]) -> Iterator[FleetVehicle]:
     """The wear of every vehicle of a fleet, from its results.
 
     Parameters
@@ -183,7 +183,7 @@ def vehicles_of(fleet: Fleet, kept: Store, limits: Mapping[str, LifeLimits]) -> 
     limits
         What ends a life, by type.
     """
-    for vehicle, group in groupby(rows_of(fleet, kept), key=lambda row: row.job.vehicle):
+    for vehicle, group in groupby(rows_of(fleet, store), key=lambda row: row.job.vehicle):
         rows = list(group)
         names, kind = [row.job.recording for row in rows], rows[0].job.type
         table = _rows_of_table(fleet, vehicle, names)
@@ -208,15 +208,15 @@ def write_vehicles(vehicles: Iterable[FleetVehicle], command: str, out: Path, *,
     made: dict[str, str] = {}
     names: set[str] = set()
     before = _made(out / PAGES)
-    for one in vehicles:
+    for vehicle in vehicles:
         page = ""
         if trends:
-            table = table_of(one.tracked)
+            table = table_of(vehicle.tracked)
             tables.append(table)
-            page = f"{PAGES}/{_page_name(one.tracked.wear.vehicle, names)}.html"
-            made[page] = _write_page(one.tracked, table, before, command, out, page)
-        rows.append(_row(one, page))
-        _add_reasons(one.tracked, reasons)
+            page = f"{PAGES}/{_page_name(vehicle.tracked.wear.vehicle, names)}.html"
+            made[page] = _write_page(vehicle.tracked, table, before, command, out, page)
+        rows.append(_row(vehicle, page))
+        _add_reasons(vehicle.tracked, reasons)
     if trends:
         write_frame(pl.concat(tables, how="diagonal_relaxed"), out / WEAR)
         write_frame(
@@ -234,10 +234,10 @@ def write_vehicles(vehicles: Iterable[FleetVehicle], command: str, out: Path, *,
 def _made(folder: Path) -> Mapping[str, str]:
     """Hashes of the content of an earlier run's pages."""
     try:
-        found = json.loads((folder / MADE).read_text(encoding="utf-8"))
+        hashes = json.loads((folder / MADE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return hashes if isinstance(hashes, dict) else {}
 
 
 def _page_name(vehicle: str, taken: set[str]) -> str:
@@ -272,15 +272,15 @@ def _write_page(
     return digest
 
 
-def _row(one: FleetVehicle, page: str) -> VehicleRow:
+def _row(vehicle: FleetVehicle, page: str) -> VehicleRow:
     """The state of a vehicle at its last recording."""
-    wear = one.tracked.wear
+    wear = vehicle.tracked.wear
     counted = sum(wear.counted)
     now = wear.present if counted else {}
     left = Interval(wear.left.median, wear.left.low, wear.left.high) if wear.left else UNKNOWN
     last = next((dated.begin for dated in reversed(wear.dated) if dated.begin), None)
     return VehicleRow(
-        wear.vehicle, one.type, len(wear.dated), counted, Counter(reading.status for reading in wear.readings), last,
+        wear.vehicle, vehicle.type, len(wear.dated), counted, Counter(read.status for read in wear.readings), last,
         now.get("shift", UNKNOWN), now.get("load", UNKNOWN), now.get("wear", UNKNOWN), wear.present_rate.value, left,
         wear.axis, tuple(map(alarm_words, wear.alarms)), page, np.nan if wear.limit is None else wear.limit,
         wear.warnings,
@@ -290,8 +290,8 @@ def _row(one: FleetVehicle, page: str) -> VehicleRow:
 def _listed(row: VehicleRow) -> Mapping[str, object]:
     """A vehicle as a row of a table."""
 
-    def columns(name: str, one: Interval, factor: float = 1.0, unit: str = "") -> Mapping[str, float]:
-        return {f"{name}{side}{unit}": factor * value for side, value in zip(("", "_low", "_high"), one, strict=True)}
+    def columns(name: str, band: Interval, factor: float = 1.0, unit: str = "") -> Mapping[str, float]:
+        return {f"{name}{side}{unit}": factor * value for side, value in zip(("", "_low", "_high"), band, strict=True)}
 
     return {
         "vehicle": row.name, "type": row.type, "recordings": row.recordings, "counted": row.counted,
@@ -313,5 +313,5 @@ def _add_reasons(tracked: Tracked, reasons: dict[tuple[str, str], list[str]]) ->
 
 def _reasons(reasons: Mapping[tuple[str, str], Sequence[str]]) -> list[ReasonCount]:
     """The most frequent first."""
-    found = [ReasonCount(status, sentence, len(names), names[0]) for (status, sentence), names in reasons.items()]
-    return sorted(found, key=lambda one: -one.recordings)
+    counts = [ReasonCount(status, sentence, len(names), names[0]) for (status, sentence), names in reasons.items()]
+    return sorted(counts, key=lambda count: -count.recordings)

@@ -77,10 +77,10 @@ class Store:
         with _room(self.path):
             yield from filter(_is_whole, self.base.execute("SELECT * FROM done ORDER BY vehicle, recording"))
 
-    def put(self, kept: StoredResult) -> None:
+    def put(self, result: StoredResult) -> None:
         """Keep a result; it is on the disk after `saved`."""
         with _room(self.path):
-            _insert(self.base, [_row(kept)])
+            _insert(self.base, [_row(result)])
 
     def same_file(self, key: tuple[str, str], file: str) -> None:
         """Note that a recording's file has another time, but the same content."""
@@ -180,14 +180,14 @@ def _check_integrity(base: sqlite3.Connection) -> None:
 
 def _readable(path: Path) -> list[_StoredRow]:
     """The rows of a damaged file that are whole: those before its first fault, and those behind its last one."""
-    found: dict[object, _StoredRow] = {}
+    rows: dict[object, _StoredRow] = {}
     for order in ("ASC", "DESC"):
         with suppress(sqlite3.DatabaseError), closing(sqlite3.connect(path, timeout=1.0)) as base:
             base.text_factory = _text
             for row in base.execute(f"SELECT * FROM done NOT INDEXED ORDER BY rowid {order}"):
                 if _is_whole(row):
-                    found[row[:2]] = row
-    return list(found.values())
+                    rows[row[:2]] = row
+    return list(rows.values())
 
 
 def _text(content: bytes) -> str:
@@ -207,18 +207,18 @@ def _check_columns(base: sqlite3.Connection, folder: Path) -> None:
 def _check_about(base: sqlite3.Connection, folder: Path, about: dict[str, str]) -> None:
     """Check that the run is about the same, unless nothing has been done yet, or what it is about was damaged."""
     begun = base.execute("SELECT 1 FROM done LIMIT 1").fetchone() is not None
-    known = dict(base.execute("SELECT what, value FROM about")) if begun else {}
-    checksum = known.pop(_CHECKSUM, None)  # an earlier version kept none
-    if checksum not in (None, _checksum(sorted(known.items()))):
-        known = {}
+    entries = dict(base.execute("SELECT what, value FROM about")) if begun else {}
+    checksum = entries.pop(_CHECKSUM, None)  # an earlier version kept none
+    if checksum not in (None, _checksum(sorted(entries.items()))):
+        entries = {}
         base.execute("DELETE FROM about")
     for what, value in about.items():
-        if known.setdefault(what, value) != value:
+        if entries.setdefault(what, value) != value:
             raise ExportError(
-                f"--out {folder}: has a run whose {what} is {known[what]}, not {value}; name another folder."
+                f"--out {folder}: has a run whose {what} is {entries[what]}, not {value}; name another folder."
             )
-    known[_CHECKSUM] = _checksum(sorted(known.items()))
-    base.executemany("INSERT OR REPLACE INTO about VALUES (?, ?)", known.items())
+    entries[_CHECKSUM] = _checksum(sorted(entries.items()))
+    base.executemany("INSERT OR REPLACE INTO about VALUES (?, ?)", entries.items())
 
 
 @contextmanager
@@ -261,11 +261,11 @@ def _insert(base: sqlite3.Connection, rows: Iterable[_StoredRow]) -> None:
     base.executemany(f"INSERT OR REPLACE INTO done VALUES ({', '.join('?' * len(_COLUMNS))})", rows)
 
 
-def _row(kept: StoredResult) -> _StoredRow:
-    read = kept.read
+def _row(result: StoredResult) -> _StoredRow:
+    read = result.read
     row = (
-        kept.vehicle, kept.recording, kept.inputs, kept.file, read.reading.status, read.reading.message,
-        read.sha256, *packed(read), float(kept.seconds),
+        result.vehicle, result.recording, result.inputs, result.file, read.reading.status, read.reading.message,
+        read.sha256, *packed(read), float(result.seconds),
     )  # fmt: skip
     return (*row, _checksum(row))
 

@@ -124,27 +124,27 @@ def fleet(
     if limit is not None and verb != "track":
         raise ParameterError("--limit: belongs to --verb track, which follows the wear.")
     folder, calibrations, origin = Path(out), Path(start), Path(source)
-    found = fleet_of(origin, calibrations)
+    listed = fleet_of(origin, calibrations)
     if calibrations.is_file():
         start_file(calibrations)  # a broken one is one sentence, not one a recording
     how = "observe" if verb == "observe" else "fit"
     options = ReadingOptions(ambient, Path(channels) if channels else None, tuple(map(Path, dbc)), how)
-    with store(folder, {"source": as_text(str(origin.resolve())), "verb": verb}) as kept:
-        todo = tasks(found, options, kept, retry=retry)
+    with store(folder, {"source": as_text(str(origin.resolve())), "verb": verb}) as base:
+        todo = tasks(listed, options, base, retry=retry)
         if todo:
             if not place.scheduler:
                 compile_first({task.start for task in todo})
-            run(place, options, todo, kept, progress or (lambda _done, _all: None))
+            run(place, options, todo, base, progress or (lambda _done, _all: None))
         trends = verb == "track"
-        statuses = write_results(found, kept, folder, trends=trends)
-        vehicles = vehicles_of(found, kept, _limits(found, calibrations, limit))
+        statuses = write_results(listed, base, folder, trends=trends)
+        vehicles = vehicles_of(listed, base, _limits(listed, calibrations, limit))
         rows = write_vehicles(vehicles, command, folder, trends=trends)
-    warnings = [found.left_out, _time_warnings(rows) if trends else ""]
+    warnings = [listed.left_out, _time_warnings(rows) if trends else ""]
     return FleetRun(statuses, len(rows), len(todo), folder, tuple(filter(None, warnings)))
 
 
 def _time_warnings(rows: Sequence[VehicleRow]) -> str:
-    """Sentence about the vehicles whose recordings have no time, or one that contradicts, with the first of them."""
+    """Warning of vehicles whose recordings have no time, or contradictory times, with the first of them."""
     warned = [row for row in rows if row.warnings]
     if not warned:
         return ""
@@ -155,9 +155,9 @@ def _time_warnings(rows: Sequence[VehicleRow]) -> str:
     )
 
 
-def _limits(found: Fleet, start: Path, shift: float | None) -> dict[str, LifeLimits]:
+def _limits(listed: Fleet, start: Path, shift: float | None) -> dict[str, LifeLimits]:
     """End of a life by type: a shift in m for all, and the load against wear of a type, beside its calibration."""
-    tables = {kind: start / f"{kind}.wear.csv" for kind in {job.type for job in found.jobs}}
+    tables = {kind: start / f"{kind}.wear.csv" for kind in {job.type for job in listed.jobs}}
     return {
         kind: LifeLimits(shift, read_wear_table(path) if kind and path.is_file() else None)
         for kind, path in tables.items()

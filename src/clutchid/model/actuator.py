@@ -127,8 +127,8 @@ class Actuator:
     def acting(self) -> frozenset[str]:
         """Names of the parameters that have an effect: in the equations or a sensor's, as the valves are driven."""
         rows, valves = self.rows, "switched" if self.parameters.T_pwm > 0.0 else "averaged"
-        known = {*self.in_equations, *SENSOR_PARAMETERS}
-        return frozenset(name for name in known if rows[name].valves in ("", valves))
+        names = {*self.in_equations, *SENSOR_PARAMETERS}
+        return frozenset(name for name in names if rows[name].valves in ("", valves))
 
     def array(self) -> FloatArray:
         """Values of the parameters in the order of `parameter_names`, shape (n_parameters,)."""
@@ -138,7 +138,7 @@ class Actuator:
     def rows(self) -> Mapping[str, Row]:
         """The rows of all parameters by name, in the order of `array`."""
         own = self._own_rows
-        return {**Parameters.rows(), **{name: one.row for name, one in own.items()}} if own else Parameters.rows()
+        return {**Parameters.rows(), **{name: entry.row for name, entry in own.items()}} if own else Parameters.rows()
 
     def row(self, name: str) -> Row:
         """Unit, meaning, admissible range and source of a parameter.

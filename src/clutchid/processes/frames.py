@@ -48,10 +48,10 @@ def _filled(stream: IO[bytes], size: int) -> bytearray:
     """The next bytes of a stream."""
     room = bytearray(size)
     view: Any = memoryview(room)
-    done = 0
-    while done < size:
-        count = stream.readinto(view[done:])  # type: ignore[attr-defined]
+    filled = 0
+    while filled < size:
+        count = stream.readinto(view[filled:])  # type: ignore[attr-defined]
         if not count:
             raise EOFError
-        done += count
+        filled += count
     return room

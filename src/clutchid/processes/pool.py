@@ -27,7 +27,7 @@ ENVIRONMENT = {
 #: Workers that may be asked for, a processor of this machine, and on the smallest one.
 _PER_PROCESSOR, _AT_LEAST = 4, 16
 
-#: How often a piece of work is given to a worker: one that ends a new worker too is at fault itself.
+#: Attempts at a piece of work: if it ends a new worker too, the work is at fault.
 _ATTEMPTS = 2
 
 
@@ -73,10 +73,10 @@ class Pool:
         """
         begin = time.perf_counter()
         try:
-            found = self._done(work, item)
+            result = self._done(work, item)
         except OSError as error:  # as on a full disk
-            found = LostWork("killed", f"no worker could be started ({error.strerror or type(error).__name__}).")
-        return FinishedWork(item, found, time.perf_counter() - begin)
+            result = LostWork("killed", f"no worker could be started ({error.strerror or type(error).__name__}).")
+        return FinishedWork(item, result, time.perf_counter() - begin)
 
     def rest(self) -> None:
         """End the workers that have no work."""
@@ -168,29 +168,29 @@ def results(
     waiting, pool, threads = iter(items), Pool(limits), ThreadPoolExecutor(workers)
     running: set[Future[FinishedWork[Item, Result]]] = set()
 
-    def given() -> set[Future[FinishedWork[Item, Result]]]:
-        some = islice(waiting, 2 * workers - len(running))  # one at work, and one that waits
+    def submitted() -> set[Future[FinishedWork[Item, Result]]]:
+        some = islice(waiting, 2 * workers - len(running))  # one at work and one waiting for each worker
         return {threads.submit(pool.do, work, item) for item in some}
 
     try:
-        running |= given()
+        running |= submitted()
         while running:
             finished, running = wait(running, return_when=FIRST_COMPLETED)
-            running |= given()
-            for one in finished:
-                yield one.result()
+            running |= submitted()
+            for future in finished:
+                yield future.result()
     finally:
         pool.end()
         threads.shutdown(cancel_futures=True)
 
 
-def _result(kind: str, found: Any) -> Any:
+def _result(kind: str, content: Any) -> Any:
     if kind == "error":
-        assert isinstance(found, ClutchidError)
-        raise found
+        assert isinstance(content, ClutchidError)
+        raise content
     if kind == "unexpected":
-        return LostWork("failed", f"an error that clutchid did not expect, {found}.")
-    return found
+        return LostWork("failed", f"an error that clutchid did not expect, {content}.")
+    return content
 
 
 def _lost(ended: WorkerEnd, limits: Limits) -> LostWork:

@@ -64,9 +64,9 @@ def _worked(question: Parts) -> Parts:
     """Both sides are this program's own, so that pickle carries nothing foreign."""
     work, item = pickle.loads(question[0])
     try:
-        found = ("result", work(item))
+        answer = ("result", work(item))
     except ClutchidError as error:
-        found = ("error", error)
+        answer = ("error", error)
     except Exception as error:
-        found = ("unexpected", f"{type(error).__name__}: {error}")
-    return [pickle.dumps(found, protocol=5)]
+        answer = ("unexpected", f"{type(error).__name__}: {error}")
+    return [pickle.dumps(answer, protocol=5)]

@@ -99,10 +99,10 @@ class Worker:
     def ask(self, question: Parts, limits: Limits) -> list[bytearray] | WorkerEnd:
         """The answer to a question; without one, the worker has ended."""
         with self._lock, self._ended_on_error():
-            found = self._exchanged(question, limits) if self.end.alive else WorkerEnd("itself", "it was ended before")
-        if isinstance(found, WorkerEnd):
+            answer = self._exchanged(question, limits) if self.end.alive else WorkerEnd("itself", "it was ended before")
+        if isinstance(answer, WorkerEnd):
             self.end()
-        return found
+        return answer
 
     @contextmanager
     def _ended_on_error(self) -> Iterator[None]:

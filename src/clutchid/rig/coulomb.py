@@ -103,50 +103,50 @@ def passes(log: Log, band: tuple[float, float] = BAND) -> list[Pass]:
     >>> [f"{s.speed * 1e3:+.0f} mm/s, {s.force:+.0f} N" for s in passes(Log(t, {"position": y, "force": force}))]
     ['+10 mm/s, +5 N', '-10 mm/s, -5 N']
     """
-    position, known = log["position"], np.isfinite(log["position"])
-    if known.sum() < 3:
+    position, finite = log["position"], np.isfinite(log["position"])
+    if finite.sum() < 3:
         return []
-    low, high = np.quantile(position[known], [0.02, 0.98])
+    low, high = np.quantile(position[finite], [0.02, 0.98])
     ends = low + np.array(band) * (high - low)
     speed = velocity(log.time, position, _WINDOW)
     slow = _SLOW * float(np.nanquantile(np.abs(speed), 0.9))
-    inside = known & (position >= ends[0]) & (position <= ends[1])
-    found = []
+    inside = finite & (position >= ends[0]) & (position <= ends[1])
+    spans = []
     for way in (1.0, -1.0):
         for first, last in runs(inside & (way * speed > slow)):
             if last - first < _FEWEST:
                 continue
             whole = abs(position[last - 1] - position[first]) >= _PASSED * (ends[1] - ends[0])
             if whole and not holes(log.time[first:last]).any():
-                found.append((first, last))
-    candidates = [_pass(log, speed, *ends_of) for ends_of in sorted(found)]
-    return [one for one in candidates if one is not None]
+                spans.append((first, last))
+    candidates = [_pass(log, speed, *ends_of) for ends_of in sorted(spans)]
+    return [candidate for candidate in candidates if candidate is not None]
 
 
 def _pass(log: Log, speed: FloatArray, first: int, last: int) -> Pass | None:
     v, force = speed[first:last], log["force"][first:last]
-    known = np.isfinite(force)
+    finite = np.isfinite(force)
     thirds = [float(third.mean()) for third in np.array_split(v, 3)]  # noise of the position averages out
-    if known.mean() <= 0.5 or max(thirds) - min(thirds) > _UNEVEN * abs(float(v.mean())):
+    if finite.mean() <= 0.5 or max(thirds) - min(thirds) > _UNEVEN * abs(float(v.mean())):
         return None
-    pressure = log["pressure_a"][first:last][known] if "pressure_a" in log else np.full(1, np.nan)
+    pressure = log["pressure_a"][first:last][finite] if "pressure_a" in log else np.full(1, np.nan)
     pressure = pressure[np.isfinite(pressure)]
     return Pass(
         float(log.time[first]),
         float(v.mean()),
-        float(force[known].mean()),
+        float(force[finite].mean()),
         float(pressure.mean()) if pressure.size else float("nan"),
     )
 
 
-def cycles(found: list[Pass]) -> list[Cycle]:
+def cycles(series: list[Pass]) -> list[Cycle]:
     """Pair passes to cycles; each pass is in at most one cycle."""
     pairs, taken = [], False
-    for one, other in pairwise(found):
-        if taken or (one.speed > 0) == (other.speed > 0):
+    for earlier, other in pairwise(series):
+        if taken or (earlier.speed > 0) == (other.speed > 0):
             taken = False
             continue
-        pairs.append(Cycle(one, other) if one.speed > 0 else Cycle(other, one))
+        pairs.append(Cycle(earlier, other) if earlier.speed > 0 else Cycle(other, earlier))
         taken = True
     return pairs
 
@@ -283,8 +283,8 @@ def coulomb_friction(
             f"area = {area:g} m²: needs a finite value and recordings with pressure_a, because it corrects for the "
             "pressure difference between the strokes; omit it if the pressure is not measured."
         )
-    known = None if area is None else StudentEstimate(area, 0.0, area, area, float("inf"))
-    return _result(groups, _area(groups) if known is None and len(groups) > 1 else known, dropped)
+    given_area = None if area is None else StudentEstimate(area, 0.0, area, area, float("inf"))
+    return _result(groups, _area(groups) if given_area is None and len(groups) > 1 else given_area, dropped)
 
 
 def _all_cycles(
@@ -298,14 +298,14 @@ def _all_cycles(
         if absent:
             problems.append(f"{log.name}: no {' and no '.join(absent)}; friction needs both.")
             continue
-        found = passes(log, band)
-        own = [cycle for cycle in cycles(found) if not abs(2 * cycle.half_pressure) > level_gap]
-        dropped += len(found) - 2 * len(own)
+        strokes = passes(log, band)
+        own = [cycle for cycle in cycles(strokes) if not abs(2 * cycle.half_pressure) > level_gap]
+        dropped += len(strokes) - 2 * len(own)
         outside = _ambient(log) if ambient is None else ambient
         pairs += [(cycle, cycle.pressure - outside) for cycle in own]
         if not own:
             problems.append(
-                f"{log.name}: no cycle of two strokes at constant speed and pressure ({len(found)} strokes); record "
+                f"{log.name}: no cycle of two strokes at constant speed and pressure ({len(strokes)} strokes); record "
                 f"strokes in both directions that pass {100 * band[0]:.0f} to {100 * band[1]:.0f} % of the reach at "
                 "constant speed."
             )

@@ -95,13 +95,13 @@ def segments(log: Log, window: float) -> list[FreeRunSegment]:
         Half window of the velocity: difference of the mean positions after and before a sample.
     """
     position = log["position"]
-    apart, found = np.append(False, holes(log.time)), []
+    apart, parts = np.append(False, holes(log.time)), []
     for first, last in runs(np.isfinite(position)):
         edges = [first, *(first + 1 + np.flatnonzero(apart[first + 1 : last])).tolist(), last]
         for start, stop in pairwise(edges):
             if stop - start >= _FEWEST:
-                found.append(_segment(log, (start, stop), window))
-    return found
+                parts.append(_segment(log, (start, stop), window))
+    return parts
 
 
 def _segment(log: Log, ends: tuple[int, int], window: float) -> FreeRunSegment:

@@ -78,11 +78,11 @@ def resolution(position: FloatArray) -> tuple[float, float]:
     >>> f"{step * 1e3:.1f} mm, {noise * 1e3:.2f} mm"
     '0.1 mm, 0.03 mm'
     """
-    known = position[np.isfinite(position)]
-    values = np.unique(known)
+    finite = position[np.isfinite(position)]
+    values = np.unique(finite)
     step = float(np.median(np.diff(values))) if values.size > 1 else 0.0
-    quantised = step if 2 * values.size < known.size else 0.0
-    third = np.abs(np.diff(known, 3))
+    quantised = step if 2 * values.size < finite.size else 0.0
+    third = np.abs(np.diff(finite, 3))
     noise = 1.4826 * float(np.median(third)) / np.sqrt(20.0) if third.size else 0.0  # 1 + 9 + 9 + 1
     return step, max(noise, quantised / np.sqrt(12.0))
 
@@ -170,8 +170,8 @@ def residuals(problem: LugreProblem, x: FloatArray) -> list[tuple[FloatArray, Fl
         J = np.zeros((len(segment), problem.unit.size))
         J[:, [*range(len(NAMES)), shared + i]] = slopes
         J[:, shared - 1] = 1.0
-        known = np.isfinite(r)
-        answers.append((np.where(known, r, 0.0), np.where(known[:, None], J * problem.unit, 0.0)[:, problem.free]))
+        finite = np.isfinite(r)
+        answers.append((np.where(finite, r, 0.0), np.where(finite[:, None], J * problem.unit, 0.0)[:, problem.free]))
     return answers
 
 
@@ -334,12 +334,12 @@ def fit_lugre(
     >>> f"{found.values['F_C']:.2f} N, {found.values['K_z'] / 1e3:.1f} N/mm, {found.fit_percent:.0f} %"
     '2.00 N, 20.0 N/mm, 100 %'
     """
-    known = _checked(log, {} if fixed is None else fixed, window)
+    constants = _checked(log, {} if fixed is None else fixed, window)
     if not 0.0 <= inertia < np.inf:
         raise ParameterError(f"inertia = {inertia:g} kg: must be a mass of at least 0 kg.")
-    problem = lugre_problem(log, known, window, inertia)
-    found = [_searched(problem, start) for start in starts(problem)]
-    best = min(found, key=lambda solution: solution.at.cost)
+    problem = lugre_problem(log, constants, window, inertia)
+    searches = [_searched(problem, start) for start in starts(problem)]
+    best = min(searches, key=lambda solution: solution.at.cost)
     return _result(problem, best, _shift_by_noise(problem, best, window, inertia))
 
 

@@ -57,8 +57,8 @@ def _over_levels(friction: CoulombFriction) -> str:
     test, constant, slope, intercept = friction.test, friction.constant, friction.slope, friction.intercept
     levels = friction.levels
     if test is None or constant is None or slope is None or intercept is None:
-        known = "; ".join(f"F_C = {_shown(level.friction, 'N')}{_at(level)}" for level in levels)
-        return f"{known}. A test whether it depends on the pressure needs two levels or more, with two cycles each."
+        by_level = "; ".join(f"F_C = {_shown(level.friction, 'N')}{_at(level)}" for level in levels)
+        return f"{by_level}. A test whether it depends on the pressure needs two levels or more, with two cycles each."
     chance = f"p = {test.p_value:.2g}"
     if test.p_value >= SIGNIFICANCE:
         return f"one constant F_C = {_shown(constant, 'N')} is adequate for all {len(levels)} levels ({chance})."
@@ -96,5 +96,5 @@ def _at(level: Level) -> str:
 
 
 def _shown(number: StudentEstimate, unit: str) -> str:
-    known = f"95 %: {number.low:.3g} to {number.high:.3g}" if math.isfinite(number.std) else "no interval"
-    return f"{number.value:.3g} {unit} ({known})"
+    bounds = f"95 %: {number.low:.3g} to {number.high:.3g}" if math.isfinite(number.std) else "no interval"
+    return f"{number.value:.3g} {unit} ({bounds})"

@@ -106,14 +106,14 @@ def fitted(X: FloatArray, means: FloatArray, parts: Sequence[Component]) -> list
     beta = influence @ means
     r, freedom = means - X @ beta, X.shape[0] - X.shape[1]
     scatter = float(r @ weight @ r) / freedom if freedom > 0 else 0.0
-    found = []
+    estimates = []
     for i, row in enumerate(influence):
         variances = [float(row @ part.matrix @ row) for part in parts]
         within = satterthwaite(variances, [part.degrees_of_freedom for part in parts])
-        found.append(
+        estimates.append(
             student(float(beta[i]), float(np.sqrt(P[i, i] * max(1.0, scatter))), freedom if scatter > 1.0 else within)
         )
-    return found
+    return estimates
 
 
 def equality(means: FloatArray, parts: Sequence[Component]) -> Equality:

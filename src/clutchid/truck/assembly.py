@@ -31,8 +31,8 @@ def at_rest(truck: Vehicle, curve: LoadTable, p_S: float | None = None) -> Float
     t, parts, y = truck, truck.parts, rest_position(truck, curve)
     air = [value for V in volumes(t, y).values() for value in parts.gas.rest(t, t.P_0, V, t.T_0 + t.dT_w)]
     supply = parts.supply.rest(t, t.P_S if p_S is None else p_S)
-    known = [y, 0.0, *air, *supply]
-    return np.array(known + [0.0] * (len(parts.structure.states) - len(known)))
+    moving = [y, 0.0, *air, *supply]
+    return np.array(moving + [0.0] * (len(parts.structure.states) - len(moving)))
 
 
 def worn_parameters(truck: Vehicle) -> Numbers:
@@ -64,13 +64,13 @@ def numbers(truck: Vehicle, zero: float, working: bool) -> Numbers:
     working : bool
         Whether a compressor runs at the start.
     """
-    known = {name: getattr(truck, name) for name in truck.names()}
+    values = {name: getattr(truck, name) for name in truck.names()}
     period = period_in_ticks(truck.T_pwm)
-    known |= {
+    values |= {
         "period": period, "timer": 1 / period, "bang_bang": False, "continuous": False, "working": working,
         "T_w": truck.T_0 + truck.dT_w,
     }  # fmt: skip
-    return known | {"zero": zero, "rest": zero + truck.e_y} | worn_parameters(truck)
+    return values | {"zero": zero, "rest": zero + truck.e_y} | worn_parameters(truck)
 
 
 def true_states(truck: Vehicle, x: Mapping[str, FloatArray]) -> dict[str, FloatArray]:

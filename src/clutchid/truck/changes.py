@@ -1,4 +1,4 @@
-"""What happens to a truck: age, and the changes between its calibration and its use."""
+"""Age of a truck, and the changes between its calibration and its use."""
 
 from __future__ import annotations
 

@@ -156,18 +156,18 @@ def drive(
     forced = np.full((wanted.size, 2), np.nan) if duties is None else _duties(duties, wanted.size)
     course = Course(wanted, forced, noise, _samples(stuck), shift)
     p_S, working = truck.parts.supply.start(truck, of_air)
-    done = run(truck, course, start=at_rest(truck, curve, p_S), working=working)
-    read = sensor.measured_pressure(truck, done.pressure, of_air) if pressure else None
-    log = _recorded(done, read, name, {"manoeuvre": manoeuvre, "seed": str(seed), "recorder": recorder})
+    driven = run(truck, course, start=at_rest(truck, curve, p_S), working=working)
+    read = sensor.measured_pressure(truck, driven.pressure, of_air) if pressure else None
+    log = _recorded(driven, read, name, {"manoeuvre": manoeuvre, "seed": str(seed), "recorder": recorder})
     log = recording.with_late_duties(log, round(late / SAMPLE))
     if conditions:
-        true = true_states(truck, done.columns)["pressure_supply"]
+        true = true_states(truck, driven.columns)["pressure_supply"]
         log = log.with_columns(**recording.measured_conditions(truck, true, of_conditions))
     if recorder == "bus":
         log = recording.bus_log(truck, log, of_recorder)
     if dropouts:
         log = recording.with_dropouts(log, dropouts, of_recorder)
-    return Drive(log, truth_of(truck, curve, done), wanted)
+    return Drive(log, truth_of(truck, curve, driven), wanted)
 
 
 def life(
@@ -228,8 +228,8 @@ def respond(truck: Vehicle, duty_supply: FloatArray, duty_exhaust: FloatArray) -
     """
     forced = _duties(np.column_stack([duty_supply, duty_exhaust]))
     curve, nothing = load_curve(truck), np.zeros(len(forced))
-    done = run(truck.replace({"q_y": 0.0}), Course(nothing, forced, nothing))
-    return Drive(_recorded(done, done.pressure, "response", {}), truth_of(truck, curve, done), nothing)
+    response = run(truck.replace({"q_y": 0.0}), Course(nothing, forced, nothing))
+    return Drive(_recorded(response, response.pressure, "response", {}), truth_of(truck, curve, response), nothing)
 
 
 def _duties(duties: FloatArray, size: int | None = None) -> FloatArray:
@@ -253,9 +253,9 @@ def _fallen(truck: Vehicle, curve: LoadTable) -> float:
     return learned_zero(truck, curve) - learned_zero(new, load_curve(new))
 
 
-def _recorded(done: Run, pressure: FloatArray | None, name: str, metadata: dict[str, str]) -> Log:
-    columns = {"position": done.measured, "duty_supply": done.duties[:, 0], "duty_exhaust": done.duties[:, 1]}
-    return Log(done.time, columns if pressure is None else {**columns, "pressure_a": pressure}, name, metadata)
+def _recorded(motion: Run, pressure: FloatArray | None, name: str, metadata: dict[str, str]) -> Log:
+    columns = {"position": motion.measured, "duty_supply": motion.duties[:, 0], "duty_exhaust": motion.duties[:, 1]}
+    return Log(motion.time, columns if pressure is None else {**columns, "pressure_a": pressure}, name, metadata)
 
 
 def _check(seconds: float, seed: int, dropouts: int, recorder: str, stuck: tuple[float, float] | None) -> None:

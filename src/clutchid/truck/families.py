@@ -128,8 +128,8 @@ def _built(parts: Parts, drawn: dict[str, Any], shares: Mapping[str, Any], rng: 
         drawn[name] = drawn[base] * float(rng.uniform(low, high))
     drawn |= parts.driving.tuned(drawn, *parts.valves.lead(drawn), parts.tube.delay)
     kind = kind_of(parts.letters)
-    known = {item.name for item in fields(kind)}
-    return kind(**{name: value for name, value in drawn.items() if name in known})
+    names = {item.name for item in fields(kind)}
+    return kind(**{name: value for name, value in drawn.items() if name in names})
 
 
 @cache

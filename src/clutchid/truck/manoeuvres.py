@@ -122,13 +122,13 @@ def mix(points: ClutchPoints, rng: np.random.Generator) -> list[FloatArray]:
     """All manoeuvres in random order after a gear shift, with gear shifts more often than the others."""
     others = (gear_shift, gear_shift, pull_away, creep, staircase, strokes, ramps)
     order = rng.permutation(len(others))
-    return [course for one in (gear_shift, *(others[i] for i in order)) for course in one(points, rng)]
+    return [course for manoeuvre in (gear_shift, *(others[i] for i in order)) for course in manoeuvre(points, rng)]
 
 
 #: Manoeuvres by name.
 MANOEUVRES = MappingProxyType(
     {
-        one.__name__.replace("_", "-"): one
-        for one in (mix, gear_shift, pull_away, creep, staircase, strokes, ramps, validation)
+        manoeuvre.__name__.replace("_", "-"): manoeuvre
+        for manoeuvre in (mix, gear_shift, pull_away, creep, staircase, strokes, ramps, validation)
     }
 )

@@ -1,4 +1,4 @@
-"""What is recorded: ambient temperature and supply, late duty cycles, drop-outs, and the bus log with its own clock."""
+"""Recorded columns: ambient temperature and supply, late duty cycles, drop-outs, and the bus log with its own clock."""
 
 from __future__ import annotations
 

@@ -91,10 +91,10 @@ def run(
     zero = learned_zero(truck, curve) - course.shift
     if ledger:
         x0 = np.concatenate([x0, np.zeros(len(LEDGER))])
-    n, loop, known = course.wanted.size, compiled(structure, ledger), numbers(truck, zero, working)
-    # numbers of parts that the truck does not have are NaN, so that one that were used would show
+    n, loop, values = course.wanted.size, compiled(structure, ledger), numbers(truck, zero, working)
+    # NaN for the numbers of parts that the truck does not have: if one were used, the simulation would show it
     parameters, settings = (
-        np.array([known.get(name, np.nan) for name in names], dtype=np.float64)
+        np.array([values.get(name, np.nan) for name in names], dtype=np.float64)
         for names in (loop.PARAMETERS, loop.SETTINGS)
     )
     states, measured, pressure, duties = np.empty((n, x0.size)), np.empty(n), np.empty(n), np.empty((n, 2))

@@ -132,8 +132,8 @@ def _service(v: int, family: str, number: int, limit: float, length: float, days
     while day < length:
         weeks = passed / 7.0
         scatter = np.exp(SCATTER * random.standard_normal(3))
-        done = strokes_a_week * weeks * float(scatter[0])
-        now = _gone_on(now, done, km_a_week * weeks * float(scatter[1]), wear_a_stroke * float(scatter[2]), weeks)
+        strokes = strokes_a_week * weeks * float(scatter[0])
+        now = _gone_on(now, strokes, km_a_week * weeks * float(scatter[1]), wear_a_stroke * float(scatter[2]), weeks)
         now = _with_event(now, weeks, limit, random)
         begin = BEGIN + timedelta(days=day)
         yearly = np.cos(2 * np.pi * (begin.timetuple().tm_yday - 200) / 365.25)

@@ -23,9 +23,9 @@ def number(value: float, unit: str, meaning: str, low: float, high: float, sourc
     return field(default=value, metadata={"row": Row(unit, meaning, low, high, True, source)})
 
 
-def choice(value: str, known: tuple[str, ...]) -> Any:
-    """A parameter that names one of the variants `known`."""
-    return field(default=value, metadata={"known": known})
+def choice(value: str, variants: tuple[str, ...]) -> Any:
+    """A parameter that names one of the `variants`."""
+    return field(default=value, metadata={"variants": variants})
 
 
 #: Zero of the position sensor: learned at the vented rest of each recording, or kept from the new clutch.
@@ -106,9 +106,9 @@ class Vehicle:
 
     def _checked(self, item: Field[Any]) -> list[str]:
         name, value = item.name, getattr(self, item.name)
-        if "known" in item.metadata:
-            known = item.metadata["known"]
-            return [] if value in known else [f"{name} = {value!r}: must be one of {', '.join(known)}."]
+        if "variants" in item.metadata:
+            variants = item.metadata["variants"]
+            return [] if value in variants else [f"{name} = {value!r}: must be one of {', '.join(variants)}."]
         row: Row = item.metadata["row"]
         if not is_number(value):
             return [f"{name} = {value!r}: a number in {row.unit} is needed ({row.meaning})."]

@@ -142,7 +142,7 @@ _ATTACHED: Mapping[tuple[str, str], Mapping[str, Any]] = {
 def attach() -> None:
     """Attach to the classes that have been imported what belongs to them, once."""
     for (module, name), members in _ATTACHED.items():
-        found = getattr(sys.modules.get(module), name, None)
-        if found is not None and "plot" not in vars(found):
+        kind = getattr(sys.modules.get(module), name, None)
+        if kind is not None and "plot" not in vars(kind):
             for member, value in members.items():
-                setattr(found, member, value)
+                setattr(kind, member, value)

@@ -135,8 +135,8 @@ def _pieces(
 ) -> Iterator[Log]:
     from clutchid.measurements import read_pieces
 
-    def shown(done: int, size: int) -> None:
-        show(f"{done:,} samples", done / max(size, 1))
+    def shown(count: int, size: int) -> None:
+        show(f"{count:,} samples", count / max(size, 1))
 
     reported: set[str] = set()
     ambient, dbc = pressure(files.ambient), files.dbc or ()

@@ -31,7 +31,7 @@ class FolderContent(NamedTuple):
 
 
 def folder_content(folder: Path, apart: Collection[Path] = ()) -> FolderContent:
-    """What lies below a folder, without the files `apart`, which are resolved.
+    """Content of a folder and its subfolders, without the files `apart`, which are resolved paths.
 
     Results of clutchid are the folder of a fleet, and the two files of `observe` and `track`, FILE.* and FILE.load.*.
     """

@@ -1,4 +1,4 @@
-"""What `look` finds, for the command line and the page: the contents of a file, and the checks before a fit on it."""
+"""The verb `look`, for the command line and the page: contents of a file, and the checks before a fit."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def looked(
     file: Path,
     ambient: float | None,
     dbc: tuple[Path, ...],
-    given: ChannelMap | Path | None,
+    channel_map: ChannelMap | Path | None,
     content: ParameterFile | None = None,
 ) -> Looked:
     """Look at a file, and check it against the calibration `content`, if there is one.
@@ -60,16 +60,16 @@ def looked(
     Raises
     ------
     DataError
-        If it cannot be read, or a map that is `given` does not fit it.
+        If it cannot be read, or a channel map does not fit it.
     """
-    given = read_map(given) if isinstance(given, Path) else given
+    channel_map = read_map(channel_map) if isinstance(channel_map, Path) else channel_map
     added = known_ambient(content.actuator.parameters.P_0) if content else None
-    contents = look(file, added if ambient is None else ambient, dbc, given)
+    contents = look(file, added if ambient is None else ambient, dbc, channel_map)
 
     def read(channels: ChannelMap | None) -> Log:
         return next(read_pieces(file, ambient=ambient, added=added, channels=channels, required=_NEEDED))
 
-    return _checked(contents, given, content, read)
+    return _checked(contents, channel_map, content, read)
 
 
 def is_map(path: Path) -> bool:
@@ -94,16 +94,16 @@ def save_proposed(contents: FileOverview, path: Path) -> ChannelMap:
     return proposed
 
 
-def contents_of(source: Source, ambient: float | None, given: ChannelMap | None) -> FileOverview:
+def contents_of(source: Source, ambient: float | None, channel_map: ChannelMap | None) -> FileOverview:
     """The contents of an opened file, such as one of stored columns."""
-    return overview_of(source, ambient, given.dbc if given else (), given)
+    return overview_of(source, ambient, channel_map.dbc if channel_map else (), channel_map)
 
 
 def checked(
     source: Source,
     contents: FileOverview,
     ambient: float | None,
-    given: ChannelMap | None,
+    channel_map: ChannelMap | None,
     content: ParameterFile | None = None,
 ) -> Looked:
     """Checks on an opened file with these contents.
@@ -111,18 +111,18 @@ def checked(
     Raises
     ------
     DataError
-        If a map that is `given` does not fit it.
+        If a channel map does not fit it.
     """
 
     def read(channels: ChannelMap | None) -> Log:
         return next(source_pieces(source, channels, ambient, _NEEDED))
 
-    return _checked(contents, given, content, read)
+    return _checked(contents, channel_map, content, read)
 
 
 def _checked(
     contents: FileOverview,
-    given: ChannelMap | None,
+    channel_map: ChannelMap | None,
     content: ParameterFile | None,
     read: Callable[[ChannelMap | None], Log],
 ) -> Looked:
@@ -132,16 +132,16 @@ def _checked(
     if contents.problems:
         return Looked(contents, unchecked="Not checked: the recording has problems.")
     proposed = contents.proposal.channels
-    channels = replace(given, dbc=proposed.dbc) if given else proposed if contents.needs_map else None
+    channels = replace(channel_map, dbc=proposed.dbc) if channel_map else proposed if contents.needs_map else None
     if channels is proposed and "position" not in proposed.channels:
         why = "Not checked: no channel could be identified as the position; a channel map is needed."
         return Looked(contents, unchecked=why)
     try:
         log = read(channels)
     except DataError as error:
-        if given or contents.proposal.complete:
+        if channel_map or contents.proposal.complete:
             raise
         return Looked(contents, unchecked=f"Not checked, because the proposed channel map does not fit:\n{error}")
     how = "" if contents.proposal.complete or channels is not proposed else " with the proposed channel map"
-    found = inspect(log, content.actuator, content.rest) if content else inspect(log)
-    return Looked(contents, found, how=how, log=log)
+    inspection = inspect(log, content.actuator, content.rest) if content else inspect(log)
+    return Looked(contents, inspection, how=how, log=log)

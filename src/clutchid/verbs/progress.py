@@ -15,7 +15,7 @@ __all__ = ["CALIBRATION", "ESTIMATE", "Progressed", "Usual", "shared", "when_com
 
 
 class Usual(NamedTuple):
-    """What a stage usually takes: its part of the whole time, and evaluations until a search has converged."""
+    """Usual duration of a stage: its share of the whole time, and the evaluations until a search has converged."""
 
     part: float
     evaluations: float = math.inf
@@ -79,17 +79,17 @@ def shared(usual: Mapping[Stage, Usual], show: Callable[[Progressed], None]) -> 
     >>> [(f"{one.share:.2f}", one.words) for one in seen]
     [('0.00', 'reading'), ('0.67', 'fine search, 60 simulations, cost 12.5')]
     """
-    parts = [one.part for one in usual.values()]
+    parts = [stage.part for stage in usual.values()]
     begins = dict(zip(usual, accumulate(parts, initial=0.0), strict=False))
-    whole, done = sum(parts), 0.0
+    whole, share = sum(parts), 0.0
 
     def progress(step: Step) -> None:
-        nonlocal done
+        nonlocal share
         if step.stage in usual:
-            one = usual[step.stage]
-            inside = one.part * (1.0 - math.exp(-step.evaluations / one.evaluations))
-            done = max(done, (begins[step.stage] + inside) / whole)
-        show(Progressed(step, done, words(step)))
+            stage = usual[step.stage]
+            inside = stage.part * (1.0 - math.exp(-step.evaluations / stage.evaluations))
+            share = max(share, (begins[step.stage] + inside) / whole)
+        show(Progressed(step, share, words(step)))
 
     return progress
 

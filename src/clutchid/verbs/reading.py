@@ -85,7 +85,7 @@ class Reading:
     @property
     def files(self) -> tuple[RecordingFile, ...]:
         """The files among the recordings, each with its channel map and DBC files."""
-        return tuple(map(self._file, (one for one in (*self.logs, *self.verify) if not isinstance(one, Log))))
+        return tuple(map(self._file, (log for log in (*self.logs, *self.verify) if not isinstance(log, Log))))
 
     def _file(self, source: str | PathLike[str] | RecordingFile) -> RecordingFile:
         return source if isinstance(source, RecordingFile) else RecordingFile(source, self.channels, self.dbc)
@@ -119,7 +119,7 @@ class Reading:
             log = source if isinstance(source, Log) else self._read(self._file(source), needed, compared, added)
             return log if actuator is None or required else actuator.equipment.driven(log)
 
-        return read_each([*((one, measured) for one in self.logs), *((one, ()) for one in self.verify)], read_one)
+        return read_each([*((log, measured) for log in self.logs), *((log, ()) for log in self.verify)], read_one)
 
     def _read(self, file: RecordingFile, needed: Sequence[str], measured: Sequence[str], added: float | None) -> Log:
         from clutchid.measurements import read
@@ -171,13 +171,13 @@ def inspected(
     from clutchid.strokes.values import values_of
 
     values = [values_of(log, actuator) for log in logs]
-    inspections = [_inspection(each.log, actuator, rest, zero) for each in values]
+    inspections = [_inspection(checked.log, actuator, rest, zero) for checked in values]
     bad = [str(DataError.of(inspection.name, list(inspection.bad))) for inspection in inspections if inspection.bad]
     if bad and not force:
         raise DataError("\n".join([*bad, REFUSED]))
     return [
-        replace(log, warnings=tuple(dict.fromkeys((*each.warned.warnings, *inspection.warnings))))
-        for log, each, inspection in zip(logs, values, inspections, strict=True)
+        replace(log, warnings=tuple(dict.fromkeys((*checked.warned.warnings, *inspection.warnings))))
+        for log, checked, inspection in zip(logs, values, inspections, strict=True)
     ]
 
 

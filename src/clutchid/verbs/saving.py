@@ -140,9 +140,9 @@ def _paths_of(outputs: Mapping[str, Path | Sequence[Path] | None]) -> Iterator[t
             yield option, path
 
 
-def _same(one: Path, other: Path) -> bool:
+def _same(path: Path, other: Path) -> bool:
     """Whether two paths are the same file, also by links or another spelling."""
     try:
-        return one.resolve() == other.resolve() or one.samefile(other)
+        return path.resolve() == other.resolve() or path.samefile(other)
     except (OSError, RuntimeError):  # one of them does not exist, or is a loop of links
         return False

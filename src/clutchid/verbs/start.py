@@ -1,4 +1,4 @@
-"""What a verb starts from: an actuator, a parameter file, a calibration."""
+"""Start of a verb: an actuator, a parameter file, a calibration."""
 
 from __future__ import annotations
 

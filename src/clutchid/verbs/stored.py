@@ -67,7 +67,7 @@ class StoredRecording:
         return AMBIENT if self.ambient is None else self.ambient
 
     def contents(self) -> FileOverview:
-        """What is in it."""
+        """Contents of the file."""
         return contents_of(self.source, self.ambient, self.channels)
 
     def checked(self, contents: FileOverview) -> Looked:
@@ -150,22 +150,22 @@ def _write_clocks(source: Source, channels: ChannelMap | None, folder: Path) -> 
                 clock = Heading(named.index, named.text, "time", entry.unit or named.unit)
         rate = 1.0 if channels is None or channels.rate is None else channels.rate
         parts = []
-        done = 0
+        count = 0
         for table in source.tables(index, [] if clock is None else [clock.index], BLOCK):
             if clock is None or clock.index not in table.numbers:
-                parts.append((done + np.arange(table.size)) / rate)
+                parts.append((count + np.arange(table.size)) / rate)
             else:
                 parts.append(in_si(clock, table.numbers[clock.index], AMBIENT))
-            done += table.size
+            count += table.size
         write_column(folder, index, CLOCK, clock_column(np.concatenate(parts) if parts else np.empty(0)))
 
 
 def clock_column(stamps: FloatArray) -> FloatArray:
     """Time stamps in s for plots: not finite ones and steps back stay at the greatest before them."""
     finite = np.where(np.isfinite(stamps), stamps, -np.inf)
-    found: FloatArray = np.maximum.accumulate(finite)
-    first = found[np.isfinite(found)]
-    return np.where(np.isfinite(found), found, first[0] if first.size else 0.0)
+    clock: FloatArray = np.maximum.accumulate(finite)
+    first = clock[np.isfinite(clock)]
+    return np.where(np.isfinite(clock), clock, first[0] if first.size else 0.0)
 
 
 def plotted(folder: Path, grid: int, columns: Sequence[int], begin: float, end: float, width: int) -> FloatArray:
@@ -194,20 +194,20 @@ def plotted(folder: Path, grid: int, columns: Sequence[int], begin: float, end: 
     count, width = max(last - first, 0), min(max(width, 1), MOST_WIDTH)
     several = [column_of(folder, grid, column) for column in columns]
     if count <= 2 * width:
-        return np.vstack([clock.read(first, last), *(one.read(first, last) for one in several)])
+        return np.vstack([clock.read(first, last), *(column.read(first, last) for column in several)])
     step = -(-count // width)
     if step >= 2 * BIN:
         bins = step // BIN
         start, stop = first // BIN, -(-last // BIN)
-        ends = [_merged(one.extremes(start, stop), bins) for one in several]
+        ends = [_merged(column.extremes(start, stop), bins) for column in several]
         stamps = clock.extremes(start, stop)[:, 0]  # of the first sample of each bin, as the time never decreases
         half = bins // 2
     else:
-        ends = [extremes_of(one.read(first, last), step) for one in several]
+        ends = [extremes_of(column.read(first, last), step) for column in several]
         stamps, bins, half = clock.read(first, last), step, step // 2
     begins = np.arange(0, stamps.size, bins)
     times = stamps[np.column_stack([begins, np.minimum(begins + half, stamps.size - 1)]).ravel()]
-    return np.vstack([times, *(found.ravel() for found in ends)])
+    return np.vstack([times, *(values.ravel() for values in ends)])
 
 
 def _merged(ends: FloatArray, bins: int) -> FloatArray:

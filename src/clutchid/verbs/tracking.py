@@ -79,7 +79,7 @@ class Tracked:
     def curves(self) -> list[tuple[str, LoadCurve]]:
         """The loads of the recordings that count in the trend, by name."""
         reads = zip(self.wear.dated, self.reads, self.wear.counted, strict=True)
-        return [(dated.name, one.curve) for dated, one, counts in reads if one.curve and counts]
+        return [(dated.name, read.curve) for dated, read, counts in reads if read.curve and counts]
 
 
 class TrackFiles(NamedTuple):
@@ -231,18 +231,18 @@ def track(
     rows = read_table(Path(table)) if table else {}
     limits = LifeLimits(limit, read_wear_table(Path(wear_table)) if wear_table else None)
     several = [recordings] if isinstance(recordings, str | PathLike) else recordings
-    apart = [*results, *(Path(one) for one in (table, wear_table) if one)]
-    files = recordings_of([Path(one) for one in several], rows, apart)
+    apart = [*results, *(Path(path) for path in (table, wear_table) if path)]
+    files = recordings_of([Path(path) for path in several], rows, apart)
     vehicle, paths = vehicle_of(files.paths, rows, str(table)), list(files.paths.values())
     check_workers(workers)
     options = ReadingOptions(ambient, Path(channels) if channels else None, tuple(map(Path, dbc)), zero=zero)
-    found: dict[Path, RecordingResult] = {}
-    for done in processes.results(partial(read_recording, options, Path(start)), paths, workers):
-        found[done.item] = unless_lost(done.item, done.result)
+    by_path: dict[Path, RecordingResult] = {}
+    for finished in processes.results(partial(read_recording, options, Path(start)), paths, workers):
+        by_path[finished.item] = unless_lost(finished.item, finished.result)
         if progress:
-            progress(len(found), len(paths))
+            progress(len(by_path), len(paths))
     absent = sorted(name for name in files.problems if rows[name].vehicle == vehicle)
-    reads = [*counted_once((as_text(path.name), found[path]) for path in paths)]
+    reads = [*counted_once((as_text(path.name), by_path[path]) for path in paths)]
     reads += [without_result(Path(name), "bad_input", files.problems[name]) for name in absent]
     warnings = () if rows else _several_folders(paths)
     return replace(tracked(vehicle, [*files.paths, *absent], reads, rows, limits, warnings), left_out=files.left_out)
@@ -268,7 +268,7 @@ def _several_folders(paths: Sequence[Path]) -> tuple[str, ...]:
     folders = sorted({path.resolve().parent for path in paths})
     if len(folders) < 2:
         return ()
-    names = ", ".join([*(as_text(one.name) for one in folders[:3]), *(["..."] if len(folders) > 3 else [])])
+    names = ", ".join([*(as_text(folder.name) for folder in folders[:3]), *(["..."] if len(folders) > 3 else [])])
     return (
         f"the recordings lie in {len(folders)} folders ({names}) and are taken for those of one vehicle; give --table "
         "with the vehicle of each, or one folder.",
@@ -280,35 +280,35 @@ def table_of(tracked: Tracked) -> pl.DataFrame:
     import polars as pl
 
     wear, nothing = tracked.wear, float("nan")
-    measured = [one.measurement for one in wear.readings]
+    measured = [reading.measurement for reading in wear.readings]
     columns: dict[str, object] = {
-        "recording": [one.name for one in wear.dated],
+        "recording": [recording.name for recording in wear.dated],
         "vehicle": [wear.vehicle] * len(wear.dated),
-        "begin": [one.begin.isoformat() if one.begin else None for one in wear.dated],
-        "odometer [km]": [one.odometer for one in wear.dated],
-        "strokes [1]": [one.strokes for one in wear.dated],
-        "status": [one.status for one in wear.readings],
-        "message": [one.message for one in wear.readings],
-        "trust": [one.trust for one in wear.readings],
+        "begin": [recording.begin.isoformat() if recording.begin else None for recording in wear.dated],
+        "odometer [km]": [recording.odometer for recording in wear.dated],
+        "strokes [1]": [recording.strokes for recording in wear.dated],
+        "status": [reading.status for reading in wear.readings],
+        "message": [reading.message for reading in wear.readings],
+        "trust": [reading.trust for reading in wear.readings],
         "outcome": list(wear.outcomes),
         "reason": list(wear.reasons),
-        "warnings": [" ".join(one.warnings) for one in wear.dated],
-        "alarm": [", ".join(a.kind for a in wear.alarms if a.before == one.name) or None for one in wear.dated],
+        "warnings": [" ".join(recording.warnings) for recording in wear.dated],
+        "alarm": [", ".join(a.kind for a in wear.alarms if a.before == dated.name) or None for dated in wear.dated],
         "half_load [m]": [read.half_load[0] for read in tracked.reads],
         "half_load low [m]": [read.half_load[1] for read in tracked.reads],
         "half_load high [m]": [read.half_load[2] for read in tracked.reads],
-        "shift measured [m]": [one.shift if one else nothing for one in measured],
-        "shift measured std [m]": [one.shift_std if one else nothing for one in measured],
-        "load measured [1]": [one.load if one else nothing for one in measured],
-        "load measured std [1]": [one.load_std if one else nothing for one in measured],
-        "temperature_ambient [K]": [one.temperature if one else nothing for one in measured],
+        "shift measured [m]": [values.shift if values else nothing for values in measured],
+        "shift measured std [m]": [values.shift_std if values else nothing for values in measured],
+        "load measured [1]": [values.load if values else nothing for values in measured],
+        "load measured std [1]": [values.load_std if values else nothing for values in measured],
+        "temperature_ambient [K]": [values.temperature if values else nothing for values in measured],
         "changes": [", ".join(read.changes) for read in tracked.reads],
-        "leak [m³/(Pa·s)]": [one.leak.conductance if one.leak else 0.0 for one in wear.readings],
-        "leak probability [1]": [one.leak.probability if one.leak else 0.0 for one in wear.readings],
-        "rest shift [m]": [one.rest.value if one.rest else nothing for one in wear.readings],
-        "rest shift low [m]": [one.rest.low if one.rest else nothing for one in wear.readings],
-        "rest shift high [m]": [one.rest.high if one.rest else nothing for one in wear.readings],
-        "rest cause": [one.cause for one in wear.rests],
+        "leak [m³/(Pa·s)]": [reading.leak.conductance if reading.leak else 0.0 for reading in wear.readings],
+        "leak probability [1]": [reading.leak.probability if reading.leak else 0.0 for reading in wear.readings],
+        "rest shift [m]": [reading.rest.value if reading.rest else nothing for reading in wear.readings],
+        "rest shift low [m]": [reading.rest.low if reading.rest else nothing for reading in wear.readings],
+        "rest shift high [m]": [reading.rest.high if reading.rest else nothing for reading in wear.readings],
+        "rest cause": [rest.cause for rest in wear.rests],
         "sha256": [read.sha256 for read in tracked.reads],
         "axis": [wear.axis] * len(wear.dated),
         "along": wear.s,
@@ -326,7 +326,7 @@ def table_of(tracked: Tracked) -> pl.DataFrame:
 
 
 def _forecast(wear: Wear) -> dict[str, pl.Series]:
-    """What is left at the last recording, in the unit of the axis, infinite beyond the horizon; empty before it."""
+    """Columns of the remaining life at the last recording, in the unit of the axis; infinite beyond the horizon."""
     import polars as pl
 
     sides = (None,) * 3 if wear.left is None else (wear.left.median, wear.left.low, wear.left.high)
@@ -339,9 +339,9 @@ def load_table(keys: Mapping[str, Sequence[str]], curves: Sequence[LoadCurve | N
     """Loads below each other, those that are known: columns of `keys` with a text a load, position, force and band."""
     import polars as pl
 
-    known = [(i, curve) for i, curve in enumerate(curves) if curve is not None]
-    values = np.concatenate([curve.table() for _, curve in known]) if known else np.zeros((0, 4))
-    rows = [i for i, curve in known for _ in range(curve.position.size)]
+    curves_by_row = [(i, curve) for i, curve in enumerate(curves) if curve is not None]
+    values = np.concatenate([curve.table() for _, curve in curves_by_row]) if curves_by_row else np.zeros((0, 4))
+    rows = [i for i, curve in curves_by_row for _ in range(curve.position.size)]
     named = {key: pl.Series([texts[i] for i in rows], dtype=pl.String) for key, texts in keys.items()}
     heads = ("position [m]", "force [N]", "force low [N]", "force high [N]")
     return pl.DataFrame({**named, **dict(zip(heads, values.T, strict=True))})

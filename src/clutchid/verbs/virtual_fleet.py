@@ -76,14 +76,14 @@ def write_fleet(
     kinds = sorted({(visit.family, visit.number) for visit in visits})
     for family, number in kinds:
         _write_calibration(out / CALIBRATIONS, family, number)
-    found: dict[str, CsvRow] = {}
-    for done in results(partial(_recorded, out, seconds), visits, workers):
-        if isinstance(done.result, LostWork):
-            raise SolveError(f"{done.item.recording}: {done.result.message}")
-        found[done.item.recording] = done.result
+    rows: dict[str, CsvRow] = {}
+    for finished in results(partial(_recorded, out, seconds), visits, workers):
+        if isinstance(finished.result, LostWork):
+            raise SolveError(f"{finished.item.recording}: {finished.result.message}")
+        rows[finished.item.recording] = finished.result
         if progress:
-            progress(len(found), len(visits))
-    _write_csv(out / TRUTH, [found[visit.recording] for visit in visits])
+            progress(len(rows), len(visits))
+    _write_csv(out / TRUTH, [rows[visit.recording] for visit in visits])
     _write_csv(out / TABLE, [row for visit in visits for row in _listed(visit)])
     return len(visits)
 
@@ -108,8 +108,8 @@ def _new_folders(out: Path, visits: Iterable[Visit]) -> None:
 def _write_calibration(folder: Path, family: str, number: int) -> None:
     """A recording with pressure of a new truck, and how its load changes with wear, as on a test rig."""
     new, name = truck(number, family), type_name(family, number)
-    done = drive(new, seconds=CALIBRATION, seed=CALIBRATION_SEED, conditions=True, name=name)
-    write(replace(done.log, metadata={}), folder / f"{name}.parquet")
+    driven = drive(new, seconds=CALIBRATION, seed=CALIBRATION_SEED, conditions=True, name=name)
+    write(replace(driven.log, metadata={}), folder / f"{name}.parquet")
     wear = np.linspace(0.0, new.w_max, STEPS)
     loads = [true_load(aged(new, w, w * STROKES_A_METRE)) for w in wear]
     rows = [
@@ -134,18 +134,18 @@ def true_load(vehicle: Vehicle) -> FloatArray:
 
 def _recorded(out: Path, seconds: float, visit: Visit) -> CsvRow:
     """Drive and write a recording; the row of its truth."""
-    done = drive(
+    driven = drive(
         visit.truck, seconds=seconds, seed=visit.seed, wear=visit.wear, cycles=visit.cycles,
         temperature=visit.temperature, pressure=False, conditions=True, name=visit.recording,
     )  # fmt: skip
-    log = done.log.with_columns(position=visit.gain * done.log["position"])
+    log = driven.log.with_columns(position=visit.gain * driven.log["position"])
     path = out / RECORDINGS / visit.vehicle / f"{visit.recording}.parquet"
     write(replace(log, metadata={"start": visit.clock.isoformat()}), path)
     if visit.fault == "cut off":
         path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     if visit.fault == "twice":
         shutil.copyfile(path, path.with_stem(f"{path.stem}_again"))
-    return _truth(visit, done.truth.truck)
+    return _truth(visit, driven.truth.truck)
 
 
 def _truth(visit: Visit, vehicle: Vehicle) -> CsvRow:
@@ -177,16 +177,16 @@ def _truth(visit: Visit, vehicle: Vehicle) -> CsvRow:
 
 
 def _listed(visit: Visit) -> list[CsvRow]:
-    """Rows of the table of recordings: two of one that was sent twice."""
+    """Rows of a visit in the table of recordings; two where its recording was sent twice."""
     names = [visit.recording, *([f"{visit.recording}_again"] if visit.fault == "twice" else [])]
-    known = {
+    entries = {
         "vehicle": visit.vehicle,
         "type": type_name(visit.family, visit.number),
         "date": visit.begin.isoformat(timespec="seconds"),
         "odometer_km": round(visit.odometer),
         "strokes": round(visit.strokes),
     }
-    return [{"recording": name, **known} for name in names]
+    return [{"recording": name, **entries} for name in names]
 
 
 def _write_csv(path: Path, rows: Sequence[CsvRow]) -> None:

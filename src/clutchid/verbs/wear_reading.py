@@ -123,17 +123,17 @@ def unless_lost(path: Path, read: RecordingResult | LostWork) -> RecordingResult
 
 
 def counted_once(named: Iterable[tuple[str, RecordingResult]]) -> Iterator[RecordingResult]:
-    """Recordings by name; one that was sent twice counts once: the second is a warning without a measurement."""
+    """Recordings by name; a duplicate counts once, and becomes a warning without a measurement."""
     first: dict[str, str] = {}
     for name, read in named:
-        known = read.sha256 if read.reading.has_result else ""
-        if known in first:
-            sentence = f"the same recording as {first[known]}; it counts once."
+        checksum = read.sha256 if read.reading.has_result else ""
+        if checksum in first:
+            sentence = f"the same recording as {first[checksum]}; it counts once."
             again = read.reading._replace(status="warning", message=sentence, measurement=None, reason=sentence)
             yield read._replace(reading=again)
             continue
-        if known:
-            first[known] = name
+        if checksum:
+            first[checksum] = name
         yield read
 
 
@@ -158,7 +158,7 @@ def _fitted(log: Log, content: ParameterFile, path: Path, zero: Zero) -> Recordi
     reason = unmeasured(fit)
     measurement = None if reason else measured(fit, log)
     changes = tuple(dict.fromkeys(change.group for change in fit.changes))
-    rest = next((one.rest for one in fit.recordings.values()), None)
+    rest = next((recording.rest for recording in fit.recordings.values()), None)
     wear = WearReading(status, message, trust, measurement, leak_of(fit), departs(fit), rest, reason)
     return RecordingResult(path, wear, curve=curve, half_load=half, changes=changes)
 

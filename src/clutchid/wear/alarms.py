@@ -78,14 +78,14 @@ def rest_moves(
         Numbers of the recordings before which the load became that of a new clutch.
     """
     z = float(special.ndtri(1.0 - FALSE_ALARMS / 2.0))
-    found: list[RestMove] = []
+    moves: list[RestMove] = []
     base = before = None
     for k, rest in enumerate(rests):
         if rest is None:
-            found.append(NOT_KNOWN)
+            moves.append(NOT_KNOWN)
             continue
         if base is None or before is None:
-            found.append(RestMove(0.0, ""))
+            moves.append(RestMove(0.0, ""))
             base = before = k, rest
             continue
         move, noise = rest.value - before[1].value, z * float(np.hypot(rest.std, before[1].std))
@@ -94,14 +94,14 @@ def rest_moves(
         if move > noise or -move > allowed + noise:
             back = abs(move - fallen) <= noise
             new = k in replaced or (back and _as_new(measurements[k]))
-            found.append(RestMove(move, "new clutch" if new else "sensor", not new))
+            moves.append(RestMove(move, "new clutch" if new else "sensor", not new))
             base = k, rest
         else:
             drift = rest.value - base[1].value
             moved = abs(drift) > z * np.hypot(rest.std, base[1].std)
-            found.append(RestMove(move, ("wear" if drift < 0.0 else "sensor") if moved else ""))
+            moves.append(RestMove(move, ("wear" if drift < 0.0 else "sensor") if moved else ""))
         before = k, rest
-    return found
+    return moves
 
 
 def _allowed_fall(ds: float, since: float, fallen: float, noise: float, life: float) -> float:
@@ -110,9 +110,9 @@ def _allowed_fall(ds: float, since: float, fallen: float, noise: float, life: fl
     return min(most, FASTER * (max(fallen, 0.0) + noise) * ds / since) if since > 0.0 else most
 
 
-def _as_new(one: Measurement | None) -> bool:
+def _as_new(now: Measurement | None) -> bool:
     """Whether a load is that of the calibration."""
-    return one is not None and abs(one.shift) <= 2 * one.shift_std and abs(one.load) <= 2 * one.load_std
+    return now is not None and abs(now.shift) <= 2 * now.shift_std and abs(now.load) <= 2 * now.load_std
 
 
 class Alarm(NamedTuple):
@@ -159,22 +159,23 @@ def alarms(
     rests: Sequence[RestMove],
 ) -> tuple[Alarm, ...]:
     """All alarms in the order of the recordings; `then` is the trend as known at each, `rests` how the rest moved."""
-    leaks = [one.leak is not None and _is_fault(one.leak) for one in readings]
-    found = [(k, _change(dated, verdicts, then, k)) for k, one in enumerate(verdicts) if one.outcome in CHANGED]
+    leaks = [reading.leak is not None and _is_fault(reading.leak) for reading in readings]
+    changed = [k for k, verdict in enumerate(verdicts) if verdict.outcome in CHANGED]
+    numbered = [(k, _change(dated, verdicts, then, k)) for k in changed]
     for kind, flags, least in (
         ("leak", leaks, LEAKS),
-        ("departed", [one.departs for one in readings], DEPARTED),
+        ("departed", [reading.departs for reading in readings], DEPARTED),
     ):
-        for k in _begins(flags, [one.has_result for one in readings], least):
+        for k in _begins(flags, [reading.has_result for reading in readings], least):
             leak = readings[k].leak
             size = leak.conductance if kind == "leak" and leak else 0.0
             after = next((dated[j].name for j in range(k - 1, -1, -1) if readings[j].has_result), "")
-            found.append((k, Alarm(after, dated[k].name, dated[k].begin, kind, 0.0, 0.0, size)))
+            numbered.append((k, Alarm(after, dated[k].name, dated[k].begin, kind, 0.0, 0.0, size)))
     for k, rest in enumerate(rests):
         if rest.sudden:
             after = next((dated[j].name for j in range(k - 1, -1, -1) if readings[j].rest is not None), "")
-            found.append((k, Alarm(after, dated[k].name, dated[k].begin, "sensor moved", 0.0, 0.0, rest=rest.move)))
-    return tuple(alarm for _, alarm in sorted(found, key=lambda one: one[0]))
+            numbered.append((k, Alarm(after, dated[k].name, dated[k].begin, "sensor moved", 0.0, 0.0, rest=rest.move)))
+    return tuple(alarm for _, alarm in sorted(numbered, key=lambda pair: pair[0]))
 
 
 def _is_fault(leak: Leak) -> bool:
@@ -192,7 +193,7 @@ def _change(dated: Sequence[Dated], verdicts: Sequence[Verdict], then: dict[str,
 
 def _begins(flags: Sequence[bool], read: Sequence[bool], least: int) -> list[int]:
     """Starts of `least` successive read recordings with the flag, after as many without it or from the first."""
-    found, candidate, count, active = [], 0, 0, False
+    starts, candidate, count, active = [], 0, 0, False
     for k, flag in enumerate(flags):
         if not read[k]:
             continue
@@ -204,5 +205,5 @@ def _begins(flags: Sequence[bool], read: Sequence[bool], least: int) -> list[int
         if count == least:
             active, count = flag, 0
             if flag:
-                found.append(candidate)
-    return found
+                starts.append(candidate)
+    return starts

@@ -100,11 +100,11 @@ def arranged(names: Sequence[str], clocks: Sequence[str], table: Mapping[str, Li
         Rows of the table of recordings by the stem.
     """
     dated = [_dated(name, clock, table.get(name)) for name, clock in zip(names, clocks, strict=True)]
-    warnings = [f"{one.name}: {sentence}" for one in dated for sentence in one.warnings]
-    missing = [one.name for one in dated if one.begin is None]
+    warnings = [f"{recording.name}: {sentence}" for recording in dated for sentence in recording.warnings]
+    missing = [recording.name for recording in dated if recording.begin is None]
     if 0 < len(missing) < len(dated):
         warnings.append(f"{_some(missing)}: {_NO_TIME}")
-        dated = [one._replace(warnings=(*one.warnings, _NO_TIME)) if one.begin is None else one for one in dated]
+        dated = [row if row.begin else row._replace(warnings=(*row.warnings, _NO_TIME)) for row in dated]
     if len(missing) == len(dated) > 1:
         warnings.append("no recording has a time; they are taken in the order of their names.")
     order = sorted(range(len(dated)), key=lambda i: _place(dated[i]))
@@ -135,36 +135,36 @@ def _dated(name: str, clock: str, row: Listed | None) -> Dated:
 def _instant(text: str) -> datetime | None:
     """An ISO time; UTC where it has no zone."""
     try:
-        found = datetime.fromisoformat(text)
+        instant = datetime.fromisoformat(text)
     except ValueError:
         return None
-    return found if found.tzinfo else found.replace(tzinfo=UTC)
+    return instant if instant.tzinfo else instant.replace(tzinfo=UTC)
 
 
 def _date_in(name: str) -> datetime | None:
-    found = _DATE.search(name)
-    if found is None:
+    match = _DATE.search(name)
+    if match is None:
         return None
     try:
-        return datetime(*(int(digits or 0) for digits in found.groups()), tzinfo=UTC)  # type: ignore[misc, arg-type]
+        return datetime(*(int(digits or 0) for digits in match.groups()), tzinfo=UTC)  # type: ignore[misc, arg-type]
     except ValueError:  # the 31st of a short month
         return None
 
 
-def _place(one: Dated) -> tuple[bool, float, list[tuple[bool, int, str]]]:
+def _place(recording: Dated) -> tuple[bool, float, list[tuple[bool, int, str]]]:
     """Sorts by time, those without one last, and then by name."""
-    return one.begin is None, one.begin.timestamp() if one.begin else 0.0, natural(one.name)
+    return recording.begin is None, recording.begin.timestamp() if recording.begin else 0.0, natural(recording.name)
 
 
 def _axis(dated: Sequence[Dated], warnings: list[str]) -> tuple[Axis, FloatArray]:
     """Axis that all recordings have and that does not go back: strokes, km or days; else their number."""
     columns: list[tuple[Axis, str, Callable[[Dated], float]]] = [
-        ("strokes", "strokes", lambda one: one.strokes),
-        ("km", "odometer_km", lambda one: one.odometer),
-        ("days", "time", lambda one: one.begin.timestamp() / 86400.0 if one.begin else np.nan),
+        ("strokes", "strokes", lambda recording: recording.strokes),
+        ("km", "odometer_km", lambda recording: recording.odometer),
+        ("days", "time", lambda recording: recording.begin.timestamp() / 86400.0 if recording.begin else np.nan),
     ]
     for axis, name, of in columns:
-        values = np.array([of(one) for one in dated])
+        values = np.array([of(recording) for recording in dated])
         if not np.isfinite(values).all():
             continue
         back = np.flatnonzero(np.diff(values) < 0.0).tolist()
@@ -241,8 +241,8 @@ class WearReading(NamedTuple):
 
 def leak_of(fit: Fit) -> Leak | None:
     """The leak that a reading finds; None if it finds none, or its model has no leak."""
-    found = next((change for change in fit.changes if change.name == "C_A0"), None)
-    return Leak(found.after - found.before, found.std, found.probability) if found else None
+    leak = next((change for change in fit.changes if change.name == "C_A0"), None)
+    return Leak(leak.after - leak.before, leak.std, leak.probability) if leak else None
 
 
 def unmeasured(fit: Fit) -> str:

@@ -195,8 +195,8 @@ class Wear:
         name = "wear" if "wear" in self.rate else "shift"
         rate = self.rate[name].last
         prior = GROWTH[name].rate / LIFE[self.axis]
-        known = any(self.counted) and self.sudden is None and rate.high - rate.low < 2 * QUANTILE * KNOWN * prior
-        return rate if known else UNKNOWN
+        determined = any(self.counted) and self.sudden is None and rate.high - rate.low < 2 * QUANTILE * KNOWN * prior
+        return rate if determined else UNKNOWN
 
     @property
     def counted(self) -> tuple[bool, ...]:
@@ -205,7 +205,7 @@ class Wear:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Reason why each recording does not count in the trend, in a sentence; empty for one that does."""
+        """Reason why each recording does not count in the trend, in a sentence; empty where it counts."""
         return tuple(
             "" if counts else reading.unmeasured or (_WAITS if k in self.waiting else _ALONE)
             for k, (reading, counts) in enumerate(zip(self.readings, self.counted, strict=True))

@@ -66,19 +66,19 @@ def _by(path: Path, key: Callable[[Listed], Key]) -> dict[Key, Listed]:
     rows = _rows(path)
     if "recording" not in rows[0]:
         raise DataError(f"{path}: has no column 'recording', only {', '.join(map(repr, rows[0]))}.")
-    found: dict[Key, Listed] = {}
+    by_key: dict[Key, Listed] = {}
     problems: list[str] = []
     for line, row in enumerate(rows, start=2):
         try:
-            one = _listed(row)
+            entry = _listed(row)
         except ValueError as error:
             problems.append(f"line {line}: {error}")
             continue
-        if _known(found.setdefault(key(one), one)) != _known(one):
-            problems.append(f"line {line}: '{one.recording}' stands there twice, with other values.")
+        if _known(by_key.setdefault(key(entry), entry)) != _known(entry):
+            problems.append(f"line {line}: '{entry.recording}' stands there twice, with other values.")
     if problems:
         raise DataError.of(str(path), problems)
-    return found
+    return by_key
 
 
 def _known(row: Listed) -> dict[str, object]:

@@ -220,8 +220,8 @@ def _interpolated(x: FloatArray, values: FloatArray) -> Function:
 
     def at(u: FloatArray) -> FloatArray:
         beyond = slopes[0] * np.minimum(u - x[0], 0.0) + slopes[1] * np.maximum(u - x[-1], 0.0)
-        found: FloatArray = np.interp(u, x, values) + beyond
-        return found
+        interpolated: FloatArray = np.interp(u, x, values) + beyond
+        return interpolated
 
     return at
 
@@ -241,12 +241,12 @@ def follow(model: TrendModel, s: FloatArray, measurements: Sequence[Measurement 
         measured, last = [*measured, k], float(at)
         tracks = _pruned(tracks, measured[-LAG - 1] if len(measured) > LAG else None)
     shares = _shares(tracks)
-    found = [Path(float(share), track.steps) for share, track in zip(shares, tracks, strict=True)]
-    return tuple(sorted(found, key=lambda path: -path.probability))
+    paths = [Path(float(share), track.steps) for share, track in zip(shares, tracks, strict=True)]
+    return tuple(sorted(paths, key=lambda path: -path.probability))
 
 
 class Verdict(NamedTuple):
-    """What a recording is in the trend given all, and the probability of that.
+    """Outcome of a recording in the trend given all recordings, and its probability.
 
     `outcome` is that of a step, or "unknown" where the load has changed and whether by a new clutch is not sure.
     """
@@ -256,10 +256,10 @@ class Verdict(NamedTuple):
 
 
 def verdicts(paths: Sequence[Path]) -> list[Verdict]:
-    """What each recording is: a change only where one is sure, there or at a neighbour that is less probable."""
+    """Outcome of each recording: a change only where it is certain there, or split with a less probable neighbour."""
     measured = [k for k, step in enumerate(paths[0].steps) if step.outcome != "missing"]
     change = [probability(paths, [k], CHANGES) for k in measured]
-    found = [Verdict("missing", 1.0)] * len(paths[0].steps)
+    results = [Verdict("missing", 1.0)] * len(paths[0].steps)
     for i, k in enumerate(measured):
         around = slice(max(i - 1, 0), i + 2)
         nearest = [k, *measured[around]]
@@ -267,15 +267,15 @@ def verdicts(paths: Sequence[Path]) -> list[Verdict]:
         if sum(shares.values()) >= SURE and change[i] == max(change[around]):
             kind = max(shares, key=shares.__getitem__)
             sure = shares[kind] >= SURE
-            found[k] = Verdict(kind, shares[kind]) if sure else Verdict("unknown", sum(shares.values()))
+            results[k] = Verdict(kind, shares[kind]) if sure else Verdict("unknown", sum(shares.values()))
         else:
             used, outlier = (probability(paths, [k], (name,)) for name in ("used", "left out"))
-            found[k] = Verdict("used", used) if used >= 0.5 else Verdict("left out", outlier)
-    return found
+            results[k] = Verdict("used", used) if used >= 0.5 else Verdict("left out", outlier)
+    return results
 
 
 def _change(path: Path, recordings: Sequence[int]) -> Outcome | None:
-    """What a path has changed at the first of the recordings where it has."""
+    """First change of a path among these recordings."""
     return next((path.steps[k].outcome for k in recordings if path.steps[k].outcome in CHANGES), None)
 
 
@@ -286,15 +286,15 @@ def probability(paths: Sequence[Path], recordings: Collection[int], outcomes: Co
 
 def smoothed(steps: Sequence[Step]) -> list[tuple[FloatArray, FloatArray]]:
     """Mean and covariance of every step given all recordings (Rauch, Tung and Striebel)."""
-    found = [(steps[-1].mean, steps[-1].covariance)]
+    moments = [(steps[-1].mean, steps[-1].covariance)]
     for now, then in zip(steps[-2::-1], steps[:0:-1], strict=True):
         gain = np.linalg.solve(then.predicted_covariance, then.transition @ now.covariance).T
-        mean, covariance = found[-1]
-        found.append((
+        mean, covariance = moments[-1]
+        moments.append((
             now.mean + gain @ (mean - then.predicted),
             now.covariance + gain @ (covariance - then.predicted_covariance) @ gain.T,
         ))  # fmt: skip
-    return found[::-1]
+    return moments[::-1]
 
 
 class _Used(NamedTuple):
@@ -345,7 +345,7 @@ def _missed(model: TrendModel, track: _Track, at: float, ds: float) -> _Track:
 
 
 def _branches(model: TrendModel, track: _Track, where: tuple[float, float, float], now: Measurement) -> list[_Track]:
-    """A path at a measurement, once for each of its outcomes; one that the trend expects has one."""
+    """Branches of a path at a measurement, one for each outcome; one only where the trend expects the measurement."""
     _, _, since = where
     expected = _branch(model, track, where, now, "used")
     if track.used.number and expected.steps[-1].deviance <= track.used.limit(len(model.channels)):
@@ -416,7 +416,7 @@ def _start(model: TrendModel, measurements: Sequence[Measurement | None]) -> tup
     variances = np.zeros(model.size)
     for q, name in enumerate(model.quantities):
         variances[2 * q : 2 * q + 2] = GROWTH[name].start ** 2, (GROWTH[name].rate / model.life) ** 2
-    first = next((one for one in measurements if one is not None), None)
+    first = next((measurement for measurement in measurements if measurement is not None), None)
     for c, (name, std) in enumerate(
         zip(CHANNELS, (first.shift_std, first.load_std) if first else (1.0, 1.0), strict=True)
     ):

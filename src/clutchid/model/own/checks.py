@@ -130,8 +130,8 @@ def _parameter_problems(parameter: OwnParameter) -> Iterator[str]:
         "drift": parameter.drift,
         **{f"range[{i}]": v for i, v in enumerate(limits)},
     }
-    given = {key: v for key in ("std", "adapts") if (v := getattr(parameter, key)) is not None}
-    if problems := [*_no_numbers(entries | given), *_change_problems(parameter.changes)]:
+    optional = {key: v for key in ("std", "adapts") if (v := getattr(parameter, key)) is not None}
+    if problems := [*_no_numbers(entries | optional), *_change_problems(parameter.changes)]:
         yield from problems
         return
     if parameter.range is None:
@@ -140,7 +140,7 @@ def _parameter_problems(parameter: OwnParameter) -> Iterator[str]:
         yield f"range = {parameter.range}: the smallest and the largest admissible value are needed, in this order."
     elif not parameter.row.admits(parameter.default):
         yield f"default = {parameter.default!r} {parameter.unit}: it is {parameter.row.allowed}."
-    for key, std in given.items():
+    for key, std in optional.items():
         if not 0.0 < std < math.inf:
             of = "a prior" if key == "std" else "a change on line"
             yield f"{key} = {std!r} {parameter.unit}: the standard deviation of {of} is above 0 and finite."
@@ -195,20 +195,20 @@ def _equation_problems(model: OwnModel, base: System) -> Iterator[str]:
         if name not in states:
             yield f"rates: {unknown_name(name, states, 'state')}"
     left = {str(s) for s in (*base.inputs, *base.parameters)} | {str(s) for s, _ in base.definitions}
-    known = {*states, *left, *model.parameters, *model.terms, "f_l"}
+    symbols = {*states, *left, *model.parameters, *model.terms, "f_l"}
     for where, value in _equations(model):
-        unknown = sorted(s.name for s in value.free_symbols if s.name not in known)
-        yield from (f"{where}: {_unknown_symbol(name, known, model, states)}" for name in unknown)
+        unknown = sorted(s.name for s in value.free_symbols if s.name not in symbols)
+        yield from (f"{where}: {_unknown_symbol(name, symbols, model, states)}" for name in unknown)
         try:
             block(lower(sp.Symbol("value"), value))
         except (NotImplementedError, ValueError) as error:
             yield f"{where}: {error} Piecewise, Abs, Min and Max are known too."
 
 
-def _unknown_symbol(name: str, known: set[str], model: OwnModel, states: list[str]) -> str:
+def _unknown_symbol(name: str, symbols: set[str], model: OwnModel, states: list[str]) -> str:
     if name in model.without:
         return f"{name} is left out (without)."
-    near = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.4)
+    near = difflib.get_close_matches(name, sorted(symbols), n=1, cutoff=0.4)
     hint = f"; did you mean '{near[0]}'?" if near else "."
     return (
         f"'{name}' is no state, input, parameter or term{hint} States are {', '.join(states)}; own parameters are "
@@ -232,11 +232,11 @@ def _use_problems(model: OwnModel, base: System) -> Iterator[str]:
     values = {**{name: terms[name] for name in needed}, **{f"rate of {name}": rate for name, rate in rates.items()}}
     symbols = {where: {s.name for s in symbols_in([value])} for where, value in values.items()}
     used = set().union(*symbols.values())
-    known = [str(symbol) for symbol, _ in base.definitions]
+    base_terms = [str(symbol) for symbol, _ in base.definitions]
     if idle := [name for name in model.terms if name not in used]:
-        near = difflib.get_close_matches(idle[0], known, n=1, cutoff=0.4)
-        hint = f"; did you mean '{near[0]}'?" if near and idle[0] not in known else "."
-        yield f"terms: {', '.join(idle)}: no equation uses it{hint} Terms of {model.base} are {', '.join(known)}."
+        near = difflib.get_close_matches(idle[0], base_terms, n=1, cutoff=0.4)
+        hint = f"; did you mean '{near[0]}'?" if near and idle[0] not in base_terms else "."
+        yield f"terms: {', '.join(idle)}: no equation uses it{hint} Terms of {model.base} are {', '.join(base_terms)}."
         return
     begins = {row.start for row in model.states.values()}
     for name in model.parameters:

@@ -115,7 +115,7 @@ class OwnModel:
 def _meaning(row: OwnParameter | OwnState) -> dict[str, Any]:
     """The entries of a row, numbers as floats, without the words for people."""
     entries = {key: value for key, value in asdict(row).items() if key != "meaning"}
-    later = {one.name: one.default for one in fields(row) if one.name in _LATER}
+    later = {item.name: item.default for item in fields(row) if item.name in _LATER}
     entries = {key: value for key, value in entries.items() if key not in later or value != later[key]}
     if isinstance(row, OwnParameter):
         entries["range"] = list(map(float, row.range or ()))

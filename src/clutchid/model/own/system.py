@@ -50,9 +50,9 @@ def own_system(model: OwnModel, base: System) -> System:
 def combined_rates(model: OwnModel, base: System) -> dict[str, Expr]:
     """Rates of change by state, in the order of the states."""
     rates = {str(state): rate for state, rate in zip(base.states, base.derivatives, strict=True)}
-    kept = {name: rate for name, rate in rates.items() if name not in model.without}
+    base_rates = {name: rate for name, rate in rates.items() if name not in model.without}
     new = {name: canonical(value) for name, value in model.rates.items()}
-    return {**kept, **{name: new[name] for name in (*kept, *model.states) if name in new}}
+    return {**base_rates, **{name: new[name] for name in (*base_rates, *model.states) if name in new}}
 
 
 def combined_terms(model: OwnModel, base: System) -> dict[str, Expr]:
@@ -76,25 +76,25 @@ def ordered(terms: Mapping[str, Expr], values: Iterable[Expr]) -> tuple[str, ...
     ValueError
         If terms depend on each other in a circle; the text has the circle.
     """
-    done: dict[str, None] = {}
+    names: dict[str, None] = {}
 
     def visit(value: Expr, way: tuple[str, ...]) -> None:
         for name in sorted(s.name for s in symbols_in([value]) if s.name in terms):
             if name in way:
                 raise ValueError(" -> ".join((*way[way.index(name) :], name)))
-            if name not in done:
+            if name not in names:
                 visit(terms[name], (*way, name))
-                done[name] = None
+                names[name] = None
 
     for value in values:
         visit(value, ())
-    return tuple(done)
+    return tuple(names)
 
 
 def _jump(jump: Jump, base: System, states: tuple[Expr, ...]) -> Jump:
     """A reset of the variant; new states go on."""
-    known = dict(zip(base.states, jump.states, strict=True))
-    return Jump(jump.name, tuple(known.get(state, state) for state in states))
+    resets = dict(zip(base.states, jump.states, strict=True))
+    return Jump(jump.name, tuple(resets.get(state, state) for state in states))
 
 
 def _real(name: str) -> Expr:

@@ -103,8 +103,8 @@ def unit_of(value: Expr, units: Mapping[str, Dimension]) -> Dimension:
         return None
     parts = [_condition_or_unit(argument, units) for argument in value.args]
     if value.is_Mul:
-        known = [part for part in parts if part is not None]
-        return tuple(map(sum, zip(*known, strict=True))) if len(known) == len(parts) else None  # type: ignore[arg-type]
+        dimensions = [part for part in parts if part is not None]
+        return tuple(map(sum, zip(*dimensions, strict=True))) if len(dimensions) == len(parts) else None  # type: ignore[arg-type]
     if value.is_Pow:
         return _power(value, parts)
     if value.is_Add or isinstance(value, (sp.Abs, sp.Max, sp.Min, sp.Piecewise, sp.core.relational.Relational)):
@@ -138,13 +138,13 @@ def _power(value: Expr, parts: list[Dimension]) -> Dimension:
 
 
 def _common(value: Expr, parts: list[Dimension]) -> Dimension:
-    known = [(part, unit) for part, unit in zip(value.args, parts, strict=True) if unit is not None]
-    for part, unit in known[1:]:
-        if unit != known[0][1]:
+    terms = [(part, unit) for part, unit in zip(value.args, parts, strict=True) if unit is not None]
+    for part, unit in terms[1:]:
+        if unit != terms[0][1]:
             raise ValueError(
-                f"{value} combines {_term(known[0][0])} [{shown(known[0][1])}] with {_term(part)} [{shown(unit)}]"
+                f"{value} combines {_term(terms[0][0])} [{shown(terms[0][1])}] with {_term(part)} [{shown(unit)}]"
             )
-    return known[0][1] if known else None
+    return terms[0][1] if terms else None
 
 
 def _term(part: Expr) -> str:

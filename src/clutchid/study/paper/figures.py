@@ -137,7 +137,7 @@ def _printed_loads() -> list[tuple[Line, Load]]:
 
 
 def _load_background(axis: Axes, static: tuple[FloatArray, FloatArray], truth: TrueLoad | None) -> None:
-    """What is known of the load of the recording besides the estimates: static estimate and true load."""
+    """References for the estimated loads: the static estimate of the recording, and the true load."""
     position, force = static
     if truth is not None:
         draw(axis, truth.position / MM, truth.force, Line(STYLE.orange, "true load", 3.4, layer=1.6))
@@ -175,16 +175,16 @@ def states_figure(case: Case) -> Figure:
     return figure
 
 
-def figure_8(cases: Sequence[Case], found: Sequence[Pressures]) -> Figure:
+def figure_8(cases: Sequence[Case], pressures: Sequence[Pressures]) -> Figure:
     """Pressure from Eq. (26) and from the full balance on the second recording, and close to its fastest stroke."""
     log = cases[0].verified.measured
     near = _fastest(log)
     panels = [
         (f"{number}, simulated motion", p, p.static_simulated, p.balanced_simulated)
-        for number, p in zip(_titles(cases), found, strict=True)
+        for number, p in zip(_titles(cases), pressures, strict=True)
     ]
-    one = found[0]
-    panels.append((f"{_titles(cases)[0]}, measured motion", one, one.static_measured, one.balanced_measured))
+    first = pressures[0]
+    panels.append((f"{_titles(cases)[0]}, measured motion", first, first.static_measured, first.balanced_measured))
     figure, axes = new_figure([2.1] * len(panels), 2)
     for row, (title, p, static, balanced) in enumerate(panels):
         for axis, at in zip(axes[2 * row : 2 * row + 2], (slice(None), near), strict=True):
@@ -217,10 +217,10 @@ _PAIR = (PaperMethod("ballistic"), PaperMethod("parts", 32))
 #: Figures by the paper's number.
 FIGURES: Mapping[int, Callable[[StudyResults], Figure]] = {
     2: lambda _: figure_2(),
-    3: lambda found: figure_3(found.cases),
-    4: lambda found: figure_4(found.cases),
-    5: lambda found: figure_5(found.cases, found.fit_log, found.truth),
-    6: lambda found: states_figure(found.case(_PAIR[0])),
-    7: lambda found: states_figure(found.case(_PAIR[1])),
-    8: lambda found: figure_8([found.case(one) for one in _PAIR], [found.second[one] for one in _PAIR]),
+    3: lambda study: figure_3(study.cases),
+    4: lambda study: figure_4(study.cases),
+    5: lambda study: figure_5(study.cases, study.fit_log, study.truth),
+    6: lambda study: states_figure(study.case(_PAIR[0])),
+    7: lambda study: states_figure(study.case(_PAIR[1])),
+    8: lambda study: figure_8([study.case(method) for method in _PAIR], [study.second[method] for method in _PAIR]),
 }

@@ -24,7 +24,7 @@ _READING = (
 )
 
 
-def captions(found: StudyResults) -> dict[int, str]:
+def captions(study: StudyResults) -> dict[int, str]:
     """Caption in HTML by number of the figure."""
     return {
         2: (
@@ -33,17 +33,17 @@ def captions(found: StudyResults) -> dict[int, str]:
             "zero up to t<sub>3</sub> = 8.5 mm and has a kink there. The two differ by up to 3.25 mm, so a weight "
             "is meaningless without its basis. φ<sub>3</sub> is a bump of 1 mm at t<sub>4</sub>."
         ),
-        3: _figure_3(found),
-        4: _figure_4(found),
-        5: _figure_5(found),
-        6: _states(found, 6),
-        7: _states(found, 7),
-        8: _figure_8(found),
+        3: _figure_3(study),
+        4: _figure_4(study),
+        5: _figure_5(study),
+        6: _states(study, 6),
+        7: _states(study, 7),
+        8: _figure_8(study),
     }
 
 
-def _figure_3(found: StudyResults) -> str:
-    case, parted = found.case(_BALLISTIC), found.case(_PARTS_32)
+def _figure_3(study: StudyResults) -> str:
+    case, parted = study.case(_BALLISTIC), study.case(_PARTS_32)
     error = case.fitted.simulated["position"] - case.fitted.measured["position"]
     worst = int(np.nanargmax(np.abs(error)))
     return (
@@ -56,8 +56,8 @@ def _figure_3(found: StudyResults) -> str:
     )
 
 
-def _figure_4(found: StudyResults) -> str:
-    case, parted = found.case(_BALLISTIC), found.case(_PARTS_32)
+def _figure_4(study: StudyResults) -> str:
+    case, parted = study.case(_BALLISTIC), study.case(_PARTS_32)
     text = "Simulated pressure in chamber A on the first recording, arranged as in Figure 3; no fit uses the pressure. "
     if case.fitted.errors.pressure_a_rms is None:
         return text + "It was not measured in this recording, so only simulations are shown."
@@ -69,9 +69,9 @@ def _figure_4(found: StudyResults) -> str:
     )
 
 
-def _figure_5(found: StudyResults) -> str:
+def _figure_5(study: StudyResults) -> str:
     def spread(reading: str, carry: str) -> str:
-        cases = [case for case in found.cases if (case.method.interpretation, case.method.carry) == (reading, carry)]
+        cases = [case for case in study.cases if (case.method.interpretation, case.method.carry) == (reading, carry)]
         at_8 = [case.fit.actuator.load.force(np.array([8e-3]))[0] for case in cases]
         return f"{min(at_8):.0f} to {max(at_8):.0f} N"
 
@@ -81,24 +81,24 @@ def _figure_5(found: StudyResults) -> str:
         "masses of air are carried. (d) shows the printed weights in their published basis; they belong to "
         "another truck, so nothing of this recording is beside them. "
     )
-    if "pressure_a" in found.fit_log:
+    if "pressure_a" in study.fit_log:
         text += (
             f"Dots in (a) to (c): Eq. (25) from the measured pressure where the piston is slower than {SLOW / MM:.0f} "
-            f"mm/s; Coulomb friction shifts them by up to {found.case(_BALLISTIC).fit.actuator.parameters.F_C:.0f} N "
+            f"mm/s; Coulomb friction shifts them by up to {study.case(_BALLISTIC).fit.actuator.parameters.F_C:.0f} N "
             "above or below the load. "
         )
-    if found.truth is not None:
-        error = load_error(found.case(_BALLISTIC), found.truth)
+    if study.truth is not None:
+        error = load_error(study.case(_BALLISTIC), study.truth)
         text += (
             f"The true load is known here (orange): the rms error of the ballistic estimate is {error.engaging:.0f} N "
             f"between 5 and 8 mm and {error.everywhere:.0f} N overall; the smallest possible with these three splines "
-            f"is {best_possible(found.truth):.0f} N overall."
+            f"is {best_possible(study.truth):.0f} N overall."
         )
     return text
 
 
-def _states(found: StudyResults, number: int) -> str:
-    case = found.case(_BALLISTIC if number == 6 else _PARTS_32)
+def _states(study: StudyResults, number: int) -> str:
+    case = study.case(_BALLISTIC if number == 6 else _PARTS_32)
     errors = case.verified.errors
     which = "θ from the ballistic fit" if number == 6 else "θ from the fit with 32 equal parts, p carried"
     rms = errors.pressure_a_rms
@@ -116,21 +116,21 @@ def _states(found: StudyResults, number: int) -> str:
     )
 
 
-def _figure_8(found: StudyResults) -> str:
+def _figure_8(study: StudyResults) -> str:
     text = (
         f"Pressure in chamber A from the load, on the second recording; right: {CLOSE:g} s around its fastest stroke. "
         "Eq. (26) neglects friction and acceleration; the full balance is Eq. (1) solved for p<sub>A</sub>. In (a) "
         "and (b) the motion is simulated, so the full balance reproduces the simulated pressure. In (c) the "
         "motion is measured, which needs no model of valves and air. "
     )
-    one, other = found.second[_BALLISTIC], found.second[_PARTS_32]
-    if one.measured is None:
+    whole, other = study.second[_BALLISTIC], study.second[_PARTS_32]
+    if whole.measured is None:
         return text + "The pressure was not measured in this recording."
     return text + (
-        f"Rms errors of (26) and of the full balance: (a) {bars(one.rms('static_simulated'))} and "
-        f"{bars(one.rms('balanced_simulated'))}, (b) {bars(other.rms('static_simulated'))} and "
-        f"{bars(other.rms('balanced_simulated'))}, (c) {bars(one.rms('static_measured'))} and "
-        f"{bars(one.rms('balanced_measured'))}."
+        f"Rms errors of (26) and of the full balance: (a) {bars(whole.rms('static_simulated'))} and "
+        f"{bars(whole.rms('balanced_simulated'))}, (b) {bars(other.rms('static_simulated'))} and "
+        f"{bars(other.rms('balanced_simulated'))}, (c) {bars(whole.rms('static_measured'))} and "
+        f"{bars(whole.rms('balanced_measured'))}."
     )
 
 
@@ -180,36 +180,36 @@ _ALT = {
 
 
 def study_page(
-    found: StudyResults, made: Mapping[str, ReportTable], figures: Mapping[int, bytes], command: str
+    study: StudyResults, made: Mapping[str, ReportTable], figures: Mapping[int, bytes], command: str
 ) -> Document:
     """The page of the study, not yet rendered, with the tables by file stem and the figures by number."""
-    words = captions(found)
+    words = captions(study)
 
     def figure(number: int) -> Picture:
         return Picture(figures[number], Markup(f"<b>Figure {number}.</b> {words[number]}"), _ALT[number])
 
     sections = (
-        Section("Summary", (_text(_abstract(found)), _bullets(_findings(found)))),
-        Section("Method", (_text(_data(found)), *_warnings(found), _text(_METHOD), _text(_READINGS))),
+        Section("Summary", (_text(_abstract(study)), _bullets(_findings(study)))),
+        Section("Method", (_text(_data(study)), *_warnings(study), _text(_METHOD), _text(_READINGS))),
         Section("Basis functions, Eq. (21)", (figure(2), made["equation_21"])),
-        Section("Estimated load, Table 1", (made["table_1"], made["table_1_carry_q"], figure(5), _table_1(found))),
+        Section("Estimated load, Table 1", (made["table_1"], made["table_1_carry_q"], figure(5), _table_1(study))),
         Section(
             "Errors on the first recording, Table 2",
-            (made["table_2"], made["table_2_carry_q"], _table_2(found), figure(3), figure(4)),
+            (made["table_2"], made["table_2_carry_q"], _table_2(study), figure(3), figure(4)),
         ),
         Section(
             "Verification on the second recording",
-            (made["verification"], _verification(found), figure(6), figure(7)),
+            (made["verification"], _verification(study), figure(6), figure(7)),
         ),
         Section("Pressure from the load, Eq. (26)", (figure(8), made["pressure_errors"])),
-        Section("Why the results differ from the paper", (_text(_why(found)),)),
+        Section("Why the results differ from the paper", (_text(_why(study)),)),
         Section("Deviations from the printed equations", (_bullets(DEVIATIONS),)),
         Section("Files", (_text(_files(made, figures)),)),
     )
-    logs = [log for log in (found.fit_log, found.verify_log) if "sha256" in log.metadata]
+    logs = [log for log in (study.fit_log, study.verify_log) if "sha256" in log.metadata]
     return Document(
         "Clutch load characteristics: the paper's study repeated",
-        f"{_SIMULATED if found.truth is not None else ''}After Langjord, Johansen, Snare and Bratli, “Estimation of "
+        f"{_SIMULATED if study.truth is not None else ''}After Langjord, Johansen, Snare and Bratli, “Estimation of "
         "electropneumatic clutch actuator load characteristics”, Section 3",
         sections=lambda: sections,
         command=command,
@@ -235,17 +235,17 @@ def bars(value: float | None) -> str:
     return "not measured" if value is None else f"{value / BAR:.2f} bar"
 
 
-def _abstract(found: StudyResults) -> str:
-    case = found.case(_BALLISTIC)
+def _abstract(study: StudyResults) -> str:
+    case = study.case(_BALLISTIC)
     load = case.fit.actuator.load
     y = case.fit.load_curve.position
     force = load.force(y)
     at = int(np.argmax(force))
     first, second = case.fitted.errors, case.verified.errors
     text = (
-        f"The load of a clutch was estimated from <i>{escape(found.fit_log.name)}</i> ({_length(found.fit_log)}) with "
-        f"the position as the only measured quantity, and checked on <i>{escape(found.verify_log.name)}</i> "
-        f"({_length(found.verify_log)}), which was not fitted. The ballistic fit gives θ = ({_weights(case.fit)})·10⁵ "
+        f"The load of a clutch was estimated from <i>{escape(study.fit_log.name)}</i> ({_length(study.fit_log)}) with "
+        f"the position as the only measured quantity, and checked on <i>{escape(study.verify_log.name)}</i> "
+        f"({_length(study.verify_log)}), which was not fitted. The ballistic fit gives θ = ({_weights(case.fit)})·10⁵ "
         f"N/m (95 % intervals, noise only), a load with a peak of {force[at]:.0f} N at {y[at] / MM:.1f} mm. A "
         f"simulation with it has an rms position error of {millimetres(first.position_rms)} on the first recording and "
         f"{millimetres(second.position_rms)} on the second"
@@ -264,33 +264,33 @@ def _weights(fit: Fit) -> str:
     return ", ".join(f"{e.value / 1e5:.3f} ± {e.half / 1e5:.3f}" for e in fit.parameters.values()).replace("-", "−")
 
 
-def _warnings(found: StudyResults) -> tuple[Notice, ...]:
+def _warnings(study: StudyResults) -> tuple[Notice, ...]:
     """Warnings from reading and fitting the recordings."""
-    texts = dict.fromkeys([*found.case(_BALLISTIC).fit.warnings, *found.verify_log.warnings])
+    texts = dict.fromkeys([*study.case(_BALLISTIC).fit.warnings, *study.verify_log.warnings])
     return tuple(Notice(text) for text in texts)
 
 
-def _findings(found: StudyResults) -> tuple[str, ...]:
+def _findings(study: StudyResults) -> tuple[str, ...]:
     items = []
-    if found.truth is not None:
-        error, peak = load_error(found.case(_BALLISTIC), found.truth), float(found.truth.force.max())
+    if study.truth is not None:
+        error, peak = load_error(study.case(_BALLISTIC), study.truth), float(study.truth.force.max())
         items.append(
             "<b>Load.</b> The true load is known here. The rms error of the ballistic estimate is "
             f"{error.engaging:.0f} N where the clutch engages (5 to 8 mm) and {error.everywhere:.0f} N overall "
-            f"({100 * error.everywhere / peak:.1f} % of the peak). {_coverage(found)}"
+            f"({100 * error.everywhere / peak:.1f} % of the peak). {_coverage(study)}"
         )
-    p, q = (found.case(PaperMethod("every", 2, carry)) for carry in ("p", "q"))
+    p, q = (study.case(PaperMethod("every", 2, carry)) for carry in ("p", "q"))
     text = (
         "<b>Resets.</b> Resetting the position at constant pressure, as the paper does, creates or destroys air. With "
         "a reset every 2 samples, a ballistic simulation with the estimated θ has an rms position error of "
         f"{millimetres(p.ballistic.errors.position_rms)}; if the masses of air are carried instead, "
         f"{millimetres(q.ballistic.errors.position_rms)}."
     )
-    if found.truth is not None:
-        far, near = (load_error(case, found.truth).engaging for case in (p, q))
+    if study.truth is not None:
+        far, near = (load_error(case, study.truth).engaging for case in (p, q))
         text += f" The rms errors of the load between 5 and 8 mm are then {far:.0f} N and {near:.0f} N."
     items.append(text)
-    second = found.second[_BALLISTIC]
+    second = study.second[_BALLISTIC]
     if second.measured is not None:
         items.append(
             "<b>Pressure.</b> From the load and the measured position, Eq. (26) gives the pressure of the second "
@@ -299,26 +299,26 @@ def _findings(found: StudyResults) -> tuple[str, ...]:
         )
     items.append(
         "<b>Two interpretations of N.</b> The paper describes N in two contradictory ways. Both are in the tables; the "
-        f"order of the printed position errors is reproduced with {_reproducing(found)}."
+        f"order of the printed position errors is reproduced with {_reproducing(study)}."
     )
     return tuple(items)
 
 
-def _reproducing(found: StudyResults) -> str:
+def _reproducing(study: StudyResults) -> str:
     """Interpretations of N for which the position errors of ballistic runs have the printed order."""
     page = sorted(TABLE_2, key=lambda n: TABLE_2[n][0])
     names = {"parts": "N equal parts", "every": "every N samples"}
     same = []
     for reading, words in names.items():
-        rows = [case for case in rows_of(found.cases, "p") if case.method.interpretation in ("ballistic", reading)]
+        rows = [case for case in rows_of(study.cases, "p") if case.method.interpretation in ("ballistic", reading)]
         if [case.method.number for case in sorted(rows, key=lambda case: case.ballistic.errors.position_sse)] == page:
             same.append(words)
     return " and with ".join(same) or "neither"
 
 
-def _coverage(found: StudyResults) -> str:
-    assert found.truth is not None
-    curve, truth = found.case(_BALLISTIC).fit.load_curve, found.truth
+def _coverage(study: StudyResults) -> str:
+    assert study.truth is not None
+    curve, truth = study.case(_BALLISTIC).fit.load_curve, study.truth
     low, high = (np.interp(truth.position, curve.position, edge) for edge in (curve.low, curve.high))
     inside = int(np.sum((truth.force >= low) & (truth.force <= high)))
     return (
@@ -327,11 +327,11 @@ def _coverage(found: StudyResults) -> str:
     )
 
 
-def _data(found: StudyResults) -> str:
-    if found.truth is None:
+def _data(study: StudyResults) -> str:
+    if study.truth is None:
         return (
-            f"First recording, fitted: <i>{escape(found.fit_log.name)}</i>. Second recording, simulated only: "
-            f"<i>{escape(found.verify_log.name)}</i>. The true load is unknown, so only position and pressure errors "
+            f"First recording, fitted: <i>{escape(study.fit_log.name)}</i>. Second recording, simulated only: "
+            f"<i>{escape(study.verify_log.name)}</i>. The true load is unknown, so only position and pressure errors "
             "are given."
         )
     return (
@@ -339,7 +339,7 @@ def _data(found: StudyResults) -> str:
         "detailed than the paper's model (energy balance with heat to the walls, valves switched at 100 Hz, finite air "
         "supply, Stribeck friction, end stops, a load outside the span of the three splines, quantised and noisy "
         "position with engine vibration). Its true load is known and shown in Figure 5. It was divided at the rest "
-        f"nearest to the middle, at {found.verify_log.time[0]:.2f} s: the first half was fitted, the second only "
+        f"nearest to the middle, at {study.verify_log.time[0]:.2f} s: the first half was fitted, the second only "
         "simulated."
     )
 
@@ -362,14 +362,14 @@ _READINGS = (
 )
 
 
-def _table_1(found: StudyResults) -> Text:
-    fit = found.case(_BALLISTIC).fit
+def _table_1(study: StudyResults) -> Text:
+    fit = study.case(_BALLISTIC).fit
     curve = fit.load_curve
     half = ((curve.high - curve.low) / 2)[(curve.position >= 5e-3) & (curve.position <= 8e-3)]
-    at_bound = [c.method for c in found.cases if c.fit.parameters["theta_3"].value == 0.0]
+    at_bound = [c.method for c in study.cases if c.fit.parameters["theta_3"].value == 0.0]
     theta_3 = fit.parameters["theta_3"]
     text = (
-        f"θ<sub>3</sub> is exactly at its bound 0 in {len(at_bound)} of {len(found.cases)} fits; in the paper in 3 "
+        f"θ<sub>3</sub> is exactly at its bound 0 in {len(at_bound)} of {len(study.cases)} fits; in the paper in 3 "
         f"of 6 rows. In the ballistic fit it is {theta_3.value / 1e5:.2f}·10⁵ N/m with a standard error of "
         f"{theta_3.std / 1e5:.2f}·10⁵ N/m"
     )
@@ -378,8 +378,8 @@ def _table_1(found: StudyResults) -> Text:
     return _text(text + ".")
 
 
-def _table_2(found: StudyResults) -> Text:
-    rows = rows_of(found.cases, "p")
+def _table_2(study: StudyResults) -> Text:
+    rows = rows_of(study.cases, "p")
     base = rows[0].ballistic.errors.position_sse
     best = min(rows, key=lambda case: case.ballistic.errors.position_sse)
     text = (
@@ -392,7 +392,7 @@ def _table_2(found: StudyResults) -> Text:
         least = min(measured, key=lambda case: case.ballistic.errors.pressure_a_sse or 0.0)
         rms = bars(least.ballistic.errors.pressure_a_rms)
         text += f"For the pressure it is “{least.method.label}” ({rms} rms); in the paper N = 32. "
-    ratios = {n: (found.case(PaperMethod("parts", n)), found.case(PaperMethod("every", n))) for n in (2, 32)}
+    ratios = {n: (study.case(PaperMethod("parts", n)), study.case(PaperMethod("every", n))) for n in (2, 32)}
     compared = "; ".join(
         f"N = {n}: printed {TABLE_2[n][0] / TABLE_2[None][0]:.0f}, parts {a.ballistic.errors.position_sse / base:.1f}, "
         f"every N samples {b.ballistic.errors.position_sse / base:.1f}"
@@ -406,8 +406,8 @@ def _table_2(found: StudyResults) -> Text:
     )
 
 
-def _verification(found: StudyResults) -> Text:
-    rows = rows_of(found.cases, "p")
+def _verification(study: StudyResults) -> Text:
+    rows = rows_of(study.cases, "p")
     low, high = (f(rows, key=lambda case: case.verified.errors.position_rms) for f in (min, max))
     return _text(
         "With p carried, the position error on the second recording ranges from "
@@ -416,14 +416,14 @@ def _verification(found: StudyResults) -> Text:
     )
 
 
-def _why(found: StudyResults) -> str:
-    floor = found.case(PaperMethod("every", 2)).fitted.errors.position_rms
+def _why(study: StudyResults) -> str:
+    floor = study.case(PaperMethod("every", 2)).fitted.errors.position_rms
     text = (
         "The paper's recording of the truck “Gamal” is not public; these data are from another actuator, so the "
         "printed values cannot be reproduced, only the conclusions can be tested. Sums of squares also depend on the "
         "number of samples, which the paper does not give. "
     )
-    if found.truth is not None:
+    if study.truth is not None:
         text += (
             "The paper's parameters are not those of this truck, and its model lacks part of this truck's physics; in "
             "the model the pressure falls too slowly when the chamber is vented (Figures 4 and 6), and the estimated "

@@ -36,8 +36,8 @@ class Pressures:
         if self.measured is None:
             return None
         difference = getattr(self, name) - self.measured
-        known = difference[np.isfinite(difference)]
-        return float(np.sqrt(np.mean(known**2))) if known.size else None
+        finite = difference[np.isfinite(difference)]
+        return float(np.sqrt(np.mean(finite**2))) if finite.size else None
 
 
 def pressures(actuator: Actuator, recording: Recording) -> Pressures:
@@ -82,13 +82,13 @@ def measured_motion(log: Log) -> tuple[FloatArray, FloatArray, FloatArray]:
     >>> [round(float(x[500]), 6) for x in (y, v, a)]
     [0.125, 0.5, 1.0]
     """
-    known = np.isfinite(log["position"])
+    finite = np.isfinite(log["position"])
     n = len(log)
     step = float(log.time[-1] - log.time[0]) / max(1, n - 1)
-    if known.sum() < 3 or step <= 0.0:
+    if finite.sum() < 3 or step <= 0.0:
         return log["position"], np.zeros(n), np.zeros(n)
     even = log.time[0] + step * np.arange(n)
-    position = np.interp(even, log.time[known], log["position"][known])
+    position = np.interp(even, log.time[finite], log["position"][finite])
     half = max(1, round(SMOOTHING / (2 * step)))
     offsets = step * np.arange(-half, half + 1)
     kernels = np.linalg.pinv(np.vander(offsets, 3, increasing=True)) * np.array([[1.0], [1.0], [2.0]])

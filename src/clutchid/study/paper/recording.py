@@ -61,8 +61,8 @@ def true_load(log: Log) -> TrueLoad | None:
     name = log.metadata.get(TRUTH)
     if name is None:
         return None
-    known = json.loads((_DATA / name).read_text("utf-8"))
-    return TrueLoad(np.array(known["position_m"]), np.array(known["logs"]["calibration"]["load_N"]))
+    truth = json.loads((_DATA / name).read_text("utf-8"))
+    return TrueLoad(np.array(truth["position_m"]), np.array(truth["logs"]["calibration"]["load_N"]))
 
 
 def halves(log: Log) -> tuple[Log, Log]:

@@ -78,7 +78,7 @@ class LoadError:
 
 def methods() -> tuple[PaperMethod, ...]:
     """All methods: ballistic first, then by carried variable, interpretation and N."""
-    partitioned = [PaperMethod(one, n, carry) for carry in ("p", "q") for one in ("parts", "every") for n in NUMBERS]
+    partitioned = [PaperMethod(way, n, carry) for carry in ("p", "q") for way in ("parts", "every") for n in NUMBERS]
     return (PaperMethod("ballistic"), *partitioned)
 
 
@@ -127,22 +127,22 @@ def all_cases(fit_log: Log, verify_log: Log, progress: Progress) -> tuple[Case, 
         If a simulation produces values that are not finite.
     """
     todo = methods()
-    done = []
+    cases = []
     for number, method in enumerate(todo):
         progress(f"fit: {method.label}" + (", q carried" if method.carry == "q" else ""), number / len(todo))
-        done.append(_case(method, fit_log, verify_log))
-    return tuple(done)
+        cases.append(_case(method, fit_log, verify_log))
+    return tuple(cases)
 
 
 def _case(method: PaperMethod, fit_log: Log, verify_log: Log) -> Case:
-    found = fit(fit_log, request=FitRequest(partition=method.partition))
-    fitted = _only(found)
-    ballistic = fitted if method.partition is None else _only(fit(fit_log, found.actuator, free=()))
-    return Case(method, found, fitted, ballistic, _only(fit(verify_log, found.actuator, free=())))
+    result = fit(fit_log, request=FitRequest(partition=method.partition))
+    fitted = _only(result)
+    ballistic = fitted if method.partition is None else _only(fit(fit_log, result.actuator, free=()))
+    return Case(method, result, fitted, ballistic, _only(fit(verify_log, result.actuator, free=())))
 
 
-def _only(found: Fit) -> Recording:
-    return next(iter(found.recordings.values()))
+def _only(result: Fit) -> Recording:
+    return next(iter(result.recordings.values()))
 
 
 def chosen(cases: Sequence[Case], *interpretations: Interpretation, carry: Carry = "p") -> tuple[Case, ...]:

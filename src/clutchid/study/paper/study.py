@@ -62,20 +62,20 @@ def paper_study(fit_log: Log, verify_log: Log, out: Path, progress: Progress | N
     """
     report, out = progress or (lambda _text, _fraction: None), Path(out)
     with _folder(out):
-        found = find(fit_log, verify_log, report)
-        tables = {stem: make(found) for stem, make in TABLES.items()}
+        study = find(fit_log, verify_log, report)
+        tables = {stem: make(study) for stem, make in TABLES.items()}
         figures = {}
-        for done, (number, make) in enumerate(FIGURES.items()):
-            report(f"figure {number}", 0.65 + 0.3 * done / len(FIGURES))
-            figures[number] = png(make(found))
+        for count, (number, make) in enumerate(FIGURES.items()):
+            report(f"figure {number}", 0.65 + 0.3 * count / len(FIGURES))
+            figures[number] = png(make(study))
         report("page", 0.95)
-        page = page_of(study_page(found, tables, figures, _command(fit_log, verify_log, out)))
+        page = page_of(study_page(study, tables, figures, _command(fit_log, verify_log, out)))
         contents = [*(to_csv(table).encode("utf-8") for table in tables.values()), *figures.values(), page.encode()]
         files = tuple(out / name for name in _names())
         for path, content in zip(files, contents, strict=True):  # the page last
             write_bytes(content, path)
     report("done", 1.0)
-    return PaperStudy(found.cases, tables, files[-1], files)
+    return PaperStudy(study.cases, tables, files[-1], files)
 
 
 def _names() -> list[str]:
@@ -87,7 +87,7 @@ def _names() -> list[str]:
 def _folder(out: Path) -> Iterator[None]:
     """Create the folder and missing parents, and remove them, with the files of the study, if the study fails."""
     folder = out.resolve()
-    missing = [each for each in (folder, *folder.parents) if not each.exists()]
+    missing = [parent for parent in (folder, *folder.parents) if not parent.exists()]
     try:
         _make(out)
         _check_files(out)
@@ -97,9 +97,9 @@ def _folder(out: Path) -> Iterator[None]:
             for name in _names():
                 with suppress(OSError):
                     (folder / name).unlink(missing_ok=True)
-        for each in missing:
+        for parent in missing:
             with suppress(OSError):
-                each.rmdir()
+                parent.rmdir()
         raise
 
 

@@ -69,14 +69,14 @@ def computed(phi2_slope: float) -> dict[str, float]:
 
 def printed() -> dict[str, tuple[float | None, str]]:
     """Printed value and its position in the paper, by the name of the coefficient."""
-    found: dict[str, tuple[float | None, str]] = {
+    places: dict[str, tuple[float | None, str]] = {
         name: (value, f"ξ₁, {place + 1} of 3") for place, (name, value) in enumerate(zip(_NAMES[:3], XI_1, strict=True))
     }
-    found |= {"a_2": (XI_2[0], "ξ₂, 1 of 3"), "b_2": (None, "lost, see below")}
-    found |= {"c_2": (XI_2[1], "ξ₂, 2 of 3, see below"), "d_2": (XI_2[2], "ξ₂, 3 of 3")}
+    places |= {"a_2": (XI_2[0], "ξ₂, 1 of 3"), "b_2": (None, "lost, see below")}
+    places |= {"c_2": (XI_2[1], "ξ₂, 2 of 3, see below"), "d_2": (XI_2[2], "ξ₂, 3 of 3")}
     for place, (name, value) in enumerate(zip(XI_3_ORDER, XI_3, strict=True)):
-        found[name] = value, f"ξ₃, {place + 1} of 8"
-    return found
+        places[name] = value, f"ξ₃, {place + 1} of 8"
+    return places
 
 
 def equation_21() -> ReportTable:
@@ -225,7 +225,7 @@ def pressure_errors(
         for name, heading, motion in WAYS
     ]
     rows = tuple(
-        (case.method.label, *(found[case.method].rms(name) for found in both.values() for name, *_ in WAYS))
+        (case.method.label, *(pressures[case.method].rms(name) for pressures in both.values() for name, *_ in WAYS))
         for case in cases
     )
     note = (
@@ -240,10 +240,10 @@ def pressure_errors(
 #: Tables by file stem.
 TABLES: Mapping[str, Callable[[StudyResults], ReportTable]] = {
     "equation_21": lambda _: equation_21(),
-    "table_1": lambda found: table_1(found.cases, "p"),
-    "table_1_carry_q": lambda found: table_1(found.cases, "q"),
-    "table_2": lambda found: table_2(found.cases, "p"),
-    "table_2_carry_q": lambda found: table_2(found.cases, "q"),
-    "verification": lambda found: verification(found.cases, found.truth),
-    "pressure_errors": lambda found: pressure_errors(rows_of(found.cases, "p"), found.first, found.second),
+    "table_1": lambda study: table_1(study.cases, "p"),
+    "table_1_carry_q": lambda study: table_1(study.cases, "q"),
+    "table_2": lambda study: table_2(study.cases, "p"),
+    "table_2_carry_q": lambda study: table_2(study.cases, "q"),
+    "verification": lambda study: verification(study.cases, study.truth),
+    "pressure_errors": lambda study: pressure_errors(rows_of(study.cases, "p"), study.first, study.second),
 }

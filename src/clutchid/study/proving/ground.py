@@ -103,8 +103,8 @@ def prove_one(name: str, number: int, conditions: Conditions = Conditions()) -> 
 def _result(
     number: int, conditions: Conditions, failed: str | None, seconds: float, logs: dict[str, Any]
 ) -> dict[str, Any]:
-    known = {"truck": number, "family": conditions.family, "change": " + ".join(conditions.changes) or "none"}
-    return {**known, "failed": failed, "seconds": seconds, "logs": logs}
+    about = {"truck": number, "family": conditions.family, "change": " + ".join(conditions.changes) or "none"}
+    return {**about, "failed": failed, "seconds": seconds, "logs": logs}
 
 
 def _scored(answer: Answer, driven: Drive) -> dict[str, Any]:
@@ -175,27 +175,27 @@ def prove(
     changed(truck(0, conditions.family), *conditions.changes)
     requested = sorted(set(numbers))
     folder = _folder(Path(out), name + conditions.suffix)
-    done = {n: _read(folder / f"truck_{n:05d}.json") for n in requested}
-    todo = [n for n, result in done.items() if result is None]
+    by_number = {n: _read(folder / f"truck_{n:05d}.json") for n in requested}
+    todo = [n for n, result in by_number.items() if result is None]
     work = partial(prove_one, name, conditions=conditions)
-    for count, one in enumerate(results(work, todo, place) if todo else (), 1):
-        number, found = one.item, one.result
-        result = _result(number, conditions, found.message, 0.0, {}) if isinstance(found, LostWork) else found
+    for count, finished in enumerate(results(work, todo, place) if todo else (), 1):
+        number, outcome = finished.item, finished.result
+        result = _result(number, conditions, outcome.message, 0.0, {}) if isinstance(outcome, LostWork) else outcome
         _write(folder / f"truck_{number:05d}.json", result)
-        done[number] = result
+        by_number[number] = result
         if progress:
             progress(count, len(todo))
-    return [result for result in done.values() if result is not None]
+    return [result for result in by_number.values() if result is not None]
 
 
 def _folder(out: Path, name: str) -> Path:
     """Folder of the results of a workflow for the current settings, created if necessary."""
     folder = out / name.replace(":", "_").replace("/", "_")
     make_folder(folder, "--out")
-    known = _read(folder / "settings.json")
-    if known is None:
+    settings = _read(folder / "settings.json")
+    if settings is None:
         _write(folder / "settings.json", version_and_source())
-    elif known != version_and_source():
+    elif settings != version_and_source():
         raise ExportError(
             f"{folder}: contains results of another version or fleet; choose another folder or delete it."
         )
@@ -217,14 +217,14 @@ def _write(path: Path, content: dict[str, Any]) -> None:
 
 def kept(out: Path, numbers: Iterable[int]) -> dict[str, list[dict[str, Any]]]:
     """Results of all workflows in `out` for the trucks `numbers`, the paper's method first."""
-    found: dict[str, list[dict[str, Any]]] = {}
+    by_workflow: dict[str, list[dict[str, Any]]] = {}
     for folder in sorted(out.iterdir(), key=lambda path: (path.name != "paper", path.name)):
         if not folder.is_dir() or _read(folder / "settings.json") != version_and_source():
             continue
         results = [result for n in sorted(set(numbers)) if (result := _read(folder / f"truck_{n:05d}.json"))]
         if results:
-            found[folder.name] = results
-    return found
+            by_workflow[folder.name] = results
+    return by_workflow
 
 
 def write_tables(out: Path, numbers: Iterable[int]) -> ReportTable:

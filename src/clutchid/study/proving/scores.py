@@ -125,7 +125,7 @@ def standings(results: Mapping[str, Results]) -> ReportTable:
         Column("coverage error [1]", "±", scale=0.01, decimals=1),
         Column("seconds [s]", "time\n[s]", decimals=1),
     ]
-    rows = tuple(_row(name, one, results.get(_reference(name), ())) for name, one in results.items())
+    rows = tuple(_row(name, own, results.get(_reference(name), ())) for name, own in results.items())
     return ReportTable("Proving ground", tuple(columns), rows, note=NOTE)
 
 
@@ -154,7 +154,7 @@ def _conditions(result: Mapping[str, Any]) -> tuple[str, str]:
 
 def _ratio(results: Results, reference: Results) -> float | None:
     both = {r["truck"] for r in results} & {r["truck"] for r in reference}
-    own, paper = (_scores([r for r in one if r["truck"] in both], "load_touch") for one in (results, reference))
+    own, paper = (_scores([r for r in group if r["truck"] in both], "load_touch") for group in (results, reference))
     return float(np.median(own) / np.median(paper)) if own.size and paper.size else None
 
 
@@ -179,8 +179,8 @@ def every_recording(results: Mapping[str, Results]) -> ReportTable:
     columns += [Column(key, heading, decimals=decimals) for key, heading, decimals in ERRORS]
     columns += [Column("coverage [1]", "covered"), Column("failed", "failed")]
     rows: list[tuple[Cell, ...]] = []
-    for name, one in results.items():
-        for r in one:
+    for name, own in results.items():
+        for r in own:
             of = (name.split("@")[0], *_conditions(r), r["truck"])
             if r["failed"] is not None:
                 rows.append((*of, None, None, *[None] * (len(ERRORS) + 1), r["failed"]))

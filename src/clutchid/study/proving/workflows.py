@@ -87,16 +87,16 @@ def _answer(result: Fit, log: Log) -> Answer:
     if result.follows:
         pressure = recording.simulated["pressure_a"]
     else:
-        done = simulate(result.actuator, log, starts=recording.starts, on_failure="return")
-        pressure = done.log["pressure_a"]
-    kept = {
+        simulation = simulate(result.actuator, log, starts=recording.starts, on_failure="return")
+        pressure = simulation.log["pressure_a"]
+    details = {
         "parameters": {name: asdict(estimate) for name, estimate in result.parameters.items()},
         "position_rms_m": result.errors.position_rms,
         "message": result.message,
         "warnings": list(result.warnings),
         "notes": notes_of(result),
     }
-    return Answer(curve.position, curve.force, curve.low, curve.high, pressure, kept)
+    return Answer(curve.position, curve.force, curve.low, curve.high, pressure, details)
 
 
 #: Workflows by name.
@@ -139,9 +139,9 @@ def workflow(name: str) -> Workflow:
             f"--workflow {name}: write MODULE:FUNCTION of an importable module, such as mine.tuned:run."
         )
     try:
-        found: Workflow = getattr(importlib.import_module(module), function)
+        run: Workflow = getattr(importlib.import_module(module), function)
     except (ImportError, AttributeError) as error:
         raise ParameterError(f"--workflow {name}: {error}; write MODULE:FUNCTION of an importable module.") from error
-    if not callable(found):
+    if not callable(run):
         raise ParameterError(f"--workflow {name}: is not a function; it must accept a calibration log and worn logs.")
-    return found
+    return run

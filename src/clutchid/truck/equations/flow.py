@@ -167,5 +167,5 @@ def through(b: Definitions, law: str, hole: str, p_h: Expr, p_l: Expr, T_h: Expr
         return opening * valve_flow(p_h, p_l, T_h, b[f"C_{hole}"], b[f"b_{hole}"], b[f"m_{hole}"], b.r_lam)
     if law == "nozzle":
         return opening * nozzle_flow(p_h, p_l, T_h, b[f"A_{hole}"], b.R, b.gamma, b.r_lam)
-    nozzle, iso = (through(b, one, hole, p_h, p_l, T_h, opening) for one in ("nozzle", "iso"))
+    nozzle, iso = (through(b, kind, hole, p_h, p_l, T_h, opening) for kind in ("nozzle", "iso"))
     return sp.Piecewise((nozzle, b.nozzle > 0), (iso, True))

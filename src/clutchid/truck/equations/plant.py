@@ -69,11 +69,11 @@ def plant(structure: Structure, ledger: bool = False) -> System:
         heat += sum(gas.heat(b, zone) for zone in zones)
         rates = (*rates, mass - b.w_e + b.w_r - b.w_A0, enthalpy + heat - work)
     names = (*structure.states, *(LEDGER if ledger else ()))
-    known = {*names, *structure.inputs, "f_l"}
+    inner = {*names, *structure.inputs, "f_l"}
     return System(
         name=f"truck, {', '.join(structure.words)}{' with ledger' if ledger else ''}",
         states=tuple(b[name] for name in names), inputs=tuple(b[name] for name in structure.inputs),
-        parameters=tuple(symbol for name, symbol in b.given.items() if name not in known),
+        parameters=tuple(symbol for name, symbol in b.given.items() if name not in inner),
         definitions=tuple(b.rows.items()), derivatives=rates, table=TabulatedFunction(b.f_l, b.y),
     )  # fmt: skip
 
@@ -100,11 +100,11 @@ def _flows(b: Definitions, structure: Structure, p_S: Expr, T_S: Expr) -> dict[s
     b["T_AB"] = sp.Piecewise((b.T_A, b.w_AB > 0), (b.T_B, True))
     b["T_A0"] = sp.Piecewise((b.T_A, b.w_A0 > 0), (b.T_0, True))
     w, h = b.w_s - b.w_e, b.w_s * T_S - b.w_e * T
-    found = {"B": (b.w_AB + b.w_r, b.T_AB * b.w_AB + b.T_r * b.w_r)}
+    flows = {"B": (b.w_AB + b.w_r, b.T_AB * b.w_AB + b.T_r * b.w_r)}
     if structure.tube:
         b["w_t"] = tube_flow(b.p_D, b.p_A, b.C_t, b.dp_t)
         b["T_t"] = sp.Piecewise((b.T_D, b.w_t > 0), (b.T_A, True))
-        found["D"] = w - b.w_t, h - b.T_t * b.w_t
+        flows["D"] = w - b.w_t, h - b.T_t * b.w_t
         w, h = b.w_t, b.T_t * b.w_t
-    found["A"] = w - b.w_AB - b.w_A0, h - b.T_AB * b.w_AB - b.T_A0 * b.w_A0
-    return found
+    flows["A"] = w - b.w_AB - b.w_A0, h - b.T_AB * b.w_AB - b.T_A0 * b.w_A0
+    return flows

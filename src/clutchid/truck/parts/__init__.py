@@ -38,9 +38,9 @@ class Parts(NamedTuple):
 
     @property
     def structure(self) -> Structure:
-        """What differs between compiled loops."""
+        """Structure of the equations, which needs a compiled loop of its own."""
         own = (self.gas.module, bool(self.tube.module), self.supply.module, self.friction.module)
-        family = next((one for one in PARTS.values() if one[STATEFUL] == self[STATEFUL]), None)
+        family = next((parts for parts in PARTS.values() if parts[STATEFUL] == self[STATEFUL]), None)
         return Structure(family.flow.module if family else "either", *own)
 
 

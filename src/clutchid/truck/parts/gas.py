@@ -43,8 +43,8 @@ ZONES = {"A": "a", "D": "dead", "B": "b"}
 
 def volumes(t: Any, y: Any) -> dict[str, Any]:
     """Volumes of the zones in m³ at positions in m."""
-    found = {"A": t.V_0A + t.A_A * y, "B": t.V_0B + t.A_B * (t.y_max - y)}
-    return {"A": found["A"], "D": t.V_D + 0.0 * y, "B": found["B"]} if t.parts.tube.module else found
+    V = {"A": t.V_0A + t.A_A * y, "B": t.V_0B + t.A_B * (t.y_max - y)}
+    return {"A": V["A"], "D": t.V_D + 0.0 * y, "B": V["B"]} if t.parts.tube.module else V
 
 
 def mass(t: Any, p: float, V: float, T: float) -> Any:
@@ -70,8 +70,8 @@ def _truth_of_pressure(t: Any, name: str, m: FloatArray, p: FloatArray, V: Any) 
 def _true(of: Callable[..., dict[str, FloatArray]], second: str, t: Any, x: Mapping[str, FloatArray]) -> Any:
     """Columns of all zones, whose second state has this letter, by a function of one."""
     zones = volumes(t, x["y"]).items()
-    found = (of(t, ZONES[zone], x[f"m_{zone}"], x[f"{second}_{zone}"], V) for zone, V in zones)
-    return {name: values for one in found for name, values in one.items()}
+    columns = (of(t, ZONES[zone], x[f"m_{zone}"], x[f"{second}_{zone}"], V) for zone, V in zones)
+    return {name: values for zone_columns in columns for name, values in zone_columns.items()}
 
 
 def _at_most_adiabatic(t: Any) -> Iterator[str]:

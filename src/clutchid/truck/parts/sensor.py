@@ -53,9 +53,9 @@ def coloured(n: int, tau: float, rng: np.random.Generator) -> FloatArray:
     """Noise of standard deviation 1 whose correlation decays within `tau` in s (first-order Gauss-Markov)."""
     from scipy.signal import lfilter
 
-    kept = float(np.exp(-SAMPLE / tau))
+    decay = float(np.exp(-SAMPLE / tau))
     first = rng.standard_normal()
-    noise: FloatArray = lfilter([np.sqrt(1 - kept**2)], [1, -kept], rng.standard_normal(n), zi=[kept * first])[0]
+    noise: FloatArray = lfilter([np.sqrt(1 - decay**2)], [1, -decay], rng.standard_normal(n), zi=[decay * first])[0]
     return noise
 
 

@@ -81,7 +81,7 @@ class Outputs:
     def check(self, log: Path, start: Path, resume: Path | None, files: ReadingText, *, live: bool) -> None:
         """Check that the options go together and with the recording, and that the files can be written.
 
-        A state may replace the one that it went on from.
+        A state may replace the file that it was resumed from.
 
         Raises
         ------
@@ -227,7 +227,7 @@ class FileTroubles:
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
-    """What another file in the same place differs by, on every system; None where there is none."""
+    """Inode and modification time of a file, which change when another file replaces it; None if there is no file."""
     try:
         status = path.stat()
     except OSError:

@@ -118,7 +118,7 @@ def published_frames(name: BusName, every: float | None, dbc: Path, stopped: Sto
 def view(stopped: Stopped) -> Iterator[Sink]:
     """A view of load curve, pressure and health on standard error, redrawn a few times a second.
 
-    Nothing if that is no terminal, or one that hangs up; one that is stopped misses pictures.
+    Does nothing where standard error is no terminal or has been closed; a stopped terminal misses pictures.
     """
     if not sys.stderr.isatty():
         yield lambda _before, _after, _part: None

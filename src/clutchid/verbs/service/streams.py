@@ -56,11 +56,11 @@ def sender_to(out: Outgoing, stopped: Stopped, patience: float | None = None) ->
     """Function that sends to `out`, which is given `patience` seconds, by default `STALL`, to take a part."""
 
     def send(text: bytes, *, wait: bool) -> bool:
-        each = STALL if patience is None else patience
-        if _left(out, stopped, each if wait else 0.0):
+        limit = STALL if patience is None else patience
+        if _left(out, stopped, limit if wait else 0.0):
             return False
         out.send(text)
-        return not _left(out, stopped, each)
+        return not _left(out, stopped, limit)
 
     return send
 
@@ -116,9 +116,9 @@ def unhurried_errors() -> Iterator[None]:
 
 
 def say_unhurried(warnings: Iterable[str]) -> None:
-    """Say warnings while the recording goes on, also where nobody hears them: a closed terminal ends nothing.
+    """Print warnings while the recording goes on; a closed terminal does not end it.
 
-    One that is stopped, or a pipe that nobody reads, is waited for as one that publishes and is stopped.
+    A stopped terminal, or a pipe that nobody reads, is given as much time as a stopped publisher.
     """
     text = "".join(f"warning: {printable_lines(warning)}\n" for warning in warnings)
     shown = hasattr(sys.stderr, "rich_proxied_file")  # above the view, which does not block
