@@ -12,7 +12,7 @@ from typing import Any
 from clutchid.systems import STOPS, interrupt_main
 
 #: Time in s after which an interrupt that was ignored comes again: what ignored it has ended by then.
-BEHIND = 0.05
+_BEHIND = 0.05
 
 
 def main() -> None:
@@ -55,7 +55,7 @@ def keeping_interrupts(hook: Callable[[Any], object]) -> Callable[[Any], object]
 
     def handle(error: Any) -> None:
         if error.exc_type is KeyboardInterrupt:
-            again = threading.Timer(BEHIND, interrupt_main)
+            again = threading.Timer(_BEHIND, interrupt_main)
             again.daemon = True
             again.start()
         else:

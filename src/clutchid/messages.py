@@ -46,8 +46,8 @@ def shortened(text: str, length: int = 40) -> str:
     return line if len(line) <= length else line[: length - 1] + "…"
 
 
-def text_table(rows: Sequence[Sequence[str]], text_columns: int) -> list[str]:
-    """Lines of a table indented by two spaces: the first `text_columns` columns left-aligned, the others right-aligned.
+def text_table(rows: Sequence[Sequence[str]], text_columns: int, indent: str = "  ") -> list[str]:
+    """Lines of an indented table: the first `text_columns` columns left-aligned, the others right-aligned.
 
     Examples
     --------
@@ -63,5 +63,5 @@ def text_table(rows: Sequence[Sequence[str]], text_columns: int) -> list[str]:
             f"{cell:<{width}}" if i < text_columns else f"{cell:>{width}}"
             for i, (cell, width) in enumerate(zip(row, widths, strict=True))
         ]
-        lines.append(("  " + "  ".join(cells)).rstrip())
+        lines.append((indent + "  ".join(cells)).rstrip())
     return lines

@@ -277,7 +277,7 @@ def command_line(arguments: Iterable[str]) -> str:
 _CHUNK, _PART, _AHEAD = 1 << 16, 1 << 12, 16
 
 #: Time in s for which a pipe is left to fill: to wake for each line costs more than the lines.
-NAP = 0.005
+_NAP = 0.005
 
 
 def is_closed_pipe(error: OSError) -> bool:
@@ -333,7 +333,7 @@ class Incoming:
                     if part == b"":
                         return
                     if part is None or len(part) < _CHUNK:
-                        time.sleep(NAP)
+                        time.sleep(_NAP)
             except OSError as error:
                 self._parts.put(error)
 
@@ -390,7 +390,7 @@ class Outgoing:
                 try:
                     count = os.write(self._descriptor, part)
                 except BlockingIOError:  # another program does not block on it
-                    time.sleep(NAP)
+                    time.sleep(_NAP)
                     continue
                 with self._changed:
                     self._rest = self._rest[count:]

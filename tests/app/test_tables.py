@@ -5,8 +5,8 @@ import json
 import polars as pl
 import pytest
 
-from clutchid.app.records import finite
 from clutchid.app.session import Session
+from clutchid.documents.json_text import json_text
 from clutchid.errors import DataError
 from clutchid.fleets.opened import MOST_LOADS, PLACES, files_of, opened
 from fixtures.results import REPLACED, STEADY, UNREAD, lives, write_fleet, write_track
@@ -26,7 +26,7 @@ def track(tmp_path_factory):
 
 def shown(path, vehicle=None):
     """What the page gets, as JSON that has no NaN and no infinity."""
-    return json.loads(json.dumps(finite(opened(path, path.parent, vehicle)), allow_nan=False))
+    return json.loads(json_text(opened(path, path.parent, vehicle)))
 
 
 def test_a_track_has_its_trend_its_forecast_and_its_loads(track):

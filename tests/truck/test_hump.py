@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from clutchid.truck import TruckB, aged
+from clutchid.truck import TruckB, aged, load_curve
 from clutchid.truck.assembly import worn_parameters
-from clutchid.truck.parts.hump import cubic_hump, load_curve
+from clutchid.truck.parts.hump import cubic_hump
 
 BARE = {"F_r": 1.0, "k_r": 0.0}
 

@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from clutchid.errors import ParameterError
-from clutchid.truck import Truck, aged, load_table
-from clutchid.truck.parts.clutch import load_curve
+from clutchid.truck import Truck, aged, load_curve, load_table
 from clutchid.truck.parts.springs import cushion_compression, cushion_force, diaphragm_force, kluever_force
 
 T = Truck()

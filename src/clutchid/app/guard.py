@@ -39,12 +39,12 @@ HEADERS = {
 }
 
 #: The header that only scripts of the page send.
-OURS = "x-clutchid"
+_OURS = "x-clutchid"
 
 _SAFE = ("GET", "HEAD")
 
 #: A host at which a server listens on all networks of this machine.
-EVERYWHERE = "0.0.0.0"
+_EVERYWHERE = "0.0.0.0"
 
 #: Names under which only this machine reaches itself.
 LOOPBACK = ("127.0.0.1", "localhost")
@@ -60,7 +60,7 @@ def names_of(address: str, host: str) -> tuple[str, ...]:
     """
     if address == LOOPBACK[0]:
         return tuple(dict.fromkeys((*LOOPBACK, host.lower())))
-    if address != EVERYWHERE:
+    if address != _EVERYWHERE:
         return tuple(dict.fromkeys((address, host.lower())))
     import socket
 
@@ -153,7 +153,7 @@ class Guard:
                 return self._opened(tokens[0])
         if not self._knows(headers.getlist("cookie")):
             return PlainTextResponse("Open the address that `clutchid app` has printed: it has a token.", 403)
-        ours = headers.get("origin") == f"http://{host}" and headers.get(OURS) is not None
+        ours = headers.get("origin") == f"http://{host}" and headers.get(_OURS) is not None
         if scope["method"] not in _SAFE and not ours:
             return PlainTextResponse("Only the page of this server may change anything.", 403)
         return None

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass
-from math import isfinite
-from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
 
@@ -31,19 +29,6 @@ def _plain(value: Any) -> Any:
     if isinstance(value, tuple):
         return [_plain(inner) for inner in value]
     return content(value) if is_dataclass(value) else value
-
-
-def finite(value: Any) -> Any:
-    """A value for JSON: what is not finite is null."""
-    if isinstance(value, dict):
-        return {key: finite(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(inner) for inner in value]
-    return (
-        (float(value) if isfinite(value) else None)
-        if isinstance(value, Real) and not isinstance(value, Integral)
-        else value
-    )
 
 
 def download_name(result: str, file: str) -> str:

@@ -40,7 +40,7 @@ from clutchid.verbs.looking import QUANTITIES
 from clutchid.verbs.saving import file_name
 from clutchid.verbs.stored import plotted
 
-STATIC = Path(__file__).parent / "static"
+_STATIC = Path(__file__).parent / "static"
 
 #: Time in s after which an event stream says that it is alive.
 PATIENCE = 15.0
@@ -91,7 +91,7 @@ def application(session: Session, access: Access, begun: Callable[[], None] = la
         Route("/api/results/{id}/plot", _of(session, partial(_plot, Result))),
         Route("/api/results/{id}/export", _of(session, _export), methods=["POST"]),
         Route("/api/results/{id}/files/{name}", _of(session, _result_file)),
-        Mount("/static", StaticFiles(directory=STATIC)),
+        Mount("/static", StaticFiles(directory=_STATIC)),
     ]
     return Guard(Starlette(routes=routes, lifespan=lifespan), access)
 
@@ -112,7 +112,7 @@ def _of(session: Session, handle: Callable[[Session, Request], Awaitable[Respons
 
 
 async def _index(_request: Request) -> Response:
-    return FileResponse(STATIC / "index.html")
+    return FileResponse(_STATIC / "index.html")
 
 
 async def _about(session: Session, _request: Request) -> Response:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -15,6 +14,7 @@ from clutchid.app import records
 from clutchid.documents import Observation
 from clutchid.documents.fit import application_data, compared_columns
 from clutchid.documents.fit_json import curve_json, fit_json
+from clutchid.documents.json_text import json_text
 from clutchid.documents.look_json import look_json, map_json
 from clutchid.documents.observe import observation_data
 from clutchid.errors import ClutchidError, DataError, ParameterError
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from clutchid.app.worker import Events
 
 #: Most strokes and rests of a recording that are listed.
-MOST_SECTIONS = 2000
+_MOST_SECTIONS = 2000
 
 
 def look(task: records.Look, events: Events) -> dict[str, Any]:
@@ -69,7 +69,7 @@ def look(task: records.Look, events: Events) -> dict[str, Any]:
         return {**look_json(contents, None, ""), **about, "status": "bad_input", "message": str(error)}
     strokes = [
         {"kind": section.kind, "label": section.label, "begin": section.start, "end": section.end}
-        for section in sections(checks.log, MOST_SECTIONS)
+        for section in sections(checks.log, _MOST_SECTIONS)
     ]
     return {**look_json(contents, checks.inspection, checks.unchecked), **about, "strokes": strokes}
 
@@ -130,7 +130,7 @@ def _written(result: Fit, task: records.FitRecordings) -> dict[str, Any]:
             files.append(name)
         except ClutchidError as error:
             failures.append(f"{name}: {error}")
-    (folder / "result.json").write_text(json.dumps(records.finite(fit_json(result))), encoding="utf-8")
+    (folder / "result.json").write_text(json_text(fit_json(result)), encoding="utf-8")
     return {"files": files, "failures": failures}
 
 
@@ -221,7 +221,7 @@ def observe(task: records.Observe, events: Events) -> dict[str, Any]:
     run = observed(Reading(_files([task.recording]), force=task.force), content, task.method)
     events.progress("writing", 0.9, "writing")
     estimates = run.estimates()
-    names = [name for name in OBSERVED if name in estimates.columns]
+    names = [name for name in _OBSERVED if name in estimates.columns]
     values = (np.asarray(estimates.columns[name], dtype=np.float64) for name in names)
     write_columns(task.folder / "columns", 0, run.log.time, values)
     return {"columns": names, **observation_data(Observation(run, content.origin))}
@@ -242,7 +242,7 @@ def open_table(task: records.ReadTable, events: Events) -> dict[str, Any]:
 
 
 #: Columns of an observed recording that are plotted.
-OBSERVED = (
+_OBSERVED = (
     "position", "pressure_a", "pressure_a low", "pressure_a high", "pressure_a_measured [Pa]", "innovation",
     "innovation std", "used [1]", "nis_ratio [1]",
 )  # fmt: skip

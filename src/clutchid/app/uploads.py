@@ -24,13 +24,13 @@ SPARE = 1 << 30
 _LONGEST = 120
 
 #: Suffixes of what comes with recordings, in the list of a folder.
-BESIDE = (".dbc", ".toml")
+_BESIDE = (".dbc", ".toml")
 
 #: Suffixes of results of a track or a fleet.
 TABLES = (".parquet", ".csv", ".json")
 
 #: Most entries of a folder that are listed.
-MOST_ENTRIES = 2000
+_MOST_ENTRIES = 2000
 
 
 def safe_name(text: str) -> str:
@@ -130,7 +130,7 @@ def allowed_path(text: str, below: Path, named: Iterable[Path]) -> Path:
 
 def is_opened(name: str) -> bool:
     """Whether the page opens a file of this name: a recording, or a file that belongs to one."""
-    return bool(split_name(name)[1]) or Path(name).suffix.lower() in BESIDE
+    return bool(split_name(name)[1]) or Path(name).suffix.lower() in _BESIDE
 
 
 def is_table(name: str) -> bool:
@@ -156,7 +156,7 @@ def listed(text: str, below: Path, chosen: Callable[[str], bool] = is_opened) ->
     others: list[Path] = []
     try:
         names = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
-        entries = sorted(names, key=lambda entry: entry.name.casefold())[:MOST_ENTRIES]
+        entries = sorted(names, key=lambda entry: entry.name.casefold())[:_MOST_ENTRIES]
         for entry in entries:
             path = entry.relative_to(below).as_posix()
             if entry.is_dir():
@@ -170,6 +170,6 @@ def listed(text: str, below: Path, chosen: Callable[[str], bool] = is_opened) ->
     inside = folder != below
     up = folder.parent.relative_to(below).as_posix() if inside else None
     hidden = [f"Not listed: {by_suffix(others)}."] if others else []
-    if len(names) > MOST_ENTRIES:
-        hidden.append(f"Only the first {MOST_ENTRIES:,} of {len(names):,} entries are shown.")
+    if len(names) > _MOST_ENTRIES:
+        hidden.append(f"Only the first {_MOST_ENTRIES:,} of {len(names):,} entries are shown.")
     return {"folder": str(folder), "up": up, "folders": folders, "files": files, "others": " ".join(hidden)}

@@ -6,7 +6,6 @@ closes its standard input, as when it is killed.
 
 from __future__ import annotations
 
-import json
 import os
 import pickle
 import signal
@@ -19,12 +18,13 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
-from clutchid.app.records import Task, finite
+from clutchid.app.records import Task
+from clutchid.documents.json_text import json_text
 from clutchid.systems import end_session
 from clutchid.verbs.failures import failure
 
 #: Interval in s between two events about the same stage.
-GLANCE = 0.1
+_GLANCE = 0.1
 
 
 class Events:
@@ -36,7 +36,7 @@ class Events:
 
     def say(self, event: str, **values: Any) -> None:
         """Write an event at once."""
-        self._file.write(json.dumps(finite({"event": event, **values}), allow_nan=False) + "\n")
+        self._file.write(json_text({"event": event, **values}) + "\n")
         self._file.flush()
 
     def part(self, result: dict[str, Any]) -> None:
@@ -46,7 +46,7 @@ class Events:
     def progress(self, stage: str, share: float | None, words: str) -> None:
         """Say how far the job is: a new stage at once, the same at most ten times a second."""
         now = time.monotonic()
-        if stage != self._stage or now - self._last >= GLANCE:
+        if stage != self._stage or now - self._last >= _GLANCE:
             self._stage, self._last = stage, now
             self.say("progress", stage=stage, share=share, words=words)
 

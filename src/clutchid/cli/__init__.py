@@ -32,14 +32,14 @@ from clutchid.documents.console import lost, put
 from clutchid.verbs.progress import when_compiling
 
 #: First lines of `clutchid --help`.
-HELP = """Estimate the load of a truck clutch on the piston of its pneumatic actuator, from a recording.
+_HELP = """Estimate the load of a truck clutch on the piston of its pneumatic actuator, from a recording.
 
 Begin with `clutchid look LOG.csv`, which shows what is in a recording and checks it. Then calibrate the truck once from
 a recording with pressure, and estimate the load of later recordings from the position alone.
 """
 
 #: Every command and its usage: the files come first, because options with several values take all that follows them.
-COMMANDS: tuple[tuple[Callable[..., int], str], ...] = (
+_COMMANDS: tuple[tuple[Callable[..., int], str], ...] = (
     (look, "FILE [OPTIONS]"),
     (fit, "LOGS... [OPTIONS]"),
     (calibrate, "LOGS... [--save CAL.toml] [OPTIONS]"),
@@ -62,13 +62,13 @@ def app() -> App:
     """The application with all commands."""
     application = App(
         name="clutchid",
-        help=HELP,
+        help=_HELP,
         version=version("clutchid"),
         result_action="return_value",
         group_parameters=COMMON,
     )
     lists = Parameter(negative_iterable=())  # no --empty-NAME
-    for place, (command, usage) in enumerate(COMMANDS):
+    for place, (command, usage) in enumerate(_COMMANDS):
         line = f"Usage: clutchid {command.__name__} {usage}"
         application.command(command, usage=line, sort_key=place, default_parameter=lists)
     register_completion(application)

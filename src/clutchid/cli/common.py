@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import math
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping
@@ -16,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ParamSpec, TextIO
 from cyclopts import Group, Parameter
 
 from clutchid.documents.console import OutputLost, print_rows, printable_lines, put, say, sentences
+from clutchid.documents.json_text import json_text
 from clutchid.names import printable
 from clutchid.verbs.failures import failure
 from clutchid.verbs.options import ReadingText, RequestText
@@ -106,7 +105,7 @@ def complain(message: str, *, as_json: bool, status: str) -> int:
 
 
 #: Keys of every JSON object.
-EMPTY: dict[str, Any] = {
+_EMPTY: dict[str, Any] = {
     "status": "failed",
     "message": "",
     "parameters": {},
@@ -126,7 +125,7 @@ def print_written(*paths: Path | None, to: TextIO | None = None) -> None:
 
 def print_json(content: Mapping[str, Any]) -> None:
     """Print `content` as one JSON object with the keys of all; numbers that are not finite become null."""
-    put(json.dumps(_finite({**EMPTY, **content}), ensure_ascii=True))  # independent of the encoding of standard output
+    put(json_text({**_EMPTY, **content}))
 
 
 def print_document(document: Document, *, json: bool) -> None:
@@ -136,16 +135,6 @@ def print_document(document: Document, *, json: bool) -> None:
         return
     say(notice.text for notice in document.notices)
     print_rows(document.rows)
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(inner) for key, inner in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(inner) for inner in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value
 
 
 @contextmanager

@@ -53,7 +53,7 @@ class FleetOptions:
 
 
 #: No fleet.
-SINGLE = FleetOptions()
+_SINGLE = FleetOptions()
 
 
 @guarded
@@ -78,7 +78,7 @@ def drive(
     offset: Annotated[float, FILES] = 0.0,
     sensor_zero: Annotated[Literal["learned", "kept"] | None, FILES] = None,
     late: Annotated[float, FILES] = 0.0,
-    service: Annotated[FleetOptions, Parameter(name="*"), FLEET] = SINGLE,
+    service: Annotated[FleetOptions, Parameter(name="*"), FLEET] = _SINGLE,
     json: OutputFlag = False,
     debug: OutputFlag = False,
 ) -> int:

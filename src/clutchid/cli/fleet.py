@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from clutchid.fleets.verbs import FleetRun
 
 #: Statuses in the order in which they are said.
-STATUSES = ("ok", "warning", "bad_input", "failed", "timed_out", "killed")
+_STATUSES = ("ok", "warning", "bad_input", "failed", "timed_out", "killed")
 
 #: Bytes by unit of --memory.
 _UNITS = {"GB": 1e9, "MB": 1e6}
@@ -108,7 +108,7 @@ class WorkerLimits:
 
 
 #: One worker on this machine.
-ONE_PROCESS = WorkerLimits()
+_ONE_PROCESS = WorkerLimits()
 
 
 @guarded
@@ -119,7 +119,7 @@ def fleet(
     start: Path,
     out: OutOption,
     verb: Literal["fit", "observe", "track"] = "fit",
-    pool: Annotated[WorkerLimits, Parameter(name="*"), FLEET] = ONE_PROCESS,
+    pool: Annotated[WorkerLimits, Parameter(name="*"), FLEET] = _ONE_PROCESS,
     scheduler: Annotated[Scheduler, Parameter(name="*"), FLEET] = NO_SCHEDULER,
     limit: float | None = None,
     retry: Annotated[Flag, FLEET] = False,
@@ -178,7 +178,7 @@ def _say(run: FleetRun, *, as_json: bool) -> None:
     """Print how many recordings there are by status, and what was written."""
     statuses, vehicles = run.statuses, run.vehicles
     count = sum(statuses.values())
-    words = ", ".join(f"{statuses[name]:,} {name}" for name in STATUSES if statuses.get(name))
+    words = ", ".join(f"{statuses[name]:,} {name}" for name in _STATUSES if statuses.get(name))
     message = f"{count:,} recordings, {run.read:,} of them read now: {words}"
     if as_json:
         useful = statuses.get("ok", 0) + statuses.get("warning", 0)

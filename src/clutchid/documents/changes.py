@@ -41,10 +41,10 @@ def rests_json(fit: Fit) -> dict[str, dict[str, float | str | None]]:
 
 
 #: Most groups of changes that a summary shows with their values, and most parameters of a group.
-MOST_WITH_VALUES, MOST_OF_A_GROUP = 2, 3
+_MOST_WITH_VALUES, _MOST_OF_A_GROUP = 2, 3
 
 #: Probability from which on a group is said to have changed; below it may have.
-LIKELY = 0.5
+_LIKELY = 0.5
 
 
 def notes_of(fit: Fit) -> list[str]:
@@ -95,7 +95,7 @@ def change_sentences(fit: Fit) -> list[str]:
 def short_changes(changes: Sequence[Change]) -> list[str]:
     """The same in a few words each, for a summary; of many groups without the values."""
     members = [(recording, list(group)) for (recording, _), group in _grouped(changes)]
-    return [_short(recording, group, len(members) <= MOST_WITH_VALUES) for recording, group in members]
+    return [_short(recording, group, len(members) <= _MOST_WITH_VALUES) for recording, group in members]
 
 
 def _grouped(changes: Sequence[Change]) -> Iterable[tuple[tuple[str, str], Iterable[Change]]]:
@@ -103,7 +103,7 @@ def _grouped(changes: Sequence[Change]) -> Iterable[tuple[tuple[str, str], Itera
 
 
 def _short(recording: str, changes: Sequence[Change], with_values: bool) -> str:
-    shown, others = changes[:MOST_OF_A_GROUP], [change.name for change in changes[MOST_OF_A_GROUP:]]
+    shown, others = changes[:_MOST_OF_A_GROUP], [change.name for change in changes[_MOST_OF_A_GROUP:]]
     also = f"; also {', '.join(others)}" if others else ""
     values = f": {', '.join(map(_from_to, shown))}{also}" if with_values else ""
     return f"{_state(changes[0])} in {recording} ({_probability(changes[0])}{values})"
@@ -118,7 +118,7 @@ def _sentence(recording: str, changes: Sequence[Change]) -> str:
 
 
 def _state(change: Change) -> str:
-    verb = "changed" if change.probability >= LIKELY else "may have changed"
+    verb = "changed" if change.probability >= _LIKELY else "may have changed"
     return f"{change.group} {verb}"
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from clutchid.strokes.residual_colour import Colour
 
 #: Name, display unit in SI, and its symbol, for the residual of a column.
-SHOWN = {"position": ("position", MM, "mm"), "pressure_a": ("pressure A", 1e3, "kPa")}
+_SHOWN = {"position": ("position", MM, "mm"), "pressure_a": ("pressure A", 1e3, "kPa")}
 
 _WAYS = (("opening", STYLE.blue), ("closing", STYLE.orange), ("hold", STYLE.measured))
 
@@ -36,7 +36,7 @@ def colour_figure(diagnosis: Diagnosis) -> Figure:
     columns = list(diagnosis.columns.items())
     figure, axes = new_figure([1.6] * 3 * len(columns), share_x=False)
     for row, (name, column) in enumerate(columns):
-        draw_colour(axes[3 * row : 3 * row + 3], column.fast, SHOWN[name][0])
+        draw_colour(axes[3 * row : 3 * row + 3], column.fast, _SHOWN[name][0])
     label(axes[-1], "lag [ms]")
     figure.align_ylabels()
     return figure
@@ -71,8 +71,8 @@ def region_figure(diagnosis: Diagnosis) -> Figure:
     columns = list(diagnosis.columns.items())
     figure, axes = new_figure([2.4] * len(columns), share_x=False)
     for axis, (name, column) in zip(axes, columns, strict=True):
-        _bars(axis, column, SHOWN[name][1])
-        label(axis, "measured position [mm]", f"rms [{SHOWN[name][2]}]", f"error of {SHOWN[name][0]}")
+        _bars(axis, column, _SHOWN[name][1])
+        label(axis, "measured position [mm]", f"rms [{_SHOWN[name][2]}]", f"error of {_SHOWN[name][0]}")
     shared_legend(axes[0])
     return figure
 
@@ -137,7 +137,7 @@ def diagnosis_table(basis: Evidence) -> ReportTable:
     rows: list[tuple[Cell, ...]] = []
     for name, diagnosis in basis.diagnoses.items():
         for key, column in diagnosis.columns.items():
-            shown, unit, symbol = SHOWN[key]
+            shown, unit, symbol = _SHOWN[key]
             over = basis.predictions[name] if key == "position" else None
             rms, mean = (
                 Column("", "", unit, 4 if symbol == "mm" else 3).shown(value) + f" {symbol}"

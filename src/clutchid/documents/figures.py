@@ -27,7 +27,7 @@ _JOINTS = "stroke-linejoin: round; stroke-linecap: butt"
 BINS = 1500
 
 #: Greatest share of the width of a figure that a legend has, beside the labels of the axis.
-LEGEND_SHARE = 0.85
+_LEGEND_SHARE = 0.85
 
 
 def new_figure(
@@ -100,7 +100,7 @@ def _in_columns(axis: Axes, columns: int, entries: Entries, place: Callable[...,
     if not entries[0]:
         return
     figure = _figure_of(axis)
-    most = LEGEND_SHARE * figure.get_figwidth() * figure.dpi
+    most = _LEGEND_SHARE * figure.get_figwidth() * figure.dpi
     for number in range(min(columns, len(entries[0])), 0, -1):
         box = place(
             *entries, ncols=number, fontsize=STYLE.font_size - 0.5, frameon=False, handlelength=1.6, columnspacing=1.3

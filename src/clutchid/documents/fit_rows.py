@@ -46,7 +46,7 @@ def errors_words(fit: Fit) -> str:
 POSITIONS = (5, 6, 7, 8)
 
 #: Most reasons, other parameters, and verified recordings in a summary; the rest is said to be elsewhere.
-MOST_REASONS, MOST_OTHERS, MOST_VERIFIED = 2, 4, 2
+_MOST_REASONS, _MOST_OTHERS, _MOST_VERIFIED = 2, 4, 2
 
 #: Half width in N from which an interval is not shown, and what stands there.
 LARGEST_HALF, UNKNOWN = 1e5, "not determined"
@@ -62,10 +62,10 @@ def rows_of(fit: Fit) -> list[Row]:
 
 def _trust(fit: Fit) -> list[Row]:
     judged = verdict(fit)
-    more = len(judged.reasons) - MOST_REASONS
+    more = len(judged.reasons) - _MOST_REASONS
     rows = [Row("trust", judged.trust, judged.trust), Row("", judged.meaning, on=On.PAGE)]
     rows += [
-        Row("", reason, on=On.ALL if i < MOST_REASONS else On.FULL | On.PAGE) for i, reason in enumerate(judged.reasons)
+        Row("", text, on=On.ALL if i < _MOST_REASONS else On.FULL | On.PAGE) for i, text in enumerate(judged.reasons)
     ]
     rows += [Row("", f"{more} more reason{'s' if more > 1 else ''}: --verbose", on=On.BRIEF)] if more > 0 else []
     rows += [Row("", judged.experience)] if judged.experience else []
@@ -241,7 +241,7 @@ def _others(fit: Fit) -> list[Row]:
     own = {name: e for name, e in others.items() if "@" not in name}
     if not own:
         return []
-    if len(own) > MOST_OTHERS:
+    if len(own) > _MOST_OTHERS:
         return [
             Row("also", f"{len(own)} other parameters were fitted: --verbose, or the page of --report", on=On.BRIEF)
         ]
@@ -250,7 +250,7 @@ def _others(fit: Fit) -> list[Row]:
 
 def _errors(fit: Fit) -> str:
     parts = [f"{errors_text(fit.errors)}{errors_words(fit)}"]
-    for name, recording in islice(fit.verification.items(), MOST_VERIFIED):
+    for name, recording in islice(fit.verification.items(), _MOST_VERIFIED):
         parts.append(f"{name}, verified: {errors_text(recording.errors)}, simulated as a whole")
-    more = len(fit.verification) - MOST_VERIFIED
+    more = len(fit.verification) - _MOST_VERIFIED
     return "; ".join([*parts, *([f"{more} more: --verbose"] if more > 0 else [])])

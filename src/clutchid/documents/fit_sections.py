@@ -86,7 +86,7 @@ def _fixed(fit: Fit) -> str:
 MAX_DRAWN = 3
 
 #: A recording longer than the first length in s has an additional figure of a part of the second length in s.
-LONG_RECORDING, DETAIL_LENGTH = 120.0, 30.0
+_LONG_RECORDING, _DETAIL_LENGTH = 120.0, 30.0
 
 
 def fit_sections(fit: Fit) -> list[Section]:
@@ -190,9 +190,9 @@ def _section(fit: Fit, name: str, recording: Recording, use: str, basis: Evidenc
 def _detail(recording: Recording, span: NDArray[np.bool_] | None, alt: str) -> list[Picture]:
     """For a long recording, the part with the largest error of the position."""
     time = recording.measured.time
-    if time[-1] - time[0] <= LONG_RECORDING:
+    if time[-1] - time[0] <= _LONG_RECORDING:
         return []
-    starts = np.searchsorted(time, np.arange(time[0], time[-1], DETAIL_LENGTH))
+    starts = np.searchsorted(time, np.arange(time[0], time[-1], _DETAIL_LENGTH))
     squares = np.nan_to_num((recording.measured["position"] - recording.simulated["position"]) ** 2)
     worst = int(np.argmax(np.add.reduceat(squares, starts)))
     a, b = int(starts[worst]), int([*starts, time.size][worst + 1])
@@ -200,4 +200,4 @@ def _detail(recording: Recording, span: NDArray[np.bool_] | None, alt: str) -> l
         return []
     part = replace(recording, measured=recording.measured.slice(a, b), simulated=recording.simulated.slice(a, b))
     figure = recording_figure(part, None if span is None else span[a:b])
-    return [Picture(figure, f"The {DETAIL_LENGTH:.0f} s with the largest error of the position.", alt, dense=True)]
+    return [Picture(figure, f"The {_DETAIL_LENGTH:.0f} s with the largest error of the position.", alt, dense=True)]

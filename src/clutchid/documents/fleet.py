@@ -49,10 +49,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Types that have a colour of their own; more of them could not be distinguished.
-TYPES = 6
+_TYPES = 6
 
 #: Bars of a histogram, at most.
-BARS = 40
+_BARS = 40
 
 _COLOURS = (STYLE.blue, STYLE.orange, STYLE.green, STYLE.purple, STYLE.red, STYLE.measured)
 
@@ -83,11 +83,11 @@ def distribution_figure(vehicles: Sequence[VehicleRow], spans: Spans) -> Figure:
     figure, axes = new_figure([2.5] * len(panels), share_x=False)
     types = np.array([vehicle.type for vehicle in vehicles])
     names = [name for name, _ in Counter(types.tolist()).most_common()]
-    groups = [types == name for name in names] if len(names) <= TYPES else [np.ones(types.size, dtype=bool)]
+    groups = [types == name for name in names] if len(names) <= _TYPES else [np.ones(types.size, dtype=bool)]
     for axis, panel in zip(axes, panels, strict=True):
         _histogram(axis, panel, groups)
         label(axis, y="vehicles")
-    if 1 < len(names) <= TYPES:
+    if 1 < len(names) <= _TYPES:
         _name_types(axes[0], names)
     return figure
 
@@ -98,7 +98,7 @@ def _histogram(axis: Axes, panel: Panel, groups: Sequence[np.ndarray]) -> None:
 
     finite = panel.values[np.isfinite(panel.values)]
     low, high = _range(finite)
-    edges = np.linspace(low, high, int(np.clip(2 * np.sqrt(finite.size), 5, BARS)) + 1)
+    edges = np.linspace(low, high, int(np.clip(2 * np.sqrt(finite.size), 5, _BARS)) + 1)
     bottom = np.zeros(edges.size - 1)
     for group, colour in zip(groups, _COLOURS, strict=False):
         number = np.histogram(panel.values[group & np.isfinite(panel.values)], edges)[0]
@@ -136,11 +136,11 @@ def _name_types(axis: Axes, names: Sequence[str]) -> None:
 
     marks = [Patch(color=colour) for colour, _ in zip(_COLOURS, names, strict=False)]
     words = [f"type {printable(name)[:24]}" if name else "no type" for name in names]
-    legend(axis, TYPES, (marks, words))
+    legend(axis, _TYPES, (marks, words))
 
 
 #: Vehicles below which the range of all is said in place of that of nine in ten.
-FEW = 20
+_FEW = 20
 
 
 def fleet_document(fleet: FleetWear, command: str = "") -> Document:
@@ -194,7 +194,7 @@ def _distribution(vehicles: Sequence[VehicleRow], measured: Sequence[VehicleRow]
 def _spread(vehicles: Sequence[VehicleRow]) -> str:
     """The median and the range of nine vehicles in ten; of all where there are few, and of two that only."""
     name = quantity_of(vehicles)
-    few = len(vehicles) < FEW
+    few = len(vehicles) < _FEW
     shares = (0.0, 0.5, 1.0) if few else (0.05, 0.5, 0.95)
     low, median, high = (
         f"{value / MM:.3f}".replace("-", "−")

@@ -125,7 +125,7 @@ ODD_SCORE = 3.5
 ODD_AT_LEAST = 8
 
 #: Share of the recordings without a reading beyond which a vehicle is odd.
-ODD_SHARE = 0.5
+_ODD_SHARE = 0.5
 
 #: The median absolute deviation of the normal distribution in its standard deviations.
 _MAD = 0.6745
@@ -192,7 +192,7 @@ def _few(vehicle: VehicleRow) -> str:
 
 
 def _misses(vehicle: VehicleRow) -> bool:
-    return vehicle.recordings - vehicle.counted > ODD_SHARE * vehicle.recordings
+    return vehicle.recordings - vehicle.counted > _ODD_SHARE * vehicle.recordings
 
 
 def _sentence(words: str) -> str:
@@ -200,7 +200,7 @@ def _sentence(words: str) -> str:
 
 
 #: Rows of the tables of the worst, of one kind of the odd, of types and of reasons, at most.
-WORST, ODD, TYPES, REASONS = 20, 12, 30, 40
+_WORST, ODD, _TYPES, _REASONS = 20, 12, 30, 40
 
 
 #: A column with the cell of a vehicle in it.
@@ -209,7 +209,7 @@ Entry = tuple[Column, Callable[[VehicleRow], Cell]]
 
 def worst_table(vehicles: Sequence[VehicleRow], spans: Spans) -> ReportTable:
     """The vehicles with the least left, then the most worn ones; first what is left, by which they are sorted."""
-    worst = sorted(filter(has_reading, vehicles), key=_worst)[:WORST]
+    worst = sorted(filter(has_reading, vehicles), key=_worst)[:_WORST]
     load = Column("load [1]", "now", 0.01, 1, group="load [%]")
     entries = [
         *_NAMES, *_left(worst, spans), *_lengths(worst), (load, lambda vehicle: vehicle.load.value),
@@ -265,8 +265,8 @@ def reasons_table(reasons: Sequence[ReasonCount]) -> ReportTable:
         Column("example", "for example"),
     )  # fmt: skip
     ordered = sorted(reasons, key=lambda reason: -reason.recordings)
-    rows = [(row.status, row.recordings, printable(row.sentence), printable(row.example)) for row in ordered[:REASONS]]
-    rest = ordered[REASONS:]
+    rows = [(row.status, row.recordings, printable(row.sentence), printable(row.example)) for row in ordered[:_REASONS]]
+    rest = ordered[_REASONS:]
     more = f"{len(rest):,} rarer reasons, of {sum(row.recordings for row in rest):,} recordings, are left out here."
     total = sum(reason.recordings for reason in reasons)
     return ReportTable(f"{total:,} recordings by reason", columns, tuple(rows), note=more if rest else "")
@@ -295,9 +295,9 @@ def types_table(vehicles: Sequence[VehicleRow], spans: Spans) -> ReportTable:
             *quantiles([left_shown(vehicle, spans).value for vehicle in members], (0.5,)),
             *quantiles([vehicle.limit for vehicle in members], (0.5,)),
         )
-        for type_, members in largest[:TYPES]
+        for type_, members in largest[:_TYPES]
     ]  # fmt: skip
-    more = f"{len(largest) - TYPES:,} smaller types are left out here." if len(largest) > TYPES else ""
+    more = f"{len(largest) - _TYPES:,} smaller types are left out here." if len(largest) > _TYPES else ""
     return ReportTable("By type, with quantiles over its vehicles", columns, tuple(rows), note=more)
 
 

@@ -10,6 +10,7 @@ from clutchid.documents.document import Document, Notice, Row
 from clutchid.documents.results import RigFriction
 from clutchid.estimation import Estimate
 from clutchid.log import Log
+from clutchid.messages import text_table
 from clutchid.rig import CoulombFriction, LugreFit, conclusions, implied
 
 
@@ -62,7 +63,7 @@ def parameter_table(parameters: Mapping[str, Estimate]) -> str:
         [name, f"{e.value:.4g}", *(f"{x:.4g}" if math.isfinite(e.std) else "-" for x in (e.low, e.high)), e.unit]
         for name, e in parameters.items()
     ]
-    return _table(["parameter", "value", "low", "high", "unit"], rows)
+    return "\n".join(text_table([["parameter", "value", "low", "high", "unit"], *rows], 0, ""))
 
 
 def lugre_table(fit: LugreFit) -> str:
@@ -90,10 +91,4 @@ def level_table(coulomb: CoulombFriction) -> str:
             ]
         )
     headings = ["bar above ambient", "F_C [N]", "low", "high", "cycles", "first .. last", "out [mm/s]", "back [mm/s]"]
-    return _table(headings, rows)
-
-
-def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    widths = [max(map(len, column)) for column in zip(headings, *rows, strict=True)]
-    lines = [[text.rjust(width) for text, width in zip(row, widths, strict=True)] for row in (headings, *rows)]
-    return "\n".join("  ".join(line).rstrip() for line in lines)
+    return "\n".join(text_table([headings, *rows], 0, ""))

@@ -30,16 +30,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Positions in m at which the load is drawn by stroke.
-FOLLOWED = (3e-3, 6e-3, 12e-3)
+_FOLLOWED = (3e-3, 6e-3, 12e-3)
 
 #: Units of differences of pressures in Pa and of positions in m.
-KPA, MICRO = 1e3, 1e-6
+_KPA, _MICRO = 1e3, 1e-6
 
 #: Unit of an innovation by what it compares, and its factor to SI.
-INNOVATION = {"position": ("µm", MICRO), "force": ("N", 1.0)}
+_INNOVATION = {"position": ("µm", _MICRO), "force": ("N", 1.0)}
 
 #: Percentage of the innovations that the figure has room for.
-SHOWN = 99.0
+_SHOWN = 99.0
 
 
 def loads_figure(both: Loads) -> Figure:
@@ -81,7 +81,7 @@ def strokes_figure(run: ObservedRecording) -> Figure:
     grid = positions(run.observer)
     curves: list[LoadCurve] = [curve(run.observer, run.before, grid), *(row.curve for row in run.strokes)]
     number = np.array([run.before.strokes.ended, *(row.number for row in run.strokes)], dtype=np.float64)
-    places = [int(np.argmin(np.abs(grid - position))) for position in FOLLOWED if position <= grid[-1]]
+    places = [int(np.argmin(np.abs(grid - position))) for position in _FOLLOWED if position <= grid[-1]]
     figure, axes = new_figure([1.25] * len(places))
     for axis, at in zip(axes, places, strict=True):
         force, low, high = (np.array([getattr(load, side)[at] for load in curves]) for side in ("force", "low", "high"))
@@ -115,8 +115,8 @@ def samples_figure(run: ObservedRecording) -> Figure:
     if with_pressure:
         _, (recorded,) = with_gaps(log.time, [log["pressure_a"]], run.observer.spacing)
         draw(pressure, t, recorded / BAR, Line(STYLE.measured, "measured, not used", 2.2))
-        fill(axes[2], t, -h / KPA, h / KPA, Line(STYLE.blue, "95 % band", opacity=0.35, layer=3))
-        draw(axes[2], t, (recorded - p) / KPA, Line(STYLE.measured, "measured less estimated", 0.8))
+        fill(axes[2], t, -h / _KPA, h / _KPA, Line(STYLE.blue, "95 % band", opacity=0.35, layer=3))
+        draw(axes[2], t, (recorded - p) / _KPA, Line(STYLE.measured, "measured less estimated", 0.8))
         label(axes[2], y="difference\n[kPa]")
     fill(pressure, t, (p - h) / BAR, (p + h) / BAR, Line(STYLE.blue, "95 % band", opacity=0.3))
     draw(pressure, t, p / BAR, Line(STYLE.blue, "estimated from the position"))
@@ -124,7 +124,7 @@ def samples_figure(run: ObservedRecording) -> Figure:
     draw_duties(duty, log)
     label(position, y="position [mm]")
     label(pressure, y="pressure A,\nabsolute [bar]")
-    label(innovation, y=f"innovation\n[{INNOVATION[run.observer.joint.rule.compares][0]}]")
+    label(innovation, y=f"innovation\n[{_INNOVATION[run.observer.joint.rule.compares][0]}]")
     for axis in axes:
         legend(axis, 4)
     figure.align_ylabels()
@@ -137,13 +137,13 @@ def _innovations(axis: Axes, run: ObservedRecording) -> None:
     corrected = np.isfinite(innovations)
     every = run.observer.joint.settings.every * run.observer.spacing
     compares = run.observer.joint.rule.compares
-    _, unit = INNOVATION[compares]
+    _, unit = _INNOVATION[compares]
     columns = [innovations[corrected] / unit, QUANTILE * np.sqrt(variance[corrected]) / unit]
     t, (innovation, bound) = with_gaps(run.log.time[corrected], columns, every)
     fill(axis, t, -bound, bound, Line(STYLE.measured, "95 % bounds", opacity=0.3))
     draw(axis, t, innovation, Line(STYLE.red, f"{compares}, measured less predicted", 0.8))
     if corrected.any():
-        most = 1.5 * float(np.nanpercentile(np.fmax(bound, np.abs(innovation)), SHOWN))
+        most = 1.5 * float(np.nanpercentile(np.fmax(bound, np.abs(innovation)), _SHOWN))
         axis.set_ylim(-most, most)
 
 

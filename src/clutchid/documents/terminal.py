@@ -10,7 +10,7 @@ from clutchid.documents.document import Level, Row
 from clutchid.names import printable
 
 #: Least columns of the labels.
-LABEL = 9
+_LABEL = 9
 
 
 class Line(NamedTuple):
@@ -24,7 +24,7 @@ class Line(NamedTuple):
 def lines_of(rows: Iterable[Row], width: int) -> Iterator[Line]:
     """Lines of rows, wrapped at words, without control characters."""
     rows = list(rows)
-    margin = max([LABEL, *(len(row.label or "") + 2 for row in rows)])
+    margin = max([_LABEL, *(len(row.label or "") + 2 for row in rows)])
     for row in rows:
         lines = [printable(line) for line in row.text.splitlines()]
         label = "" if row.label is None else row.label.ljust(margin)

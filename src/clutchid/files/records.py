@@ -53,7 +53,7 @@ def toml_of(content: bytes, path: str | PathLike[str], what: str) -> dict[str, A
 
 
 #: Correlations may differ from those of a covariance by as much: what rounding adds to a matrix of ill condition.
-ROUNDING = 1e-6
+_ROUNDING = 1e-6
 
 #: Characters of a value that a message shows.
 _SHOWN = 60
@@ -267,8 +267,8 @@ def covariance_problem(matrix: NDArray[np.float64], names: Sequence[str], larges
             return f"the variance of {names[index]} is {variance:g}, from 0 to {largest[index] ** 2:g} is possible"
     scale = np.sqrt(np.where(variances > 0.0, variances, 1.0))
     correlations = matrix / scale / scale[:, None]
-    if np.abs(correlations - correlations.T).max(initial=0.0) > ROUNDING:
+    if np.abs(correlations - correlations.T).max(initial=0.0) > _ROUNDING:
         return "is not symmetric"
-    if np.linalg.eigvalsh(correlations).min(initial=0.0) < -ROUNDING:
+    if np.linalg.eigvalsh(correlations).min(initial=0.0) < -_ROUNDING:
         return "has correlations beyond -1 to 1, or that exclude each other"
     return ""

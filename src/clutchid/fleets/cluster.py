@@ -144,7 +144,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 #: Items at the scheduler at a time: enough for hundreds of workers, and its memory does not grow with the fleet.
-WINDOW = 1000
+_WINDOW = 1000
 
 #: Items that are given to the scheduler together.
 BATCH = 100
@@ -153,7 +153,7 @@ BATCH = 100
 ANSWER = 4.0
 
 #: Attempts at an item whose worker of Dask was lost, which is not ended by the item but from outside.
-ATTEMPTS = 5
+_ATTEMPTS = 5
 
 #: Files in which Linux says what memory the processes of a container may have together.
 _CONTAINER = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
@@ -264,20 +264,20 @@ def _spread(
         attempts.update((future, (item, attempt)) for future, item in zip(futures, some, strict=True))
         todo.update(futures)
 
-    submit(list(islice(waiting, WINDOW)), 1)
+    submit(list(islice(waiting, _WINDOW)), 1)
     for batch in todo.batches():
         for future, outcome in _outcomes(client, batch, workers.scheduler):
             item, attempt = attempts.pop(future)
-            if outcome is None and attempt < ATTEMPTS:
+            if outcome is None and attempt < _ATTEMPTS:
                 submit([item], attempt + 1)
             elif isinstance(outcome, FinishedWork):
                 yield outcome
             else:
                 yield FinishedWork(
-                    item, outcome or LostWork("killed", f"{ATTEMPTS} workers that were given it were lost."), 0.0
+                    item, outcome or LostWork("killed", f"{_ATTEMPTS} workers that were given it were lost."), 0.0
                 )
-        if len(attempts) <= WINDOW - BATCH:
-            submit(list(islice(waiting, WINDOW - len(attempts))), 1)
+        if len(attempts) <= _WINDOW - BATCH:
+            submit(list(islice(waiting, _WINDOW - len(attempts))), 1)
     with suppress(TimeoutError, OSError):
         client.sync(client._run, _rest, callback_timeout=ANSWER)
 

@@ -31,7 +31,7 @@ from clutchid.wear.history import Listed
 from clutchid.wear.tables import read_fleet_table
 
 #: A folder with this file is a fleet with a table, as `clutchid drive --fleet` writes it.
-TABLE = "recordings.csv"
+_TABLE = "recordings.csv"
 
 
 class Job(NamedTuple):
@@ -79,7 +79,7 @@ def fleet_of(source: Path, start: Path) -> Fleet:
     not_an_address(source)
     if not is_there(source):
         raise DataError(f"{source}: there is no such folder or table.")
-    table = source if source.is_file() else source / TABLE
+    table = source if source.is_file() else source / _TABLE
     if table.is_file():
         rows = read_fleet_table(table)
         _check_vehicles(rows.values(), table)
@@ -171,7 +171,7 @@ def _job(
 
 
 #: Lost results, which are tried again where the user says so.
-LOST = ("killed", "timed_out")
+_LOST = ("killed", "timed_out")
 
 
 class Task(NamedTuple):
@@ -199,7 +199,7 @@ def tasks(fleet: Fleet, options: ReadingOptions, store: Store, *, retry: bool = 
         task = Task(*key, job.path, job.start, inputs[job.start], file)
         known_inputs, known_file, checksum, status = stored.get(key, ("", "", "", ""))
         unread = file and not checksum  # as where a share was away for a while
-        if known_inputs != task.inputs or unread or (retry and status in LOST):
+        if known_inputs != task.inputs or unread or (retry and status in _LOST):
             todo.append(task)
         elif known_file != file:
             if checksum_of(job.path) == checksum:

@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     import polars as pl
 
 #: Most vehicles of a fleet, recordings of a vehicle, and loads of it, which are taken evenly over its life.
-MOST_VEHICLES, MOST_RECORDINGS, MOST_LOADS = 20_000, 5_000, 200
+_MOST_VEHICLES, _MOST_RECORDINGS, MOST_LOADS = 20_000, 5_000, 200
 
 #: Most rows that are read of a file.
-MOST_ROWS = 2_000_000
+_MOST_ROWS = 2_000_000
 
 #: Positions in mm at which the table of a vehicle has its load.
 PLACES = (5, 6, 7, 8)
@@ -92,7 +92,7 @@ def _scanned(path: Path) -> pl.LazyFrame:
     return pl.scan_parquet(path)
 
 
-def _read(path: Path, where: pl.Expr | None = None, most: int = MOST_ROWS) -> pl.DataFrame:
+def _read(path: Path, where: pl.Expr | None = None, most: int = _MOST_ROWS) -> pl.DataFrame:
     """The rows of a file, or those of a condition, at most so many.
 
     Raises
@@ -157,7 +157,7 @@ def fleet_of(files: Files) -> dict[str, Any]:
     newest = {} if files.results is None else _newest(_read(files.results))
     rows = rows or [{"vehicle": name, **row} for name, row in newest.items()]
     rows.sort(key=lambda row: natural(str(row["vehicle"])))
-    shown = rows[:MOST_VEHICLES]
+    shown = rows[:_MOST_VEHICLES]
     columns: dict[str, list[Any]] = {
         name: [row.get(name) for row in shown]
         for name in ("vehicle", "type", "recordings", "counted", "last", "axis", "alarms")
@@ -239,7 +239,7 @@ def vehicle_of(files: Files, name: str) -> dict[str, Any]:
 
     own = pl.col("vehicle") == name
     source = files.wear or files.results
-    rows = pl.DataFrame() if source is None else _read(source, own, MOST_RECORDINGS)
+    rows = pl.DataFrame() if source is None else _read(source, own, _MOST_RECORDINGS)
     if not rows.height:
         where = "no table of recordings lies beside it" if source is None else f"{source.name} has no recordings of it"
         raise DataError(f"{printable(name)}: {where}, so that nothing is known of it.")

@@ -23,7 +23,7 @@ from clutchid.fleets.jobs import Fleet, Job
 from clutchid.fleets.store import Store, StoredResult
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.systems import is_device
-from clutchid.verbs.tracking import LifeLimits, Tracked, load_table, table_of, tracked
+from clutchid.verbs.tracking import LifeLimits, Tracked, load_frame, table_of, tracked
 from clutchid.verbs.wear_reading import RecordingResult, counted_once, without_result
 from clutchid.wear.history import Listed, arranged
 from clutchid.wear.trend import Interval
@@ -32,10 +32,10 @@ if TYPE_CHECKING:
     import polars as pl
 
 #: Files of a run, beside the store.
-RESULTS, TIMINGS, CURVES = "results.parquet", "timings.parquet", "curves"
+RESULTS, _TIMINGS, CURVES = "results.parquet", "timings.parquet", "curves"
 
 #: Recordings in one file of loads.
-PART = 1000
+_PART = 1000
 
 
 class RecordingRow(NamedTuple):
@@ -105,19 +105,19 @@ def write_results(fleet: Fleet, store: Store, out: Path, *, trends: bool = False
     make_folder(out / CURVES)
     rows, part = rows_of(fleet, store), 0
     rows = _with_warnings(fleet, rows) if trends else rows
-    while some := list(islice(rows, PART)):
+    while some := list(islice(rows, _PART)):
         statuses.update(row.read.reading.status for row in some)
         results += map(_result, some)
         timings += [(row.job.recording, row.job.vehicle, row.seconds) for row in some]
         keys = {what: [getattr(row.job, what) for row in some] for what in ("recording", "vehicle")}
-        write_frame(load_table(keys, [row.read.curve for row in some]), out / CURVES / f"part-{part:05d}.parquet")
+        write_frame(load_frame(keys, [row.read.curve for row in some]), out / CURVES / f"part-{part:05d}.parquet")
         part += 1
     for old in sorted((out / CURVES).glob("part-*.parquet"))[part:]:
         old.unlink()
     write_frame(
         pl.DataFrame(results, schema_overrides=dict.fromkeys(_TEXT, pl.String), infer_schema_length=None), out / RESULTS
     )
-    write_frame(pl.DataFrame(timings, ["recording", "vehicle", "seconds"], orient="row"), out / TIMINGS)
+    write_frame(pl.DataFrame(timings, ["recording", "vehicle", "seconds"], orient="row"), out / _TIMINGS)
     return statuses
 
 
@@ -153,7 +153,7 @@ def _peak(curve: LoadCurve) -> tuple[float, float, float]:
 
 
 #: Files of a run, and the folder of the pages of its vehicles, with what each was made from.
-WEAR, VEHICLES, INDEX, PAGES, MADE = "wear.parquet", "vehicles.parquet", "index.html", "vehicles", "made.json"
+WEAR, VEHICLES, _INDEX, _PAGES, _MADE = "wear.parquet", "vehicles.parquet", "index.html", "vehicles", "made.json"
 
 #: Parts of a sentence that belong to one recording only: names in quotes, paths, and numbers.
 _PARTICULAR = re.compile(r"'[^']*'|\S*[/\\]\S*|\b\d[\d.,]*\b")
@@ -207,13 +207,13 @@ def write_vehicles(vehicles: Iterable[FleetVehicle], command: str, out: Path, *,
     tables: list[pl.DataFrame] = []
     made: dict[str, str] = {}
     names: set[str] = set()
-    before = _made(out / PAGES)
+    before = _made(out / _PAGES)
     for vehicle in vehicles:
         page = ""
         if trends:
             table = table_of(vehicle.tracked)
             tables.append(table)
-            page = f"{PAGES}/{_page_name(vehicle.tracked.wear.vehicle, names)}.html"
+            page = f"{_PAGES}/{_page_name(vehicle.tracked.wear.vehicle, names)}.html"
             made[page] = _write_page(vehicle.tracked, table, before, command, out, page)
         rows.append(_row(vehicle, page))
         _add_reasons(vehicle.tracked, reasons)
@@ -225,16 +225,16 @@ def write_vehicles(vehicles: Iterable[FleetVehicle], command: str, out: Path, *,
             ),
             out / VEHICLES,
         )
-        with atomic_write(out / PAGES / MADE) as temporary:
+        with atomic_write(out / _PAGES / _MADE) as temporary:
             temporary.write_text(json.dumps(made), encoding="utf-8")
-    write_page(document_of(FleetWear(rows, _reasons(reasons)), command), out / INDEX)
+    write_page(document_of(FleetWear(rows, _reasons(reasons)), command), out / _INDEX)
     return rows
 
 
 def _made(folder: Path) -> Mapping[str, str]:
     """Hashes of the content of an earlier run's pages."""
     try:
-        hashes = json.loads((folder / MADE).read_text(encoding="utf-8"))
+        hashes = json.loads((folder / _MADE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
     return hashes if isinstance(hashes, dict) else {}
@@ -261,13 +261,13 @@ def _write_page(
     tracked: Tracked, table: pl.DataFrame, before: Mapping[str, str], command: str, out: Path, address: str
 ) -> str:
     """Write the page of a vehicle, unless its content is that of before; hash of the content."""
-    make_folder(out / PAGES)
+    make_folder(out / _PAGES)
     content = json.dumps(
         [version_and_source(), table.to_dicts(), repr(tracked.wear.left), tracked.wear.warnings], default=str
     )
     digest = hashlib.sha256(content.encode()).hexdigest()
     if before.get(address) != digest or not (out / address).exists():
-        clutch = WornClutch(tracked.wear, tracked.curves, home=f"../{INDEX}")
+        clutch = WornClutch(tracked.wear, tracked.curves, home=f"../{_INDEX}")
         write_page(document_of(clutch, command), out / address)
     return digest
 

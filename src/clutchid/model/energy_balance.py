@@ -23,7 +23,7 @@ from clutchid.model.supply import governor_rate, reservoir_rate
 from clutchid.model.valves import iso_flow, leak_flow, orifice_flow, thermal_factor
 
 STATES = ("y", "v", "p_A", "p_B", "z", "T_A", "T_B", "p_S", "p_G", "z_h")
-SPOOLS = ("x_vs", "x_ve")
+_SPOOLS = ("x_vs", "x_ve")
 
 
 @cache
@@ -56,7 +56,7 @@ def energy_balance(stribeck: bool = False, proportional: bool = False) -> System
     >>> [str(state) for state in energy_balance().states]
     ['y', 'v', 'p_A', 'p_B', 'z', 'T_A', 'T_B', 'p_S', 'p_G', 'z_h']
     """
-    states = (*STATES, *SPOOLS) if proportional else STATES
+    states = (*STATES, *_SPOOLS) if proportional else STATES
     b = Book(states)
     if proportional:
         spool_openings(b)

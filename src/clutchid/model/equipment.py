@@ -19,7 +19,7 @@ VALVES = MappingProxyType(
 
 #: Parameters that stand for a chamber B that does not exist. Its pressure then is P_0, always: a reservoir of 1 m³
 #: that the piston does not squeeze, neither breathes nor warms. The area is not 0, as formulas divide by it.
-NO_CHAMBER_B = MappingProxyType({"A_B": 1e-9, "V_0B": 1.0, "C_r": 0.0, "h_B": 0.0})
+_NO_CHAMBER_B = MappingProxyType({"A_B": 1e-9, "V_0B": 1.0, "C_r": 0.0, "h_B": 0.0})
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,7 @@ class Equipment:
     @property
     def fixed(self) -> dict[str, float]:
         """Parameters that stand for what does not exist, with their values."""
-        values = {} if self.chamber_b else dict(NO_CHAMBER_B)
+        values = {} if self.chamber_b else dict(_NO_CHAMBER_B)
         values |= {"C_vs": 0.0} if self.valves == "exhaust" else {}
         return values | ({"C_ve": 0.0} if self.valves == "supply" else {})
 

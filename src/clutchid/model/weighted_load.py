@@ -64,7 +64,7 @@ PAPER_KNOTS = (0.0, 2e-3, 8.5e-3, 11.5e-3)
 BASES = ("paper", "b-spline")
 
 #: A knot beyond both, a position in m and so many strokes, cannot be meant: a knot in mm is a thousand times too far.
-FAR, FAR_STROKES = 0.5, 20.0
+_FAR, _FAR_STROKES = 0.5, 20.0
 
 #: Knots that a load may have: more of them make a fit slow and no better.
 MOST_KNOTS = 500
@@ -98,7 +98,7 @@ def in_metres(knots: Sequence[float], stroke: float = 0.0) -> str:
     >>> in_metres(PAPER_KNOTS)
     ''
     """
-    far = max(FAR, FAR_STROKES * stroke)
+    far = max(_FAR, _FAR_STROKES * stroke)
     if not any(far < knot < math.inf for knot in knots):
         return ""
     meant = ", ".join(f"{knot / 1e3:g}" for knot in knots)

@@ -19,7 +19,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 #: Environment of a worker: one thread of linear algebra, `clutchid.numerics.threads` and polars; memory is given back.
-ENVIRONMENT = {
+_ENVIRONMENT = {
     **dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS"), "1"),
     **{"MALLOC_ARENA_MAX": "1", "MALLOC_TRIM_THRESHOLD_": "65536"},
 }
@@ -119,7 +119,7 @@ class Pool:
                 if worker.alive:
                     return worker, False
                 self._workers.discard(worker)
-        worker = Worker("clutchid.processes.serving:work_service", environment=ENVIRONMENT)
+        worker = Worker("clutchid.processes.serving:work_service", environment=_ENVIRONMENT)
         with self._lock:
             self._workers.add(worker)
         return worker, True

@@ -24,7 +24,7 @@ from clutchid.rig.weighted import (
 from clutchid.strokes.sampled import runs, velocity
 
 #: Fractions of the reach between which a pass is averaged: without pre-sliding and the reversals at its ends.
-BAND = (0.3, 0.8)
+_BAND = (0.3, 0.8)
 
 #: Half window in s over which the speed is computed.
 _WINDOW = 0.05
@@ -77,7 +77,7 @@ class Cycle:
         return (self.out.pressure + self.back.pressure) / 2
 
 
-def passes(log: Log, band: tuple[float, float] = BAND) -> list[Pass]:
+def passes(log: Log, band: tuple[float, float] = _BAND) -> list[Pass]:
     """Passes at constant speed in order of time, each averaged within `band` of the reach.
 
     Parameters
@@ -152,7 +152,7 @@ def cycles(series: list[Pass]) -> list[Cycle]:
 
 
 #: Pressures further apart than this, in Pa, are separate levels: above the variation of a constant pressure in a cycle.
-LEVEL_GAP = 3e4
+_LEVEL_GAP = 3e4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -221,8 +221,8 @@ def coulomb_friction(
     *,
     ambient: float | None = None,
     area: float | None = None,
-    band: tuple[float, float] = BAND,
-    level_gap: float = LEVEL_GAP,
+    band: tuple[float, float] = _BAND,
+    level_gap: float = _LEVEL_GAP,
 ) -> CoulombFriction:
     r"""Coulomb friction from passes at constant speed and constant pressures.
 

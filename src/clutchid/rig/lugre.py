@@ -183,10 +183,10 @@ def linearised(problem: LugreProblem, x: FloatArray) -> Linearisation:
 
 
 #: A fit in free run below this, in %, is called poor: the rigs of docs/friction.md have 83 to 93 %.
-POOR_FIT = 70.0
+_POOR_FIT = 70.0
 
 #: Parameters that may be 0, the physical bound of a damping.
-DAMPINGS = ("D_v", "D_zdot")
+_DAMPINGS = ("D_v", "D_zdot")
 
 
 def unit_of(name: str) -> str:
@@ -199,7 +199,7 @@ def at_bound(name: str, values: Mapping[str, float]) -> str:
     where = (
         f"{name} lies at a bound of the search, {values[name]:.3g} {unit_of(name)}, and the cost decreases beyond it"
     )
-    if name in DAMPINGS:
+    if name in _DAMPINGS:
         return (
             f"{where}: this recording does not determine it, and the intervals of the others treat it as fixed there."
         )
@@ -222,10 +222,10 @@ def softened(noise: float, values: Mapping[str, float]) -> str:
 
 def poor(fit: float) -> list[str]:
     """Warning about a law that explains little of the force."""
-    if fit >= POOR_FIT:
+    if fit >= _POOR_FIT:
         return []
     return [
-        f"the fit is poor, {fit:.1f} % in free run (a rig that this law describes has {POOR_FIT:g} % and more), and "
+        f"the fit is poor, {fit:.1f} % in free run (a rig that this law describes has {_POOR_FIT:g} % and more), and "
         "the intervals do not contain such errors: check the units, a pressure that changes, the inertia of moving "
         "parts (--inertia), and noise."
     ]
@@ -393,7 +393,7 @@ def _result(problem: LugreProblem, solution: Solution[Linearisation], shift: Flo
     names = [name for name, free in zip(FREE, problem.free[: len(FREE)], strict=True) if free]
     bounded = _bounded(problem, solution, names)
     scores = [J * r[:, None] for r, J in residuals(problem, x)]
-    undamped = [name in bounded and name in DAMPINGS for name in names] + [False] * (x.size - len(names))
+    undamped = [name in bounded and name in _DAMPINGS for name in names] + [False] * (x.size - len(names))
     covariance = sandwich(solution.at.R, scores, ~np.array(undamped), max(1, len(names)))
     force = problem.inertial + _simulated(problem.log, problem.parts, values, parameters[len(FREE) :].tolist())
     error = problem.log["force"] - force

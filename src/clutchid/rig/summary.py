@@ -9,13 +9,13 @@ from clutchid.rig.coulomb import CoulombFriction, Level
 from clutchid.rig.weighted import StudentEstimate
 
 #: Significance level at which a constant friction is rejected.
-SIGNIFICANCE = 0.05
+_SIGNIFICANCE = 0.05
 
 #: Relative difference of the mean speeds of the levels above which a warning is given, because of viscous friction.
 _SPEEDS = 0.1
 
 #: The variant whose Coulomb friction grows with the pressure over the piston.
-VARIANT = "energy-balance-stribeck"
+_VARIANT = "energy-balance-stribeck"
 
 
 def conclusions(friction: CoulombFriction) -> list[str]:
@@ -44,7 +44,7 @@ def implied(friction: CoulombFriction) -> dict[str, Estimate]:
     test, slope = friction.test, friction.slope
     if test is None or friction.constant is None or slope is None or friction.intercept is None:
         return {"F_C": _estimate(friction.levels[0].friction, "N")} if len(friction.levels) == 1 else {}
-    if test.p_value < SIGNIFICANCE and slope.low > 0.0:
+    if test.p_value < _SIGNIFICANCE and slope.low > 0.0:
         return {"F_C": _estimate(friction.intercept, "N"), "c_F": _estimate(slope, "m²")}
     return {"F_C": _estimate(friction.constant, "N")}
 
@@ -60,14 +60,14 @@ def _over_levels(friction: CoulombFriction) -> str:
         by_level = "; ".join(f"F_C = {_shown(level.friction, 'N')}{_at(level)}" for level in levels)
         return f"{by_level}. A test whether it depends on the pressure needs two levels or more, with two cycles each."
     chance = f"p = {test.p_value:.2g}"
-    if test.p_value >= SIGNIFICANCE:
+    if test.p_value >= _SIGNIFICANCE:
         return f"one constant F_C = {_shown(constant, 'N')} is adequate for all {len(levels)} levels ({chance})."
     low, high = min(levels, key=_force), max(levels, key=_force)
     ends = f"{_force(low):.2f} N{_at(low)}", f"{_force(high):.2f} N{_at(high)}"
     if slope.low > 0.0:
         return (
             f"a constant F_C is inadequate ({chance}): it increases from {ends[0]} to {ends[1]}; use the variant "
-            f"{VARIANT}, in which pressure adds to seal friction, with c_F = {_shown(slope, 'm²')} and "
+            f"{_VARIANT}, in which pressure adds to seal friction, with c_F = {_shown(slope, 'm²')} and "
             f"F_C = {_shown(intercept, 'N')}."
         )
     return (

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 
 import numpy as np
 
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.truck.law import SAMPLE, TICK
-from clutchid.truck.load_table import LoadTable, rest_position
+from clutchid.truck.load_table import LoadTable, rest_position, travels, with_return_spring
 from clutchid.truck.parts.gas import volumes
 from clutchid.truck.parts.part import Numbers
 from clutchid.truck.vehicle import Vehicle
 
 
+@lru_cache(maxsize=64)
 def load_curve(truck: Vehicle) -> LoadTable:
     """Load of a truck at its age.
 
@@ -23,7 +25,10 @@ def load_curve(truck: Vehicle) -> LoadTable:
     ParameterError
         If the load is negative somewhere in the stroke, or a spring snaps through.
     """
-    return truck.parts.clutch.load_curve(truck)
+    clutch = truck.parts.clutch
+    age = clutch.numbers(truck)
+    force, touch = clutch.force(truck, travels(truck, age["y_r"]), age)
+    return with_return_spring(truck, age["y_r"], force, touch, age["F_r"])
 
 
 def at_rest(truck: Vehicle, curve: LoadTable, p_S: float | None = None) -> FloatArray:

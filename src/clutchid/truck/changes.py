@@ -21,7 +21,7 @@ CHANGES: Mapping[str, str] = MappingProxyType({
 })  # fmt: skip
 
 #: Change of temperature in K, and factor of the viscous friction that belongs to it.
-TEMPERATURES = {"cold": (-30.0, 2.0), "warm": (30.0, 0.6)}
+_TEMPERATURES = {"cold": (-30.0, 2.0), "warm": (30.0, 0.6)}
 
 
 def aged(truck: Kind, wear: float = 0.0, cycles: float = 0.0) -> Kind:
@@ -69,8 +69,8 @@ def changed(truck: Kind, *changes: str) -> Kind:
     """
     check_names(changes, CHANGES, "change")
     for name in changes:
-        if name in TEMPERATURES:
-            truck = _at_temperature(truck, *TEMPERATURES[name])
+        if name in _TEMPERATURES:
+            truck = _at_temperature(truck, *_TEMPERATURES[name])
         else:
             factors = [item for part in truck.parts for item in part.factors.get(name, {}).items()]
             truck = _scaled(truck, dict(factors))

@@ -24,13 +24,13 @@ from clutchid.truck.truth import Truth, truth_of, write_truth
 from clutchid.truck.vehicle import Vehicle
 
 #: Longest drive in s: an hour needs half a gigabyte.
-LONGEST = 3600.0
+_LONGEST = 3600.0
 #: Largest number of dropouts per second: each lasts 5 ms or longer.
 _MOST_DROPOUTS = 20
 #: Distance in m between the far stop and the largest set point.
-MARGIN = 2e-3
+_MARGIN = 2e-3
 #: Largest offset of the position in m, and largest delay of the duty cycles in s: faults, not another actuator.
-MOST_OFFSET, MOST_LATE = 5e-3, 0.1
+_MOST_OFFSET, _MOST_LATE = 5e-3, 0.1
 
 
 #: Zero of a position sensor: learned at this vented rest, or kept from the new clutch.
@@ -149,7 +149,7 @@ def drive(
     curve, sensor = load_curve(truck), truck.parts.sensor
     seeds = np.random.SeedSequence(seed).spawn(5)
     of_course, of_noise, of_air, of_recorder, of_conditions = map(np.random.default_rng, seeds)
-    points = ClutchPoints(curve.touch - curve.rest, truck.y_max - curve.rest - MARGIN)
+    points = ClutchPoints(curve.touch - curve.rest, truck.y_max - curve.rest - _MARGIN)
     wanted = set_point(manoeuvre, seconds, points, of_course)
     noise = sensor.position_noise(truck, wanted.size, of_noise)
     shift = offset + (_fallen(truck, curve) if truck.zero == "kept" else 0.0)
@@ -259,10 +259,10 @@ def _recorded(motion: Run, pressure: FloatArray | None, name: str, metadata: dic
 
 
 def _check(seconds: float, seed: int, dropouts: int, recorder: str, stuck: tuple[float, float] | None) -> None:
-    length, most = 0.5 <= seconds <= LONGEST, _MOST_DROPOUTS
+    length, most = 0.5 <= seconds <= _LONGEST, _MOST_DROPOUTS
     many, order = length and not 0 <= dropouts <= most * seconds, stuck is None or 0 <= stuck[0] < stuck[1]
     checks = (
-        (length, f"seconds = {seconds:g}: a drive lasts 0.5 to {LONGEST:g} s."),
+        (length, f"seconds = {seconds:g}: a drive lasts 0.5 to {_LONGEST:g} s."),
         (not many, f"dropouts = {dropouts}: must be at least 0, and at most {most} a second."),
         (seed >= 0, f"seed = {seed}: must be an integer of at least 0."),
         (recorder in ("controller", "bus"), f"recorder = {recorder!r}: must be controller or bus."),
@@ -272,10 +272,10 @@ def _check(seconds: float, seed: int, dropouts: int, recorder: str, stuck: tuple
 
 
 def _check_sensors(offset: float, late: float) -> None:
-    whole = 0.0 <= late <= MOST_LATE and abs(late / SAMPLE - round(late / SAMPLE)) < 1e-6
-    most, longest = MOST_OFFSET * 1e3, MOST_LATE * 1e3
+    whole = 0.0 <= late <= _MOST_LATE and abs(late / SAMPLE - round(late / SAMPLE)) < 1e-6
+    most, longest = _MOST_OFFSET * 1e3, _MOST_LATE * 1e3
     checks = (
-        (abs(offset) <= MOST_OFFSET, f"offset = {offset * 1e3:g} mm: at most {most:g} mm either way."),
+        (abs(offset) <= _MOST_OFFSET, f"offset = {offset * 1e3:g} mm: at most {most:g} mm either way."),
         (whole, f"late = {late * 1e3:g} ms: must be a whole number of ms from 0 to {longest:g}."),
     )
     ParameterError.raise_for(text for holds, text in checks if not holds)

@@ -21,10 +21,10 @@ FILES = {family: Path(__file__).parent / name for family, name in (("A", "ranges
 RANGES = FILES["A"]
 
 #: What a hybrid's family is called: this and its seed.
-HYBRID = "h:"
+_HYBRID = "h:"
 
 #: Makes the draws of hybrids independent of those of the families.
-SALT = 104
+_SALT = 104
 
 #: So many hybrids with consecutive seeds have each part of a slot equally often.
 BLOCK = 16
@@ -61,7 +61,7 @@ def truck(number: int, family: str = "A") -> Vehicle:
         return _built(PARTS[family], _basic(table, rng), table["share"], rng)
     parts = parts_of(hybrid_letters(family))
     tables = {name: ranges(path) for name, path in FILES.items()}
-    rng = np.random.default_rng([*(table["version"] for table in tables.values()), SALT, _seed(family), int(number)])
+    rng = np.random.default_rng([*(table["version"] for table in tables.values()), _SALT, _seed(family), int(number)])
     drawn = _chosen(parts, {name: _basic(table, rng) for name, table in tables.items()})
     drawn["zero"] = _one_of(ZEROS, family, len(parts))
     return _built(parts, drawn, tables["A"]["share"] | tables["B"]["share"], rng)
@@ -69,7 +69,7 @@ def truck(number: int, family: str = "A") -> Vehicle:
 
 def label(family: str) -> str:
     """A family in the names of files: that of a hybrid without its colon, and apart from a number that follows."""
-    return f"{family.replace(':', '')}_" if family.startswith(HYBRID) else family
+    return f"{family.replace(':', '')}_" if family.startswith(_HYBRID) else family
 
 
 def hybrid_letters(family: str) -> str:
@@ -91,12 +91,12 @@ def hybrid_letters(family: str) -> str:
 def _one_of(two: Sequence[str], family: str, column: int) -> str:
     """One of two for a hybrid; each as often as the other in a block of seeds."""
     block, place = divmod(_seed(family), BLOCK)
-    return str(np.random.default_rng([SALT, block, column]).permutation(np.repeat(list(two), BLOCK // 2))[place])
+    return str(np.random.default_rng([_SALT, block, column]).permutation(np.repeat(list(two), BLOCK // 2))[place])
 
 
 def _seed(family: str) -> int:
-    digits = family.removeprefix(HYBRID)
-    if not (family.startswith(HYBRID) and digits.isascii() and digits.isdigit()):
+    digits = family.removeprefix(_HYBRID)
+    if not (family.startswith(_HYBRID) and digits.isascii() and digits.isdigit()):
         raise ParameterError(f"family {family!r}: must be A or B, or a hybrid h:SEED, such as h:7.")
     return int(digits)
 

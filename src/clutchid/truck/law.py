@@ -11,7 +11,7 @@ import math
 #: Time step of valves and integration, and sampling time of sensor, controller and recording, in s.
 TICK, SAMPLE = 1e-4, 1e-3
 #: Ticks per sample, and steps of spool and armature in a tick.
-TICKS, PARTS = 10, 4
+TICKS, _PARTS = 10, 4
 
 #: What moves the valves: magnets with dead times and ramps, a spool, or solenoids with current and armature.
 MAGNETS, SPOOL, SOLENOIDS = 0, 1, 2
@@ -19,11 +19,11 @@ MAGNETS, SPOOL, SOLENOIDS = 0, 1, 2
 #: Time constants of the controller's filters for position and velocity, in s.
 FILTER_Y, FILTER_V = 0.002, 0.005
 #: Velocity in m/s below which the controller may close both valves.
-SLOW = 0.02
+_SLOW = 0.02
 #: Set point in m below which the clutch is engaged and the chamber vented.
-ENGAGED = 1e-4
+_ENGAGED = 1e-4
 #: Time in s for which the exhaust stays open after the piston has returned.
-VENTING = 0.4
+_VENTING = 0.4
 
 
 def magnet(flux: float, energised: bool, t_pull: float, t_drop: float, tick: float) -> float:
@@ -89,11 +89,11 @@ def request(
     band, lead, e_in, e_out
         Error at full opening in m, prediction time in s, dead band in m.
     """
-    if wanted < ENGAGED:
-        left = VENTING if y > 0.5e-3 else venting - SAMPLE
+    if wanted < _ENGAGED:
+        left = _VENTING if y > 0.5e-3 else venting - SAMPLE
         return (-1.0 if left > 0.0 else 0.0), False, max(left, 0.0)
     error = wanted - y - lead * v
-    quiet = abs(error) < e_in and abs(v) < SLOW
+    quiet = abs(error) < e_in and abs(v) < _SLOW
     if (holding or quiet) and abs(wanted - y) < e_out:
         return 0.0, True, 0.0
     return min(1.0, max(-1.0, error / band)), False, 0.0
@@ -117,8 +117,8 @@ def spool(
     """
     if not second_order:
         return u + (x - u) * math.exp(-tick / tau), 0.0
-    step = tick / PARTS
-    for _ in range(PARTS):
+    step = tick / _PARTS
+    for _ in range(_PARTS):
         speed += step * omega * (omega * (u - x) - 2.0 * zeta * speed)
         x += step * speed
         if x > 1.0 or x < -1.0:
@@ -142,9 +142,9 @@ def solenoid(
     in which the largest force without spring would open the valve; the stops take all speed.
     """
     target = 1.0 if energised else 0.0
-    decay = math.exp(-tick / (PARTS * tau))
-    step = tick / PARTS
-    for _ in range(PARTS):
+    decay = math.exp(-tick / (_PARTS * tau))
+    step = tick / _PARTS
+    for _ in range(_PARTS):
         current = target + (current - target) * decay
         speed += step * 2.0 / (travel * travel) * (current * current - spring * (1.0 + 0.5 * lift))
         lift += step * speed

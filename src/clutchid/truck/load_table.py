@@ -50,7 +50,7 @@ def travels(truck: Vehicle, rest: float) -> FloatArray:
     return np.arange(0.0, truck.y_max - rest + BEYOND, PITCH)
 
 
-def load_table(truck: Vehicle, rest: float, force: FloatArray, touch: float, preload: float) -> LoadTable:
+def with_return_spring(truck: Vehicle, rest: float, force: FloatArray, touch: float, preload: float) -> LoadTable:
     """Table of the clutch's `force` [N] over `travels`, with the return spring in parallel.
 
     Parameters

@@ -13,35 +13,35 @@ from clutchid.truck.families import label, truck
 from clutchid.truck.vehicle import Vehicle
 
 #: First day of the fleet.
-BEGIN = datetime(2024, 1, 8, 6, tzinfo=UTC)
+_BEGIN = datetime(2024, 1, 8, 6, tzinfo=UTC)
 
 #: Days of a month.
-MONTH = 365.25 / 12
+_MONTH = 365.25 / 12
 
 #: Most vehicles, and months, of a fleet.
 MOST = 100_000, 240
 
 #: Strokes in a week, km in a week, and wear in m of a stroke: median, and standard deviation of the logarithm between
 #: vehicles. An assumption: a facing of 3.5 mm lasts about a million strokes, three years of distribution traffic.
-STROKES_A_WEEK, KM_A_WEEK, WEAR_A_STROKE = (7000.0, 0.25), (2500.0, 0.3), (1 / 3e8, 0.25)
+_STROKES_A_WEEK, _KM_A_WEEK, _WEAR_A_STROKE = (7000.0, 0.25), (2500.0, 0.3), (1 / 3e8, 0.25)
 
 #: Scatter of these within a vehicle, from a week to the next; an assumption.
-SCATTER = 0.2
+_SCATTER = 0.2
 
 #: Mean of the air temperature over a year in K, its yearly amplitude, and the scatter of a day; an assumption.
-CLIMATE, SEASON, DAY = (283.0, 5.0), (12.0, 3.0), 4.0
+_CLIMATE, _SEASON, DAY = (283.0, 5.0), (12.0, 3.0), 4.0
 
 #: Supply pressure as a share of the set one: standard deviation of the drift in a year; an assumption.
-SUPPLY_DRIFT = 0.01
+_SUPPLY_DRIFT = 0.01
 
 #: Probability in a year that a clutch is replaced early, a position sensor is replaced, a leak begins; and in a
 #: recording that its file is cut off, the clock restarts, or it is sent twice. Assumptions.
-REPLACED, SENSOR, LEAK = 0.1, 0.1, 0.05
-CUT_OFF, CLOCK, TWICE = 0.01, 0.003, 0.005
+REPLACED, _SENSOR, _LEAK = 0.1, 0.1, 0.05
+_CUT_OFF, _CLOCK, _TWICE = 0.01, 0.003, 0.005
 
 #: Standard deviation of the gain of a new position sensor, recordings for which a restarted clock is wrong, and the
 #: conductance in m³/(Pa·s) that a leak gains in a week.
-GAIN, WRONG, LEAK_A_WEEK = 3e-3, 3, 2e-12
+_GAIN, _WRONG, _LEAK_A_WEEK = 3e-3, 3, 2e-12
 
 #: Share of the facing at which a worn clutch is replaced.
 WORN_OUT = 0.97
@@ -113,7 +113,7 @@ def visits(
             raise ParameterError(f"{value} {what}: a fleet has {low} to {high:g}.")
     limit = truck(first, family).w_max
     for v in range(vehicles):
-        yield tuple(_service(v, family, first + v % types, limit, months * MONTH, days, seed))
+        yield tuple(_service(v, family, first + v % types, limit, months * _MONTH, days, seed))
 
 
 def _service(v: int, family: str, number: int, limit: float, length: float, days: float, seed: int) -> Iterator[Visit]:
@@ -121,25 +121,25 @@ def _service(v: int, family: str, number: int, limit: float, length: float, days
     random = np.random.default_rng([seed, v])
     strokes_a_week, km_a_week, wear_a_stroke = (
         median * float(np.exp(spread * random.standard_normal()))
-        for median, spread in (STROKES_A_WEEK, KM_A_WEEK, WEAR_A_STROKE)
+        for median, spread in (_STROKES_A_WEEK, _KM_A_WEEK, _WEAR_A_STROKE)
     )
-    mean, season = CLIMATE[0] + CLIMATE[1] * random.standard_normal(), SEASON[0] + SEASON[1] * random.standard_normal()
+    mean, season = (middle + spread * random.standard_normal() for middle, spread in (_CLIMATE, _SEASON))
     day = float(random.uniform(0.0, days))
     now = Visit(
-        "", f"{label(family)}{v:05d}", family, number, BEGIN, BEGIN, 0.0, 0.0, 0.0, 0.0, mean, 1.0, 0.0, 1.0, 0
+        "", f"{label(family)}{v:05d}", family, number, _BEGIN, _BEGIN, 0.0, 0.0, 0.0, 0.0, mean, 1.0, 0.0, 1.0, 0
     )  # fmt: skip
     passed, wrong, count = day, 0, 0
     while day < length:
         weeks = passed / 7.0
-        scatter = np.exp(SCATTER * random.standard_normal(3))
+        scatter = np.exp(_SCATTER * random.standard_normal(3))
         strokes = strokes_a_week * weeks * float(scatter[0])
         now = _gone_on(now, strokes, km_a_week * weeks * float(scatter[1]), wear_a_stroke * float(scatter[2]), weeks)
         now = _with_event(now, weeks, limit, random)
-        begin = BEGIN + timedelta(days=day)
+        begin = _BEGIN + timedelta(days=day)
         yearly = np.cos(2 * np.pi * (begin.timetuple().tm_yday - 200) / 365.25)
         fault = _fault(random)
-        wrong = WRONG if fault == "clock" else max(wrong - 1, 0)
-        clock = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(hours=10.0 * (WRONG - wrong)) if wrong else begin
+        wrong = _WRONG if fault == "clock" else max(wrong - 1, 0)
+        clock = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(hours=10.0 * (_WRONG - wrong)) if wrong else begin
         now = replace(
             now, recording=f"{now.vehicle}_{count:04d}", begin=begin, clock=clock,
             temperature=float(np.clip(mean + season * yearly + DAY * random.standard_normal(), 238.0, 318.0)),
@@ -155,28 +155,28 @@ def _gone_on(now: Visit, strokes: float, km: float, wear_a_stroke: float, weeks:
     return replace(
         now, strokes=now.strokes + strokes, cycles=now.cycles + strokes, odometer=now.odometer + km,
         wear=now.wear + wear_a_stroke * strokes, event="",
-        leak=now.leak + (LEAK_A_WEEK * weeks if now.leak else 0.0),
+        leak=now.leak + (_LEAK_A_WEEK * weeks if now.leak else 0.0),
     )  # fmt: skip
 
 
 def _with_event(now: Visit, weeks: float, limit: float, random: np.random.Generator) -> Visit:
     """Events of a vehicle, at most one at a time, and the drift of its supply."""
     years, drawn = weeks * 7.0 / 365.25, random.uniform(size=3)
-    drift, gain = SUPPLY_DRIFT * np.sqrt(years) * random.standard_normal(), GAIN * random.standard_normal()
+    drift, gain = _SUPPLY_DRIFT * np.sqrt(years) * random.standard_normal(), _GAIN * random.standard_normal()
     now = replace(now, supply=float(np.clip(now.supply + drift, 0.9, 1.05)))
     if now.wear >= WORN_OUT * limit or drawn[0] < REPLACED * years:
         return replace(now, wear=0.0, cycles=0.0, event="clutch replaced")
-    if drawn[1] < SENSOR * years:
+    if drawn[1] < _SENSOR * years:
         return replace(now, gain=1.0 + float(gain), event="sensor replaced")
-    if drawn[2] < LEAK * years and not now.leak:
-        return replace(now, leak=LEAK_A_WEEK, event="leak")
+    if drawn[2] < _LEAK * years and not now.leak:
+        return replace(now, leak=_LEAK_A_WEEK, event="leak")
     return now
 
 
 def _fault(random: np.random.Generator) -> str:
     """Fault of a file."""
     drawn, edge = float(random.uniform()), 0.0
-    for fault, probability in (("cut off", CUT_OFF), ("clock", CLOCK), ("twice", TWICE)):
+    for fault, probability in (("cut off", _CUT_OFF), ("clock", _CLOCK), ("twice", _TWICE)):
         edge += probability
         if drawn < edge:
             return fault

@@ -15,7 +15,7 @@ from clutchid.names import as_text
 STORE = "run.sqlite"
 
 #: Problem of a row of a table without a file.
-ABSENT = "the table names it, but its file is not there."
+_ABSENT = "the table names it, but its file is not there."
 
 
 class FolderContent(NamedTuple):
@@ -115,7 +115,7 @@ class FilesByName:
             return ListedFile(files[0])
         names = [f"'{as_text(str(path))}'" for path in files[:3]]
         return ListedFile(
-            None, f"several files have its name: {', '.join(names)}; rename all but one." if names else ABSENT
+            None, f"several files have its name: {', '.join(names)}; rename all but one." if names else _ABSENT
         )
 
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 CLOCK = 1_000_000
 
 #: Most points across a plot.
-MOST_WIDTH = 4000
+_MOST_WIDTH = 4000
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,7 +191,7 @@ def plotted(folder: Path, grid: int, columns: Sequence[int], begin: float, end: 
     size = clock.size
     first = max(_index(clock, size, begin) - 1, 0)
     last = min(_index(clock, size, end, after=True) + 1, size)
-    count, width = max(last - first, 0), min(max(width, 1), MOST_WIDTH)
+    count, width = max(last - first, 0), min(max(width, 1), _MOST_WIDTH)
     several = [column_of(folder, grid, column) for column in columns]
     if count <= 2 * width:
         return np.vstack([clock.read(first, last), *(column.read(first, last) for column in several)])

@@ -335,7 +335,7 @@ def _forecast(wear: Wear) -> dict[str, pl.Series]:
     return {name: pl.Series([*before, side], dtype=pl.Float64) for name, side in zip(names, sides, strict=True)}
 
 
-def load_table(keys: Mapping[str, Sequence[str]], curves: Sequence[LoadCurve | None]) -> pl.DataFrame:
+def load_frame(keys: Mapping[str, Sequence[str]], curves: Sequence[LoadCurve | None]) -> pl.DataFrame:
     """Loads below each other, those that are known: columns of `keys` with a text a load, position, force and band."""
     import polars as pl
 
@@ -357,7 +357,7 @@ def write_tracked(tracked: Tracked, out: Path) -> None:
     """
     write_frame(table_of(tracked), out)
     names = [dated.name for dated in tracked.wear.dated]
-    write_frame(load_table({"recording": names}, [read.curve for read in tracked.reads]), curves_path(out))
+    write_frame(load_frame({"recording": names}, [read.curve for read in tracked.reads]), curves_path(out))
 
 
 def curves_path(out: Path) -> Path:

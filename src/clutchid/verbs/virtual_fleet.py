@@ -27,13 +27,13 @@ from clutchid.truck.vehicle import Vehicle
 POSITIONS, STEPS = np.linspace(0.0, 0.02, 4001), 36
 
 #: Length in s, and seed, of the recording with pressure from which a type is calibrated.
-CALIBRATION, CALIBRATION_SEED = 30.0, 1
+CALIBRATION, _CALIBRATION_SEED = 30.0, 1
 
 #: Strokes for a metre of wear, as the ages in a type's table have done.
 STROKES_A_METRE = 3e8
 
 #: Names of the files of a fleet, and of their folders.
-TABLE, TRUTH, RECORDINGS, CALIBRATIONS = "recordings.csv", "truth.csv", "recordings", "calibrations"
+_TABLE, TRUTH, _RECORDINGS, _CALIBRATIONS = "recordings.csv", "truth.csv", "recordings", "calibrations"
 
 CsvRow = Mapping[str, Any]
 
@@ -75,7 +75,7 @@ def write_fleet(
     _new_folders(out, visits)
     kinds = sorted({(visit.family, visit.number) for visit in visits})
     for family, number in kinds:
-        _write_calibration(out / CALIBRATIONS, family, number)
+        _write_calibration(out / _CALIBRATIONS, family, number)
     rows: dict[str, CsvRow] = {}
     for finished in results(partial(_recorded, out, seconds), visits, workers):
         if isinstance(finished.result, LostWork):
@@ -84,7 +84,7 @@ def write_fleet(
         if progress:
             progress(len(rows), len(visits))
     _write_csv(out / TRUTH, [rows[visit.recording] for visit in visits])
-    _write_csv(out / TABLE, [row for visit in visits for row in _listed(visit)])
+    _write_csv(out / _TABLE, [row for visit in visits for row in _listed(visit)])
     return len(visits)
 
 
@@ -98,9 +98,9 @@ def _new_folders(out: Path, visits: Iterable[Visit]) -> None:
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise ExportError(f"--out {out}: exists already; name a new folder for the fleet.")
     try:
-        (out / CALIBRATIONS).mkdir(parents=True)
+        (out / _CALIBRATIONS).mkdir(parents=True)
         for vehicle in {visit.vehicle for visit in visits}:
-            (out / RECORDINGS / vehicle).mkdir(parents=True)
+            (out / _RECORDINGS / vehicle).mkdir(parents=True)
     except OSError as error:
         raise ExportError(f"--out {out}: the folder cannot be created ({error.strerror}).") from error
 
@@ -108,7 +108,7 @@ def _new_folders(out: Path, visits: Iterable[Visit]) -> None:
 def _write_calibration(folder: Path, family: str, number: int) -> None:
     """A recording with pressure of a new truck, and how its load changes with wear, as on a test rig."""
     new, name = truck(number, family), type_name(family, number)
-    driven = drive(new, seconds=CALIBRATION, seed=CALIBRATION_SEED, conditions=True, name=name)
+    driven = drive(new, seconds=CALIBRATION, seed=_CALIBRATION_SEED, conditions=True, name=name)
     write(replace(driven.log, metadata={}), folder / f"{name}.parquet")
     wear = np.linspace(0.0, new.w_max, STEPS)
     loads = [true_load(aged(new, w, w * STROKES_A_METRE)) for w in wear]
@@ -139,7 +139,7 @@ def _recorded(out: Path, seconds: float, visit: Visit) -> CsvRow:
         temperature=visit.temperature, pressure=False, conditions=True, name=visit.recording,
     )  # fmt: skip
     log = driven.log.with_columns(position=visit.gain * driven.log["position"])
-    path = out / RECORDINGS / visit.vehicle / f"{visit.recording}.parquet"
+    path = out / _RECORDINGS / visit.vehicle / f"{visit.recording}.parquet"
     write(replace(log, metadata={"start": visit.clock.isoformat()}), path)
     if visit.fault == "cut off":
         path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])

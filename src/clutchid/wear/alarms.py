@@ -51,7 +51,7 @@ class RestMove(NamedTuple):
 
 
 #: Move of a rest that is not known.
-NOT_KNOWN = RestMove(float("nan"), "")
+_NOT_KNOWN = RestMove(float("nan"), "")
 
 
 def rest_moves(
@@ -82,7 +82,7 @@ def rest_moves(
     base = before = None
     for k, rest in enumerate(rests):
         if rest is None:
-            moves.append(NOT_KNOWN)
+            moves.append(_NOT_KNOWN)
             continue
         if base is None or before is None:
             moves.append(RestMove(0.0, ""))

@@ -20,10 +20,10 @@ from clutchid.strokes.vented_rest import RestShift
 Axis = Literal["strokes", "km", "days", "recordings"]
 
 #: A clock before this day has restarted, and is not used.
-CLOCKS = datetime(2000, 1, 1, tzinfo=UTC)
+_CLOCKS = datetime(2000, 1, 1, tzinfo=UTC)
 
 #: Difference between the clock of a file and the table that is not warned of: time zones, and the end of a drive.
-TOLERANCE = timedelta(days=1)
+_TOLERANCE = timedelta(days=1)
 
 #: Length of a date without a time of day.
 DAY = timedelta(days=1)
@@ -115,15 +115,15 @@ def arranged(names: Sequence[str], clocks: Sequence[str], table: Mapping[str, Li
 def _dated(name: str, clock: str, row: Listed | None) -> Dated:
     warnings: list[str] = []
     of_file, of_table, of_name = _instant(clock), row.begin if row else None, _date_in(name)
-    if of_file is not None and of_file < CLOCKS:
+    if of_file is not None and of_file < _CLOCKS:
         warnings.append(f"its clock says {of_file:%Y-%m-%d}, so it had restarted, and is not used.")
         of_file = None
-    if of_file and of_table and abs(of_file - of_table) > TOLERANCE:
+    if of_file and of_table and abs(of_file - of_table) > _TOLERANCE:
         warnings.append(
             f"the file is of {of_file:%Y-%m-%d %H:%M}, the table says {of_table:%Y-%m-%d %H:%M}; the file counts."
         )
     begin = of_file or of_table
-    if begin and of_name and not of_name - TOLERANCE <= begin <= of_name + DAY + TOLERANCE:
+    if begin and of_name and not of_name - _TOLERANCE <= begin <= of_name + DAY + _TOLERANCE:
         where = "file" if of_file else "table"
         warnings.append(f"its name is of {of_name:%Y-%m-%d}, the {where} of {begin:%Y-%m-%d}; the {where} counts.")
     begin = begin or of_name

@@ -33,10 +33,10 @@ from clutchid.wear.trend import (
 UNKNOWN = Interval(*[float("nan")] * 3)
 
 #: Quantiles of a forecast: its 90 % interval and its median.
-QUANTILES = (0.05, 0.5, 0.95)
+_QUANTILES = (0.05, 0.5, 0.95)
 
 #: Horizon of a forecast in lives.
-HORIZON = 5.0
+_HORIZON = 5.0
 
 
 class Remaining(NamedTuple):
@@ -72,12 +72,12 @@ def remaining(name: str, mean: FloatArray, covariance: FloatArray, limit: float,
         How much of s a life has.
     """
     sign = 1.0 if limit >= 0 else -1.0
-    ahead = np.concatenate([[0.0], np.geomspace(1e-4, HORIZON, 600)]) * life
+    ahead = np.concatenate([[0.0], np.geomspace(1e-4, _HORIZON, 600)]) * life
     value = mean[0] + mean[1] * ahead
     noise = np.array([growth_noise(name, life, float(ds))[0, 0] for ds in ahead])
     variance = covariance[0, 0] + 2 * ahead * covariance[0, 1] + ahead**2 * covariance[1, 1] + noise
     reached = np.maximum.accumulate(special.ndtr(sign * (value - limit) / np.sqrt(variance)))
-    return Remaining(*(_first(reached, ahead, quantile) for quantile in QUANTILES))
+    return Remaining(*(_first(reached, ahead, quantile) for quantile in _QUANTILES))
 
 
 def _first(reached: FloatArray, ahead: FloatArray, quantile: float) -> float:
@@ -95,10 +95,10 @@ def _first(reached: FloatArray, ahead: FloatArray, quantile: float) -> float:
 COUNTED = ("used", "jump")
 
 #: A rate is known where its standard deviation is below this share of that before any reading. A guess.
-KNOWN = 0.5
+_KNOWN = 0.5
 
 #: Share of the table of wear that a band of the wear may hold; beyond, the wear is unknown. 0.95 of it is no knowledge.
-ANYTHING = 0.9
+_ANYTHING = 0.9
 
 #: Why an outlier does not count: where it may be the first recording of a change, and where it is not.
 _WAITS = "outlier: the trend does not expect it, and the next recordings will say whether the clutch has changed."
@@ -182,7 +182,7 @@ class Wear:
     def present(self) -> dict[str, Interval]:
         """Quantities at the last recording; NaN for wear whose band says no more than its table."""
         last = {name: band.last for name, band in self.then.items()}
-        if "wear" in last and last["wear"].high - last["wear"].low > ANYTHING * (self.end_of_table or np.inf):
+        if "wear" in last and last["wear"].high - last["wear"].low > _ANYTHING * (self.end_of_table or np.inf):
             last["wear"] = UNKNOWN
         return last
 
@@ -195,7 +195,7 @@ class Wear:
         name = "wear" if "wear" in self.rate else "shift"
         rate = self.rate[name].last
         prior = GROWTH[name].rate / LIFE[self.axis]
-        determined = any(self.counted) and self.sudden is None and rate.high - rate.low < 2 * QUANTILE * KNOWN * prior
+        determined = any(self.counted) and self.sudden is None and rate.high - rate.low < 2 * QUANTILE * _KNOWN * prior
         return rate if determined else UNKNOWN
 
     @property
@@ -275,7 +275,7 @@ def _limit(table: WearTable | None, limit: float | None) -> tuple[str, float | N
 State = tuple[FloatArray, FloatArray]
 
 #: Nodes and weights of expectations over the standard normal distribution.
-NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(15)
+_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(15)
 
 
 def _mixed(shares: FloatArray, states: Sequence[State]) -> State:
@@ -326,8 +326,8 @@ def _quantities(model: TrendModel, mean: FloatArray, P: FloatArray) -> State:
     for c, (q, function) in enumerate(model.channels):
         i, width = model.changes + c, np.sqrt(P[2 * q, 2 * q])
         slope = P[i, 2 * q] / width
-        at = function(mean[2 * q] + width * NODES) + mean[i] + slope * NODES
-        value = np.average(at, weights=WEIGHTS)
+        at = function(mean[2 * q] + width * _NODES) + mean[i] + slope * _NODES
+        value = np.average(at, weights=_WEIGHTS)
         values.append(value)
-        variances.append(np.average((at - value) ** 2, weights=WEIGHTS) + P[i, i] - slope**2)
+        variances.append(np.average((at - value) ** 2, weights=_WEIGHTS) + P[i, i] - slope**2)
     return np.array(values), np.diag(variances)

@@ -24,16 +24,16 @@ from clutchid.wear.trend import WearTable
 Key = TypeVar("Key", bound=Hashable)
 
 #: Columns of a table of load against wear, in mm, mm and N.
-WEAR_COLUMNS = ("wear [mm]", "half_load [mm]", "load [N]")
+_WEAR_COLUMNS = ("wear [mm]", "half_load [mm]", "load [N]")
 
 #: Bytes of a table: a hundred for each of a million recordings.
 _LARGEST = 100_000_000
 
 #: Largest wear and position in mm and load in N of a clutch, far above those of any truck.
-MOST_MM, MOST_N = 100.0, 1e6
+MOST_MM, _MOST_N = 100.0, 1e6
 
 #: Largest odometer reading in km and number of strokes: a hundred lives of a truck.
-MOST_KM, MOST_STROKES = 1e8, 1e9
+_MOST_KM, _MOST_STROKES = 1e8, 1e9
 
 #: A number as tables have it: no blanks, no underscores.
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
@@ -95,10 +95,10 @@ def read_wear_table(path: Path) -> WearTable:
         If the file cannot be read, lacks a column, or its wear does not increase from 0.
     """
     rows = _rows(path)
-    missing = [name for name in WEAR_COLUMNS if name not in rows[0]]
+    missing = [name for name in _WEAR_COLUMNS if name not in rows[0]]
     if missing:
         raise DataError(f"{path}: lacks the column {' and '.join(map(repr, missing))}.")
-    wear, half, load = (_column(path, rows, name, MOST_N if name == "load [N]" else MOST_MM) for name in WEAR_COLUMNS)
+    wear, half, load = (_column(path, rows, name, _MOST_N if name == "load [N]" else MOST_MM) for name in _WEAR_COLUMNS)
     if wear.size < 2 or wear[0] != 0.0 or np.any(np.diff(wear) <= 0.0):
         raise DataError(f"{path}: 'wear [mm]' must start at 0 and increase, in two rows or more.")
     if load.min() <= 0.0:
@@ -149,8 +149,8 @@ def _listed(row: Mapping[str, str]) -> Listed:
         row.get("vehicle", ""),
         row.get("type", ""),
         begin.replace(tzinfo=UTC) if begin and not begin.tzinfo else begin,
-        _number(row, "odometer_km", MOST_KM),
-        _number(row, "strokes", MOST_STROKES),
+        _number(row, "odometer_km", _MOST_KM),
+        _number(row, "strokes", _MOST_STROKES),
     )
 
 

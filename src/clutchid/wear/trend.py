@@ -49,7 +49,7 @@ GROWTH = {
 LIFE = {"strokes": 1e6, "km": 4e5, "days": 1100.0, "recordings": 150.0}
 
 #: Standard deviation of the scatter of wear over a life, as a share of the rate over a life. A guess.
-SCATTER = 0.05
+_SCATTER = 0.05
 
 
 #: Air temperature in K that counts as that of the calibration where it had none.
@@ -66,15 +66,15 @@ class Occurrence(NamedTuple):
 
 #: Guesses on the generous side: a clutch is replaced once in a life, has a fault once in twenty, and one reading in a
 #: hundred misses.
-OCCURRENCE = Occurrence(1.0, 0.05, 0.01)
+_OCCURRENCE = Occurrence(1.0, 0.05, 0.01)
 
 #: Spread of new clutches of a type around the calibrated one, as a share of that of a first value; and of the rate of
 #: the next clutch of a vehicle around that of the one before, as a share of that of a first rate and of it. Guesses.
-NEW, NEXT_RATE = 0.05, 0.25
+NEW, _NEXT_RATE = 0.05, 0.25
 
 #: Scale of the error of an outlier in standard deviations of its reading; it has the tails of a Cauchy distribution.
 #: A guess.
-OUTLYING = 3.0
+_OUTLYING = 3.0
 
 #: Probability above which the kind of a change is stated, else it is unknown.
 SURE = 0.95
@@ -83,11 +83,11 @@ SURE = 0.95
 FALSE_ALARMS = 1e-3
 
 #: Share of the measurements of an unchanged clutch that are used without a look at what else they may be.
-EXPECTED = 0.95
+_EXPECTED = 0.95
 
 #: Measurements after which a decision is final, and the least probability and the largest number of paths that are
 #: followed. Guesses on the generous side.
-LAG, LEAST, PATHS = 4, 1e-4, 16
+_LAG, LEAST, _PATHS = 4, 1e-4, 16
 
 #: Fall of the vented rest in m over a life of a clutch without an adjuster, whose rest falls by 6.3 times the wear of a
 #: facing of 3.5 mm; and how many times faster than so far the rest may fall. Guesses on the generous side.
@@ -239,7 +239,7 @@ def follow(model: TrendModel, s: FloatArray, measurements: Sequence[Measurement 
         since = float(at) - last if measured else 0.0
         tracks = [after for track in tracks for after in _branches(model, track, (float(at), ds, since), now)]
         measured, last = [*measured, k], float(at)
-        tracks = _pruned(tracks, measured[-LAG - 1] if len(measured) > LAG else None)
+        tracks = _pruned(tracks, measured[-_LAG - 1] if len(measured) > _LAG else None)
     shares = _shares(tracks)
     paths = [Path(float(share), track.steps) for share, track in zip(shares, tracks, strict=True)]
     return tuple(sorted(paths, key=lambda path: -path.probability))
@@ -309,8 +309,8 @@ class _Used(NamedTuple):
         return (WORTH + self.deviance) / (WORTH + self.number)
 
     def limit(self, values: int) -> float:
-        """Deviance of `values` values that a share `EXPECTED` of them does not exceed."""
-        return values * float(special.fdtri(values, self.freedom, EXPECTED))
+        """Deviance of `values` values that a share `_EXPECTED` of them does not exceed."""
+        return values * float(special.fdtri(values, self.freedom, _EXPECTED))
 
     @property
     def freedom(self) -> float:
@@ -350,11 +350,11 @@ def _branches(model: TrendModel, track: _Track, where: tuple[float, float, float
     expected = _branch(model, track, where, now, "used")
     if track.used.number and expected.steps[-1].deviance <= track.used.limit(len(model.channels)):
         return [expected]
-    priors: dict[Outcome, float] = {"left out": OCCURRENCE.outlier}
+    priors: dict[Outcome, float] = {"left out": _OCCURRENCE.outlier}
     if since > 0.0:  # nothing changes before the first measurement
-        priors |= {name: -np.expm1(-getattr(OCCURRENCE, name) * since / model.life) for name in CHANGES}
+        priors |= {name: -np.expm1(-getattr(_OCCURRENCE, name) * since / model.life) for name in CHANGES}
     others = [(_branch(model, track, where, now, outcome), prior) for outcome, prior in priors.items()]
-    branches = [(expected, max(1.0 - sum(priors.values()), OCCURRENCE.outlier)), *others]
+    branches = [(expected, max(1.0 - sum(priors.values()), _OCCURRENCE.outlier)), *others]
     return [branch._replace(weight=branch.weight + float(np.log(prior))) for branch, prior in branches]
 
 
@@ -368,7 +368,7 @@ def _branch(
     after, used = _corrected(model, mean, P, now, track.used.scale), track.used
     S, freedom = after.S, track.used.freedom
     if outcome == "left out":
-        S, freedom = S + np.diag((OUTLYING * np.array([now.shift_std, now.load_std])) ** 2), 1.0
+        S, freedom = S + np.diag((_OUTLYING * np.array([now.shift_std, now.load_std])) ** 2), 1.0
         after = after._replace(mean=mean, covariance=P)
     elif outcome == "used":
         used = _Used(used.deviance + after.deviance, used.number + len(model.channels))
@@ -390,7 +390,7 @@ def _pruned(tracks: Sequence[_Track], final: int | None) -> list[_Track]:
         best = max(by_outcome, key=by_outcome.__getitem__)
         followed = {name for name in CHANGES if best in CHANGES and by_outcome[name] > 1.0 - SURE} | {best}
         tracks = [track for track in tracks if track.steps[final].outcome in followed]
-    most = sorted(tracks, key=lambda track: -track.weight)[:PATHS]
+    most = sorted(tracks, key=lambda track: -track.weight)[:_PATHS]
     return [track for track in most if shares[id(track)] >= LEAST * shares[id(most[0])]]
 
 
@@ -422,14 +422,14 @@ def _start(model: TrendModel, measurements: Sequence[Measurement | None]) -> tup
     ):
         i, shares = model.errors + 2 * c, SHARES[name]
         variances[i : i + 2] = (shares.common * std) ** 2, (shares.by_temperature * std) ** 2
-    variances[model.changes :] = (NONE * _sizes()) ** 2
+    variances[model.changes :] = (_NONE * _sizes()) ** 2
     return np.zeros(model.size), np.diag(variances)
 
 
 def growth_noise(name: str, life: float, ds: float) -> FloatArray:
     """Covariance that value and rate of a quantity gain over `ds`, (2, 2)."""
     rate = GROWTH[name].rate / life
-    walk, scatter = (GROWTH[name].walk * rate) ** 2 / life, (SCATTER * GROWTH[name].rate) ** 2 / life
+    walk, scatter = (GROWTH[name].walk * rate) ** 2 / life, (_SCATTER * GROWTH[name].rate) ** 2 / life
     return np.array([[walk * ds**3 / 3 + scatter * ds, walk * ds**2 / 2], [walk * ds**2 / 2, walk * ds]])
 
 
@@ -447,7 +447,7 @@ def _sizes() -> FloatArray:
 
 
 #: No sudden change, as a share of the size of one: not 0, so that covariances have an inverse.
-NONE = 1e-4
+_NONE = 1e-4
 
 
 def _changed(
@@ -464,21 +464,21 @@ def _changed(
         Q[changes, changes] = _sizes() ** 2
     if outcome == "replaced":
         F[changes] = 0.0
-        Q[changes, changes] = (NONE * _sizes()) ** 2
+        Q[changes, changes] = (_NONE * _sizes()) ** 2
     for q, name in enumerate(model.quantities):
         growth, u = GROWTH[name], 2 * q
         rate = growth.rate / model.life
         if outcome == "sudden":
             Q[u + 1, u + 1] += rate**2
         if outcome == "replaced":
-            spread = NEXT_RATE * (rate + abs(float(before[u + 1])))
+            spread = _NEXT_RATE * (rate + abs(float(before[u + 1])))
             F[u, [u, u + 1]] = 0.0, since / 2
             Q[u : u + 2, u : u + 2] = np.diag([(NEW * growth.start) ** 2 + (spread * since) ** 2, spread**2])
     return F, Q
 
 
 #: Iterations of a linearisation at most, and the share of its slopes at which it has converged.
-ITERATIONS, CONVERGED = 5, 1e-3
+_ITERATIONS, _CONVERGED = 5, 1e-3
 
 
 def _corrected(model: TrendModel, mean: FloatArray, P: FloatArray, now: Measurement, scale: float) -> _Corrected:
@@ -488,12 +488,12 @@ def _corrected(model: TrendModel, mean: FloatArray, P: FloatArray, now: Measurem
     R = np.diag([scale * (SHARES[name].independent * std) ** 2 for name, std in zip(CHANNELS, stds, strict=True)])
     warmer = (now.temperature - REFERENCE) / 10.0 if np.isfinite(now.temperature) else 0.0
     after, covariance, H = mean, P, np.zeros((values.size, model.size))
-    for _ in range(ITERATIONS):
+    for _ in range(_ITERATIONS):
         before = H
         H, offset = linearised(model, after, covariance)
         H[:, model.errors + 1 : model.changes : 2] = warmer * np.eye(values.size)
         H[:, model.errors : model.changes : 2] = np.eye(values.size)
-        if np.all(np.abs(H - before) <= CONVERGED * np.abs(H)):
+        if np.all(np.abs(H - before) <= _CONVERGED * np.abs(H)):
             break
         innovation = values - offset - H @ mean
         S = H @ P @ H.T + R

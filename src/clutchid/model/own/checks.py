@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from clutchid.model.own.model import OwnModel
 
 #: States that measurement, resets and the load need.
-REQUIRED = ("y", "v", "p_A", "p_B")
+_REQUIRED = ("y", "v", "p_A", "p_B")
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
@@ -104,8 +104,8 @@ def _name_problems(model: OwnModel, base: System) -> Iterator[str]:
         seen[name] = what
     states = [str(state) for state in base.states]
     for name in model.without:
-        if name in REQUIRED or name not in states:
-            others = ", ".join(state for state in states if state not in REQUIRED)
+        if name in _REQUIRED or name not in states:
+            others = ", ".join(state for state in states if state not in _REQUIRED)
             yield f"without: {name}: of the states of {model.base}, {others} can be left out."
 
 

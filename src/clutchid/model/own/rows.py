@@ -10,12 +10,12 @@ from clutchid.parameters import Adapting, Drift, Freed, GroupChange, Row, Spread
 #: Defaults of a new state relative to its scale: process noise over 0.1 s, standard deviation at a vented start and at
 #: any other, and a large rate in 1/s. They are those of the deflection z of the seals.
 _LIKE = STATES["z"]
-NOISE, START, UNKNOWN_START, FAST = (
+NOISE, START, _UNKNOWN_START, _FAST = (
     value / _LIKE.scale for value in (_LIKE.noise, _LIKE.start, _LIKE.unknown_start, _LIKE.fast)
 )
 
 #: Source of what a row of an own model says.
-OWN = "own model"
+_OWN = "own model"
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,8 +66,8 @@ class OwnParameter:
             low,
             high,
             True,
-            OWN,
-            spread=None if self.std is None else Spread(self.std, False, OWN),
+            _OWN,
+            spread=None if self.std is None else Spread(self.std, False, _OWN),
             log_normal=low >= 0.0 and self.default > 0.0,
             drift=Drift(self.drift, considered=self.considered) if self.drift else None,
             changes=self.changes,
@@ -107,7 +107,7 @@ class OwnState:
             scale=self.scale,
             noise=NOISE * self.scale if self.noise is None else self.noise,
             start=START * self.scale,
-            unknown_start=UNKNOWN_START * self.scale,
+            unknown_start=_UNKNOWN_START * self.scale,
             starts_at=self.start,
-            fast=FAST * self.scale,
+            fast=_FAST * self.scale,
         )

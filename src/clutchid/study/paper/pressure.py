@@ -14,7 +14,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.model.static import balanced_pressure, static_load, static_pressure
 
 #: Time in s over which velocity and acceleration are computed from the measured position.
-SMOOTHING = 0.06
+_SMOOTHING = 0.06
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,7 +73,7 @@ def static_estimate(log: Log, actuator: Actuator, slow: float) -> tuple[FloatArr
 
 
 def measured_motion(log: Log) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Position, velocity and acceleration from the measured position: a sliding quadratic over `SMOOTHING` s.
+    """Position, velocity and acceleration from the measured position: a sliding quadratic over `_SMOOTHING` s.
 
     Examples
     --------
@@ -89,7 +89,7 @@ def measured_motion(log: Log) -> tuple[FloatArray, FloatArray, FloatArray]:
         return log["position"], np.zeros(n), np.zeros(n)
     even = log.time[0] + step * np.arange(n)
     position = np.interp(even, log.time[finite], log["position"][finite])
-    half = max(1, round(SMOOTHING / (2 * step)))
+    half = max(1, round(_SMOOTHING / (2 * step)))
     offsets = step * np.arange(-half, half + 1)
     kernels = np.linalg.pinv(np.vander(offsets, 3, increasing=True)) * np.array([[1.0], [1.0], [2.0]])
     padded = np.pad(position, half, mode="edge")

@@ -18,10 +18,10 @@ _DATA = files("clutchid.study.paper") / "data"
 TRUTH = "true_load"
 
 #: Largest range of the position in m, and time in s, of a rest.
-REST_RANGE, REST_TIME = 5e-4, 0.2
+REST_RANGE, _REST_TIME = 5e-4, 0.2
 
 #: A rest is searched for within this fraction of the length around the middle.
-MIDDLE = 0.2
+_MIDDLE = 0.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,8 +83,8 @@ def _cut(log: Log) -> int:
     n = len(log)
     if n < 10 or "position" not in log:
         return n // 2
-    width = max(2, round(REST_TIME / sample_interval(log.time)))
-    low = int(n * (0.5 - MIDDLE / 2))
+    width = max(2, round(_REST_TIME / sample_interval(log.time)))
+    low = int(n * (0.5 - _MIDDLE / 2))
     part = log["position"][low : n - low + width]
     if part.size <= width:
         return n // 2

@@ -121,7 +121,7 @@ _CARRIED = {
 }
 
 #: Estimates of the pressure: attribute of `Pressures`, heading, motion.
-WAYS = (
+_WAYS = (
     ("static_simulated", "Eq. (26)\n[bar]", "simulated motion"),
     ("balanced_simulated", "full balance\n[bar]", "simulated motion"),
     ("static_measured", "Eq. (26)\n[bar]", "measured motion"),
@@ -222,10 +222,10 @@ def pressure_errors(
     columns += [
         Column(f"{which}_{name} [Pa]", heading, BAR, 3, group=f"{which} recording, {motion}")
         for which in both
-        for name, heading, motion in WAYS
+        for name, heading, motion in _WAYS
     ]
     rows = tuple(
-        (case.method.label, *(pressures[case.method].rms(name) for pressures in both.values() for name, *_ in WAYS))
+        (case.method.label, *(pressures[case.method].rms(name) for pressures in both.values() for name, *_ in _WAYS))
         for case in cases
     )
     note = (

@@ -27,7 +27,7 @@ from clutchid.truck import Drive, changed, drive, truck
 SECONDS = 30.0
 
 #: Wear of the facing in m in the two worn recordings, and strokes per metre of wear.
-WEAR = ((0.5e-3, 1.75e-3), (1.75e-3, 3.0e-3))
+_WEAR = ((0.5e-3, 1.75e-3), (1.75e-3, 3.0e-3))
 STROKES = 3e8
 
 
@@ -64,7 +64,7 @@ def proof(number: int, conditions: Conditions = Conditions()) -> Proof:
     """
     new = truck(number, conditions.family)
     rng = np.random.default_rng([number, 1])
-    wear = [float(rng.uniform(*limits)) for limits in WEAR]
+    wear = [float(rng.uniform(*limits)) for limits in _WEAR]
     seeds = rng.integers(0, 2**31, 1 + len(wear)).tolist()
     calibration = drive(new, seconds=SECONDS, seed=seeds[0], name="calibration")
     worn = tuple(

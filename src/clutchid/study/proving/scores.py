@@ -86,14 +86,14 @@ def _rms(values: FloatArray) -> float:
 Results = Sequence[Mapping[str, Any]]
 
 #: Errors of a score: key, heading with unit, decimals.
-ERRORS = (
+_ERRORS = (
     ("load", "load [%]", 2),
     ("load_touch", "5-8 mm [%]", 2),
     ("half_load", "half load [mm]", 3),
     ("pressure", "p_A [kPa]", 1),
 )
 
-NOTE = (
+_NOTE = (
     "Load: rms error over 0.5 to 20 mm, and over 5 to 8 mm, in % of the true peak. Half load: error of the position "
     "where the rising load reaches half its peak. p_A: rms error of the chamber pressure. Ratio: median error over 5 "
     "to 8 mm relative to the paper's method. Covered: fraction of grid points where the 95 % band contains the true "
@@ -101,7 +101,7 @@ NOTE = (
 )
 
 #: Workflow that is the reference of all ratios.
-REFERENCE = "paper"
+_REFERENCE = "paper"
 
 
 def standings(results: Mapping[str, Results]) -> ReportTable:
@@ -116,7 +116,7 @@ def standings(results: Mapping[str, Results]) -> ReportTable:
         Column("trucks", "trucks", decimals=0),
         Column("failed", "failed", decimals=0),
     ]
-    for key, heading, decimals in ERRORS:
+    for key, heading, decimals in _ERRORS:
         columns.append(Column(f"{key} median", "median", decimals=decimals, group=heading))
         columns.append(Column(f"{key} worst", "worst", decimals=decimals, group=heading))
     columns += [
@@ -126,7 +126,7 @@ def standings(results: Mapping[str, Results]) -> ReportTable:
         Column("seconds [s]", "time\n[s]", decimals=1),
     ]
     rows = tuple(_row(name, own, results.get(_reference(name), ())) for name, own in results.items())
-    return ReportTable("Proving ground", tuple(columns), rows, note=NOTE)
+    return ReportTable("Proving ground", tuple(columns), rows, note=_NOTE)
 
 
 def _row(name: str, results: Results, reference: Results) -> tuple[Cell, ...]:
@@ -136,7 +136,7 @@ def _row(name: str, results: Results, reference: Results) -> tuple[Cell, ...]:
         len(results),
         sum(r["failed"] is not None for r in results),
     ]
-    for key, _, _ in ERRORS:
+    for key, _, _ in _ERRORS:
         values = np.abs(_scores(results, key))
         cells += [float(np.median(values)), float(values.max())] if values.size else [None, None]
     covered, error = coverage(results)
@@ -145,7 +145,7 @@ def _row(name: str, results: Results, reference: Results) -> tuple[Cell, ...]:
 
 def _reference(name: str) -> str:
     """The paper's method under the same conditions."""
-    return "@".join([REFERENCE, *name.split("@")[1:]])
+    return "@".join([_REFERENCE, *name.split("@")[1:]])
 
 
 def _conditions(result: Mapping[str, Any]) -> tuple[str, str]:
@@ -176,16 +176,16 @@ def every_recording(results: Mapping[str, Results]) -> ReportTable:
     columns = [Column("workflow", "workflow"), Column("family", "family"), Column("change", "change")]
     columns += [Column("truck", "truck", decimals=0), Column("recording", "recording")]
     columns += [Column("wear [m]", "wear [mm]", scale=1e-3)]
-    columns += [Column(key, heading, decimals=decimals) for key, heading, decimals in ERRORS]
+    columns += [Column(key, heading, decimals=decimals) for key, heading, decimals in _ERRORS]
     columns += [Column("coverage [1]", "covered"), Column("failed", "failed")]
     rows: list[tuple[Cell, ...]] = []
     for name, own in results.items():
         for r in own:
             of = (name.split("@")[0], *_conditions(r), r["truck"])
             if r["failed"] is not None:
-                rows.append((*of, None, None, *[None] * (len(ERRORS) + 1), r["failed"]))
+                rows.append((*of, None, None, *[None] * (len(_ERRORS) + 1), r["failed"]))
             for stem, log in r["logs"].items():
                 scores = log["score"]
-                cells = [scores[key] for key, _, _ in ERRORS]
+                cells = [scores[key] for key, _, _ in _ERRORS]
                 rows.append((*of, stem, log["wear_m"], *cells, scores["coverage"], None))
     return ReportTable("Every recording", tuple(columns), tuple(rows))

@@ -100,7 +100,7 @@ def _answer(result: Fit, log: Log) -> Answer:
 
 
 #: Workflows by name.
-WORKFLOWS: dict[str, Workflow] = {
+_WORKFLOWS: dict[str, Workflow] = {
     "paper": partial(paper_method, None),
     "paper-every-200": partial(paper_method, Partition(every=200)),
     "paper-every-200-q": partial(paper_method, Partition(every=200, carry="q")),
@@ -127,12 +127,12 @@ def workflow(name: str) -> Workflow:
     ParameterError
         If there is none; the text gives the nearest known name, or the problem of the module.
     """
-    if name in WORKFLOWS:
-        return WORKFLOWS[name]
+    if name in _WORKFLOWS:
+        return _WORKFLOWS[name]
     module, colon, function = name.partition(":")
     if not colon:
         raise ParameterError(
-            unknown_name(name, WORKFLOWS, "workflow") + " For your own workflow write MODULE:FUNCTION."
+            unknown_name(name, _WORKFLOWS, "workflow") + " For your own workflow write MODULE:FUNCTION."
         )
     if not all(part.isidentifier() for part in (*module.split("."), function)):
         raise ParameterError(

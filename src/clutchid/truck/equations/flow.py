@@ -11,7 +11,7 @@ from clutchid.truck.equations.motion import Definitions
 from clutchid.truck.equations.nozzle import nozzle_flow
 
 #: Reference air of ISO 6358: density, pressure and temperature.
-RHO_N, P_N, T_N = 1.185, 1e5, 293.15
+_RHO_N, P_N, T_N = 1.185, 1e5, 293.15
 
 
 def flow_function(r: Expr, b: Expr, m: Expr, r_lam: Expr) -> Expr:
@@ -85,7 +85,7 @@ def valve_flow(p_h: Expr, p_l: Expr, T_h: Expr, C: Expr, b: Expr, m: Expr, r_lam
     >>> f"{valve_flow(9e5, 1.013e5, 293.15, 19e-9, 0.3, 0.5, 0.995) * 1e3:.1f} g/s"
     '20.3 g/s'
     """
-    return RHO_N * C * p_h * sp.sqrt(T_N / T_h) * flow_function(p_l / p_h, b, m, r_lam)
+    return _RHO_N * C * p_h * sp.sqrt(T_N / T_h) * flow_function(p_l / p_h, b, m, r_lam)
 
 
 def slit_flow(p_1: Expr, p_2: Expr, T: Expr, C: Expr) -> Expr:
@@ -118,7 +118,7 @@ def slit_flow(p_1: Expr, p_2: Expr, T: Expr, C: Expr) -> Expr:
     >>> f"{slit_flow(5e5, 1.013e5, 293.15, 1e-12) * 1e6:.1f} mg/s"
     '2.8 mg/s'
     """
-    return RHO_N * C / P_N * (p_1 - p_2) * (p_1 + p_2) * (T_N / T)
+    return _RHO_N * C / P_N * (p_1 - p_2) * (p_1 + p_2) * (T_N / T)
 
 
 def orifice_flow(

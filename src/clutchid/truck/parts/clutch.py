@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
-from clutchid.truck.load_table import LoadTable, load_table, travels
 from clutchid.truck.parts.part import Clutch, Numbers
 from clutchid.truck.parts.springs import cushion_compression, cushion_force, diaphragm_force, kluever_force
 from clutchid.truck.vehicle import choice, number
@@ -46,13 +44,13 @@ class DiaphragmRows:
 
 
 #: Travel in m that counts as the touch point of Kluever's load.
-KLUEVER_TOUCH = 6e-3
+_KLUEVER_TOUCH = 6e-3
 #: Fraction of the clamping force at the touch point.
 TOUCH = 0.15
 
 
 #: Number of strokes that scales the relaxation of the springs.
-RELAXATION = 2e5
+_RELAXATION = 2e5
 
 
 def worn(truck: Any) -> Numbers:
@@ -76,13 +74,12 @@ def worn(truck: Any) -> Numbers:
     >>> f"{worn(Truck(wear=2e-3, cycles=1e6))['y_r'] * 1e3:.1f} mm"
     '-0.6 mm'
     """
-    relaxed = 1 - truck.a_H * (1 - math.exp(-truck.cycles / RELAXATION))
+    relaxed = 1 - truck.a_H * (1 - math.exp(-truck.cycles / _RELAXATION))
     return {"H": truck.H * relaxed, "F_r": truck.F_r * relaxed, "y_r": -truck.i_w * truck.wear}
 
 
-@lru_cache(maxsize=64)
-def load_curve(truck: Any) -> LoadTable:
-    r"""Load curve of `truck` at its age.
+def clutch_force(truck: Any, travel: FloatArray, age: Numbers) -> tuple[FloatArray, float]:
+    r"""Force of the clutch at the actuator in N over its travel in m, and the travel at the touch point.
 
     .. math:: y = y_r + i_l \left(s + \frac{F}{K_c}\right), \quad F = P_1(l_0 - w + s) - F_{cushion}(c_0 - s), \quad
               f_l = \frac{F}{i_l} + F_r + k_r y
@@ -93,24 +90,20 @@ def load_curve(truck: Any) -> LoadTable:
     Raises
     ------
     ParameterError
-        If the load is negative somewhere in the stroke, or the diaphragm snaps through.
+        If the diaphragm does not clamp, or snaps through.
 
     Examples
     --------
-    >>> from clutchid.truck import Truck
+    >>> from clutchid.truck import Truck, load_curve
     >>> curve = load_curve(Truck())
     >>> f"{curve.force(np.array([8.1e-3]))[0] - 40 - 1500 * 8.1e-3:.0f} N, touch point at {curve.touch * 1e3:.1f} mm"
     '4771 N, touch point at 5.7 mm'
     """
-    age = worn(truck)
-    travel = travels(truck, age["y_r"])
-    force, touch = (_diaphragm if truck.load == "diaphragm" else _kluever)(truck, travel)
-    return load_table(truck, age["y_r"], force, touch, age["F_r"])
+    return (_diaphragm if truck.load == "diaphragm" else _kluever)(truck, travel, age)
 
 
-def _diaphragm(t: Any, travel: FloatArray) -> tuple[FloatArray, float]:
-    """Force at the actuator over its travel, and the travel at the touch point."""
-    steel = (t.E, t.nu, t.h, worn(t)["H"], t.R_d, t.r_d, t.R_1, t.r_1)
+def _diaphragm(t: Any, travel: FloatArray, age: Numbers) -> tuple[FloatArray, float]:
+    steel = (t.E, t.nu, t.h, age["H"], t.R_d, t.r_d, t.R_1, t.r_1)
     l_w = t.l_0 - t.wear
     clamp = diaphragm_force(l_w, *steel)
     if clamp <= 0:
@@ -135,8 +128,8 @@ def _diaphragm(t: Any, travel: FloatArray) -> tuple[FloatArray, float]:
     return rim(lift) / t.i_l, float(t.i_l * (free + rim(np.array([free]))[0] / t.K_c))
 
 
-def _kluever(t: Any, travel: FloatArray) -> tuple[FloatArray, float]:
-    return (1 + t.a_k_w * t.wear) * kluever_force(travel, t.F_k, t.a_k, t.k_k), KLUEVER_TOUCH
+def _kluever(t: Any, travel: FloatArray, _: Numbers) -> tuple[FloatArray, float]:
+    return (1 + t.a_k_w * t.wear) * kluever_force(travel, t.F_k, t.a_k, t.k_k), _KLUEVER_TOUCH
 
 
 def _contradictions(t: Any) -> Iterator[str]:
@@ -149,5 +142,5 @@ def _contradictions(t: Any) -> Iterator[str]:
 
 DIAPHRAGM = Clutch(
     name="diaphragm or exponential", rows=DiaphragmRows, shared=SHARED, numbers=worn, contradictions=_contradictions,
-    load_curve=load_curve,
+    force=clutch_force,
 )  # fmt: skip

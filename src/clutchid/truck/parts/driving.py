@@ -10,10 +10,10 @@ from clutchid.truck.parts.part import Driving, Numbers
 from clutchid.truck.vehicle import choice
 
 #: Sampling period in s of the bang-bang drive; its valves are as fast as for PWM at 100 Hz.
-BANG_PERIOD, BANG_VALVES = 0.002, 0.01
+_BANG_PERIOD, _BANG_VALVES = 0.002, 0.01
 
 #: Controller output at which the bang-bang drive opens a valve.
-BANG = 0.3
+_BANG = 0.3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +37,7 @@ def tuned(held: float, T: float, base: float, valve: float, tube: float) -> Numb
 
 def _latched(drawn: Mapping[str, Any], *lead: float) -> Numbers:
     if drawn["drive"] == "bang-bang":
-        return {"T_pwm": BANG_PERIOD, "L_p": 3e-3, "t_lead": 0.01, "e_in": 0.8e-3, "e_out": 1e-3}
+        return {"T_pwm": _BANG_PERIOD, "L_p": 3e-3, "t_lead": 0.01, "e_in": 0.8e-3, "e_out": 1e-3}
     return tuned(drawn["T_pwm"], drawn["T_pwm"], *lead)
 
 
@@ -47,12 +47,12 @@ def _continuous(drawn: Mapping[str, Any], *lead: float) -> Numbers:
 
 
 def _bang(t: Any) -> Numbers:
-    return {"bang_bang": True, "dead_s": BANG, "dead_e": BANG} if t.drive == "bang-bang" else {}
+    return {"bang_bang": True, "dead_s": _BANG, "dead_e": _BANG} if t.drive == "bang-bang" else {}
 
 
 LATCHED = Driving(
     name="latched or bang-bang", rows=LatchedRows, shared=("T_pwm",), numbers=_bang,
-    prepared=lambda drawn: {**drawn, "T_pwm": BANG_VALVES} if drawn["drive"] == "bang-bang" else drawn,
+    prepared=lambda drawn: {**drawn, "T_pwm": _BANG_VALVES} if drawn["drive"] == "bang-bang" else drawn,
     tuned=_latched,
 )  # fmt: skip
 FREE = Driving(

@@ -10,7 +10,7 @@ import numpy as np
 from clutchid.truck.parts.part import GUESS, LIFE, Friction, scaled_by
 from clutchid.truck.vehicle import choice, number
 
-SHARED = ("F_C", "D_v", "R_S", "v_S", "K_z", "a_F")
+_SHARED = ("F_C", "D_v", "R_S", "v_S", "K_z", "a_F")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,13 +46,13 @@ class SlipRows:
 
 
 BRISTLES = Friction(
-    name="LuGre and Dahl", rows=BristleRows, shared=SHARED,
+    name="LuGre and Dahl", rows=BristleRows, shared=_SHARED,
     numbers=lambda t: {"F_C": t.F_C * (1 + t.a_F * (t.cycles / LIFE))},
     factors={"seals": scaled_by(1.4, "F_C", "c_F")}, true=lambda _, x: {"deflection": x["z"], "bearing": x["z_h"]},
     module="bristles", viscosity=lambda t: float(np.exp(-t.beta * (t.T_0 + t.dT_w))),
 )  # fmt: skip
 SLIP = Friction(
-    name="slip and play", rows=SlipRows, shared=SHARED,
+    name="slip and play", rows=SlipRows, shared=_SHARED,
     numbers=lambda t: {
         "F_C": t.F_C * (1 + t.a_F * math.sqrt(t.cycles / LIFE)), "plastic": float(t.friction == "elasto-plastic")
     },

@@ -38,7 +38,7 @@ class TubeRows:
 
 
 #: Names of the zones in a truth.
-ZONES = {"A": "a", "D": "dead", "B": "b"}
+_ZONES = {"A": "a", "D": "dead", "B": "b"}
 
 
 def volumes(t: Any, y: Any) -> dict[str, Any]:
@@ -70,7 +70,7 @@ def _truth_of_pressure(t: Any, name: str, m: FloatArray, p: FloatArray, V: Any) 
 def _true(of: Callable[..., dict[str, FloatArray]], second: str, t: Any, x: Mapping[str, FloatArray]) -> Any:
     """Columns of all zones, whose second state has this letter, by a function of one."""
     zones = volumes(t, x["y"]).items()
-    columns = (of(t, ZONES[zone], x[f"m_{zone}"], x[f"{second}_{zone}"], V) for zone, V in zones)
+    columns = (of(t, _ZONES[zone], x[f"m_{zone}"], x[f"{second}_{zone}"], V) for zone, V in zones)
     return {name: values for zone_columns in columns for name, values in zone_columns.items()}
 
 

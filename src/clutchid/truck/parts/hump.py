@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -13,17 +12,16 @@ import numpy as np
 from clutchid.codegen.system import Expr
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
-from clutchid.truck.load_table import LoadTable, load_table, travels
 from clutchid.truck.parts.clutch import SHARED
 from clutchid.truck.parts.part import GUESS, Clutch, Numbers
 from clutchid.truck.vehicle import choice, number
 
 #: Number of strokes that scales the settling of the springs.
-SETTLING = 2e4
+_SETTLING = 2e4
 #: Fraction of the peak force at the touch point of the tabulated clutch.
 TOUCH = 0.85
 #: Tabulated hump: fractions of the peak's travel, and of its force, up to the peak.
-RISE = ((0.0, 0.3, 0.55, 0.8, 1.0), (0.0, 0.24, 0.58, 0.92, 1.0))
+_RISE = ((0.0, 0.3, 0.55, 0.8, 1.0), (0.0, 0.24, 0.58, 0.92, 1.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,16 +94,15 @@ def worn(truck: Any) -> Numbers:
     >>> f"{worn(TruckB(cycles=2e5))['relaxed']:.4f}"
     '0.9917'
     """
-    relaxed = 1 - truck.a_H * math.log10(1 + truck.cycles / SETTLING)
+    relaxed = 1 - truck.a_H * math.log10(1 + truck.cycles / _SETTLING)
     return {
         "F_r": truck.F_r * relaxed, "relaxed": relaxed, "s_c": truck.s_c * (1 - truck.a_c * truck.wear),
         "y_r": -truck.i_w * truck.wear,
     }  # fmt: skip
 
 
-@lru_cache(maxsize=64)
-def load_curve(truck: Any) -> LoadTable:
-    r"""Load curve of `truck` at its age.
+def hump_force(truck: Any, travel: FloatArray, age: Numbers) -> tuple[FloatArray, float]:
+    r"""Force of the clutch at the actuator in N over its travel in m, and the travel at the touch point.
 
     .. math:: y = y_r + \delta + s + F / K_s, \quad F = G(x_0 - i_x w + s) - \max(0, G(x_0 - i_x w) (1 - s / s_c))
 
@@ -115,19 +112,17 @@ def load_curve(truck: Any) -> LoadTable:
     Raises
     ------
     ParameterError
-        If the load is negative somewhere in the stroke, or the diaphragm snaps through.
+        If the diaphragm snaps through.
 
     Examples
     --------
-    >>> from clutchid.truck import TruckB
+    >>> from clutchid.truck import TruckB, load_curve
     >>> curve = load_curve(TruckB())
     >>> f"{curve.force(np.array([9e-3]))[0]:.0f} N, touch point at {curve.touch * 1e3:.1f} mm"
     '4667 N, touch point at 5.5 mm'
     """
-    age = worn(truck)
-    travel = travels(truck, age["y_r"])
     force, touch = (_cubic if truck.load == "cubic" else _tabulated)(truck, np.maximum(travel - truck.gap, 0.0), age)
-    return load_table(truck, age["y_r"], force, truck.gap + touch, age["F_r"])
+    return force, truck.gap + touch
 
 
 def _cubic(t: Any, travel: FloatArray, age: dict[str, float]) -> tuple[FloatArray, float]:
@@ -155,8 +150,8 @@ def _tabulated(t: Any, travel: FloatArray, age: dict[str, float]) -> tuple[Float
     top = t.s_k - t.a_s * t.wear
     peak, end = (force * age["relaxed"] * (1 + t.a_k * t.wear) for force in (t.F_k, t.F_v))
     far = 0.03
-    x = np.concatenate([top * np.array(RISE[0]), [0.5 * (top + far), far]])
-    force = np.concatenate([peak * np.array(RISE[1]), [0.45 * peak + 0.55 * end, end]])
+    x = np.concatenate([top * np.array(_RISE[0]), [0.5 * (top + far), far]])
+    force = np.concatenate([peak * np.array(_RISE[1]), [0.45 * peak + 0.55 * end, end]])
     hump = PchipInterpolator(x, force, extrapolate=True)
     fine = np.linspace(0.0, top, 1001)
     return hump(travel), float(np.interp(TOUCH * peak, hump(fine), fine))
@@ -171,5 +166,5 @@ def _contradictions(t: Any) -> Iterator[str]:
 
 HUMP = Clutch(
     name="hump behind a gap", rows=HumpRows, shared=SHARED, numbers=worn, contradictions=_contradictions,
-    load_curve=load_curve,
+    force=hump_force,
 )  # fmt: skip

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from clutchid.log import FloatArray
-from clutchid.truck.load_table import LoadTable
 
 Numbers = dict[str, float]
 
@@ -103,9 +102,9 @@ class Friction(Part):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Clutch(Part):
-    """`load_curve` gives the load of a truck at its age."""
+    """`force` gives the force [N] at the actuator over travels [m] at an age, and the travel at the touch point."""
 
-    load_curve: Callable[[Any], LoadTable]
+    force: Callable[[Any, FloatArray, Numbers], tuple[FloatArray, float]]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

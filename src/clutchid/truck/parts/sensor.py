@@ -12,7 +12,7 @@ from clutchid.truck.law import SAMPLE
 from clutchid.truck.parts.part import GUESS, Sensor
 from clutchid.truck.vehicle import number
 
-SHARED = ("q_y", "s_y", "tau_y", "e_y", "q_p", "s_p", "tau_p", "e_p", "zero")
+_SHARED = ("q_y", "s_y", "tau_y", "e_y", "q_p", "s_p", "tau_p", "e_p", "zero")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,11 +73,11 @@ def gained_pressure(truck: Any, pressure: FloatArray, rng: np.random.Generator) 
 
 
 VIBRATING = Sensor(
-    name="white noise and vibration", rows=VibratingRows, shared=SHARED, numbers=lambda _: {"e_lin": 0.0},
+    name="white noise and vibration", rows=VibratingRows, shared=_SHARED, numbers=lambda _: {"e_lin": 0.0},
     position_noise=vibrating_noise, measured_pressure=offset_pressure,
 )  # fmt: skip
 CURVED = Sensor(
-    name="curved scale and coloured noise", rows=CurvedRows, shared=SHARED, position_noise=coloured_noise,
+    name="curved scale and coloured noise", rows=CurvedRows, shared=_SHARED, position_noise=coloured_noise,
     measured_pressure=gained_pressure,
     prepared=lambda drawn: {n: v for n, v in drawn.items() if n != "bend"} | {"e_lin": drawn["bend"] * drawn["e_lin"]},
 )  # fmt: skip

@@ -12,7 +12,7 @@ from clutchid.truck.parts.part import GUESS, Numbers, Valves, scaled_by
 from clutchid.truck.vehicle import choice, number
 
 #: Steps of the duty cycle that a proportional valve resolves.
-STEPS = 1000
+_STEPS = 1000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +59,7 @@ def _magnets(t: Any) -> Numbers:
 
 def _servo(t: Any) -> Numbers:
     if t.valve == "spool":
-        dead = {"dead_s": t.x_0s, "dead_e": t.x_0e, "timer": 1 / STEPS}
+        dead = {"dead_s": t.x_0s, "dead_e": t.x_0e, "timer": 1 / _STEPS}
         return {"valve": SPOOL, "second_order": float(t.spool == "second-order"), **dead}
     return {"valve": SOLENOIDS, **{f"dead_{v}": getattr(t, f"tau_i{v}") / t.T_pwm for v in "se"}}
 

@@ -16,7 +16,7 @@ Stopped = Callable[[], bool]
 
 #: Time in s after which a reader of standard output that takes nothing is not waited for; the same once it is stopped,
 #: and where the reader had stalled and takes something again.
-STALL, STALL_STOPPED, STALL_AGAIN = 2.0, 0.2, 0.05
+STALL, _STALL_STOPPED, STALL_AGAIN = 2.0, 0.2, 0.05
 
 #: Time in s after which a wait asks whether it is stopped.
 PATIENCE = 0.1
@@ -72,7 +72,7 @@ def _left(out: Outgoing, stopped: Stopped, patience: float) -> int:
     """
     since = time.monotonic()
     while out.left:
-        patience = min(patience, STALL_STOPPED) if stopped() else patience
+        patience = min(patience, _STALL_STOPPED) if stopped() else patience
         rest = max(since + patience - time.monotonic(), 0.0)
         if out.wait(min(rest, PATIENCE)):
             since, patience = time.monotonic(), max(patience, STALL_AGAIN)
@@ -106,7 +106,7 @@ def unhurried_errors() -> Iterator[None]:
         if out is None:
             yield
             return
-        collected = Collected(sender_to(out, lambda: False, STALL_STOPPED), sys.stderr.isatty())
+        collected = Collected(sender_to(out, lambda: False, _STALL_STOPPED), sys.stderr.isatty())
         try:
             with redirect_stderr(collected):
                 yield
@@ -127,4 +127,4 @@ def say_unhurried(warnings: Iterable[str]) -> None:
             put(text.removesuffix("\n"), to=sys.stderr)
         else:
             encoding = sys.stderr.encoding or "utf-8"
-            sender_to(out, lambda: False, STALL_STOPPED)(text.encode(encoding, "backslashreplace"), wait=True)
+            sender_to(out, lambda: False, _STALL_STOPPED)(text.encode(encoding, "backslashreplace"), wait=True)
