@@ -50,12 +50,17 @@ def test_every_suffix_is_a_row_of_a_format_and_stands_in_the_documentation(sourc
     assert all(suffix.islower() for row in FORMATS for suffix in row.suffixes)
 
 
+#: Formats of frames, which a DBC decodes.
+BUS = ("blf", "asc", "trc", "candump")
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_a_recording_is_found_under_every_name_that_is_read(forms, still, name):
     folder, dbc = forms
     stem = split_name(name)[0]
-    assert look(folder / name, dbc=[dbc]).problems == ()
-    log = clutchid.read(folder / name, dbc=[dbc])
+    databases = [dbc] if kind_in(name) in BUS else []
+    assert look(folder / name, dbc=databases).problems == ()
+    log = clutchid.read(folder / name, dbc=databases)
     assert (log.name, len(log)) == (stem, len(still))
     assert is_recording(folder / name)
     assert name_of(folder / name) == stem
@@ -99,7 +104,7 @@ def test_fleet_and_track_read_all_of_them(forms, tmp_path, cal):
 
 
 OTHERS = {
-    "map.toml": "[position]\n", "truth.json": "{}", "trip.log": "(1.0) can0 123#00\n", "notes.txt": "12 drives",
+    "map.toml": "[position]\n", "truth.json": "{}", "trip.log": "started at noon\n", "notes.txt": "12 drives",
     "README": "read me", "backup.tar.gz": "", "photo.JPG": "", "b.jpg": "",
 }  # fmt: skip
 
@@ -119,7 +124,7 @@ def test_what_else_a_folder_holds_is_counted_by_suffix(tmp_path, cal, still):
     sentence = f"8 files are not read as recordings: {counted}."
     assert fleet_of(tmp_path / "fleet", cal).left_out == recordings_of([vehicle]).left_out == sentence
     below = vehicle.resolve()
-    assert listed("", below)["others"] == "Not listed: 2 .jpg, 1 .json, 1 .log, 1 .tar.gz, 1 without a suffix."
+    assert listed("", below)["others"] == "Not listed: 2 .jpg, 1 .json, 1 .tar.gz, 1 without a suffix."
     assert left_out([], 0) == ""
 
 

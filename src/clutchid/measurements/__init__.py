@@ -100,14 +100,16 @@ def read_each(items: Iterable[Item], read_one: Callable[[Item], Log]) -> list[Lo
     DataError
         The text lists the problems of all of them.
     """
-    logs, problems = [], []
+    logs, problems = [], list[DataError]()
     for item in items:
         try:
             logs.append(read_one(item))
         except DataError as error:
-            problems.append(str(error))
+            problems.append(error)
+    if len(problems) == 1:
+        raise problems[0]
     if problems:
-        raise DataError("\n".join(problems))
+        raise DataError("\n".join(map(str, problems)))
     return logs
 
 

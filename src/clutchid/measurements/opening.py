@@ -51,12 +51,16 @@ def open_source(path: str | PathLike[str], dbc: Sequence[str | PathLike[str]] = 
     return with_own_grids(_guarded_source(file, databases, kind))
 
 
+class NoFramesError(DataError):
+    """A DBC was named for a recording that is no log of frames."""
+
+
 def with_dbc(source: Source, dbc: Sequence[str | PathLike[str]]) -> Source:
     """The source, of which DBC files that the user names must decode frames; of an MDF file a warning says if not.
 
     Raises
     ------
-    DataError
+    NoFramesError
         If the recording is a table, which has none.
     """
     if not dbc or source.one_clock or source.problems:
@@ -64,7 +68,7 @@ def with_dbc(source: Source, dbc: Sequence[str | PathLike[str]]) -> Source:
     idle = f"is {source.format} with channels, not a log of frames, so that a DBC decodes nothing in it"
     if source.format.startswith("MDF"):
         return replace(source, warnings=(*source.warnings, f"{idle}."))
-    raise DataError(f"{source.path}: {idle}; leave --dbc out.")
+    raise NoFramesError(f"{source.path}: {idle}; leave --dbc out.")
 
 
 def _is_moderate(file: Path) -> bool:

@@ -10,6 +10,7 @@ from weakref import WeakKeyDictionary
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.log import INPUTS, Log
+from clutchid.measurements.opening import NoFramesError
 from clutchid.measurements.suffixes import by_suffix, split_name
 from clutchid.parameters import known_ambient
 from clutchid.strokes.vented_rest import VentedRest, Zero, from_rest
@@ -51,7 +52,7 @@ class Reading:
         Ambient pressure, if stated: gauge pressures count from it, and a calibration takes it for that of the vented
         chamber. By default gauge pressures count from a measured P_0 of the actuator, else from 101,300 Pa.
     channels, dbc
-        Channel map or its file, and DBC files of bus logs.
+        Channel map or its file, and DBC files of bus logs, of which there must be one among the recordings.
     force
         Whether to go on with a recording although a check of it is bad.
     zero : 'subtract' or 'keep'
@@ -114,9 +115,21 @@ class Reading:
         needed = tuple(required or ("time", "position", *(actuator.equipment.recorded if actuator else INPUTS)))
         added = known_ambient(actuator.parameters.P_0) if actuator else None
 
+        tables: list[NoFramesError] = []
+
         def read_one(item: tuple[Source, Sequence[str]]) -> Log:
             source, compared = item
-            log = source if isinstance(source, Log) else self._read(self._file(source), needed, compared, added)
+            if isinstance(source, Log):
+                log = source
+            else:
+                file = self._file(source)
+                try:
+                    log = self._read(file, needed, compared, added)
+                except NoFramesError as error:
+                    tables.append(error)
+                    if isinstance(source, RecordingFile) or len(tables) == len(self.files):
+                        raise
+                    log = self._read(file._replace(dbc=()), needed, compared, added)
             return log if actuator is None or required else actuator.equipment.driven(log)
 
         return read_each([*((log, measured) for log in self.logs), *((log, ()) for log in self.verify)], read_one)

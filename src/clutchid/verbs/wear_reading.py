@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -18,6 +19,7 @@ from clutchid.estimation.request import FitRequest
 from clutchid.files import digest
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.log import Log
+from clutchid.measurements.opening import NoFramesError
 from clutchid.names import as_text
 from clutchid.processes import LostWork
 from clutchid.strokes.vented_rest import RestShift, Zero, from_rest
@@ -94,7 +96,10 @@ def _read(options: ReadingOptions, start: Path, path: Path) -> RecordingResult:
         checksum = digest(path)
         content = _calibration(start, digest(start))
         files = Reading((path,), (), options.ambient, options.channel_map, options.dbc)
-        (log,) = files.read(content.actuator)
+        try:
+            (log,) = files.read(content.actuator)
+        except NoFramesError:  # the DBC is that of other recordings of the fleet
+            (log,) = replace(files, dbc=()).read(content.actuator)
         clock = str(log.metadata.get("start", ""))
         read = (_observed if options.verb == "observe" else _fitted)(log, content, path, options.zero)
     except ClutchidError as error:
