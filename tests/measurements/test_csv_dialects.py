@@ -9,6 +9,8 @@ import clutchid.measurements as cio
 from clutchid.errors import DataError
 from clutchid.measurements.formats.csv import file as csv_file
 from clutchid.measurements.formats.csv import lines as csv_lines
+from clutchid.measurements.formats.csv.cells import nanoseconds
+from clutchid.measurements.formats.csv.cells import written as in_iso
 from clutchid.measurements.formats.csv.file import open_file
 from fixtures.sources import everything
 
@@ -363,3 +365,26 @@ def test_every_recording_of_an_actuator_opens(shared):
     assert "line 11 has '1.002.000'" in found["Prusa.csv"][1][0].problems[0]
     told = {name for name, (_, tables, _) in found.items() if tables[0].problems}
     assert told == {"Prusa.csv", "Formlabs.csv"}
+
+
+@pytest.mark.parametrize(
+    ("cell", "stamp"),
+    [
+        ("05/01/2024 12:00:00.5 AM", "2024-05-01T00:00:00.5"),
+        ("05/01/2024 12:00:00.5 PM", "2024-05-01T12:00:00.5"),
+        ("5/1/2024 1:02:03 pm", "2024-05-01T13:02:03"),
+        ("25/12/2024 01:02:03", "2024-12-25T01:02:03"),
+        ("2024/05/01 01:02:03", "2024-05-01T01:02:03"),
+        ("01:02:03:045", "01:02:03.045"),
+        ("11:59:59.999 PM", "23:59:59.999"),
+    ],
+)
+def test_dates_and_times_are_read_as_they_are_written(cell, stamp):
+    assert in_iso(cell) == stamp
+    assert nanoseconds(cell) == nanoseconds(stamp)
+    assert nanoseconds(cell) is not None
+
+
+def test_an_hour_of_a_half_day_is_1_to_12():
+    assert nanoseconds("13:00:00 PM") is None
+    assert nanoseconds("0:00:00 AM") is None

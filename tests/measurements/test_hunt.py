@@ -7,6 +7,7 @@ import pytest
 
 from clutchid.errors import DataError
 from clutchid.measurements import read
+from clutchid.measurements.map.channel_map import Channel, ChannelMap
 
 
 @pytest.fixture(scope="session")
@@ -182,3 +183,35 @@ def test_a_message_for_any_sender_is_matched_by_its_group(hunt, trigger):
     """11a: a DBC that does not say J1939 has the address 0xFE."""
     log = on_bus(hunt, "11a_two_senders.asc", "10_j1939_noattr.dbc")
     assert np.array_equal(log["position"], trigger["position"][:898])
+
+
+def test_a_separator_fits_the_lines_below_the_header(hunt, drive):
+    """02a."""
+    log = read(hunt / "02a_comma_blank_header.csv")
+    assert np.allclose(log["position"], drive["position"], rtol=0, atol=1e-9)
+    assert log["duty_supply"].max() == 1.0
+
+
+def test_points_that_group_thousands_are_refused(hunt):
+    """04c."""
+    with pytest.raises(
+        DataError, match=r"column 'position \[um\]' has '12' and '13\.512': points that group thousands"
+    ):
+        read(hunt / "04c_thousands_stamps.csv")
+
+
+@pytest.mark.parametrize("name", ["07a_us_ampm.csv", "07e_hmsms_colon.csv"])
+def test_times_of_day_in_other_spellings_are_read(hunt, drive, name):
+    """07a, 07e."""
+    log = read(hunt / name)
+    assert np.allclose(log.time, drive.time, rtol=0, atol=1e-9)
+    assert np.array_equal(log["position"], drive["position"])
+
+
+def test_a_bracket_that_is_an_index_is_no_unit_where_a_row_of_units_stands(hunt, drive):
+    """26g."""
+    names = {"time": "Time", "position": "POS[1]", "duty_supply": "PWM[0]", "duty_exhaust": "PWM[1]"}
+    log = read(hunt / "26g_index_names.csv", channels=ChannelMap({name: Channel(text) for name, text in names.items()}))
+    size = log.time.size
+    assert np.allclose(log["position"], drive["position"][:size], rtol=0, atol=1e-9)
+    assert np.allclose(log["duty_supply"], drive["duty_supply"][:size], rtol=0, atol=1e-9)

@@ -173,7 +173,7 @@ def source_pieces(
     added: float | None = None,
 ) -> Iterator[Log]:
     """Consecutive logs of an opened file, with a channel map or without, see `read_pieces`."""
-    from clutchid.measurements.recording import pieces
+    from clutchid.measurements.recording import check_size, pieces
 
     added = next((float(each) for each in (ambient, added) if each is not None), AMBIENT)
     metadata = {"source": printable(source.path.name), "ambient_Pa": repr(added)}
@@ -184,6 +184,9 @@ def source_pieces(
     if given is None and not in_contract(source):
         from clutchid.measurements.map.proposal import map_for
 
+        if rows is None and len(source.rasters) == 1:
+            named = [heading for heading in source.rasters[0].headings if heading.name is not None]
+            check_size(source.path, source.rasters[0].size, len(named))
         given = map_for(source, required)
     done, size = 0, max((raster.size for raster in source.rasters), default=0)
     for log in _from_disk(source.path, pieces(source, given, added, required, rows)):

@@ -87,7 +87,7 @@ def pieces(
         raise DataError.of(str(source.path), messages.problems)
     if rows is None:
         longest = max((source.rasters[chosen.raster].size for chosen in picks), default=0)
-        _check_size(source.path, longest, sum(len(chosen.columns) for chosen in picks))
+        check_size(source.path, longest, sum(len(chosen.columns) for chosen in picks))
     if channels is not None:
         messages.warnings += channels.comments.get("", "").splitlines()
     messages.warnings += [note for chosen in picks for note in chosen.notes]
@@ -108,7 +108,7 @@ def pieces(
     yield from _logs(described, aligned(base, others), messages)
 
 
-def _check_size(path: Path, samples: int, channels: int) -> None:
+def check_size(path: Path, samples: int, channels: int) -> None:
     """Check, before a sample is read, that as many `samples` of as many `channels` as the file has fit into memory.
 
     Raises

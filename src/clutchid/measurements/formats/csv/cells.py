@@ -34,12 +34,27 @@ THOUSANDS = (
     r"|(?:\.\d{3})+,\d+)(?:[.,]\d+)?"
 )
 
-#: Date and time, or time of day; the same text serves Python and polars.
+#: Whole numbers whose thousands are grouped by points.
+GROUPED = r"[+-]?[1-9]\d{0,2}(?:\.\d{3})+"
+
+#: Date and time, or time of day; the same text serves Python and polars. Of a date with slashes the month comes first,
+#: as in the United States, unless it is above 12.
 STAMP = (
-    r"^(?:(?:([0-9]{4})-([0-9]{2})-([0-9]{2})|([0-9]{1,2})\.([0-9]{1,2})\.([0-9]{4}))[T ] *)?"
-    r"([0-9]{1,2}):([0-9]{2}):([0-9]{2})(?:[.,]([0-9]{1,9}))? ?(Z|[+-][0-9]{2}:?[0-9]{2})?$"
+    r"^(?:(?:([0-9]{4})[-/]([0-9]{2})[-/]([0-9]{2})|([0-9]{1,2})\.([0-9]{1,2})\.([0-9]{4})"
+    r"|([0-9]{1,2})/([0-9]{1,2})/([0-9]{4}))[T ] *)?"
+    r"([0-9]{1,2}):([0-9]{2}):([0-9]{2})(?:[.,:]([0-9]{1,9}))? ?([AaPp][Mm])? ?(Z|[+-][0-9]{2}:?[0-9]{2})?$"
+)
+
+#: Groups of `STAMP` that are whole numbers, and those of the fraction, of the half of the day, and of the zone.
+FIELDS, FRACTION, HALF, ZONE = 12, 12, 13, 14
+
+#: Dates and times that are read, for messages.
+STAMPS_SHOWN = (
+    "2024-05-01T12:00:00.001, 01.05.2024 12:00:00,001, 05/01/2024 11:59:58.000 AM, or a time of day such as "
+    "23:59:58.001"
 )
 _SECOND = 10**9
+_MONTHS = 12
 
 Integers: TypeAlias = NDArray[np.int64]
 
@@ -123,19 +138,35 @@ def nanoseconds(text: str) -> int | None:
     match = re.fullmatch(STAMP, text.strip()) if ":" in text else None
     if match is None:
         return None
-    fields = [np.array([int(cell)]) if cell else np.zeros(1, np.int64) for cell in match.groups("")[:9]]
-    fraction = np.array([int((match[10] or "").ljust(9, "0"))])
-    zone = np.array([zone_minutes(match[11] or "")])
-    stamps, valid = counted(fields, fraction, zone)
+    cells = match.groups("")
+    fields = [np.array([int(cell)]) if cell else np.zeros(1, np.int64) for cell in cells[:FIELDS]]
+    fraction = np.array([int(cells[FRACTION].ljust(9, "0"))])
+    zone = np.array([zone_minutes(cells[ZONE])])
+    stamps, valid = counted(fields, fraction, np.array([half_hours(cells[HALF])]), zone)
     return int(stamps[0]) if valid[0] else None
 
 
-def counted(fields: Sequence[Integers], fraction: Integers, zone: Integers) -> tuple[Integers, NDArray[np.bool_]]:
-    """Nanoseconds from the fields of `STAMP` (0 if empty), and which of them are valid dates and times."""
-    hour, minute, second = fields[6:9]
-    year, month, day = fields[0] + fields[5], fields[1] + fields[4], fields[2] + fields[3]
+def half_hours(text: str) -> int:
+    """Hours that AM (0) or PM (12) adds to an hour of 12; -1 where there is neither."""
+    return {"am": 0, "pm": 12}.get(text.casefold(), -1)
+
+
+def counted(
+    fields: Sequence[Integers], fraction: Integers, half: Integers, zone: Integers
+) -> tuple[Integers, NDArray[np.bool_]]:
+    """Nanoseconds from the fields of `STAMP` (0 if empty), and which of them are valid dates and times.
+
+    `half` are hours as `half_hours` has them.
+    """
+    hour, minute, second = fields[9:12]
+    valid = (half < 0) | ((hour >= 1) & (hour <= 12))
+    hour = np.where(half < 0, hour, hour % 12 + half)
+    swapped = fields[6] > _MONTHS
+    month = fields[1] + fields[4] + np.where(swapped, fields[7], fields[6])
+    day = fields[2] + fields[3] + np.where(swapped, fields[6], fields[7])
+    year = fields[0] + fields[5] + fields[8]
     dated = month + day + year > 0
-    valid = (hour < 24) & (minute < 60) & (second < 61)
+    valid &= (hour < 24) & (minute < 60) & (second < 61)
     valid &= ~dated | ((month >= 1) & (month <= 12) & (day >= 1) & (day <= 31) & (year >= 1700) & (year < 2250))
     days = np.where(dated & valid, _days(np.where(dated, year, 1970), month, day), 0)
     seconds = days * 86400 + hour * 3600 + minute * 60 + second - zone * 60
@@ -166,8 +197,12 @@ def written(text: str) -> str:
     match = re.fullmatch(STAMP, text.strip())
     if match is None:
         return text.strip()
-    y, m, d, day, month, year, hour, minute, second, fraction, zone = match.groups("")
-    date = f"{y or year}-{m or month:0>2}-{d or day:0>2}T" if y or year else ""
+    y, m, d, day, month, year, first, second_, fourth, hour, minute, second, fraction, half, zone = match.groups("")
+    if fourth:
+        month, day = (second_, first) if int(first) > _MONTHS else (first, second_)
+    date = f"{y or year or fourth}-{m or month:0>2}-{d or day:0>2}T" if y or year or fourth else ""
+    if half:
+        hour = str(int(hour) % 12 + half_hours(half))
     return f"{date}{hour:0>2}:{minute}:{second}{'.' + fraction if fraction else ''}{zone}"
 
 

@@ -8,9 +8,11 @@ from dataclasses import dataclass, field, replace
 
 from clutchid.measurements.columns import Heading, distinct, headings
 from clutchid.measurements.formats.csv.cells import (
+    GROUPED,
     CellForm,
     decimal_mark,
     form,
+    matches,
     missing,
     nanoseconds,
     numberlike,
@@ -33,6 +35,9 @@ SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "bla
 _EXAMINED = 1000
 _TYPED = 100
 _ABOVE = 12
+
+#: Lines below a header that a separator should fit, and cells with points that show that these group thousands.
+_BELOW, _POINTED = 20, 5
 _BETWEEN = 3
 _KEPT = 50
 
@@ -46,7 +51,8 @@ Filled = Sequence[tuple[int, str]]
 class Dialect:
     """Notation of a CSV file.
 
-    `separator` is a blank for runs of blanks; `decimal` is empty if it is ambiguous. `header`, `units`, `samples` are
+    `separator` is a blank for runs of blanks; `decimal` is empty if it is ambiguous; `grouped` is a column in
+    which points group thousands, and two of its cells. `header`, `units`, `samples` are
     the lines of the names, of the units (0: there is none) and of the first sample. `clock` is the time column, `start`
     the first time stamp if it contains dates or times; `about` is metadata above the header.
     """
@@ -61,6 +67,7 @@ class Dialect:
     clock: int | None = None
     start: str = ""
     about: Mapping[str, str] = field(default_factory=dict)
+    grouped: tuple[int, str, str] | None = None
 
     @property
     def text(self) -> str:
@@ -107,13 +114,14 @@ def dialect(lines: Sequence[str]) -> Dialect | None:
 def _by_contract(filled: Filled, first: int) -> _Structure | None:
     """Structure if the first line that is not a comment has standard names, and therefore is the header."""
     line = filled[first][1]
-    best: tuple[tuple[int, int], str, list[str]] = ((0, 0), "", [])
+    best: tuple[tuple[bool, int, int], str, list[str]] = ((False, 0, 0), "", [])
     for separator in SEPARATORS:
         cells = split_header(line, separator, line.count("[")) if separator == " " else split(line, separator)
         known = [found for found in headings(cells) if found.name is not None]
         with_unit = sum(found.si is not None for found in known)
-        if (len(known), with_unit) > best[0] and (len(known) > 1 or with_unit):
-            best = ((len(known), with_unit), separator, cells)
+        score = _fits(filled[first + 1 :][:_BELOW], separator, len(cells)), len(known), with_unit
+        if score > best[0] and (len(known) > 1 or with_unit):
+            best = (score, separator, cells)
     if not best[1]:
         return None
     below = filled[first + 1] if first + 1 < len(filled) else (0, "")
@@ -123,6 +131,12 @@ def _by_contract(filled: Filled, first: int) -> _Structure | None:
     while 0 <= units < samples < min(len(rows) - 1, units + _BETWEEN) and _is_words(rows[samples]):
         samples += 1
     return _Structure(best[1], tuple(_padded(best[2], rows[samples:])), first, units, samples)
+
+
+def _fits(below: Filled, separator: str, width: int) -> bool:
+    """Whether most lines below the header have as many cells as it, but for one at the end."""
+    sizes = [len(split(line, separator)) for _, line in below]
+    return not sizes or 2 * sum(abs(size - width) <= 1 for size in sizes) >= len(sizes)
 
 
 def _is_words(row: Sequence[str]) -> bool:
@@ -267,7 +281,25 @@ def _dialect(filled: Filled, structure: _Structure) -> Dialect:
         clock,
         written(start) if start else "",
         _about(filled[: max(structure.header, 0)], structure.separator),
+        _grouped([*zip(*rows, strict=True)]) if decimal != "," else None,
     )
+
+
+def _grouped(columns: Sequence[Sequence[str]]) -> tuple[int, str, str] | None:
+    """The first column of whole numbers some of which have points between their thousands: ``996``, ``1.404``.
+
+    Decimals would have their zeros, ``996.000``, or another number of digits.
+    """
+    for index, column in enumerate(columns):
+        cells = [cell.strip() for cell in column if not missing(cell)]
+        pointed = [cell for cell in cells if "." in cell]
+        whole = [cell for cell in cells if cell.lstrip("+-").isdigit() and cell.lstrip("+-0")]
+        plain = len(pointed) + len(whole) + cells.count("0") == len(cells) and max(map(len, whole), default=9) <= len(
+            "-999"
+        )
+        if plain and len(pointed) >= _POINTED and all(matches(GROUPED, cell) for cell in pointed):
+            return index, whole[-1], pointed[0]
+    return None
 
 
 def _every_name(names: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:

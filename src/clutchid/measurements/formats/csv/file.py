@@ -84,7 +84,10 @@ def open_file(path: Path) -> Source:
     texts = [heading for heading in found.headings if heading.text and found.forms[heading.index].kind == "text"]
     size, others = max(0, lines.last - found.samples + 1), tuple((heading.text, "text") for heading in texts)
     raster = Raster(found.headings, size, clock=found.clock, others=others)
-    return Source(path, "CSV", (raster,), partial(_tables, lines, found), (), _ambiguity(found), metadata, unnamed)
+    problems = (_grouping(found),) if found.grouped else ()
+    return Source(
+        path, "CSV", (raster,), partial(_tables, lines, found), problems, _ambiguity(found), metadata, unnamed
+    )
 
 
 def save(log: Log, path: Path) -> None:
@@ -104,6 +107,16 @@ def save(log: Log, path: Path) -> None:
 def _is_wide(line: str) -> bool:
     cells = (len(line.split()), *map(line.count, ",;\t|")) if len(line) > _WIDEST else (0,)
     return max(cells) > _WIDEST
+
+
+def _grouping(found: Dialect) -> str:
+    """Problem of a column in which points group thousands."""
+    assert found.grouped is not None
+    index, whole, pointed = found.grouped
+    return (
+        f"column '{found.headings[index].text}' has '{whole}' and '{pointed}': points that group thousands, where "
+        "other tools read decimals; write the numbers without them."
+    )
 
 
 def _ambiguity(found: Dialect) -> tuple[str, ...]:

@@ -52,7 +52,8 @@ def heading(index: int, text: str, unit: str | None = None) -> Heading:
     text = text.strip()
     if "[" in text:
         found = replace(headings([text])[0], index=index)
-        return found if found.unit or not unit else replace(found, unit=unit_spelled(unit))
+        numbered = (found.unit or "").isdigit()  # an index, where a row of units stands below
+        return replace(found, unit=unit_spelled(unit)) if unit and (numbered or not found.unit) else found
     for name, written in _parts(text):
         if is_unit(written):
             return Heading(index, channel_name(text), quantity_named(name), unit_spelled(written))

@@ -12,18 +12,25 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchid.log import FloatArray
 from clutchid.measurements.columns import Heading
 from clutchid.measurements.formats.csv.cells import (
     AMBIGUOUS,
     COMMA,
+    FIELDS,
+    FRACTION,
+    HALF,
     MISSING,
     NUMBER,
     STAMP,
+    STAMPS_SHOWN,
     THOUSANDS,
+    ZONE,
     CellForm,
     counted,
+    half_hours,
     matches,
     reader,
     zone_minutes,
@@ -175,8 +182,9 @@ def _advice(texts: Sequence[str], dialect: Dialect, index: int) -> str:
     """Advice on how to correct these cells."""
     cells = [text.strip() for text in texts]
     commas = [matches(COMMA, cell) for cell in cells]
-    if dialect.forms[index].kind == "stamp":
-        return "write date and time as in the other cells, for example 2024-05-01T12:00:00.001"
+    if dialect.forms[index].kind == "stamp" or all(":" in cell for cell in cells):
+        as_others = "as in the other cells, for example 2024-05-01T12:00:00.001"
+        return f"write date and time {as_others if dialect.forms[index].kind == 'stamp' else f'as {STAMPS_SHOWN}'}"
     if dialect.forms[index].kind == "truth":
         return "write 1 or 0"
     if not dialect.decimal and any(matches(AMBIGUOUS, cell) for cell in cells):
@@ -347,11 +355,14 @@ def _stamps(cells: pl.Series, form: CellForm) -> pl.Series:
 
     groups = cells.str.extract_groups(STAMP).struct.unnest()
     names = groups.columns
-    fields = [groups[name].cast(pl.Int64, strict=False).fill_null(0).to_numpy() for name in names[:9]]
-    fraction = groups[names[9]].fill_null("").str.pad_end(9, "0").cast(pl.Int64).to_numpy()
-    zones = groups[names[10]]
-    minutes = {zone: zone_minutes(zone) for zone in zones.drop_nulls().unique().to_list()}
-    zone = zones.replace_strict(minutes, default=0, return_dtype=pl.Int64).fill_null(0).to_numpy()
-    stamps, valid = counted(fields, fraction, zone)
-    found = valid & groups[names[6]].is_not_null().to_numpy()
+    fields = [groups[name].cast(pl.Int64, strict=False).fill_null(0).to_numpy() for name in names[:FIELDS]]
+    fraction = groups[names[FRACTION]].fill_null("").str.pad_end(9, "0").cast(pl.Int64).to_numpy()
+
+    def spelled(group: int, meaning: Callable[[str], int], none: int) -> NDArray[np.int64]:
+        texts = groups[names[group]]
+        known = {text: meaning(text) for text in texts.drop_nulls().unique().to_list()}
+        return texts.replace_strict(known, default=none, return_dtype=pl.Int64).fill_null(none).to_numpy()
+
+    stamps, valid = counted(fields, fraction, spelled(HALF, half_hours, -1), spelled(ZONE, zone_minutes, 0))
+    found = valid & groups[names[9]].is_not_null().to_numpy()
     return pl.Series(np.where(found, (stamps - form.origin) / 1e9, 0.0)).set(pl.Series(~found), None)
