@@ -12,7 +12,7 @@ import pytest
 
 import clutchid
 from clutchid.truck import drive, truck
-from fixtures.commands import called
+from fixtures.commands import called, without_workers
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
 
@@ -27,14 +27,14 @@ RESULTS = ("results.parquet", "curves/part-00000.parquet", "wear.parquet", "vehi
 def folder(tmp_path_factory):
     """Two types, of which one is calibrated, and recordings: one sent twice, one cut off, one of the other type."""
     out = tmp_path_factory.mktemp("fleet")
-    log = drive(truck(0), seconds=6, seed=1, name="cal", conditions=True).log
+    log = drive(truck(0), seconds=4, seed=1, name="cal", conditions=True).log
     fit = clutchid.fit(log, measure=("position", "pressure_a"), free=("auto",))
     (out / "cals").mkdir()
     clutchid.write_parameters(clutchid.parameter_file(fit), out / "cals" / "T1.toml")
     for vehicle in ("V1", "V2", "V3"):
         (out / "trucks" / vehicle).mkdir(parents=True)
     for k, wear in enumerate(WEAR):
-        worn = drive(truck(0), seconds=6, seed=k, wear=wear * 1e-3, pressure=False, conditions=True).log
+        worn = drive(truck(0), seconds=2.5, seed=k, wear=wear * 1e-3, pressure=False, conditions=True).log
         clutchid.write(worn, out / "trucks" / "V1" / f"r{k}.parquet")
     first = out / "trucks" / "V1" / "r0.parquet"
     shutil.copy(first, out / "trucks" / "V1" / "r0_again.parquet")
@@ -63,7 +63,8 @@ def content(out):
 @pytest.fixture(scope="module")
 def tracked(folder):
     out = folder / "one"
-    assert run(folder, out, "--verb", "track", "--limit", "0.2") == 0
+    with without_workers():
+        assert run(folder, out, "--verb", "track", "--limit", "0.2") == 0
     return out
 
 
@@ -127,7 +128,8 @@ def test_what_is_done_is_not_done_again_and_what_has_changed_is(undrawn, folder,
 
     def read_now():
         capsys.readouterr()
-        assert run(folder, tracked, *options) == 0
+        with without_workers():
+            assert run(folder, tracked, *options) == 0
         shown = json.loads(capsys.readouterr().out)
         assert shown["status"] == "warning"
         return shown["message"]
@@ -149,7 +151,8 @@ def test_what_is_done_is_not_done_again_and_what_has_changed_is(undrawn, folder,
 
 
 def test_the_observer_reads_a_fleet_too(undrawn, folder, tracked):
-    assert run(folder, folder / "observed", "--verb", "observe") == 0
+    with without_workers():
+        assert run(folder, folder / "observed", "--verb", "observe") == 0
     results = (pl.read_parquet(folder / name / "results.parquet") for name in ("observed", "one"))
     observed, fitted = (rows.row(by_predicate=pl.col("recording") == "r1", named=True) for rows in results)
     assert " stroke" in observed["message"]

@@ -12,7 +12,7 @@ import pytest
 
 import clutchid
 from clutchid.truck import drive, truck
-from fixtures.commands import called
+from fixtures.commands import called, without_workers
 
 pytestmark = pytest.mark.slow
 
@@ -24,13 +24,13 @@ WEAR = (0.4, 1.2, 2.0, 2.8, 0.1, 0.15)
 def folder(tmp_path_factory):
     """A calibration, and recordings of a clutch that wears and is replaced: one cut off, one sent twice."""
     out = tmp_path_factory.mktemp("track")
-    log = drive(truck(0), seconds=6, seed=1, name="cal", conditions=True).log
+    log = drive(truck(0), seconds=4, seed=1, name="cal", conditions=True).log
     calibration = clutchid.fit(log, measure=("position", "pressure_a"), free=("auto",))
     clutchid.write_parameters(clutchid.parameter_file(calibration), out / "cal.toml")
     (out / "V1").mkdir()
     rows = []
     for k, wear in enumerate(WEAR):
-        worn = drive(truck(0), seconds=5, seed=k, wear=wear * 1e-3, pressure=False, conditions=True).log
+        worn = drive(truck(0), seconds=2.5, seed=k, wear=wear * 1e-3, pressure=False, conditions=True).log
         clutchid.write(worn, out / "V1" / f"r{k}.parquet")
         rows.append({"recording": f"r{k}", "vehicle": "V1", "date": f"2026-0{k + 1}-01", "strokes": 200000 * k})
     shutil.copy(out / "V1" / "r1.parquet", out / "V1" / "r1_again.parquet")
@@ -50,10 +50,11 @@ def run(folder, *options, recordings="V1"):
 
 @pytest.fixture(scope="module")
 def told(folder):
-    """What a run of one worker prints on standard output and on standard error."""
+    """What a run in this process prints on standard output and on standard error."""
     files = ("--out", folder / "wear.parquet", "--report", folder / "wear.html", "--table", folder / "table.csv")
     shown, said = StringIO(), StringIO()
-    with pytest.MonkeyPatch.context() as changed, redirect_stdout(shown), redirect_stderr(said):
+    patched = pytest.MonkeyPatch.context()
+    with without_workers(), patched as changed, redirect_stdout(shown), redirect_stderr(said):
         changed.setattr("clutchid.cli.common.EVERY", 0.0)
         assert run(folder, *files, "--limit", "0.2") == 0
     return shown.getvalue(), said.getvalue()

@@ -19,6 +19,7 @@ from clutchid.study.proving import ground as proving
 from clutchid.study.proving.scores import coverage, every_recording
 from clutchid.study.proving.workflows import workflow
 from clutchid.truck import GRID
+from fixtures.commands import without_workers
 
 pytestmark = pytest.mark.slow
 
@@ -85,8 +86,9 @@ def test_the_worn_recordings_have_no_pressure_and_another_load(ground):
 
 
 def test_results_do_not_depend_on_workers_and_a_stopped_run_goes_on(tmp_path, monkeypatch):
-    alone = proving.prove("paper", [0, 1, 2], tmp_path / "one")
-    stopped = proving.prove("paper", [1], tmp_path / "two")
+    with without_workers():
+        alone = proving.prove("paper", [0, 1, 2], tmp_path / "one")
+        stopped = proving.prove("paper", [1], tmp_path / "two")
     calls = []
     pair = proving.prove("paper", [0, 1, 2], tmp_path / "two", place=Workers(2), progress=lambda *a: calls.append(a))
     assert [r["truck"] for r in pair] == [0, 1, 2]
@@ -119,7 +121,8 @@ def test_a_workflow_that_ends_its_process_fails_for_that_truck_only(tmp_path, mo
 def test_a_workflow_that_fails_is_a_row_with_its_reason(tmp_path, monkeypatch):
     (tmp_path / "broken_workflow.py").write_text("def run(calibration, worn):\n    raise ValueError('no idea')\n")
     monkeypatch.syspath_prepend(tmp_path)
-    (result,) = proving.prove("broken_workflow:run", [5], tmp_path / "out")
+    with without_workers():
+        (result,) = proving.prove("broken_workflow:run", [5], tmp_path / "out")
     assert result["failed"] == "ValueError: no idea"
     found = proving.kept(tmp_path / "out", [5])
     table = standings(found)
@@ -219,8 +222,9 @@ def test_a_proof_of_the_other_family_under_a_change_has_a_folder_and_a_row_of_it
     monkeypatch.syspath_prepend(tmp_path)
     name, out = "another_quick_workflow:run", tmp_path / "out"
     both = proving.Conditions("B", ("cold", "valves"))
-    proving.prove(name, [4], out)
-    (result,) = proving.prove(name, [4], out, both)
+    with without_workers():
+        proving.prove(name, [4], out)
+        (result,) = proving.prove(name, [4], out, both)
     assert (result["family"], result["change"], result["failed"]) == ("B", "cold + valves", None)
     found = proving.kept(out, [4])
     assert list(found) == ["another_quick_workflow_run", "another_quick_workflow_run@B+cold+valves"]
@@ -252,7 +256,8 @@ def test_the_command_proves_the_other_family_under_changes(tmp_path, monkeypatch
     (tmp_path / "third_quick_workflow.py").write_text(QUICK)
     monkeypatch.syspath_prepend(tmp_path)
     chosen = {"trucks": 1, "workflow": "third_quick_workflow:run"}
-    assert command(out=tmp_path / "out", family="B", change=["warm", "supply"], **chosen) == 0
+    with without_workers():
+        assert command(out=tmp_path / "out", family="B", change=["warm", "supply"], **chosen) == 0
     (row,) = (tmp_path / "out" / "standings.csv").read_text().splitlines()[1:]
     assert row.startswith("third_quick_workflow_run,B,warm + supply,1,0,")
     capsys.readouterr()
