@@ -184,7 +184,7 @@ class InC:
         self.weights, _, _, self.slopes = map(c.array, g.derived)
 
     def corrected(self, errors):
-        arguments = self.belief, self.motion, self.fixed, self.derived, self.values, errors, self.room
+        arguments = self.belief, self.motion, self.fixed, self.derived, self.values, errors, 1, self.room
         return self.call("correct_sample", *arguments)
 
     def zeros(self, *shape):
@@ -417,7 +417,7 @@ def test_a_filter_of_the_states_alone_compiles_strictly_and_corrects_them(joint_
     in_c, errors, expected = c.state(state), c.array(np.zeros((M, 2))), np.zeros((M, 2))
     fixed = c.filter(free, sensors, breakpoints, basis, np.zeros((0, 0)), g.settings)
     c.call("correct_sample", in_c.belief, in_c.motion, fixed, c.derived(derived, g.p, g.load), c.array(g.values),
-           errors, c.scratch)  # fmt: skip
+           errors, 1, c.scratch)  # fmt: skip
     c.call("drift", in_c.belief, fixed, c.scratch)
     room = scratch(ROWS, ROWS, empty, N, M)
     arrays = FilterArrays(g.model, free, derived, sensors, g.settings, AS_PLANNED, window, room)

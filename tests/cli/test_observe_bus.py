@@ -101,7 +101,7 @@ def test_lost_late_and_damaged_frames_are_flags(call, folder, tmp_path, messages
     code, said, _ = call(sent, "--json")
     health = json.loads(said)["health"]
     assert code == 0
-    raised = {name: health[name] for name in LIVE_FLAGS if health[name] > 0.0}
+    raised = {name: health[name] for name in (*LIVE_FLAGS, "repeated") if health[name] > 0.0}
     assert raised == pytest.approx({"lost": 2e-3, "late": 1e-3, "unreadable": 1e-3, "repeated": 1e-3})
     assert pl.read_parquet(tmp_path / "est.parquet").height == 5998
 

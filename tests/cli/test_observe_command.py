@@ -10,7 +10,7 @@ import pytest
 from clutchid.estimation.parameter_file import ParameterFile, write_parameters
 from clutchid.log import Log
 from clutchid.measurements import write
-from clutchid.observer.health import FLAGS, VALUE_FLAGS
+from clutchid.observer.health import FLAGS
 
 
 @pytest.fixture
@@ -55,7 +55,7 @@ def test_the_json_object_has_the_load_at_the_end_and_the_health(call, plant, tmp
     answer = json.loads(said)
     shown = {"status": "ok", "method": "joint", "trust": "with care"}
     assert (code, {name: answer[name] for name in shown}) == (0, shown)
-    assert set(answer["health"]) == {*FLAGS, *VALUE_FLAGS}
+    assert set(answer["health"]) == {*FLAGS}
     curve = answer["load_curve"]
     assert {len(values) for values in curve.values()} == {101}
     assert curve["position_m"][-1] == pytest.approx(plant.parameters.y_max)

@@ -18,7 +18,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from clutchid.observer.health import FLAGS, LIVE_FLAGS, VALUE_FLAGS
+from clutchid.observer.health import FLAGS, LIVE_FLAGS
 from fixtures.commands import called, meanwhile, wait_for
 
 OUTPUTS = ("est.parquet", "est.load.parquet", "state.toml")
@@ -304,7 +304,7 @@ def test_a_fault_is_survived_and_flagged(call, folder, lines, name):
     code, said, _ = call(change(lines), "--json")
     answer = json.loads(said)
     assert (code, answer["status"]) == (0, "warning")
-    assert set(answer["health"]) == {*FLAGS, *VALUE_FLAGS, *LIVE_FLAGS}
+    assert set(answer["health"]) == {*FLAGS, *LIVE_FLAGS}
     assert answer["health"][flag] == pytest.approx(1e-3)
     assert answer["strokes"] == pl.read_parquet(folder / "file" / "est.load.parquet").height
 

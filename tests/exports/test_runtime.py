@@ -53,7 +53,8 @@ def faulty(log):
     made = spoiled(log, "position", slice(600, 640))
     made = spoiled(made, "position", slice(1500, 1540), values[1500])
     made = spoiled(made, "position", slice(2200, 2203), values[2200] + 6e-3)
-    made = spoiled(made, "position", slice(3300, 3400), -2e-3)
+    below = np.interp(np.arange(100), [0, 40, 59, 99], [values[3300], -1.2e-3, -1.2e-3, values[3400]])
+    made = spoiled(made, "position", slice(3300, 3400), below)
     made = spoiled(made, "duty_supply", slice(2700, 2702))
     made = spoiled(made, "duty_exhaust", 5100)
     return picked(made, np.r_[0:1800, 1803:4500, 4530 : len(made)])
@@ -119,13 +120,13 @@ def test_strokes_count_from_the_vented_rest_wherever_the_sensor_reads_it(found_b
 def test_a_filter_that_diverges_goes_back_to_the_last_stroke_and_starts_anew(found_by, log):
     # the position stays far from what the duty cycles say
     driven = spoiled(log, "duty_supply", slice(3000, 3300), 1.0)
-    wild = spoiled(driven, "position", slice(3000, 3300), np.linspace(0.0, 60.0, 300))
+    wild = spoiled(driven, "position", slice(3000, 3300), np.linspace(2e-2, 0.0, 300))
     replayed, compared = found_by("joint", CStyle(real="double"), wild)
     assert compared.flags == {}
-    assert replayed.health[list(FLAGS).index("diverged")] > 0
+    assert replayed.health[list(FLAGS).index("contradiction")] > 0
     assert compared.theta < 1e-6
     _, late = found_by("joint", CStyle(rates="two"), wild)
-    assert late.load < 0.05
+    assert late.load < 0.08
 
 
 def test_the_model_and_the_paper_s_load_are_exported_too(found_by, plant, recorded_by):
@@ -238,7 +239,13 @@ def test_a_title_cannot_end_the_comment_that_it_stands_in(switched):
 
 def test_numbers_are_literals_of_their_type():
     double, single = c_number("double"), c_number("float")
-    assert [double(x) for x in (1, 0.1, np.inf, -np.inf, np.nan)] == ["1.0", "0.1", "INFINITY", "-INFINITY", "NAN"]
+    assert [double(x) for x in (1, 0.1, np.inf, -np.inf, np.nan)] == [
+        "1.0",
+        "0.1",
+        "HUGE_VAL",
+        "-HUGE_VAL",
+        "(double)NAN",
+    ]
     assert [single(x) for x in (1, 0.1, 1e-30, 16777217)] == ["1.0F", "0.100000001F", "1e-30F", "16777216.0F"]
     assert ctypes.c_float(float(single(np.pi)[:-1])).value == np.float32(np.pi)
 

@@ -67,7 +67,7 @@ def test_a_recording_without_position_has_no_usual_innovation(plant, calibration
 
 def test_a_recording_that_cannot_be_observed_is_left_out(plant, calibration, recorded_by):
     log = recorded_by(plant, seconds=6.0, seed=8)
-    full = log.with_columns(duty_supply=1.001 * log["duty_supply"] / log["duty_supply"].max())
+    full = log.with_columns(duty_supply=1.01 * log["duty_supply"] / log["duty_supply"].max())
     assert np.isnan(usual_nis(plant, calibration, [full]))
     assert usual_nis(plant, calibration, [full, log, log.slice(0, 1)]) == calibration.nis
 

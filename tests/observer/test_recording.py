@@ -11,7 +11,7 @@ from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import Log
 from clutchid.observer import curve, known, observe, observe_recording, observer, start
 from clutchid.observer.by_stroke import positions
-from clutchid.observer.health import FLAGS, VALUE_FLAGS
+from clutchid.observer.health import FLAGS
 from clutchid.observer.prior import ASSUMED
 from clutchid.observer.recording import spacing
 from clutchid.observer.state import FROZEN
@@ -61,9 +61,7 @@ def test_a_run_in_two_parts_gives_the_same_samples_strokes_and_health(run, joint
         assert [(row.time, row.number, row.known) for row in rows] == [
             (row.time, row.number, row.known) for row in run.strokes
         ]
-        assert {name: first.health[name] + second.health[name] for name in (*FLAGS, *VALUE_FLAGS)} == pytest.approx(
-            dict(run.health)
-        )
+        assert {name: first.health[name] + second.health[name] for name in FLAGS} == pytest.approx(dict(run.health))
 
 
 def test_a_row_of_a_stroke_has_the_load_and_parameters_as_they_were_known_then(run, joint, log):
@@ -105,7 +103,7 @@ def test_with_the_method_states_of_the_load_of_each_stroke_only_the_supply_is_no
 
 
 def test_a_sound_recording_raises_no_flag(run):
-    assert set(run.health) == {*FLAGS, *VALUE_FLAGS}
+    assert set(run.health) == {*FLAGS}
     assert not any(run.health.values())
 
 

@@ -23,7 +23,7 @@ from clutchid.estimation.assess.observed import indicators, observed_verdict
 from clutchid.log import FloatArray
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer import Loads, ObservedRecording, curve, known, loads, positions, start
-from clutchid.observer.health import FLAGS, LIVE_FLAGS, VALUE_FLAGS
+from clutchid.observer.health import FLAGS, LIVE_FLAGS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -148,7 +148,7 @@ def _innovations(axis: Axes, run: ObservedRecording) -> None:
 
 
 _AFTER = "after the recording"
-_MEANINGS = {**FLAGS, **VALUE_FLAGS, **LIVE_FLAGS}
+_MEANINGS = {**FLAGS, **LIVE_FLAGS}
 _LOADS = (
     "Load before and after the recording over the position of the piston, each with its pointwise 95 % band, and the "
     "change. The band before is that of a clutch that may have worn since. Shaded: 5 to 8 mm, where the clutch engages."

@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from clutchid.codegen.c99 import CSource, c99_source, comment
+from clutchid.codegen.kernel_c99 import kernel_c99
 from clutchid.codegen.language import C_WORDS
 from clutchid.codegen.templates import template
 from clutchid.errors import ParameterError
@@ -21,17 +22,23 @@ from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels, system
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer import rest
+from clutchid.observer.following import CONTRADICTED, HELD
+from clutchid.observer.gaps import BRIDGED, LONG, RESOLUTION, SHORT
 from clutchid.observer.health import BEYOND, FLAGS
 from clutchid.observer.mismatch import MEMORY, UNLIKE
 from clutchid.observer.observer import LEAK_FOUND, Observer
 from clutchid.observer.rest import rest_pace
 from clutchid.observer.state import FROZEN, ObserverState
 from clutchid.simulation.plan import OUTSIDE
-from clutchid.strokes import rest_level, stroke, vented_rest
+from clutchid.strokes import plausible, rest_level, rule, stroke, vented_rest
 from clutchid.strokes.excitation import VENTED_POSITION
+from clutchid.strokes.values import BELIEVED, ROUNDING, new_watch
 
 Real = Literal["float", "double"]
 Rates = Literal["one", "two"]
+
+#: Microseconds after which the clock of the watch for values begins anew: in float it has few digits.
+CLOCK = 16_000_000
 
 #: Mean openings of the valves over a step, with their duty cycles in this period of the carrier and in the last one.
 OPENINGS = {"y_vs": ("supply", "supply_before"), "y_ve": ("exhaust", "exhaust_before")}
@@ -69,7 +76,8 @@ def c_number(real: Real) -> Callable[[Any], str]:
     def printed(value: Any) -> str:
         number = float(value)
         if not np.isfinite(number):
-            return "NAN" if np.isnan(number) else "-INFINITY" if number < 0.0 else "INFINITY"
+            infinity = "HUGE_VAL" if real == "double" else "HUGE_VALF"
+            return f"({real})NAN" if np.isnan(number) else f"-{infinity}" if number < 0.0 else infinity
         text = repr(number) if real == "double" else f"{np.float32(number):.9g}"
         text = text if any(mark in text for mark in ".e") else f"{text}.0"
         return text if real == "double" else f"{text}F"
@@ -139,6 +147,24 @@ def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title:
         "vented_position": VENTED_POSITION,
         "beyond": BEYOND,
         "frozen": FROZEN,
+        "rules": kernel_c99(
+            plausible,
+            ("judge_next", "count_anew", *(("judge_supply",) if observer.supply else ())),
+            style.real,
+            "rule_",
+            c_number(style.real),
+        ),
+        "n_watch": new_watch().size,
+        "seen": rule.SEEN,
+        "doubt": rule.DOUBT,
+        "other": rule.OTHER_0,
+        "quantum": rule.QUANTUM,
+        "verdicts": rule,
+        "believed": BELIEVED,
+        "clock_us": CLOCK,
+        "rounding": ROUNDING,
+        "contradicted": CONTRADICTED,
+        "held_us": round(HELD / RESOLUTION),
         "stroke": {
             "begins": stroke.BEGINS,
             "ends": stroke.ENDS,
@@ -173,6 +199,9 @@ def _times(observer: Observer) -> dict[str, Any]:
         "period": observer.joint.mapped.actuator.parameters.T_pwm,
         "spacing_us": spacing,
         "hole_us": int(HOLE * spacing),
+        "long_us": int(LONG * spacing),
+        "shortest_us": round(SHORT * spacing),
+        "bridged_us": round(BRIDGED / RESOLUTION),
         "past": period // spacing + 3,
     }
 
@@ -190,6 +219,8 @@ def _rest(observer: Observer) -> dict[str, Any]:
         "bins": pace.bins,
         "windows": pace.window // pace.bins,
         "remembered": rest.REMEMBERED,
+        "agreeing": rest.AGREEING,
+        "apart": rest.APART,
         "low": rest.LOW,
         "closed": rest_level.CLOSED,
         "clearly": vented_rest.CLEARLY,

@@ -16,12 +16,14 @@ from clutchid.model.actuator import Actuator
 from clutchid.numerics.interval import QUANTILE
 from clutchid.numerics.least_squares import triangular
 from clutchid.observer.following import PRESSURES
+from clutchid.observer.gaps import UNKNOWN
 from clutchid.observer.observer import Observer
 from clutchid.observer.prior import ASSUMED, LEAK
 from clutchid.observer.rest import rest_pace
 from clutchid.observer.state import ObserverState
 from clutchid.observer.state_file import fingerprint
 from clutchid.simulation.noise import state_deviations
+from clutchid.strokes.values import limits
 from clutchid.strokes.vented_rest import LEVEL
 
 
@@ -69,7 +71,7 @@ def data_of(observer: Observer, state: ObserverState) -> dict[str, Any]:
     joint = observer.joint
     check_order(joint)
     values = _filter_values(joint) | _derived_values(joint) | _start_values(observer)
-    values |= _noise_values(joint) | _band_values(observer) | _rest_values(observer)
+    values |= _noise_values(observer) | _band_values(observer) | _rest_values(observer)
     T = _triangular(state.T)
     return values | {
         "theta": state.theta.tolist(),
@@ -135,9 +137,10 @@ def _derived_values(joint: JointFilter) -> dict[str, Any]:
 
 def _start_values(observer: Observer) -> dict[str, Any]:
     actuator, names = observer.joint.mapped.actuator, observer.joint.mapped.actuator.parameter_names
-    rows = actuator.state_rows
+    rows, changed = actuator.state_rows, observer.joint.noise.unknown_start
+    unknown = [changed.get(name, row.unknown_start) for name, row in rows.items()]
     return {
-        "start": [[row.start for row in rows.values()], [row.unknown_start for row in rows.values()]],
+        "start": [[row.start for row in rows.values()], unknown],
         "starts_at": [names.index(row.starts_at) if row.starts_at else -1 for row in rows.values()],
         "at_p_A": actuator.states.index("p_A"),
         "at_P_0": names.index("P_0"),
@@ -145,11 +148,14 @@ def _start_values(observer: Observer) -> dict[str, Any]:
         "y_max": actuator.parameters.y_max,
         "y_max_calibrated": observer.actuator.parameters.y_max,
         "supply_ratio": observer.supply.ratio if observer.supply else 1.0,
+        "supply_recorded": observer.supply.recorded if observer.supply else 0.0,
+        "limits": limits(observer.actuator, "position", observer.spacing).tolist(),
         "possible": [PRESSURES[0] * observer.actuator.parameters.P_0, PRESSURES[1] * observer.actuator.parameters.P_S],
     }
 
 
-def _noise_values(joint: JointFilter) -> dict[str, Any]:
+def _noise_values(observer: Observer) -> dict[str, Any]:
+    joint, spacing = observer.joint, observer.spacing
     actuator, p = joint.mapped.actuator, joint.mapped.actuator.parameters
     second, still, open_ = np.ones(1), np.zeros(1), np.full(1, joint.noise.flow * np.sqrt(NOISE_SPAN))
     noise, at = state_deviations(actuator, joint.noise, second, still)[0], actuator.states.index("p_A")
@@ -157,6 +163,7 @@ def _noise_values(joint: JointFilter) -> dict[str, Any]:
     return {
         "noise": noise.tolist(),
         "flow": float(np.sqrt(both[at] ** 2 - noise[at] ** 2)),
+        "gap": float(state_deviations(actuator, joint.noise, still, np.full(1, UNKNOWN * spacing))[0, at]),
         "opens": [[p.R_0vs, p.R_1vs], [p.R_0ve, p.R_1ve]],
     }
 

@@ -13,7 +13,7 @@ from clutchid.log import FloatArray
 from clutchid.measurements.formats.can.dbc import Signal
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.by_stroke import curve, positions
-from clutchid.observer.health import FLAGS, LIVE_FLAGS, VALUE_FLAGS
+from clutchid.observer.health import FLAGS, LIVE_FLAGS
 from clutchid.observer.live import LiveRun, due
 from clutchid.observer.recording import ObservedRecording
 
@@ -40,7 +40,7 @@ def _words(*rows: tuple[str, float, float, str, str]) -> tuple[Signal, ...]:
     )
 
 
-_BITS = {"used": "The position of the sample was usable.", **FLAGS, **LIVE_FLAGS, **VALUE_FLAGS}
+_BITS = {"used": "The position of the sample was usable.", **FLAGS, **LIVE_FLAGS}
 
 #: All messages.
 STATE = ResultMessage("ClutchState", 0x6E0, _words(
@@ -87,7 +87,7 @@ def observe_frames(before: LiveRun, after: LiveRun, part: ObservedRecording, eve
     load = curve(after.observer, after.after, grid[(sent + np.arange(rows.size)) % grid.size])
     strokes = np.full(rows.size, float(after.after.strokes.ended % 0xFFFF))
     points = [load.position / MM, load.force, load.high - load.force, strokes]
-    flags = [np.full(rows.size, float(part.health[name] > 0.0)) for name in (*FLAGS, *LIVE_FLAGS, *VALUE_FLAGS)]
+    flags = [np.full(rows.size, float(part.health[name] > 0.0)) for name in (*FLAGS, *LIVE_FLAGS)]
     health = [part.log.time[rows], part.samples.used[rows].astype(np.float64), *flags]
     payloads = [packed(one.signals, each) for one, each in zip(MESSAGES, (state, points, health), strict=True)]
     return [(one.identifier, each[i]) for i in range(rows.size) for one, each in zip(MESSAGES, payloads, strict=True)]

@@ -18,9 +18,9 @@ from clutchid.exports.c99 import CStyle, source_files
 from clutchid.exports.outputs import OUTPUTS
 from clutchid.log import FloatArray, Log
 from clutchid.observer.by_stroke import curve, positions
-from clutchid.observer.following import observe
-from clutchid.observer.health import FLAGS, health
+from clutchid.observer.health import FLAGS
 from clutchid.observer.observer import Observer, start
+from clutchid.observer.recording import follow_block
 from clutchid.observer.state import ObserverState, RestWatch
 from clutchid.strokes.stroke import Strokes
 
@@ -189,7 +189,8 @@ def _checked(command: list[str], given: bytes) -> bytes:
 
 def parity(observer: Observer, state: ObserverState, log: Log, found: Replayed) -> Parity:
     """Compare what the C found in a recording with what Python finds."""
-    after, expected = observe(observer, state, log)
+    run = follow_block(observer, state, log)
+    after, expected = run.after, run.samples
     names = observer.actuator.states
     at = [names.index(name) for name in ("p_A", "y", "v")]
     std = np.sqrt(expected.innovations[:, 1])
@@ -206,8 +207,7 @@ def parity(observer: Observer, state: ObserverState, log: Log, found: Replayed) 
     band = np.stack([known.force, known.low, known.high], axis=1)
     differences.append(Difference("load and band", float(np.abs(found.load - band).max()), "N", None))
     prior = np.linalg.norm(observer.prior.root, axis=1)
-    seconds = health(observer, np.zeros(0), log, expected)
-    counts = {name: round(value / observer.spacing) for name, value in seconds.items()}
+    counts = {name: round(value / observer.spacing) for name, value in run.health.items()}
     flags = {
         name: (expected_count, int(count))
         for (name, expected_count), count in zip(counts.items(), found.health, strict=True)

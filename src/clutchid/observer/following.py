@@ -8,12 +8,22 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchid.errors import DataError
-from clutchid.inference.filter.joint_filter import Diverged, JointInputs, JointPass, drifted, follow, init
+from clutchid.inference.filter.joint_filter import (
+    Diverged,
+    JointFilter,
+    JointInputs,
+    JointPass,
+    drifted,
+    follow,
+    init,
+)
 from clutchid.inference.filter.rules import RuleState
 from clutchid.inference.filter.setup import intervals
 from clutchid.log import HOLE, INPUTS, FloatArray, Log
+from clutchid.observer.gaps import RESOLUTION, bridged, latest_driven, repeats
 from clutchid.observer.mismatch import mismatches
 from clutchid.observer.observer import Observer, unknown
 from clutchid.observer.rest import counted_from, new_stretch, rest_pace, watch_rest
@@ -28,16 +38,21 @@ from clutchid.observer.state import (
     segment_of,
     usable_positions,
 )
+from clutchid.strokes import rule
 from clutchid.strokes.stroke import Strokes, count_strokes
+from clutchid.strokes.values import BELIEVED, Verdicts, limits, outside, supply_differs, watched
 
 #: Shares of ambient and supply pressure beyond which the pressure in a chamber is that of a filter that has diverged.
 PRESSURES = 0.01, 10.0
 
+#: So many position innovations in a row that are outliers contradict the inputs: without a fault there were at most 3
+#: (trucks 7, 3606 and 3607 of A, 3606 of B, h:6, unchanged, cold, warm, other supply and valves), with a duty cycle or
+#: a position that is stuck 13 and more. What was learnt since the last stroke is taken back, and nothing is learnt for
+#: a time in s. Provenance: docs/derivations_online.md.
+CONTRADICTED, HELD = 6, 1.0
+
 #: Most samples that are followed at once: where the filter diverges they are followed again.
 MOST = 1000
-
-#: A duty cycle may be as far outside 0 to 1.
-ROUNDING = 1e-9
 
 
 class Observed(NamedTuple):
@@ -63,6 +78,14 @@ class Observed(NamedTuple):
         How far the vented rest has moved since the calibration, as known at that sample.
     no_zero : (n,)
         Whether the position has jumped, and no vented rest has shown its zero since: it is not used.
+    verdicts : (n,)
+        On the positions, see `clutchid.strokes.rule`.
+    contradicted : (n,)
+        Whether innovations have contradicted the inputs in the second before, see `CONTRADICTED`.
+    supply_unlike : (n,)
+        Whether a supply pressure is recorded that cannot be right, see `clutchid.observer.prior.Supply`.
+    repeated : (n,)
+        Whether a sample follows the last one so soon that it repeats it.
     """
 
     time: FloatArray
@@ -74,6 +97,10 @@ class Observed(NamedTuple):
     leaking: Mask
     rest: FloatArray
     no_zero: Mask
+    verdicts: Verdicts
+    contradicted: Mask
+    supply_unlike: Mask
+    repeated: Mask
 
 
 def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[ObserverState, Observed]:
@@ -103,17 +130,17 @@ def observe_strokes(
         As `observe`.
     """
     _check(state, block)
-    n = len(block)
-    duties = np.column_stack([block[name] for name in INPUTS])
-    supply = block.columns.get("pressure_supply", np.full(n, np.nan))
-    found, stretches = _nothing(observer, block.time), _stretches(observer, block.time, duties)
-    rest, unzeroed, moves = _rests(observer, state, block, duties, stretches, found)
+    repeated = repeats(block.time, state.latest, observer.spacing)
+    values, state = _values(observer, state, block, repeated)
+    samples, rows, known = bridged(state, values.log, repeated, values.ends, observer.spacing)
+    found, stretches = _nothing(observer, samples.time), _stretches(observer, samples)
+    rest, unzeroed, moves = _rests(observer, state, samples, stretches, found)
     counted = subtracted(observer, found.rest)
-    samples = Tail(block.time, duties, np.where(found.no_zero, np.nan, block["position"] - counted), supply)
-    strokes, ends = count_strokes(state.strokes, block.time, samples.position)
+    samples = samples._replace(position=np.where(found.no_zero, np.nan, samples.position - counted))
+    strokes, ends = count_strokes(state.strokes, samples.time, samples.position)
     judged, at_ends = 0, list[ObserverState]()
     for begin, end in stretches:
-        if not _continues(observer, state, block.time[begin], duties[begin]):
+        if not _continues(observer, state, samples.time[begin], samples.duties[begin]):
             state = _ended(observer, state)
         cuts = {begin, end, *(i + 1 for i in ends if begin <= i < end), *(at for at in moves if begin < at < end)}
         for a, b in pairwise(sorted(cuts)):
@@ -122,13 +149,62 @@ def observe_strokes(
             found.leaking[a:b] = state.leaking
             if b - 1 in ends:
                 state = _stroke_ended(observer, _judged(observer, state, found, slice(judged, b)))
-                at_ends.append(replace(_ended(observer, state), latest=float(block.time[b - 1])))
+                at_ends.append(replace(_ended(observer, state), latest=float(samples.time[b - 1])))
                 judged = b
-    state = _judged(observer, state, found, slice(judged, n))
-    if n:
-        latest = float(block.time[-1]) if np.isfinite(duties[-1]).all() else float("nan")
-        state = replace(state, latest=latest)
-    return replace(state, rest=rest, unzeroed=unzeroed, strokes=strokes), found, at_ends
+    state = _judged(observer, state, found, slice(judged, samples.time.size))
+    latest = float(samples.time[-1]) if samples.time.size else state.latest
+    state = replace(state, rest=rest, unzeroed=unzeroed, strokes=strokes, latest=latest, known=known)
+    return state, _of_rows(found, rows, values, block, repeated), at_ends
+
+
+class _Values(NamedTuple):
+    """A block in which what is no value is missing, why, and where a stretch ends."""
+
+    log: Log
+    verdicts: Verdicts
+    supply_unlike: Mask
+    ends: Mask
+
+
+def _values(observer: Observer, state: ObserverState, block: Log, repeated: Mask) -> tuple[_Values, ObserverState]:
+    """The values of a block, and the state after it.
+
+    As `clutchid.strokes.values.values_of`, but for a jump of the position, which is believed a second later: there a
+    stretch ends. The exported C judges by the same rule, which is printed from that text.
+    """
+    taken = np.flatnonzero(~repeated)
+    names = ("position", *INPUTS, "pressure_supply")
+    judged = Log(block.time[taken], {name: block[name][taken] for name in names if name in block})
+    bounds = limits(observer.actuator, "position", observer.spacing)
+    of_taken, since, watch = watched(state.values, bounds, judged, "position")
+    verdicts, jumps = np.full(len(block), rule.VALUE, dtype=np.uint8), np.zeros(len(block), dtype=bool)
+    verdicts[taken] = of_taken
+    # what counted for less time before a step was the outlier itself
+    jumps[taken] = (of_taken == rule.SEAM) & (since[:, 0] - since[:, 1] >= BELIEVED)
+    ends = np.isin(verdicts, (rule.SEAM, rule.REPEATED))
+    columns = {"position": np.where(np.isin(verdicts, (rule.VALUE, rule.EXPLAINED)), block["position"], np.nan)}
+    unlike, supply_watch = np.zeros(len(block), dtype=bool), state.supply
+    if "pressure_supply" in block and observer.supply is not None:
+        unlike[taken], supply_watch = supply_differs(state.supply, observer.supply.recorded, judged)
+        columns["pressure_supply"] = np.where(unlike, np.nan, block["pressure_supply"])
+    unzeroed = (*state.unzeroed, *block.time[jumps].tolist())
+    after = replace(
+        state, values=watch, jumped=state.jumped or bool(jumps.any()), unzeroed=unzeroed,
+        supply=supply_watch,
+    )  # fmt: skip
+    return _Values(replace(block, columns={**block.columns, **columns}), verdicts, unlike, ends), after
+
+
+def _of_rows(found: Observed, rows: NDArray[np.int64], values: _Values, block: Log, repeated: Mask) -> Observed:
+    """Results of the samples of a block, in which nothing is estimated at those that are repeated."""
+    if rows.size != found.time.size:
+        found = Observed._make(array[rows] for array in found)
+        for array in (found.states, found.deviations, found.innovations, found.mismatch):
+            array[repeated] = np.nan
+        found.used[repeated] = False
+    return found._replace(
+        time=block.time, verdicts=values.verdicts, supply_unlike=values.supply_unlike, repeated=repeated
+    )
 
 
 def _stroke_ended(observer: Observer, state: ObserverState) -> ObserverState:
@@ -157,8 +233,7 @@ def subtracted(observer: Observer, rest: FloatArray) -> FloatArray:
 def _rests(
     observer: Observer,
     state: ObserverState,
-    block: Log,
-    duties: FloatArray,
+    samples: Tail,
     stretches: Sequence[tuple[int, int]],
     found: Observed,
 ) -> tuple[RestWatch, tuple[float, ...], list[int]]:
@@ -168,20 +243,21 @@ def _rests(
     watch, unzeroed, moves = state.rest, state.unzeroed, list[int]()
     before = observer.calibration.rest if observer.calibration else None
     pace = rest_pace(observer.spacing, observer.actuator.parameters.y_max)
+    time, duties = samples.time, samples.duties
     for begin, end in stretches:
-        if begin > 0 or not block.time[begin] - state.latest <= HOLE * observer.spacing:
+        if begin > 0 or not time[begin] - latest_driven(state) <= HOLE * observer.spacing:
             watch = new_stretch(watch)
         found.rest[begin:end] = watch.shift
-        found.no_zero[begin:end] = bool(unzeroed) and unzeroed[0] <= block.time[begin]  # a jump begins a stretch
+        found.no_zero[begin:end] = bool(unzeroed) and unzeroed[0] <= time[begin]  # a jump begins a stretch
         # a rest settles all jumps before it: the first of them says enough
-        unzeroed = (*unzeroed[:1], *(jump for jump in unzeroed[1:] if jump > block.time[end - 1]))
+        unzeroed = (*unzeroed[:1], *(jump for jump in unzeroed[1:] if jump > time[end - 1]))
         if before is None or not np.isfinite(duties[begin]).all():
             continue
-        watch, changes = watch_rest(watch, before, pace, block["position"][begin:end], duties[begin:end])
+        watch, changes = watch_rest(watch, before, pace, samples.position[begin:end], duties[begin:end])
         for at, shift in changes:
             found.rest[begin + at : end], found.no_zero[begin + at : end] = shift, False
             moves.append(begin + at)
-            unzeroed = tuple(jump for jump in unzeroed if jump >= block.time[begin + at - 1])
+            unzeroed = tuple(jump for jump in unzeroed if jump >= time[begin + at - 1])
     return watch, unzeroed, moves
 
 
@@ -196,9 +272,12 @@ def _nothing(observer: Observer, time: FloatArray) -> Observed:
     """Results of samples of which none can be used, to be filled."""
     n = time.size
     states = np.full((n, len(observer.actuator.states)), np.nan)
-    used, leaking, no_zero = np.zeros((3, n), dtype=bool)
+    used, leaking, no_zero, *others = np.zeros((6, n), dtype=bool)
     innovations, mismatch = np.full((n, 2), np.nan), np.full(n, np.nan)
-    return Observed(time, states, states.copy(), innovations, used, mismatch, leaking, np.zeros(n), no_zero)
+    verdicts = np.full(n, rule.VALUE, dtype=np.uint8)
+    return Observed(
+        time, states, states.copy(), innovations, used, mismatch, leaking, np.zeros(n), no_zero, verdicts, *others
+    )
 
 
 def _piece(
@@ -211,13 +290,29 @@ def _piece(
             a += _first(np.isfinite(samples.position[a:b]))
         if a == b or not np.isfinite(samples.duties[a]).all():
             break
-        state, done, usable, count = _followed(observer, state, Tail(*(x[a : min(b, a + MOST)] for x in samples)))
+        end = min(b, a + MOST)
+        held = int(np.searchsorted(samples.time[a:end], _held_until(state)))
+        end = a + held if held else end
+        observing = replace(observer, joint=_fixed(observer.joint)) if held else observer
+        state, done, usable, count = _followed(observing, state, Tail(*(x[a:end] for x in samples)))
         if done is not None:
             end = a + len(done.states)
             found.states[a:end], found.deviations[a:end] = done.states, done.deviations
             found.innovations[a:end], found.used[a:end] = done.errors[:, 0], usable
+        found.contradicted[a : a + count] = bool(held)
         a += count
+        found.contradicted[a - 1] |= state.contradicted == samples.time[a - 1]
     return state
+
+
+def _held_until(state: ObserverState) -> float:
+    """Time in s from which the parameters adapt again, after innovations have contradicted the inputs."""
+    return state.contradicted + HELD - 0.5 * RESOLUTION if np.isfinite(state.contradicted) else -np.inf
+
+
+def _fixed(joint: JointFilter) -> JointFilter:
+    """The filter with parameters that do not adapt."""
+    return replace(joint, settings=replace(joint.settings, least_speed=np.inf))
 
 
 def _first(known: Mask) -> int:
@@ -235,20 +330,20 @@ def _check(state: ObserverState, block: Log) -> None:
             "must go on."
         )
     for name in INPUTS:
-        outside = (block[name] < -ROUNDING) | (block[name] > 1.0 + ROUNDING)
-        if outside.any():
-            at = int(np.argmax(outside))
+        wrong = outside(name, block[name])
+        if wrong.any():
+            at = int(np.argmax(wrong))
             raise DataError(
                 f"{block.name}: {name} is {block[name][at]:.4g} at {block.time[at]:.6g} s; a duty cycle is from 0 to 1."
             )
 
 
-def _stretches(observer: Observer, time: FloatArray, duties: FloatArray) -> list[tuple[int, int]]:
+def _stretches(observer: Observer, samples: Tail) -> list[tuple[int, int]]:
     """Ranges of samples with known inputs and without holes, and single samples without inputs."""
-    known: Mask = np.all(np.isfinite(duties), axis=1)
-    hole = np.diff(time) > HOLE * observer.spacing
+    known: Mask = np.all(np.isfinite(samples.duties), axis=1)
+    hole = np.diff(samples.time) > HOLE * observer.spacing
     cuts = np.flatnonzero(hole | ~known[1:] | ~known[:-1]) + 1
-    return [(a, b) for a, b in pairwise([0, *cuts.tolist(), time.size]) if b > a]
+    return [(a, b) for a, b in pairwise([0, *cuts.tolist(), samples.time.size]) if b > a]
 
 
 def _continues(observer: Observer, state: ObserverState, time: float, duties: FloatArray) -> bool:
@@ -259,7 +354,7 @@ def _continues(observer: Observer, state: ObserverState, time: float, duties: Fl
 
 def _ended(observer: Observer, state: ObserverState) -> ObserverState:
     """The state after a hole: what is known of the parameters stays."""
-    return replace(state, filter=None, tail=EMPTY, deviations=unknown(observer), number=0)
+    return replace(state, filter=None, tail=EMPTY, deviations=unknown(observer), number=0, outliers=0)
 
 
 def _followed(observer: Observer, state: ObserverState, new: Tail) -> tuple[ObserverState, JointPass | None, Mask, int]:
@@ -279,6 +374,12 @@ def _followed(observer: Observer, state: ObserverState, new: Tail) -> tuple[Obse
     at = init(joint, segment, state.theta, state.T) if state.filter is None else state.filter
     given = JointInputs(intervals(segment, joint.mapped.actuator, joint.noise, joint.measure), values)
     found, end = _until_diverged(observer, at, given, (first, m), state.number - first)
+    errors = found.errors[:, 0] if found is not None else np.empty((0, 2))
+    contradiction, outliers = _contradiction(observer, state.outliers, errors)
+    if contradiction < len(errors):
+        end = first + contradiction
+        found = _until(observer, at, given, (first, end), state.number - first)
+        state = replace(state, contradicted=float(new.time[contradiction]))
     if found is None or end < m:
         theta, T = state.sound
         ended = replace(_ended(observer, state), theta=theta, T=T)
@@ -288,9 +389,34 @@ def _followed(observer: Observer, state: ObserverState, new: Tail) -> tuple[Obse
     deviations = found.deviations[corrected[-1]].copy() if corrected.size else state.deviations
     state = replace(
         state, filter=found.state, theta=found.state.theta, T=found.state.T, tail=kept, deviations=deviations,
-        number=state.number + m - first,
+        number=state.number + m - first, outliers=outliers,
     )  # fmt: skip
     return state, found, usable[first:], m - first
+
+
+def _until(
+    observer: Observer, at: RuleState, given: JointInputs, span: tuple[int, int], number: int
+) -> JointPass | None:
+    """Follow samples of which it is known that the filter does not diverge; None without any."""
+    found = follow(observer.joint, at, given, span, number) if span[1] > span[0] else None
+    return None if isinstance(found, Diverged) else found
+
+
+def _contradiction(observer: Observer, outliers: int, errors: FloatArray) -> tuple[int, int]:
+    """The first sample at which `CONTRADICTED` innovations in a row are outliers, as many as there are if none is.
+
+    Also the number of those in a row at the end; `outliers` is that before, `errors` (samples, 2) as in `JointPass`. An
+    observer without a covariance has no outliers.
+    """
+    if not observer.joint.rule.columns:
+        return len(errors), 0
+    corrected = np.flatnonzero(np.isfinite(errors[:, 0]))
+    beyond = np.abs(errors[corrected, 0]) > observer.joint.noise.outlier * np.sqrt(errors[corrected, 1])
+    for i, outlier in zip(corrected.tolist(), beyond.tolist(), strict=True):
+        outliers = outliers + 1 if outlier else 0
+        if outliers >= CONTRADICTED:
+            return i, outliers
+    return len(errors), outliers
 
 
 def _until_diverged(

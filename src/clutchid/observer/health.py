@@ -13,7 +13,6 @@ from clutchid.observer.mismatch import UNLIKE
 from clutchid.observer.observer import Observer
 from clutchid.observer.state import Mask
 from clutchid.strokes import rule
-from clutchid.strokes.values import Verdicts
 
 #: A position further outside of the stroke than this in m is beyond the stops.
 BEYOND = 0.5e-3
@@ -23,7 +22,7 @@ FLAGS: Mapping[str, str] = MappingProxyType({
     "position_missing": "the position is missing",
     "position_frozen": "the position did not change for 15 samples or more, and was left out",
     "position_beyond_stops": "the position is more than 0.5 mm outside of the stroke",
-    "duty_missing": "a duty cycle is missing, and nothing was estimated",
+    "duty_missing": "a duty cycle is missing: it is held for 20 ms, then nothing is estimated",
     "time_missing": "samples are missing in time",
     "outlier": "the innovation is beyond 4 standard deviations, and counts less",
     "diverged": "the filter left what is possible, and was started again",
@@ -31,20 +30,18 @@ FLAGS: Mapping[str, str] = MappingProxyType({
     "rest_moved": "the vented rest is not where it was at the calibration: the position sensor has moved, or wear",
     "unlike_calibration": "the innovations are much larger than in the calibration recordings: look for a fault, or "
     "calibrate again",
-})  # fmt: skip
-
-#: What the flags of positions that are no values mean; Python has them, the exported C not yet.
-VALUE_FLAGS: Mapping[str, str] = MappingProxyType({
+    "contradiction": "position and duty cycles contradict each other: what they taught is taken back",
+    "supply_unlike": "the recorded supply pressure cannot be right, by that of the calibration: it is not used",
     "position_none": "the position is no value, far outside of the stroke, and was left out",
     "position_jumps": "the position jumps as no piston moves, and was left out",
     "zero_unknown": "the position jumped and stayed, and no vented rest has shown its zero since: it was left out",
     "repeated_samples": "the logger repeated its last samples in all channels, and nothing was estimated",
+    "repeated": "samples repeat the time of others, or follow at once: of those that are sorted the last ones count",
 })  # fmt: skip
 
 #: What the flags of a live recording mean besides.
 LIVE_FLAGS: Mapping[str, str] = MappingProxyType({
     "late": "samples came too late, or with a time that goes back, and were left out",
-    "repeated": "samples repeat the time of others; the last ones count",
     "lost": "single samples are missing",
     "unreadable": "lines or frames could not be read",
     "invalid": "a value was infinite, or a duty cycle outside 0 to 1, and counts as missing; or a time was far ahead",
@@ -62,8 +59,8 @@ def health(observer: Observer, earlier: FloatArray, log: Log, samples: Observed)
         What the observer found in the recording.
     """
     spacing, y_max = observer.spacing, observer.actuator.parameters.y_max
-    position = log["position"] - subtracted(observer, samples.rest)
-    driven: Mask = np.all([np.isfinite(log[name]) for name in INPUTS], axis=0)
+    position = np.where(samples.repeated, 0.0, log["position"] - subtracted(observer, samples.rest))
+    driven: Mask = np.all([np.isfinite(log[name]) for name in INPUTS], axis=0) | samples.repeated
     known = np.isfinite(position)
     followed = np.isfinite(samples.states[:, 0])
     steps = np.diff(np.append(earlier[-1:], log.time))
@@ -77,26 +74,23 @@ def health(observer: Observer, earlier: FloatArray, log: Log, samples: Observed)
         "duty_missing": spacing * int(np.sum(~driven)),
         "time_missing": float(np.sum(steps[steps > HOLE * spacing] - spacing)),
         "outlier": spacing * observer.joint.settings.every * int(outliers.sum()),
-        "diverged": spacing * int(np.sum(known & driven & ~followed & ~samples.no_zero)),
+        "diverged": spacing
+        * int(np.sum(known & driven & ~followed & ~samples.no_zero & ~samples.repeated & ~samples.contradicted)),
         "leak": spacing * int(np.sum(samples.leaking)),
         "rest_moved": spacing * int(np.sum(samples.rest != 0.0)),
         "unlike_calibration": spacing * observer.joint.settings.every * int(np.sum(samples.mismatch > UNLIKE)),
+        "contradiction": spacing * int(np.sum(samples.contradicted)),
+        "supply_unlike": spacing * int(np.sum(samples.supply_unlike)),
+        "position_none": spacing * int(np.sum(samples.verdicts == rule.BEYOND)),
+        "position_jumps": spacing * int(np.sum(np.isin(samples.verdicts, (rule.STEP, rule.SEAM)))),
+        "zero_unknown": spacing * int(np.sum(samples.no_zero)),
+        "repeated_samples": spacing * int(np.sum(samples.verdicts == rule.REPEATED)),
+        "repeated": spacing * int(np.sum(samples.repeated)),
     }
 
 
-def value_health(observer: Observer, verdicts: Verdicts, samples: Observed) -> dict[str, float]:
-    """Seconds of `VALUE_FLAGS` in a recording, by the verdicts on its positions."""
-    masks = (
-        verdicts == rule.BEYOND,
-        np.isin(verdicts, (rule.STEP, rule.SEAM)),
-        samples.no_zero,
-        verdicts == rule.REPEATED,
-    )
-    return {name: observer.spacing * int(np.sum(mask)) for name, mask in zip(VALUE_FLAGS, masks, strict=True)}
-
-
 def live_health(observer: Observer, earlier: FloatArray, log: Log, left_out: Mapping[str, int]) -> dict[str, float]:
-    """Seconds of each of `LIVE_FLAGS` in a block.
+    """Seconds of each of `LIVE_FLAGS` in a block, and of samples that repeat others before it is sorted.
 
     Parameters
     ----------
@@ -107,5 +101,5 @@ def live_health(observer: Observer, earlier: FloatArray, log: Log, left_out: Map
     spacing = observer.spacing
     steps = np.diff(np.append(earlier[-1:], log.time))
     lost = np.round(steps[steps <= HOLE * spacing] / spacing) - 1.0
-    counts = {**left_out, "lost": int(np.sum(np.maximum(lost, 0.0)))}
-    return {name: spacing * counts[name] for name in LIVE_FLAGS}
+    counts = {"repeated": 0, **left_out, "lost": int(np.sum(np.maximum(lost, 0.0)))}
+    return {name: spacing * counts[name] for name in (*LIVE_FLAGS, "repeated")}

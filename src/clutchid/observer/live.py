@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from clutchid.log import FloatArray, Log, concatenated
 from clutchid.observer.by_stroke import StrokeRow
 from clutchid.observer.following import Observed
-from clutchid.observer.health import FLAGS, LIVE_FLAGS, VALUE_FLAGS, live_health
+from clutchid.observer.health import FLAGS, LIVE_FLAGS, live_health
 from clutchid.observer.observer import Observer
 from clutchid.observer.prior import unused_supply
 from clutchid.observer.recording import ObservedRecording, duration, follow_block, too_slow, usable
@@ -53,7 +53,7 @@ class LiveRun:
         log = concatenated([part.log for part in self.parts])
         samples = Observed(*(np.concatenate(each) for each in zip(*(part.samples for part in self.parts), strict=True)))
         found = replace(log, warnings=self.checked or ())
-        health = self.health or dict.fromkeys((*FLAGS, *VALUE_FLAGS, *LIVE_FLAGS), 0.0)
+        health = self.health or dict.fromkeys((*FLAGS, *LIVE_FLAGS), 0.0)
         seconds = duration(self.observer, np.array([self.begin, self.latest]))
         return ObservedRecording(self.observer, found, self.before, self.after, samples, self.strokes, health, seconds)
 
@@ -79,7 +79,8 @@ def after_block(run: LiveRun, block: Log, left_out: Mapping[str, int]) -> tuple[
     """
     earlier = np.array([run.latest])[np.isfinite([run.latest])]
     part = follow_block(run.observer, run.after, block, earlier)
-    found = {**part.health, **live_health(run.observer, earlier, block, left_out)}
+    of_feed = live_health(run.observer, earlier, block, left_out)
+    found = {**part.health, **of_feed, "repeated": part.health["repeated"] + of_feed["repeated"]}
     part = replace(part, health=found)
     total = found if run.health is None else {name: run.health[name] + seconds for name, seconds in found.items()}
     last = block.time[-1] if len(block) else -np.inf

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -23,6 +24,10 @@ from clutchid.strokes.vented_rest import Zero
 #: Correlation time of what the model misses in s, and covariance that load weights and parameters gain in a stroke, as
 #: a share of that of their prior. Provenance: docs/derivations_online.md.
 MEMORY, DRIFT = 0.01, 2e-4
+
+#: Standard deviations in SI of states at the start of a stretch that is not vented, in place of those of their rows: a
+#: hole ends in any motion. Provenance: docs/derivations_online.md.
+UNKNOWN_START = MappingProxyType({"v": 0.3, "z": 1e-3})
 
 #: Factor on the stiffness of the calibrated actuator, whose parameters adapt.
 MARGIN = 1.05
@@ -156,6 +161,7 @@ def observer(
         measured={name: SENSORS[name].noise for name in measure},
         states={name: row.noise for name, row in actuator.state_rows.items()},
         memory=MEMORY,
+        unknown_start=UNKNOWN_START,
     )
     limits = np.array([0.0 if c.base == LEAK else -BOUND for c in prior.free]), np.full(len(prior.free), BOUND)
     return Observer(
@@ -199,7 +205,7 @@ def start(observer: Observer) -> ObserverState:
 
 def blank(observer: Observer) -> RuleState:
     """A state of the filter with the shapes that all of its states have."""
-    at_rest = Tail(np.zeros(1), np.zeros((1, 2)), np.zeros(1), np.zeros(1))
+    at_rest = Tail(np.zeros(1), np.zeros((1, 2)), *np.zeros((3, 1)))
     segment = segment_of(at_rest, observer.joint.mapped.actuator)
     return init(observer.joint, segment, np.zeros(len(observer.prior.free)), observer.prior.root)
 

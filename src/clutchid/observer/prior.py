@@ -38,10 +38,15 @@ ASSUMED = 0.006
 
 
 class Supply(NamedTuple):
-    """Estimated over recorded supply pressure in the calibration, and its standard deviation as a share of it."""
+    """How a recorded supply pressure is used.
+
+    `ratio` of the estimated to the recorded one in the calibration, its standard deviation as a `share` of it, and the
+    `recorded` one in Pa.
+    """
 
     ratio: float
     share: float
+    recorded: float
 
 
 def load_deviation(share: float, actuator: Actuator, load: Load, position: FloatArray) -> FloatArray:
@@ -54,7 +59,7 @@ def supply_of(actuator: Actuator, calibration: Calibration | None) -> Supply | N
     found = calibration.conditions if calibration else NOT_RECORDED
     if found.supply is None or found.supply_estimated is None or "p_S" not in actuator.states:
         return None
-    return Supply(found.supply_estimated / found.supply, sqrt(2.0) * ACCURACY["P_S"] / found.supply)
+    return Supply(found.supply_estimated / found.supply, sqrt(2.0) * ACCURACY["P_S"] / found.supply, found.supply)
 
 
 def unused_supply(log: Log, actuator: Actuator, calibration: Calibration | None) -> str:

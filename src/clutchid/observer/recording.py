@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -17,13 +17,13 @@ from clutchid.model.actuator import Actuator
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.by_stroke import StrokeRow, curve, follow_strokes, known, positions
 from clutchid.observer.following import Observed, observe, subtracted
-from clutchid.observer.health import health, value_health
+from clutchid.observer.health import health
 from clutchid.observer.mismatch import normalised
 from clutchid.observer.observer import Observer, observer, start
 from clutchid.observer.state import ObserverState
 from clutchid.preparation.pulses import Duties, duties_in
 from clutchid.strokes import rule
-from clutchid.strokes.values import Verdicts, limits, outside, watched, with_inputs_in_range
+from clutchid.strokes.values import outside, with_inputs_in_range
 
 #: As many intervals at the start of a recording give the time from one sample to the next, rounded to so many digits:
 #: what is known before the recording has ended, and the same for its parts.
@@ -237,38 +237,23 @@ def follow_block(
     DataError
         As `observe`.
     """
-    values, verdicts, state = only_values(observer, before, log)
-    after, samples, rows = follow_strokes(observer, state, values)
+    after, samples, rows = follow_strokes(observer, before, log)
+    values = _values(log, samples)
     times = before.tail.time if earlier is None else earlier
-    fault_seconds = {**health(observer, times, values, samples), **value_health(observer, verdicts, samples)}
+    fault_seconds = health(observer, times, values, samples)
     seconds = duration(observer, log.time)
     return ObservedRecording(observer, values, before, after, samples, tuple(rows), fault_seconds, seconds)
 
 
-def only_values(observer: Observer, state: ObserverState, log: Log) -> tuple[Log, Verdicts, ObserverState]:
-    """A part of a recording in which what is no value is missing, the verdicts on its positions, and the state after.
-
-    As `clutchid.strokes.values.values_of`, but for a jump of the position, which is believed a second later:
-    there a stretch ends. `observe` alone and the exported C follow the samples as they are.
-
-    Raises
-    ------
-    DataError
-        If it lacks a column.
-    """
-    lacks = [name for name in ("position", *INPUTS) if name not in log]
-    if lacks:
-        raise DataError(f"{log.name}: no column '{lacks[0]}'; it has {', '.join(log.columns)}.")
-    bounds = limits(observer.actuator, "position", observer.spacing)
-    verdicts, _, watch = watched(state.values, bounds, log, "position")
-    ends, jumps = np.isin(verdicts, (rule.SEAM, rule.REPEATED)), verdicts == rule.SEAM
+def _values(log: Log, samples: Observed) -> Log:
+    """A part of a recording in which what is no value is missing; the same object where all are values."""
+    verdicts = samples.verdicts
+    ends = np.isin(verdicts, (rule.SEAM, rule.REPEATED))
     wrong = {"position": ~np.isin(verdicts, (rule.VALUE, rule.EXPLAINED)), **dict.fromkeys(INPUTS, ends)}
     if "pressure_supply" in log:
-        wrong["pressure_supply"] = outside("pressure_supply", log["pressure_supply"])
+        wrong["pressure_supply"] = samples.supply_unlike | outside("pressure_supply", log["pressure_supply"])
     columns = {name: np.where(mask, np.nan, log[name]) for name, mask in wrong.items() if mask.any()}
-    unzeroed = (*state.unzeroed, *log.time[jumps].tolist())
-    after = replace(state, values=watch, jumped=state.jumped or bool(jumps.any()), unzeroed=unzeroed)
-    return replace(log, columns={**log.columns, **columns}) if columns else log, verdicts, after
+    return log.with_columns(**columns) if columns else log
 
 
 def usual_nis(actuator: Actuator, calibration: Calibration, logs: Sequence[Log]) -> float:

@@ -12,13 +12,17 @@ from clutchid.log import FloatArray
 from clutchid.observer.state import ObserverState, RestWatch
 from clutchid.strokes.rest_level import BIN, CLOSED, CREEP, STILL, BoolArray
 from clutchid.strokes.sampled import runs
-from clutchid.strokes.vented_rest import VENTS, VentedRest, rest_shift
+from clutchid.strokes.vented_rest import VENTS, VentedRest, rest_shift, unlike
 
 #: A vented rest lies below this position in m, whatever its sensor adds; above it is an excursion.
 LOW = 3e-3
 
 #: Rests after a stroke that are remembered; their median is compared.
 REMEMBERED = 8
+
+#: So many rests after a stroke agree if they differ by no more than this in m: where the stop before does not go with
+#: them, the sensor has moved since, and what was before is forgotten.
+AGREEING, APART = 3, 1.5e-4
 
 
 class RestPace(NamedTuple):
@@ -58,7 +62,7 @@ def watch_rest(
     at, unknown = 0, bool(np.isnan(watch.lowest))
     for a, b in runs(low):
         watch = _passed(watch, high[at:a])
-        watch, levels = _low(watch, pace, position[a:b], duties[a:b, 1] > CLOSED)
+        watch, levels = _low(watch, before, pace, position[a:b], duties[a:b, 1] > CLOSED)
         for index, lowest, returned in levels:
             shift = _believed(watch.shift, before, VentedRest(lowest, _median(returned), before.quantum))
             if shift != watch.shift or unknown:
@@ -79,7 +83,7 @@ def _passed(watch: RestWatch, high: BoolArray) -> RestWatch:
 
 
 def _low(
-    watch: RestWatch, pace: RestPace, position: FloatArray, opened: BoolArray
+    watch: RestWatch, before: VentedRest, pace: RestPace, position: FloatArray, opened: BoolArray
 ) -> tuple[RestWatch, list[tuple[int, float, tuple[float, ...]]]]:
     """Follow low samples with the supply closed: number of the sample behind each new level, and the levels then."""
     found: list[tuple[int, float, tuple[float, ...]]] = []
@@ -96,10 +100,21 @@ def _low(
         if still and not watch.taken and (watch.vents >= pace.vents or not watch.excursion):
             level = float(np.median(medians))
             returned = (*watch.returned, level)[-REMEMBERED:] if watch.excursion else watch.returned
-            watch = watch._replace(lowest=float(np.fmin(watch.lowest, level)), returned=returned, taken=True)
-            found.append((at, watch.lowest, returned))
+            lowest = float(np.fmin(watch.lowest, level))
+            if _moved_since(before, lowest, returned):
+                lowest, returned = float("nan"), tuple(sorted(returned[-AGREEING:]))
+            watch = watch._replace(lowest=lowest, returned=returned, taken=True)
+            found.append((at, lowest, returned))
         watch = watch._replace(window=np.empty(0), vents=watch.vents if still else 0)
     return watch, found
+
+
+def _moved_since(before: VentedRest, lowest: float, returned: tuple[float, ...]) -> bool:
+    """Whether the last rests after a stroke agree, and the stop before does not go with them."""
+    if len(returned) < AGREEING or np.ptp(returned[-AGREEING:]) > APART:
+        return False
+    now = VentedRest(lowest, _median(returned), before.quantum)
+    return before.at_stop and now.at_stop and unlike(before, now)
 
 
 def _median(levels: tuple[float, ...]) -> float:

@@ -15,7 +15,7 @@ from clutchid.simulation.inputs import held_inputs
 from clutchid.simulation.plan import OUTSIDE, Segment
 from clutchid.strokes.excitation import VENTED_POSITION
 from clutchid.strokes.stroke import NO_STROKES, Strokes
-from clutchid.strokes.values import new_watch
+from clutchid.strokes.values import NO_SUPPLY, new_watch
 
 Mask: TypeAlias = NDArray[np.bool_]
 
@@ -26,17 +26,19 @@ FROZEN = 15
 class Tail(NamedTuple):
     """The last samples of a stretch without holes: what the next one needs of them, and how many equal positions.
 
-    `supply` is the recorded supply pressure in Pa, NaN where there is none.
+    `supply` is the recorded supply pressure in Pa, NaN where there is none; `open_std` how long in s a valve may have
+    been open besides its duty cycle in the interval that begins at a sample: 0 where that is known, see `gaps`.
     """
 
     time: FloatArray
     duties: FloatArray
     position: FloatArray
     supply: FloatArray
+    open_std: FloatArray
 
 
 #: Before the first sample of a stretch.
-EMPTY = Tail(np.empty(0), np.empty((0, 2)), np.empty(0), np.empty(0))
+EMPTY = Tail(np.empty(0), np.empty((0, 2)), *np.empty((3, 0)))
 
 
 def segment_of(samples: Tail, actuator: Actuator) -> Segment:
@@ -50,7 +52,7 @@ def segment_of(samples: Tail, actuator: Actuator) -> Segment:
         stop=m,
         inputs=held_inputs(log, actuator, 0, m) if m > 1 else np.zeros((1, 2)),
         dt=dt,
-        open_std=np.zeros(dt.size),
+        open_std=samples.open_std[:-1],
         substeps=np.zeros(dt.size, dtype=np.int32),
         jump=np.zeros(m, dtype=np.uint8),
         measured=np.zeros((m, 2)),
@@ -129,7 +131,10 @@ class ObserverState:
     `leaking` says whether chamber A leaked at the end of the last stroke; `rest` is what is known of the vented rest,
     and `zero` what is subtracted from the position in m; `values` watches for positions that are no values; `jumped`
     says whether one has jumped and stayed, and `unzeroed` are the times in s of such jumps, in order, since which no
-    vented rest has shown the zero; `latest` is the time of the last sample, NaN where its duty cycles were missing.
+    vented rest has shown the zero; `latest` is the time in s of the last sample that counts, and `known` that of the
+    last one with both duty cycles, NaN for none; `outliers` counts the last innovations in a row that are outliers, and
+    `contradicted` is the time in s at which innovations last contradicted the inputs, NaN if they have not;
+    `supply` watches for supply pressures that cannot be right.
     """
 
     filter: RuleState | None
@@ -148,3 +153,7 @@ class ObserverState:
     jumped: bool = False
     unzeroed: tuple[float, ...] = ()
     latest: float = float("nan")
+    known: float = float("nan")
+    outliers: int = 0
+    contradicted: float = float("nan")
+    supply: FloatArray = field(default_factory=lambda: np.array(NO_SUPPLY))

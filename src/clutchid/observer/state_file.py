@@ -18,14 +18,13 @@ from clutchid.files.records import read_toml
 from clutchid.inference.filter.rules import RuleState
 from clutchid.inference.filter.setup import FilterState
 from clutchid.log import FloatArray
-from clutchid.observer.following import ROUNDING
 from clutchid.observer.observer import Observer, blank, start
 from clutchid.observer.rest import LOW, REMEMBERED
 from clutchid.observer.state import ObserverState, RestWatch, Tail
 from clutchid.strokes.stroke import Strokes
 from clutchid.strokes.vented_rest import FURTHEST
 
-FORMAT = 10
+FORMAT = 11
 
 
 def write_state(
@@ -59,6 +58,10 @@ def write_state(
         "jumped": state.jumped,
         "unzeroed": list(state.unzeroed),
         "latest": state.latest,
+        "known": state.known,
+        "outliers": state.outliers,
+        "contradicted": state.contradicted,
+        "supply": state.supply.tolist(),
         "values": state.values.tolist(),
         "rest": {**state.rest._asdict(), "returned": list(state.rest.returned), "window": state.rest.window.tolist()},
         "parameters": {"theta": state.theta.tolist(), "root": state.T.tolist()},
@@ -136,7 +139,10 @@ def _content(path: str | PathLike[str]) -> tuple[dict[str, Any], dict[str, Any]]
     content = read_toml(path, "state of an observer")
     head = content.get("observer")
     if not isinstance(head, dict) or head.get("format") != FORMAT:
-        raise ParameterError(f"{path}: is no state of an observer that this version reads; start without it.")
+        raise ParameterError(
+            f"{path}: is no state of an observer that this version reads (format {FORMAT}); start without it, and save "
+            "it anew: clutchid observe LOG --start CAL.toml --save STATE.toml."
+        )
     if head.get("sha256") != _checksum(content):
         raise ParameterError(_damaged(path, "it was changed after it was written: its checksum is another"))
     return content, head
@@ -152,7 +158,7 @@ def _state(observer: Observer, content: dict[str, Any]) -> ObserverState:
     def array(section: str, name: str, *shape: int) -> FloatArray:
         return np.array(content[section][name], dtype=np.float64).reshape(shape)
 
-    columns = {"time": (-1,), "duties": (-1, 2), "position": (-1,), "supply": (-1,)}
+    columns = {"time": (-1,), "duties": (-1, 2), "position": (-1,), "supply": (-1,), "open_std": (-1,)}
     tail = Tail(**{name: array("tail", name, *shape) for name, shape in columns.items()})
     saved = None
     if "filter" in content:
@@ -170,11 +176,12 @@ def _state(observer: Observer, content: dict[str, Any]) -> ObserverState:
     number, mismatch = _count(content, "number"), _number(content, "mismatch")
     leaking, zero, rest = _flag(content, "leaking"), _number(content, "zero"), _rest(content["rest"])
     values = np.array(content["values"], dtype=np.float64).reshape(made.values.shape)
-    jumped, latest = _flag(content, "jumped"), _number(content, "latest")
+    jumped, latest, known = _flag(content, "jumped"), _number(content, "latest"), _number(content, "known")
     unzeroed = tuple(np.array(content["unzeroed"], dtype=np.float64).reshape(-1).tolist())
     return ObserverState(
         saved, theta, root, tail, deviations, sound, number, strokes, mismatch, leaking, rest, zero, values, jumped,
-        unzeroed, latest,
+        unzeroed, latest, known, _count(content, "outliers"), _number(content, "contradicted"),
+        np.array(content["supply"], dtype=np.float64).reshape(2),
     )  # fmt: skip
 
 
@@ -218,7 +225,7 @@ def _problems(state: ObserverState) -> Iterator[str]:
         "sound": state.sound,
         "filter": state.filter or (),
         "strokes": () if state.strokes.began is None else (state.strokes.began,),
-        "tail": (tail.time, tail.duties),
+        "tail": (tail.time, tail.duties, tail.open_std),
         "rest": (rest.returned, rest.window),
         "unzeroed": (state.unzeroed,),
     }
@@ -229,7 +236,7 @@ def _problems(state: ObserverState) -> Iterator[str]:
         "the times of tail do not increase": np.any(np.diff(tail.time) <= 0.0),
         "the jumps without a zero are not in order, or there was none":
             np.any(np.diff(state.unzeroed) <= 0.0) or (len(state.unzeroed) > 0 and not state.jumped),
-        "a duty cycle of tail is outside 0 to 1": np.any((tail.duties < -ROUNDING) | (tail.duties > 1.0 + ROUNDING)),
+        "a duty cycle of tail is outside 0 to 1": np.any((tail.duties < 0.0) | (tail.duties > 1.0)),
         "filter, number and tail are not of the same stretch":
             not (state.filter is None) == (state.number == 0) == (m == 0),
         "a root has a row of zeros, a standard deviation of 0":

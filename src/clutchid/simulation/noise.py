@@ -38,7 +38,8 @@ class Noise:
 
     `flow` is the relative error of the flow through an open valve, random in each window; `outlier` the number of
     standard deviations beyond which the loss is linear. `memory` is the correlation time of the model error in s:
-    samples within it have the information of one.
+    samples within it have the information of one. `unknown_start` are standard deviations of states at a start that is
+    not vented, in place of those of their rows.
     """
 
     measured: Mapping[str, float] = field(
@@ -48,6 +49,7 @@ class Noise:
     flow: float = 0.02
     outlier: float = 4.0
     memory: float = 0.0
+    unknown_start: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
     def of_samples(self, name: str, spacing: float) -> float:
         """Standard deviation assigned to each sample of a measured column at intervals of `spacing` s."""
@@ -112,7 +114,8 @@ def state_deviations(actuator: Actuator, noise: Noise, span: FloatArray, open_st
 
 def start_deviations(segment: Segment, actuator: Actuator, with_pressure: bool, noise: Noise) -> FloatArray:
     """Standard deviations of the first state of a segment, shape (n_states,), in SI."""
-    sigma = {n: row.start if segment.vented else row.unknown_start for n, row in actuator.state_rows.items()}
+    unknown = {n: noise.unknown_start.get(n, row.unknown_start) for n, row in actuator.state_rows.items()}
+    sigma = {n: row.start if segment.vented else unknown[n] for n, row in actuator.state_rows.items()}
     if with_pressure and np.isfinite(segment.pressure_start):
         sigma["p_A"] = max(sigma["p_A"] if segment.vented else 0.0, noise.measured["pressure_a"])
     return np.array(list(sigma.values()))

@@ -32,9 +32,14 @@ from clutchid.strokes.rule import (
     IMPROBABLE,
     INTERVAL,
     LAST,
+    LEAST_SUPPLY,
+    LIKE_SUPPLY,
     LOW,
+    MOST_SUPPLY,
     NOISE,
+    OF_SUPPLY,
     OTHER_0,
+    OTHER_1,
     OTHERS_SINCE,
     QUANTUM,
     QUICK,
@@ -56,6 +61,7 @@ from clutchid.strokes.rule import (
     TOGGLED,
     TURNS,
     TURNS_BEFORE,
+    UNLIKE_SUPPLY,
     VALUE,
 )
 
@@ -176,6 +182,65 @@ def judge(watch: FloatArray, limits: FloatArray, t: float, y: float) -> int:
 
 
 @kernel
+def judge_next(
+    watch: FloatArray, limits: FloatArray, t: float, y: float, supply: float, exhaust: float, since: FloatArray
+) -> int:
+    """Verdict on the next sample, with both duty cycles, after which the watch has taken it.
+
+    Parameters
+    ----------
+    since : (2,)
+        See `follow_values`; else left as it is.
+    """
+    if supply != watch[OTHER_0] or exhaust != watch[OTHER_1]:
+        watch[OTHER_0], watch[OTHER_1], watch[OTHERS_SINCE] = supply, exhaust, t
+    verdict = judge(watch, limits, t, y)
+    if verdict in (SEAM, EXPLAINED):
+        since[0], since[1] = watch[DOUBT], watch[AGE]
+    if verdict == SEAM:
+        restart(watch, t, y)
+    elif verdict in (VALUE, EXPLAINED) and not math.isnan(y):
+        watch[DOUBT] = math.nan
+        watch[EQUAL] = watch[EQUAL] + 1.0 if t > watch[SINCE] else 0.0
+        turns, began = watch[TURNS_BEFORE] * watch[EQUAL], t - watch[EQUAL] * limits[INTERVAL]
+        repeated = turns > IMPOSSIBLE and watch[EQUAL] * limits[INTERVAL] > limits[GAP] and noisy(watch, limits)
+        if repeated and watch[OTHERS_SINCE] < began + 0.5 * limits[INTERVAL]:
+            verdict, since[0] = REPEATED, began
+    return verdict
+
+
+@kernel
+def count_anew(watch: FloatArray, by: float) -> None:
+    """Let the time begin `by` s later, for a clock of few digits."""
+    watch[SEEN], watch[SINCE], watch[AGE] = watch[SEEN] - by, watch[SINCE] - by, watch[AGE] - by
+    watch[DOUBT], watch[DOUBT_SEEN] = watch[DOUBT] - by, watch[DOUBT_SEEN] - by
+    watch[DOUBT_SINCE], watch[OTHERS_SINCE] = watch[DOUBT_SINCE] - by, watch[OTHERS_SINCE] - by
+
+
+@kernel
+def judge_supply(watch: FloatArray, recorded: float, pressure: float, closed: bool) -> bool:
+    """Whether a supply pressure cannot be right, by that of the calibration and by its mean while no valve is open."""
+    wrong = pressure < LEAST_SUPPLY or pressure > MOST_SUPPLY
+    if closed and not wrong and not math.isnan(pressure):
+        share = pressure / recorded - 1.0
+        watch[0] = share if math.isnan(watch[0]) else watch[0] + OF_SUPPLY * (share - watch[0])
+        if abs(watch[0]) > UNLIKE_SUPPLY:
+            watch[1] = 1.0
+        elif abs(watch[0]) < LIKE_SUPPLY:
+            watch[1] = 0.0
+    return bool(wrong or (watch[1] > 0.0 and not math.isnan(pressure)))
+
+
+@kernel
+def follow_supply(
+    watch: FloatArray, recorded: float, pressure: FloatArray, closed: NDArray[np.bool_], verdicts: NDArray[np.bool_]
+) -> None:
+    """Verdicts of `judge_supply` on the samples of a recording (n,), to be filled."""
+    for i in range(pressure.size):
+        verdicts[i] = judge_supply(watch, recorded, pressure[i], closed[i])
+
+
+@kernel
 def follow_values(
     watch: FloatArray,
     limits: FloatArray,
@@ -202,20 +267,4 @@ def follow_values(
         it; of `REPEATED` samples when the first of them was read.
     """
     for i in range(time.size):
-        t = time[i]
-        for c in range(2):
-            if others[i, c] != watch[OTHER_0 + c]:
-                watch[OTHER_0 + c], watch[OTHERS_SINCE] = others[i, c], t
-        verdict = judge(watch, limits, t, values[i])
-        if verdict in (SEAM, EXPLAINED):
-            since[i, 0], since[i, 1] = watch[DOUBT], watch[AGE]
-        if verdict == SEAM:
-            restart(watch, t, values[i])
-        elif verdict in (VALUE, EXPLAINED) and not math.isnan(values[i]):
-            watch[DOUBT] = math.nan
-            watch[EQUAL] = watch[EQUAL] + 1.0 if t > watch[SINCE] else 0.0
-            turns, began = watch[TURNS_BEFORE] * watch[EQUAL], t - watch[EQUAL] * limits[INTERVAL]
-            repeated = turns > IMPOSSIBLE and watch[EQUAL] * limits[INTERVAL] > limits[GAP] and noisy(watch, limits)
-            if repeated and watch[OTHERS_SINCE] < began + 0.5 * limits[INTERVAL]:
-                verdict, since[i, 0] = REPEATED, began
-        verdicts[i] = verdict
+        verdicts[i] = judge_next(watch, limits, time[i], values[i], others[i, 0], others[i, 1], since[i])

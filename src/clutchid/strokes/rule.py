@@ -36,3 +36,13 @@ TOGGLED = 1.5
 #: turning points were expected in it: e^-20 is once in 500 million runs. With less scatter than this share of the
 #: range, values were computed.
 IMPROBABLE, STANDS, IMPOSSIBLE, COMPUTED = 2.5, 10.0, 20.0, 1e-5
+
+#: Absolute pressures in Pa of an air supply: below 3 bar none drives (UNECE R13: the protection valve closes at 4.5 bar
+#: or more), and the safety valve of a compressor opens before 16 bar.
+LEAST_SUPPLY, MOST_SUPPLY = 3e5, 16e5
+
+#: A supply pressure whose mean is further from that of the calibration recordings, as a share of it, has another unit,
+#: is gauge for absolute, or its sensor is broken, until it is nearer than the second: governors keep it within 5 %, and
+#: 5 % may change; a gauge pressure is 9 to 13 % lower. Weight of a sample in that mean. Provenance:
+#: docs/derivations_online.md.
+UNLIKE_SUPPLY, LIKE_SUPPLY, OF_SUPPLY = 0.08, 0.05, 1.0 / 16.0

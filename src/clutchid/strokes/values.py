@@ -27,10 +27,8 @@ Verdicts: TypeAlias = NDArray[np.uint8]
 #: calibration (`clutchid.strokes.vented_rest.FURTHEST`), and 2 mm are the gain of a sensor (4 %) and noise.
 BEYOND = 7e-3
 
-#: Absolute pressures in Pa of a vented or filled chamber, and of an air supply: below 0.3 bar no brake system vents,
-#: below 3 bar none drives (UNECE R13: the protection valve closes at 4.5 bar or more), and the safety valve of a
-#: compressor opens before 16 bar.
-PRESSURES, SUPPLY = (0.3e5, 16e5), (3e5, 16e5)
+#: Absolute pressures in Pa of a vented or filled chamber, below 0.3 bar no brake system vents, and of an air supply.
+PRESSURES, SUPPLY = (0.3e5, rule.MOST_SUPPLY), (rule.LEAST_SUPPLY, rule.MOST_SUPPLY)
 
 #: Factors: on the conductances of the valves and on rates of pressure and velocity, and on the viscous friction, by
 #: which a truck may differ from the actuator that it is compared with: three standard deviations of their priors.
@@ -119,6 +117,26 @@ def watched(watch: FloatArray, bounds: FloatArray, log: Log, column: str) -> Wat
     follow = kernels_in("clutchid.strokes.plausible").follow_values
     follow(after, bounds, log.time, log[column], others, verdicts, since)
     return Watched(verdicts, since, after)
+
+
+def supply_differs(watch: FloatArray, recorded: float, log: Log) -> tuple[NDArray[np.bool_], FloatArray]:
+    """Whether each recorded supply pressure cannot be right, and the watch after them.
+
+    Parameters
+    ----------
+    watch : (2,)
+        Before them, `NO_SUPPLY` at the start.
+    recorded : Pa
+        Mean of that in the calibration recordings.
+    """
+    verdicts, after = np.zeros(len(log), dtype=np.bool_), watch.copy()
+    closed = np.all([log[name] <= 0.0 for name in INPUTS], axis=0)
+    kernels_in("clutchid.strokes.plausible").follow_supply(after, recorded, log["pressure_supply"], closed, verdicts)
+    return verdicts, after
+
+
+#: Watch of a supply pressure before its first sample: its mean deviation, and whether that is too large.
+NO_SUPPLY = (math.nan, 0.0)
 
 
 class Fault(NamedTuple):
@@ -215,9 +233,18 @@ def with_inputs_in_range(log: Log) -> Log:
     return log.with_columns(**columns) if columns else log
 
 
+#: A duty cycle may be as far outside 0 to 1: real numbers are rounded, on a bus to 0.01 % and more.
+ROUNDING = 1e-3
+
 #: Duty cycles with rounding, and pressures of an air supply. Where most of a column is outside, it has another unit,
 #: and a duty cycle is refused by the observer and the simulation; a supply pressure counts as not recorded.
-_RANGES = {**dict.fromkeys(INPUTS, (-1e-9, 1.0 + 1e-9)), "pressure_supply": SUPPLY}
+_RANGES = {**dict.fromkeys(INPUTS, (-ROUNDING, 1.0 + ROUNDING)), "pressure_supply": SUPPLY}
+
+
+def within_rounding(duty: FloatArray) -> FloatArray:
+    """Duty cycles from 0 to 1: those that are rounded to just outside at the end of the range, NaN for no values."""
+    known = (duty >= -ROUNDING) & (duty <= 1.0 + ROUNDING)
+    return np.where(known, np.clip(duty, 0.0, 1.0), np.nan)
 
 
 def outside(name: str, values: FloatArray) -> Mask:

@@ -199,12 +199,12 @@ def rest_shift(before: VentedRest, now: VentedRest) -> RestShift | None:
     above the stop, so that they move with the friction of the seals too; or one of each, which may be as far apart.
     Where both moved, but not alike, and no friction explains that, one of them is a hold.
     """
-    level = QUANTILE * math.sqrt(2.0) * math.hypot(LEVEL, max(before.quantum, now.quantum) / math.sqrt(12.0))
+    level = _level(before, now)
     held = next((one.held for one in (before, now) if one.at_stop), HELD)
     at_stop, after_stroke = now.lowest - before.lowest, now.returned - before.returned
     by_friction = math.hypot(level, QUANTILE * FRICTION * held)
     if before.at_stop and now.at_stop:
-        if abs(at_stop - after_stroke) > UNLIKE * by_friction:
+        if unlike(before, now):
             return None
         value, half = at_stop, level
     elif np.isfinite(after_stroke):
@@ -214,6 +214,17 @@ def rest_shift(before: VentedRest, now: VentedRest) -> RestShift | None:
     else:  # a recording may begin with a hold
         return None
     return RestShift(value, value - half, value + half) if abs(value) <= FURTHEST else None
+
+
+def _level(before: VentedRest, now: VentedRest) -> float:
+    """Half a 95 % interval in m of the difference of two levels."""
+    return QUANTILE * math.sqrt(2.0) * math.hypot(LEVEL, max(before.quantum, now.quantum) / math.sqrt(12.0))
+
+
+def unlike(before: VentedRest, now: VentedRest) -> bool:
+    """Whether the stop and the rests after a stroke moved by what no friction explains, where both are known."""
+    apart = (now.lowest - before.lowest) - (now.returned - before.returned)
+    return abs(apart) > UNLIKE * math.hypot(_level(before, now), QUANTILE * FRICTION * before.held)
 
 
 def other_zeros(values: Values) -> list[str]:

@@ -6,7 +6,7 @@ import pytest
 from clutchid.estimation.assess.evidence import Reason
 from clutchid.estimation.assess.observed import FLAGGED, Indicators, indicators, observed_verdict
 from clutchid.observer import observe_recording, observer
-from clutchid.observer.health import FLAGS, VALUE_FLAGS
+from clutchid.observer.health import FLAGS
 
 #: Indicators of a load without any fault.
 GOOD = Indicators(True, 12, 0.03, 1.1, dict.fromkeys(FLAGS, 0.0), False)
@@ -49,7 +49,7 @@ def test_the_worst_of_several_reasons_decides_and_all_are_said():
 
 
 def test_every_limit_is_of_a_flag_that_exists():
-    assert set(FLAGGED) <= {*FLAGS, *VALUE_FLAGS}
+    assert set(FLAGGED) <= {*FLAGS}
 
 
 def test_the_indicators_are_those_of_the_end_of_the_recording(plant, recorded_by):

@@ -14,7 +14,7 @@ from clutchid.estimation.assess.rest import kept_rest
 from clutchid.estimation.assess.verdict import Trust, Verdict
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.observer.by_stroke import curve
-from clutchid.observer.health import FLAGS, VALUE_FLAGS
+from clutchid.observer.health import FLAGS
 from clutchid.observer.mismatch import UNLIKE
 from clutchid.observer.recording import ObservedRecording
 
@@ -55,6 +55,9 @@ FLAGGED: Mapping[str, Limit] = {
     "repeated_samples": Limit(0.2, 0.8),
     "diverged": Limit(0.0, 0.5),
     "leak": Limit(0.0),
+    "contradiction": Limit(0.0, 0.5),
+    "supply_unlike": Limit(0.05),
+    "repeated": Limit(0.2, 0.8),
 }
 
 
@@ -180,7 +183,7 @@ def _of_mismatch(found: Indicators) -> list[Reason]:
     return [Reason(text, found.mismatch > MISMATCH.none)]
 
 
-_MEANINGS = {**FLAGS, **VALUE_FLAGS}
+_MEANINGS = FLAGS
 
 
 def _of_flags(found: Indicators) -> list[Reason]:

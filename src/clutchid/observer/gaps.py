@@ -1,0 +1,124 @@
+"""Samples that are missing, repeated or rounded: what an observer follows in their place.
+
+Short gaps are bridged: samples without a position are put where they are missing, the duty cycles are held, and the
+flow through the valves is as uncertain as that. The exported C does the same, sample by sample.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.log import INPUTS, FloatArray, Log
+from clutchid.observer.state import Mask, ObserverState, Tail
+from clutchid.strokes.values import within_rounding
+
+#: Longest time in s for which duty cycles are held where they are missing; beyond it a stretch ends. Provenance:
+#: docs/derivations_online.md.
+BRIDGED = 0.02
+
+#: Standard deviation of the time that a valve is open besides its held duty cycle, as a share of the interval.
+#: Provenance: docs/derivations_online.md.
+UNKNOWN = 0.3
+
+#: Shares of the usual interval: samples are missing in a longer one than the first; in a shorter one than the second
+#: a sample repeats the last one, as of a clock too coarse or a task that is called twice.
+LONG, SHORT = 1.5, 0.1
+
+#: Resolution in s of the clock of a control unit, half of which decides nothing.
+RESOLUTION = 1e-6
+
+
+class Bridged(NamedTuple):
+    """The samples that an observer follows in place of those of a block.
+
+    `rows` (n,) are the places in `samples` of those of the block, that of the sample before for one that repeats it, -1
+    where there is none; `known` is the time in s of the last sample with both duty cycles, NaN for none.
+    """
+
+    samples: Tail
+    rows: NDArray[np.int64]
+    known: float
+
+
+def bridged(state: ObserverState, block: Log, repeated: Mask, ends: Mask, spacing: float) -> Bridged:
+    """The samples of a block with short gaps filled, in SI; their positions as in the block.
+
+    Parameters
+    ----------
+    state
+        Before the first of them.
+    repeated, ends
+        Samples that repeat the one before, and those at which a stretch ends.
+    spacing : s
+        Usual time from one sample to the next.
+    """
+    at, taken = np.flatnonzero(~repeated), ~repeated
+    time = block.time[taken]
+    before = np.append(state.latest if _driven(state) else np.nan, time[:-1])[: time.size]
+    gap = time - before
+    short = (gap > LONG * spacing) & (gap <= BRIDGED + spacing + 0.5 * RESOLUTION)
+    missing = np.where(short, np.round(np.where(short, gap, 0.0) / spacing) - 1.0, 0.0).astype(np.int64)
+    places = np.arange(time.size) + np.cumsum(missing)
+    m = time.size + int(missing.sum())
+    stamps, own = np.full(m, np.nan), np.zeros(m, dtype=bool)
+    stamps[places], own[places] = time, True
+    for i in np.flatnonzero(missing).tolist():
+        stamps[places[i] - missing[i] : places[i]] = before[i] + spacing * np.arange(1, missing[i] + 1)
+    supply = block.columns.get("pressure_supply", np.full(len(block), np.nan))
+    columns = [np.full(m, np.nan) for _ in range(4)]
+    for column, values in zip(
+        columns, (*(within_rounding(block[n]) for n in INPUTS), block["position"], supply), strict=True
+    ):
+        column[own] = values[taken]
+    barriers = np.zeros(m, dtype=bool)
+    barriers[own] = ends[taken]
+    duties = np.where(barriers[:, None], np.nan, np.column_stack(columns[:2]))
+    duties, open_std, known = _held(state, stamps, duties, barriers, spacing)
+    rows = np.full(len(block), -1)
+    rows[at] = places
+    return Bridged(Tail(stamps, duties, columns[2], columns[3], open_std), np.maximum.accumulate(rows), known)
+
+
+def _driven(state: ObserverState) -> bool:
+    """Whether the inputs go on from the last sample of a state."""
+    return bool(state.latest - state.known <= BRIDGED + 0.5 * RESOLUTION)
+
+
+def latest_driven(state: ObserverState) -> float:
+    """Time in s of the last sample of a state from which the inputs go on; NaN where they do not."""
+    return state.latest if _driven(state) else float("nan")
+
+
+def repeats(time: FloatArray, latest: float, spacing: float) -> Mask:
+    """Whether each sample comes so soon after the last one that counts that it repeats it."""
+    shortest = SHORT * spacing - 0.5 * RESOLUTION
+    repeated = np.zeros(time.size, dtype=bool)
+    if time.size and (time[0] - latest < shortest or np.any(np.diff(time) < shortest)):
+        for i, stamp in enumerate(time.tolist()):
+            repeated[i] = stamp - latest < shortest
+            latest = latest if repeated[i] else stamp
+    return repeated
+
+
+def _held(
+    state: ObserverState, time: FloatArray, duties: FloatArray, ends: Mask, spacing: float
+) -> tuple[FloatArray, FloatArray, float]:
+    """Duty cycles held where they are missing for a short time, the `open_std` of `Tail`, and `known` of `Bridged`."""
+    before = state.known if _driven(state) and state.tail.time.size else np.nan
+    first = state.tail.duties[-1:] if np.isfinite(before) else np.full((1, 2), np.nan)
+    both, stamps = np.vstack([first, duties]), np.append(before, time)
+    place = np.arange(stamps.size)
+    missing = np.any(np.isnan(both), axis=1)
+    missing[0] = not np.isfinite(before)
+    latest = np.maximum.accumulate(np.where(missing, -1, place))
+    ended = np.maximum.accumulate(np.where(np.append(False, ends), place, -1))
+    since = np.where(latest > ended, stamps[latest], -np.inf)
+    held = missing & (stamps - since <= BRIDGED + 0.5 * RESOLUTION)
+    if held.any():
+        index = np.maximum.accumulate(np.where(np.isnan(both), 0, place[:, None]), axis=0)
+        both = np.where(held[:, None], np.take_along_axis(both, index, axis=0), both)
+    known = float(since[-1]) if np.isfinite(since[-1]) else float("nan")
+    return both[1:], np.where(held[1:], UNKNOWN * spacing, 0.0), known

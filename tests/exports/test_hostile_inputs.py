@@ -1,0 +1,134 @@
+"""Inputs as vehicles have them: Python and the exported C follow the same rules, and the load stays what it was.
+
+The load after a recording with a fault is compared with that after the same recording without it; each fault alone made
+it wrong before, in silence.
+"""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from clutchid.exports.c99 import CStyle, compiler, observer_c99
+from clutchid.exports.parity import parity, replay
+from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.conditions import RecordedConditions
+from clutchid.observer import observer, start
+from clutchid.observer.by_stroke import curve
+from clutchid.observer.health import FLAGS
+from clutchid.observer.recording import observe_recording
+from clutchid.strokes.vented_rest import vented_rest
+from fixtures.changed_logs import picked, spoiled
+
+DOUBLE = CStyle(real="double")
+ENGAGING = np.linspace(5e-3, 8e-3, 13)
+
+
+@pytest.fixture(scope="module")
+def log(plant, recorded_by):
+    """A worn clutch that records its supply pressure, at 1 kHz in whole microseconds."""
+    worn = plant.replace({n: 1.08 * v for n, v in zip(plant.load.names, plant.load.theta, strict=True)})
+    made = recorded_by(worn, seconds=8.0).without("pressure_a")
+    supply = 9.5e5 + 2e3 * np.random.default_rng(2).standard_normal(len(made))
+    return made.with_columns(pressure_supply=supply)
+
+
+@pytest.fixture(scope="module")
+def one(plant, log):
+    known = RecordedConditions(supply=9.5e5, supply_estimated=plant.value("P_S"))
+    rest = vented_rest(log.slice(0, 4000))
+    return observer(plant, calibration=Calibration((), np.zeros((0, 0)), conditions=known, nis=0.05, rest=rest))
+
+
+def every(log, n, first=0):
+    return np.arange(len(log)) % n == first
+
+
+def scaled(log, factor=1.0, add=0.0):
+    return log.with_columns(pressure_supply=factor * log["pressure_supply"] + add)
+
+
+def of_half(log, column, value):
+    """A closed valve that is read as another value in half of the samples."""
+    closed = (log[column] <= 0.0) & (np.random.default_rng(0).random(len(log)) < 0.5)
+    return log.with_columns(**{column: np.where(closed, value, log[column])})
+
+
+def held(log, seconds=1.5):
+    """Duty cycles that stay as they are while the exhaust valve is open."""
+    at = 3000 + int(np.argmax(log["duty_exhaust"][3000:] > 0.5))
+    span = slice(at, at + round(1e3 * seconds))
+    stuck = spoiled(log, "duty_exhaust", span, log["duty_exhaust"][at])
+    return spoiled(stuck, "duty_supply", span, log["duty_supply"][at])
+
+
+def in_a_stroke(log):
+    return 4000 + int(np.argmax(log["position"][4000:] > 4e-3))
+
+
+#: Faults: the recording with it, the flag that says so, and how far the load may move in % of the peak.
+FAULTS = {
+    "supply of 0 Pa": (lambda log: scaled(log, 0.0), "supply_unlike", 2.0),
+    "supply in bar": (lambda log: scaled(log, 1e-5), "supply_unlike", 2.0),
+    "supply of 50 bar": (lambda log: scaled(log, 0.0, 5e6), "supply_unlike", 2.0),
+    "supply as gauge": (lambda log: scaled(log, 1.0, -101325.0), "supply_unlike", 2.0),
+    "supply lost": (lambda log: spoiled(log, "pressure_supply", slice(2000, None), 0.0), "supply_unlike", 2.0),
+    "a sample far outside": (lambda log: spoiled(log, "position", in_a_stroke(log), -3e34), "position_none", 0.5),
+    "six of a hundred lost": (lambda log: picked(log, np.arange(len(log)) % 100 >= 6), "time_missing", 3.0),
+    "duty cycles missing": (lambda log: spoiled(log, "duty_supply", every(log, 50, 7)), "duty_missing", 2.0),
+    "closed read as below 0": (lambda log: of_half(log, "duty_supply", -1e-4), None, 0.01),
+    "duty cycles held": (held, "contradiction", 2.0),
+    "dropouts to 0": (lambda log: spoiled(log, "position", np.arange(len(log)) % 150 < 2, 0.0), "position_jumps", 2.0),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def load_of(one, log):
+    """The load where the clutch engages after a recording, in % of its peak, and the run: load_of(log)."""
+
+    @cache
+    def found(name):
+        run = observe_recording(one, FAULTS[name][0](log) if name else log)
+        force = one.load(run.after).force(np.linspace(0.0, 2e-2, 100))
+        return 100.0 * curve(one, run.after, ENGAGING).force / force.max(), run
+
+    return found
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_the_load_stays_what_it_was_and_a_flag_says_why(load_of, fault):
+    _, flag, most = FAULTS[fault]
+    (sound, undisturbed), (force, run) = load_of(""), load_of(fault)
+    assert np.abs(force - sound).max() < most
+    assert run.after.strokes.ended == undisturbed.after.strokes.ended
+    if flag:
+        assert run.health[flag] > 0.0
+        assert not undisturbed.health[flag]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", FAULTS)
+def test_c_follows_the_same_rules(one, log, fault):
+    cc, state = compiler() or pytest.skip("no C compiler on this machine"), start(one)
+    disturbed = FAULTS[fault][0](log)
+    compared = parity(
+        one, state, disturbed, replay(one, observer_c99(one, state, DOUBLE, "a test"), DOUBLE, disturbed, cc)
+    )
+    assert compared.flags == {}
+    assert compared.holds(DOUBLE), compared
+
+
+def test_samples_that_repeat_others_change_nothing(one, log):
+    """A coarse clock, or a task that is called twice."""
+    rows = np.sort(np.append(np.arange(len(log)), np.arange(100, 3000, 50)))
+    later = np.where(np.diff(rows, prepend=-1) == 0, 5e-5, 0.0)
+    columns = {name: values[rows] for name, values in log.columns.items()}
+    run = observe_recording(one, replace(log, time=log.time[rows] + later, columns=columns))
+    assert run.health["repeated"] == pytest.approx(1e-3 * (rows.size - len(log)))
+    np.testing.assert_array_equal(run.after.theta, observe_recording(one, log).after.theta)
+
+
+def test_every_flag_of_python_is_one_of_c(one):
+    header = observer_c99(one, start(one), DOUBLE, "a test")["clutch"].header
+    assert all(f"clutch_{flag} = " in header for flag in FLAGS)
