@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from clutchid import Log
-from clutchid.documents.friction import level_table, lugre_table, parameter_table
+from clutchid.documents.friction import _level_lines, _lugre_lines, _parameter_lines
 from clutchid.rig import conclusions, coulomb_friction, fit_lugre, implied
 from clutchid.rig.free_run import NAMES
 
@@ -46,7 +46,7 @@ def main() -> None:
     log = tribometer(data / "reciprocating_friction")
     first = fit_lugre(window(log, 12.0, 20.0))
     print("## LuGre in free run, fitted to 20 s\n")
-    print(lugre_table(first), *first.warnings, sep="\n")
+    print(_lugre_lines(first), *first.warnings, sep="\n")
     known = {name: first.values[name] for name in NAMES}
     print("\nfrom [s]  own fit [%]  with the friction of the first 20 s [%]")
     for start in range(12, 185, 20):
@@ -58,11 +58,11 @@ def main() -> None:
     logs = [cylinder(path) for path in sorted((data / "zillen_cylinder_friction" / "friction").glob("*.csv"))]
     found = coulomb_friction(logs, ambient=AMBIENT)
     print("\n## Coulomb friction at held pressures\n")
-    print(level_table(found))
+    print(_level_lines(found))
     if found.area is not None:
         low, value, high = (1e6 * x for x in (found.area.low, found.area.value, found.area.high))
         print(f"\narea {value:.1f} mm² (95 %: {low:.1f} to {high:.1f})")
-    print(f"\n{parameter_table(implied(found))}\n", *conclusions(found), sep="\n")
+    print(f"\n{_parameter_lines(implied(found))}\n", *conclusions(found), sep="\n")
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ import pytest
 
 from clutchid.app import uploads
 from clutchid.app.records import Recording
-from clutchid.app.uploads import allowed_path, listed, safe_name
+from clutchid.app.uploads import allowed_path, folder_listing, safe_name
 from clutchid.errors import DataError
 
 
@@ -112,14 +112,14 @@ def test_a_file_of_the_command_line_can_be_opened_wherever_it_lies(tree):
 
 
 def test_a_folder_lists_recordings_and_folders_below_it(tree):
-    found = listed("", tree)
+    found = folder_listing("", tree)
     assert [one["name"] for one in found["folders"]] == ["day"]
     assert [one["name"] for one in found["files"]] == ["inner.csv", "link.csv"]
     assert found["up"] is None
-    assert listed("day", tree)["up"] == "."
+    assert folder_listing("day", tree)["up"] == "."
 
 
 @pytest.mark.parametrize("path", ["..", "/etc", "day/../..", "no"])
 def test_no_other_folder_is_listed(tree, path):
     with pytest.raises(DataError, match="there is no such folder below"):
-        listed(path, tree)
+        folder_listing(path, tree)

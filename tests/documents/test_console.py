@@ -3,7 +3,7 @@
 import io
 import os
 
-from clutchid.documents.console import columns, sentences
+from clutchid.documents.console import sentences, text_width
 
 LONG = "cal.csv: " + "word " * 30
 
@@ -22,7 +22,7 @@ def test_sentences_are_wrapped_at_words_on_a_terminal(monkeypatch):
 
 def test_a_narrow_terminal_has_narrow_lines(monkeypatch):
     monkeypatch.setenv("COLUMNS", "40")
-    assert columns() == 40
+    assert text_width() == 40
     assert max(map(len, sentences(LONG, Terminal()).splitlines())) <= 40
 
 

@@ -7,9 +7,9 @@ from clutchid.documents import document_of
 from clutchid.documents.figures import BINS, thinned, with_gaps
 from clutchid.documents.html import page_of, write_page
 from clutchid.documents.observe import (
+    adapted_table,
     health_table,
     loads_figure,
-    parameter_table,
     samples_figure,
     strokes_figure,
 )
@@ -119,11 +119,11 @@ def test_after_a_resumed_run_the_calibrated_load_is_still_that_of_the_calibratio
 
 
 def test_the_table_of_parameters_has_their_values_before_and_after(run, plant):
-    table = parameter_table(run, "t", ["F_C"])
+    table = adapted_table(run, "t", ["F_C"])
     assert table.column("before") == (plant.value("F_C"),)
     assert table.column("after") == (known(run.observer, run.after)["F_C"].value,)
     assert table.column("meaning") == ("Coulomb friction",)
-    weights = parameter_table(run, "t", list(plant.load.names))
+    weights = adapted_table(run, "t", list(plant.load.names))
     assert "meaning" not in [column.name for column in weights.columns]
 
 

@@ -8,7 +8,7 @@ import pytest
 from clutchid import Log, bundled_recording, write
 from clutchid.errors import ExportError
 from clutchid.files import write_frame
-from clutchid.fleets.jobs import Fleet, Job, tasks
+from clutchid.fleets.jobs import Fleet, FleetJob, tasks
 from clutchid.fleets.output import rows_of
 from clutchid.fleets.store import StoredResult, store
 from clutchid.verbs.tracking import track
@@ -18,7 +18,7 @@ from clutchid.wear.history import WearReading
 
 def statuses(tmp_path, status):
     """What becomes of one file under two vehicles that ended with a status."""
-    jobs = tuple(Job(vehicle, "r", "", tmp_path, tmp_path) for vehicle in ("V1", "V2"))
+    jobs = tuple(FleetJob(vehicle, "r", "", tmp_path, tmp_path) for vehicle in ("V1", "V2"))
     with store(tmp_path / status, {}) as one:
         for job in jobs:
             read = RecordingResult(tmp_path, WearReading(status, "its sentence", "none", None), sha256="same")
@@ -35,7 +35,7 @@ def test_the_same_recording_counts_once_but_the_same_broken_file_is_broken_twice
 def test_a_file_that_goes_before_it_is_read_is_a_row(tmp_path):
     gone, start = tmp_path / "gone.parquet", tmp_path / "cal.toml"
     start.touch()
-    fleet = Fleet(tmp_path, (Job("V1", "gone", "", gone, start),), {})
+    fleet = Fleet(tmp_path, (FleetJob("V1", "gone", "", gone, start),), {})
     with store(tmp_path / "out", {}) as one:
         (task,) = tasks(fleet, ReadingOptions(), one)
         read = read_recording(ReadingOptions(), task.start, gone)
@@ -51,7 +51,7 @@ def test_what_a_result_was_made_from_is_read_again_when_it_changes(tmp_path, mon
     recording, start, channels = tmp_path / "r.parquet", tmp_path / "cal.toml", tmp_path / "map.toml"
     for path in (recording, start, channels):
         path.write_text("before")
-    fleet = Fleet(tmp_path, (Job("V1", "r", "", recording, start),), {})
+    fleet = Fleet(tmp_path, (FleetJob("V1", "r", "", recording, start),), {})
     options = ReadingOptions(channel_map=channels)
     with store(tmp_path / "out", {}) as one:
 
@@ -83,7 +83,7 @@ def test_a_file_that_could_not_be_read_is_tried_again_without_a_change(tmp_path)
     recording, start = tmp_path / "r.parquet", tmp_path / "cal.toml"
     recording.touch()
     start.touch()
-    fleet = Fleet(tmp_path, (Job("V1", "r", "", recording, start),), {})
+    fleet = Fleet(tmp_path, (FleetJob("V1", "r", "", recording, start),), {})
     with store(tmp_path / "out", {}) as one:
         (task,) = tasks(fleet, ReadingOptions(), one)
         for checksum, again in (("", 1), (checksum_of(recording), 0)):

@@ -5,7 +5,7 @@ import os
 import polars as pl
 import pytest
 
-from clutchid.fleets.jobs import Fleet, Job, fleet_of
+from clutchid.fleets.jobs import Fleet, FleetJob, fleet_of
 from clutchid.fleets.output import vehicles_of, write_results, write_vehicles
 from clutchid.fleets.store import StoredResult, store
 from clutchid.systems import is_device
@@ -37,7 +37,7 @@ def written(out, fleet, read):
     ],
 )
 def test_every_vehicle_has_a_page_that_any_system_can_have(tmp_path, vehicles, kept):
-    jobs = tuple(Job(vehicle, "r", "", tmp_path / "r.parquet", tmp_path) for vehicle in sorted(vehicles))
+    jobs = tuple(FleetJob(vehicle, "r", "", tmp_path / "r.parquet", tmp_path) for vehicle in sorted(vehicles))
 
     def read(job):
         return RecordingResult(job.path, WearReading("bad_input", "its sentence.", "none", None))

@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 import clutchid
-from clutchid.app.uploads import listed
+from clutchid.app.uploads import folder_listing
 from clutchid.errors import DataError
 from clutchid.fleets.jobs import fleet_of
 from clutchid.log import Log
@@ -64,7 +64,7 @@ def test_a_recording_is_found_under_every_name_that_is_read(forms, still, name):
     assert (log.name, len(log)) == (stem, len(still))
     assert is_recording(folder / name)
     assert name_of(folder / name) == stem
-    assert name in [one["name"] for one in listed("", folder.resolve())["files"]]
+    assert name in [one["name"] for one in folder_listing("", folder.resolve())["files"]]
 
 
 def one_of_each(forms, to, names=NAMES):
@@ -124,7 +124,7 @@ def test_what_else_a_folder_holds_is_counted_by_suffix(tmp_path, cal, still):
     sentence = f"8 files are not read as recordings: {counted}."
     assert fleet_of(tmp_path / "fleet", cal).left_out == recordings_of([vehicle]).left_out == sentence
     below = vehicle.resolve()
-    assert listed("", below)["others"] == "Not listed: 2 .jpg, 1 .json, 1 .tar.gz, 1 without a suffix."
+    assert folder_listing("", below)["others"] == "Not listed: 2 .jpg, 1 .json, 1 .tar.gz, 1 without a suffix."
     assert left_out([], 0) == ""
 
 

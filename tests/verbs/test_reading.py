@@ -27,7 +27,9 @@ def test_a_recording_of_a_three_way_valve_is_read_with_its_one_column(tmp_path):
 
 def test_a_dbc_is_for_the_bus_logs_of_a_reading_and_none_is_an_error(tmp_path):
     t = np.arange(500) * 1e-3
-    still = Log(t, {"position": 1e-5 * np.sin(9.0 * t), "duty_supply": 1.0 * (t > 0.3), "duty_exhaust": 1.0 * (t < 0.2)})
+    still = Log(
+        t, {"position": 1e-5 * np.sin(9.0 * t), "duty_supply": 1.0 * (t > 0.3), "duty_exhaust": 1.0 * (t < 0.2)}
+    )
     dbc, names = write_forms(still, tmp_path), [name for name in NAMES if kind_in(name) in ("csv", "candump")]
     table, bus = (next(tmp_path / name for name in names if kind_in(name) == kind) for kind in ("csv", "candump"))
     both = Reading((table, bus), dbc=(dbc,)).read()

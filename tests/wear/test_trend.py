@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from clutchid.estimation.assess.comparison import SHARES, Measurement
-from clutchid.wear.trend import CHANGES, FALSE_ALARMS, GROWTH, LIFE, REFERENCE, WearTable, follow, smoothed, trend_model
+from clutchid.wear.trend import CHANGES, FALSE_ALARMS, GROWTH, LIFE, REFERENCE, WearTable, smoothed, traced, trend_model
 
 STRIDE, STD = 7000.0, (0.03e-3, 0.012)
 MODEL = trend_model(LIFE["strokes"])
@@ -37,7 +37,7 @@ def clutch(random, count, temperature=False):
 
 def steps_of(s, measured, model=MODEL):
     """Steps of the most probable path."""
-    return follow(model, s, measured)[0].steps
+    return traced(model, s, measured)[0].steps
 
 
 def motion():

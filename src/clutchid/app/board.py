@@ -19,7 +19,7 @@ Item = Job | records.Item
 Kind = TypeVar("Kind", bound=Item)
 
 
-class Change(NamedTuple):
+class BoardChange(NamedTuple):
     """A version of a record: its number among all changes, its id, and the record; None where it was removed."""
 
     number: int
@@ -36,7 +36,7 @@ class Board:
     """Records by id, each with the number of its last change."""
 
     def __init__(self) -> None:
-        self._newest: dict[str, Change] = {}
+        self._newest: dict[str, BoardChange] = {}
         self._number = 0
         self._changed = asyncio.Event()
 
@@ -50,7 +50,7 @@ class Board:
 
     def _change(self, id_: str, item: Item | None) -> None:
         self._number += 1
-        self._newest[id_] = Change(self._number, id_, item)
+        self._newest[id_] = BoardChange(self._number, id_, item)
         self._changed.set()
         self._changed = asyncio.Event()
 
@@ -73,11 +73,11 @@ class Board:
         """All records of a kind, in the order of their making."""
         return [change.item for change in self._newest.values() if isinstance(change.item, kind)]
 
-    def since(self, number: int) -> list[Change]:
+    def since(self, number: int) -> list[BoardChange]:
         """Changes after this number, the oldest first."""
         return sorted((item for item in self._newest.values() if item.number > number), key=lambda item: item.number)
 
-    async def follow(self, number: int, patience: float) -> AsyncIterator[list[Change]]:
+    async def follow(self, number: int, patience: float) -> AsyncIterator[list[BoardChange]]:
         """Changes after `number`, and those to come; an empty list after `patience` in s without a change."""
         while True:
             changed = self._changed

@@ -30,7 +30,7 @@ from clutchid.app.folder import end_folder, make_folder, opening_page
 from clutchid.app.guard import LOOPBACK, REPORT_POLICY, Access, Guard, names_of, warning_of
 from clutchid.app.records import Observation, Recording, Result, Table, download_name
 from clutchid.app.session import Session
-from clutchid.app.uploads import allowed_path, check_size, is_opened, is_table, listed, receive
+from clutchid.app.uploads import allowed_path, check_size, folder_listing, is_opened, is_table, receive
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.files import not_an_address, reason_of
 from clutchid.log.units import UNITS
@@ -143,7 +143,7 @@ async def _events(session: Session, request: Request) -> Response:
 
 async def _files(session: Session, request: Request) -> Response:
     chosen = is_table if request.query_params.get("kind") == "tables" else is_opened
-    return JSONResponse(listed(request.query_params.get("under", ""), session.below, chosen))
+    return JSONResponse(folder_listing(request.query_params.get("under", ""), session.below, chosen))
 
 
 async def _upload_recording(session: Session, request: Request) -> Response:

@@ -138,7 +138,7 @@ def is_table(name: str) -> bool:
     return Path(name).suffix.lower() in TABLES
 
 
-def listed(text: str, below: Path, chosen: Callable[[str], bool] = is_opened) -> dict[str, object]:
+def folder_listing(text: str, below: Path, chosen: Callable[[str], bool] = is_opened) -> dict[str, object]:
     """Folders, and files with a `chosen` name, in a folder below that of the page.
 
     `others` has the number of other files by suffix.

@@ -10,7 +10,7 @@ from typing import Any
 from clutchid.codegen.differentiation import DifferentiatedProgram, Entry, differentiated
 from clutchid.codegen.language import C_DOUBLE, C_FLOAT, C_WORDS, Language, apart
 from clutchid.codegen.program import Assign, Branch, Lookup, Statement, live, targets
-from clutchid.codegen.staging import Parts, positions, read
+from clutchid.codegen.staging import ProgramParts, positions, read
 from clutchid.codegen.system import Expr, System
 from clutchid.codegen.templates import template
 
@@ -65,7 +65,7 @@ def _branch(
     return [*lines, f"{indent}}}"]
 
 
-def unpacked(system: System, parts: Parts, needed: Collection[Expr]) -> dict[str, list[Any]]:
+def unpacked(system: System, parts: ProgramParts, needed: Collection[Expr]) -> dict[str, list[Any]]:
     """Arguments that a stage reads: states, parameters, constants, and held values."""
     return {
         "x": positions(system.states, needed),
@@ -83,7 +83,7 @@ class ColumnCode:
     to the parameter of a column: (row, column, text). `rows` are the rates of a column, J z, a row each.
     """
 
-    parts: Parts
+    parts: ProgramParts
     code: str
     unpacked: dict[str, list[Any]]
     jacobian: tuple[str, ...]
@@ -112,7 +112,7 @@ class ColumnCode:
         entries = [entry for entry in plan.jacobian if not entry.value.is_number]
         derivatives = [entry.value for entry in (*entries, *plan.table_entries)] + [value for _, _, value in chosen]
         program = plan.with_parameters if chosen else plan.with_jacobian
-        parts = Parts.of(plan.system, program, [*plan.rates, *derivatives])
+        parts = ProgramParts.of(plan.system, program, [*plan.rates, *derivatives])
         stage = parts.program.stage
         slopes = any(isinstance(part, Lookup) and part.slope in read(stage) for part in stage)
         return cls(
@@ -201,7 +201,7 @@ def c99_source(
     plan, language = differentiated(apart(system, C_WORDS)), _LANGUAGES[real]
     places = None if derivatives is None else [system.parameter_names().index(name) for name in derivatives]
     columns = None if places is None else ColumnCode.of(plan, places, language)
-    parts = columns.parts if columns else Parts.of(plan.system, plan.plain, plan.rates)
+    parts = columns.parts if columns else ProgramParts.of(plan.system, plan.plain, plan.rates)
     values = _values(system, plan, parts, language)
     values |= {
         "real": real,
@@ -213,7 +213,7 @@ def c99_source(
     return CSource(template("c99.h.j2").render(values), template("c99.c.j2").render(values), held)
 
 
-def _values(system: System, plan: DifferentiatedProgram, parts: Parts, language: Language) -> dict[str, Any]:
+def _values(system: System, plan: DifferentiatedProgram, parts: ProgramParts, language: Language) -> dict[str, Any]:
     """Values of the templates; names of the interface come from `system`, those of the code from `plan`."""
     inside, program = plan.system, parts.program
     in_held, stage = read(program.held), live(program.stage, plan.rates)

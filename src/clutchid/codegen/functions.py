@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from clutchid.codegen.differentiation import JUMP, DifferentiatedProgram, Entry
 from clutchid.codegen.llvm import ArrayElement, Function, Interface, function
 from clutchid.codegen.program import live
-from clutchid.codegen.staging import Parts, Staged
+from clutchid.codegen.staging import ProgramParts, Staged
 from clutchid.codegen.stepping import Rows, Work, map_columns, move_columns, step_function
 from clutchid.codegen.system import Expr, symbols_in
 
@@ -36,7 +36,7 @@ def functions(plan: DifferentiatedProgram) -> tuple[Work, dict[str, Function]]:
     if not plan.frequent:
         del programs["frequent"]
     parts = {
-        name: Parts.of(
+        name: ProgramParts.of(
             plan.system,
             program,
             plan.rates if name == "plain" else [*jacobian, *(plan.slot_values[at] for at in slots)],
@@ -51,7 +51,7 @@ def functions(plan: DifferentiatedProgram) -> tuple[Work, dict[str, Function]]:
 
 
 def _program(
-    plan: DifferentiatedProgram, work: Work, name: str, parts: Parts, slots: Sequence[int]
+    plan: DifferentiatedProgram, work: Work, name: str, parts: ProgramParts, slots: Sequence[int]
 ) -> dict[str, Function]:
     """Functions of one staged program; the results of each are read by the next from the work array.
 

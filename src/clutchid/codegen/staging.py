@@ -113,7 +113,7 @@ def _rewritten(statement: Statement, change: Callable[[Expr], Expr]) -> Statemen
 
 
 @dataclass(frozen=True, slots=True)
-class Parts:
+class ProgramParts:
     """The statements that some results need, and the symbols that go from one part to the next.
 
     `constants` and `held` are computed once a run and once a sample and read later; `inputs` are those inputs that
@@ -127,7 +127,7 @@ class Parts:
     in_stage: frozenset[Expr]
 
     @classmethod
-    def of(cls, system: System, program: Staged, results: Iterable[Expr]) -> Parts:
+    def of(cls, system: System, program: Staged, results: Iterable[Expr]) -> ProgramParts:
         """Part of `program` that the stage's `results` need, without statements that lifting has made superfluous."""
         wanted = {symbol for value in results for symbol in sp.sympify(value).free_symbols}
         stage = live(program.stage, wanted)

@@ -17,7 +17,7 @@ from clutchid.codegen.differentiation import DifferentiatedProgram, Entry
 from clutchid.codegen.kernels import FAST
 from clutchid.codegen.llvm import ArrayElement, Function, Interface, Writer, constant, finished
 from clutchid.codegen.program import Lookup, Statement
-from clutchid.codegen.staging import Parts
+from clutchid.codegen.staging import ProgramParts
 from clutchid.codegen.system import Expr
 
 #: Columns that are computed at once.
@@ -153,7 +153,7 @@ class Work:
     source: int
 
     @classmethod
-    def of(cls, plan: DifferentiatedProgram, programs: Sequence[Parts]) -> Work:
+    def of(cls, plan: DifferentiatedProgram, programs: Sequence[ProgramParts]) -> Work:
         """Room for the results of all `programs`, which use the array in turn."""
         n = len(plan.system.states)
         before, stages = _placed(

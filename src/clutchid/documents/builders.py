@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from clutchid.documents.document import Document
 
 if TYPE_CHECKING:
-    from clutchid.documents.look import Looked
+    from clutchid.documents.look import LookResult
     from clutchid.documents.next_step import Command
     from clutchid.documents.results import FleetWear, Observation, RigFriction, WornClutch
     from clutchid.documents.simulation import Simulated
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from clutchid.log import Log
     from clutchid.simulation.simulation import Simulation
 
-    Result = Fit | Observation | WornClutch | FleetWear | Looked | RigFriction | Simulated | Log | Simulation
+    Result = Fit | Observation | WornClutch | FleetWear | LookResult | RigFriction | Simulated | Log | Simulation
 
 #: Builder of each kind of result, imported where such a result comes.
 _BUILDERS = {

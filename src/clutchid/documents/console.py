@@ -72,7 +72,7 @@ def lost(error: OSError) -> None:
         put(f"clutchid: standard output cannot be written ({error.strerror or error}).", to=sys.stderr)
 
 
-def columns() -> int:
+def text_width() -> int:
     """Columns to use on a terminal."""
     return max(20, min(WIDTH, get_terminal_size((WIDTH, 24)).columns))
 
@@ -94,7 +94,7 @@ def _wrapped(line: str) -> str:
     if line.startswith(" ") and not bullet:
         return line
     indent = " " * (bullet.end() if bullet else 0)
-    return fill(line, columns(), subsequent_indent=indent, break_long_words=False, break_on_hyphens=False) or line
+    return fill(line, text_width(), subsequent_indent=indent, break_long_words=False, break_on_hyphens=False) or line
 
 
 def print_rows(rows: Iterable[Row], to: TextIO | None = None) -> None:

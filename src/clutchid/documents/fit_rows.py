@@ -49,7 +49,7 @@ POSITIONS = (5, 6, 7, 8)
 _MOST_REASONS, _MOST_OTHERS, _MOST_VERIFIED = 2, 4, 2
 
 #: Half width in N from which an interval is not shown, and what stands there.
-LARGEST_HALF, UNKNOWN = 1e5, "not determined"
+LARGEST_HALF, _NOT_DETERMINED = 1e5, "not determined"
 
 
 def rows_of(fit: Fit) -> list[Row]:
@@ -116,7 +116,7 @@ def _force(fit: Fit, at: int) -> str:
     """The load at one of its points; without an interval, the value alone."""
     curve = fit.load_curve
     shown = with_interval(curve.force[at], (curve.high[at] - curve.low[at]) / 2)
-    if shown != UNKNOWN and fit.load_is_fitted:
+    if shown != _NOT_DETERMINED and fit.load_is_fitted:
         return f"{shown} N"
     return f"{curve.force[at]:.0f} N{' (interval not determined)' if fit.load_is_fitted else ''}"
 
@@ -167,7 +167,7 @@ def with_interval(value: float, half: float, sign: str = "") -> str:
     >>> with_interval(1520.3, 41.8), with_interval(-110.0, 50.0, "+"), with_interval(1520.3, float("inf"))
     ('1520 ± 42', '-110 ± 50', 'not determined')
     """
-    return f"{value:{sign}z.0f} ± {half:.0f}" if isfinite(value) and half < LARGEST_HALF else UNKNOWN
+    return f"{value:{sign}z.0f} ± {half:.0f}" if isfinite(value) and half < LARGEST_HALF else _NOT_DETERMINED
 
 
 def _since(fit: Fit, compared: Comparison | None) -> list[Row]:

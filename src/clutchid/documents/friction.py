@@ -36,7 +36,7 @@ def _coulomb(logs: Sequence[Log], friction: CoulombFriction, command: str) -> Do
     ]
     warnings = [f"{log.name}: {warning}" for log in logs for warning in log.warnings] + others
     estimates = {name: asdict(estimate) for name, estimate in parameters.items()}
-    text = f"{level_table(friction)}\n\n{parameter_table(parameters)}\n\n{sentence}"
+    text = f"{_level_lines(friction)}\n\n{_parameter_lines(parameters)}\n\n{sentence}"
     return _document(text, {"message": sentence, "parameters": estimates, "levels": levels}, warnings, command)
 
 
@@ -46,7 +46,7 @@ def _lugre(fits: Sequence[LugreFit], command: str) -> Document:
     logs = {fit.name: {"fit_percent": fit.fit_percent, "force_rms_N": fit.rms} for fit in fits}
     warnings = [f"{fit.name}: {warning}" for fit in fits for warning in fit.warnings]
     data = {"message": message, "parameters": estimates, "logs": logs}
-    return _document("\n\n".join(map(lugre_table, fits)), data, warnings, command)
+    return _document("\n\n".join(map(_lugre_lines, fits)), data, warnings, command)
 
 
 def _document(text: str, data: Mapping[str, object], warnings: Sequence[str], command: str) -> Document:
@@ -57,7 +57,7 @@ def _document(text: str, data: Mapping[str, object], warnings: Sequence[str], co
     )  # fmt: skip
 
 
-def parameter_table(parameters: Mapping[str, Estimate]) -> str:
+def _parameter_lines(parameters: Mapping[str, Estimate]) -> str:
     """Parameters with their 95 % intervals, one per line."""
     rows = [
         [name, f"{e.value:.4g}", *(f"{x:.4g}" if math.isfinite(e.std) else "-" for x in (e.low, e.high)), e.unit]
@@ -66,16 +66,16 @@ def parameter_table(parameters: Mapping[str, Estimate]) -> str:
     return "\n".join(text_table([["parameter", "value", "low", "high", "unit"], *rows], 0, ""))
 
 
-def lugre_table(fit: LugreFit) -> str:
+def _lugre_lines(fit: LugreFit) -> str:
     """Fit and parameters of one recording."""
     head = (
         f"{fit.name}: fit {fit.fit_percent:.1f} % in free run, rms {fit.rms:.3g} N, "
         f"{fit.effective_samples:.0f} effective samples"
     )
-    return f"{head}\n{parameter_table(fit.parameters)}" if fit.parameters else head
+    return f"{head}\n{_parameter_lines(fit.parameters)}" if fit.parameters else head
 
 
-def level_table(coulomb: CoulombFriction) -> str:
+def _level_lines(coulomb: CoulombFriction) -> str:
     """Coulomb friction by level, one per line."""
     rows = []
     for level in coulomb.levels:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from clutchid.preparation.inspection import Inspection
 
 
-class Looked(Protocol):
+class LookResult(Protocol):
     """The contents of a file, the checks on it or, in `unchecked`, why there are none, and their text."""
 
     @property
@@ -33,7 +33,7 @@ class Looked(Protocol):
         """Text of the checks, or that reason."""
 
 
-def look_document(looked: Looked, command: str = "") -> Document:
+def look_document(looked: LookResult, command: str = "") -> Document:
     """Document of a look at a file."""
     rows = (Row(None, looked.contents.table(), fixed=True), Row(None, f"\n{looked.checks}", fixed=True))
     data = partial(look_json, looked.contents, looked.inspection, looked.unchecked)

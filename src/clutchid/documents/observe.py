@@ -236,12 +236,12 @@ def _parameters(run: ObservedRecording) -> tuple[Block, ...]:
     if not names:
         return (Text("Nothing adapts: load and parameters stay as calibrated."),)
     parameters = [name for name in names if name not in weights]
-    others = (parameter_table(run, "Parameters that adapt", parameters),) if parameters else ()
-    table = parameter_table(run, "Load weights", [name for name in names if name in weights])
+    others = (adapted_table(run, "Parameters that adapt", parameters),) if parameters else ()
+    table = adapted_table(run, "Load weights", [name for name in names if name in weights])
     return (*others, Details("Load weights", (table,)))
 
 
-def parameter_table(run: ObservedRecording, title: str, names: Sequence[str]) -> ReportTable:
+def adapted_table(run: ObservedRecording, title: str, names: Sequence[str]) -> ReportTable:
     """Some parameters, with their meaning, or load weights, before and after the recording."""
     actuator = run.observer.actuator
     before, after = (known(run.observer, state) for state in (run.before, run.after))

@@ -13,7 +13,7 @@ from clutchid.names import printable
 _LABEL = 9
 
 
-class Line(NamedTuple):
+class TextLine(NamedTuple):
     """A line: its label, filled up to the column of the texts, its text, and its mood."""
 
     label: str
@@ -21,7 +21,7 @@ class Line(NamedTuple):
     mood: Level = ""
 
 
-def lines_of(rows: Iterable[Row], width: int) -> Iterator[Line]:
+def lines_of(rows: Iterable[Row], width: int) -> Iterator[TextLine]:
     """Lines of rows, wrapped at words, without control characters."""
     rows = list(rows)
     margin = max([_LABEL, *(len(row.label or "") + 2 for row in rows)])
@@ -33,7 +33,7 @@ def lines_of(rows: Iterable[Row], width: int) -> Iterator[Line]:
         elif not row.fixed:
             lines = fill("\n".join(lines), max(width - margin, 20), break_on_hyphens=False).splitlines()
         for i, line in enumerate(lines):
-            yield Line(label if i == 0 else " " * len(label), line, row.mood)
+            yield TextLine(label if i == 0 else " " * len(label), line, row.mood)
 
 
 def text_of(rows: Iterable[Row], width: int = 80) -> str:

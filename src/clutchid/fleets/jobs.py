@@ -34,7 +34,7 @@ from clutchid.wear.tables import read_fleet_table
 _TABLE = "recordings.csv"
 
 
-class Job(NamedTuple):
+class FleetJob(NamedTuple):
     """A recording to be read: `path` and `start`, its calibration, are None where `problem` says why it cannot be."""
 
     vehicle: str
@@ -53,7 +53,7 @@ class Fleet:
     """
 
     source: Path
-    jobs: tuple[Job, ...]
+    jobs: tuple[FleetJob, ...]
     rows: Mapping[tuple[str, str], Listed]
     left_out: str = ""
 
@@ -159,7 +159,7 @@ def _calibrations(start: Path) -> dict[str, Path] | None:
 
 def _job(
     key: tuple[str, str], file: ListedFile, row: Listed | None, start: Path, calibrations: Mapping[str, Path] | None
-) -> Job:
+) -> FleetJob:
     vehicle, recording = key
     kind = row.type if row else ""
     calibration = start if calibrations is None else calibrations.get(vehicle) or calibrations.get(kind)
@@ -167,14 +167,14 @@ def _job(
     if file.path is not None and calibration is None:
         what = f"type '{kind}'" if kind else f"vehicle '{vehicle}'"
         problem = as_text(f"there is no calibration of {what}: {start / (kind or vehicle)}.toml.")
-    return Job(vehicle, recording, kind, file.path, calibration, problem)
+    return FleetJob(vehicle, recording, kind, file.path, calibration, problem)
 
 
 #: Lost results, which are tried again where the user says so.
 _LOST = ("killed", "timed_out")
 
 
-class Task(NamedTuple):
+class FleetTask(NamedTuple):
     """A recording of a vehicle to be read, the calibration to start from, and what its result depends on."""
 
     vehicle: str
@@ -185,7 +185,7 @@ class Task(NamedTuple):
     file: str
 
 
-def tasks(fleet: Fleet, options: ReadingOptions, store: Store, *, retry: bool = False) -> list[Task]:
+def tasks(fleet: Fleet, options: ReadingOptions, store: Store, *, retry: bool = False) -> list[FleetTask]:
     """The recordings that are not done, or whose file, calibration or clutchid has changed since.
 
     With `retry` also those that ended their worker or took too long.
@@ -196,7 +196,7 @@ def tasks(fleet: Fleet, options: ReadingOptions, store: Store, *, retry: bool = 
         if job.path is None or job.start is None:
             continue
         key, file = (job.vehicle, job.recording), _file(job.path)
-        task = Task(*key, job.path, job.start, inputs[job.start], file)
+        task = FleetTask(*key, job.path, job.start, inputs[job.start], file)
         known_inputs, known_file, checksum, status = stored.get(key, ("", "", "", ""))
         unread = file and not checksum  # as where a share was away for a while
         if known_inputs != task.inputs or unread or (retry and status in _LOST):
@@ -212,7 +212,7 @@ def tasks(fleet: Fleet, options: ReadingOptions, store: Store, *, retry: bool = 
 def run(
     workers: Workers,
     options: ReadingOptions,
-    todo: Sequence[Task],
+    todo: Sequence[FleetTask],
     store: Store,
     progress: Callable[[int, int], None],
 ) -> None:
@@ -254,11 +254,11 @@ def _compiled(calibrations: Iterable[Path]) -> None:
     compile_models(calibrations)
 
 
-def _work(options: ReadingOptions, task: Task) -> RecordingResult:
+def _work(options: ReadingOptions, task: FleetTask) -> RecordingResult:
     return read_recording(options, task.start, task.path)
 
 
-def _result(finished: FinishedWork[Task, RecordingResult]) -> StoredResult:
+def _result(finished: FinishedWork[FleetTask, RecordingResult]) -> StoredResult:
     task = finished.item
     read = unless_lost(task.path, finished.result)
     return StoredResult(task.vehicle, task.recording, task.inputs, task.file, read, finished.seconds)

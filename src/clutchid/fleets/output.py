@@ -19,13 +19,14 @@ from clutchid.documents.fleet_tables import ReasonCount, VehicleRow
 from clutchid.documents.wear_rows import alarm_words
 from clutchid.files import atomic_write, make_folder, write_frame
 from clutchid.fleets.cluster import version_and_source
-from clutchid.fleets.jobs import Fleet, Job
+from clutchid.fleets.jobs import Fleet, FleetJob
 from clutchid.fleets.store import Store, StoredResult
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.systems import is_device
 from clutchid.verbs.tracking import LifeLimits, Tracked, load_frame, table_of, tracked
 from clutchid.verbs.wear_reading import RecordingResult, counted_once, without_result
 from clutchid.wear.history import Listed, arranged
+from clutchid.wear.life import UNKNOWN
 from clutchid.wear.trend import Interval
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ _PART = 1000
 class RecordingRow(NamedTuple):
     """A recording of a fleet with its result, and `warnings` about its time in the life of its vehicle."""
 
-    job: Job
+    job: FleetJob
     read: RecordingResult
     seconds: float
     warnings: tuple[str, ...] = ()
@@ -57,18 +58,18 @@ def rows_of(fleet: Fleet, store: Store) -> Iterator[RecordingRow]:
         yield RecordingRow(job, read, result.seconds if result else float("nan"))
 
 
-def _without_result(job: Job) -> RecordingResult:
+def _without_result(job: FleetJob) -> RecordingResult:
     message = job.problem or "was not read; run the same command again to go on."
     return without_result(job.path or Path(job.recording), "bad_input" if job.problem else "failed", message)
 
 
-def _merged(jobs: Iterable[Job], results: Iterator[StoredResult]) -> Iterator[tuple[Job, StoredResult | None]]:
+def _merged(jobs: Iterable[FleetJob], stored: Iterator[StoredResult]) -> Iterator[tuple[FleetJob, StoredResult | None]]:
     """Jobs with their results, both in the same order; results of recordings that are gone are passed over."""
-    following = next(results, None)
+    following = next(stored, None)
     for job in jobs:
         key = job.vehicle, job.recording
         while following is not None and (following.vehicle, following.recording) < key:
-            following = next(results, None)
+            following = next(stored, None)
         same = following is not None and (following.vehicle, following.recording) == key
         yield job, following if same and not job.problem else None
 
@@ -157,9 +158,6 @@ WEAR, VEHICLES, _INDEX, _PAGES, _MADE = "wear.parquet", "vehicles.parquet", "ind
 
 #: Parts of a sentence that belong to one recording only: names in quotes, paths, and numbers.
 _PARTICULAR = re.compile(r"'[^']*'|\S*[/\\]\S*|\b\d[\d.,]*\b")
-
-#: A value of which nothing is known.
-UNKNOWN = Interval(np.nan, np.nan, np.nan)
 
 #: Bytes of the name of a page, beside its mark and its suffix: most systems have 255 for all, some fewer.
 _LONGEST_NAME = 120

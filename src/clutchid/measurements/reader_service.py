@@ -22,7 +22,7 @@ from clutchid.measurements.columns import Heading
 from clutchid.measurements.formats.opening import opened_here
 from clutchid.measurements.source import Places, Raster, Rows, Source, Table, no_tables
 from clutchid.messages import shortened
-from clutchid.processes.frames import Parts
+from clutchid.processes.frames import MessageParts
 from clutchid.processes.serving import Service
 
 Message = dict[str, Any]
@@ -33,7 +33,7 @@ _ROWS = "places"
 _TYPES = {"f": np.dtype("=f8"), "i": np.dtype("=i8")}
 
 
-def encoded(message: Message, arrays: Arrays | None = None) -> Parts:
+def encoded(message: Message, arrays: Arrays | None = None) -> MessageParts:
     """One message, and arrays of floats or integers by name, as parts of bytes."""
     sent = {
         name: np.ascontiguousarray(array, _TYPES["i" if array.dtype.kind in "iu" else "f"])
@@ -43,7 +43,7 @@ def encoded(message: Message, arrays: Arrays | None = None) -> Parts:
     return [json.dumps([message, layout]).encode("ascii"), *(array.data for array in sent.values())]
 
 
-def decoded(parts: Parts) -> Answer:
+def decoded(parts: MessageParts) -> Answer:
     """The message, and the arrays that came with it."""
     message, layout = json.loads(bytes(parts[0]))
     pairs = zip(layout, parts[1:], strict=True)

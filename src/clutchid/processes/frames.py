@@ -10,13 +10,13 @@ from collections.abc import Sequence
 from typing import IO, Any
 
 #: What can be sent as a part: bytes, or the memory of an array.
-Part = bytes | bytearray | memoryview
-Parts = Sequence[Part]
+MessagePart = bytes | bytearray | memoryview
+MessageParts = Sequence[MessagePart]
 
 _SIZE = struct.Struct("<Q")
 
 
-def send(stream: IO[bytes], parts: Parts) -> None:
+def send(stream: IO[bytes], parts: MessageParts) -> None:
     """Write one message.
 
     Raises

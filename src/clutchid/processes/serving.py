@@ -10,7 +10,7 @@ from importlib import import_module
 from typing import IO, NamedTuple
 
 from clutchid.errors import ClutchidError
-from clutchid.processes.frames import Parts, receive, send
+from clutchid.processes.frames import MessageParts, receive, send
 from clutchid.systems import end_with_parent, limit_allocations
 
 
@@ -21,7 +21,7 @@ def _nothing() -> None:
 class Service(NamedTuple):
     """Service of a worker: `answer` a question, and work after each answer, while nobody waits."""
 
-    answer: Callable[[Parts], Parts]
+    answer: Callable[[MessageParts], MessageParts]
     afterwards: Callable[[], None] = _nothing
 
 
@@ -60,7 +60,7 @@ def work_service() -> Service:
     return Service(_worked)
 
 
-def _worked(question: Parts) -> Parts:
+def _worked(question: MessageParts) -> MessageParts:
     """Both sides are this program's own, so that pickle carries nothing foreign."""
     work, item = pickle.loads(question[0])
     try:

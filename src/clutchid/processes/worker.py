@@ -19,7 +19,7 @@ from contextlib import contextmanager
 from functools import cache
 from typing import IO, Literal, NamedTuple
 
-from clutchid.processes.frames import Parts, receive, send
+from clutchid.processes.frames import MessageParts, receive, send
 from clutchid.systems import APART, ending, interpreter
 
 #: Interval in s at which memory and time are looked at while an answer is awaited.
@@ -96,7 +96,7 @@ class Worker:
         """Number of the process."""
         return self._process.pid
 
-    def ask(self, question: Parts, limits: Limits) -> list[bytearray] | WorkerEnd:
+    def ask(self, question: MessageParts, limits: Limits) -> list[bytearray] | WorkerEnd:
         """The answer to a question; without one, the worker has ended."""
         with self._lock, self._ended_on_error():
             answer = self._exchanged(question, limits) if self.end.alive else WorkerEnd("itself", "it was ended before")
@@ -113,7 +113,7 @@ class Worker:
             self.end()
             raise
 
-    def _exchanged(self, question: Parts, limits: Limits) -> list[bytearray] | WorkerEnd:
+    def _exchanged(self, question: MessageParts, limits: Limits) -> list[bytearray] | WorkerEnd:
         assert self._process.stdin is not None
         with contextlib.suppress(OSError, ValueError):  # it has ended: that is found below
             send(self._process.stdin, question)

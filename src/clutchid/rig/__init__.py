@@ -1,6 +1,6 @@
 """Friction from a test rig: LuGre from position and force, Coulomb friction at each constant pressure."""
 
-from clutchid.rig.coulomb import CoulombFriction, Level, coulomb_friction
+from clutchid.rig.coulomb import CoulombFriction, FrictionLevel, coulomb_friction
 from clutchid.rig.lugre import LugreFit, fit_lugre
 from clutchid.rig.summary import conclusions, implied
 from clutchid.rig.weighted import Equality
@@ -8,7 +8,7 @@ from clutchid.rig.weighted import Equality
 __all__ = [
     "CoulombFriction",
     "Equality",
-    "Level",
+    "FrictionLevel",
     "LugreFit",
     "conclusions",
     "coulomb_friction",

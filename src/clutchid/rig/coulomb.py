@@ -156,7 +156,7 @@ _LEVEL_GAP = 3e4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Level:
+class FrictionLevel:
     """Coulomb friction at one constant pressure.
 
     Attributes
@@ -207,7 +207,7 @@ class CoulombFriction:
         Number of passes in no cycle.
     """
 
-    levels: tuple[Level, ...]
+    levels: tuple[FrictionLevel, ...]
     area: StudentEstimate | None
     test: Equality | None
     constant: StudentEstimate | None
@@ -384,7 +384,7 @@ def _line(groups: Sequence[_Group]) -> FloatArray:
     return np.column_stack([np.ones(len(groups)), [group.pressure for group in groups]])
 
 
-def _level(group: _Group, area: StudentEstimate | None) -> Level:
+def _level(group: _Group, area: StudentEstimate | None) -> FrictionLevel:
     values = np.array([cycle.half_difference for cycle in group.cycles])
     shared = 0.0
     if area is not None:
@@ -394,7 +394,7 @@ def _level(group: _Group, area: StudentEstimate | None) -> Level:
     if freedom > 0.0 and area is not None:
         freedom = satterthwaite([variance, shared], [freedom, max(area.degrees_of_freedom, 1.0)])
     out, back = (np.mean([getattr(c, way).speed for c in group.cycles]) for way in ("out", "back"))
-    return Level(
+    return FrictionLevel(
         pressure=group.pressure,
         swing=2 * group.swing,
         friction=student(float(values.mean()), float(np.sqrt(variance + shared)), freedom),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from clutchid.inference.uncertainty.estimates import Estimate
-from clutchid.rig.coulomb import CoulombFriction, Level
+from clutchid.rig.coulomb import CoulombFriction, FrictionLevel
 from clutchid.rig.weighted import StudentEstimate
 
 #: Significance level at which a constant friction is rejected.
@@ -87,11 +87,11 @@ def _not_corrected(friction: CoulombFriction) -> list[str]:
     ]
 
 
-def _force(level: Level) -> float:
+def _force(level: FrictionLevel) -> float:
     return level.friction.value
 
 
-def _at(level: Level) -> str:
+def _at(level: FrictionLevel) -> str:
     return f" at {level.pressure / 1e5:.2f} bar above ambient" if math.isfinite(level.pressure) else ""
 
 

@@ -34,7 +34,7 @@ _MOST_OFFSET, _MOST_LATE = 5e-3, 0.1
 
 
 #: Zero of a position sensor: learned at this vented rest, or kept from the new clutch.
-Zero = Literal["learned", "kept"]
+SensorZero = Literal["learned", "kept"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,7 +72,7 @@ def drive(
     wear: float = 0.0, cycles: float = 0.0, temperature: float | None = None, pressure: bool = True,
     recorder: Literal["controller", "bus"] = "controller", dropouts: int = 0,
     stuck: tuple[float, float] | None = None, conditions: bool = False, change: str | Sequence[str] = (),
-    supply: float | None = None, offset: float = 0.0, sensor_zero: Zero | None = None, late: float = 0.0,
+    supply: float | None = None, offset: float = 0.0, sensor_zero: SensorZero | None = None, late: float = 0.0,
     duties: FloatArray | None = None, name: str = "drive",
 ) -> Drive:  # fmt: skip
     """Drive `truck` in a closed position loop and record it.

@@ -111,7 +111,7 @@ def _write_calibration(folder: Path, family: str, number: int) -> None:
     driven = drive(new, seconds=CALIBRATION, seed=_CALIBRATION_SEED, conditions=True, name=name)
     write(replace(driven.log, metadata={}), folder / f"{name}.parquet")
     wear = np.linspace(0.0, new.w_max, STEPS)
-    loads = [true_load(aged(new, w, w * STROKES_A_METRE)) for w in wear]
+    loads = [load_at_positions(aged(new, w, w * STROKES_A_METRE)) for w in wear]
     rows = [
         {"wear [mm]": w * 1e3, "half_load [mm]": half_load(POSITIONS, load) * 1e3, "load [N]": engaging(load)}
         for w, load in zip(wear, loads, strict=True)
@@ -125,7 +125,7 @@ def engaging(load: FloatArray) -> float:
     return float(np.mean(load[(first <= POSITIONS) & (last >= POSITIONS)]))
 
 
-def true_load(vehicle: Vehicle) -> FloatArray:
+def load_at_positions(vehicle: Vehicle) -> FloatArray:
     """Load in N of a truck at `POSITIONS`, relative to its engaged rest."""
     curve = load_curve(vehicle)
     force: FloatArray = curve.force(POSITIONS + curve.rest)
@@ -151,7 +151,7 @@ def _recorded(out: Path, seconds: float, visit: Visit) -> CsvRow:
 def _truth(visit: Visit, vehicle: Vehicle) -> CsvRow:
     """True values of a recording; `limit [mm]` is the shift of the half-load position at the end of the facing."""
     new = truck(visit.number, visit.family)
-    at_rest, load = half_load(POSITIONS, true_load(new)), true_load(vehicle)
+    at_rest, load = half_load(POSITIONS, load_at_positions(new)), load_at_positions(vehicle)
     end = aged(new, new.w_max, new.w_max * STROKES_A_METRE)
     half = half_load(POSITIONS, load)
     return {
@@ -163,10 +163,10 @@ def _truth(visit: Visit, vehicle: Vehicle) -> CsvRow:
         "wear [mm]": visit.wear * 1e3,
         "half_load [mm]": half * 1e3,
         "shift [mm]": (half - at_rest) * 1e3,
-        "limit [mm]": (half_load(POSITIONS, true_load(end)) - at_rest) * 1e3,
+        "limit [mm]": (half_load(POSITIONS, load_at_positions(end)) - at_rest) * 1e3,
         "peak [N]": float(load.max()),
         "load [N]": engaging(load),
-        "load change [1]": engaging(load) / engaging(true_load(new)) - 1.0,
+        "load change [1]": engaging(load) / engaging(load_at_positions(new)) - 1.0,
         "temperature [degC]": visit.temperature - 273.15,
         "supply [1]": visit.supply,
         "leak [m³/(Pa·s)]": visit.leak,

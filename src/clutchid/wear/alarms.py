@@ -22,13 +22,13 @@ from clutchid.wear.trend import (
     LEAKING,
     LEAKS,
     Band,
-    Verdict,
+    TrendOutcome,
 )
 
 #: Kinds of alarms of a change of the load.
 CHANGED = ("replaced", "sudden", "unknown")
 
-Cause = Literal["", "sensor", "wear", "new clutch"]
+RestCause = Literal["", "sensor", "wear", "new clutch"]
 
 
 class RestMove(NamedTuple):
@@ -46,7 +46,7 @@ class RestMove(NamedTuple):
     """
 
     move: float
-    cause: Cause
+    cause: RestCause
     sudden: bool = False
 
 
@@ -154,7 +154,7 @@ class Alarm(NamedTuple):
 def alarms(
     dated: Sequence[Dated],
     readings: Sequence[WearReading],
-    verdicts: Sequence[Verdict],
+    verdicts: Sequence[TrendOutcome],
     then: dict[str, Band],
     rests: Sequence[RestMove],
 ) -> tuple[Alarm, ...]:
@@ -183,7 +183,7 @@ def _is_fault(leak: Leak) -> bool:
     return leak.probability > LEAKING and leak.conductance > AGED
 
 
-def _change(dated: Sequence[Dated], verdicts: Sequence[Verdict], then: dict[str, Band], k: int) -> Alarm:
+def _change(dated: Sequence[Dated], verdicts: Sequence[TrendOutcome], then: dict[str, Band], k: int) -> Alarm:
     """The alarm of a change before recording `k`."""
     earlier = max((j for j in range(k) if verdicts[j].outcome in ("used", *CHANGED)), default=0)
     shift, load = (float(then[name].value[k] - then[name].value[earlier]) for name in ("shift", "load"))

@@ -22,9 +22,9 @@ from clutchid.wear.trend import (
     Interval,
     TrendModel,
     WearTable,
-    follow,
     growth_noise,
     smoothed,
+    traced,
     trend_model,
     verdicts,
 )
@@ -234,7 +234,7 @@ def wear_of(
     dated = tuple(history.dated[i] for i in history.order)
     life = LIFE[history.axis]
     model = trend_model(life, table)
-    paths = follow(model, history.s, [reading.measurement for reading in ordered])
+    paths = traced(model, history.s, [reading.measurement for reading in ordered])
     filtered = [[(step.mean, step.covariance) for step in path.steps] for path in paths]
     later = [smoothed(path.steps) for path in paths]
     shares = np.array([path.probability for path in paths])
@@ -272,13 +272,13 @@ def _limit(table: WearTable | None, limit: float | None) -> tuple[str, float | N
 
 
 #: Mean and covariance of a state.
-State = tuple[FloatArray, FloatArray]
+Moments = tuple[FloatArray, FloatArray]
 
 #: Nodes and weights of expectations over the standard normal distribution.
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(15)
 
 
-def _mixed(shares: FloatArray, states: Sequence[State]) -> State:
+def _mixed(shares: FloatArray, states: Sequence[Moments]) -> Moments:
     """Mean and covariance of a mixture."""
     mean = np.asarray(sum(share * x for share, (x, _) in zip(shares, states, strict=True)))
     spread = (share * (P + np.outer(x - mean, x - mean)) for share, (x, P) in zip(shares, states, strict=True))
@@ -286,7 +286,7 @@ def _mixed(shares: FloatArray, states: Sequence[State]) -> State:
 
 
 def _bands(
-    model: TrendModel, shares: FloatArray, paths: Sequence[Sequence[State]], table: WearTable | None
+    model: TrendModel, shares: FloatArray, paths: Sequence[Sequence[Moments]], table: WearTable | None
 ) -> dict[str, Band]:
     """Shift and load, and with a table the wear up to its end, over the recordings of all paths."""
     names = (*(("wear",) if table is not None else ()), *CHANNELS)
@@ -304,7 +304,7 @@ def _worn(band: Band) -> Band:
     return Band(*(band.value - std * special.ndtri(above * positive) for above in (0.5, 1.0 - tail, tail)))
 
 
-def _rates(model: TrendModel, shares: FloatArray, paths: Sequence[Sequence[State]]) -> dict[str, Band]:
+def _rates(model: TrendModel, shares: FloatArray, paths: Sequence[Sequence[Moments]]) -> dict[str, Band]:
     """Rates of the quantities."""
     rates = slice(1, model.errors, 2)
     over = [
@@ -313,14 +313,14 @@ def _rates(model: TrendModel, shares: FloatArray, paths: Sequence[Sequence[State
     return dict(zip(model.quantities, _band_of(over), strict=True))
 
 
-def _band_of(states: Sequence[State]) -> list[Band]:
+def _band_of(states: Sequence[Moments]) -> list[Band]:
     """A band for each element of the states."""
     values = np.array([mean for mean, _ in states])
     half = QUANTILE * np.sqrt(np.array([np.diag(P) for _, P in states]))
     return [Band(value, value - side, value + side) for value, side in zip(values.T, half.T, strict=True)]
 
 
-def _quantities(model: TrendModel, mean: FloatArray, P: FloatArray) -> State:
+def _quantities(model: TrendModel, mean: FloatArray, P: FloatArray) -> Moments:
     """Wear, where there is a table, and each channel without its errors, f(u) + a, with their variances."""
     values, variances = ([mean[0]], [P[0, 0]]) if model.quantities == ("wear",) else ([], [])
     for c, (q, function) in enumerate(model.channels):

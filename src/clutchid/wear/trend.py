@@ -178,7 +178,7 @@ class TrendModel:
         return self.changes + len(self.channels)
 
 
-class Step(NamedTuple):
+class TrendStep(NamedTuple):
     """A recording in the trend: state before and after it, how it moved there, and what became of its measurement.
 
     `outcome` is "used", "left out" (an outlier), "missing", or, where the clutch or its load changed before it,
@@ -199,7 +199,7 @@ class Path(NamedTuple):
     """A sequence of outcomes, with its posterior probability and its steps."""
 
     probability: float
-    steps: tuple[Step, ...]
+    steps: tuple[TrendStep, ...]
 
 
 def trend_model(life: float, table: WearTable | None = None) -> TrendModel:
@@ -226,7 +226,7 @@ def _interpolated(x: FloatArray, values: FloatArray) -> Function:
     return at
 
 
-def follow(model: TrendModel, s: FloatArray, measurements: Sequence[Measurement | None]) -> tuple[Path, ...]:
+def traced(model: TrendModel, s: FloatArray, measurements: Sequence[Measurement | None]) -> tuple[Path, ...]:
     """The paths along recordings at `s`, in order, the most probable first; what is missing is only predicted."""
     tracks = [_Track(0.0, *_start(model, measurements), _Used(0.0, 0), ())]
     measured: list[int] = []
@@ -245,7 +245,7 @@ def follow(model: TrendModel, s: FloatArray, measurements: Sequence[Measurement 
     return tuple(sorted(paths, key=lambda path: -path.probability))
 
 
-class Verdict(NamedTuple):
+class TrendOutcome(NamedTuple):
     """Outcome of a recording in the trend given all recordings, and its probability.
 
     `outcome` is that of a step, or "unknown" where the load has changed and whether by a new clutch is not sure.
@@ -255,11 +255,11 @@ class Verdict(NamedTuple):
     probability: float
 
 
-def verdicts(paths: Sequence[Path]) -> list[Verdict]:
+def verdicts(paths: Sequence[Path]) -> list[TrendOutcome]:
     """Outcome of each recording: a change only where it is certain there, or split with a less probable neighbour."""
     measured = [k for k, step in enumerate(paths[0].steps) if step.outcome != "missing"]
     change = [probability(paths, [k], CHANGES) for k in measured]
-    results = [Verdict("missing", 1.0)] * len(paths[0].steps)
+    results = [TrendOutcome("missing", 1.0)] * len(paths[0].steps)
     for i, k in enumerate(measured):
         around = slice(max(i - 1, 0), i + 2)
         nearest = [k, *measured[around]]
@@ -267,10 +267,10 @@ def verdicts(paths: Sequence[Path]) -> list[Verdict]:
         if sum(shares.values()) >= SURE and change[i] == max(change[around]):
             kind = max(shares, key=shares.__getitem__)
             sure = shares[kind] >= SURE
-            results[k] = Verdict(kind, shares[kind]) if sure else Verdict("unknown", sum(shares.values()))
+            results[k] = TrendOutcome(kind, shares[kind]) if sure else TrendOutcome("unknown", sum(shares.values()))
         else:
             used, outlier = (probability(paths, [k], (name,)) for name in ("used", "left out"))
-            results[k] = Verdict("used", used) if used >= 0.5 else Verdict("left out", outlier)
+            results[k] = TrendOutcome("used", used) if used >= 0.5 else TrendOutcome("left out", outlier)
     return results
 
 
@@ -284,7 +284,7 @@ def probability(paths: Sequence[Path], recordings: Collection[int], outcomes: Co
     return sum(path.probability for path in paths if any(path.steps[k].outcome in outcomes for k in recordings))
 
 
-def smoothed(steps: Sequence[Step]) -> list[tuple[FloatArray, FloatArray]]:
+def smoothed(steps: Sequence[TrendStep]) -> list[tuple[FloatArray, FloatArray]]:
     """Mean and covariance of every step given all recordings (Rauch, Tung and Striebel)."""
     moments = [(steps[-1].mean, steps[-1].covariance)]
     for now, then in zip(steps[-2::-1], steps[:0:-1], strict=True):
@@ -332,7 +332,7 @@ class _Track(NamedTuple):
     mean: FloatArray
     covariance: FloatArray
     used: _Used
-    steps: tuple[Step, ...]
+    steps: tuple[TrendStep, ...]
 
 
 def _missed(model: TrendModel, track: _Track, at: float, ds: float) -> _Track:
@@ -340,7 +340,7 @@ def _missed(model: TrendModel, track: _Track, at: float, ds: float) -> _Track:
     F, Q = _motion(model, ds)
     mean, P = F @ track.mean, F @ track.covariance @ F.T + Q
     return track._replace(
-        mean=mean, covariance=P, steps=(*track.steps, Step(at, mean, P, mean, P, F, "missing", float("nan")))
+        mean=mean, covariance=P, steps=(*track.steps, TrendStep(at, mean, P, mean, P, F, "missing", float("nan")))
     )
 
 
@@ -372,7 +372,7 @@ def _branch(
         after = after._replace(mean=mean, covariance=P)
     elif outcome == "used":
         used = _Used(used.deviance + after.deviance, used.number + len(model.channels))
-    step = Step(at, mean, P, after.mean, after.covariance, F, outcome, after.deviance)
+    step = TrendStep(at, mean, P, after.mean, after.covariance, F, outcome, after.deviance)
     weight = track.weight + _log_density(after.innovation, S, freedom)
     return _Track(weight, after.mean, after.covariance, used, (*track.steps, step))
 
