@@ -1,5 +1,6 @@
 """Inputs that bug reports of other tools suggested: each is read right, or refused in one true sentence."""
 
+import gzip
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,8 @@ import pytest
 
 from clutchid.errors import DataError
 from clutchid.measurements import read
+from clutchid.measurements.columns import REQUIRED
+from clutchid.measurements.live.text import text_blocks
 from clutchid.measurements.map.channel_map import Channel, ChannelMap
 
 
@@ -215,3 +218,26 @@ def test_a_bracket_that_is_an_index_is_no_unit_where_a_row_of_units_stands(hunt,
     size = log.time.size
     assert np.allclose(log["position"], drive["position"][:size], rtol=0, atol=1e-9)
     assert np.allclose(log["duty_supply"], drive["duty_supply"][:size], rtol=0, atol=1e-9)
+
+
+def test_channels_of_a_modelica_result_have_their_names(hunt, trigger):
+    """22a."""
+    log = read(hunt / "22a_modelica_bintrans.mat")
+    assert np.allclose(log["position"], trigger["position"], rtol=0, atol=1e-9)
+    assert any("position = 'actuator.position'" in sentence for sentence in log.warnings)
+
+
+def test_objects_with_keys_missing_give_each_channel_its_own_samples(hunt):
+    """27f, as a file and as it arrives."""
+    log = read(hunt / "27f_missing_key.jsonl.gz")
+    assert np.isfinite(log["position"][:-9]).all()
+    assert log.warnings == ()
+    text = gzip.decompress((hunt / "27f_missing_key.jsonl.gz").read_bytes())
+    for size in (1 << 12, 1 << 20):
+        pieces = (text[i : i + size] for i in range(0, len(text), size))
+        blocks = [block.log for block in text_blocks(pieces, "live", None, 1.013e5, REQUIRED)]
+        time = np.concatenate([block.time for block in blocks])
+        assert np.allclose(np.diff(time), 0.01, rtol=0, atol=1e-9), "the position's own samples"
+        assert np.array_equal(np.concatenate([block["position"] for block in blocks]), log["position"][::10])
+        assert np.array_equal(np.concatenate([block["duty_supply"] for block in blocks]), log["duty_supply"][::10])
+        assert sum(block.left_out.unreadable for block in text_blocks(iter([text]), "live", None, 1e5, REQUIRED)) == 0

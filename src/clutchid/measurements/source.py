@@ -178,7 +178,7 @@ class Source:
     @property
     def tabular(self) -> bool:
         """Whether it is a table whose columns the user can rename, so that messages ask for the standard names."""
-        return self.format in ("CSV", "Parquet")
+        return self.format in ("CSV", "Parquet", "JSON lines")
 
 
 def own_metadata(text: str | None) -> dict[str, str] | None:

@@ -21,22 +21,31 @@ _ENOUGH, _WITHOUT, _APART = 20, 0.3, 2
 _REGULAR = 0.8
 
 
-def by_presence(chosen: PickedChannels, table: Table) -> list[PickedChannels]:
+def by_presence(
+    chosen: PickedChannels, table: Table, rows: int | None = None, enough: int = _ENOUGH
+) -> list[PickedChannels]:
     """The pick as several, of channels that are present in the same rows, where any of them is sparse.
 
     A sparse duty cycle without a rate is recorded where it changes, and held until the next sample.
+
+    Parameters
+    ----------
+    rows
+        Rows of the table that are looked at, by default all.
+    enough
+        Samples of a channel that show that it is sparse.
     """
     present = {
-        name: np.isfinite(table.numbers[heading.index])
+        name: np.isfinite(table.numbers[heading.index][:rows])
         for name, (heading, _) in chosen.columns.items()
         if name != "time" and heading.index in table.numbers
     }
     sparse: dict[str, Rows] = {}
     for name, there in present.items():
         if np.count_nonzero(there) <= (1 - _WITHOUT) * there.size:
-            rows = np.flatnonzero(there)
-            if rows.size >= _ENOUGH and np.median(np.diff(rows)) >= _APART:
-                sparse[name] = rows
+            places = np.flatnonzero(there)
+            if places.size >= enough and np.median(np.diff(places)) >= _APART:
+                sparse[name] = places
     time = chosen.columns.get("time")
     if not sparse or time is None or time[0].index == COUNTED:
         return [chosen]

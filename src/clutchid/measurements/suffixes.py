@@ -26,6 +26,7 @@ FORMATS = (
     Format("asc", (".asc",)),
     Format("trc", (".trc",)),
     Format("candump", (".log",)),
+    Format("jsonl", (".jsonl", ".ndjson")),
 )
 
 #: Suffixes after that of the format: a packed file, or Parquet that says how it is packed inside.

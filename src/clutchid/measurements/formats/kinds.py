@@ -23,6 +23,7 @@ _NUMBER = rb"[+-]?\d+([.,]\d*)?([eE][+-]?\d+)?"
 _NUMBERS = re.compile(rb'(?m)(^|[;,\t| "])' + _NUMBER + rb'"? *[;,\t| ] *"?' + _NUMBER + rb'([;,\t| "\r]|$)')
 
 _UNPACK = "unpack it, and name the recording in it"
+_JSON = "a JSON file"
 _DATABASE = "name the recording of the bus, and give this file with --dbc"
 _EXPORT = "export the channels as CSV, Parquet or MDF"
 
@@ -56,7 +57,7 @@ _TEXTS = (
      "a SYM database", _DATABASE),
     (r'(?ms)\s*(//[^\n]*\n\s*)*VERSION\s*(""|"[^"]*"?)\s*$', "a DBC database", _DATABASE),
     (r"(?m)\A(?s:.*?)^\s*(BU_\s*:|BO_ \d+ \w+\s*:|NS_\s*:)", "a DBC database", _DATABASE),
-    (r'\s*(\{\s*"|\[\s*[\[{])', "a JSON file", "write the channels as columns of a CSV or Parquet file"),
+    (r'\s*(\{\s*"|\[\s*[\[{])', _JSON, "write the channels as columns of a CSV or Parquet file"),
     (r"(?s)\s*(/\*.*?\*/\s*)?(ASAP2_VERSION\b|/begin\s+PROJECT\b)", "an A2L description", _EXPORT),
     (r"\s*LIN_description_file\b", "an LDF description of a LIN bus", _EXPORT),
 )  # fmt: skip
@@ -130,6 +131,10 @@ def kind_of(head: bytes) -> str:
     from clutchid.measurements.formats.can.texts import frame_table, is_candump
 
     lines = head.removeprefix(BOM_UTF8).decode("latin-1").splitlines()
+    if head.lstrip().startswith(b"{"):
+        from clutchid.measurements.formats.json_lines import is_json_lines
+
+        return "jsonl" if is_json_lines(head.decode("utf-8", "replace")) else "csv"
     kinds = (("asc", is_asc(head)), ("trc", is_trc(head)), ("candump", is_candump(lines)))
     return next((kind for kind, found in kinds if found), "frames" if frame_table(lines) else "csv")
 
@@ -158,7 +163,7 @@ def refusal(head: bytes, path: Path) -> str:
     if "\0" in text:
         return ""
     for pattern, what, advice in _TEXTS:
-        if re.match(pattern, text):
+        if re.match(pattern, text) and not (what == _JSON and kind_of(head) == "jsonl"):
             return f"is {what}; {advice}."
     return ""
 

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -51,17 +52,10 @@ def _opened(file: Path, dbc: Sequence[Path], kind: str) -> Source:
         return _mdf(file, dbc)
     if kind in ("blf", "asc", "trc", "candump", "frames"):
         return _can(file, dbc, kind)
-    if kind == "parquet":
-        from clutchid.measurements.formats.parquet import file as parquet_file
-
-        return parquet_file.open_file(file)
-    if kind == "mat":
-        from clutchid.measurements.formats.mat import file as mat_file
-
-        return mat_file.open_file(file)
-    from clutchid.measurements.formats.csv import file as csv_file
-
-    return csv_file.open_file(file)
+    readers = {"parquet": "parquet.file", "mat": "mat.file", "jsonl": "json_lines"}
+    reader = import_module(f"clutchid.measurements.formats.{readers.get(kind, 'csv.file')}")
+    source: Source = reader.open_file(file)
+    return source
 
 
 def _can(file: Path, dbc: Sequence[Path], kind: str, frames: FrameLog | None = None) -> Source:

@@ -6,7 +6,7 @@ A stamp far ahead waits until the next one confirms it, so that one spoiled stam
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -73,6 +73,11 @@ def picked_streams(
     problems += [f"no channel is assigned to {', '.join(missing)}."] if missing else []
     if problems:
         raise DataError.of(name, [*problems, _ADVICE])
+    return by_position(picks)
+
+
+def by_position(picks: Iterable[PickedChannels]) -> tuple[PickedChannels, ...]:
+    """Picks with that of the position first."""
     return tuple(sorted(picks, key=lambda chosen: "position" not in chosen.columns))
 
 
@@ -112,6 +117,8 @@ def arrived(
         columns[name] = values
     found = ArrivedSamples(stream, place, SampleBlock(columns.pop("time"), columns), invalid)
     known = np.isfinite(found.samples.time)
+    if chosen.sparse:
+        known &= np.isfinite(list(columns.values())).any(axis=0)
     return found if known.all() else found.take(known)
 
 

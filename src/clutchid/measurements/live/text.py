@@ -2,112 +2,29 @@
 
 from __future__ import annotations
 
-import json
-import math
 from codecs import BOM_UTF8
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from itertools import chain
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import DataError
-from clutchid.log import FloatArray
 from clutchid.measurements.columns import Heading, headings
 from clutchid.measurements.formats.csv.dialect import Dialect, dialect
 from clutchid.measurements.formats.csv.lines import BOMS_UTF16, LineBlock
 from clutchid.measurements.formats.csv.rows import joined, read_fast, read_text
+from clutchid.measurements.formats.json_lines import keys_of, read_objects
 from clutchid.measurements.live.arrival import ArrivedBatch, LiveBlock, live_blocks
-from clutchid.measurements.live.order import arrived, picked_streams
+from clutchid.measurements.live.order import arrived, by_position, picked_streams
 from clutchid.measurements.map.channel_map import PickedChannels
 from clutchid.measurements.source import EXAMPLE, Raster, Table
+from clutchid.measurements.sparse import by_presence
 
 if TYPE_CHECKING:
     from clutchid.measurements.map.channel_map import ChannelMap
-
-#: Types of a number in JSON, and of null; neither a string nor true is one.
-_NUMBERS = {int, float, type(None)}
-
-
-def keys_of(text: bytes, name: str) -> list[str]:
-    """The keys of the objects of some lines, in the order in which they first occur.
-
-    Raises
-    ------
-    DataError
-        If no line is an object.
-    """
-    keys = list(dict.fromkeys(key for one in map(_object, text.split(b"\n")) if one for key in one))
-    if not keys:
-        raise DataError(
-            f'{name}: no line is a JSON object; send an object a line, such as {{"time [s]": 0.0, "position [m]": 0.0, '
-            '"duty_supply [1]": 0.0, "duty_exhaust [1]": 0.0}.'
-        )
-    return keys
-
-
-def read_objects(text: bytes, keys: Sequence[str]) -> tuple[list[FloatArray], NDArray[np.bool_], int]:
-    """A column for each key; which objects have a value that is no number; the number of lines left out.
-
-    A key that an object lacks is NaN. A line that is no object is left out; a value that is no number is missing.
-
-    Examples
-    --------
-    >>> columns, spoiled, left_out = read_objects(b'{"a": 1, "b": "0.5"}\\n{"a": 2.5}\\n{"a": 3, "b"\\n', ["a", "b"])
-    >>> columns, spoiled.tolist(), left_out
-    ([array([1. , 2.5]), array([nan, nan])], [True, False], 1)
-    """
-    lines = [line for line in text.split(b"\n") if line.strip()]
-    objects = _together(lines)
-    if objects is None:
-        objects = [one for one in map(_object, lines) if one is not None]
-    spoiled = np.zeros(len(objects), dtype=bool)
-    columns = _all_numbers([[one.get(key) for one in objects] for key in keys])
-    if columns is None:
-        rows = [[_number(one.get(key)) for key in keys] for one in objects]
-        spoiled |= [None in row for row in rows]
-        columns = [np.array([math.nan if row[i] is None else row[i] for row in rows]) for i in range(len(keys))]
-    return columns, spoiled, len(lines) - len(objects)
-
-
-def _together(lines: Sequence[bytes]) -> list[dict[str, Any]] | None:
-    """The objects of some lines; None unless every line is one."""
-    try:
-        found = json.loads(b"[" + b",".join(lines) + b"]")
-    except (ValueError, RecursionError):
-        return None
-    whole = len(found) == len(lines) and all(type(one) is dict for one in found)
-    return found if whole else None
-
-
-def _all_numbers(columns: Sequence[Sequence[Any]]) -> list[FloatArray] | None:
-    """The columns as arrays; None unless every value is a number or null."""
-    if not all(set(map(type, values)) <= _NUMBERS for values in columns):
-        return None
-    try:
-        return [np.array(values, dtype=np.float64) for values in columns]
-    except OverflowError:
-        return None
-
-
-def _object(line: bytes) -> dict[str, Any] | None:
-    try:
-        found = json.loads(line)
-    except (ValueError, RecursionError):
-        return None
-    return found if isinstance(found, dict) else None
-
-
-def _number(value: Any) -> float | None:
-    """A value as a number, NaN for null; None if it is none."""
-    if value is None:
-        return math.nan
-    try:
-        return float(value) if type(value) in _NUMBERS else None
-    except OverflowError:
-        return None
-
 
 Mask: TypeAlias = NDArray[np.bool_]
 
@@ -287,18 +204,27 @@ def text_blocks(
     if channels is None and feed.unnamed:
         raise DataError(f"{name}: {feed.unnamed}")
     picks = picked_streams(name, [feed.raster], channels, required)
+    every = feed.rows(sorted({index for each in picks for index in each.indices}))
+    first = next(every, None)
+    if first is not None:
+        picks = by_position(grid for each in picks for grid in by_presence(each, first.table, _TELLING, _FEW))
+        every = chain([first], every)
     metadata = {"source": name, "ambient_Pa": repr(float(ambient))}
-    yield from live_blocks(_batches(feed, picks, ambient), picks, name, metadata)
+    yield from live_blocks(_batches(every, picks, ambient), picks, name, metadata)
 
 
-def _batches(feed: TextFeed, picks: Sequence[PickedChannels], ambient: float) -> Iterator[ArrivedBatch]:
+#: Rows that show whether a channel is sparse, which are there however the text is cut, and samples that it has in them.
+_TELLING, _FEW = 100, 2
+
+
+def _batches(every: Iterator[TextRows], picks: Sequence[PickedChannels], ambient: float) -> Iterator[ArrivedBatch]:
     """The picked channels of the rows, in SI."""
     done = 0
-    chosen = sorted({index for each in picks for index in each.indices})
-    for rows in feed.rows(chosen):
+    for rows in every:
         place, spoiled = np.arange(rows.table.size), rows.spoiled.copy()
         each = [arrived(i, one, rows.table, ambient, place, done) for i, one in enumerate(picks)]
-        for one in each:
-            spoiled |= ~np.isin(place, one.place)  # without a time
+        for one, chosen in zip(each, picks, strict=True):
+            if not chosen.sparse:
+                spoiled |= ~np.isin(place, one.place)  # without a time
         yield ArrivedBatch(each, rows.left_out + int(spoiled.sum()))
         done += rows.table.size

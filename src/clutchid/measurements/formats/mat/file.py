@@ -17,7 +17,7 @@ from pathlib import Path
 
 from clutchid.errors import DataError, ExportError
 from clutchid.log import FloatArray, Log, name_and_unit
-from clutchid.measurements.formats.mat import hdf5, loaded
+from clutchid.measurements.formats.mat import hdf5, loaded, modelica
 from clutchid.measurements.formats.mat.loaded import BrokenMat, CharArray, ReadSamples, Struct
 from clutchid.measurements.formats.mat.objects import with_objects
 from clutchid.measurements.formats.mat.rasters import ArrayChannel, ScannedChannels, rasters_of, signals_of
@@ -60,8 +60,8 @@ class _Version:
     opened: Callable[[Path], AbstractContextManager[ReadSamples]]
 
 
-_V4 = _Version("MATLAB 4", loaded.contents, loaded.opened)
-_V5 = _Version("MATLAB 5", loaded.contents, loaded.opened)
+_V4 = _Version("MATLAB 4", modelica.contents, loaded.opened)
+_V5 = _Version("MATLAB 5", modelica.contents, loaded.opened)
 _V73 = _Version("MATLAB 7.3", hdf5.contents, hdf5.opened)
 
 

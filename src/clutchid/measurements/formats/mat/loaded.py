@@ -235,8 +235,8 @@ def contents(path: Path) -> Struct:
     large = sum(sizes.values()) > KEPT
     later = {name for name, size in sizes.items() if large and size > _LARGE}
     now = [name for name in sizes if name not in later] if sizes else None
-    found = {name: node(value) for name, value in _load(path, now).items()}
-    found |= {name: _on_disk(node(_load(path, [name])[name])) for name in later}
+    found = {name: node(value) for name, value in load(path, now).items()}
+    found |= {name: _on_disk(node(load(path, [name])[name])) for name in later}
     return Struct({name: found[name] for name in dict.fromkeys((*sizes, *found)) if name in found})
 
 
@@ -283,7 +283,7 @@ def _sizes(path: Path) -> dict[str, int]:
     return {name: size for name, size in sizes.items() if name not in _OWN}
 
 
-def _load(path: Path, names: list[str] | None) -> dict[str, Any]:
+def load(path: Path, names: list[str] | None) -> dict[str, Any]:
     """These variables (None: all) of the file; empty text is what SciPy cannot read, letters of four bytes."""
     if names == []:
         return {}
@@ -292,7 +292,7 @@ def _load(path: Path, names: list[str] | None) -> dict[str, Any]:
     except BrokenMat as error:
         if not isinstance(error.__cause__, TypeError) or not names:
             raise
-        return {names[0]: ""} if len(names) == 1 else {name: _load(path, [name])[name] for name in names}
+        return {names[0]: ""} if len(names) == 1 else {name: load(path, [name])[name] for name in names}
 
 
 def _loaded(path: Path, names: list[str] | None) -> dict[str, Any]:

@@ -1,0 +1,150 @@
+"""JSON lines: an object a line, with the values by the names of the columns; a key that is missing is no sample."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.errors import DataError
+from clutchid.log import FloatArray
+from clutchid.measurements.columns import Heading, headings
+from clutchid.measurements.source import Places, Raster, Source, Table, refused
+
+#: Types of a number in JSON, and of null; neither a string nor true is one.
+_NUMBERS = {int, float, type(None)}
+
+
+def keys_of(text: bytes, name: str) -> list[str]:
+    """The keys of the objects of some lines, in the order in which they first occur.
+
+    Raises
+    ------
+    DataError
+        If no line is an object.
+    """
+    keys = list(dict.fromkeys(key for one in map(_object, text.split(b"\n")) if one for key in one))
+    if not keys:
+        raise DataError(
+            f'{name}: no line is a JSON object; send an object a line, such as {{"time [s]": 0.0, "position [m]": 0.0, '
+            '"duty_supply [1]": 0.0, "duty_exhaust [1]": 0.0}.'
+        )
+    return keys
+
+
+def read_objects(text: bytes, keys: Sequence[str]) -> tuple[list[FloatArray], NDArray[np.bool_], int]:
+    """A column for each key; which objects have a value that is no number; the number of lines left out.
+
+    A key that an object lacks is NaN. A line that is no object is left out; a value that is no number is missing.
+
+    Examples
+    --------
+    >>> columns, spoiled, left_out = read_objects(b'{"a": 1, "b": "0.5"}\\n{"a": 2.5}\\n{"a": 3, "b"\\n', ["a", "b"])
+    >>> columns, spoiled.tolist(), left_out
+    ([array([1. , 2.5]), array([nan, nan])], [True, False], 1)
+    """
+    lines = [line for line in text.split(b"\n") if line.strip()]
+    objects = _together(lines)
+    if objects is None:
+        objects = [one for one in map(_object, lines) if one is not None]
+    spoiled = np.zeros(len(objects), dtype=bool)
+    columns = _all_numbers([[one.get(key) for one in objects] for key in keys])
+    if columns is None:
+        rows = [[_number(one.get(key)) for key in keys] for one in objects]
+        spoiled |= [None in row for row in rows]
+        columns = [np.array([math.nan if row[i] is None else row[i] for row in rows]) for i in range(len(keys))]
+    return columns, spoiled, len(lines) - len(objects)
+
+
+def _together(lines: Sequence[bytes]) -> list[dict[str, Any]] | None:
+    """The objects of some lines; None unless every line is one."""
+    try:
+        found = json.loads(b"[" + b",".join(lines) + b"]")
+    except (ValueError, RecursionError):
+        return None
+    whole = len(found) == len(lines) and all(type(one) is dict for one in found)
+    return found if whole else None
+
+
+def _all_numbers(columns: Sequence[Sequence[Any]]) -> list[FloatArray] | None:
+    """The columns as arrays; None unless every value is a number or null."""
+    if not all(set(map(type, values)) <= _NUMBERS for values in columns):
+        return None
+    try:
+        return [np.array(values, dtype=np.float64) for values in columns]
+    except OverflowError:
+        return None
+
+
+def _object(line: bytes) -> dict[str, Any] | None:
+    try:
+        found = json.loads(line)
+    except (ValueError, RecursionError):
+        return None
+    return found if isinstance(found, dict) else None
+
+
+def _number(value: Any) -> float | None:
+    """A value as a number, NaN for null; None if it is none."""
+    if value is None:
+        return math.nan
+    try:
+        return float(value) if type(value) in _NUMBERS else None
+    except OverflowError:
+        return None
+
+
+def is_json_lines(head: str) -> bool:
+    """Whether a text begins with an object on a line of its own, and goes on with another one.
+
+    Examples
+    --------
+    >>> is_json_lines('{"t": 0}\\n{"t": 1'), is_json_lines('{"t": [0,\\n1]}')
+    (True, False)
+    """
+    first, _, rest = head.lstrip().partition("\n")
+    return _object(first.encode()) is not None and rest.lstrip().startswith("{")
+
+
+def open_file(path: Path) -> Source:
+    """A file of JSON lines: one time grid, with the keys of all objects as columns.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read; what is wrong inside it is in `Source.problems`.
+    """
+    text = path.read_bytes()
+    try:
+        keys = keys_of(text, "the file")
+    except DataError as error:
+        return refused(path, "JSON lines", str(error))
+    values, spoiled, left_out = read_objects(text, keys)
+    columns = headings(keys)
+    clock = next((column.index for column in columns if column.name == "time"), None)
+    warnings = (f"{left_out:,} lines that are no JSON object are left out.",) if left_out else ()
+    if spoiled.any():
+        where = Places("line").ranges(np.flatnonzero(spoiled))
+        warnings = (*warnings, f"values that are no numbers are missing in {where}.")
+    raster = Raster(columns, spoiled.size, clock=clock)
+    return Source(path, "JSON lines", (raster,), partial(_tables, columns, values), (), warnings)
+
+
+def _tables(
+    columns: tuple[Heading, ...],
+    values: Sequence[FloatArray],
+    _raster: int,
+    chosen: Sequence[int],
+    rows: int | None = None,
+) -> Iterator[Table]:
+    size = values[0].size if values else 0
+    for start in range(0, max(size, 1), rows or max(size, 1)):
+        part = slice(start, start + (rows or size))
+        numbers = {index: values[index][part] for index in chosen}
+        yield Table(columns, numbers, min(size, part.stop) - start, Places("line", start + 1))
