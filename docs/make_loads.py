@@ -46,7 +46,7 @@ def main() -> None:
         print(f"{words}: {error(curve, driven):.2f} % of the peak, rms over 5 to 8 mm")
     errors.axhline(0.0, color=STYLE.ink, linewidth=1.0, linestyle=":")
     label(axis, y="load [N]")
-    label(errors, "position [mm]", "less the\ntrue one [N]")
+    label(errors, "position [mm]", "error of the\nestimate [N]")
     axis.set_xlim(0.0, 22.0)
     axis.set_ylim(bottom=0.0)
     legend(axis, 2)

@@ -87,7 +87,7 @@ def test_both_loads_and_the_change_are_in_the_figure(fitted):
     loads, difference = figure.axes
     drawn = {line.get_label(): line.get_ydata() for line in (*loads.lines, *difference.lines)}
     np.testing.assert_allclose(drawn["at the calibration"], 0.8 * drawn["now"], atol=1e-9)
-    np.testing.assert_allclose(drawn["now less calibration"], 0.2 * drawn["now"], atol=1e-6)
+    np.testing.assert_allclose(drawn["now minus calibration"], 0.2 * drawn["now"], atol=1e-6)
 
 
 def test_a_load_that_cannot_be_compared_has_a_sentence(fitted):

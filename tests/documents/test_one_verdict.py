@@ -115,7 +115,7 @@ def test_two_states_of_wear_are_no_change_of_the_valves_and_lead_to_track(fitted
 @pytest.mark.slow
 def test_every_place_says_that_an_interval_without_a_calibration_is_noise_only(fitted, shown):
     said = verdict(fitted).experience
-    assert said.startswith("± is noise only: on virtual trucks the load of fits like this was 18 % of its peak off")
+    assert said.startswith("± is noise only: on virtual trucks the median error of such a load was 18 % of its peak")
     places = shown(fitted)
     assert [where for where, text in places.items() if said not in text] == []
     assert "± is noise only" in verdict(fitted).meaning

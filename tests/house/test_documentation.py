@@ -57,7 +57,7 @@ def test_the_readme_is_read_in_a_minute():
 def test_the_readme_says_what_an_interval_without_a_calibration_is_in_the_figures_of_the_program():
     readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
     assert f"`±` is {NOISE_ONLY.removeprefix('± is ')}" in readme
-    assert f"{PAPER_OFF} % of its peak off in the median, and the band held {PAPER_HELD} % of the points" in readme
+    assert f"{PAPER_OFF} % of its peak, and its band contained {PAPER_HELD} % of the points" in readme
 
 
 def test_the_start_page_names_every_verb_of_the_command_line():

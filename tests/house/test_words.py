@@ -1,7 +1,10 @@
-"""Words that stop a reader, in every docstring, comment and message of the package."""
+"""Words that stop a reader, in the docstrings, comments and messages of the package, and in its documentation."""
 
 import ast
 import re
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
 
 #: Rooms and modules whose sentences have not been revised. This list only shrinks.
 NOT_REVISED = {
@@ -28,6 +31,12 @@ def revised(source):
 def test_sentences_name_their_subject(source):
     lines = ((name, line) for name, text in revised(source) for line in text.splitlines())
     assert [(name, line.strip()) for name, line in lines if EMPTY.search(line)] == []
+
+
+def test_pages_name_their_subject():
+    pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md"), *(ROOT / "docs" / "commands").glob("*.md")]
+    lines = ((page.name, line) for page in pages for line in page.read_text(encoding="utf-8").splitlines())
+    assert [(name, line) for name, line in lines if EMPTY.search(line)] == []
 
 
 def test_a_docstring_begins_with_a_noun_phrase_or_a_verb(source):

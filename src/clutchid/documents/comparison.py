@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _CAPTION = (
-    "Load at the calibration and now, each with its pointwise 95 % band, and the present load less the calibrated one. "
-    "Dots mark half of the peak. The band of the difference treats both loads as independent."
+    "Load at the calibration and now, each with its pointwise 95 % band, and the difference of the two loads. Dots "
+    "mark half of the peak. The band of the difference treats both loads as independent."
 )
 
 
@@ -68,7 +68,7 @@ def comparison_figure(compared: Comparison) -> Figure:
     _draw_load(loads, compared.calibrated, compared.half_before, compared.reach, before)
     _draw_load(loads, compared.present, compared.half_now, compared.reach, now)
     fill(difference, x, change.low[inside], change.high[inside], Line(STYLE.red, opacity=0.2, layer=1))
-    draw(difference, x, change.force[inside], Line(STYLE.red, "now less calibration", 1.6))
+    draw(difference, x, change.force[inside], Line(STYLE.red, "now minus calibration", 1.6))
     difference.axhline(0.0, color=STYLE.ink, linewidth=0.7)
     label(loads, y="load [N]")
     label(difference, "position [mm]", "change [N]")

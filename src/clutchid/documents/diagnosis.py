@@ -149,7 +149,7 @@ def diagnosis_table(basis: Evidence) -> ReportTable:
         "The fit is 100 % for an exact simulation and 0 % for a simulation that is as good as the mean. Over 1 s: "
         "simulated for a second at a time from the measured position."
     )
-    return ReportTable("Residuals, measured less simulated", columns, tuple(rows), note=note)
+    return ReportTable("Residuals, measured minus simulated", columns, tuple(rows), note=note)
 
 
 def residual_blocks(fit: Fit, diagnosis: Diagnosis) -> tuple[Block, ...]:

@@ -60,8 +60,8 @@ def parameter_table(fit: Fit, names: Iterable[str] | None = None, title: str = "
 
 
 _ASSUMED = (
-    "What was not recorded is as calibrated, with the range that is assumed for its change: the band of the load "
-    "contains that range, which these data do not narrow."
+    "Conditions that were not recorded are as calibrated, with an assumed range of their change. The band of the load "
+    "includes that range, which these data do not narrow."
 )
 
 

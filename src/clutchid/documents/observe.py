@@ -53,7 +53,7 @@ def loads_figure(both: Loads) -> Figure:
         fill(loads, x, load.low, load.high, Line(colour, f"95 % band {words}", opacity=0.2))
         draw(loads, x, load.force, Line(colour, f"{words} the recording", 1.8))
     fill(change, x, after.low - before.force, after.high - before.force, Line(STYLE.red, opacity=0.2))
-    draw(change, x, after.force - before.force, Line(STYLE.red, "after less before, with the band after", 1.6))
+    draw(change, x, after.force - before.force, Line(STYLE.red, "after minus before, with the band after", 1.6))
     change.axhline(0.0, color=STYLE.ink, linewidth=0.7)
     label(loads, y="load [N]")
     label(change, "position [mm]", "change [N]")
@@ -141,7 +141,7 @@ def _innovations(axis: Axes, run: ObservedRecording) -> None:
     columns = [innovations[corrected] / unit, QUANTILE * np.sqrt(variance[corrected]) / unit]
     t, (innovation, bound) = with_gaps(run.log.time[corrected], columns, every)
     fill(axis, t, -bound, bound, Line(STYLE.measured, "95 % bounds", opacity=0.3))
-    draw(axis, t, innovation, Line(STYLE.red, f"{compares}, measured less predicted", 0.8))
+    draw(axis, t, innovation, Line(STYLE.red, f"{compares}, measured minus predicted", 0.8))
     if corrected.any():
         most = 1.5 * float(np.nanpercentile(np.fmax(bound, np.abs(innovation)), _SHOWN))
         axis.set_ylim(-most, most)

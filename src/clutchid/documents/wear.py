@@ -121,8 +121,8 @@ _TREND = (
 _ALARMS = " Red and dashed: alarms."
 _TEST = f"The test for changes is set to one false alarm in {1 / FALSE_ALARMS:,.0f} recordings."
 _LOADS = (
-    "Load over the position of the piston, as read from recordings evenly over the life, from dark to light. Shaded: "
-    "5 to 8 mm, where the clutch engages."
+    "Load over the position of the piston, of recordings spread evenly over the life, from dark (first) to light "
+    "(last). Shaded: 5 to 8 mm, where the clutch engages."
 )
 
 

@@ -61,7 +61,7 @@ def atomic_write(path: str | PathLike[str]) -> Iterator[Path]:
         reason = _failure(error, temporary)
         if reason is None:
             raise
-        raise ExportError(f"{path}: cannot be written ({reason}); what was there is unchanged.") from error
+        raise ExportError(f"{path}: cannot be written ({reason}); no file was changed.") from error
     finally:
         if temporary is not None:
             temporary.unlink(missing_ok=True)

@@ -98,7 +98,7 @@ def spooled(path: str | PathLike[str], moved: Callable[[Path], None] | None = No
     except ExportError:
         raise
     except OSError as error:
-        raise ExportError(f"{path}: cannot be written ({reason_of(error)}); what was there is unchanged.") from error
+        raise ExportError(f"{path}: cannot be written ({reason_of(error)}); no file was changed.") from error
     finally:
         if folder is not None:
             shutil.rmtree(folder, ignore_errors=True)

@@ -16,7 +16,7 @@ BUS = 0.01
 
 
 def measured_conditions(truck: Vehicle, supply: FloatArray, rng: np.random.Generator) -> dict[str, FloatArray]:
-    """Measured ambient temperature in K, and supply pressure in Pa of the true one."""
+    """Measured ambient temperature in K, and supply pressure in Pa from the true supply pressure."""
     true = {"temperature_ambient": np.full(supply.size, truck.T_0), "pressure_supply": supply}
     columns = {}
     for (name, values), (offset, noise, step) in zip(true.items(), (AMBIENT, SUPPLY), strict=True):

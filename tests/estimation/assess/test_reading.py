@@ -95,7 +95,7 @@ def test_a_reading_says_how_often_readings_like_it_were_wrong(reading):
     assert shares == sorted(shares)
     assert 0.0 <= shares[0] < shares[-1] <= 100.0
     said = verdict(with_error(reading, 6.0)).experience
-    assert said == f"of readings like this {shares[-1]:.0f} % were more than 2 % off (virtual trucks)."
+    assert said == f"on virtual trucks {shares[-1]:.0f} % of such readings had a load error above 2 %."
     for other in (None, NEAR._replace(distance=60.0), NEAR._replace(misfit=1.6)):
         assert verdict(replace(reading, departure=other)).experience == ""
 

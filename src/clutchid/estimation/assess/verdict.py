@@ -288,13 +288,13 @@ def _experience(fit: Fit, found: Sequence[Reason]) -> str:
         return f"{NOISE_ONLY}: the error of what is assumed is not in it."
     if noise_only(fit):
         return (
-            f"{NOISE_ONLY}: on virtual trucks the load of fits like this was {PAPER_OFF} % of its peak off in the "
-            f"median, and the band held {PAPER_HELD} % of the points."
+            f"{NOISE_ONLY}: on virtual trucks the median error of such a load was {PAPER_OFF} % of its peak, and its "
+            f"band contained {PAPER_HELD} % of the points."
         )
     share = share_off(fit)
     if not np.isfinite(share) or not all(reason.banded for reason in found):
         return ""
-    return f"of readings like this {share:.0f} % were more than {BAD_ERROR:g} % off (virtual trucks)."
+    return f"on virtual trucks {share:.0f} % of such readings had a load error above {BAD_ERROR:g} %."
 
 
 def _unseen(fit: Fit) -> tuple[str, ...]:

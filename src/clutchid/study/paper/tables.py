@@ -186,7 +186,7 @@ def _cells(errors: Errors) -> tuple[Cell, ...]:
 
 
 def verification(cases: Sequence[Case], truth: TrueLoad | None) -> ReportTable:
-    """Errors of ballistic runs on the verification recording, and of the load if the true one is known."""
+    """Errors of ballistic runs on the verification recording, and of the load if its truth is known."""
     run, load = "second recording, ballistic run", "load error"
     columns = [
         Column("method", "method"), Column("carry", "carried"),

@@ -183,7 +183,7 @@ class FileTroubles:
         except ExportError as error:
             if not begun:
                 raise
-            if _identity(path) == before:  # what was there, or nothing
+            if _identity(path) == before:  # nobody has replaced the file
                 self.moved[path] = None
             self._note(f"{error} What came before is kept.")
 
