@@ -75,7 +75,7 @@ def checked(function: Function) -> Function:
 
 
 def check_fields(record: object) -> None:
-    """Check the kinds of the fields of a record as those of arguments; which of some texts it is, it checks itself.
+    """Check the kinds of the fields of a record like those of arguments; the record itself checks its choices of texts.
 
     Raises
     ------
@@ -200,7 +200,7 @@ _SIMPLE: Mapping[Any, Callable[[object], bool]] = {
 
 
 def _is_container(value: object, origin: type, arguments: tuple[Any, ...]) -> bool:
-    """Whether a value is a container of this kind; what can be gone through is a sequence, but for texts."""
+    """Whether a value is a container of this kind; an iterable that is no text counts as a sequence."""
     if origin is tuple:
         return isinstance(value, tuple | list) and (arguments[-1] is Ellipsis or len(value) == len(arguments))
     if issubclass(origin, Mapping) or not issubclass(origin, Iterable):
@@ -269,7 +269,7 @@ def _kind(value: object) -> str:
 
 
 def _shown(value: object) -> str:
-    """A value as far as a sentence can show it; what has many parts is only counted."""
+    """A value in a sentence; of a large container only the number of elements."""
     if isinstance(value, int | float | str | bytes | complex | None | list | tuple | dict):
         text = repr(value)
         return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."

@@ -130,7 +130,7 @@ def requirements(extra: str) -> tuple[str, ...]:
 
 
 def install_command(extra: str) -> str:
-    """The command that installs the libraries of an extra, not clutchid itself, which need not be on any index.
+    """The command that installs the libraries of an extra, without clutchid itself, which may be on no index.
 
     It names the interpreter, as the `pip` of a terminal may belong to another environment.
     """

@@ -105,7 +105,7 @@ def unknown_names(names: Iterable[str], choices: Sequence[str], what: str = "par
 
 
 def made_anew(record: Any) -> tuple[Callable[..., Any], tuple[object, ...]]:
-    """``__reduce__`` of a public record: it is pickled and copied by its fields, of which the package makes it again.
+    """``__reduce__`` of a public record: it is pickled and copied by its fields, and checked again when it is restored.
 
     So a mapping that is read-only may be pickled, arrays are read-only again, and methods are attached.
     """
@@ -115,7 +115,7 @@ def made_anew(record: Any) -> tuple[Callable[..., Any], tuple[object, ...]]:
 
 
 def printable(text: str) -> str:
-    r"""`text` with a question mark for what cannot be printed, which names in foreign files have.
+    r"""`text` with a question mark for each character that cannot be printed, as in names of foreign files.
 
     These are control characters, bytes that are not UTF-8, and marks that turn the direction of writing.
 
@@ -151,5 +151,5 @@ def natural(name: str) -> list[tuple[bool, int, str]]:
 
 
 def capital(words: str) -> str:
-    """Words with a capital at their beginning."""
+    """Words with a capital first letter."""
     return f"{words[:1].upper()}{words[1:]}"

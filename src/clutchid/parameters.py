@@ -60,7 +60,7 @@ class GroupChange(NamedTuple):
 
 
 class Drift(NamedTuple):
-    """Standard deviation of the change between two recordings where nothing has changed, a share or in the unit.
+    """Standard deviation of the drift between two recordings, as a share of the value or in its unit.
 
     `considered`: the drift is part of the uncertainty, but is not estimated from position alone.
     """
@@ -188,7 +188,7 @@ def in_order(rows: Mapping[str, Row], entry: Callable[[Row], _Ordered | None]) -
 
 
 def known_ambient(P_0: float) -> float | None:
-    """The ambient pressure in Pa that is known with a P_0: none with that of Appendix A, which nobody has measured."""
+    """The ambient pressure in Pa by P_0; None for that of Appendix A, which was not measured."""
     return None if P_0 == DEFAULTS.P_0 else P_0
 
 

@@ -74,7 +74,7 @@ def interpreter() -> tuple[str, dict[str, str]]:
 
 
 def end_with_parent(parent: int) -> None:
-    """Let this process end when the process `parent`, which started it, is gone, however it went.
+    """Let this process end when its `parent` process ends, for any reason.
 
     Linux ends it at once, also within a kernel that runs, when the thread that started it has ended; elsewhere a thread
     of this process notices within half a second.
@@ -101,7 +101,7 @@ def _end_after(parent: int) -> NoReturn:
 
 
 def kill_session(pid: int) -> None:
-    """End a process that was started `APART`, with all that it started.
+    """End a process that was started `APART`, with its child processes.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def kill_session(pid: int) -> None:
 
 
 def end_session() -> NoReturn:
-    """End this process, which was started `APART`, with all that it started."""
+    """End this process, which was started `APART`, with its child processes."""
     if hasattr(os, "killpg"):
         os.killpg(0, _KILL)
     _kill(_descendants(os.getpid()))
@@ -148,7 +148,7 @@ def ending(code: int) -> str:
 
 
 def limit_allocations(most: int) -> None:
-    """Let allocations of this process fail beyond so many bytes in all, 0 for no limit.
+    """Limit the memory of this process in bytes, so that larger allocations fail; 0 for no limit.
 
     Only Linux can; elsewhere the process that started this one ends it by what it has in memory.
     """
@@ -161,7 +161,7 @@ def limit_allocations(most: int) -> None:
 
 
 def give_memory_back() -> None:
-    """Give freed memory back to the system, where the C library can; glibc keeps it in pools."""
+    """Return freed memory to the system where the C library can; glibc keeps it in pools."""
     with suppress(OSError, AttributeError, TypeError):
         ctypes.CDLL(None).malloc_trim(0)
 
@@ -206,7 +206,7 @@ def lock(descriptor: int) -> bool:
 
 
 def user() -> str:
-    """A name of the user that is in no other's temporary folder; a container may know only the number."""
+    """Number or name of the user, for the names of temporary folders."""
     return str(os.getuid()) if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
 
 
@@ -219,13 +219,13 @@ def is_private(folder: Path) -> bool:
 
 
 def forget(pages: mmap.mmap) -> None:
-    """Give the memory of pages that lie in a file back, where the system can."""
+    """Release memory of file-backed pages, where the system can."""
     if hasattr(pages, "madvise") and hasattr(mmap, "MADV_DONTNEED"):
         pages.madvise(mmap.MADV_DONTNEED)
 
 
 def reserve(file: BinaryIO, size: int) -> None:
-    """Take so many bytes of the disk for a file."""
+    """Reserve so many bytes of the disk for a file."""
     if hasattr(os, "posix_fallocate"):
         os.posix_fallocate(file.fileno(), 0, size)
     else:
@@ -233,7 +233,7 @@ def reserve(file: BinaryIO, size: int) -> None:
 
 
 def replace(source: Path, target: Path) -> None:
-    """Give a file, which is not open, the name of another one, which it replaces.
+    """Rename a closed file over another file.
 
     Windows refuses while a program has either of them open; a short use of it is waited for.
     """
@@ -253,7 +253,7 @@ def is_in_use(error: OSError) -> bool:
 
 
 def is_device(name: str) -> bool:
-    """Whether Windows takes a name for that of a device.
+    """Whether a name is that of a device on Windows.
 
     Examples
     --------
@@ -281,7 +281,7 @@ _NAP = 0.005
 
 
 def is_closed_pipe(error: OSError) -> bool:
-    """Whether nobody reads any more what is written."""
+    """Whether an error means that the reader has closed the pipe."""
     return error.errno == errno.EPIPE or (sys.platform == "win32" and error.errno == errno.EINVAL)
 
 
@@ -311,7 +311,7 @@ class Incoming:
         return part
 
     def close(self) -> None:
-        """Read nothing more; what was read can still be had."""
+        """Stop reading; bytes that have been read remain available."""
         self._closed = True
 
     def __enter__(self) -> Self:
@@ -339,7 +339,7 @@ class Incoming:
 
 
 class Outgoing:
-    """Bytes for a descriptor, which stays open, written while nobody waits for its reader, in a ``with`` block."""
+    """Bytes written to a descriptor, which stays open, without waiting for its reader, in a ``with`` block."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = os.dup(descriptor)
@@ -364,7 +364,7 @@ class Outgoing:
             return len(self._rest)
 
     def send(self, text: bytes) -> None:
-        """Begin to write a text, once nothing is left of the one before."""
+        """Begin to write a text, after the text before has been taken."""
         with self._changed:
             self._rest = memoryview(text)
             self._changed.notify_all()

@@ -20,7 +20,7 @@ Kind = TypeVar("Kind", bound=Item)
 
 
 class BoardChange(NamedTuple):
-    """A version of a record: its number among all changes, its id, and the record; None where it was removed."""
+    """A change of a record: its number among all changes, the id, and the record, None if it was removed."""
 
     number: int
     id: str
@@ -65,12 +65,12 @@ class Board:
         return None if change is None else change.item
 
     def get(self, kind: type[Kind], id_: str) -> Kind | None:
-        """A record, or None where it is none of this kind."""
+        """A record of this kind, or None."""
         item = self.item(id_)
         return item if isinstance(item, kind) else None
 
     def all(self, kind: type[Kind]) -> list[Kind]:
-        """All records of a kind, in the order of their making."""
+        """All records of a kind, in the order of their creation."""
         return [change.item for change in self._newest.values() if isinstance(change.item, kind)]
 
     def since(self, number: int) -> list[BoardChange]:

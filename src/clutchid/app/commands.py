@@ -69,7 +69,7 @@ def repeated(asked: FitCommand, files: Sequence[File]) -> tuple[str, str]:
 
 
 def repeated_observation(file: File, start: str, method: str, *, force: bool) -> tuple[str, str]:
-    """The command and the Python that follow a recording."""
+    """The command and the Python that observe a recording."""
     channels = _map_of([file])
     words = ["observe", file.name, "--start", start, "--method", method, "--out", "est.parquet"]
     words += [*(["--map", str(channels)] if channels else []), *(["--force"] if force else [])]
@@ -84,11 +84,11 @@ def _names(files: Sequence[File]) -> tuple[Path, ...]:
 
 
 def _maps_of(files: Sequence[File]) -> set[str]:
-    """The texts of the channel maps of recordings, of which an empty one is none."""
+    """The texts of the channel maps of recordings, empty where there is no map."""
     return {file.map.read_text(encoding="utf-8") if file.map else "" for file in files}
 
 
 def _map_of(files: Sequence[File]) -> Path | None:
-    """The name under which the page gives the channel map of recordings, the first's where it is that of all."""
+    """Name of the downloaded channel map of recordings; None if they have different maps, or none."""
     mapped = [file for file in files if file.map]
     return Path(f"{Path(mapped[0].name).name}.map.toml") if mapped and len(_maps_of(files)) == 1 else None

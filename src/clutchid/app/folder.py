@@ -1,4 +1,4 @@
-"""The folder of a running server: what was uploaded, columns and results. It goes with the server.
+"""The folder of a running server with uploads, columns and results; it is removed with the server.
 
 A server that was killed leaves its folder behind; the next one removes it.
 """
@@ -18,7 +18,7 @@ _LOCK, _KEPT = "lock.json", "kept"
 
 
 def cache_folder() -> Path:
-    """The folder in which servers have theirs: that of compiled models, or as the user has set it."""
+    """Parent of the folders of servers: in the cache of compiled models, or as the user has set it."""
     from platformdirs import user_cache_path
 
     folder = os.environ.get("CLUTCHID_CACHE")
@@ -26,7 +26,7 @@ def cache_folder() -> Path:
 
 
 def make_folder(base: Path) -> Path:
-    """A new folder for this process, which only the user can read, after those of dead servers were removed.
+    """A new folder for this process that only the user can read; folders of dead servers are removed first.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def end_folder(folder: Path, *, keep: bool) -> None:
 
 
 def _born(pid: int) -> float | None:
-    """When a process began, in s: a number may be given again to another one. None if it has ended."""
+    """Start time of a process in s, as process numbers are reused; None if it has ended."""
     import psutil
 
     try:
@@ -83,7 +83,7 @@ def private(path: Path, text: str) -> None:
 
 
 def opening_page(folder: Path, address: str) -> Path:
-    """A page that leads to the address: a browser gets its name, so that no list of processes has the token."""
+    """A page that redirects to the address, so that the token does not show in the list of processes."""
     page = folder / "open.html"
     private(page, f'<!doctype html><meta http-equiv="refresh" content="0;url={address}"><title>clutchid</title>\n')
     return page

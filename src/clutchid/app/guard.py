@@ -1,4 +1,4 @@
-"""`Guard`: who may ask the server, and what a page may load.
+"""`Guard`: access control of the server, and the content policy of the page.
 
 Any page that the browser has open can send requests to a server on this machine, and so can other users of it. So every
 request needs the cookie, which the browser gets once for the token that only the terminal shows; a request for another
@@ -85,7 +85,7 @@ def warning_of(address: str, names: tuple[str, ...]) -> str:
 
 
 def new_secret() -> str:
-    """A text that nobody can guess, for an address."""
+    """A random secret for an address."""
     return secrets.token_urlsafe(32)
 
 
@@ -103,7 +103,7 @@ class Access:
 
     @property
     def name(self) -> str:
-        """Name of the cookie: browsers keep cookies by host, so that two servers need two names."""
+        """Name of the cookie; browsers keep cookies by host, so each server needs its own."""
         return f"clutchid-{self.port}"
 
     @property
@@ -113,7 +113,7 @@ class Access:
 
     @property
     def hosts(self) -> tuple[str, ...]:
-        """The hosts under which the server may be asked."""
+        """Host headers that are accepted."""
         return tuple(f"{name}:{self.port}" for name in self.names)
 
 
@@ -177,5 +177,5 @@ class Guard:
 
 
 def _same(received: str, secret: str) -> bool:
-    """Whether two secrets are the same, in a time that does not depend on where they differ."""
+    """Whether two secrets are the same, in constant time."""
     return hmac.compare_digest(received.encode("utf-8", "replace"), secret.encode())

@@ -1,4 +1,4 @@
-"""`Jobs`: one process a job, a few at a time; what they say goes to a listener. A spare process waits with its imports.
+"""`Jobs`: a process for each job, a few at a time, with events for a listener; a spare process has its imports done.
 
 A process leads a session of its own, so that all that it started ends with it.
 """
@@ -37,7 +37,7 @@ Status = Literal["waiting", "running", "done", "failed", "cancelled"]
 
 @dataclass(slots=True, eq=False)
 class Job:
-    """A job: what it is called, its task for the worker, and how far it is."""
+    """A job: its title, its task for the worker, and its progress."""
 
     id: str
     title: str
@@ -102,7 +102,7 @@ class Jobs:
                 self._spare = await self._started()
 
     def submit(self, title: str, lane: Lane, task: Task, about: str) -> Job:
-        """Start a job, or let it wait for its turn; `about` is the id of what it is about."""
+        """Start a job, or queue it; `about` is the id of its record."""
         job = Job(f"job-{next(self._numbers)}", title, lane, task, about, type(task).__name__)
         self._jobs[job.id] = job
         self._waiting[lane].append(job)
@@ -111,7 +111,7 @@ class Jobs:
         return job
 
     def cancel(self, id_: str) -> bool:
-        """End a job with all that it started; whether it had not ended before."""
+        """End a job and its child processes; False if it had ended before."""
         job = self._jobs.get(id_)
         if job is None or job.status not in ("waiting", "running"):
             return False
@@ -124,7 +124,7 @@ class Jobs:
         return True
 
     def cancel_about(self, id_: str) -> None:
-        """End all jobs about something that is forgotten."""
+        """End all jobs of a record that is removed."""
         for job in [*self._jobs.values()]:
             if job.about == id_:
                 self.cancel(job.id)

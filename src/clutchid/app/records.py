@@ -145,7 +145,7 @@ class Cut:
 
 @dataclass(frozen=True, slots=True)
 class FitRecordings:
-    """Calibrate or estimate as it was asked for, and write the files of the result into a folder.
+    """Calibrate or estimate as requested, and write the files of the result into a folder.
 
     Recordings and start are files of the server, which have other names in what was `asked`.
     """

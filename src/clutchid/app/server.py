@@ -97,7 +97,7 @@ def application(session: Session, access: Access, begun: Callable[[], None] = la
 
 
 def _of(session: Session, handle: Callable[[Session, Request], Awaitable[Response]]) -> Endpoint:
-    """An endpoint of a session, whose errors are a sentence for the place where the input was given."""
+    """An endpoint of a session, whose errors are a sentence beside the input that caused them."""
 
     async def endpoint(request: Request) -> Response:
         try:
@@ -125,7 +125,7 @@ async def _about(session: Session, _request: Request) -> Response:
 
 
 async def _events(session: Session, request: Request) -> Response:
-    """All objects, and then every change of them, as server-sent events; it goes on where a page has lost it."""
+    """All objects, then every change, as server-sent events; a page that reconnects continues where it was."""
     last = request.headers.get("last-event-id") or request.query_params.get("after", "0")
     number = int(last) if last.isdigit() else 0
 
@@ -160,7 +160,7 @@ async def _upload_calibration(session: Session, request: Request) -> Response:
 
 
 async def _received(session: Session, request: Request, kind: str = "recording", beside: str = "") -> tuple[str, Path]:
-    """The body of the request as a file with its id, of which no second copy is made."""
+    """The body of the request as a file with its id, without a second copy."""
     name = request.query_params.get("name", "")
     size = check_size(name, request.headers.get("content-length"), session.folder)
     id_, path = session.upload_path(name, kind, beside)
@@ -188,7 +188,7 @@ async def _forget(session: Session, request: Request) -> Response:
 
 
 async def _plot(kind: type[Recording | Result | Observation], session: Session, request: Request) -> Response:
-    """Time and columns as numbers of 8 bytes, one after the other: the page knows how many columns it asked for."""
+    """Time and columns one after the other as float64; the page knows the number of columns."""
     query = request.query_params
     try:
         grid = int(query["grid"])
@@ -302,7 +302,7 @@ async def _result_file(session: Session, request: Request) -> Response:
 
 
 def _attachment(name: str) -> dict[str, str]:
-    """The header of a file that is kept under a name, whatever letters it has."""
+    """The Content-Disposition header of a download, for any letters in its name."""
     return {"content-disposition": f"attachment; filename*=UTF-8''{quote(name, safe='')}"}
 
 

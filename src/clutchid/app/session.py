@@ -1,4 +1,4 @@
-"""`Session`: recordings, jobs and results of a running server, and what may be done with them."""
+"""`Session`: recordings, jobs and results of a running server, and the actions on them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from clutchid.verbs.options import pressure
 
 
 class Session:
-    """All that one server has.
+    """State of a server.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ class Session:
         return self._begin("cut", "files", records.Recording(new, path.name, path, uploaded=True), task, whole.name)
 
     def forget(self, id_: str) -> None:
-        """Remove a recording or a result, with all that was kept of it."""
+        """Remove a recording or a result with its files."""
         self.jobs.cancel_about(id_)
         self.board.remove(id_)
         for name in ("uploads", "columns", "maps", "results"):
@@ -144,7 +144,7 @@ class Session:
         return self._begin(verb, "fits", result, task, names)
 
     def open_calibration(self, path: Path, name: str, *, move: bool) -> str:
-        """Begin to read a calibration from a file; the id of the result that it becomes."""
+        """Begin to read a calibration from a file; the id of its result."""
         id_, folder = self._result_folder("result")
         file = folder / "fit.toml"
         if move:
@@ -155,7 +155,7 @@ class Session:
         return self._begin("open", "files", result, records.ReadCalibration(file, name))
 
     def observe(self, recording: str, start: str, method: str, *, force: bool) -> str:
-        """Begin to follow a recording with the observer of a calibration; the id of what it becomes.
+        """Begin to follow a recording with the observer of a calibration; the id of the observation.
 
         Raises
         ------
@@ -173,7 +173,7 @@ class Session:
     # results of track and fleet
 
     def open_table(self, path: Path, id_: str | None = None, vehicle: str | None = None) -> str:
-        """Begin to read a result of a track or a fleet, or a vehicle of a fleet; the id of what it becomes.
+        """Begin to read a result of a track or a fleet, or a vehicle of a fleet; the id of its table.
 
         With an id that is there already it is read again, as when a file beside it has been sent. The other files of
         the run are those beside it, if they lie below the folder that is open to the page.
@@ -186,7 +186,7 @@ class Session:
         return self._begin("open", "files", table, records.ReadTable(path, below, vehicle))
 
     def open_vehicle(self, id_: str, vehicle: str) -> str:
-        """Begin to read a vehicle of a fleet, unless that is done; the id of what it becomes.
+        """Begin to read a vehicle of a fleet, unless it has been read; the id of its table.
 
         Raises
         ------
@@ -324,12 +324,12 @@ class Session:
 
 
 def _stated(entries: Mapping[str, Any]) -> dict[str, Any]:
-    """Entries of a channel map without those that are null, which TOML has not."""
+    """Entries of a channel map without null, which TOML lacks."""
     stated = {name: value for name, value in entries.items() if value is not None}
     return {name: _stated(value) if isinstance(value, dict) else value for name, value in stated.items()}
 
 
 def _relative(path: Path) -> str:
-    """A path as one would write it here."""
+    """A path, relative if it lies in the current folder."""
     here = Path.cwd()
     return str(path.relative_to(here)) if path.is_relative_to(here) else os.fspath(path)

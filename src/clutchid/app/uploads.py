@@ -34,7 +34,7 @@ _MOST_ENTRIES = 2000
 
 
 def safe_name(text: str) -> str:
-    """A name for a file on this disk: the last part of a path, without what means something to a system.
+    """A safe file name: the last part of a path, without characters or names that are special on any system.
 
     Examples
     --------
@@ -78,7 +78,7 @@ def check_size(name: str, length: str | None, folder: Path) -> int:
 
 
 async def receive(chunks: AsyncGenerator[bytes, None], path: Path, size: int) -> None:
-    """Write an upload to a new file; where it breaks off, or has another size, nothing is left.
+    """Write an upload to a new file, which is removed if the upload breaks off or has another size.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def is_opened(name: str) -> bool:
 
 
 def is_table(name: str) -> bool:
-    """Whether a file is called like a result of a track or a fleet."""
+    """Whether a file has the name of a result of a track or a fleet."""
     return Path(name).suffix.lower() in TABLES
 
 

@@ -40,11 +40,11 @@ class Events:
         self._file.flush()
 
     def part(self, result: dict[str, Any]) -> None:
-        """Say what is known before the job is done."""
+        """Report a partial result."""
         self.say("part", result=result)
 
     def progress(self, stage: str, share: float | None, words: str) -> None:
-        """Say how far the job is: a new stage at once, the same at most ten times a second."""
+        """Report progress: a new stage at once, the same stage at most ten times a second."""
         now = time.monotonic()
         if stage != self._stage or now - self._last >= _GLANCE:
             self._stage, self._last = stage, now
@@ -52,7 +52,7 @@ class Events:
 
 
 def main() -> None:
-    """Wait for a task, do it, and say what came of it."""
+    """Wait for a task, do it, and report the result or the failure."""
     events = Events(os.dup(1))
     os.dup2(2, 1)  # what a library prints is no event
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the server, which ends its jobs
@@ -79,7 +79,7 @@ def run(task: Task, work: Callable[..., dict[str, Any]], events: Events) -> None
 
 
 def without_folders(message: str, task: Task) -> str:
-    """A message with the files of a task by their names alone: their folders may be those of the server."""
+    """A message with file names instead of paths, which may be those of the server's folder."""
     folders = {path.parent for path in _paths(task) if path.parent != path.parent.parent}
     for folder in sorted(folders, key=lambda folder: -len(folder.parts)):
         message = message.replace(f"{folder}{os.sep}", "")
@@ -96,7 +96,7 @@ def _paths(value: object) -> Iterator[Path]:
 
 
 def _end_with_server() -> None:
-    """End this process and its group once nobody holds the other end of standard input."""
+    """End this process and its group when standard input is closed."""
     sys.stdin.read()
     end_session()
 

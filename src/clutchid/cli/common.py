@@ -117,7 +117,7 @@ _EMPTY: dict[str, Any] = {
 
 
 def print_written(*paths: Path | None, to: TextIO | None = None) -> None:
-    """Say which files were written, on standard output by default."""
+    """Print the paths of written files, on standard output by default."""
     for path in paths:
         if path is not None:
             put(f"written: {printable(str(path.resolve()))}", to=to)

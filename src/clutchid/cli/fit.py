@@ -42,7 +42,7 @@ Writers = Mapping[Path | None, Callable[[Path], None]]
 
 
 def answer(document: Document, writers: Writers, *, json: bool, verbose: bool) -> int:
-    """Write the files, and print the result; the exit code. Neither costs the other where it fails, or stalls."""
+    """Write the files, and print the result; the exit code. A failure of one does not prevent the other."""
     from clutchid.documents import On, Row
 
     written, failures = _write(writers)
@@ -65,7 +65,7 @@ def answer(document: Document, writers: Writers, *, json: bool, verbose: bool) -
 
 
 def _write(writers: Writers) -> tuple[list[Path], list[str]]:
-    """Write the files; those written, and why others could not be."""
+    """Write the files; the paths written, and the reasons of failures."""
     written, failures = [], []
     for path, write in writers.items():
         try:

@@ -41,7 +41,7 @@ _UNITS = {"GB": 1e9, "MB": 1e6}
 
 @dataclass(frozen=True, slots=True)
 class Scheduler:
-    """Address of a scheduler, and the certificates by which it knows this process.
+    """Address of a scheduler, and the certificates for it.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ NO_SCHEDULER = Scheduler()
 
 @dataclass(frozen=True, slots=True)
 class WorkerLimits:
-    """Workers, and what each may take for a recording.
+    """Workers, and their limits of time and memory for a recording.
 
     Parameters
     ----------

@@ -90,7 +90,7 @@ def _kept(folder: Path, name: str, sources: Sequence[Path]) -> Path:
 
 
 def _brought(name: str, sources: Sequence[Path]) -> bytes | None:
-    """The text that came with the wheel, unless a source or SymPy is another or the file is damaged."""
+    """The text from the wheel, unless a source or SymPy has changed or the file is damaged."""
     if not TEXTS.is_dir():
         return None
     path = _kept(TEXTS, name, sources)
@@ -152,7 +152,7 @@ def _unwritten(name: str, text: str) -> ModuleType:
 
 
 def _whole(path: Path) -> bool:
-    """Whether the module is there as it was written."""
+    """Whether the module exists and matches its checksum."""
     try:
         mark, _, text = path.read_bytes().partition(b"\n")
     except OSError:
@@ -245,7 +245,7 @@ def _writable(folder: Path) -> bool:
 
 @cache
 def _of_this_process() -> Path:
-    """A temporary folder that goes with this process."""
+    """A temporary folder that is removed with this process."""
     folder = tempfile.mkdtemp(prefix="clutchid-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return Path(folder)

@@ -1,4 +1,4 @@
-"""Machine code on disk as Numba keeps it, with a checksum: what is damaged is compiled again."""
+"""Machine code on disk as Numba keeps it, with a checksum: damaged files are compiled again."""
 
 # mypy: disallow-untyped-calls=False
 
@@ -18,7 +18,7 @@ _SIZE = hashlib.sha256().digest_size
 
 
 class _Beside(InTreeCacheLocator):
-    """The folder beside the module, whatever NUMBA_CACHE_DIR is, for what lies there is run; also a read-only one."""
+    """The folder beside the module, whatever NUMBA_CACHE_DIR is, as its content is executed; also a read-only one."""
 
     @classmethod
     def from_function(cls, function: Any, file: str) -> Any:
@@ -32,7 +32,7 @@ class _KeptBeside(CompileResultCacheImpl):
 
 
 class MachineCode(FunctionCache):
-    """The kept machine code of one kernel; a disk that is full keeps nothing, and is named once."""
+    """The machine code of a kernel on disk; a full disk is reported once."""
 
     _impl_class = _KeptBeside
 
@@ -48,7 +48,7 @@ class MachineCode(FunctionCache):
         return code
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
-        """Keep what was compiled."""
+        """Save compiled code."""
         try:
             super().save_overload(signature, compiled)
         except OSError as problem:

@@ -186,7 +186,7 @@ class Work:
 
 
 def _placed(sizes: Mapping[str, int]) -> tuple[dict[str, int], int]:
-    """One after the other, and the end."""
+    """Places of consecutive ranges, and the end of the last."""
     places, end = {}, 0
     for name, size in sizes.items():
         places[name] = end

@@ -94,7 +94,7 @@ class System:
 
     @property
     def symbols(self) -> tuple[Expr, ...]:
-        """All symbols: those that are given, and those that are defined."""
+        """All symbols: states, inputs, parameters and definitions."""
         defined = (symbol for symbol, _ in self.definitions)
         return (*self.states, *self.inputs, *self.parameters, *self.measured, *defined, *self.tabulated)
 

@@ -1,4 +1,4 @@
-"""Output of the commands: one way to standard output, one to standard error; wrapped at words on a terminal."""
+"""Output of the commands to standard output and standard error, wrapped at words on a terminal."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ _COLOURS = {"good": "bold green", "with care": "bold yellow", "none": "bold red"
 
 
 class OutputLost(OSError):
-    """Standard output cannot be written: nobody reads it any more, or what it goes to is full or gone."""
+    """Standard output cannot be written: its reader has gone, or the disk is full."""
 
 
 def put(*lines: str, to: TextIO | None = None) -> None:
-    """Print lines at once, on standard output by default; on another stream nobody may hear them.
+    """Print lines at once, on standard output by default; failures on other streams are ignored.
 
     Raises
     ------
@@ -52,13 +52,13 @@ def put(*lines: str, to: TextIO | None = None) -> None:
 
 
 def say(warnings: Iterable[str]) -> None:
-    """Print warnings on standard error, also where nobody hears them: a closed terminal ends nothing."""
+    """Print warnings on standard error; a closed terminal is no error."""
     for warning in warnings:
         put(f"warning: {printable_lines(warning)}", to=sys.stderr)
 
 
 def discard_output() -> None:
-    """Let go to the null device what is left for standard output, which Python would write again at its end."""
+    """Redirect standard output to the null device, so that Python does not write the rest again at exit."""
     with suppress(OSError, ValueError):
         null = os.open(os.devnull, os.O_WRONLY)
         os.dup2(null, sys.stdout.fileno())
@@ -66,7 +66,7 @@ def discard_output() -> None:
 
 
 def lost(error: OSError) -> None:
-    """Say that standard output cannot be written; a closed pipe is normal, as in ``clutchid look F | head``."""
+    """Report that standard output cannot be written; a closed pipe is normal, as in ``clutchid look F | head``."""
     discard_output()
     if not is_closed_pipe(error):
         put(f"clutchid: standard output cannot be written ({error.strerror or error}).", to=sys.stderr)

@@ -1,4 +1,4 @@
-"""`Document`: what a result says, as rows, notices, sections of tables and figures, and data, for every medium."""
+"""`Document`: a result as rows, notices, sections of tables and figures, and data, for every medium."""
 
 from __future__ import annotations
 

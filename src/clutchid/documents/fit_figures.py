@@ -99,7 +99,7 @@ def load_figure(fit: Fit) -> Figure:
 
 
 def _mark_half(axis: Axes, fit: Fit, furthest: float) -> None:
-    """Point at which the load reaches half its peak, with its interval."""
+    """Mark the position at which the load reaches half its peak, with its interval."""
     at = half_load_band(fit.load_curve, furthest)
     if not np.isfinite(at.position):
         return

@@ -112,7 +112,7 @@ def quantity_of(vehicles: Sequence[VehicleRow]) -> str:
 
 
 def has_reading(vehicle: VehicleRow) -> bool:
-    """Whether anything is known of its clutch."""
+    """Whether its shift or wear is known."""
     return bool(np.isfinite(vehicle.shift.value) or np.isfinite(vehicle.wear.value))
 
 
@@ -141,7 +141,7 @@ MARKS = {
 
 
 class OddVehicle(NamedTuple):
-    """A vehicle that stands out by one of MARKS, why, and how much, to sort them by."""
+    """A vehicle that stands out by one of MARKS, the reason, and a score for sorting."""
 
     vehicle: VehicleRow
     mark: str
@@ -150,7 +150,7 @@ class OddVehicle(NamedTuple):
 
 
 def odd_vehicles(vehicles: Sequence[VehicleRow], spans: Spans) -> list[OddVehicle]:
-    """By mark, the oddest first; a vehicle has a row for each mark.
+    """Odd vehicles by mark, the oddest first; a vehicle has a row for each of its marks.
 
     A rate is odd where its robust z score among the vehicles of its type is beyond ODD_SCORE: from their median and
     median absolute deviation, which the odd ones hardly change.

@@ -1,4 +1,4 @@
-"""Results with what a document of them needs besides."""
+"""Results with the further facts that their documents need."""
 
 from __future__ import annotations
 

@@ -77,7 +77,7 @@ def _worn(wear: Wear, worn: Interval) -> str:
 
 
 def alarm_words(alarm: Alarm) -> str:
-    """One alarm."""
+    """An alarm in words."""
     when = f" on {alarm.begin:%Y-%m-%d}" if alarm.begin else ""
     where = f"between {alarm.after} and {alarm.before}" if alarm.after else f"before {alarm.before}"
     words = f"{ALARMS[alarm.kind]} {where}{when}"

@@ -1,4 +1,4 @@
-"""Files: one way to open what a user names, one to write what a user gets, both with clear messages."""
+"""Files: opening of files that a user names, and atomic writing, with clear messages."""
 
 from __future__ import annotations
 
@@ -167,7 +167,7 @@ def is_there(path: Path) -> bool:
 
 
 def make_folder(folder: Path, option: str = "") -> None:
-    """Create a folder, unless it is there; `option` names it in messages.
+    """Create a folder if it does not exist; `option` names it in messages.
 
     Raises
     ------
@@ -211,7 +211,7 @@ def opened(path: str | PathLike[str], what: str = "recording") -> BinaryIO:
 
 @contextmanager
 def reading(path: str | PathLike[str]) -> Iterator[None]:
-    """An error of the disk while a file is read as `DataError` that names the file; our own errors are left alone."""
+    """Turn a disk error while a file is read into a `DataError` with its name; other errors pass."""
     try:
         yield
     except OSError as error:
@@ -221,7 +221,7 @@ def reading(path: str | PathLike[str]) -> Iterator[None]:
 
 
 def plain_file(path: str | PathLike[str], what: str = "recording") -> Path:
-    """Check that `path` can be `opened`, for what a library opens.
+    """Check that `path` can be `opened`, for files that a library opens.
 
     Raises
     ------

@@ -175,7 +175,7 @@ def _fields(kind: Any) -> Mapping[str, tuple[Any, bool]]:
 
 
 def _got(content: object, where: str) -> str:
-    """The content of an entry; nothing for a section, which is too long to be shown, and for what is missing."""
+    """The content of an entry for a message; empty for a section or a missing entry."""
     text = repr(content)
     shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
     return "" if where.endswith("]") or content is MISSING else f" = {shown}"

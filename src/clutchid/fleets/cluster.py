@@ -43,7 +43,7 @@ def version_and_source() -> dict[str, str]:
 
 
 class Tls(NamedTuple):
-    """PEM files by which scheduler, workers and this process know each other: authority, own certificate, its key."""
+    """PEM files of a TLS connection: certificate authority, own certificate, and its key."""
 
     authority: Path
     certificate: Path
@@ -82,7 +82,7 @@ def security_of(address: str, tls: Tls | None) -> Security:
 
 
 def _check_certificates(tls: Tls) -> None:
-    """Load the files once: what is wrong with them is otherwise a scheduler that does not answer."""
+    """Load the files once, as a fault in them would look like a scheduler that does not answer."""
     for path in tls:
         plain_file(path, "certificate")
     context = ssl.create_default_context()
@@ -185,7 +185,7 @@ ONE_WORKER = Workers()
 def results(
     work: Callable[[Item], Result], items: Iterable[Item], workers: Workers
 ) -> Iterator[FinishedWork[Item, Result]]:
-    """Results in order of completion; what ends its process, or takes too long, is `LostWork` with a sentence.
+    """Results in order of completion; work that ends its process or takes too long is a `LostWork` with a sentence.
 
     Parameters
     ----------
@@ -252,7 +252,7 @@ def connected(workers: Workers) -> Iterator[Client]:
 def _spread(
     client: Client, work: Callable[[Item], Result], items: Iterable[Item], workers: Workers
 ) -> Iterator[FinishedWork[Item, Result]]:
-    """Results of the workers of a scheduler; an item whose worker is lost is given out again."""
+    """Results of the workers of a scheduler; an item whose worker is lost is submitted again."""
     from distributed import as_completed
 
     waiting, todo = iter(items), as_completed()
@@ -283,7 +283,7 @@ def _spread(
 
 
 def _done_there(work: Callable[[Item], Result], limits: Limits, item: Item) -> FinishedWork[Item, Result]:
-    """On a worker of Dask: the result of its worker process, which has the memory of its worker where none is said."""
+    """On a worker of Dask: the result of its worker process; by default with the memory limit of that worker."""
     from distributed import get_worker
 
     memory = limits.memory or get_worker().memory_manager.memory_limit or 0
@@ -356,7 +356,7 @@ def _memory_of_machine() -> int:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """No lines of Dask's own on standard error: what goes wrong with a worker is a row of the results."""
+    """Suppress log lines of Dask on standard error: faults of workers are rows of the results."""
     roots = {"distributed", "tornado", "asyncio", "bokeh"}
     below = {
         name for name in logging.root.manager.loggerDict if name.split(".")[0] in roots

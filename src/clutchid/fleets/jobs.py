@@ -186,7 +186,7 @@ class FleetTask(NamedTuple):
 
 
 def tasks(fleet: Fleet, options: ReadingOptions, store: Store, *, retry: bool = False) -> list[FleetTask]:
-    """The recordings that are not done, or whose file, calibration or clutchid has changed since.
+    """The recordings without a result, or whose file, calibration or clutchid has changed since.
 
     With `retry` also those that ended their worker or took too long.
     """
@@ -241,7 +241,7 @@ def run(
 
 
 def compile_first(calibrations: Iterable[Path]) -> None:
-    """Compile the kernels of the models of some calibrations, in a worker that ends: all others only load them.
+    """Compile the kernels of the models of some calibrations in a first worker; later workers only load them.
 
     Workers on other machines compile once a machine, by themselves.
     """
@@ -273,7 +273,7 @@ def _inputs(fleet: Fleet, options: ReadingOptions) -> Mapping[Path, str]:
 
 
 def _file(path: Path) -> str:
-    """Size and time of a file, which tell that it has not changed without reading it; empty where it is gone."""
+    """Size and time of a file, to detect changes without reading it; empty if it does not exist."""
     try:
         status = path.stat()
     except OSError:

@@ -44,7 +44,7 @@ _KNOWN = {
 
 
 class Files(NamedTuple):
-    """The files of a track or a fleet, as far as they are there: its tables, and the loads of its recordings."""
+    """The existing files of a track or a fleet: its tables, and the loads of its recordings."""
 
     wear: Path | None
     vehicles: Path | None
@@ -77,7 +77,7 @@ def files_of(path: Path, below: Path) -> Files:
 
 
 def _inside(path: Path, below: Path) -> Path | None:
-    """A file that is there, and lies below the folder."""
+    """An existing file below the folder, else None."""
     return path if path.is_file() and path.resolve().is_relative_to(below) else None
 
 
@@ -263,7 +263,7 @@ def _type(files: Files, own: pl.Expr) -> str:
 
 
 def _rounded(load: LoadCurve) -> LoadCurve:
-    """A load to 0.1 N at positions to 1 um, which is less to send."""
+    """A load rounded to 0.1 N at positions to 1 um, which is shorter to send."""
     return LoadCurve(load.position.round(6), load.force.round(1), load.low.round(1), load.high.round(1))
 
 
@@ -330,7 +330,7 @@ def _trend(rows: pl.DataFrame) -> dict[str, Any]:
 
 
 def _along(rows: pl.DataFrame) -> tuple[FloatArray, str]:
-    """Where the recordings are in the life, and its unit; files of earlier versions have neither."""
+    """Places of the recordings in the life, and their unit; files of earlier versions have neither."""
     if "along" in rows.columns:
         return rows["along"].to_numpy(), str(rows["axis"][0])
     for column, axis in (("strokes [1]", "strokes"), ("odometer [km]", "km")):

@@ -64,7 +64,7 @@ def _without_result(job: FleetJob) -> RecordingResult:
 
 
 def _merged(jobs: Iterable[FleetJob], stored: Iterator[StoredResult]) -> Iterator[tuple[FleetJob, StoredResult | None]]:
-    """Jobs with their results, both in the same order; results of recordings that are gone are passed over."""
+    """Jobs with their results, both in the same order; results of missing recordings are skipped."""
     following = next(stored, None)
     for job in jobs:
         key = job.vehicle, job.recording
@@ -239,7 +239,7 @@ def _made(folder: Path) -> Mapping[str, str]:
 
 
 def _page_name(vehicle: str, taken: set[str]) -> str:
-    """The name of a file for a vehicle, which no other one has, on any system; it is added to those that are `taken`.
+    """A file name for a vehicle, unique on any system; it is added to `taken`.
 
     A name that cannot be that of a file, or differs from another one by case only, is marked by its checksum.
     """
@@ -258,7 +258,7 @@ def _same(name: str) -> str:
 def _write_page(
     tracked: Tracked, table: pl.DataFrame, before: Mapping[str, str], command: str, out: Path, address: str
 ) -> str:
-    """Write the page of a vehicle, unless its content is that of before; hash of the content."""
+    """Write the page of a vehicle if its content has changed; the hash of the content."""
     make_folder(out / _PAGES)
     content = json.dumps(
         [version_and_source(), table.to_dicts(), repr(tracked.wear.left), tracked.wear.warnings], default=str
@@ -301,7 +301,7 @@ def _listed(row: VehicleRow) -> Mapping[str, object]:
 
 
 def _add_reasons(tracked: Tracked, reasons: dict[tuple[str, str], list[str]]) -> None:
-    """Count why recordings do not count, without what is particular to one of them."""
+    """Count reasons why recordings do not count, without names and numbers of single recordings."""
     wear = tracked.wear
     for dated, reading, reason in zip(wear.dated, wear.readings, wear.reasons, strict=True):
         if reason:

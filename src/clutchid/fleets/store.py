@@ -1,4 +1,4 @@
-"""Results of a run over a fleet so far: an SQLite file, so that they are whole however a run ends."""
+"""Results of a run over a fleet: an SQLite file, which stays consistent however the run ends."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class StoredResult(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Store:
-    """An open store, of which no other run has a hand in the file.
+    """An open store, locked against other runs.
 
     A row whose checksum is not that of its content does not count, so that its recording is read again.
     """
@@ -65,7 +65,7 @@ class Store:
     base: sqlite3.Connection
 
     def keys(self) -> dict[tuple[str, str], tuple[str, str, str, str]]:
-        """Inputs, file, checksum and status of what is done, by vehicle and recording."""
+        """Inputs, file, checksum and status of finished recordings, by vehicle and recording."""
         return {(row[0], row[1]): (row[2], row[3], row[6], row[4]) for row in self._rows()}
 
     def results(self) -> Iterator[StoredResult]:
@@ -73,7 +73,7 @@ class Store:
         return map(_kept, self._rows())
 
     def _rows(self) -> Iterator[tuple[Any, ...]]:
-        """The rows that are whole, in the order of vehicle and recording."""
+        """The intact rows, in the order of vehicle and recording."""
         with _room(self.path):
             yield from filter(_is_whole, self.base.execute("SELECT * FROM done ORDER BY vehicle, recording"))
 
@@ -89,7 +89,7 @@ class Store:
             _insert(self.base, [_row(_kept(row)._replace(file=file)) for row in self.base.execute(where, key)])
 
     def saved(self, last: float = 0.0) -> float:
-        """Bring results to the disk, unless that was done a moment before; the time when it was."""
+        """Write results to the disk, unless that was done a moment before; the time of the last write."""
         now = monotonic()
         if now - last < COMMIT:
             return last
@@ -100,7 +100,7 @@ class Store:
 
 @contextmanager
 def store(folder: Path, about: dict[str, str]) -> Iterator[Store]:
-    """The store of the run in a folder, new or to go on with.
+    """The store of the run in a folder, new or existing.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def store(folder: Path, about: dict[str, str]) -> Iterator[Store]:
 
 
 def _whole(path: Path) -> sqlite3.Connection:
-    """An open file without faults, of which no other run has a hand; of a damaged one the rows that are whole."""
+    """An open file without faults, locked against other runs; of a damaged file a copy with its intact rows."""
     try:
         return _connected(path)
     except sqlite3.DatabaseError as error:
@@ -153,7 +153,7 @@ def _whole(path: Path) -> sqlite3.Connection:
 
 
 def _connected(path: Path) -> sqlite3.Connection:
-    """An open file, of which no other run has a hand.
+    """An open file, locked against other runs.
 
     Raises
     ------
@@ -179,7 +179,7 @@ def _check_integrity(base: sqlite3.Connection) -> None:
 
 
 def _readable(path: Path) -> list[_StoredRow]:
-    """The rows of a damaged file that are whole: those before its first fault, and those behind its last one."""
+    """The intact rows of a damaged file: those before its first fault, and those after its last."""
     rows: dict[object, _StoredRow] = {}
     for order in ("ASC", "DESC"):
         with suppress(sqlite3.DatabaseError), closing(sqlite3.connect(path, timeout=1.0)) as base:
@@ -205,7 +205,7 @@ def _check_columns(base: sqlite3.Connection, folder: Path) -> None:
 
 
 def _check_about(base: sqlite3.Connection, folder: Path, about: dict[str, str]) -> None:
-    """Check that the run is about the same, unless nothing has been done yet, or what it is about was damaged."""
+    """Check that the run has the same source and verb, unless it is empty or that record was damaged."""
     begun = base.execute("SELECT 1 FROM done LIMIT 1").fetchone() is not None
     entries = dict(base.execute("SELECT what, value FROM about")) if begun else {}
     checksum = entries.pop(_CHECKSUM, None)  # an earlier version kept none
@@ -253,7 +253,7 @@ def _checksum(values: Iterable[object]) -> str:
 
 
 def _is_whole(row: _StoredRow) -> bool:
-    """Whether a row is as it was kept."""
+    """Whether a row matches its checksum."""
     return row[-1] == _checksum(row[:-1])
 
 

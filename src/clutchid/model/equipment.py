@@ -24,7 +24,7 @@ _NO_CHAMBER_B = MappingProxyType({"A_B": 1e-9, "V_0B": 1.0, "C_r": 0.0, "h_B": 0
 
 @dataclass(frozen=True, slots=True)
 class Equipment:
-    """Chambers and valves of an actuator, and what it is called; by default those of the paper's.
+    """Chambers and valves of an actuator, and its name; by default those of the paper.
 
     Parameters
     ----------

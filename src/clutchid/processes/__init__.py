@@ -1,4 +1,4 @@
-"""Guarded worker processes: whatever their work does, only they end, and they end with the process that started them.
+"""Guarded worker processes: a fault in their work ends only the worker, and workers end with their parent.
 
 `Worker` is one process that answers questions within limits of memory and time: foreign files are read in one
 (`clutchid.measurements.opening`). `Pool` keeps some of them for pieces of work, and `results` shares the work on many

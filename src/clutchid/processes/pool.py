@@ -48,7 +48,7 @@ class FinishedWork(Generic[Item, Result]):
 
 
 class Pool:
-    """Worker processes, started as work is given to it and kept for the next piece of work.
+    """Worker processes, started on demand and kept for the next piece of work.
 
     Several threads may give it work; each waits for its own.
     """
@@ -79,7 +79,7 @@ class Pool:
         return FinishedWork(item, result, time.perf_counter() - begin)
 
     def rest(self) -> None:
-        """End the workers that have no work."""
+        """End idle workers."""
         with self._lock:
             idle, self._idle = self._idle, []
             self._workers -= set(idle)
@@ -87,7 +87,7 @@ class Pool:
             worker.end()
 
     def end(self) -> None:
-        """End all workers; what they do is lost, and nothing can be given to this pool any more."""
+        """End all workers; their work is lost, and the pool accepts no more."""
         with self._lock:
             self._ended, workers = True, list(self._workers)
         for worker in workers:
@@ -112,7 +112,7 @@ class Pool:
         return lost
 
     def _worker(self, *, new: bool) -> tuple[Worker, bool]:
-        """A worker that waits, or a new one; and whether it is new."""
+        """An idle worker, or a new one; and whether it is new."""
         with self._lock:
             while self._idle and not new:
                 worker = self._idle.pop()

@@ -26,7 +26,7 @@ class Service(NamedTuple):
 
 
 def main(parent: str, name: str, allocations: str) -> None:
-    """Serve until the other side has gone; what libraries print goes nowhere.
+    """Serve until the other side has gone; output of libraries is discarded.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def work_service() -> Service:
 
 
 def _worked(question: MessageParts) -> MessageParts:
-    """Both sides are this program's own, so that pickle carries nothing foreign."""
+    """The answer to pickled work; both sides are this program, so that pickle carries no foreign data."""
     work, item = pickle.loads(question[0])
     try:
         answer = ("result", work(item))

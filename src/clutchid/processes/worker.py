@@ -45,14 +45,14 @@ NO_LIMITS = Limits()
 
 
 class WorkerEnd(NamedTuple):
-    """A worker that gave no answer: it was ended over its `memory` or `time`, or ended by itself, `how` in words."""
+    """End of a worker without an answer: over its limit of `memory` or `time`, or by itself; `how` in words."""
 
     why: Literal["memory", "time", "itself"]
     how: str = ""
 
 
 class Worker:
-    """A process that answers questions, one at a time; it is used up when it ends, however it ends.
+    """A process that answers questions, one at a time, until it ends.
 
     It has a folder of its own for temporary files, which goes with it.
 
@@ -88,7 +88,7 @@ class Worker:
 
     @property
     def alive(self) -> bool:
-        """Whether it can be asked: this process started it, nobody ended it, and it did not end."""
+        """Whether it can answer: started by this process and still running."""
         return self.end.alive and self.owner == os.getpid() and self._process.poll() is None
 
     @property
@@ -106,7 +106,7 @@ class Worker:
 
     @contextmanager
     def _ended_on_error(self) -> Iterator[None]:
-        """After Ctrl-C between a question and its answer nothing that the process says can be trusted."""
+        """End the worker after an exception such as Ctrl-C, as its next answer would belong to the question before."""
         try:
             yield
         except BaseException:
@@ -163,12 +163,12 @@ def _popen(command: list[str], environment: Mapping[str, str]) -> subprocess.Pop
 
 @cache
 def _starter(_process: int) -> ThreadPoolExecutor:
-    """The thread that starts the workers of this process; none survives a fork."""
+    """The thread that starts the workers of this process; it does not survive a fork."""
     return ThreadPoolExecutor(1, "clutchid-starter")
 
 
 def _end(process: subprocess.Popen[bytes], folder: str, owner: int) -> None:
-    """End a worker, and remove what it left on the disk; that of another process is left to it."""
+    """End a worker of this process, and remove its files."""
     if owner != os.getpid():
         return
     process.kill()

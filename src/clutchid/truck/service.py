@@ -1,4 +1,4 @@
-"""Vehicles in service: which recordings a fleet sends over months, and what happens to its clutches meanwhile."""
+"""Vehicles in service: recordings of a fleet over months, and the events of its clutches."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def _service(v: int, family: str, number: int, limit: float, length: float, days
 
 
 def _gone_on(now: Visit, strokes: float, km: float, wear_a_stroke: float, weeks: float) -> Visit:
-    """A vehicle after some weeks, in which nothing special happened."""
+    """A vehicle after some weeks without an event."""
     return replace(
         now, strokes=now.strokes + strokes, cycles=now.cycles + strokes, odometer=now.odometer + km,
         wear=now.wear + wear_a_stroke * strokes, event="",

@@ -1,4 +1,4 @@
-"""`Structure`: what differs between compiled loops, of which there are 16: the parts of a truck whose states differ."""
+"""`Structure` of the compiled loop of a truck, one of 16: the parts whose states differ."""
 
 from __future__ import annotations
 

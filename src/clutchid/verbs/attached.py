@@ -140,7 +140,7 @@ _ATTACHED: Mapping[tuple[str, str], Mapping[str, Any]] = {
 
 
 def attach() -> None:
-    """Attach to the classes that have been imported what belongs to them, once."""
+    """Attach their methods to the classes that have been imported, once."""
     for (module, name), members in _ATTACHED.items():
         kind = getattr(sys.modules.get(module), name, None)
         if kind is not None and "plot" not in vars(kind):

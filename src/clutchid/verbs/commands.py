@@ -1,4 +1,4 @@
-"""A fit as a user asks for it: its recipe, and the command and the Python that repeat it."""
+"""A requested fit: its recipe, and the command and the Python that repeat it."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class FitCommand:
     def run_on(
         self, logs: Sequence[Source], verify: Sequence[Source], start: Path | None, progress: Progress | None = None
     ) -> Fit:
-        """`run` with the recordings and the parameter file where they really are, as on the server of a page."""
+        """`run` with other paths of the recordings and of the parameter file, as on the server of a page."""
         from clutchid.verbs.fitting import fitted
         from clutchid.verbs.start import start_of
 
@@ -162,6 +162,6 @@ def _arguments(options: Mapping[str, object]) -> str:
 
 
 def _argument(path: Path) -> str:
-    """A path that no command takes for an option."""
+    """A path as an argument that is not mistaken for an option."""
     text = str(path)
     return f"./{text}" if text.startswith("-") else text

@@ -119,7 +119,7 @@ def arriving(reading: LiveReading, content: ParameterFile, stopped: Callable[[],
 
 
 def begun(blocks: Iterator[LiveBlock], content: ParameterFile, reading: LiveReading) -> Begun:
-    """The observer of a recording whose first block has come; behind what a file that grows had when it was saved.
+    """The observer of a recording whose first block has come; for a growing file, after the samples of the saved state.
 
     Raises
     ------
@@ -138,7 +138,7 @@ def begun(blocks: Iterator[LiveBlock], content: ParameterFile, reading: LiveRead
 
 
 def steps(begin: Begun) -> Iterator[LiveStep | DataError]:
-    """Observe the blocks as they come; last is the fault that ended them, if one did: what came before it counts.
+    """Observe the blocks as they come; the last step has the fault that ended them, if any.
 
     Raises
     ------
@@ -163,7 +163,7 @@ def steps(begin: Begun) -> Iterator[LiveStep | DataError]:
 
 
 def _behind(tail: Tail, blocks: Iterator[LiveBlock], resumed: Path) -> Iterator[LiveBlock]:
-    """The blocks of a file behind the samples that a state has had, which must be in it, unless it begins later.
+    """The blocks of a file after the samples of a saved state, which the file must contain unless it begins later.
 
     Raises
     ------

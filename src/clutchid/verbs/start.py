@@ -40,7 +40,7 @@ def content_of(start: Start) -> ParameterFile:
 
 
 def start_file(path: Path, model: Model | None = None) -> ParameterFile:
-    """The parameter file to start from; it defines the model, but for one of the user's own, which must be the same.
+    """The parameter file to start from, which defines the model; a model of the user's own must be the same.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def start_of(path: Path | None, model: Model | None, request: FitRequest) -> tup
 
 
 def compile_models(calibrations: Iterable[Path]) -> None:
-    """Compile the models of calibrations, so that no worker has to; a file that cannot be read is left out."""
+    """Compile the models of calibrations before the workers start; unreadable files are skipped."""
     from clutchid.model.compiled import compile_ahead
 
     models = set()
@@ -81,7 +81,7 @@ def compile_models(calibrations: Iterable[Path]) -> None:
 
 
 class CalibrationFile(NamedTuple):
-    """Where a calibration comes from, and its load; None where that was not kept."""
+    """Origin of a calibration, and its load, None if the file has none."""
 
     origin: Origin
     curve: LoadCurve | None

@@ -1,4 +1,4 @@
-"""A recording that is copied into columns, as a page needs it: looked at, cut, and any part of it plotted at once.
+"""A recording copied into columns for the page: to look at, to cut, and to plot any part quickly.
 
 Of a plot each sample is there where they are few, else least and greatest of every pixel: a pulse of one sample is seen
 at any zoom, and what is read does not grow with the length of the recording.
@@ -71,7 +71,7 @@ class StoredRecording:
         return contents_of(self.source, self.ambient, self.channels)
 
     def checked(self, contents: FileOverview) -> Looked:
-        """Checks on it.
+        """Checks of the recording.
 
         Raises
         ------

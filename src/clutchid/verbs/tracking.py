@@ -1,4 +1,4 @@
-"""Track the wear of one clutch: from recordings to its life, and the files that hold it."""
+"""Track the wear of one clutch: from recordings to its life, and the files of the result."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Read the load of one recording from a calibration; whatever happens is a value."""
+"""Read the load of one recording from a calibration; every failure is a value."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def _read(options: ReadingOptions, start: Path, path: Path) -> RecordingResult:
 
 
 def _alone(message: str) -> str:
-    """The message of a refused recording; many are read without --force, so it says where that option is."""
+    """The message of a refused recording; it names the command with --force, as reading many recordings has none."""
     alone = " Correct the recording or its channel map, or read it alone by estimate with --force."
     return message.replace(f"\n{REFUSED}", alone).removesuffix(ANYWAY)
 

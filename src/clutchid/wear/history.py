@@ -39,7 +39,7 @@ _DATE = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class Listed:
-    """A row of the table of recordings; what it does not say is empty, None or NaN."""
+    """A row of the table of recordings; missing entries are empty, None or NaN."""
 
     recording: str
     vehicle: str = ""
@@ -50,7 +50,7 @@ class Listed:
 
 
 class Dated(NamedTuple):
-    """A recording with its place in a life; what is not known is None or NaN.
+    """A recording with its place in a life; unknown entries are None or NaN.
 
     Attributes
     ----------
@@ -152,7 +152,7 @@ def _date_in(name: str) -> datetime | None:
 
 
 def _place(recording: Dated) -> tuple[bool, float, list[tuple[bool, int, str]]]:
-    """Sorts by time, those without one last, and then by name."""
+    """Sort key: time, then name; recordings without a time last."""
     return recording.begin is None, recording.begin.timestamp() if recording.begin else 0.0, natural(recording.name)
 
 

@@ -1,4 +1,4 @@
-r"""Trend of a clutch's wear over its recordings: Kalman filters and smoothers over what may have happened.
+r"""Trend of a clutch's wear over its recordings: Kalman filters and smoothers over hypotheses about each recording.
 
 A quantity grows at a rate that walks, :math:`du = r\,ds + dw_u, \; dr = dw_r`, over strokes, distance or time s. Each
 channel (shift, load) measures :math:`f(u) + a + b + g\,(T - T_{ref}) + v`: the constant error b and that by temperature
@@ -179,7 +179,7 @@ class TrendModel:
 
 
 class TrendStep(NamedTuple):
-    """A recording in the trend: state before and after it, how it moved there, and what became of its measurement.
+    """A recording in the trend: state before and after it, the transition, and the outcome of its measurement.
 
     `outcome` is "used", "left out" (an outlier), "missing", or, where the clutch or its load changed before it,
     "replaced" or "sudden".
@@ -227,7 +227,7 @@ def _interpolated(x: FloatArray, values: FloatArray) -> Function:
 
 
 def traced(model: TrendModel, s: FloatArray, measurements: Sequence[Measurement | None]) -> tuple[Path, ...]:
-    """The paths along recordings at `s`, in order, the most probable first; what is missing is only predicted."""
+    """The paths along recordings at `s`, in order, the most probable first; missing measurements are only predicted."""
     tracks = [_Track(0.0, *_start(model, measurements), _Used(0.0, 0), ())]
     measured: list[int] = []
     last = 0.0

@@ -149,7 +149,7 @@ def _parameter_problems(parameter: OwnParameter) -> Iterator[str]:
 
 
 def _change_problems(changes: object) -> list[str]:
-    """Changes with a group that are none."""
+    """Entries of `changes` that are no changes with a group."""
     if not isinstance(changes, tuple) or not all(isinstance(change, GroupChange) for change in changes):
         return [f"changes = {changes!r}: a tuple of GroupChange(GROUP, STD) is needed."]
     unknown = [change.group for change in changes if change.group not in list(GROUPS)]

@@ -65,7 +65,7 @@ def _servo(t: Any) -> Numbers:
 
 
 def _late(drawn: Mapping[str, Any]) -> tuple[float, float]:
-    """A spool follows its duty cycle late; the time of a solenoid goes with its period."""
+    """A later spool; the delay of a solenoid scales with its period."""
     if drawn["valve"] != "spool":
         return 0.004, 1e-3
     return 0.004, drawn["tau_x"] if drawn["spool"] == "first-order" else 1.6 * drawn["t_n"]

@@ -1,1 +1,1 @@
-"""`observe` as a service: signals end it, results are published while they come, and files are whole whatever fails."""
+"""`observe` as a service: ended by signals, with results published as they arise and files that survive any fault."""

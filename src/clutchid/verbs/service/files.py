@@ -1,4 +1,4 @@
-"""Files of an observed recording: what is written, kept whatever fails, and left by an earlier run."""
+"""Files of an observed recording: written as results arise, kept after faults, and recovered from an earlier run."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Outputs:
 
     @property
     def bus(self) -> BusName | None:
-        """The bus that results go to, if they do."""
+        """The bus on which results are published, if any."""
         return bus_name(self.publish or "")
 
     @property
@@ -140,7 +140,7 @@ def _origin_of(log: Log) -> float | None:
 
 @dataclass(frozen=True, slots=True)
 class FileTroubles:
-    """Faults of the files, as sentences, and the places of those that are elsewhere; None is nowhere."""
+    """Faults of the files, as sentences, and the new paths of moved files; None if a file is lost."""
 
     troubles: list[str] = field(default_factory=list)
     moved: dict[Path, Path | None] = field(default_factory=dict)
@@ -156,7 +156,7 @@ class FileTroubles:
 
     @contextmanager
     def spooled(self, path: Path) -> Iterator[AddBlock]:
-        """Function that adds a block to a recording; where that fails, what came before is the file.
+        """Function that adds a block to a file; after a fault the file has the blocks before.
 
         Raises
         ------
@@ -188,7 +188,7 @@ class FileTroubles:
             self._note(f"{error} What came before is kept.")
 
     def cut(self, left: Sequence[Path], time: float) -> None:
-        """Cut from files that an earlier run left what comes again, from a time in s on."""
+        """Remove from the files of an earlier run the rows after a time in s, which are written again."""
         from clutchid.measurements.spool import cut_behind
 
         for path in left:
@@ -198,7 +198,7 @@ class FileTroubles:
                 self._note(f"{error} Samples from {time:g} s on are in it and in the new file.")
 
     def save(self, path: Path | None, run: LiveRun) -> None:
-        """Save the state while the recording goes on, if it is asked for."""
+        """Save the state while the recording goes on, if requested."""
         from clutchid.observer.state_file import write_state
 
         if path is not None:
@@ -208,7 +208,7 @@ class FileTroubles:
                 say_unhurried([f"{error} The recording goes on."])
 
     def write_at_the_end(self, outputs: Outputs, run: ObservedRecording, content: ParameterFile) -> None:
-        """Write the state and the page; in the folder for temporary files where that cannot be."""
+        """Write the state and the page; in the folder for temporary files if that fails."""
         for path, write in outputs.at_the_end(run, content):
             try:
                 write(path)
@@ -236,7 +236,7 @@ def _identity(path: Path) -> tuple[int, int] | None:
 
 
 def left_by_earlier_run(outputs: Outputs, resume: Path | None) -> list[Path]:
-    """Files of an earlier run that ended without writing its own; says so, and how to go on from it."""
+    """Files recovered from an earlier run that was killed, with a message how to continue."""
     from clutchid.measurements.spool import recovered
 
     files = [path for file in (outputs.out, outputs.by_stroke) for path in recovered(file)]

@@ -1,4 +1,4 @@
-"""Observe a live recording: follow samples while they arrive; a signal ends it, and files are whole.
+"""Observe a live recording: follow samples as they arrive until a signal, and complete the files.
 
 What fails beside it, such as a disk that is full, costs what comes later in that file; the state is saved every minute.
 """

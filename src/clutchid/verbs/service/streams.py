@@ -1,4 +1,4 @@
-"""Standard output and standard error that a service writes without waiting for a reader that takes nothing."""
+"""Standard output and standard error of a service, which never wait for a slow reader."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PATIENCE = 0.1
 
 @contextmanager
 def outgoing(stream: TextIO) -> Iterator[Outgoing | None]:
-    """A standard stream that is written without waiting for its reader; None where it has no descriptor."""
+    """A standard stream that does not wait for its reader; None if it has no descriptor."""
     with ExitStack() as stack:
         try:
             stream.flush()
@@ -36,7 +36,7 @@ def outgoing(stream: TextIO) -> Iterator[Outgoing | None]:
 
 
 class Send(Protocol):
-    """Sends a text, behind what was left of those before; whether all of it was taken.
+    """Function that sends a text after the rest of earlier texts; whether all of it was taken.
 
     What is left over is kept, and a text that comes while there is some is left out. `wait` is whether the rest of the
     text before is waited for.
@@ -66,7 +66,7 @@ def sender_to(out: Outgoing, stopped: Stopped, patience: float | None = None) ->
 
 
 def _left(out: Outgoing, stopped: Stopped, patience: float) -> int:
-    """Number of bytes that were not taken: there are `patience` seconds from one part to the next.
+    """Number of bytes that were not taken, with `patience` seconds for each part.
 
     With 0 the first part must have gone, as after a stall.
     """
@@ -82,7 +82,7 @@ def _left(out: Outgoing, stopped: Stopped, patience: float) -> int:
 
 
 class Collected(StringIO):
-    """Text that is given as a whole where it is flushed: what is not taken then is left out."""
+    """Text that is sent as a whole when it is flushed; the rest that the reader does not take is dropped."""
 
     def __init__(self, send: Send, terminal: bool) -> None:
         super().__init__()
@@ -101,7 +101,7 @@ class Collected(StringIO):
 
 @contextmanager
 def unhurried_errors() -> Iterator[None]:
-    """Standard error that is written at the end of the ``with`` block, and waits for no reader that takes nothing."""
+    """Standard error that is written at the end of the ``with`` block, without waiting for a slow reader."""
     with outgoing(sys.stderr) as out:
         if out is None:
             yield
