@@ -6,7 +6,8 @@ import re
 
 _WORDS = re.compile(
     r"(signal|sensor|value|wert|data)?[ _-]*"
-    r"(sna|err(or)?|invalid|fault(y)?|fail(ed|ure)?|(signal[ _-]*)?not[ _-]*(avail\w*|valid|defined|present|installed)"
+    r"(sna|err(or)?|invalid|fault(y)?|fail|failed|failure"
+    r"|(signal[ _-]*)?not[ _-]*(avail\w*|valid|defined|present|installed)"
     r"|unavail\w*|undef(ined)?|n\.?/?a\.?|reserved|no[ _-]*(value|data|signal)|out[ _-]*of[ _-]*range"
     r"|overflow|underflow|fehler\w*|ung(ue|ü)ltig|nicht[ _-]*verf(ue|ü)gbar|defekt|k\.?[ _-]*a\.?)"
     r"([ _-]*(indicator|value|wert|signal|sensor|code|detected))?",
