@@ -1,6 +1,7 @@
 """Inputs that bug reports of other tools suggested: each is read right, or refused in one true sentence."""
 
 import gzip
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,10 @@ from clutchid.measurements import read
 from clutchid.measurements.columns import REQUIRED
 from clutchid.measurements.live.text import text_blocks
 from clutchid.measurements.map.channel_map import Channel, ChannelMap
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from forms import Form, write, wrong_in
 
 
 @pytest.fixture(scope="session")
@@ -241,3 +246,10 @@ def test_objects_with_keys_missing_give_each_channel_its_own_samples(hunt):
         assert np.array_equal(np.concatenate([block["position"] for block in blocks]), log["position"][::10])
         assert np.array_equal(np.concatenate([block["duty_supply"] for block in blocks]), log["duty_supply"][::10])
         assert sum(block.left_out.unreadable for block in text_blocks(iter([text]), "live", None, 1e5, REQUIRED)) == 0
+
+
+def test_groups_in_rows_that_hold_only_what_arrived_restart_together(tmp_path):
+    """As 28c, by a logger that starts again."""
+    form = Form(clock="restart", layout="sparse")
+    path, _ = write(form, tmp_path)
+    assert wrong_in(form, read(path)) == ""

@@ -236,7 +236,8 @@ def _blocks(
     plan: ClockPlan | None,
 ) -> Iterator[SampleBlock]:
     """The samples of a time grid, block by block, with increasing time stamps."""
-    clock, done = AT_START, 0
+    clock = whole = AT_START
+    done = 0
     for table in tables:
         named = table if chosen.increasing else _named(table, chosen, done)
         said: Sequence[str] = ()
@@ -246,16 +247,15 @@ def _blocks(
             if plan is not None:
                 stamps = plan.applied(stamps, done)
             if chosen.increasing:
-                on_one_clock, said, clock = _as_written(named, at, stamps, clock)
+                named, said, clock = _as_written(named, at, stamps, clock)
             else:
-                named, stamps = _present(named, at, stamps) if chosen.sparse else (named, stamps)
-                repaired = repair(stamps, named.places, clock, shared=source.one_clock)
-                on_one_clock, said, clock = (
-                    _kept(named, at, repaired.kept, repaired.time),
-                    repaired.messages,
-                    repaired.clock,
-                )
-            named = on_one_clock
+                before: list[str] = []
+                if chosen.sparse:  # its rows share a clock, whatever is in them
+                    rows, time, before, whole = on_clock(stamps, named.places, whole, shared=True)
+                    named, stamps = _present(_kept(named, at, rows, time), at, time)
+                repaired = repair(stamps, named.places, clock, shared=source.one_clock or chosen.sparse)
+                said, clock = [*before, *repaired.messages], repaired.clock
+                named = _kept(named, at, repaired.kept, repaired.time)
         done += table.size
         checked = check(named, ambient)
         messages.warnings += [f"{_where(source, chosen.raster)}{sentence}" for sentence in said]

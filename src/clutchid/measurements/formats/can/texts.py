@@ -66,7 +66,7 @@ def candump_log(path: Path) -> FrameLog:
         raise DataError(_NO_STAMPS)
     seconds = np.array([_seconds(stamp) for stamp in stamps if stamp])
     steps = np.diff(seconds)
-    between = bool(np.count_nonzero(steps < 0) > _BETWEEN * steps.size)
+    between = bool(-steps[steps < 0].sum() > _BETWEEN * np.ptp(seconds)) and seconds[0] < _YEAR
     zero, start, said = _origin(float(seconds[0]))
     return FrameLog("candump", start, lambda: _candump_blocks(path, between, zero), said)
 
@@ -81,8 +81,9 @@ def _origin(first: float) -> tuple[int, datetime | None, tuple[str, ...]]:
         return int(first), None, ()
 
 
-#: Lines that show what stamps are: from the line before where more than this share of them goes back; since 1970.
-_SHOWN, _BETWEEN, _YEAR = 2000, 0.05, 3e7
+#: Lines that show what stamps are: from the line before where they go back by as many times all of their range; since
+#: 1970 where they are above this.
+_SHOWN, _BETWEEN, _YEAR = 2000, 5.0, 3e7
 
 
 def _candump_blocks(path: Path, between: bool, zero: int) -> Iterator[Frames]:

@@ -1,0 +1,413 @@
+"""One recording of known content in forms that compose, and what the reader makes of each: right, refused well, wrong.
+
+Position and duty cycles are ramps, so that each sample says its true time: what is late, lost or scaled shows.
+
+    python tests/measurements/forms.py > benchmarks/results/forms.md
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+
+from clutchid.errors import ClutchidError
+from clutchid.log import Log
+from clutchid.measurements import read
+
+#: Length in s, intervals of position and valves in s, and by how much the valves' stamps are later.
+LENGTH, DENSE, WIDE, LATER = 6.0, 0.002, 0.01, 4e-4
+
+#: The features of a form: the first of each is the plain one.
+FEATURES: Mapping[str, tuple[str, ...]] = {
+    "format": ("csv", "parquet", "jsonl", "mf4", "mat", "asc", "candump"),
+    "clock": ("plain", "restart", "wrap", "jump", "lone", "midnight", "negative", "burst", "jitter"),
+    "layout": ("one", "group", "sparse", "own"),
+    "units": ("bracket", "row", "german", "none"),
+    "text": ("comma", "semicolon", "tab-utf16", "cp1252"),
+    "codes": ("none", "empty", "code"),
+    "order": ("sorted", "late"),
+}
+
+#: Words of a refusal that names a feature.
+WORDS = {
+    "none": r"unit", "late": r"decreases|repeats|order", "code": r"no value|not (a )?number", "restart": r"restart",
+    "own": r"all mean 'time'", "burst": r"burst|repeats", "row": r"unit", "jump": r"decreases", "lone": r"decreases",
+}  # fmt: skip
+
+_TABLES = ("csv", "parquet", "jsonl")
+_FRAMES = ("asc", "candump")
+
+#: Values that each feature has only in these formats.
+_ONLY = {
+    "group": ("mf4", "mat", *_FRAMES), "sparse": _TABLES, "own": ("csv", "parquet"), "row": ("csv",),
+    "semicolon": ("csv",), "tab-utf16": ("csv",), "cp1252": ("csv",),
+}  # fmt: skip
+
+DBC = """VERSION ""
+BO_ 256 State: 8 TCU
+ SG_ {position} : 0|16@1+ (0.001,0) [0|64] "{mm}" LOG
+BO_ 257 Valves: 8 TCU
+ SG_ {supply} : 0|16@1+ (0.01,0) [0|100] "{percent}" LOG
+ SG_ {exhaust} : 16|16@1+ (0.01,0) [0|100] "{percent}" LOG
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """A form of the recording, by its features."""
+
+    format: str = "csv"
+    clock: str = "plain"
+    layout: str = "one"
+    units: str = "bracket"
+    text: str = "comma"
+    codes: str = "none"
+    order: str = "sorted"
+
+    @property
+    def exists(self) -> bool:
+        """Whether the format has all of these features."""
+        values = [getattr(self, item.name) for item in fields(self)]
+        if self.format in _FRAMES and (self.layout == "one" or self.codes == "empty"):
+            return False
+        return all(self.format in _ONLY.get(value, (self.format,)) for value in values)
+
+    @property
+    def unusual(self) -> list[str]:
+        """The features that are not plain."""
+        return [getattr(self, name) for name, values in FEATURES.items() if getattr(self, name) != values[0]]
+
+
+def forms(count: int) -> Iterator[tuple[tuple[str, ...], Form]]:
+    """The forms with `count` features that are not plain, each in the formats that have them, and these features."""
+    axes = [name for name in FEATURES if name != "format"]
+    for names in combinations(axes, count):
+        chosen: list[dict[str, str]] = [{}]
+        for name in names:
+            chosen = [{**given, name: value} for given in chosen for value in FEATURES[name][1:]]
+        for features in chosen:
+            for form in FEATURES["format"]:
+                layout = {"layout": "group"} if form in _FRAMES and "layout" not in features else {}
+                made = Form(**{"format": form, **layout, **features})
+                if made.exists:
+                    yield tuple(features.values()), made
+
+
+def write(form: Form, folder: Path) -> tuple[Path, list[Path]]:
+    """The recording in this form, and its DBC files."""
+    grids = _grids(form)
+    names = _names(form)
+    suffix = {"candump": "log"}.get(form.format, form.format)
+    path = folder / f"run.{suffix}"
+    if form.format in _FRAMES:
+        return path, [_frames(form, grids, names, path)]
+    if form.format == "mf4":
+        _mf4(grids, names, path)
+    elif form.format == "mat":
+        _mat(form, grids, names, path)
+    else:
+        _table(form, _joined(form, grids), names, path)
+    return path, []
+
+
+Grid = tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]
+
+
+def _grids(form: Form) -> list[Grid]:
+    """Time grids: true time, stamps as written, and columns in mm and %; a code is -1."""
+    one = np.arange(0.0, LENGTH, DENSE)
+    other = one if form.layout == "one" else np.arange(0.0, LENGTH, WIDE) + LATER
+    position = 1.0 + 3.0 * one
+    if form.codes != "none":
+        position[700:720] = -1.0 if form.codes == "code" else np.nan
+    valves = {"duty_supply": 5.0 + 15.0 * other, "duty_exhaust": 95.0 - 15.0 * other}
+    grids = [(one, {"position": position}), (other, valves)]
+    if form.layout == "one":
+        grids = [(one, {"position": position, **valves})]
+    return [_disordered(form, (time, _stamped(form.clock, time), columns)) for time, columns in grids]
+
+
+def _stamped(clock: str, time: np.ndarray) -> np.ndarray:
+    noise = np.random.default_rng(3).uniform(-0.2, 0.2, time.size) * (time[1] - time[0])
+    lone = np.where(np.abs(time - 2.0) < 1e-9, 60.0, 0.0)
+    clocks = {
+        "plain": time,
+        "restart": np.where(time < 3.0, time, time - 3.0),
+        "wrap": np.round((time + 62.5) % 65.536, 9),
+        "jump": time + np.where((time >= 2.0) & (time < 4.0), 1e5, 0.0),
+        "lone": time + lone,
+        "midnight": np.round((time + 86397.0) % 86400.0, 9),
+        "negative": time - 2.0,
+        "burst": np.floor(time / 0.016 + 1e-9) * 0.016,
+        "jitter": time + noise,
+    }
+    return np.round(clocks[clock], 9)
+
+
+def _disordered(form: Form, grid: Grid) -> Grid:
+    if form.order == "sorted":
+        return grid
+    time, stamps, columns = grid
+    order = np.arange(time.size)
+    for at in (300, 310, 450):
+        order[[at, at + 1]] = order[[at + 1, at]]
+    return time[order], stamps[order], {name: values[order] for name, values in columns.items()}
+
+
+def _names(form: Form) -> dict[str, tuple[str, str]]:
+    """Name and unit of each column."""
+    words = ("time", "position", "duty_supply", "duty_exhaust")
+    if form.units == "german":
+        words = ("Zeit", "Kupplungsweg", "Ventil_Belueften", "Ventil_Entlueften")
+    units = ("", "", "", "") if form.units == "none" else ("s", "mm", "%", "%")
+    return dict(zip(("time", "position", "duty_supply", "duty_exhaust"), zip(words, units, strict=True), strict=True))
+
+
+def _scaled(form: Form, name: str, values: np.ndarray) -> np.ndarray:
+    """Values in the unit that is written, without a unit in SI, as a guess from the range expects."""
+    if form.units != "none" or name == "time":
+        return values
+    return values * (1e-3 if name == "position" else 1e-2)
+
+
+Columns = list[tuple[str, np.ndarray]]
+
+
+def _joined(form: Form, grids: list[Grid]) -> Columns:
+    """The columns of a table: of one grid, of rows that hold only what arrived, or with times of their own."""
+    if form.layout == "own":
+        return [
+            (name, values)
+            for _, stamps, columns in grids
+            for first, each in columns.items()
+            for name, values in (("time", stamps), (first, _scaled(form, first, each)))
+        ]
+    if form.layout == "one":
+        ((_, stamps, columns),) = grids
+        return [("time", stamps), *((name, _scaled(form, name, values)) for name, values in columns.items())]
+    arrival = np.concatenate(
+        [np.arange(time.size) * (LENGTH / time.size) + i * 1e-6 for i, (time, _, _) in enumerate(grids)]
+    )
+    order = np.argsort(arrival, kind="stable")
+    stamps = np.concatenate([stamps for _, stamps, _ in grids])[order]
+    sizes = [time.size for time, _, _ in grids]
+    found: Columns = [("time", stamps)]
+    for i, (_, _, columns) in enumerate(grids):
+        for name, values in columns.items():
+            whole = np.full(sum(sizes), np.nan)
+            whole[sum(sizes[:i]) : sum(sizes[: i + 1])] = _scaled(form, name, values)
+            found.append((name, whole[order]))
+    return found
+
+
+def _table(form: Form, columns: Columns, names: Mapping[str, tuple[str, str]], path: Path) -> None:
+    headings = [f"{names[name][0]} [{names[name][1]}]" if names[name][1] else names[name][0] for name, _ in columns]
+    size = max(values.size for _, values in columns)
+    if form.format == "parquet":
+        import polars as pl
+
+        texts = [heading if headings.index(heading) == i else f"{heading} ({i})" for i, heading in enumerate(headings)]
+        padded = [np.append(values, np.full(size - values.size, np.nan)) for _, values in columns]
+        coded = [
+            np.where((values == _code(form, name)) & (name == "position"), np.nan, values)
+            for (name, _), values in zip(columns, padded, strict=True)
+        ]
+        frame = pl.DataFrame(dict(zip(texts, coded, strict=True))).with_columns(pl.all().fill_nan(None))
+        frame.write_parquet(path)
+        return
+    cells = [
+        [_cell(form, name, value) for value in values.tolist()] + [""] * (size - values.size)
+        for name, values in columns
+    ]
+    if form.format == "jsonl":
+        rows = [
+            {
+                heading: float(cell) if cell != "SNA" else cell
+                for heading, cell in zip(headings, row, strict=True)
+                if cell
+            }
+            for row in zip(*cells, strict=True)
+        ]
+        path.write_text("\n".join(map(json.dumps, rows)) + "\n")
+        return
+    separator = {"comma": ",", "semicolon": ";", "tab-utf16": "\t", "cp1252": ";"}[form.text]
+    lines = [separator.join(row) for row in zip(*cells, strict=True)]
+    if form.text == "semicolon":
+        lines = [line.replace(".", ",") for line in lines]
+    above = [separator.join(headings)]
+    if form.units == "row":
+        above = [
+            separator.join(names[name][0] for name, _ in columns),
+            separator.join(names[name][1] for name, _ in columns),
+        ]
+    if form.text == "cp1252":
+        above.insert(0, f"Prüfstand{separator}7")
+    encoding = {"tab-utf16": "utf-16", "cp1252": "cp1252"}.get(form.text, "utf-8")
+    path.write_text("\n".join([*above, *lines]) + "\n", encoding=encoding)
+
+
+def _code(form: Form, name: str) -> float:
+    return float(_scaled(form, name, np.array([-1.0]))[0])
+
+
+def _cell(form: Form, name: str, value: float) -> str:
+    if np.isnan(value):
+        return ""
+    if name == "position" and value == _code(form, name):
+        return "SNA"
+    if name == "time" and form.clock == "midnight" and form.units != "none" and form.format == "csv":
+        whole = round(value * 1e6)
+        return (
+            f"{whole // 3600000000:02d}:{whole // 60000000 % 60:02d}:{whole // 1000000 % 60:02d}.{whole % 1000000:06d}"
+        )
+    return f"{value:.9g}" if name != "time" else f"{value:.9f}".rstrip("0").rstrip(".")
+
+
+def _mf4(grids: list[Grid], names: Mapping[str, tuple[str, str]], path: Path) -> None:
+    from asammdf import MDF, Signal
+
+    with MDF(version="4.10") as mdf:
+        for _, stamps, columns in grids:
+            signals = []
+            for name, values in columns.items():
+                text, unit = names[name]
+                scale = 1.0 if unit else (1e-3 if name == "position" else 1e-2)
+                signals.append(Signal(np.where(values == -1.0, np.nan, values) * scale, stamps, unit=unit, name=text))
+            mdf.append(signals, common_timebase=True)
+        mdf.save(path, overwrite=True)
+
+
+def _mat(form: Form, grids: list[Grid], names: Mapping[str, tuple[str, str]], path: Path) -> None:
+    from scipy.io import savemat
+
+    structs = {}
+    for i, (_, stamps, columns) in enumerate(grids):
+        values = {names["time"][0]: stamps}
+        for name, each in columns.items():
+            values[names[name][0]] = _scaled(form, name, np.where(each == -1.0, np.nan, each))
+        units = {names[name][0]: names[name][1] for name in ("time", *columns) if names[name][1]}
+        structs[f"grid{i}"] = {**values, "units": units} if units else values
+    savemat(path, structs)
+
+
+def _frames(form: Form, grids: list[Grid], names: Mapping[str, tuple[str, str]], path: Path) -> Path:
+    rows = []
+    for identifier, (time, stamps, columns) in zip((0x100, 0x101), grids, strict=True):
+        scales = {"position": 1000.0, "duty_supply": 100.0, "duty_exhaust": 100.0}
+        raw = [np.where(values == -1.0, 0xFFFF, np.round(values * scales[name])) for name, values in columns.items()]
+        for at, stamp, *numbers in zip(
+            np.sort(time).tolist(), stamps.tolist(), *(each.tolist() for each in raw), strict=True
+        ):
+            payload = b"".join(int(number).to_bytes(2, "little") for number in numbers)
+            rows.append((at, stamp, identifier, payload.ljust(8, b"\0")))
+    rows.sort(key=lambda row: row[0])
+    if form.format == "asc":
+        head = ["date Wed May 1 12:00:00.000 pm 2024", "base hex  timestamps absolute", "no internal events logged"]
+        lines = [
+            f"{stamp:11.6f} 1  {identifier:X}  Rx   d 8 {data.hex(' ').upper()}" for _, stamp, identifier, data in rows
+        ]
+    else:
+        head = []
+        lines = [
+            f"({1714564800 + stamp:.6f}) can0 {identifier:X}#{data.hex().upper()}"
+            for _, stamp, identifier, data in rows
+        ]
+    path.write_text("\n".join([*head, *lines]) + "\n")
+    dbc = path.with_suffix(".dbc")
+    words = {"position": names["position"][0], "supply": names["duty_supply"][0], "exhaust": names["duty_exhaust"][0]}
+    dbc.write_text(DBC.format(**words, mm=names["position"][1], percent=names["duty_supply"][1]))
+    return dbc
+
+
+def outcome(form: Form) -> tuple[str, str]:
+    """What the reader makes of a form, ``right``, ``refused`` or ``wrong``, and why."""
+    with tempfile.TemporaryDirectory() as folder:
+        path, dbc = write(form, Path(folder))
+        try:
+            log = read(path, dbc=dbc)
+        except ClutchidError as error:
+            words = [WORDS[value] for value in form.unusual if value in WORDS]
+            said = str(error)
+            well = bool(words) and re.search("|".join(words), said) is not None
+            return ("refused" if well else "wrong"), said.replace(folder, "")
+        except Exception as error:  # the table shows it
+            return "wrong", f"{type(error).__name__}: {error}"
+    return ("wrong", problem) if (problem := wrong_in(form, log)) else ("right", "")
+
+
+def wrong_in(form: Form, log: Log) -> str:
+    """What is wrong in a recording that was read; empty where nothing is."""
+    by_position = (log["position"] * 1e3 - 1.0) / 3.0
+    by_supply, by_exhaust = (log["duty_supply"] * 1e2 - 5.0) / 15.0, (95.0 - log["duty_exhaust"] * 1e2) / 15.0
+    known = np.isfinite(by_position)
+    if np.count_nonzero(known) < 0.9 * LENGTH / max(DENSE, float(np.median(np.diff(log.time))) - 1e-9):
+        return f"only {np.count_nonzero(known)} samples of the position"
+    slack = DENSE + (2 * 0.016 if form.clock == "burst" else 0.3 * WIDE if form.clock == "jitter" else 1e-3)
+    held = WIDE if form.layout != "one" else 0.0
+    held *= 2 if form.order == "late" else 1  # a valve sample that is out of order is dropped, and said to be
+    for name, times in (("duty_supply", by_supply), ("duty_exhaust", by_exhaust)):
+        late = (by_position - times)[known & np.isfinite(times)]
+        if late.size < 0.9 * np.count_nonzero(known):
+            return f"only {late.size} samples of {name}"
+        if late.min() < -slack or late.max() > held + slack:
+            return f"{name} is {late.min():.4g} to {late.max():.4g} s late"
+    number = np.cumsum(np.diff(log.time, prepend=log.time[0]) > (10 * DENSE if form.clock == "restart" else np.inf))
+    if number[-1] != (form.clock == "restart"):
+        return f"{number[-1] + 1} runs"
+    runs = [np.flatnonzero(known & (number == n)) for n in range(number[-1] + 1)]
+    for run in runs:
+        offset = by_position[run] - log.time[run]
+        if np.ptp(offset) > slack:
+            return f"stamps drift by {np.ptp(offset):.4g} s"
+    return ""
+
+
+def report() -> str:
+    """The table of pairs, and the forms that are wrong."""
+    cells: dict[tuple[str, ...], list[str]] = {}
+    wrong, said = [], {}
+    for count in (1, 2):
+        for features, form in forms(count):
+            result, why = outcome(form)
+            cells.setdefault(features, []).append(result)
+            if result == "wrong":
+                wrong.append(f"- {form}: {why.splitlines()[0][:200]}")
+            elif result == "refused":
+                said[(features, form.format)] = why
+    kinds = [value for name, values in FEATURES.items() if name != "format" for value in values[1:]]
+    lines = [
+        "# Forms of one recording", "",
+        "`python tests/measurements/forms.py`: the same content in every format that has a feature, or two, and what",
+        "the reader makes of it: forms that are right / refused in a sentence that names a feature / wrong. Single",
+        "features are on the diagonal.", "",
+        "| | " + " | ".join(kinds) + " |", "|---" * (len(kinds) + 1) + "|",
+    ]  # fmt: skip
+    total = {"right": 0, "refused": 0, "wrong": 0}
+    for row in kinds:
+        shown = []
+        for column in kinds:
+            results = cells.get((row,) if row == column else (row, column), [])
+            counts = [results.count(kind) for kind in total]
+            shown.append("/".join(map(str, counts)) if results else "")
+            for kind, number in zip(total, counts, strict=True):
+                total[kind] += number
+        lines.append(f"| {row} | " + " | ".join(shown) + " |")
+    lines += [
+        "",
+        f"{total['right']} forms are right, {total['refused']} are refused well, {total['wrong']} are wrong.",
+        *wrong,
+    ]
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    sys.path.insert(0, str(Path(__file__).parents[1]))
+    print(report())
