@@ -284,10 +284,10 @@ FUNCTIONS = {
     ),
     "update_parameters": (
         lambda a: filled(
-            a.room.step, a.m.update_parameters, a.T, a.g.h[:K], a.g.step[0], WEIGHTED, PREDICTED, a.room.step
+            a.room.step, a.m.update_parameters, a.T, a.g.h[:K], WEIGHTED, PREDICTED, a.room.step
         ),
         lambda c: filled(
-            step := c.zeros(K), c.call, "update_parameters", c.belief, c.h, float(c.g.step[0]), WEIGHTED, PREDICTED,
+            step := c.zeros(K), c.call, "update_parameters", c.belief, c.h, WEIGHTED, PREDICTED,
             step,
         ),
     ),

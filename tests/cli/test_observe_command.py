@@ -83,7 +83,9 @@ def test_with_the_method_states_nothing_adapts(call):
     code, said, _ = call("worn.parquet", "--method", "states", "--json")
     answer = json.loads(said)
     assert (code, answer["parameters"], answer["method"]) == (0, {}, "states")
-    assert answer["load_curve"] == answer["calibrated_load_curve"]
+    curve, calibrated = answer["load_curve"], answer["calibrated_load_curve"]
+    assert {name: curve[name] for name in calibrated} == calibrated
+    assert set(curve) - set(calibrated) == {"low_as_calibrated_N", "high_as_calibrated_N"}
     assert answer["trust"] == "none"
 
 

@@ -15,6 +15,7 @@ import pytest
 from clutchid.exports.c99 import CStyle
 from clutchid.exports.matlab import matlab_files
 from clutchid.exports.outputs import OUTPUTS
+from clutchid.exports.parity import BAND
 from clutchid.log import FloatArray
 from clutchid.model import Actuator
 from clutchid.observer import observer
@@ -58,7 +59,7 @@ def exported(request, plant: Actuator, recorded_by, tmp_path_factory: pytest.Tem
     program = replay(style, sources, POSITIONS, BEGINS)
     numbers = np.frombuffer(subprocess.run([program], input=samples.tobytes(), stdout=-1, check=True).stdout)
     results, rest = np.split(numbers, [len(log) * len(OUTPUTS)])
-    load = rest[: 3 * POSITIONS.size].reshape(-1, 3)
+    load = rest[: BAND * POSITIONS.size].reshape(-1, BAND)[:, :3]
     samples[:, 4] *= 1e-6
     return Exported(style, folder, sources, samples, results.reshape(len(log), -1), load)
 

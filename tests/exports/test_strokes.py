@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from clutchid.exports.c99 import CStyle, compiler
-from clutchid.exports.parity import COLUMNS, samples_of
+from clutchid.exports.parity import BAND, COLUMNS, samples_of
 from clutchid.log import Log
 from clutchid.observer import curve, observer, start
 from clutchid.observer.by_stroke import positions
@@ -46,7 +46,7 @@ def in_c(learning, tmp_path_factory):
         )
         n = len(log) * len(COLUMNS)
         strokes = found[:n].reshape(-1, len(COLUMNS))[:, COLUMNS.index("strokes")]
-        return strokes, found[n : n + 3 * at.size].reshape(-1, 3)
+        return strokes, found[n : n + BAND * at.size].reshape(-1, BAND)[:, :3]
 
     return run
 

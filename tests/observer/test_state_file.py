@@ -56,7 +56,7 @@ def test_other_blanks_comments_and_line_ends_are_no_change(joint, state, tmp_pat
         (lambda s: {"T": s.T[:, :-1]}, "cannot reshape"),
         (lambda s: {"T": 0.0 * s.T, "filter": s.filter._replace(T=0.0 * s.T)}, "a root has a row of zeros"),
         (lambda s: {"theta": s.theta + 1.0}, "the parameters are not those of filter"),
-        (lambda s: {"sound": (s.theta + np.inf, s.T)}, "sound has a value that is not finite"),
+        (lambda s: {"sound": s.sound._replace(theta=s.theta + np.inf)}, "sound has a value that is not finite"),
         (lambda s: {"filter": s.filter._replace(S=0.0 * s.filter.S)}, "S is 0"),
         (lambda s: {"filter": s.filter._replace(x=spoiled(s.filter.x, np.nan))}, "filter has a value that is not"),
         (lambda s: {"filter": None}, "not of the same stretch"),

@@ -64,6 +64,9 @@ class ObserveOptions:
         Write a self-contained HTML page.
     zero
         Subtract from the position how far the vented rest has moved since the calibration, or keep it as recorded.
+    supply_std
+        Standard deviation of a supply pressure that is not recorded from that of the calibration, as a share of it; by
+        default 0.03. It widens the bands of load and pressure.
     follow
         Go on when LOG, CSV or JSON lines, grows, until Ctrl-C.
     publish
@@ -89,6 +92,7 @@ class ObserveOptions:
     report: PathOutput = None
     files: FileOptions = USUAL_FILES
     zero: Annotated[Literal["subtract", "keep"], SEARCH] = "subtract"
+    supply_std: Annotated[float | None, SEARCH] = None
     follow: Flag = False
     publish: Annotated[str | None, Parameter(allow_leading_hyphen=True), OUTPUT] = None
     publish_every: Annotated[float | None, OUTPUT] = None
@@ -139,10 +143,13 @@ def observe(
     content = calibration_file(options.start)
     if not live:
         reading = options.files.reading([log], force=options.force, zero=options.zero)
-        run = observed(reading, content, options.method, options.resume)
+        run = observed(reading, content, options.method, options.resume, options.supply_std)
         outputs.write(run, content)
         return _answer(Observation(run, content.origin), outputs, json=options.json)
-    arriving = LiveReading(log, options.files, options.method, options.zero, options.resume, grows=options.follow)
+    arriving = LiveReading(
+        log, options.files, options.method, options.zero, options.resume, grows=options.follow,
+        supply_std=options.supply_std,
+    )  # fmt: skip
     end = follow(arriving, content, outputs, say_checks=not options.json)
     with unhurried_errors():
         message = " ".join(filter(None, (end.fault, *end.troubles)))

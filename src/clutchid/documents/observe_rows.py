@@ -13,6 +13,7 @@ from clutchid.documents.style import MM
 from clutchid.estimation import errors_over
 from clutchid.estimation.assess.observed import indicators, observed_verdict
 from clutchid.inference.uncertainty.calibration import Origin
+from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.observer import POINTS, ObservedRecording, curve, known, loads
 
 
@@ -47,7 +48,7 @@ def rows_of(run: ObservedRecording) -> list[Row]:
     halves = ((at.high - at.low) / 2).tolist()
     shown = ", ".join(with_interval(force, half) for force, half in zip(at.force.tolist(), halves, strict=True))
     judged = observed_verdict(indicators(run))
-    about = [load_sentence(run)]
+    about = [load_sentence(run), *_if_as_calibrated(run)]
     if run.observer.compares:
         about.append(f"innovations (NIS in motion) are {run.after.mismatch:.2f} times those of the calibration")
     return [
@@ -61,6 +62,23 @@ def rows_of(run: ObservedRecording) -> list[Row]:
     ]
 
 
+def _if_as_calibrated(run: ObservedRecording) -> list[str]:
+    """The band where the clutch engages, if a supply pressure that is not recorded is that of the calibration."""
+    if not run.assumes_supply:
+        return []
+    at = curve(run.observer, run.after, [mm * MM for mm in POSITIONS], as_calibrated=True)
+    halves = ", ".join(f"± {half:.0f}" for half in ((at.high - at.low) / 2).tolist())
+    return [f"if the supply pressure is as calibrated, the band is {halves} N"]
+
+
+def _as_calibrated(run: ObservedRecording, after: LoadCurve) -> dict[str, list[float]]:
+    """The band of the load if the supply pressure is that of the calibration, where it is not recorded."""
+    if not run.assumes_supply:
+        return {}
+    band = curve(run.observer, run.after, after.position, as_calibrated=True)
+    return {"low_as_calibrated_N": band.low.tolist(), "high_as_calibrated_N": band.high.tolist()}
+
+
 def observe_json(run: ObservedRecording, origin: Origin) -> dict[str, Any]:
     """The JSON object of an observed recording: that of a fit for the load at its end, and its health."""
     estimates, adapting = known(run.observer, run.after), run.observer.adapting
@@ -72,7 +90,7 @@ def observe_json(run: ObservedRecording, origin: Origin) -> dict[str, Any]:
         "status": "warning" if warnings or any(run.health.values()) else "ok",
         "message": observe_sentence(run),
         "parameters": {name: asdict(estimates[name]) for name in estimates if name in adapting},
-        "load_curve": curve_json(after),
+        "load_curve": {**curve_json(after), **_as_calibrated(run, after)},
         "calibrated_load_curve": curve_json(calibrated),
         "errors": errors,
         "logs": {run.log.name: errors},

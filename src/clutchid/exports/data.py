@@ -18,7 +18,7 @@ from clutchid.numerics.least_squares import triangular
 from clutchid.observer.following import PRESSURES
 from clutchid.observer.gaps import UNKNOWN
 from clutchid.observer.observer import Observer
-from clutchid.observer.prior import ASSUMED, LEAK
+from clutchid.observer.prior import ASSUMED, BY_FORMULA, LEAK
 from clutchid.observer.rest import rest_pace
 from clutchid.observer.state import ObserverState
 from clutchid.observer.state_file import fingerprint
@@ -41,6 +41,7 @@ def size_of(joint: JointFilter) -> FilterSize:
         weights=len(load.names),
         pieces=load.breakpoints.size + 1,
         window=moving.window,
+        considered=0 if joint.considered is None else joint.considered.start.shape[1],
     )
 
 
@@ -76,6 +77,7 @@ def data_of(observer: Observer, state: ObserverState) -> dict[str, Any]:
     return values | {
         "theta": state.theta.tolist(),
         "root": [row[: i + 1].tolist() for i, row in enumerate(T)],
+        "G": state.G[:, 0].tolist() if state.G.size else [],
         "strokes": state.strokes.ended,
         "mismatch": state.mismatch,
         "shift": state.rest.shift,
@@ -165,6 +167,10 @@ def _noise_values(observer: Observer) -> dict[str, Any]:
         "flow": float(np.sqrt(both[at] ** 2 - noise[at] ** 2)),
         "gap": float(state_deviations(actuator, joint.noise, still, np.full(1, UNKNOWN * spacing))[0, at]),
         "opens": [[p.R_0vs, p.R_1vs], [p.R_0ve, p.R_1ve]],
+        "considered": [] if joint.considered is None else joint.considered.start[:, 0].tolist(),
+        "source": []
+        if joint.considered is None
+        else (joint.settings.spacing * joint.settings.every * joint.considered.rate[:, 0]).tolist(),
     }
 
 
@@ -174,6 +180,7 @@ def _band_values(observer: Observer) -> dict[str, Any]:
         "usual": observer.usual if observer.compares else 0.0,
         "missed": observer.missed**2,
         "supply_share": observer.supply.share if observer.supply else ASSUMED,
+        "supply_formula": 0.0 if observer.joint.considered else BY_FORMULA * observer.supply_std,
         "ambient_force": p.A_A * p.P_0,
         "leak": names.index(LEAK) if LEAK in names else -1,
     }

@@ -27,6 +27,8 @@ class FilterSize:
         Parameters of the model, free or not.
     weights, pieces, window
         Weights of the load, free or not; pieces of its table; weights whose columns move at a time.
+    considered
+        Parameters that are considered, 0 or 1.
     """
 
     states: int
@@ -39,6 +41,7 @@ class FilterSize:
     weights: int
     pieces: int
     window: int
+    considered: int = 0
 
     @property
     def free_weights(self) -> int:

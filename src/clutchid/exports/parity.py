@@ -17,11 +17,12 @@ from clutchid.errors import ExportError
 from clutchid.exports.c99 import CStyle, source_files
 from clutchid.exports.outputs import OUTPUTS
 from clutchid.log import FloatArray, Log
+from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.by_stroke import curve, positions
 from clutchid.observer.health import FLAGS
 from clutchid.observer.observer import Observer, start
 from clutchid.observer.recording import follow_block
-from clutchid.observer.state import ObserverState, RestWatch
+from clutchid.observer.state import ObserverState, RestWatch, Sound
 from clutchid.strokes.stroke import Strokes
 
 #: Standard deviation of the position sensor's noise in the trial drive in m.
@@ -30,13 +31,16 @@ SENSOR_NOISE = 1e-5
 #: Columns of the results of a sample in C, see ``replay.c``.
 COLUMNS = tuple(OUTPUTS)
 
+#: Fields of NAME_band_t: the load, its band, and that if the supply is as calibrated.
+BAND = 5
+
 #: Largest differences that are rounding: of theta in prior standard deviations, of the load as a share of its peak, of
 #: the pressure in Pa, rms; by type of numbers. With two rates a correction comes late, so that only the load is alike.
 BOUNDS = {"double": (1e-6, 1e-9, 1e-3), "float": (3e-2, 2e-3, 30.0)}
 
 
 class Replayed(NamedTuple):
-    """What the C found in a recording: outputs (n, 10), load with its band (m, 3), theta (k,), samples by flag."""
+    """What the C found in a recording: outputs (n, 10), load with its bands (m, 5), theta (k,), samples by flag."""
 
     outputs: FloatArray
     load: FloatArray
@@ -105,7 +109,7 @@ class Parity(NamedTuple):
 def begun(observer: Observer, saved: ObserverState) -> ObserverState:
     """The state that an export begins with: what a saved one knows of parameters, strokes and the vented rest."""
     fresh = replace(
-        start(observer), theta=saved.theta, T=saved.T, sound=(saved.theta, saved.T),
+        start(observer), theta=saved.theta, T=saved.T, G=saved.G, sound=Sound(saved.theta, saved.T, saved.G),
         strokes=Strokes(saved.strokes.ended), mismatch=saved.mismatch, rest=RestWatch(shift=saved.rest.shift),
     )  # fmt: skip
     return replace(fresh, leaking=observer.leaks(fresh))
@@ -174,9 +178,9 @@ def replay(observer: Observer, modules: Mapping[str, CSource], style: CStyle, lo
         command = [cc, "-std=c99", "-O2", "-ffp-contract=off", "-o", str(folder / "replay"), *sources, "-lm"]
         _checked(command, b"")
         found = np.frombuffer(_checked([str(folder / "replay")], samples_of(log).tobytes()))
-    n, m = len(log) * len(COLUMNS), 3 * positions(observer).size
+    n, m = len(log) * len(COLUMNS), BAND * positions(observer).size
     outputs, load, rest = found[:n], found[n : n + m], found[n + m :]
-    return Replayed(outputs.reshape(-1, len(COLUMNS)), load.reshape(-1, 3), rest[: -len(FLAGS)], rest[-len(FLAGS) :])
+    return Replayed(outputs.reshape(-1, len(COLUMNS)), load.reshape(-1, BAND), rest[: -len(FLAGS)], rest[-len(FLAGS) :])
 
 
 def _checked(command: list[str], given: bytes) -> bytes:
@@ -204,7 +208,8 @@ def parity(observer: Observer, state: ObserverState, log: Log, found: Replayed) 
     }
     differences = [_worst(name, found.outputs[:, COLUMNS.index(name)], *given) for name, given in columns.items()]
     known = curve(observer, after, positions(observer))
-    band = np.stack([known.force, known.low, known.high], axis=1)
+    half = QUANTILE * observer.load_deviation(after, positions(observer), as_calibrated=True)
+    band = np.stack([known.force, known.low, known.high, known.force - half, known.force + half], axis=1)
     differences.append(Difference("load and band", float(np.abs(found.load - band).max()), "N", None))
     prior = np.linalg.norm(observer.prior.root, axis=1)
     counts = {name: round(value / observer.spacing) for name, value in run.health.items()}

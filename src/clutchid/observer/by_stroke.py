@@ -45,10 +45,17 @@ def positions(observer: Observer) -> FloatArray:
     return grid
 
 
-def curve(observer: Observer, state: ObserverState, position: Sequence[float] | FloatArray) -> LoadCurve:
-    """The load as it is known in a state, at positions in m."""
+def curve(
+    observer: Observer,
+    state: ObserverState,
+    position: Sequence[float] | FloatArray,
+    *,
+    as_calibrated: bool = False,
+) -> LoadCurve:
+    """The load as it is known in a state, at positions in m; also if the supply pressure is `as_calibrated`."""
     at = np.asarray(position, dtype=np.float64)
-    force, half = observer.load(state).force(at), QUANTILE * observer.load_deviation(state, at)
+    deviation = observer.load_deviation(state, at, as_calibrated=as_calibrated)
+    force, half = observer.load(state).force(at), QUANTILE * deviation
     return LoadCurve(at, force, force - half, force + half)
 
 

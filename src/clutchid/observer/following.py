@@ -21,7 +21,7 @@ from clutchid.inference.filter.joint_filter import (
     init,
 )
 from clutchid.inference.filter.rules import RuleState
-from clutchid.inference.filter.setup import intervals
+from clutchid.inference.filter.setup import FilterState, intervals
 from clutchid.log import HOLE, INPUTS, FloatArray, Log
 from clutchid.observer.gaps import RESOLUTION, bridged, latest_driven, repeats
 from clutchid.observer.mismatch import mismatches
@@ -32,6 +32,7 @@ from clutchid.observer.state import (
     Mask,
     ObserverState,
     RestWatch,
+    Sound,
     Tail,
     last_samples,
     measured_values,
@@ -211,7 +212,7 @@ def _stroke_ended(observer: Observer, state: ObserverState) -> ObserverState:
     """The state after a stroke, in which the clutch has worn: what is known of the parameters is kept."""
     T = drifted(observer.joint, state.T)
     state = replace(
-        state, T=T, filter=state.filter and state.filter._replace(T=T), sound=(state.theta, T),
+        state, T=T, filter=state.filter and state.filter._replace(T=T), sound=Sound(state.theta, T, state.G),
         strokes=Strokes(state.strokes.ended + 1),
     )  # fmt: skip
     return replace(state, leaking=observer.leaks(state))
@@ -371,7 +372,7 @@ def _followed(observer: Observer, state: ObserverState, new: Tail) -> tuple[Obse
     segment = segment_of(both, joint.mapped.actuator)
     usable = usable_positions(both.position)
     values = measured_values(both, usable, observer.supply.ratio if observer.supply else None)
-    at = init(joint, segment, state.theta, state.T) if state.filter is None else state.filter
+    at = init(joint, segment, state.theta, state.T, state.G) if state.filter is None else state.filter
     given = JointInputs(intervals(segment, joint.mapped.actuator, joint.noise, joint.measure), values)
     found, end = _until_diverged(observer, at, given, (first, m), state.number - first)
     errors = found.errors[:, 0] if found is not None else np.empty((0, 2))
@@ -381,17 +382,21 @@ def _followed(observer: Observer, state: ObserverState, new: Tail) -> tuple[Obse
         found = _until(observer, at, given, (first, end), state.number - first)
         state = replace(state, contradicted=float(new.time[contradiction]))
     if found is None or end < m:
-        theta, T = state.sound
-        ended = replace(_ended(observer, state), theta=theta, T=T)
+        ended = replace(_ended(observer, state), **state.sound._asdict())
         return ended, found, usable[first:end], end + 1 - first
     kept = last_samples(both, joint.mapped.actuator.parameters.T_pwm + 2.0 * observer.spacing)
     corrected = np.flatnonzero(np.isfinite(found.deviations[:, 0]))
     deviations = found.deviations[corrected[-1]].copy() if corrected.size else state.deviations
     state = replace(
-        state, filter=found.state, theta=found.state.theta, T=found.state.T, tail=kept, deviations=deviations,
-        number=state.number + m - first, outliers=outliers,
+        state, filter=found.state, theta=found.state.theta, T=found.state.T, G=_considered(found.state), tail=kept,
+        deviations=deviations, number=state.number + m - first, outliers=outliers,
     )  # fmt: skip
     return state, found, usable[first:], m - first
+
+
+def _considered(state: RuleState) -> FloatArray:
+    """G of a state, (k, 0) where nothing is considered."""
+    return state.G if isinstance(state, FilterState) else np.zeros((state.theta.size, 0))
 
 
 def _until(

@@ -7,6 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from clutchid.errors import ParameterError
 from clutchid.inference.filter.joint_filter import JointFilter, JointSettings, init, joint_filter
 from clutchid.inference.filter.rules import RuleState
 from clutchid.inference.uncertainty.calibration import Calibration
@@ -15,8 +16,20 @@ from clutchid.log.states import SENSORS
 from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
 from clutchid.observer.methods import method_for
-from clutchid.observer.prior import ASSUMED, BOUND, LEAK, OnlinePrior, Supply, load_deviation, online_prior, supply_of
-from clutchid.observer.state import EMPTY, ObserverState, Tail, segment_of
+from clutchid.observer.prior import (
+    ASSUMED,
+    BOUND,
+    BY_FORMULA,
+    LEAK,
+    SUPPLY_STD,
+    OnlinePrior,
+    Supply,
+    considered_supply,
+    load_deviation,
+    online_prior,
+    supply_of,
+)
+from clutchid.observer.state import EMPTY, ObserverState, Sound, Tail, segment_of
 from clutchid.simulation.noise import Noise
 from clutchid.simulation.stiffness import pace
 from clutchid.strokes.vented_rest import Zero
@@ -62,6 +75,8 @@ class Observer:
         The calibration; None without one.
     zero
         'subtract' or 'keep': whether a vented rest that has moved is subtracted from the position.
+    supply_std
+        Standard deviation of a supply pressure that is not recorded, as a share of that of the calibration.
 
     Examples
     --------
@@ -82,6 +97,7 @@ class Observer:
     supply: Supply | None = None
     calibration: Calibration | None = None
     zero: Zero = "subtract"
+    supply_std: float = SUPPLY_STD
 
     @property
     def usual(self) -> float:
@@ -105,20 +121,30 @@ class Observer:
         weights = np.asarray(self.actuator.load.theta) + self.prior.weights @ state.theta
         return replace(self.actuator.load, theta=tuple(weights.tolist()))
 
-    def load_deviation(self, state: ObserverState, position: FloatArray) -> FloatArray:
+    def load_deviation(self, state: ObserverState, position: FloatArray, *, as_calibrated: bool = False) -> FloatArray:
         """Standard deviation in N of that load at positions in m, shape (n,).
 
         It has parts that no recording makes smaller: what the model missed on the calibration recordings, and the
         supply pressure, whether it is recorded or assumed. Where the innovations are larger than in those recordings,
-        its variance is as much larger.
+        its variance is as much larger. A supply that is not recorded may have changed since, see `considered_supply`:
+        that part is left out if the supply is `as_calibrated`.
         """
         load = self.load(state)
         share = self.supply.share if self.supply else ASSUMED
         by_supply = load_deviation(share, self.actuator, load, position)
         known = load.phi(position) @ self.prior.weights @ state.T
         squared = np.sum(known**2, axis=1) + self.missed**2 + by_supply**2
-        deviation: FloatArray = np.sqrt(max(1.0, state.mismatch) * squared)
+        variance = max(1.0, state.mismatch) * squared
+        deviation: FloatArray = np.sqrt(variance if as_calibrated else variance + self._considered(state, position))
         return deviation
+
+    def _considered(self, state: ObserverState, position: FloatArray) -> FloatArray:
+        """Variance in N² of the load by what is considered at positions in m, shape (n,)."""
+        load = self.load(state)
+        if self.joint.considered is None:
+            return load_deviation(BY_FORMULA * self.supply_std, self.actuator, load, position) ** 2
+        by_supply: FloatArray = load.phi(position) @ self.prior.weights @ state.G
+        return np.asarray(np.sum(by_supply**2, axis=1))
 
 
 def observer(
@@ -128,6 +154,7 @@ def observer(
     calibration: Calibration | None = None,
     zero: Zero = "subtract",
     modes: int | None = None,
+    supply_std: float = SUPPLY_STD,
 ) -> Observer:
     """An observer of a calibrated actuator.
 
@@ -145,17 +172,26 @@ def observer(
         Whether the position counts from the vented rest where that has moved since the calibration.
     modes
         How many modes of the load adapt in place of its weights, at least 1; by default those of the method.
+    supply_std
+        Standard deviation of a supply pressure that is not recorded, as a share of that of the calibration, from 0 to
+        0.5.
 
     Raises
     ------
     ParameterError
-        If there is no such method, or it does not take the actuator.
+        If the standard deviation is another one, there is no such method, or it does not take the actuator.
     """
     chosen = method_for(method, actuator)
+    if not 0.0 <= supply_std <= 0.5:
+        raise ParameterError(
+            f"supply_std = {supply_std:g}: the standard deviation of the supply pressure is a share of it from 0 to "
+            f"0.5; {SUPPLY_STD:g} is the default."
+        )
     supply = supply_of(actuator, calibration) if chosen.corrects_supply else None
     measure = ("position",) if supply is None else ("position", "pressure_supply")
     adapting = chosen.adapting(actuator)
     prior = online_prior(actuator, adapting, chosen.modes if modes is None else modes)
+    rule = chosen.rule(actuator, prior.free, prior.root, spacing)
     settings = JointSettings(every=max(1, round(chosen.every * 1e-3 / spacing)), spacing=spacing)
     noise = Noise(
         measured={name: SENSORS[name].noise for name in measure},
@@ -176,7 +212,8 @@ def observer(
             settings,
             np.sqrt(DRIFT) * prior.root,
             pace(actuator, MARGIN),
-            chosen.rule(actuator, prior.free, prior.root, spacing),
+            rule,
+            considered_supply(actuator, supply_std) if rule.columns else None,
         ),
         prior=prior,
         adapting=adapting,
@@ -185,6 +222,7 @@ def observer(
         supply=supply,
         calibration=calibration,
         zero=zero,
+        supply_std=supply_std,
     )
 
 
@@ -200,7 +238,8 @@ def _missed(actuator: Actuator, calibration: Calibration | None) -> float:
 def start(observer: Observer) -> ObserverState:
     """The state before the first sample."""
     theta, T = np.zeros(len(observer.prior.free)), observer.prior.root.copy()
-    return ObserverState(None, theta, T, EMPTY, unknown(observer), (theta, T))
+    G = np.zeros((theta.size, 0 if observer.joint.considered is None else observer.joint.considered.start.shape[1]))
+    return ObserverState(None, theta, T, G, EMPTY, unknown(observer), Sound(theta, T, G))
 
 
 def blank(observer: Observer) -> RuleState:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from clutchid.inference.filter.joint_filter import Considered
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.change_prior import drift
 from clutchid.inference.uncertainty.conditions import ACCURACY, NOT_RECORDED, by_supply
@@ -35,6 +36,22 @@ from clutchid.numerics.least_squares import triangular
 #: Standard deviation of a supply that is not recorded from that of the calibration, as a share of it: what its governor
 #: leaves after minutes. Provenance: docs/derivations_online.md.
 ASSUMED = 0.006
+
+
+#: Standard deviation of the supply pressure from that of the calibration, as a share of it: what governors, consumers
+#: and the service leave (5 % may change, within 2 of them). For an observer without a covariance of the states as much
+#: of the load and of A_A P_0, times the second. Provenance: docs/derivations_online.md.
+SUPPLY_STD, BY_FORMULA = 0.03, 0.025 / 0.03
+
+
+def considered_supply(actuator: Actuator, share: float) -> Considered | None:
+    """A supply pressure that varies by a share of it, by its effect on the states; None without a governor."""
+    if "p_G" not in actuator.states:
+        return None
+    std, names = share * actuator.parameters.P_S, actuator.states
+    start = np.array([[std * (row.starts_at == "P_S")] for row in actuator.state_rows.values()])
+    rate = np.array([[std / actuator.parameters.tau_G * (name == "p_G")] for name in names])
+    return Considered(start, rate)
 
 
 class Supply(NamedTuple):

@@ -20,7 +20,7 @@ from clutchid.inference.filter.setup import FilterState
 from clutchid.log import FloatArray
 from clutchid.observer.observer import Observer, blank, start
 from clutchid.observer.rest import LOW, REMEMBERED
-from clutchid.observer.state import ObserverState, RestWatch, Tail
+from clutchid.observer.state import ObserverState, RestWatch, Sound, Tail
 from clutchid.strokes.stroke import Strokes
 from clutchid.strokes.vented_rest import FURTHEST
 
@@ -64,8 +64,8 @@ def write_state(
         "supply": state.supply.tolist(),
         "values": state.values.tolist(),
         "rest": {**state.rest._asdict(), "returned": list(state.rest.returned), "window": state.rest.window.tolist()},
-        "parameters": {"theta": state.theta.tolist(), "root": state.T.tolist()},
-        "sound": {"theta": state.sound[0].tolist(), "root": state.sound[1].tolist()},
+        "parameters": {"theta": state.theta.tolist(), "root": state.T.tolist(), "considered": state.G.tolist()},
+        "sound": {name: array.tolist() for name, array in state.sound._asdict().items()},
         "tail": {name: array.tolist() for name, array in state.tail._asdict().items()},
     }
     if state.filter is not None:
@@ -166,10 +166,11 @@ def _state(observer: Observer, content: dict[str, Any]) -> ObserverState:
         arrays = {name: np.array(section[name], a.dtype).reshape(a.shape) for name, a in like._asdict().items()}
         saved = like._replace(**arrays)
     made = start(observer)
-    (theta, root), sound = (
-        (array(section, "theta", *made.theta.shape), array(section, "root", *made.T.shape))
-        for section in ("parameters", "sound")
+    theta, root, considered = (
+        array("parameters", name, *like.shape)
+        for name, like in (("theta", made.theta), ("root", made.T), ("considered", made.G))
     )
+    sound = Sound(**{name: array("sound", name, *like.shape) for name, like in made.sound._asdict().items()})
     deviations = np.array(content["deviations"], dtype=np.float64).reshape(made.deviations.shape)
     began = _number(content["strokes"], "began") if "began" in content["strokes"] else None
     strokes = Strokes(_count(content["strokes"], "ended"), began)
@@ -179,8 +180,8 @@ def _state(observer: Observer, content: dict[str, Any]) -> ObserverState:
     jumped, latest, known = _flag(content, "jumped"), _number(content, "latest"), _number(content, "known")
     unzeroed = tuple(np.array(content["unzeroed"], dtype=np.float64).reshape(-1).tolist())
     return ObserverState(
-        saved, theta, root, tail, deviations, sound, number, strokes, mismatch, leaking, rest, zero, values, jumped,
-        unzeroed, latest, known, _count(content, "outliers"), _number(content, "contradicted"),
+        saved, theta, root, considered, tail, deviations, sound, number, strokes, mismatch, leaking, rest, zero, values,
+        jumped, unzeroed, latest, known, _count(content, "outliers"), _number(content, "contradicted"),
         np.array(content["supply"], dtype=np.float64).reshape(2),
     )  # fmt: skip
 
@@ -221,7 +222,7 @@ def _problems(state: ObserverState) -> Iterator[str]:
     """Faults of a state: values that are not finite, lengths that differ, values outside of their ranges."""
     tail, rest, m = state.tail, state.rest, state.tail.time.size
     finite: dict[str, Any] = {
-        "parameters": (state.theta, state.T),
+        "parameters": (state.theta, state.T, state.G),
         "sound": state.sound,
         "filter": state.filter or (),
         "strokes": () if state.strokes.began is None else (state.strokes.began,),
@@ -240,7 +241,7 @@ def _problems(state: ObserverState) -> Iterator[str]:
         "filter, number and tail are not of the same stretch":
             not (state.filter is None) == (state.number == 0) == (m == 0),
         "a root has a row of zeros, a standard deviation of 0":
-            not all(np.linalg.norm(root, axis=1).all() for root in (state.T, state.sound[1])),
+            not all(np.linalg.norm(root, axis=1).all() for root in (state.T, state.sound.T)),
         "a standard deviation is below 0 or infinite":
             np.any((state.deviations < 0.0) | np.isinf(state.deviations)),
         f"mismatch {state.mismatch:g} is not of at least 0": not 0.0 <= state.mismatch < np.inf,
@@ -267,6 +268,6 @@ def fingerprint(observer: Observer) -> str:
     joint, calibration = observer.joint, observer.calibration
     told = repr((
         observer.actuator, joint.coordinates, joint.settings, joint.noise, joint.rule.kernel, joint.rule.numbers,
-        observer.usual, observer.zero, calibration.rest if calibration else None,
+        observer.usual, observer.zero, calibration.rest if calibration else None, observer.supply_std,
     ))  # fmt: skip
     return sha256(told.encode()).hexdigest()

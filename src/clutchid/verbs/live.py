@@ -52,6 +52,8 @@ class LiveReading:
         State to go on from.
     grows
         Whether `log` is a file, which may begin before that state.
+    supply_std
+        As of `clutchid.observe`.
     """
 
     log: Path
@@ -60,6 +62,7 @@ class LiveReading:
     zero: Zero = "subtract"
     resume: Path | None = None
     grows: bool = False
+    supply_std: float | None = None
 
 
 class Begun(NamedTuple):
@@ -130,7 +133,7 @@ def begun(blocks: Iterator[LiveBlock], content: ParameterFile, reading: LiveRead
     from clutchid.verbs.observing import observer_of
 
     first = next(blocks)
-    observer, state = observer_of(first.log, content, reading.method, reading.resume, reading.zero)
+    observer, state = observer_of(first.log, content, reading.method, reading.resume, reading.zero, reading.supply_std)
     if reading.grows and reading.resume is not None:
         blocks = _behind(state.tail, chain([first], blocks), reading.resume)
         first = next(blocks)

@@ -41,6 +41,7 @@ def observe(
     ambient: float | None = None,
     channels: ChannelMap | str | PathLike[str] | None = None,
     dbc: Sequence[str | PathLike[str]] = (),
+    supply_std: float | None = None,
 ) -> ObservedRecording:
     """Follow the load and the pressure of a recording from position and duty cycles alone, sample by sample.
 
@@ -60,6 +61,9 @@ def observe(
         Whether a vented rest that has moved is subtracted from the position.
     force, ambient, channels, dbc
         As in `clutchid.fit`.
+    supply_std : 1, optional
+        Standard deviation of a supply pressure that is not recorded from that of the calibration, as a share of it,
+        from 0 to 0.5; by default 0.03. It widens the bands of load and pressure.
 
     Returns
     -------
@@ -85,11 +89,15 @@ def observe(
     """
     content = calibration_file(Path(start)) if isinstance(start, str | PathLike) else content_of(start)
     reading = reading_of(log, ambient=ambient, channels=channels, dbc=dbc, force=force, zero=zero)
-    return observed(reading, content, method, None if resume is None else Path(resume))
+    return observed(reading, content, method, None if resume is None else Path(resume), supply_std)
 
 
 def observed(
-    reading: Reading, content: ParameterFile, method: str = "joint", resume: Path | None = None
+    reading: Reading,
+    content: ParameterFile,
+    method: str = "joint",
+    resume: Path | None = None,
+    supply_std: float | None = None,
 ) -> ObservedRecording:
     """Read and check a recording, and follow it with the observer of a calibration, or from a saved state.
 
@@ -102,7 +110,7 @@ def observed(
 
     (log,) = reading.checked(content.actuator, rest=content.rest)
     log = fast_enough(log, content, force=reading.force)
-    observer, state = observer_of(log, content, method, resume, reading.zero)
+    observer, state = observer_of(log, content, method, resume, reading.zero, supply_std)
     return observe_recording(observer, log, state)
 
 
@@ -125,7 +133,12 @@ def fast_enough(log: Log, content: ParameterFile, *, force: bool = False) -> Log
 
 
 def observer_of(
-    log: Log, content: ParameterFile, method: str, resume: Path | None, zero: Zero
+    log: Log,
+    content: ParameterFile,
+    method: str,
+    resume: Path | None,
+    zero: Zero,
+    supply_std: float | None = None,
 ) -> tuple[Observer, ObserverState]:
     """The observer of a calibration for a recording, of which the first samples suffice, and the state to start from.
 
@@ -135,10 +148,12 @@ def observer_of(
         As `observe`.
     """
     from clutchid.observer.observer import observer, start
+    from clutchid.observer.prior import SUPPLY_STD
     from clutchid.observer.recording import check_pace, spacing
     from clutchid.observer.state_file import read_state, saved_spacing
 
     every = spacing(log) if resume is None else saved_spacing(resume)
-    observing = observer(content.actuator, method, every, content.calibration, zero)
+    share = SUPPLY_STD if supply_std is None else supply_std
+    observing = observer(content.actuator, method, every, content.calibration, zero, supply_std=share)
     check_pace(observing, log)
     return observing, start(observing) if resume is None else read_state(observing, resume)

@@ -210,7 +210,7 @@ def _of_supply(found: Indicators) -> list[Reason]:
         return []
     return [
         Reason(
-            "the supply pressure was not recorded and is taken from the calibration: 5 % less reads as a load that is "
-            "6 % larger, which the band does not contain; record it."
+            "the supply pressure was not recorded: 5 % less than in the calibration reads as a load that is 6 % "
+            "larger, and the band is wider for it; record it."
         )
     ]

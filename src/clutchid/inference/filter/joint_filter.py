@@ -16,6 +16,7 @@ from clutchid.inference.filter.setup import (
     LAG,
     LAG_OF,
     OFFSET_OF,
+    STATE,
     WEIGHT,
     FilterArrays,
     FilterOutput,
@@ -118,13 +119,25 @@ def _moving_columns(which: Columns, free: FreeArrays) -> MovingColumns:
     )  # fmt: skip
 
 
+class Considered(NamedTuple):
+    """Parameters that are not known and do not adapt, by their effect on the states of the model in SI, (n, c) each.
+
+    `start` are the derivatives of the first state with respect to each in its standard deviations, `rate` those of the
+    states' rates of change.
+    """
+
+    start: FloatArray
+    rate: FloatArray
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class JointFilter:
     """The joint filter of an actuator, as `joint_filter` makes it.
 
     `mapped` has the actuator at the means of the free parameters, `which` their columns in S and `moving` those that
     move, which the lags of `sensors` name; `free` is what is fixed about them, `drifts` (k, d) the root of what their
-    covariance gains in a stroke. With `few`, the model's step for few parameters computes all derivatives.
+    covariance gains in a stroke. With `few`, the model's step for few parameters computes all derivatives. What is
+    `considered` acts on no mean.
     """
 
     mapped: ParameterMap
@@ -140,6 +153,7 @@ class JointFilter:
     sensors: IntArray
     few: bool
     rule: CorrectionRule
+    considered: Considered | None = None
 
     def si(self, theta: FloatArray) -> dict[str, float]:
         """Values of the free parameters in SI by name."""
@@ -166,6 +180,7 @@ def joint_filter(
     drifts: FloatArray | None = None,
     pace: Pace = AS_PLANNED,
     rule: CorrectionRule = KALMAN,
+    considered: Considered | None = None,
 ) -> JointFilter:
     """The joint filter of an actuator.
 
@@ -188,6 +203,8 @@ def joint_filter(
         segment.
     rule
         By which it corrects; by default that of Kalman.
+    considered : Considered, optional
+        Parameters that widen what is said to be uncertain.
     """
     k, names = len(coordinates), [c.base for c in coordinates]
     mean = actuator.replace({c.base: c.si(0.0) for c in coordinates})
@@ -210,6 +227,7 @@ def joint_filter(
         sensors=sensors,
         few=few,
         rule=rule,
+        considered=considered,
     )
 
 
@@ -271,7 +289,9 @@ def inputs(joint: JointFilter, track: Track) -> JointInputs:
     return JointInputs(arrays, measured_values(track, joint.measure, joint.measure))
 
 
-def init(joint: JointFilter, segment: Segment, theta: FloatArray, T: FloatArray) -> RuleState:
+def init(
+    joint: JointFilter, segment: Segment, theta: FloatArray, T: FloatArray, G: FloatArray | None = None
+) -> RuleState:
     """State at the start of a segment, of the rule of the filter.
 
     Parameters
@@ -280,6 +300,8 @@ def init(joint: JointFilter, segment: Segment, theta: FloatArray, T: FloatArray)
         Mean of the free parameters.
     T : (k, k)
         Square root of their covariance T T'.
+    G : (k, c), optional
+        Derivatives of their error with respect to what is considered, by default 0.
     """
     k, columns, responses = theta.size, joint.rule.columns, joint.moving.responses
     mapped = parameter_map(joint.actuator(theta), joint.mapped.bases, range(k), np.ones(k), k)
@@ -287,8 +309,15 @@ def init(joint: JointFilter, segment: Segment, theta: FloatArray, T: FloatArray)
     x, S = first_state(segment, mapped, joint.which, L if columns else L[:, :0], joint.measure)
     moved = np.eye(x.size, responses + x.size, responses)
     at = np.zeros(1, dtype=np.int64)
-    first = FilterState(x, S, theta.copy(), np.array(T, order="C"), np.zeros(x.size), moved, at)
+    E = _with_outputs(joint, joint.considered.start) if joint.considered else np.zeros((x.size, 0))
+    G = np.zeros((k, E.shape[1])) if G is None else G.copy()
+    first = FilterState(x, S, theta.copy(), np.array(T, order="C"), np.zeros(x.size), moved, at, E, G)
     return joint.rule.start(first, len(kernels(joint.mapped.actuator.model).INPUTS))
+
+
+def _with_outputs(joint: JointFilter, of_states: FloatArray) -> FloatArray:
+    """Derivatives of x, (size, c), from those of the states of the model, whose sensors show them, (n, c)."""
+    return np.ascontiguousarray(np.vstack([of_states, of_states[joint.sensors[:, STATE]]]))
 
 
 def follow(
@@ -392,6 +421,14 @@ def covariance(joint: JointFilter, state: RuleState) -> FloatArray:
     return result
 
 
+def _source(joint: JointFilter, size: int) -> FloatArray:
+    """What E gains from one correction to the next, (size, c)."""
+    if joint.considered is None:
+        return np.zeros((size, 0))
+    rate, seconds = joint.considered.rate, joint.settings.spacing * joint.settings.every
+    return np.ascontiguousarray(np.vstack([seconds * rate, np.zeros((size - len(rate), rate.shape[1]))]))
+
+
 def _arrays(joint: JointFilter, state: RuleState) -> FilterArrays:
     """What the recursion computes from theta, its settings, and its scratch arrays."""
     s, moving, actuator = joint.settings, joint.moving, joint.mapped.actuator
@@ -405,7 +442,14 @@ def _arrays(joint: JointFilter, state: RuleState) -> FilterArrays:
     placed = columns[moving.of_model.size : moving.of_model.size + moving.window]
     window = Window(own.table_basis, columns, placed, moving.weight_bases, moving.weight_columns, np.zeros(2))
     settings = SettingsArrays(
-        s.every, float(joint.noise.outlier), s.least_speed, names.index("v"), names.index("y"), -1, joint.rule.numbers
+        s.every,
+        float(joint.noise.outlier),
+        s.least_speed,
+        names.index("v"),
+        names.index("y"),
+        -1,
+        joint.rule.numbers,
+        _source(joint, state.x.size),
     )
     width = state.S.shape[1] if isinstance(state, FilterState) else 0
     room = scratch(state.x.size, width, state.T, n, len(joint.measure))

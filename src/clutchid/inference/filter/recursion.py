@@ -215,17 +215,15 @@ def project_parameters(T: FloatArray, h: FloatArray, slopes: FloatArray, w: Floa
 
 
 @kernel
-def update_parameters(
-    T: FloatArray, w: FloatArray, e: float, weighted: float, predicted: float, step: FloatArray
-) -> None:
-    """Step of theta by an innovation e of variance `weighted`, of which `predicted` is T's, and T after it (Potter)."""
+def update_parameters(T: FloatArray, w: FloatArray, weighted: float, predicted: float, gain: FloatArray) -> None:
+    """Gain of theta by an innovation of variance `weighted`, of which `predicted` is T's, and T after it (Potter)."""
     share = 1.0 / (1.0 + math.sqrt((weighted - predicted) / weighted))
     for i in range(T.shape[0]):
         covariance = 0.0
         for j in range(w.size):
             covariance += T[i, j] * w[j]
         covariance /= weighted
-        step[i] = covariance * e
+        gain[i] = covariance
         for j in range(w.size):
             T[i, j] -= share * covariance * w[j]
 
@@ -286,9 +284,49 @@ def correct(
         for j in range(k):
             S[i, j] -= gain[i] * h[j]
     if adapts:
-        update_parameters(T, w, e, weighted, by_parameters, step)
+        update_parameters(T, w, weighted, by_parameters, step)
+    correct_considered(state, sensor[OUTPUT], adapts, slopes, gain, h, step)
+    if adapts:
+        for j in range(k):
+            step[j] *= e
         move_parameters(x, S, theta, free, step)
     return float(e)
+
+
+@kernel
+def correct_considered(
+    state: FilterState, output: int, adapts: bool, slopes: FloatArray, gain: FloatArray, h: FloatArray, step: FloatArray
+) -> None:
+    """E and G after a correction with the gains (size,) of x and `step` (k,) of theta, if it `adapts`.
+
+    Parameters
+    ----------
+    h : (k + size,)
+        Derivatives of the predicted measurement, before the correction.
+    """
+    E, G = state.E, state.G
+    for c in range(E.shape[1]):
+        of_measurement = E[output, c]
+        by_theta = 0.0
+        for j in range(G.shape[0]):
+            by_theta += h[j] * slopes[j] * G[j, c]
+        for i in range(E.shape[0]):
+            E[i, c] -= gain[i] * of_measurement
+        if adapts:
+            for j in range(G.shape[0]):
+                G[j, c] -= step[j] * (of_measurement + by_theta)
+
+
+@kernel
+def add_considered(state: FilterState, slopes: FloatArray, deviations: FloatArray) -> None:
+    """Add to the standard deviations of the first states (n,) what is considered."""
+    S, E, G = state.S, state.E, state.G
+    for c in range(E.shape[1]):
+        for i in range(deviations.size):
+            error = E[i, c]
+            for j in range(G.shape[0]):
+                error += S[i, j] * slopes[j] * G[j, c]
+            deviations[i] = math.sqrt(deviations[i] * deviations[i] + error * error)
 
 
 @kernel
@@ -314,6 +352,9 @@ def correct_sample(
     of_sensor, size = derived.of_sensor, state.x.size
     if state.S.shape[1] > state.theta.size:
         add_waiting_noise(state, sensors, scratch)
+    for c in range(state.E.shape[1]):
+        for i in range(size):
+            state.E[i, c] += settings.source[i, c]
     adapts = state.T.shape[1] > 0 and abs(state.x[settings.at_speed]) > settings.least_speed
     for m in range(sensors.shape[0]):
         errors[m] = np.nan
@@ -469,6 +510,7 @@ def follow(
             deviations[row] = np.nan
             if due:
                 state_deviations(state.S, state.T, arrays.derived.slopes, deviations[row], arrays.scratch.w)
+                add_considered(state, arrays.derived.slopes, deviations[row])
         if watched.shape[0] > 0:
             write_watched(watched[row], state.S[settings.at_watched])
         copy(states[row], x)

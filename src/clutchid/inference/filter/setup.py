@@ -115,6 +115,10 @@ class FilterState(NamedTuple):
     `moved` = [Gamma | Phi] (size, p + w + size), with Gamma for the free parameters of the model, for a window of w
     load weights, of which number `first` (1,) is the first, and for those of the sensors; see `transition`. Without
     columns in `moved`, S itself moves. To write a state, write its arrays: a filter goes on from them bit by bit.
+
+    What is not known and does not adapt is considered: `E` (size, c) are the derivatives of the error of x with fixed
+    parameters with respect to c such parameters, in their standard deviations, and `G` (k, c) those of the error of
+    theta, for the gains as they are. They act on no gain and no mean, only on what is said to be uncertain.
     """
 
     x: FloatArray
@@ -124,6 +128,8 @@ class FilterState(NamedTuple):
     waiting: FloatArray
     moved: FloatArray
     first: IntArray
+    E: FloatArray = np.zeros((0, 0))
+    G: FloatArray = np.zeros((0, 0))
 
 
 class Window(NamedTuple):
@@ -163,7 +169,7 @@ class SettingsArrays(NamedTuple):
 
     Samples between corrections; standard deviations beyond which an innovation is an outlier; speed in m/s above which
     parameters adapt; rows of speed and position in x, and of the state that is watched; numbers of the rule, see
-    `rules`.
+    `rules`; what E gains from one correction to the next (size, c).
     """
 
     every: int
@@ -173,6 +179,7 @@ class SettingsArrays(NamedTuple):
     at_position: int
     at_watched: int
     rule: Any
+    source: FloatArray = np.zeros((0, 0))
 
 
 class FilterArrays(NamedTuple):

@@ -54,12 +54,21 @@ def centred_window(position: float, window: Window, pieces: IntArray, breakpoint
 def bring_up(
     state: FilterState, window: Window, pieces: IntArray, breakpoints: FloatArray, position: float, before: FloatArray
 ) -> None:
-    """Bring S = [D | L] up to date: ``D := Phi D + Gamma``, ``L := Phi L``; Phi and Gamma begin again.
+    """Bring S = [D | L] and E up to date: ``D := Phi D + Gamma``, ``L := Phi L``, ``E := Phi E``.
+
+    Phi and Gamma begin again.
 
     The window is put around a `position` in m; `before` of the shape of S is scratch.
     """
-    S, moved, responses = state.S, state.moved, window.columns.size
+    S, E, moved, responses = state.S, state.E, state.moved, window.columns.size
     size, columns = S.shape
+    for c in range(E.shape[1]):
+        for i in range(size):
+            before[i, 0] = E[i, c]
+        for i in range(size):
+            E[i, c] = 0.0
+            for q in range(size):
+                E[i, c] += moved[i, responses + q] * before[q, 0]
     for i in range(size):
         for j in range(columns):
             before[i, j] = S[i, j]

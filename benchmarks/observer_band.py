@@ -1,0 +1,135 @@
+"""The band of a load on line by case: ``python benchmarks/observer_band.py --calibrations FOLDER --trucks 12``.
+
+Trucks 3606 on of families A and B, and hybrids h:6 on, are calibrated once with pressure, and the supply pressure
+recorded. Their worn clutch is then observed unchanged, with 5 % less and more supply, with valves that pass 7 % less,
+cold and warm, with the supply recorded and without it. A line a family and case: error over 5 to 8 mm, rms in % of the
+peak, median / worst; share of the points from 0.5 to 20 mm in the band, and its width in % of the peak, with the supply
+considered and if it is as calibrated; trust good / with care / none.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections import defaultdict
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from online import WEAR, calibrated
+
+from clutchid.estimation.assess.observed import indicators, observed_verdict
+from clutchid.numerics.interval import QUANTILE
+from clutchid.observer.observer import observer
+from clutchid.observer.recording import observe_recording
+from clutchid.study.proving.ground import SECONDS, STROKES
+from clutchid.truck import GRID, Vehicle, drive, truck
+
+#: First number of the trucks of families, and first seed of the hybrids.
+FIRST, HYBRIDS = 3606, 6
+
+#: Cases: factor on the supply pressure, and named changes of the truck.
+CASES: dict[str, tuple[float, tuple[str, ...]]] = {
+    "unchanged": (1.0, ()),
+    "supply -5 %": (0.95, ()),
+    "supply +5 %": (1.05, ()),
+    "valves -7 %": (1.0, ("valves",)),
+    "cold": (1.0, ("cold",)),
+    "warm": (1.0, ("warm",)),
+}
+
+
+class Row(NamedTuple):
+    """A load at the end of a recording: error and widths in % of the peak, shares of the points in the bands."""
+
+    error: float
+    covered: float
+    width: float
+    covered_as_calibrated: float
+    width_as_calibrated: float
+    trust: str
+
+
+def one_truck(
+    of: tuple[str, int], kept: Path, seconds: float, cases: Sequence[str]
+) -> dict[tuple[str, str, bool], Row]:
+    """Every case on one truck, with and without a recorded supply pressure."""
+    family, number = of
+    kind = truck(0, f"h:{number}") if family == "h" else truck(number, family)
+    seeds = np.random.default_rng([number, 2]).integers(0, 2**31, 2).tolist()
+    mark = f"h{number}0" if family == "h" else f"{family}{number}"
+    content = calibrated(kind, seeds[0], kept / f"{mark}_supply.toml", conditions=True)
+    one, rows = observer(content.actuator, calibration=content.calibration), {}
+    for case in cases:
+        share, change = CASES[case]
+        changed: Vehicle = kind.replace({"P_S": share * kind.P_S})
+        worn = drive(
+            changed, seconds=seconds, seed=seeds[1], wear=WEAR, cycles=WEAR * STROKES, pressure=False, conditions=True,
+            change=change,
+        )  # fmt: skip
+        truth = worn.truth.load(GRID)
+        for recorded in (False, True):
+            run = observe_recording(one, worn.log if recorded else worn.log.without("pressure_supply"))
+            off = one.load(run.after).force(GRID) - truth
+            touch, peak = (GRID >= 5e-3) & (GRID <= 8e-3), truth.max()
+            deviations = [one.load_deviation(run.after, GRID, as_calibrated=as_is) for as_is in (False, True)]
+            bands = [
+                value
+                for deviation in deviations
+                for value in (
+                    100 * float(np.mean(np.abs(off) <= QUANTILE * deviation)),
+                    200 * QUANTILE * float(np.median(deviation)) / peak,
+                )
+            ]
+            error = 100 * float(np.sqrt(np.mean(off[touch] ** 2))) / peak
+            rows[family, case, recorded] = Row(error, *bands, observed_verdict(indicators(run)).trust)
+    return rows
+
+
+def line(rows: Sequence[Row]) -> str:
+    """Cells of a line of the table."""
+    errors = np.array([row.error for row in rows])
+    covered, width, covered_as, width_as = (np.array([row[i] for row in rows]) for i in range(1, 5))
+    trusts = [sum(row.trust == grade for row in rows) for grade in ("good", "with care", "none")]
+    return (
+        f"{np.median(errors):.2f} / {errors.max():.2f} | {covered.mean():.0f} | {np.median(width):.1f} | "
+        f"{covered_as.mean():.0f} | {np.median(width_as):.1f} | {' / '.join(map(str, trusts))}"
+    )
+
+
+def main() -> None:
+    """Print the tables."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--calibrations", type=Path, required=True, help="folder in which calibrations are kept")
+    options.add_argument("--trucks", type=int, default=12, help="of each family")
+    options.add_argument("--hybrids", type=int, default=18)
+    options.add_argument("--seconds", type=float, default=SECONDS, help="of the worn clutch")
+    options.add_argument("--case", action="append", choices=tuple(CASES), help="default: all")
+    options.add_argument("--workers", type=int, default=1)
+    chosen = options.parse_args()
+    os.environ |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
+    trucks = [(family, FIRST + i) for family in ("A", "B") for i in range(chosen.trucks)]
+    trucks += [("h", HYBRIDS + i) for i in range(chosen.hybrids)]
+    cases = chosen.case or list(CASES)
+    of_a_truck = partial(one_truck, kept=chosen.calibrations, seconds=chosen.seconds, cases=cases)
+    found: dict[tuple[str, str, bool], list[Row]] = defaultdict(list)
+    with ProcessPoolExecutor(chosen.workers, mp_context=get_context("spawn")) as pool:
+        for rows in pool.map(of_a_truck, trucks):
+            for key, row in rows.items():
+                found[key].append(row)
+    head = "error [%] | points in the band [%] | width [%] | as calibrated: points [%] | width [%] | trust"
+    for recorded in (False, True):
+        print(f"\nSupply {'' if recorded else 'not '}recorded\n\n| family | case | trucks | {head} |\n|{'---|' * 9}")
+        for family in ("A", "B", "h"):
+            for case in cases:
+                rows = found.get((family, case, recorded), [])
+                if rows:
+                    print(f"| {family} | {case} | {len(rows)} | {line(rows)} |")
+
+
+if __name__ == "__main__":
+    main()
