@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import os
 import signal
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
@@ -78,9 +80,21 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.slow)
 
 
+def pytest_collection_finish() -> None:
+    """Tell the collector of garbage that the tests and what they import stay: it need not go through them again."""
+    gc.collect()
+    gc.freeze()
+
+
 def pytest_configure(config: pytest.Config) -> None:
-    """Compile the kernels once, before workers start that would all do it; no test compiles for itself."""
+    """Compile the kernels once, before workers start that would all do it; no test compiles for itself.
+
+    A worker, and what it starts, has one thread: there is a worker for each processor, and a fit on two threads takes
+    an eighth more of its time.
+    """
     if config.getoption("numprocesses", None) and not hasattr(config, "workerinput"):
+        for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS"):
+            os.environ.setdefault(name, "1")
         with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
             list(pool.map(compile_ahead, [(variant,) for variant in VARIANTS]))
 
