@@ -19,6 +19,7 @@ from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.model.compiled import compile_ahead, kernels, system
 from clutchid.model.variants import VARIANTS
+from fixtures.commands import without_workers
 from fixtures.model_recordings import (  # noqa: F401, fixtures of several packages
     adapted,
     calibrated,
@@ -73,11 +74,16 @@ SLOW_EXAMPLES = {"calibrate", "export", "fleet", "prove", "report", "track"}
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark slow examples in docstrings, which cannot say so themselves, and put long files first."""
+    """Mark slow examples in docstrings, which cannot say so themselves, and put long files first.
+
+    Examples give no work to other processes.
+    """
     items.sort(key=lambda item: not item.path.with_suffix("").as_posix().endswith(LONG))
     for item in items:
-        if isinstance(item, pytest.DoctestItem) and item.name.rpartition(".")[2] in SLOW_EXAMPLES:
-            item.add_marker(pytest.mark.slow)
+        if isinstance(item, pytest.DoctestItem):
+            item.runtest = without_workers()(item.runtest)  # type: ignore[method-assign]
+            if item.name.rpartition(".")[2] in SLOW_EXAMPLES:
+                item.add_marker(pytest.mark.slow)
 
 
 def pytest_collection_finish() -> None:

@@ -18,7 +18,7 @@ import pytest
 
 from clutchid import systems
 from clutchid.systems import Incoming, Outgoing, command_line, ending, interpreter, processors
-from fixtures.commands import wait_for
+from fixtures.commands import keep_machine_code, wait_for
 
 OTHER = Path(__file__).parent / "fixtures" / "another_system"
 
@@ -107,6 +107,7 @@ def test_a_fleet_has_two_workers(folder, environment):
 @pytest.mark.slow
 def test_the_page_reads_a_file_in_a_process_of_its_own_and_leaves_nothing(folder, environment, tmp_path):
     command = [sys.executable, "-m", "clutchid", "app", "--no-browser", "recordings/worn.csv"]
+    keep_machine_code(tmp_path)
     own = {**environment, "CLUTCHID_CACHE": str(tmp_path)}
     with subprocess.Popen(command, cwd=folder, env=own, stdout=-1, stderr=-1) as server:
         try:

@@ -25,7 +25,7 @@ def html_of(fit):
 
 
 @pytest.mark.slow
-def test_the_page_has_date_trust_and_hash_of_the_calibration(fitted):
+def test_the_page_has_date_trust_and_hash_of_the_calibration(undrawn, fitted):
     html = page_of(document_of(with_baseline(fitted), "clutchid fit"))
     for part in ("CAL.toml (2026-11-22, trust good)", "<dt>SHA-256 of CAL.toml</dt>", ORIGIN.sha256):
         assert part in html

@@ -219,14 +219,14 @@ def test_the_interval_of_what_was_not_recorded_is_the_assumed_one(fitted):
     assert parameter_table(fitted).note == ""
 
 
-def test_a_search_that_converged_with_warnings_is_not_in_a_box_of_warnings(fitted):
+def test_a_search_that_converged_with_warnings_is_not_in_a_box_of_warnings(undrawn, fitted):
     warned = document_of(replace(fitted, status="warning", warnings=("2 s are missing",)))
     assert [(notice.text, notice.level) for notice in warned.notices] == [("2 s are missing", "with care")]
     assert 'notice with-care">2 s are missing' in page_of(warned)
     assert document_of(fitted).notices == ()
 
 
-def test_the_page_has_the_next_step_and_what_is_assumed(fitted):
+def test_the_page_has_the_next_step_and_what_is_assumed(undrawn, fitted):
     command = Command(("estimate", "worn.csv"), (Path("worn.csv"),), Path("CAL.toml"), report=Path("worn.html"))
     html = flat(page_of(document_of(reading(fitted), command)))
     assert "next keep the result: clutchid estimate worn.csv --save worn.toml" in html

@@ -14,6 +14,7 @@ from clutchid.fleets.store import StoredResult, store
 from clutchid.verbs.tracking import track
 from clutchid.verbs.wear_reading import ReadingOptions, RecordingResult, checksum_of, read_recording
 from clutchid.wear.history import WearReading
+from fixtures.commands import without_workers
 
 
 def statuses(tmp_path, status):
@@ -115,7 +116,7 @@ def test_a_full_disk_under_a_table_is_a_sentence_and_the_table_before_is_whole(t
     assert [one.name for one in tmp_path.iterdir()] == ["results.parquet"]
 
 
-@pytest.mark.slow
+@without_workers()
 def test_recordings_of_several_folders_without_a_table_are_warned_of(tmp_path):
     paths = [tmp_path / vehicle / f"{vehicle}.csv" for vehicle in ("V1", "V2")]
     for path in paths:

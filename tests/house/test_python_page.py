@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from fixtures.commands import without_workers
+
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
 #: The files that each page writes.
@@ -45,6 +47,7 @@ def near(shown, found):
 
 
 @pytest.mark.slow
+@without_workers()
 @pytest.mark.parametrize("name", WRITTEN)
 def test_the_examples_of_a_page_print_what_it_says(name, tmp_path, monkeypatch):
     page = DOCS / name

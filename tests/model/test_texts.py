@@ -11,6 +11,7 @@ import clutchid
 from clutchid.codegen import cache
 from clutchid.model import compiled
 from clutchid.model.variants import VARIANTS
+from fixtures.commands import keep_machine_code
 
 RECORDING = Path(clutchid.__file__).parent / "study/paper/data/truck1_calibration.csv"
 
@@ -33,6 +34,7 @@ finally:
 
 @pytest.mark.slow
 def test_the_first_fit_with_the_texts_of_the_wheel_imports_no_sympy(tmp_path):
+    keep_machine_code(tmp_path / "cache")
     text = compiled._kernels_text("isothermal")
     cache.keep_text(tmp_path / "texts", "isothermal", compiled._sources(), text)
     cache.keep_text(tmp_path / "texts", "functions", compiled._sources(), compiled._functions_text())

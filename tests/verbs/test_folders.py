@@ -18,6 +18,7 @@ from clutchid.measurements.suffixes import FORMATS, SUFFIXES, split_name
 from clutchid.verbs.folders import folder_content, left_out, name_of
 from clutchid.verbs.tracking import recordings_of
 from clutchid.wear.tables import read_table
+from fixtures.commands import without_workers
 from fixtures.forms import NAMES, kind_in, write_forms
 
 
@@ -90,6 +91,7 @@ def test_fleet_and_track_find_all_of_them_in_folders_and_in_tables(forms, tmp_pa
 
 
 @pytest.mark.slow
+@without_workers()
 def test_fleet_and_track_read_all_of_them(forms, tmp_path, cal):
     names = [*{(kind_in(name), name[-3:].lower() == ".gz"): name for name in NAMES}.values()]
     vehicle = one_of_each(forms, tmp_path / "fleet" / "V1", names)
@@ -176,6 +178,7 @@ def test_a_file_that_a_table_names_is_read_whatever_its_suffix_is(tmp_path, cal,
 
 
 @pytest.mark.slow
+@without_workers()
 def test_track_reads_what_its_table_names_and_no_table_as_a_recording(tmp_path, cal, still):
     for name in ("a", "b"):
         clutchid.write(still, tmp_path / f"{name}.csv")
@@ -194,6 +197,7 @@ def test_track_reads_what_its_table_names_and_no_table_as_a_recording(tmp_path, 
 
 
 @pytest.mark.slow
+@without_workers()
 def test_warnings_about_times_reach_the_rows_of_a_fleet(tmp_path, cal, still):
     clocks = {"a": "1970-01-01T00:00:10", "b": "2026-05-01T10:00:00", "c": ""}
     (tmp_path / "fleet" / "V1").mkdir(parents=True)
