@@ -24,8 +24,8 @@ def call(tmp_path, monkeypatch, capsys):
 def recordings(tmp_path_factory):
     """Paths of a recording with pressure, and of one without."""
     folder = tmp_path_factory.mktemp("recordings")
-    write(drive(Truck(), seconds=4.0, seed=1).log, folder / "cal.csv")
-    write(drive(Truck(), seconds=4.0, seed=2, pressure=False).log, folder / "worn.csv")
+    write(drive(Truck(), seconds=2.5, seed=1).log, folder / "cal.csv")
+    write(drive(Truck(), seconds=2.5, seed=2, pressure=False).log, folder / "worn.csv")
     return str(folder / "cal.csv"), str(folder / "worn.csv")
 
 

@@ -4,13 +4,17 @@ import re
 import shlex
 import subprocess
 import sys
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
 from pathlib import Path
+from unittest import mock
 
 import pytest
 
 from clutchid.estimation.parameter_file import read_parameters
 from clutchid.model import own_model
 from clutchid.model.own.units import TERM_UNITS
+from fixtures.commands import called
 
 pytestmark = pytest.mark.slow
 
@@ -24,10 +28,15 @@ def blocks() -> list[tuple[str, str]]:
     return re.findall(r"```(\w+)\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
 
 
-def called(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    """Run a line of a shell; clutchid is that of these tests."""
-    command = line.replace("clutchid ", f"{shlex.quote(sys.executable)} -m clutchid ", 1)
-    return subprocess.run(["sh", "-c", command], cwd=folder, capture_output=True, text=True, timeout=600, check=False)
+def typed(line: str) -> subprocess.CompletedProcess[str]:
+    """Call a command of the page in this process; a line of another program is run."""
+    program, *words = shlex.split(line, comments=True)
+    if program != "clutchid":
+        return subprocess.run(["sh", "-c", line], capture_output=True, text=True, timeout=600, check=False)
+    said, errors = StringIO(), StringIO()
+    with redirect_stdout(said), redirect_stderr(errors), mock.patch.object(sys, "argv", [program, *words]):
+        code = called(*words)
+    return subprocess.CompletedProcess(line, code, said.getvalue(), errors.getvalue())
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +53,7 @@ def folder(tmp_path_factory):
                 exec(compile(text, PAGE.name, "exec"), {})
             elif language == "sh":
                 for line in text.strip().splitlines():
-                    last = called(line, folder)
+                    last = typed(line)
                     answers.append([line, last, ""])
             else:
                 answers[-1][2] = text.strip()
