@@ -62,10 +62,11 @@ THETA = (9.0e5, -0.3e5, 0.6e5)
 
 #: Files that take longest, some with a test or two: they are first, so that no worker is left alone with one of them.
 LONG = (
-    "docs/test_site", "docs/test_console_blocks", "cli/test_fleet_command", "app/test_jobs", "house/test_python_page",
-    "cli/test_track_command", "cli/test_fit_output", "documents/test_fit", "model/test_texts", "test_systems",
-    "house/test_own_models_page", "house/test_new_parameter", "truck/test_plant_of_family_b", "rig/test_lugre",
-    "study/proving/test_proving", "fleets/test_cluster", "docs/test_gallery", "golden/test_golden_results",
+    "docs/test_site", "docs/test_console_blocks", "app/test_jobs", "house/test_python_page",
+    "oracles/test_finite_differences", "golden/test_golden_results", "test_systems", "fleets/test_cluster",
+    "study/proving/test_proving", "cli/test_fleet_command", "documents/test_fit", "cli/test_track_command",
+    "cli/test_fit_output", "study/paper/test_paper_study", "cli/test_commands", "rig/test_lugre", "docs/test_gallery",
+    "house/test_new_parameter",
 )  # fmt: skip
 
 #: Public names whose examples in the docstring take longer than 0.6 s.
