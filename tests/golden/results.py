@@ -184,6 +184,13 @@ def results(group: str, ends: Recorder | Replay) -> Numbers:
     return trucks(ends.drive) if group == "trucks" else FITS[group](ends.methods())
 
 
+def evaluated(group: str, asked: str) -> str:
+    """Results of a group at kept ends, and the searches that are done again; both texts are JSON."""
+    replay = Replay(**json.loads(asked))
+    leaves = dict(flat(results(group, replay)))
+    return json.dumps({"results": leaves, "searched": replay.searched})
+
+
 def main() -> None:
     """Print the ends of a group, or its results at those of the input, with the searches that are done again."""
     group, *search = sys.argv[1:]
@@ -192,10 +199,7 @@ def main() -> None:
         results(group, recorder)
         print(json.dumps(recorder.ends))
         return
-    asked = json.load(sys.stdin)
-    replay = Replay(asked["ends"], asked["again"])
-    leaves = dict(flat(results(group, replay)))
-    print(json.dumps({"results": leaves, "searched": replay.searched}))
+    print(evaluated(group, sys.stdin.read()))
 
 
 if __name__ == "__main__":
