@@ -18,6 +18,12 @@ EMPTY = re.compile(r"(?<!the )\bone that\b|what is none", re.IGNORECASE)
 #: Begins of a docstring that say nothing: a docstring begins with a noun phrase or a verb.
 BEGINS = re.compile(r"What |It\.")
 
+#: Names of variables that say nothing of what they hold.
+VAGUE = {"found", "one", "known", "done", "kept", "given", "each"}
+
+#: Fields of records whose names are keys of JSON.
+FIELDS = {("app/records.py", "found"), ("study/proving/scores.py", "kept")}
+
 DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 
 
@@ -47,3 +53,19 @@ def test_a_docstring_begins_with_a_noun_phrase_or_a_verb(source):
         if isinstance(node, DOCUMENTED)
     )
     assert [(name, text.splitlines()[0]) for name, text in docstrings if BEGINS.match(text)] == []
+
+
+def names_given(tree):
+    """Names that are assigned in a module, and those of arguments."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.arg):
+            yield node.arg
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            yield node.id
+
+
+def test_a_variable_is_named_by_what_it_holds(source):
+    vague = {
+        (name, word) for name, text in revised(source) for word in VAGUE.intersection(names_given(ast.parse(text)))
+    }
+    assert vague - FIELDS == set()

@@ -50,26 +50,26 @@ def kernel_c99(
     ValueError
         If a kernel has what cannot be printed.
     """
-    known = _functions(ast.parse(getsource(module)))
+    by_name = _functions(ast.parse(getsource(module)))
     wanted = set(entries)
-    for name in reversed(known):
+    for name in reversed(by_name):
         if name in wanted:
-            wanted |= {node.id for node in ast.walk(known[name].tree) if isinstance(node, ast.Name)}
-    functions = {name: function for name, function in known.items() if name in wanted}
+            wanted |= {node.id for node in ast.walk(by_name[name].tree) if isinstance(node, ast.Name)}
+    functions = {name: function for name, function in by_name.items() if name in wanted}
     printer = _Printer(module, functions, real, prefix, number)
     return "\n".join((printer.helpers(), *(printer.function(name) for name in functions)))
 
 
 def _functions(tree: ast.Module) -> dict[str, _Function]:
     """The kernels without loops, by name."""
-    found: dict[str, _Function] = {}
+    by_name: dict[str, _Function] = {}
     for node in tree.body:
         loops = any(isinstance(part, (ast.For, ast.While)) for part in ast.walk(node))
         if not isinstance(node, ast.FunctionDef) or not node.decorator_list or loops:
             continue
         types = {argument.arg: _type(argument.annotation) for argument in node.args.args}
-        found[node.name] = _Function(node, types, _type(node.returns), frozenset(_changed(node, found)))
-    return found
+        by_name[node.name] = _Function(node, types, _type(node.returns), frozenset(_changed(node, by_name)))
+    return by_name
 
 
 def _type(annotation: ast.expr | None) -> str:
@@ -77,16 +77,16 @@ def _type(annotation: ast.expr | None) -> str:
     return {"float": "real", "int": "int", "bool": "int", "FloatArray": "array", "None": "void"}[name]
 
 
-def _changed(function: ast.FunctionDef, known: Mapping[str, _Function]) -> set[str]:
+def _changed(function: ast.FunctionDef, by_name: Mapping[str, _Function]) -> set[str]:
     """Arguments whose entries a function changes, itself or by the functions that it calls."""
     changed = set()
     for node in ast.walk(function):
         if isinstance(node, ast.Subscript) and isinstance(node.ctx, ast.Store):
             changed.add(ast.unparse(node.value))
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in known:
-            called = known[node.func.id]
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in by_name:
+            called = by_name[node.func.id]
             pairs = zip(called.types, node.args, strict=True)
-            changed |= {ast.unparse(given) for name, given in pairs if name in called.changed}
+            changed |= {ast.unparse(argument) for name, argument in pairs if name in called.changed}
     return changed
 
 
@@ -246,8 +246,8 @@ class _Printer:
         operands, parts = [node.left, *node.comparators], []
         for left, operator, right in zip(operands, node.ops, operands[1:], strict=False):
             if isinstance(operator, ast.In) and isinstance(right, ast.Tuple):
-                each = [f"({self._expression(left, types)} == {self._expression(one, types)})" for one in right.elts]
-                parts.append("(" + " || ".join(each) + ")")
+                same = [f"({self._expression(left, types)} == {self._expression(item, types)})" for item in right.elts]
+                parts.append("(" + " || ".join(same) + ")")
                 continue
             a, b = self._expression(left, types), self._expression(right, types)
             if type(operator) in _COMPARED:
@@ -260,17 +260,17 @@ class _Printer:
         return parts[0] if len(parts) == 1 else f"({' && '.join(parts)})"
 
     def _called(self, node: ast.Call, types: Mapping[str, str]) -> str:
-        name, given = ast.unparse(node.func), [self._expression(part, types) for part in node.args]
+        name, arguments = ast.unparse(node.func), [self._expression(part, types) for part in node.args]
         if name in ("float", "bool"):
-            return given[0]
+            return arguments[0]
         if name == "math.isnan":
-            return f"(isnan({given[0]}) != 0)"
+            return f"(isnan({arguments[0]}) != 0)"
         if name in ("abs", "math.sqrt"):
-            return f"{'fabs' if name == 'abs' else 'sqrt'}{self.suffix}({given[0]})"
+            return f"{'fabs' if name == 'abs' else 'sqrt'}{self.suffix}({arguments[0]})"
         if name in ("min", "max"):
-            return f"{self.prefix}{name}({', '.join(given)})"
+            return f"{self.prefix}{name}({', '.join(arguments)})"
         if name in self.functions:
-            return f"{self.prefix}{name}({', '.join(given)})"
+            return f"{self.prefix}{name}({', '.join(arguments)})"
         raise ValueError(f"no C for the function {name}")
 
 

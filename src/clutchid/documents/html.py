@@ -80,13 +80,9 @@ def page_of(document: Document) -> str:
 def answer_html(document: Document) -> str:
     """The rows of a document with its picture and the next step, as a fragment."""
     return str(_environment().get_template("answer.html.j2").render(
-        groups=grouped(document.rows_on(On.PAGE)), next=document.next, address=_address, transposed=_transposed,
-        picture=document.figure() if document.figure else None,
+        groups=grouped(document.rows_on(On.PAGE)), next=document.next, address=_address,
+        transposed=lambda cells: zip(*cells, strict=True), picture=document.figure() if document.figure else None,
     ))  # fmt: skip
-
-
-def _transposed(cells: Iterable[Iterable[str]]) -> Iterable[tuple[str, ...]]:
-    return zip(*cells, strict=True)
 
 
 def grouped(rows: Iterable[Row]) -> list[tuple[str, list[Row]]]:

@@ -301,7 +301,7 @@ def _all_cycles(
         strokes = passes(log, band)
         own = [cycle for cycle in cycles(strokes) if not abs(2 * cycle.half_pressure) > level_gap]
         dropped += len(strokes) - 2 * len(own)
-        outside = _ambient(log) if ambient is None else ambient
+        outside = float(log.metadata.get("ambient_Pa", AMBIENT)) if ambient is None else ambient
         pairs += [(cycle, cycle.pressure - outside) for cycle in own]
         if not own:
             problems.append(
@@ -320,10 +320,6 @@ def _all_cycles(
     if len({np.isfinite(pressure) for _, pressure in pairs}) > 1:
         raise DataError("some recordings have pressure_a, others do not; fit them separately.")
     return pairs, dropped
-
-
-def _ambient(log: Log) -> float:
-    return float(log.metadata.get("ambient_Pa", AMBIENT))
 
 
 @dataclass(frozen=True, slots=True)
