@@ -70,7 +70,7 @@ def _worn(wear: Wear, worn: Interval) -> str:
     interval = f"({worn[1] / MM:.2f} to {worn[2] / MM:.2f})"
     end = wear.end_of_table
     if np.isnan(worn.value):
-        return "wear of the facing unknown, anything that its table has"
+        return "wear of the facing unknown: its band covers the whole table"
     if end is not None and worn[0] >= end:
         return f"facing worn beyond the end of its table, {end / MM:.2f} mm {interval}"
     return f"facing worn by {worn[0] / MM:.2f} mm {interval}"

@@ -8,11 +8,11 @@ const chosen = { calibrate: new Set(), estimate: new Set(), start: "" };
 const verified = { calibrate: new Set(), estimate: new Set() };
 const options = { calibrate: {}, estimate: {} };
 const refused = { calibrate: "", estimate: "" };
-const sent = new Map();       // files dropped for a fit that the server has not told of yet, with what they were dropped for
+const sent = new Map();       // files dropped for a fit that are not among the events yet, with their use
 const known = new Set();      // recordings and results that were offered before
 const board = new Set();      // results that are overlaid
 let open = "";                // the result whose details are shown
-let awaited = "";             // one that was begun, and that the server has not told of yet
+let awaited = "";             // a result that was begun, and is not among the events yet
 let plots = [];
 
 export { calibrations };

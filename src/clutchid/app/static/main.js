@@ -1,4 +1,4 @@
-// The page: its stages, the theme, files dropped anywhere, and the changes that the server tells.
+// The page: its stages, the theme, files dropped anywhere, and the events of the server.
 import { follow, h, learn, listen, notice } from "./page.js";
 import { jobBar } from "./jobs.js";
 import { loadStage } from "./load.js";

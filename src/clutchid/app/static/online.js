@@ -10,7 +10,7 @@ const SPEEDS = [["1", "1x"], ["10", "10x"], ["inf", "as fast as it goes"]];
 const chosen = { recording: "", start: "", method: "joint", force: false };
 let refused = "";
 let open = "";
-let awaited = "";   // an observation that was begun, and that the server has not told of yet
+let awaited = "";   // an observation that was begun, and is not among the events yet
 
 export function onlineStage(main, show) {
   const form = h("section", { class: "card", "aria-label": "Observe" });

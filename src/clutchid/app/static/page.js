@@ -39,7 +39,7 @@ export async function ask(path) {
 
 const answered = async (answer) => contentOf(await answer.text(), answer.status);
 
-/** The content of an answer; one that refuses is an Error with its sentence. */
+/** The content of an answer; a refusal is an Error with its sentence. */
 function contentOf(text, status) {
   let content = {};
   try { content = JSON.parse(text); } catch { content = { message: text }; }
@@ -127,7 +127,7 @@ export const plural = (count, word) => `${count} ${word}${count === 1 ? "" : "s"
 /** A sentence at the place where something was given. */
 export const notice = (text, mood = "bad") => (text ? h("p", { class: `notice ${mood}`, role: mood === "bad" ? "alert" : "status" }, text) : null);
 
-/** A table: a heading a column, and rows whose cells have it too, as a row is a list of them on a narrow page; `scroll` names one that scrolls. */
+/** A table: a heading a column, and rows whose cells have it too, as a row is a list of them on a narrow page; `scroll` names a table that scrolls. */
 export function table(heads, rows, { name = "", scroll = "" } = {}) {
   const titles = heads.map((head) => (head instanceof Node ? head : h("th", { scope: "col" }, head)));
   for (const row of rows) [...row.cells].forEach((cell, k) => { if (cell.tagName === "TD") cell.dataset.label = titles[k].textContent; });

@@ -60,7 +60,7 @@ export const unchecked = (recording) => recording.look.needs_map && !recording.l
 /** Whether a recording can be fitted, as far as its channels say. */
 export const ready = (recording) => recording.look && !recording.look.checking && recording.look.status !== "bad_input";
 
-/** Whether a recording has the channel of a quantity: a map may name one that only other recordings have. */
+/** Whether a recording has the channel of a quantity: a map may name a channel that only other recordings have. */
 export const has = ({ look }, quantity) => look.channels.some((channel) => channel.heading === look.map[quantity]?.channel);
 
 /** What a recording holds, in two words. */
@@ -85,7 +85,7 @@ function drawList(list, details) {
     () => { chosen = recording.id; drawList(list, details); drawDetails(details); })));
 }
 
-/** The map that is shown: as edited, or else as given or proposed. One that was given stays until the server shows it. */
+/** The map that is shown: as edited, or else as given or proposed. A saved map stays until the server shows it. */
 function draftOf(recording) {
   const kept = drafts.get(recording.id);
   const shown = JSON.stringify(recording.look.map);

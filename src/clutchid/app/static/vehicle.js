@@ -36,7 +36,7 @@ export function vehicleStage(main) {
   };
 }
 
-/** Whether the server has been asked for what is chosen, and has not told of it yet. */
+/** Whether the chosen vehicle has been requested, and is not among the events yet. */
 const awaited = () => chosen !== "" && !seen.has(chosen);
 const seen = new Set();
 
