@@ -23,7 +23,7 @@ import psutil
 
 import clutchid
 from clutchid.fleets.cluster import Workers, results
-from clutchid.fleets.jobs import compile_first, fleet_of, run, tasks
+from clutchid.fleets.jobs import compile_first, fleet_of, read_all, tasks
 from clutchid.fleets.store import store
 from clutchid.truck import drive, truck
 from clutchid.verbs.wear_reading import ReadingOptions
@@ -82,7 +82,7 @@ def measure(folder: Path, family: str, count: int, workers: Sequence[int]) -> No
         out = folder / f"out{count}-{number}"
         with store(out, {}) as kept:
             todo = tasks(fleet, ReadingOptions(), kept)
-            wall, seen = timed(count, partial(run, Workers(number), ReadingOptions(), todo, kept))
+            wall, seen = timed(count, partial(read_all, Workers(number), ReadingOptions(), todo, kept))
             seconds = [one.seconds for one in kept.results()]
         alone = alone or wall * number
         print(

@@ -6,7 +6,7 @@ import stat
 
 import pytest
 
-from clutchid.app.folder import end_folder, make_folder, opening_page, sweep
+from clutchid.app.folder import end_folder, new_folder, opening_page, sweep
 from clutchid.errors import ExportError
 
 
@@ -15,14 +15,14 @@ def mode(path):
 
 
 def test_only_the_user_can_read_what_a_server_keeps(tmp_path):
-    folder = make_folder(tmp_path / "app")
+    folder = new_folder(tmp_path / "app")
     page = opening_page(folder, "http://127.0.0.1:1/?token=secret")
     assert (mode(folder), mode(page), mode(folder / "lock.json")) == (0o700, 0o600, 0o600)
     assert "url=http://127.0.0.1:1/?token=secret" in page.read_text()
 
 
 def test_a_folder_goes_with_its_server_unless_it_is_to_be_kept(tmp_path):
-    gone, kept = make_folder(tmp_path), make_folder(tmp_path)
+    gone, kept = new_folder(tmp_path), new_folder(tmp_path)
     end_folder(gone, keep=False)
     end_folder(kept, keep=True)
     assert (gone.exists(), kept.exists()) == (False, True)
@@ -41,13 +41,13 @@ def test_the_folder_of_a_server_that_was_killed_is_removed_by_the_next_one(tmp_p
     dead.mkdir()
     (dead / "lock.json").write_text(lock)
     (dead / "big.csv").write_text("x")
-    alive = make_folder(tmp_path)
+    alive = new_folder(tmp_path)
     assert not dead.exists()
-    assert make_folder(tmp_path) != alive
+    assert new_folder(tmp_path) != alive
     assert alive.exists()
 
 
 def test_a_folder_that_cannot_be_made_is_said(tmp_path):
     (tmp_path / "app").write_text("a file")
     with pytest.raises(ExportError, match="CLUTCHID_CACHE"):
-        make_folder(tmp_path / "app")
+        new_folder(tmp_path / "app")

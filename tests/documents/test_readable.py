@@ -56,7 +56,7 @@ def of_loads(compared, run, curves):
         "fit": load_figure(compared),
         "comparison": comparison_figure(compared.comparison),
         "observe": observe.loads_figure(loads(run)),
-        "track": wear.loads_figure(curves),
+        "track": wear.life_figure(curves),
     }
 
 

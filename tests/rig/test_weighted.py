@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, linregress
 
-from clutchid.rig.weighted import Component, equality, fitted, independent, satterthwaite, student
+from clutchid.rig.weighted import Component, equality, gls, independent, satterthwaite, student
 
 
 def own(variances, degrees_of_freedom):
@@ -56,18 +56,18 @@ def test_a_line_through_means_of_one_variance_has_the_textbook_slope_and_standar
     x, y = np.array([1.0, 2.0, 4.0, 7.0]), np.array([3.1, 4.4, 5.8, 9.9])
     X = np.column_stack([np.ones(4), x])
     expected = linregress(x, y)
-    scattered = fitted(X, y, own([1e-6] * 4, [9] * 4))[1]
+    scattered = gls(X, y, own([1e-6] * 4, [9] * 4))[1]
     assert scattered.value == pytest.approx(expected.slope, rel=1e-6)
     assert scattered.std == pytest.approx(expected.stderr, rel=1e-6)
     # two levels of freedom are left
     assert (scattered.high - scattered.value) / scattered.std == pytest.approx(4.302653, rel=1e-6)
-    quiet = fitted(X, y, own([1.0] * 4, [1e9] * 4))[1]
+    quiet = gls(X, y, own([1.0] * 4, [1e9] * 4))[1]
     assert quiet.std == pytest.approx(1 / np.sqrt(np.sum((x - x.mean()) ** 2)), rel=1e-6)
     assert (quiet.high - quiet.value) / quiet.std == pytest.approx(1.959964, rel=1e-6)
 
 
 def test_means_without_scatter_are_fitted_exactly():
-    intercept, slope = fitted(np.column_stack([np.ones(2), [1.0, 3.0]]), np.array([2.0, 6.0]), own([0, 0], [1, 1]))
+    intercept, slope = gls(np.column_stack([np.ones(2), [1.0, 3.0]]), np.array([2.0, 6.0]), own([0, 0], [1, 1]))
     assert (intercept.value, slope.value) == pytest.approx((0.0, 2.0), abs=1e-9)
 
 
@@ -75,7 +75,7 @@ def test_one_large_error_in_common_does_not_hide_that_the_means_are_equal_to_a_p
     swings = np.array([1.0, 1.001, 0.999])
     parts = [*own([1e-16] * 3, [9] * 3), Component(np.outer(swings, swings), 1.0)]
     assert equality(np.array([5.0, 5.0, 5.0]), parts).p_value > 0.9
-    assert all(np.isfinite(c.std) for c in fitted(np.column_stack([np.ones(3), [1.0, 2.0, 4.0]]), swings, parts))
+    assert all(np.isfinite(c.std) for c in gls(np.column_stack([np.ones(3), [1.0, 2.0, 4.0]]), swings, parts))
 
 
 def test_values_without_order_are_called_dependent_in_one_of_twenty_cases():

@@ -25,7 +25,7 @@ def cache_folder() -> Path:
     return (Path(folder) if folder else user_cache_path("clutchid", appauthor=False)) / "app"
 
 
-def make_folder(base: Path) -> Path:
+def new_folder(base: Path) -> Path:
     """A new folder for this process that only the user can read; folders of dead servers are removed first.
 
     Raises

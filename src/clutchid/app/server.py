@@ -26,7 +26,7 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from clutchid.app.commands import METHODS, VERBS
-from clutchid.app.folder import end_folder, make_folder, opening_page
+from clutchid.app.folder import end_folder, new_folder, opening_page
 from clutchid.app.guard import LOOPBACK, REPORT_POLICY, Access, Guard, names_of, warning_of
 from clutchid.app.records import Observation, Recording, Result, Table, download_name
 from clutchid.app.session import Session
@@ -404,7 +404,7 @@ def serve(
         if not file.is_file():
             raise DataError(f"{file}: there is no such file.")
     listener = bound(port, host)
-    folder = make_folder(base)
+    folder = new_folder(base)
     try:
         address, number = listener.getsockname()
         access = Access(number, names_of(address, host))

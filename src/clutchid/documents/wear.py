@@ -90,7 +90,7 @@ def _measured(axis: Axes, s: FloatArray, wear: Wear, name: str, factor: float) -
             axis.plot(s[chosen], values[chosen] / factor, mark, color=colour, markersize=4, label=words, zorder=1.5)
 
 
-def loads_figure(curves: Sequence[tuple[str, LoadCurve]]) -> Figure:
+def life_figure(curves: Sequence[tuple[str, LoadCurve]]) -> Figure:
     """Loads of recordings evenly over the life, from dark (first) to light (last); the band is that of the last."""
     from matplotlib.colors import LinearSegmentedColormap
 
@@ -146,7 +146,7 @@ def wear_document(clutch: WornClutch, command: str = "") -> Document:
 def _sections(clutch: WornClutch) -> list[Section]:
     sections = [Section("Recordings", (recordings_table(clutch.wear),))]
     if clutch.curves:
-        sections.insert(0, Section("Load from new to now", (Picture(loads_figure(clutch.curves), _LOADS, "Loads"),)))
+        sections.insert(0, Section("Load from new to now", (Picture(life_figure(clutch.curves), _LOADS, "Loads"),)))
     return sections
 
 

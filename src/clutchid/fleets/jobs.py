@@ -209,7 +209,7 @@ def tasks(fleet: Fleet, options: ReadingOptions, store: Store, *, retry: bool = 
     return todo
 
 
-def run(
+def read_all(
     workers: Workers,
     options: ReadingOptions,
     todo: Sequence[FleetTask],

@@ -132,12 +132,12 @@ def opened(path: Path, below: Path, vehicle: str | None) -> dict[str, Any]:
     """
     files = files_of(path, below)
     if vehicle is not None:
-        return vehicle_of(files, vehicle)
+        return vehicle_table(files, vehicle)
     if files.vehicles is None and files.results is None and files.wear is not None:
         names = _read(files.wear)["vehicle"].unique().to_list()
         if len(names) <= 1:
-            return vehicle_of(files, names[0] if names else "")
-    return fleet_of(files)
+            return vehicle_table(files, names[0] if names else "")
+    return fleet_table(files)
 
 
 # a fleet
@@ -146,7 +146,7 @@ def opened(path: Path, below: Path, vehicle: str | None) -> dict[str, Any]:
 _BANDS = {"shift": ("shift", "_mm"), "wear": ("wear", "_mm"), "load": ("load_change", ""), "left": ("left", "")}
 
 
-def fleet_of(files: Files) -> dict[str, Any]:
+def fleet_table(files: Files) -> dict[str, Any]:
     """The vehicles of a fleet, a list of values a column, in the order of their names."""
     if files.vehicles is not None:
         rows = _read(files.vehicles).to_dicts()
@@ -227,7 +227,7 @@ def _newest(results: pl.DataFrame) -> dict[str, dict[str, Any]]:
 # a vehicle
 
 
-def vehicle_of(files: Files, name: str) -> dict[str, Any]:
+def vehicle_table(files: Files, name: str) -> dict[str, Any]:
     """One vehicle: its recordings in their order, its trend if there is one, and its loads.
 
     Raises

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from clutchid.errors import ExportError
 from clutchid.files import atomic_write, make_folder
 from clutchid.verbs.folders import STORE
-from clutchid.verbs.wear_reading import RecordingResult, packed, unpacked
+from clutchid.verbs.wear_reading import RecordingResult, packed_result, restored
 
 #: Time in s after which results are on the disk at the latest.
 COMMIT = 0.5
@@ -265,12 +265,12 @@ def _row(result: StoredResult) -> _StoredRow:
     read = result.read
     row = (
         result.vehicle, result.recording, result.inputs, result.file, read.reading.status, read.reading.message,
-        read.sha256, *packed(read), float(result.seconds),
+        read.sha256, *packed_result(read), float(result.seconds),
     )  # fmt: skip
     return (*row, _checksum(row))
 
 
 def _kept(row: tuple[Any, ...]) -> StoredResult:
     vehicle, recording, inputs, file, status, message, sha256, content, curve, seconds, _ = row
-    read = unpacked(recording, status, message, sha256, content, curve)
+    read = restored(recording, status, message, sha256, content, curve)
     return StoredResult(vehicle, recording, inputs, file, read, seconds)

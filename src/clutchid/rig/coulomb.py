@@ -16,7 +16,7 @@ from clutchid.rig.weighted import (
     Equality,
     StudentEstimate,
     equality,
-    fitted,
+    gls,
     independent,
     satterthwaite,
     student,
@@ -373,7 +373,7 @@ def _area(groups: Sequence[_Group]) -> StudentEstimate:
         middles = [np.mean([cycle.middle for cycle in group.cycles]) for group in groups]
         return student(float(np.polyfit([group.pressure for group in groups], middles, 1)[0]), float("inf"), 0.0)
     values = [np.array([cycle.middle for cycle in group.cycles]) for group in repeated]
-    return fitted(_line(repeated), np.array([v.mean() for v in values]), _parts(values))[1]
+    return gls(_line(repeated), np.array([v.mean() for v in values]), _parts(values))[1]
 
 
 def _line(groups: Sequence[_Group]) -> FloatArray:
@@ -411,6 +411,6 @@ def _result(groups: Sequence[_Group], area: StudentEstimate | None, dropped: int
     if area is not None:
         swings = np.array([groups[i].swing for i in usable])
         parts.append(Component(area.std**2 * np.outer(swings, swings), area.degrees_of_freedom))
-    intercept, slope = fitted(_line([groups[i] for i in usable]), means, parts)
-    (constant,) = fitted(np.ones((len(usable), 1)), means, parts)
+    intercept, slope = gls(_line([groups[i] for i in usable]), means, parts)
+    (constant,) = gls(np.ones((len(usable), 1)), means, parts)
     return CoulombFriction(levels, area, equality(means, parts), constant, slope, intercept, dropped)

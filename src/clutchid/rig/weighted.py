@@ -79,7 +79,7 @@ def satterthwaite(variances: Sequence[float], degrees_of_freedom: Sequence[float
     return sum(variances) ** 2 / spread if spread > 0.0 else float("inf")
 
 
-def fitted(X: FloatArray, means: FloatArray, parts: Sequence[Component]) -> list[StudentEstimate]:
+def gls(X: FloatArray, means: FloatArray, parts: Sequence[Component]) -> list[StudentEstimate]:
     r"""Generalised least squares of `means` on the columns of X, with an interval for each coefficient.
 
     Parameters

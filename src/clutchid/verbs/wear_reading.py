@@ -189,7 +189,7 @@ def _calibration(path: Path, _checksum: str) -> ParameterFile:
     return start_file(path)
 
 
-def packed(result: RecordingResult) -> tuple[str, bytes | None]:
+def packed_result(result: RecordingResult) -> tuple[str, bytes | None]:
     """A result as text and its load as bytes, for a table; its path, status, message and checksum are not in it."""
     reading = result.reading
     content = {
@@ -202,8 +202,8 @@ def packed(result: RecordingResult) -> tuple[str, bytes | None]:
     return json.dumps(content), curve
 
 
-def unpacked(recording: str, status: str, message: str, sha256: str, text: str, curve: bytes | None) -> RecordingResult:
-    """The result whose `packed` form is a text and bytes."""
+def restored(recording: str, status: str, message: str, sha256: str, text: str, curve: bytes | None) -> RecordingResult:
+    """The result whose `packed_result` form is a text and bytes."""
     content = json.loads(text)
     measured, leak, rest = content["measurement"], content.get("leak"), content.get("rest")
     reading = WearReading(
