@@ -75,7 +75,7 @@ def test_what_cannot_be_a_fleet_is_refused_in_a_sentence(depot, tmp_path):
         (("a,,T1",), "'a' has no vehicle"),
         (("a,V1,T1", "b,V1,T2"), "of type 'T1' and of type 'T2', so it is two vehicles under one name"),
         (("a,V1,T1", "a,V1,T1", "x,V9,T1", "x,V9,T2"), "'x' stands there twice, with other values"),
-        (("y,V1,T1", "z,V1,T1"), "none of the files of its 2 recordings is there"),
+        (("y,V1,T1", "z,V1,T1"), "none of the files of its 2 recordings exists"),
     ):
         with pytest.raises(DataError, match=said):
             fleet_of(table(depot, *rows), cal)

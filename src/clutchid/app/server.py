@@ -265,7 +265,7 @@ async def _upload_table(session: Session, request: Request) -> Response:
     beside = request.query_params.get("beside", "")
     first = session.board.get(Table, beside)
     if beside and first is None:
-        raise DataError("what this file belongs to is not there any more; send both again.")
+        raise DataError("the file that it belongs to has been removed; send both again.")
     id_, path = await _received(session, request, "table", beside)
     return JSONResponse({"id": session.open_table(path if first is None else first.path, id_)})
 
@@ -316,7 +316,7 @@ async def _body(request: Request) -> dict[str, Any]:
     """
     length = request.headers.get("content-length", "")
     if not length.isdigit() or int(length) > _LARGEST_BODY:
-        raise ParameterError("this request is too large, or does not say how large it is.")
+        raise ParameterError("this request is too large, or has no length.")
     try:
         body = json.loads(await request.body())
     except (ValueError, RecursionError):

@@ -226,7 +226,7 @@ class Session:
         """
         path = self.folder / "results" / id_ / "fit.toml"
         if self.board.get(records.Result, id_) is None or not path.is_file():
-            raise DataError("this calibration is not there any more; choose another one.")
+            raise DataError("this calibration has been removed; choose another one.")
         return path
 
     def file_of(self, id_: str, name: str) -> tuple[Path, records.Result]:
@@ -254,7 +254,7 @@ class Session:
             If there is none.
         """
         if self.board.get(kind, id_) is None:
-            raise DataError(f"this {kind.__name__.lower()} is not there any more.")
+            raise DataError(f"this {kind.__name__.lower()} has been removed.")
         return self._columns(id_) if kind is records.Recording else self.folder / "results" / id_ / "columns"
 
     # jobs
@@ -305,7 +305,7 @@ class Session:
     def _recording(self, id_: str) -> records.Recording:
         recording = self.board.get(records.Recording, id_)
         if recording is None:
-            raise DataError("this recording is not there any more; open it again.")
+            raise DataError("this recording has been removed; open it again.")
         return recording
 
     def _files(self, ids: Sequence[str]) -> tuple[records.File, ...]:

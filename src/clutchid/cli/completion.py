@@ -45,7 +45,7 @@ def _install(application: App, shell: Shell | None) -> int:
         used = shell or detect_shell()
     except ShellDetectionError as error:
         raise ParameterError(
-            "which shell you use cannot be found out; name it: clutchid --install-completion --shell bash (or zsh, "
+            "your shell could not be identified; name it: clutchid --install-completion --shell bash (or zsh, "
             "fish, powershell)."
         ) from error
     try:

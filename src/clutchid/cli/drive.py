@@ -170,4 +170,4 @@ def _check_no_single(single: VirtualRecording, truth: Path | None) -> None:
     if extra or truth:
         option = {"pressure": "no-pressure", "recorder": "bus"}.get(extra[0], extra[0]) if extra else "truth"
         option = option.replace("_", "-")
-        raise ParameterError(f"--{option}: belongs to a single recording; what happens to a fleet is drawn by --seed.")
+        raise ParameterError(f"--{option}: belongs to a single recording; the events of a fleet are drawn by --seed.")

@@ -273,9 +273,7 @@ def _spread(
             elif isinstance(outcome, FinishedWork):
                 yield outcome
             else:
-                yield FinishedWork(
-                    item, outcome or LostWork("killed", f"{_ATTEMPTS} workers that were given it were lost."), 0.0
-                )
+                yield FinishedWork(item, outcome or LostWork("killed", f"{_ATTEMPTS} workers were lost with it."), 0.0)
         if len(attempts) <= _WINDOW - BATCH:
             submit(list(islice(waiting, _WINDOW - len(attempts))), 1)
     with suppress(TimeoutError, OSError):

@@ -94,7 +94,7 @@ def fleet_of(source: Path, start: Path) -> Fleet:
     if not by_key:
         raise DataError(no_recordings(str(source), beside))
     if all(file.path is None for file in by_key.values()):
-        raise DataError(f"{source}: none of the files of its {len(by_key):,} recordings is there.")
+        raise DataError(f"{source}: none of the files of its {len(by_key):,} recordings exists.")
     calibrations = _calibrations(start)
     jobs = tuple(_job(key, file, rows.get(key), start, calibrations) for key, file in sorted(by_key.items()))
     if all(job.start is None for job in jobs):

@@ -240,7 +240,7 @@ def _room(path: Path) -> Iterator[None]:
                 f"--out {path.parent}: cannot be written ({error}); allow writing in it, or name another folder."
             ) from error
         raise ExportError(
-            f"{path}: cannot be written ({error}); what was written before is whole. Make room on the disk, and run "
+            f"{path}: cannot be written ({error}); what was written before is intact. Make room on the disk, and run "
             "the same command again to go on."
         ) from error
 
