@@ -39,7 +39,8 @@ def trucks(worn):
 @pytest.fixture(scope="module")
 def logs(trucks, recorded_by):
     return {
-        name: recorded_by(truck, seconds=5.0, seed=6, name=name, driven=1).without("pressure_a") for name, truck in trucks.items()
+        name: recorded_by(truck, seconds=5.0, seed=6, name=name, driven=1).without("pressure_a")
+        for name, truck in trucks.items()
     }
 
 
