@@ -272,3 +272,25 @@ HUGE = {"t": ("s", SLOW), "Weg": ("m", np.full(SLOW.size, 1e300))}
 def test_a_file_and_a_map_that_do_not_fit_are_a_sentence(source, columns, clock, channels, words):
     with pytest.raises(DataError, match=words):
         read(source(columns, clock=clock), channels, required=("position",) if columns is HUGE else TIME)
+
+
+@pytest.mark.parametrize("once", [False, True])
+def test_a_duty_cycle_that_is_written_where_it_changes_is_held(source, once):
+    time, dense = np.arange(4000) * 1e-3, np.zeros(4000)
+    dense[300:340] = np.linspace(0.01, 0.4, 40)
+    dense[340:2000], dense[2000:2050], dense[2050:] = 0.4, np.linspace(0.39, 0.0, 50), 0.0
+    written = np.where(np.diff(dense, prepend=-1.0) != 0.0, dense, np.nan)
+    exhaust = np.r_[0.25, np.full(3999, np.nan)] if once else written
+    columns = {
+        "time": ("s", time), "position": ("mm", 5.0 + np.sin(time)),
+        "duty_supply": ("1", written), "duty_exhaust": ("1", exhaust),
+    }  # fmt: skip
+    (log,) = read(source(columns), MAP_BY_NAME)
+    assert np.array_equal(log["duty_supply"], dense)
+    assert np.array_equal(log["duty_exhaust"], np.full(4000, 0.25) if once else dense)
+    assert np.allclose(log["position"], 1e-3 * (5.0 + np.sin(time)))
+    assert "duty_supply: is recorded where it changes; each sample is held until the next one." in log.warnings
+    assert not any("no samples" in sentence for sentence in log.warnings)
+
+
+MAP_BY_NAME = ChannelMap({name: Channel(name) for name in ("time", "position", "duty_supply", "duty_exhaust")})

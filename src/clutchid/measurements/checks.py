@@ -60,7 +60,7 @@ class _Column:
         return quantity(self.written[row], self.heading.unit)
 
 
-def check(table: Table, ambient: float = AMBIENT) -> Checked:
+def check(table: Table, ambient: float = AMBIENT, *, holes_end: bool = True) -> Checked:
     """The columns of `table` in SI, and all problems and warnings of their samples.
 
     Parameters
@@ -69,6 +69,8 @@ def check(table: Table, ambient: float = AMBIENT) -> Checked:
         A table of a `Source`.
     ambient : Pa
         Absolute pressure, above 0, that is added to gauge pressures.
+    holes_end
+        Whether a hole in time ends a segment, and is said.
     """
     groups: dict[str, list[_Column]] = defaultdict(list)
     for heading in table.headings:
@@ -78,7 +80,7 @@ def check(table: Table, ambient: float = AMBIENT) -> Checked:
     for name, columns in groups.items():
         for column in columns:
             problems += _problems(name, column)
-    warnings = _gaps(groups) + _hole_warning(groups.get("time", ()))
+    warnings = _gaps(groups) + (_hole_warning(groups.get("time", ())) if holes_end else [])
     return Checked({name: columns[0].values for name, columns in groups.items()}, tuple(problems), tuple(warnings))
 
 

@@ -18,6 +18,9 @@ from clutchid.measurements.source import Places, Raster, Source, Table
 #: Words of time columns, in lower case.
 _TIMES = frozenset(["t", "time", "zeit", "stamp", "timestamp", "timestamps", "zeitstempel", "tout"])
 
+#: Letters of a word that are enough for its beginning.
+_BEGINNING = 3
+
 #: Samples of the time columns that show whether they are times.
 _SHOWN = 1000
 
@@ -70,9 +73,15 @@ def _owned(headings: Sequence[Heading], times: Sequence[Heading]) -> dict[int, l
             last = heading.index
             continue
         parts = _words(heading.text)
-        called = [index for index, own in words.items() if (own - common) & parts]
+        called = [index for index, own in words.items() if any(_alike(a, b) for a in own - common for b in parts)]
         owned[called[0] if len(called) == 1 else last].append(heading.index)
     return {index: columns for index, columns in owned.items() if columns}
+
+
+def _alike(one: str, other: str) -> bool:
+    """Whether a word is another, or its beginning: pos, position."""
+    short, long = sorted((one, other), key=len)
+    return short == long or (len(short) >= _BEGINNING and long.startswith(short))
 
 
 def _increase(source: Source, times: Sequence[int]) -> bool:

@@ -186,7 +186,7 @@ def _logs(
 def _stream(blocks: Iterator[SampleBlock], chosen: PickedChannels) -> tuple[float, ChannelStream]:
     """The channels of a pick as a stream in SI, and their usual interval in s, from the first block."""
     first = list(islice(blocks, 1))
-    usual = usual_interval(first[0].time) if first else math.inf
+    usual = usual_interval(first[0].time) if first and not chosen.on_change else math.inf
     return usual, ChannelStream(_again(first, blocks), chosen.longest(usual))
 
 
@@ -217,6 +217,7 @@ def _grids(
         every = tables if tables is not None else source.tables(chosen.raster, columns, rows)
         first = list(islice(every, 1))
         grids = by_presence(chosen, first[0]) if first else [chosen]
+        messages.warnings += [note for grid in grids for note in grid.notes if note not in chosen.notes]
         whole = _again(first, every)
         copies = tee(whole, len(grids)) if len(grids) > 1 else (whole,)
         del whole
@@ -257,7 +258,7 @@ def _blocks(
                 said, clock = [*before, *repaired.messages], repaired.clock
                 named = _kept(named, at, repaired.kept, repaired.time)
         done += table.size
-        checked = check(named, ambient)
+        checked = check(named, ambient, holes_end=not chosen.on_change)
         messages.warnings += [f"{_where(source, chosen.raster)}{sentence}" for sentence in said]
         messages.problems += checked.problems
         messages.warnings += [*table.warnings, *checked.warnings]

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchid.log import INPUTS, FloatArray
 from clutchid.measurements.map.channel_map import COUNTED, PickedChannels
@@ -17,8 +18,15 @@ from clutchid.measurements.source import Rows, Table
 #: many rows its samples usually lie apart at least.
 _ENOUGH, _WITHOUT, _APART = 20, 0.3, 2
 
+#: Rows of a table that may be sparse at least, and rows at its start in which an input that is written where it changes
+#: is written first.
+_ROWS, _START = 50, 10
+
+#: Share of the samples of such an input that differ from the one before, but for rounding.
+_DIFFERENT = 0.9
+
 #: Samples at one distance are sent at a rate; where fewer than this share are, they are sent when they change.
-_REGULAR = 0.8
+_REGULAR, _FEW = 0.8, 5
 
 
 def by_presence(
@@ -41,11 +49,18 @@ def by_presence(
         if name != "time" and heading.index in table.numbers
     }
     sparse: dict[str, Rows] = {}
+    changing: set[str] = set()
     for name, there in present.items():
-        if np.count_nonzero(there) <= (1 - _WITHOUT) * there.size:
+        if there.size >= _ROWS and np.count_nonzero(there) <= (1 - _WITHOUT) * there.size:
             places = np.flatnonzero(there)
-            if places.size >= enough and np.median(np.diff(places)) >= _APART:
+            values = table.numbers[chosen.columns[name][0].index][places]
+            if name in INPUTS and _changes(places, values):
+                changing |= {name} if np.mean(np.diff(places) < _APART) > 1 - _REGULAR else set()
                 sparse[name] = places
+            elif places.size >= enough and np.median(np.diff(places)) >= _APART:
+                sparse[name] = places
+    if any(name in sparse for name in INPUTS):  # one that never changes is written once
+        sparse |= {name: np.flatnonzero(present[name]) for name in INPUTS if name in present and _once(present[name])}
     time = chosen.columns.get("time")
     if not sparse or time is None or time[0].index == COUNTED:
         return [chosen]
@@ -61,16 +76,26 @@ def by_presence(
             if name not in names:
                 del columns[name]
         for name in INPUTS:
-            if name in names and name in sparse and not _has_rate(stamps[sparse[name]]):
+            if name in names and name in sparse and (name in changing or not _has_rate(stamps[sparse[name]])):
                 heading, entry = columns[name]
                 columns[name] = (heading, entry if entry.longest is not None else replace(entry, longest=np.inf))
+                notes = (*notes, f"{name}: is recorded where it changes; each sample is held until the next one.")
         picks.append(replace(chosen, columns=columns, notes=notes, increasing=False, sparse=True))
         notes = ()
     return picks
+
+
+def _changes(places: Rows, values: FloatArray) -> bool:
+    """Whether an input is written where it changes, from the start on."""
+    return places.size > 1 and places[0] <= _START and bool(np.mean(np.diff(values) != 0.0) >= _DIFFERENT)
+
+
+def _once(there: NDArray[np.bool_]) -> bool:
+    return np.count_nonzero(there) == 1 and bool(there[:_START].any())
 
 
 def _has_rate(stamps: FloatArray) -> bool:
     """Whether most samples have about the same interval."""
     steps = np.diff(stamps[np.isfinite(stamps)])
     usual = np.median(steps) if steps.size else 0.0
-    return bool(np.mean(np.abs(steps - usual) <= 0.5 * usual) >= _REGULAR)
+    return steps.size > _FEW and bool(np.mean(np.abs(steps - usual) <= 0.5 * usual) >= _REGULAR)

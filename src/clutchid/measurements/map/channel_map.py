@@ -111,6 +111,13 @@ class PickedChannels:
         """The channels that are read, by their index in the time grid."""
         return [heading.index for heading, _ in self.columns.values() if heading.index != COUNTED]
 
+    @property
+    def on_change(self) -> bool:
+        """Whether all channels are recorded only where they change, so that they have no interval and no holes."""
+        return self.sparse and all(
+            entry.longest == math.inf for name, (_, entry) in self.columns.items() if name != "time"
+        )
+
     def longest(self, usual: float) -> dict[str, float]:
         """Time in s for which a sample remains valid, by quantity, at a `usual` interval of the channels in s."""
         entries = {name: entry for name, (_, entry) in self.columns.items() if name != "time"}

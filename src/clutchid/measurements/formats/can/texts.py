@@ -7,7 +7,7 @@ import binascii
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from itertools import islice
 from pathlib import Path
@@ -66,9 +66,11 @@ def candump_log(path: Path) -> FrameLog:
         raise DataError(_NO_STAMPS)
     seconds = np.array([_seconds(stamp) for stamp in stamps if stamp])
     steps = np.diff(seconds)
-    between = bool(-steps[steps < 0].sum() > _BETWEEN * np.ptp(seconds)) and seconds[0] < _YEAR
+    half = seconds.size // 2
+    grown = half > 0 and seconds[half:].mean() - seconds[:half].mean() > _GROWN * np.ptp(seconds)
+    between = not grown and half > 0 and np.count_nonzero(steps > 0) < _ON * steps.size and seconds[0] < _YEAR
     zero, start, said = _origin(float(seconds[0]))
-    return FrameLog("candump", start, lambda: _candump_blocks(path, between, zero), said)
+    return FrameLog("candump", start, lambda: _candump_blocks(path, bool(between), zero), said)
 
 
 def _origin(first: float) -> tuple[int, datetime | None, tuple[str, ...]]:
@@ -81,9 +83,9 @@ def _origin(first: float) -> tuple[int, datetime | None, tuple[str, ...]]:
         return int(first), None, ()
 
 
-#: Lines that show what stamps are: from the line before where they go back by as many times all of their range; since
-#: 1970 where they are above this.
-_SHOWN, _BETWEEN, _YEAR = 2000, 5.0, 3e7
+#: Lines that show what stamps are: those since the line before do not grow over the lines, by this share of their
+#: range, nor from line to line, in this share; those since 1970 are above this.
+_SHOWN, _GROWN, _ON, _YEAR = 2000, 0.1, 0.9, 3e7
 
 
 def _candump_blocks(path: Path, between: bool, zero: int) -> Iterator[Frames]:
@@ -184,12 +186,16 @@ _TRUE = frozenset({"true", "1", "yes", "x", "ext", "extended"})
 
 @dataclass(frozen=True, slots=True)
 class _FrameTable:
-    """Layout of a table of frames: separator, columns by their meaning, and those of single bytes in their order."""
+    """Layout of a table of frames: separator, columns by their meaning, and those of single bytes in their order.
+
+    `unit` is that of the stamps, `base` that of single bytes.
+    """
 
     separator: str
     columns: Mapping[str, int]
     bytes: tuple[int, ...]
     unit: str
+    base: int = 16
 
 
 def frame_table(lines: Sequence[str]) -> _FrameTable | None:
@@ -231,10 +237,14 @@ def frame_table_log(path: Path) -> FrameLog:
     stamps = np.array([_seconds(cells[layout.columns["stamp"]].strip()) for cells in rows])
     texts = [cells[layout.columns["stamp"]].strip() for cells in rows]
     scale = _scale(stamps, layout.unit, whole=all(text.isdigit() for text in texts))
-    identifier = _base([cells[layout.columns["id"]] for cells in rows])
+    single = [cells[i].strip() for cells in rows for i in layout.bytes if i < len(cells)]
+    if any(len(cell) > len("FF") for cell in single) and all(cell.isdigit() for cell in single if cell):
+        layout = replace(layout, base=10)
+    identifier = layout.base if layout.base == 10 else _base([cells[layout.columns["id"]] for cells in rows])
     zero, start, said = _origin(float(stamps[0]) * scale if stamps.size else 0.0)
     offset = round(zero / scale)
-    return FrameLog("CSV of frames", start, lambda: _table_blocks(path, layout, scale, offset, identifier), said)
+    made = layout
+    return FrameLog("CSV of frames", start, lambda: _table_blocks(path, made, scale, offset, identifier), said)
 
 
 _UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
@@ -303,8 +313,8 @@ def _payload(cells: Sequence[str], layout: _FrameTable) -> bytes:
     )
     if layout.bytes:
         given = [cells[i] for i in layout.bytes if i < len(cells) and cells[i]]
-        return bytes(int(cell, 16) for cell in given[:length])
-    text = cells[layout.columns["data"]].removeprefix("0x")
-    if re.fullmatch(r"(?:[0-9A-Fa-f]{2}[ .:\-]?)*", text) and not text.endswith("="):
-        return bytes.fromhex(re.sub(r"[ .:\-]", "", text))[:length]
+        return bytes(int(cell, layout.base) for cell in given[:length])
+    text = cells[layout.columns["data"]]
+    if re.fullmatch(r"(?:0x)?(?:[0-9A-Fa-f]{2}[ .:\-]?)*", text):
+        return bytes.fromhex(re.sub(r"[ .:\-]|^0x", "", text))[:length]
     return base64.b64decode(text, validate=True)[:length]

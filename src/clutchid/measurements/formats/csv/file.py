@@ -77,6 +77,7 @@ def open_file(path: Path) -> Source:
         return refused(path, "CSV", _EMPTY)
     found = _with_decimal_mark(lines, found)
     names = {"utf-8": "UTF-8", "utf-16": "UTF-16", "cp1252": "Windows-1252"}
+    names |= dict.fromkeys(("utf-16-le", "utf-16-be"), "UTF-16 without a mark")
     metadata = {**found.about, "dialect": f"{names[lines.encoding]}, {found.text}"}
     if found.start:
         metadata["start"] = found.start

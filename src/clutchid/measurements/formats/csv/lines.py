@@ -270,6 +270,10 @@ def _blank_end(text: bytes) -> bytes:
     return tail[len(tail.rstrip()) :]
 
 
+#: Four zeros are no text.
+_NO_TEXT = (b"\0\0\0\0",)
+
+
 def _encoding(path: Path) -> str | None:
     """The encoding of the whole file, or None."""
     with path.open("rb") as file:
@@ -278,6 +282,9 @@ def _encoding(path: Path) -> str | None:
         return None
     if mark.startswith(BOMS_UTF16):
         return "utf-16" if _is_text(path, "utf-16") else None
+    if len(mark) == len(b"t\0i\0") and 0 in mark and mark not in _NO_TEXT:  # UTF-16 without its mark
+        encoding = "utf-16-le" if mark[1] == mark[3] == 0 else "utf-16-be" if mark[0] == mark[2] == 0 else ""
+        return encoding if encoding and _is_text(path, encoding) else None
     return next((encoding for encoding in ("utf-8", "cp1252") if _is_text(path, encoding)), None)
 
 

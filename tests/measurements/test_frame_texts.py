@@ -1,0 +1,92 @@
+"""Frames as lines of text: candump in its forms, and tables with an identifier and a payload."""
+
+import base64
+
+import numpy as np
+import pytest
+
+from clutchid.errors import DataError
+from clutchid.measurements import read
+from clutchid.measurements.formats.can.file import frame_log
+from clutchid.measurements.formats.kinds import kind_of
+
+STAMPS = np.round(np.arange(200) * 0.005 + 0.25, 6)
+FRAMES = [
+    (stamp, 0x100 + i % 2, bytes([i % 256, i // 256, 0xAA, 255, 4, 5, 6, 7])) for i, stamp in enumerate(STAMPS.tolist())
+]
+EPOCH = 1714564800
+
+
+def spaced(data):
+    return data.hex(" ").upper()
+
+
+def lines(form):
+    """The frames as lines of text."""
+    gaps = np.diff(STAMPS, prepend=STAMPS[0])
+    rows = [(*frame, gap) for frame, gap in zip(FRAMES, gaps.tolist(), strict=True)]
+    head, line = {
+        "-L": ("", lambda t, i, d, _: f"({EPOCH + t:.6f}) can0 {i:03X}#{d.hex().upper()}"),
+        "-L fd": ("", lambda t, i, d, _: f"({EPOCH + t:.6f}) can0 {i:03X}##1{d.hex()}"),
+        "-L way": ("", lambda t, i, d, _: f"({EPOCH + t:.6f}) can0 {i:03X}#{d.hex()} R"),
+        "-ta": ("", lambda t, i, d, _: f" ({EPOCH + t:.6f})  can0  {i:03X}   [8]  {spaced(d)}   '........'"),
+        "-tA": ("", lambda t, i, d, _: f" (2024-05-01 12:00:{t:09.6f})  can0  {i:03X}   [8]  {spaced(d)}"),
+        "-tz": ("", lambda t, i, d, _: f" ({t:010.6f})  can0  {i:03X}   [8]  {spaced(d)}"),
+        "-td": ("", lambda _, i, d, g: f" ({g:010.6f})  can0  {i:03X}   [8]  {spaced(d)}"),
+        "gvret": (
+            "Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8",
+            lambda t, i, d, _: f"{round(t * 1e6)},{i:08X},false,Rx,0,8,{','.join(f'{b:02X}' for b in d)},",
+        ),
+        "css": (
+            "TimestampEpoch;BusChannel;ID;IDE;DLC;DataLength;Dir;EDL;BRS;DataBytes",
+            lambda t, i, d, _: f"{EPOCH + t:.6f};1;{i:x};0;8;8;0;0;0;{d.hex().upper()}",
+        ),
+        "python-can": (
+            "timestamp,arbitration_id,extended,remote,error,dlc,data",
+            lambda t, i, d, _: f"{EPOCH + t:.6f},0x{i:x},0,0,0,8,{base64.b64encode(d).decode()}",
+        ),
+        "decimal": (
+            "Time,Channel,ID,Flags,DLC,Data0,Data1,Data2,Data3,Data4,Data5,Data6,Data7",
+            lambda t, i, d, _: f"{t:.6f},1,{i},,8,{','.join(map(str, d))}",
+        ),
+    }[form]
+    return [head, *(line(*row) for row in rows)][not head :]
+
+
+FORMS = ["-L", "-L fd", "-L way", "-ta", "-tA", "-tz", "-td", "gvret", "css", "python-can", "decimal"]
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_frames_are_the_same_in_every_text(form, save):
+    path = save("\n".join(lines(form)) + "\n", "run.log")
+    (block,) = frame_log(path).blocks()
+    assert block.identifier.tolist() == [identifier for _, identifier, _ in FRAMES]
+    assert [bytes(row) for row in block.data] == [data for _, _, data in FRAMES]
+    assert np.allclose(block.stamp - block.stamp[0], STAMPS - STAMPS[0], rtol=0, atol=1e-9)
+    assert not block.extended.any()
+
+
+def test_candump_without_stamps_is_refused_with_what_to_do(save):
+    path = save("\n".join(f"  can0  {i:03X}   [8]  {spaced(d)}" for _, i, d in FRAMES) + "\n", "run.log")
+    with pytest.raises(DataError, match="without time stamps; record it with `candump -L`"):
+        read(path)
+
+
+def test_spoiled_lines_remote_frames_and_sent_ones_are_told_apart(save):
+    text = lines("-L")
+    text[3:5] = ["(oops", "(1714564800.265000) can0 100#R8"]
+    text[5] += " T"
+    (block,) = frame_log(save("\n".join(text) + "\n", "run.log")).blocks()
+    assert dict(block.left_out) == {"unreadable line": 1, "remote frame": 1}
+    assert np.flatnonzero(block.sent).tolist() == [3]
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        b"time [s],ID,Data,position [m]\n0,1,2,3\n", b"LOGGER;time\n1;2\n", b"PAR1;PAR2\n1;2\n", b"BZh;x\n1;2\n",
+        b"Date;Time;Position\n2024-05-01;1;2\n", b"base hex;x\n1;2\n", b"can0,can1\n1,2\n",
+    ],
+)  # fmt: skip
+def test_one_sign_makes_no_other_kind_of_a_table(head):
+    assert kind_of(head) == "csv"
