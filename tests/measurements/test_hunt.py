@@ -7,11 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from clutchid import Actuator
 from clutchid.errors import DataError
 from clutchid.measurements import read
 from clutchid.measurements.columns import REQUIRED
 from clutchid.measurements.live.text import text_blocks
 from clutchid.measurements.map.channel_map import Channel, ChannelMap
+from clutchid.preparation.inspection import inspect
+from clutchid.strokes.values import values_of
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -253,3 +256,23 @@ def test_groups_in_rows_that_hold_only_what_arrived_restart_together(tmp_path):
     form = Form(clock="restart", layout="sparse")
     path, _ = write(form, tmp_path)
     assert wrong_in(form, read(path)) == ""
+
+
+def test_a_recorded_supply_that_falls_is_said(hunt):
+    """30."""
+    checks = {check.name: check for check in inspect(read(hunt / "30_supply_step.parquet"), Actuator()).checks}
+    check = checks["recorded supply pressure"]
+    assert check.grade == "suspect"
+    assert check.sentence.startswith("the recorded supply falls from 9.6 to 7.5 bar at 20 s")
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("25r_spikes.parquet", "30 samples beyond the stops, the first at 0.038 s (65.5 mm): they count as missing"),
+        ("25j_rezero_mid.parquet", "position jumps by +1.06 mm at 15.000 s, faster than a piston moves, and stays"),
+    ],
+)
+def test_what_is_no_value_of_the_position_is_said(hunt, name, said):
+    """25r, 25j."""
+    assert said in values_of(read(hunt / name), Actuator()).warnings[0]

@@ -6,7 +6,7 @@ import numpy as np
 
 from clutchid.inference.uncertainty.change_prior import assumed_change
 from clutchid.inference.uncertainty.conditions import condition_problems, conditions_of
-from clutchid.log import FloatArray
+from clutchid.log import FloatArray, Log
 from clutchid.log.units import UNITS, known_units
 from clutchid.measurements.source import UNIT_KEY
 from clutchid.parameters import DEFAULTS
@@ -216,6 +216,30 @@ _MISSING = {
 }
 
 
+#: Time in s over which the recorded supply is averaged, such levels that show a change, and by how much of it they may
+#: change: a governor keeps it within 5.4 % either way (docs/derivations_online.md).
+_LEVEL, _LEVELS, _SWING = 1.0, 4, 0.12
+
+
+def _supply_change(log: Log) -> tuple[float, float, float] | None:
+    """Levels of the recorded supply in Pa before and after its largest change, and its time in s; None without one."""
+    values = log["pressure_supply"]
+    known = np.isfinite(values)
+    blocks = np.floor((log.time[known] - log.time[0]) / _LEVEL).astype(np.int64)
+    if not blocks.size:
+        return None
+    numbers = np.unique(blocks)
+    levels = np.array([np.median(values[known][blocks == number]) for number in numbers])
+    if levels.size < _LEVELS:
+        return None
+    errors = [levels[:i].var() * i + levels[i:].var() * (levels.size - i) for i in range(1, levels.size)]
+    at = int(np.argmin(errors)) + 1
+    before, after = float(np.mean(levels[:at])), float(np.mean(levels[at:]))
+    if abs(after - before) <= _SWING * np.mean(levels):
+        return None
+    return before, after, float(log.time[0] + numbers[at] * _LEVEL)
+
+
 def conditions(reading: InspectedRecording) -> list[Check]:
     """A check of each recorded condition."""
     problems = condition_problems(reading.log, reading.actuator)
@@ -226,6 +250,15 @@ def conditions(reading: InspectedRecording) -> list[Check]:
         "pressure_supply": None if sound.supply is None else f"{sound.supply * 1e-5:.3g} bar",
     }
     checks = [Check(names[column], "-", "bad", sentence) for column, sentence in problems.items()]
+    change = _supply_change(reading.log) if sound.supply is not None else None
+    if change is not None:
+        before, after, at = change
+        moves = "falls" if after < before else "rises"
+        sentence = (
+            f"the recorded supply {moves} from {before * 1e-5:.2g} to {after * 1e-5:.2g} bar at {at:.3g} s; a fit "
+            "takes its mean, so read the parts before and after on their own."
+        )
+        checks.append(Check(names["pressure_supply"], str(values.pop("pressure_supply")), "suspect", sentence))
     return checks + [
         Check(names[column], value, "good", "it is used where the calibration has it too.")
         for column, value in values.items()
