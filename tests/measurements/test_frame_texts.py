@@ -1,6 +1,7 @@
 """Frames as lines of text: candump in its forms, and tables with an identifier and a payload."""
 
 import base64
+import contextlib
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from clutchid.errors import DataError
 from clutchid.measurements import read
 from clutchid.measurements.formats.can.file import frame_log
 from clutchid.measurements.formats.kinds import kind_of
+from fixtures.sources import spoiled
 
 STAMPS = np.round(np.arange(200) * 0.005 + 0.25, 6)
 FRAMES = [
@@ -90,3 +92,20 @@ def test_spoiled_lines_remote_frames_and_sent_ones_are_told_apart(save):
 )  # fmt: skip
 def test_one_sign_makes_no_other_kind_of_a_table(head):
     assert kind_of(head) == "csv"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("form", FORMS)
+def test_spoiled_texts_give_frames_or_a_sentence(form, tmp_path):
+    good, path = ("\n".join(lines(form)) + "\n").encode(), tmp_path / "run.log"
+    for seed in range(50):
+        path.write_bytes(spoiled(good, seed))
+        with contextlib.suppress(DataError):
+            assert sum(map(len, frame_log(path).blocks())) <= len(FRAMES) + 40
+
+
+def test_a_number_of_a_bus_may_be_any(save):
+    text = lines("gvret")
+    text[3] = text[3].replace(",Rx,0,", f",Rx,{'9' * 30},")
+    (block,) = frame_log(save("\n".join(text) + "\n", "run.csv")).blocks()
+    assert block.bus.tolist()[:4] == [1, 1, 0xFFFF, 1]

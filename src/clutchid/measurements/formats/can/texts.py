@@ -140,7 +140,7 @@ class _Block:
 
     def add(self, stamp: float, bus: int, identifier: int, extended: bool, payload: bytes, sent: bool) -> None:
         """Add a frame."""
-        self._rows.append((stamp, bus, identifier & 0x1FFFFFFF, extended, sent))
+        self._rows.append((stamp, min(bus, LARGEST_BUS), identifier & 0x1FFFFFFF, extended, sent))
         self._payloads.append(payload[:FD])
 
     def leave(self, what: str) -> None:
@@ -153,7 +153,7 @@ class _Block:
         stamp, bus, identifier, extended, sent = zip(*self._rows, strict=True) if self._rows else ((),) * 5
         return Frames(
             np.array(stamp, dtype=np.float64),
-            np.minimum(np.array(bus, dtype=np.int64), LARGEST_BUS),
+            np.array(bus, dtype=np.int64),
             np.array(identifier, dtype=np.int64),
             np.array(extended, dtype=np.bool_),
             np.array([len(payload) for payload in self._payloads], dtype=np.int64),
