@@ -105,6 +105,13 @@ def on_clock(
     """
     rows = np.flatnonzero(np.isfinite(stamps))
     time = stamps[rows]
+    with np.errstate(over="ignore"):
+        steps = np.diff(time, prepend=clock.written if math.isfinite(clock.written) else np.empty(0))
+        ordered = steps.size > 0 and 0.0 < steps.min() <= steps.max() <= min(HOLE * steps.min(), JUMP)
+    if ordered and clock.shift == 0.0:
+        last = float(time[-1])  # as it should be: nothing is to be found
+        usual = clock.usual if math.isfinite(clock.usual) else float(steps.mean())
+        return rows, time, [], Clock(last, last, 0.0, usual)
     usual = clock.usual if math.isfinite(clock.usual) else usual_interval(time)
     steady = steadied(time)
     said = []
