@@ -4,6 +4,7 @@ The load after a recording with a fault is compared with that after the same rec
 it wrong before, in silence.
 """
 
+import subprocess
 from dataclasses import replace
 from functools import cache
 
@@ -20,6 +21,7 @@ from clutchid.observer.health import FLAGS
 from clutchid.observer.recording import observe_recording
 from clutchid.strokes.vented_rest import vented_rest
 from fixtures.changed_logs import picked, spoiled
+from fixtures.export_c import compiled, write_sources
 
 DOUBLE = CStyle(real="double")
 ENGAGING = np.linspace(5e-3, 8e-3, 13)
@@ -132,3 +134,68 @@ def test_samples_that_repeat_others_change_nothing(one, log):
 def test_every_flag_of_python_is_one_of_c(one):
     header = observer_c99(one, start(one), DOUBLE, "a test")["clutch"].header
     assert all(f"clutch_{flag} = " in header for flag in FLAGS)
+
+
+MEMORY = """
+#include <stdio.h>
+#include <string.h>
+#include "clutch.h"
+static clutch_t self;
+static clutch_nvram_t blocks[2];
+int main(void)
+{
+    clutch_band_t band;
+    const int before = clutch_store(&self, &blocks[0]);
+    const int none = clutch_newest(blocks) == NULL;
+    clutch_start(&self, NULL, 0u);
+    const int first = clutch_store(&self, &blocks[0]);
+    clutch_start(&self, clutch_newest(blocks), 0u);
+    const int second = clutch_store(&self, &blocks[1]);
+    const int newest = (int)(clutch_newest(blocks) - blocks);
+    ((unsigned char *)&blocks[1])[40] ^= 1u;
+    const int other = (int)(clutch_newest(blocks) - blocks);
+    clutch_load(&self, 0.05, &band);
+    printf("%d %d %d %d %d %d %d\\n", before, none, first, second, newest, other, band.force != band.force);
+    return 0;
+}
+"""
+
+LATE = """
+#include <stdio.h>
+#include "clutch.h"
+static clutch_t self;
+int main(void)
+{
+    clutch_start(&self, NULL, 0u);
+    for (int i = 0; i < 2000; i++) {
+        const clutch_input_t input = { 1e-5 * (i % 7), 0.0, 0.0, 0.0 };
+        clutch_output_t output;
+        clutch_fast(&self, &input, (i == 500) ? 0u : 1000u, &output);
+        if (i < 1000) { (void)clutch_slow(&self); }
+        if (i == 999) { printf("%u ", (unsigned)self.health[clutch_late_correction]); }
+    }
+    printf("%u %u\\n", (unsigned)self.health[clutch_late_correction], (unsigned)self.health[clutch_repeated]);
+    return 0;
+}
+"""
+
+
+def words_of(one, style, main, folder):
+    """What a program in C prints that calls an observer."""
+    sources = write_sources(one, style, folder / "src")
+    (folder / "main.c").write_text(main)
+    options = ("-I", str(folder / "src"), "-fsanitize=undefined,address", "-fno-sanitize-recover=all")
+    program = compiled([folder / "main.c", *sources], folder / "main", *options)
+    return subprocess.run([program], capture_output=True, check=True, text=True).stdout.split()
+
+
+@pytest.mark.slow
+def test_a_block_is_not_written_before_the_start_and_the_newer_sound_one_of_two_counts(one, tmp_path):
+    assert words_of(one, DOUBLE, MEMORY, tmp_path) == ["0", "1", "1", "1", "1", "0", "1"]
+
+
+@pytest.mark.slow
+def test_a_slow_task_that_never_runs_is_a_flag(one, tmp_path):
+    soon, late, repeated = words_of(one, CStyle(real="double", rates="two"), LATE, tmp_path)
+    assert (soon, repeated) == ("0", "1")
+    assert int(late) >= 90

@@ -134,7 +134,7 @@ def test_costs_on_a_cortex_m4_are_counted(tmp_path: Path, observed: Observer, sa
     assert 1000 < costs.fast.mean < costs.fast.most < costs.slow.most < 1_000_000
     assert costs.fast.mean < costs.millisecond < costs.fast.mean + costs.slow.mean
     k = len(observed.joint.coordinates)
-    assert costs.nvram == 4 * (6 + k + k * (k + 1) // 2)
+    assert costs.nvram == 4 * (7 + 2 * k + k * (k + 1) // 2)
     assert costs.nvram < costs.ram < 64_000
     assert 10_000 < costs.flash < 100_000
     assert 1000 < costs.flash_math < 10_000

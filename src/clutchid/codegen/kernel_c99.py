@@ -186,7 +186,7 @@ class _Printer:
             case ast.AugAssign():
                 lines = [f"{of(node.target)} {_BINARY[type(node.op)]}= {of(node.value)};"]
             case ast.If():
-                lines = [f"if ({of(node.test)}) {{", *self._body(function, types, node.body, 1)]
+                lines = [f"if ({self._condition(node.test, types)}) {{", *self._body(function, types, node.body, 1)]
                 lines += ["} else {", *self._body(function, types, node.orelse, 1)] if node.orelse else []
                 lines.append("}")
             case _:
@@ -222,11 +222,13 @@ class _Printer:
             case ast.BinOp():
                 text = f"({of(node.left)} {_BINARY[type(node.op)]} {of(node.right)})"
             case ast.UnaryOp():
-                text = f"({'!' if isinstance(node.op, ast.Not) else '-'}{of(node.operand)})"
+                inverted = isinstance(node.op, ast.Not)
+                text = f"(!{self._condition(node.operand, types)})" if inverted else f"(-{of(node.operand)})"
             case ast.BoolOp():
-                text = "(" + (" && " if isinstance(node.op, ast.And) else " || ").join(map(of, node.values)) + ")"
+                sign = " && " if isinstance(node.op, ast.And) else " || "
+                text = "(" + sign.join(self._condition(value, types) for value in node.values) + ")"
             case ast.IfExp():
-                text = f"({of(node.test)} ? {of(node.body)} : {of(node.orelse)})"
+                text = f"({self._condition(node.test, types)} ? {of(node.body)} : {of(node.orelse)})"
             case ast.Compare():
                 text = self._compared(node, types)
             case ast.Call():
@@ -234,6 +236,12 @@ class _Printer:
             case _:
                 raise ValueError(f"no C for {ast.unparse(node)!r}")
         return text
+
+    def _condition(self, node: ast.expr, types: Mapping[str, str]) -> str:
+        """An expression that is true or false: numbers that are kept are compared with 0."""
+        text = self._expression(node, types)
+        kept = isinstance(node, ast.Name) or (isinstance(node, ast.Call) and ast.unparse(node.func) in self.functions)
+        return f"({text} != 0)" if kept else text
 
     def _name(self, name: str, types: Mapping[str, str]) -> str:
         if name in types:

@@ -14,7 +14,7 @@ from clutchid.exports.c99 import CStyle, compiler, observer_c99, source_files
 from clutchid.exports.fmu import model_fmu, observer_fmu, platforms
 from clutchid.exports.frames import results_dbc
 from clutchid.exports.matlab import matlab_files
-from clutchid.exports.misra import DEVIATIONS
+from clutchid.exports.misra import CHECKER, DEVIATIONS
 from clutchid.exports.parity import (
     Parity,
     begins_us,
@@ -160,6 +160,7 @@ def write_export(
         "name": style.name, "style": style, "title": title, "to": to, "model": model, "observer": observer,
         "parity": compared, "holds": compared is not None and compared.holds(style), "notes": notes, "costs": costs,
         "counts": ("fast", "slow", "load", "start", "store"), "costed": COSTED, "deviations": DEVIATIONS,
+        "checker": CHECKER,
     }  # fmt: skip
     pages = {f"{page.upper()}.md": template(f"{page}.md.j2", "clutchid.exports").render(values) for page in PAGES}
     _write(folder, pages)

@@ -36,6 +36,7 @@ FLAGS: Mapping[str, str] = MappingProxyType({
     "position_jumps": "the position jumps as no piston moves, and was left out",
     "zero_unknown": "the position jumped and stayed, and no vented rest has shown its zero since: it was left out",
     "repeated_samples": "the logger repeated its last samples in all channels, and nothing was estimated",
+    "late_correction": "a control unit with two rates did not correct in time: its slow task is late, or never runs",
     "repeated": "samples repeat the time of others, or follow at once: of those that are sorted the last ones count",
 })  # fmt: skip
 
@@ -85,6 +86,7 @@ def health(observer: Observer, earlier: FloatArray, log: Log, samples: Observed)
         "position_jumps": spacing * int(np.sum(np.isin(samples.verdicts, (rule.STEP, rule.SEAM)))),
         "zero_unknown": spacing * int(np.sum(samples.no_zero)),
         "repeated_samples": spacing * int(np.sum(samples.verdicts == rule.REPEATED)),
+        "late_correction": 0.0,
         "repeated": spacing * int(np.sum(samples.repeated)),
     }
 
