@@ -1,0 +1,112 @@
+"""Random sequences of what a control unit may be given, and hours through the wrap of microseconds, with sanitizers."""
+
+import os
+import subprocess
+
+import numpy as np
+import pytest
+
+from clutchid.exports.c99 import CStyle, compiler
+from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.conditions import RecordedConditions
+from clutchid.observer import observer
+from fixtures.export_c import compiled, write_sources
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(compiler() is None, reason="no C compiler on this machine"),
+]
+
+#: Samples of a random sequence, and of one at 5 ms, whose microseconds wrap after 859,000: `.ci/slow` takes a million.
+SAMPLES = int(os.environ.get("CLUTCHID_HOSTILE_SAMPLES", "20000"))
+SLOWER = 2 * SAMPLES
+
+HOSTILE = """
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include "clutch.h"
+static clutch_t self;
+static uint32_t state = 1u;
+static uint32_t draw(void) { state = (state * 1664525u) + 1013904223u; return state >> 8; }
+static clutch_number_t any(clutch_number_t sound)
+{
+    static const double wild[] = { 0.0, -0.0, 1.0001, -1e-4, 1.5, -3e34, 3e34, 1e-40, 5e6, 65.535e-3, 1e300 };
+    const uint32_t kind = draw() % 400u;
+    if (kind == 0u) { return (clutch_number_t)NAN; }
+    if (kind == 1u) { return (clutch_number_t)INFINITY; }
+    if (kind == 2u) { return (clutch_number_t)wild[draw() % (sizeof(wild) / sizeof(wild[0]))]; }
+    return sound;
+}
+static int sound_number(clutch_number_t value) { return isnan(value) || isfinite(value); }
+int main(int count, char **words)
+{
+    const long samples = atol(words[1]);
+    const uint32_t usual = (uint32_t)atol(words[2]);
+    const int wild = atoi(words[3]);
+    long bad = 0;
+    (void)count;
+    clutch_start(&self, NULL, 0u);
+    for (long i = 0; i < samples; i++) {
+        const double phase = 1e-3 * (double)(i % 1300);
+        const double y = (phase < 0.1) ? 0.0 : ((phase < 0.3) ? ((phase - 0.1) * 0.1) : ((phase < 0.8) ? 0.02 : 0.0));
+        clutch_input_t input = { (clutch_number_t)(y + (1e-5 * (double)(draw() % 7u))),
+            (clutch_number_t)((phase > 0.1) && (phase < 0.3)), (clutch_number_t)((phase > 0.75) && (phase < 1.2)),
+            (clutch_number_t)9e5 };
+        uint32_t dt = usual;
+        clutch_output_t output;
+        clutch_band_t band;
+        if (wild) {
+            input.position = any(input.position);
+            input.duty_supply = any(input.duty_supply);
+            input.duty_exhaust = any(input.duty_exhaust);
+            input.supply_pressure = any(input.supply_pressure);
+            if ((draw() % 200u) == 0u) {
+                static const uint32_t steps[] = { 0u, 1u, 99u, 100u, 1501u, 5000u, 5001u, 21000u, 21001u, 1000000u,
+                    4294967295u };
+                dt = steps[draw() % (sizeof(steps) / sizeof(steps[0]))];
+            }
+        }
+        clutch_fast(&self, &input, dt, &output);
+        if ((draw() % 3u) != 0u) { (void)clutch_slow(&self); }
+        clutch_load(&self, (clutch_number_t)6e-3, &band);
+        bad += !(isfinite(band.force) && (band.low <= band.force) && (band.force <= band.high));
+        bad += !(sound_number(output.pressure_a) && sound_number(output.position));
+        bad += !sound_number(output.pressure_a_std);
+    }
+    printf("%ld %u\\n", bad, (unsigned)self.strokes);
+    return 0;
+}
+"""
+
+
+@pytest.fixture(scope="module")
+def one(plant):
+    known = RecordedConditions(supply=9e5, supply_estimated=plant.value("P_S"))
+    return observer(plant, calibration=Calibration((), np.zeros((0, 0)), conditions=known, nis=0.05))
+
+
+@pytest.mark.parametrize("rates", ["one", "two"])
+@pytest.mark.parametrize("real", ["float", "double"])
+def test_a_million_samples_of_anything_leave_a_finite_load(one, tmp_path, real, rates):
+    bad, _ = run(one, CStyle(real=real, rates=rates), tmp_path, SAMPLES, 1000, wild=True)
+    assert bad == 0
+
+
+def test_hours_through_the_wrap_of_the_microseconds_leave_a_finite_load(one, tmp_path):
+    bad, _ = run(one, CStyle(), tmp_path, SLOWER, 5_000, wild=False)
+    assert bad == 0
+
+
+def run(one, style, folder, samples, dt, *, wild):
+    """Values that are not what they can be, and strokes."""
+    sources = write_sources(one, style, folder / "src")
+    (folder / "main.c").write_text(HOSTILE)
+    options = (
+        "-I", str(folder / "src"), f"-Dclutch_number_t={style.real}", "-fsanitize=undefined,address",
+        "-fno-sanitize-recover=all",
+    )  # fmt: skip
+    program = compiled([folder / "main.c", *sources], folder / "main", *options)
+    arguments = [program, str(samples), str(dt), str(int(wild))]
+    words = subprocess.run(arguments, capture_output=True, check=True, text=True).stdout.split()
+    return [int(word) for word in words]
