@@ -109,7 +109,7 @@ def read_each(items: Iterable[Item], read_one: Callable[[Item], Log]) -> list[Lo
     if len(problems) == 1:
         raise problems[0]
     if problems:
-        raise DataError("\n".join(map(str, problems)))
+        raise DataError("\n".join(str(error) for error in problems))
     return logs
 
 
