@@ -80,7 +80,9 @@ class Followed:
         """That of `every_sample`."""
         one, n = self.every_sample, len(self.log)
         joint, actuator = one.joint, one.joint.mapped.actuator
-        segment = segment_of(Tail(self.log.time, self.duties, self.log["position"], np.full(n, np.nan)), actuator)
+        segment = segment_of(
+            Tail(self.log.time, self.duties, self.log["position"], np.full(n, np.nan), np.zeros(n)), actuator
+        )
         root = one.prior.weights @ one.prior.root
         drifts = one.prior.weights @ joint.drifts
         P = np.diag(np.append(start_deviations(segment, actuator, False, joint.noise) ** 2, np.zeros(3)))

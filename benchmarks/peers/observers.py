@@ -235,7 +235,8 @@ def compared(case: str, followed: Followed, peers: Sequence[Peer], rounds: int, 
         rows[name] = rows[name]._replace(
             median=middle, low=low, high=high, runs=steps, ratio=ratio, more=tuple(map(float, tail)), note=note
         )
-    clock = f"reading the clock takes {np.median([c for c in clocks if c]) * 1e9:.0f} ns of each time"
+    read = [clock for clock in clocks if clock] or [0.0]
+    clock = f"reading the clock takes {np.median(read) * 1e9:.0f} ns of each time"
     rows[ready[0][0]] = rows[ready[0][0]]._replace(note=clock)
     return [rows[peer.name] for peer in peers]
 

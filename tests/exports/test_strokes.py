@@ -15,6 +15,7 @@ from clutchid.observer import curve, observer, start
 from clutchid.observer.by_stroke import positions
 from clutchid.observer.following import observe_strokes
 from clutchid.observer.observer import DRIFT
+from clutchid.strokes.rule import VALUE
 from clutchid.strokes.stroke import BEGINS, ENDS, NO_STROKES, SHORTEST, count_strokes
 from fixtures.export_c import replay, write_sources
 
@@ -23,6 +24,9 @@ pytestmark = pytest.mark.slow
 #: Positions in m on both sides of the limits of a stroke, and samples at 1 kHz on both sides of its shortest time.
 LEVELS = (np.nan, 0.0, ENDS - 1e-4, ENDS + 1e-4, BEGINS - 1e-4, BEGINS + 1e-4, 8e-3)
 LENGTHS = (1, 5, *(round(1e3 * SHORTEST) + by for by in (-1, 0, 1)), 60)
+
+#: Movement in m between two samples.
+RAMP = 2e-4
 
 
 @pytest.fixture(scope="module")
@@ -57,14 +61,25 @@ def recorded(position):
     return Log(time, {"position": position, "duty_supply": closed, "duty_exhaust": closed})
 
 
+def moved(parts):
+    """Levels for some samples each, with ramps between them that a piston may move: a step is no value."""
+    position = []
+    for level, length in parts:
+        if position and np.isfinite(position[-1]) and np.isfinite(level):
+            position += np.linspace(position[-1], level, round(abs(level - position[-1]) / RAMP) + 2)[1:-1].tolist()
+        position += [level] * length
+    return np.array(position)
+
+
 @pytest.mark.filterwarnings("ignore::hypothesis.errors.HypothesisWarning")  # the observer has a long repr
 @settings(max_examples=25)
 @given(st.lists(st.tuples(st.sampled_from(LEVELS), st.sampled_from(LENGTHS)), max_size=30))
 def test_count_observer_drift_and_c_have_the_same_strokes(learning, in_c, movement):
     parts = [(0.0, 50), *movement, (8e-3, 60), (0.0, 50)]
-    log = recorded(np.concatenate([np.full(length, level) for level, length in parts]))
-    counted, ends = count_strokes(NO_STROKES, log.time, log["position"])
-    after, _, at_ends = observe_strokes(learning, start(learning), log)
+    log = recorded(moved(parts))
+    after, samples, at_ends = observe_strokes(learning, start(learning), log)
+    position = np.where((samples.verdicts == VALUE) & ~samples.no_zero, log["position"], np.nan)
+    counted, ends = count_strokes(NO_STROKES, log.time, position)
     assert after.strokes == counted
     assert [end.latest for end in at_ends] == log.time[ends].tolist()
     covariance = start(learning).T @ start(learning).T.T

@@ -13,4 +13,4 @@ def test_only_one_function_prints(source):
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "print"
     }
-    assert list(printing) == ["cli/terminal.py"]
+    assert list(printing) == ["documents/console.py"]

@@ -41,6 +41,7 @@ def examples(log):
     fan = OwnModel("isothermal", parameters={"c": c}, terms={"f_s": Symbol("f_s") + Symbol("c") * Symbol("y")})
     return [
         log, fit, clutchid.simulate(Actuator(), log, sensitivities="P_S"), clutchid.verdict(fit),
+        clutchid.simulate_many(Actuator(), log.slice(0, 400)),
         clutchid.parameter_file(fit), clutchid.drive(truck(0), seconds=0.5), Actuator(model=fan), Partition(parts=2),
         start(observer(Actuator())), observer(Actuator()), observer(Actuator(), "states"), observer(Actuator(), "rls"),
         truck(3, "B"), clutchid.FitRequest(bounds={"P_S": (8e5, 9e5)}, priors={"P_S": clutchid.Prior(9e5, 1e4)}),

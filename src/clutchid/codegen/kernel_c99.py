@@ -240,8 +240,10 @@ class _Printer:
     def _condition(self, node: ast.expr, types: Mapping[str, str]) -> str:
         """An expression that is true or false: numbers that are kept are compared with 0."""
         text = self._expression(node, types)
-        kept = isinstance(node, ast.Name) or (isinstance(node, ast.Call) and ast.unparse(node.func) in self.functions)
-        return f"({text} != 0)" if kept else text
+        is_number = isinstance(node, ast.Name) or (
+            isinstance(node, ast.Call) and ast.unparse(node.func) in self.functions
+        )
+        return f"({text} != 0)" if is_number else text
 
     def _name(self, name: str, types: Mapping[str, str]) -> str:
         if name in types:

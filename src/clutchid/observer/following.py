@@ -47,10 +47,10 @@ from clutchid.strokes.values import BELIEVED, Verdicts, limits, outside, supply_
 PRESSURES = 0.01, 10.0
 
 #: So many position innovations in a row that are outliers contradict the inputs: without a fault there were at most 3
-#: (trucks 7, 3606 and 3607 of A, 3606 of B, h:6, unchanged, cold, warm, other supply and valves), with a duty cycle or
-#: a position that is stuck 13 and more. What was learnt since the last stroke is taken back, and nothing is learnt for
-#: a time in s. Provenance: docs/derivations_online.md.
-CONTRADICTED, HELD = 6, 1.0
+#: (trucks 7, 3606 and 3607 of A, 3606 of B, h:6, unchanged, cold, warm, other supply and valves), 12 with a calibration
+#: that freed only load and supply, and 13 and more with a duty cycle or a position that is stuck. What was learnt since
+#: the last stroke is taken back, and nothing is learnt for a time in s. Provenance: docs/derivations_online.md.
+CONTRADICTED, HELD = 13, 1.0
 
 #: Most samples that are followed at once: where the filter diverges they are followed again.
 MOST = 1000

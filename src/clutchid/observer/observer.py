@@ -197,7 +197,7 @@ def observer(
         measured={name: SENSORS[name].noise for name in measure},
         states={name: row.noise for name, row in actuator.state_rows.items()},
         memory=MEMORY,
-        unknown_start=UNKNOWN_START,
+        unknown_start=dict(UNKNOWN_START),
     )
     limits = np.array([0.0 if c.base == LEAK else -BOUND for c in prior.free]), np.full(len(prior.free), BOUND)
     return Observer(

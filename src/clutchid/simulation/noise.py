@@ -49,7 +49,7 @@ class Noise:
     flow: float = 0.02
     outlier: float = 4.0
     memory: float = 0.0
-    unknown_start: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    unknown_start: Mapping[str, float] = field(default_factory=dict)
 
     def of_samples(self, name: str, spacing: float) -> float:
         """Standard deviation assigned to each sample of a measured column at intervals of `spacing` s."""

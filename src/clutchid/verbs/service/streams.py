@@ -46,6 +46,7 @@ class Send(Protocol):
 
 
 def as_printed(text: bytes, *, wait: bool) -> bool:
+    """Send a text as `put` does, where a stream has no descriptor."""
     del wait
     if text:
         put(text.decode().removesuffix("\n"))
@@ -89,9 +90,11 @@ class Collected(StringIO):
         self._send, self._terminal = send, terminal
 
     def isatty(self) -> bool:
+        """Whether it stands for a terminal."""
         return self._terminal
 
     def flush(self) -> None:
+        """Send what was collected."""
         text = self.getvalue()
         self.seek(0)
         self.truncate()
