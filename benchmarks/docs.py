@@ -147,7 +147,8 @@ def once(command: str) -> tuple[int, str]:
     inputs = {path.name: path.read_bytes() for path in map(Path, command.split()) if path.is_file()}
     key = command, tuple(inputs.items())
     if key not in _RUNS:
-        answer = run(command)
+        code, output = run(command)
+        answer = code, output.replace(f"{Path().resolve()}{os.sep}", "")  # another page has another folder
         outputs = {path.name: path.read_bytes() for path in map(Path, command.split()) if path.is_file()}
         _RUNS[key] = answer, {name: content for name, content in outputs.items() if inputs.get(name) != content}
     answer, written = _RUNS[key]
