@@ -209,7 +209,6 @@ def results(
         with connected(workers) as client:
             yield from _spread(client, work, items, workers)
     else:
-        check_workers(workers.workers)
         limits = Limits(workers.seconds, workers.memory or _memory_of_machine() // (os.cpu_count() or 1))
         yield from processes.results(work, items, workers.workers, limits)
 
