@@ -16,10 +16,8 @@ from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.threads import map_pairs
 from clutchid.parameters import known_ambient
-from clutchid.simulation.divergence import failure_message
 from clutchid.simulation.partition import Partition
-from clutchid.simulation.run import KernelArrays, run, start_state
-from clutchid.simulation.simulation import PreparedLog, Simulation, prepared_log, read_log, simulation_of
+from clutchid.simulation.simulation import PreparedLog, Simulation, prepared_log, read_log, simulation_of, states_of
 from clutchid.simulation.stiffness import stiffness, substeps, top_speed
 
 #: A recording: read, or the path of its file.
@@ -195,13 +193,7 @@ def _prepared(
 def _run(partition: Partition | None, actuator: Actuator, prepared: PreparedLog) -> _Run:
     """Simulate a recording that was prepared for an actuator like this one, with the steps for its own stiffness."""
     actuator = actuator.replace({"P_0": prepared.plan.actuator.parameters.P_0}) if prepared.notes else actuator
-    rate, arrays = stiffness(actuator, top_speed(partition)), KernelArrays.of(actuator)
-    everywhere, message = np.full((len(prepared.values.log), len(actuator.states)), np.nan), ""
-    states = everywhere[prepared.span]
-    for segment in prepared.plan.segments:
-        own = replace(segment, substeps=substeps(segment.dt, rate))
-        at = slice(segment.start, segment.stop)
-        states[at], failed = run(own, arrays, start_state(own, actuator))
-        if failed >= 0 and not message:
-            message = failure_message(prepared.plan.log, own, states[at], failed, actuator.states, actuator)
-    return _Run(prepared, actuator, everywhere, message)
+    rate = stiffness(actuator, top_speed(partition))
+    segments = [replace(segment, substeps=substeps(segment.dt, rate)) for segment in prepared.plan.segments]
+    states, message = states_of(prepared, actuator, segments)
+    return _Run(prepared, actuator, states, message)

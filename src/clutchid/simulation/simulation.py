@@ -18,8 +18,9 @@ from clutchid.parameters import known_ambient
 from clutchid.simulation.divergence import failure_message
 from clutchid.simulation.inputs import cut_warnings, input_span, with_inputs
 from clutchid.simulation.partition import Partition
-from clutchid.simulation.plan import Plan, plan
+from clutchid.simulation.plan import Plan, Segment, plan
 from clutchid.simulation.run import (
+    Columns,
     KernelArrays,
     columns,
     run,
@@ -183,25 +184,45 @@ def simulated(
     prepared: PreparedLog, sensitivities: Sequence[str] = (), starts: Sequence[tuple[float, float]] | None = None
 ) -> Simulation:
     """Simulate a prepared recording; a divergence is a status."""
-    log, actuator = prepared.values.log, prepared.plan.actuator
-    arrays, which = KernelArrays.of(actuator), columns(actuator, sensitivities)
-    names = actuator.states
-    everywhere = np.full((len(log), len(names)), np.nan)
-    all_sens = np.full((len(log), len(names), len(which.names)), np.nan)
-    states, sens = everywhere[prepared.span], all_sens[prepared.span]
-    message = ""
-    for number, segment in enumerate(prepared.plan.segments):
-        x0 = start_state(segment, actuator, starts[number] if starts is not None else None)
+    actuator, segments = prepared.plan.actuator, prepared.plan.segments
+    if not sensitivities:
+        return simulation_of(prepared, actuator, *states_of(prepared, actuator, segments, starts))
+    which = columns(actuator, sensitivities)
+    by_name = np.full((len(prepared.values.log), len(actuator.states), len(which.names)), np.nan)
+    states, message = states_of(prepared, actuator, segments, starts, (which, by_name[prepared.span]))
+    result = simulation_of(prepared, actuator, states, message)
+    return replace(result, sensitivities={name: by_name[:, :, c] for c, name in enumerate(which.names)})
+
+
+def states_of(
+    prepared: PreparedLog,
+    actuator: Actuator,
+    segments: Sequence[Segment],
+    starts: Sequence[tuple[float, float]] | None = None,
+    sensitivities: tuple[Columns, FloatArray] | None = None,
+) -> tuple[FloatArray, str]:
+    """States at all samples of a recording, (n, n_states), and why they diverged, if they did.
+
+    Parameters
+    ----------
+    sensitivities
+        Columns, and the array (samples of the span, n_states, n_columns) that they are written to.
+    """
+    arrays, names, message = KernelArrays.of(actuator), actuator.states, ""
+    everywhere = np.full((len(prepared.values.log), len(names)), np.nan)
+    states = everywhere[prepared.span]
+    for number, segment in enumerate(segments):
+        x0 = start_state(segment, actuator, None if starts is None else starts[number])
         at = slice(segment.start, segment.stop)
-        if which.names:
+        if sensitivities is None:
+            states[at], failed = run(segment, arrays, x0)
+        else:
+            which, sens = sensitivities
             start = x0, start_sensitivities(segment, actuator, which, starts is not None)
             states[at], sens[at], _, failed = run_with_sensitivities(segment, arrays, start, which, range(len(names)))
-        else:
-            states[at], failed = run(segment, arrays, x0)
         if failed >= 0 and not message:
             message = failure_message(prepared.plan.log, segment, states[at], failed, names, actuator)
-    result = simulation_of(prepared, actuator, everywhere, message)
-    return replace(result, sensitivities={name: all_sens[:, :, c] for c, name in enumerate(which.names)})
+    return everywhere, message
 
 
 def simulation_of(prepared: PreparedLog, actuator: Actuator, states: FloatArray, message: str) -> Simulation:
