@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from clutchid.exports.c99 import CStyle, compiler, observer_c99
-from clutchid.exports.parity import parity, replay
+from clutchid.exports.parity import begins_us, parity, replay_program, replayed
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import RecordedConditions
 from clutchid.observer import observer, start
@@ -109,14 +109,19 @@ def test_the_load_stays_what_it_was_and_a_flag_says_why(load_of, fault):
         assert not undisturbed.health[flag]
 
 
+@pytest.fixture(scope="module")
+def program(one, log, tmp_path_factory):
+    """The observer in C with the program that runs a recording through it."""
+    cc = compiler() or pytest.skip("no C compiler on this machine")
+    modules = observer_c99(one, start(one), DOUBLE, "a test")
+    return replay_program(one, modules, DOUBLE, begins_us(log), cc, tmp_path_factory.mktemp("c"))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("fault", FAULTS)
-def test_c_follows_the_same_rules(one, log, fault):
-    cc, state = compiler() or pytest.skip("no C compiler on this machine"), start(one)
+def test_c_follows_the_same_rules(one, log, program, fault):
     disturbed = FAULTS[fault][0](log)
-    compared = parity(
-        one, state, disturbed, replay(one, observer_c99(one, state, DOUBLE, "a test"), DOUBLE, disturbed, cc)
-    )
+    compared = parity(one, start(one), disturbed, replayed(program, one, disturbed))
     assert compared.flags == {}
     assert compared.holds(DOUBLE), compared
 

@@ -140,7 +140,7 @@ def write_export(
     if observer.calibration is None or observer.calibration.position_only is None:
         notes = (*notes, NO_POSITION_ONLY)
     files: dict[str, str | bytes] = {f"src/{file}": text for file, text in source_files(modules).items()}
-    files |= example_files(style) | {"test/replay.c": replay_source(observer, style, log)}
+    files |= example_files(style) | {"test/replay.c": replay_source(observer, style, begins_us(log))}
     if found is not None:
         files["test/vectors.h"] = vectors(samples[:VECTORS], found.outputs[:VECTORS], style, begins)
     if "fmu2" in to:

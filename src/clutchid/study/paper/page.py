@@ -13,8 +13,15 @@ from clutchid.documents.style import BAR, MM
 from clutchid.documents.tables import ReportTable
 from clutchid.log import Log
 from clutchid.study.paper.figures import CLOSE, SLOW
-from clutchid.study.paper.results import Carry, Interpretation, PaperMethod, StudyResults
-from clutchid.study.paper.results import best_possible, load_error, rows_of
+from clutchid.study.paper.results import (
+    Carry,
+    Interpretation,
+    PaperMethod,
+    StudyResults,
+    best_possible,
+    load_error,
+    rows_of,
+)
 from clutchid.study.paper.tables import TABLE_2
 
 _BALLISTIC, _PARTS_32 = PaperMethod("ballistic"), PaperMethod("parts", 32)
@@ -144,7 +151,7 @@ def _length(log: Log) -> str:
 
 
 def _ratios(study: StudyResults, n: int) -> dict[str, float]:
-    """Sums of squared position errors with N in the paper, and by both interpretations, over those of ballistic runs."""
+    """Sums of squared position errors with N, over those of ballistic runs: in the paper, and by both interpretations."""
     base = study.case(_BALLISTIC).ballistic.errors.position_sse
     readings: Iterable[Interpretation] = ("parts", "every")
     ratios = {way: study.case(PaperMethod(way, n)).ballistic.errors.position_sse / base for way in readings}
