@@ -151,7 +151,7 @@ def _length(log: Log) -> str:
 
 
 def _ratios(study: StudyResults, n: int) -> dict[str, float]:
-    """Sums of squared position errors with N, over those of ballistic runs: in the paper, and by both interpretations."""
+    """Sums of squared position errors over those of ballistic runs: the paper's, and by both interpretations of N."""
     base = study.case(_BALLISTIC).ballistic.errors.position_sse
     readings: Iterable[Interpretation] = ("parts", "every")
     ratios = {way: study.case(PaperMethod(way, n)).ballistic.errors.position_sse / base for way in readings}
