@@ -201,7 +201,7 @@ def to_html(table: ReportTable) -> str:
         body.append(f"<tr{rule}>{''.join(cells)}</tr>")
     note = f'<p class="note">{escape(table.note)}</p>' if table.note else ""
     return (
-        f'<div class="table"><table><caption>{escape(table.title)}</caption>'
+        f'<div class="table"><table><caption><span>{escape(table.title)}</span></caption>'
         f"<thead>{_heads(table, numeric, first)}</thead><tbody>{''.join(body)}</tbody></table></div>{note}"
     )
 
