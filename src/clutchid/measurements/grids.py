@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from clutchid.measurements.columns import Heading, is_unit_of
-from clutchid.measurements.source import Places, Raster, Source, Table
+from clutchid.measurements.source import Raster, Source, Table
 
 #: Words of time columns, in lower case.
 _TIMES = frozenset(["t", "time", "zeit", "stamp", "timestamp", "timestamps", "zeitstempel", "tout"])
@@ -117,12 +117,7 @@ def _tables(
     assert own.clock is not None
     for table in source.tables(0, [inside[i] for i in sorted({*columns, own.clock})], rows):
         there = np.any(np.isfinite(np.array(list(table.numbers.values()))), axis=0, keepdims=True)[0]
-        kept = np.flatnonzero(there)
-        where = table.places
-        if kept.size < table.size:
-            where = Places(where.word, numbers=where.each_number(table.size)[kept])
-        unread = {
-            inside.index(index): np.searchsorted(kept, lines[there[lines]]) for index, lines in table.unread.items()
-        }
-        numbers = {i: table.numbers[inside[i]][kept] for i in columns}
-        yield replace(table, headings=own.headings, numbers=numbers, size=kept.size, places=where, unread=unread)
+        samples = table.take(np.flatnonzero(there))
+        numbers = {i: samples.numbers[inside[i]] for i in columns}
+        unread = {inside.index(index): rows for index, rows in samples.unread.items()}
+        yield replace(samples, headings=own.headings, numbers=numbers, unread=unread)

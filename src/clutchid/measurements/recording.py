@@ -363,23 +363,13 @@ def scaled(values: FloatArray, entry: Channel) -> FloatArray:
 def _kept(table: Table, at: int, rows: Rows, time: FloatArray) -> Table:
     """Some rows of a table, with repaired time stamps in s; `at` is the place of the time among its headings."""
     clock = table.headings[at]
-    places = table.places
-    if rows.size < table.size or (np.diff(rows) != 1).any():
-        places = Places(places.word, numbers=places.each_number(table.size)[rows])
     headings = [
         Heading(clock.index, clock.text, "time", "s") if i == at else heading
         for i, heading in enumerate(table.headings)
         if i == at or heading.name != "time"
     ]
-    numbers = {index: values[rows] for index, values in table.numbers.items() if index != clock.index}
-    return replace(
-        table,
-        headings=tuple(headings),
-        numbers={clock.index: time, **numbers},
-        size=rows.size,
-        places=places,
-        unread={index: np.flatnonzero(np.isin(rows, unread)) for index, unread in table.unread.items()},
-    )
+    part = table.take(rows)
+    return replace(part, headings=tuple(headings), numbers={**part.numbers, clock.index: time})
 
 
 def _uniform(clock: Iterator[SampleBlock], interval: float, longest: float) -> ChannelStream:

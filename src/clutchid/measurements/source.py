@@ -73,6 +73,29 @@ class Table:
     metadata: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
 
+    def take(self, rows: Rows) -> Table:
+        """Some of the rows; consecutive ones as views."""
+        if not rows.size or (np.diff(rows) != 1).any():
+            part: Rows | slice = rows
+            places = Places(self.places.word, numbers=self.places.each_number(self.size)[rows])
+        else:
+            part = slice(int(rows[0]), int(rows[-1]) + 1)
+            lines = self.places.numbers
+            places = Places(self.places.word, self.places.first + int(rows[0]), lines if lines is None else lines[part])
+        return replace(
+            self,
+            numbers={index: values[part] for index, values in self.numbers.items()},
+            size=rows.size,
+            places=places,
+            unread={index: np.flatnonzero(np.isin(rows, unread)) for index, unread in self.unread.items()},
+        )
+
+    def parts(self, rows: int | None) -> Iterator[Table]:
+        """The table in parts of at most `rows` samples (None: whole); its problems are those of the first part."""
+        for begin in range(0, max(self.size, 1), rows or max(self.size, 1)):
+            part = self.take(np.arange(begin, min(begin + (rows or self.size), self.size)))
+            yield part if begin == 0 else replace(part, problems=())
+
 
 def joined(tables: Sequence[Table]) -> Table:
     """Consecutive tables as one, with the headings and the metadata of the first."""

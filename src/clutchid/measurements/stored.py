@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from clutchid.log import FloatArray
-from clutchid.measurements.source import Places, Source, Table, joined, no_tables
+from clutchid.measurements.source import Source, Table, joined, no_tables
 
 #: Samples whose least and greatest values are kept beside a column; a plot of 1,400 pixels reads at most 360,000.
 BIN = 256
@@ -98,30 +98,9 @@ def _tables(
         found.append(replace(table, numbers=numbers))
         begin += table.size
         if rows is not None:
-            yield from _parts(found.pop(), rows)
+            yield from found.pop().parts(rows)
     if rows is None and found:
         yield joined(found)
-
-
-def _parts(table: Table, rows: int) -> Iterator[Table]:
-    """A table in parts of at most `rows` samples; its problems are those of the first part."""
-    for begin in range(0, max(table.size, 1), rows):
-        end = min(begin + rows, table.size)
-        places = table.places
-        yield replace(
-            table,
-            numbers={column: values[begin:end] for column, values in table.numbers.items()},
-            size=end - begin,
-            places=Places(places.word, places.first + begin)
-            if places.numbers is None
-            else replace(places, numbers=places.numbers[begin:end]),
-            problems=table.problems if begin == 0 else (),
-            unread={
-                column: inside - begin
-                for column, at in table.unread.items()
-                if (inside := at[(at >= begin) & (at < end)]).size
-            },
-        )
 
 
 @dataclass(frozen=True, slots=True)

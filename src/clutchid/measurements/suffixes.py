@@ -9,25 +9,39 @@ from typing import NamedTuple
 
 
 class Format(NamedTuple):
-    """A format that is read: suffixes that its files usually have, and the bytes at their start if these are fixed."""
+    """A format that is read: its suffixes, its signs, and what opens it.
+
+    Signs are the bytes at the start of a file, where these are fixed, or else a function of its first bytes. `opener`
+    makes a `Source` of a file, `frames` a `FrameLog`, which a DBC decodes. Functions are named below the package
+    `formats`, whose modules are imported where they are needed.
+    """
 
     kind: str
     suffixes: tuple[str, ...]
     marks: tuple[bytes, ...] = ()
+    sign: str = ""
+    opener: str = ""
+    frames: str = ""
 
 
 #: Every format that is read. Files are told apart by content; the suffixes are what folders are searched for.
 FORMATS = (
-    Format("parquet", (".parquet", ".pq"), (b"PAR1", b"PARE")),
-    Format("csv", (".csv", ".tsv", ".tab", ".txt")),
-    Format("mdf", (".mf4", ".mf3", ".mdf", ".dat"), (b"MDF     ", b"UnFinMF ")),
-    Format("mat", (".mat", ".h5", ".hdf5")),
-    Format("blf", (".blf",), (b"LOGG",)),
-    Format("asc", (".asc",)),
-    Format("trc", (".trc",)),
-    Format("candump", (".log",)),
-    Format("jsonl", (".jsonl", ".ndjson")),
-)
+    Format("parquet", (".parquet", ".pq"), (b"PAR1", b"PARE"), opener="parquet.file.open_file"),
+    Format("csv", (".csv", ".tsv", ".tab", ".txt"), opener="csv.file.open_file"),
+    Format(
+        "mdf", (".mf4", ".mf3", ".mdf", ".dat"), (b"MDF     ", b"UnFinMF "),
+        opener="mdf.file.open_file", frames="can.mf4.frame_log",
+    ),
+    Format("mat", (".mat", ".h5", ".hdf5"), sign="mat.file.is_mat", opener="mat.file.open_file"),
+    Format("blf", (".blf",), (b"LOGG",), frames="can.logs.blf_log"),
+    Format("asc", (".asc",), sign="can.logs.is_asc", frames="can.logs.asc_log"),
+    Format("trc", (".trc",), sign="can.logs.is_trc", frames="can.logs.trc_log"),
+    Format("candump", (".log",), sign="can.texts.is_candump", frames="can.texts.candump_log"),
+    Format("jsonl", (".jsonl", ".ndjson"), sign="json_lines.is_json_lines", opener="json_lines.open_file"),
+)  # fmt: skip
+
+#: A table whose columns are those of frames; its suffixes are those of any table.
+FRAME_TABLE = Format("frames", (), sign="can.texts.is_frame_table", frames="can.texts.frame_table_log")
 
 #: Suffixes after that of the format: a packed file, or Parquet that says how it is packed inside.
 PACKED = (".gz", ".gzip")

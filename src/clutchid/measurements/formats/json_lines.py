@@ -100,16 +100,16 @@ def _number(value: Any) -> float | None:
         return None
 
 
-def is_json_lines(head: str) -> bool:
-    """Whether a text begins with an object on a line of its own, and goes on with another one.
+def is_json_lines(head: bytes) -> bool:
+    """Whether a file begins with an object on a line of its own, and goes on with another one.
 
     Examples
     --------
-    >>> is_json_lines('{"t": 0}\\n{"t": 1'), is_json_lines('{"t": [0,\\n1]}')
+    >>> is_json_lines(b'{"t": 0}\\n{"t": 1'), is_json_lines(b'{"t": [0,\\n1]}')
     (True, False)
     """
-    first, _, rest = head.lstrip().partition("\n")
-    return _object(first.encode()) is not None and rest.lstrip().startswith("{")
+    first, _, rest = head.lstrip().partition(b"\n")
+    return _object(first) is not None and rest.lstrip().startswith(b"{")
 
 
 def open_file(path: Path) -> Source:
@@ -144,7 +144,4 @@ def _tables(
     rows: int | None = None,
 ) -> Iterator[Table]:
     size = values[0].size if values else 0
-    for start in range(0, max(size, 1), rows or max(size, 1)):
-        part = slice(start, start + (rows or size))
-        numbers = {index: values[index][part] for index in chosen}
-        yield Table(columns, numbers, min(size, part.stop) - start, Places("line", start + 1))
+    yield from Table(columns, {index: values[index] for index in chosen}, size, Places("line")).parts(rows)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import re
 from codecs import BOM_UTF8
+from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from clutchid.errors import DataError
 from clutchid.files import reading
-from clutchid.measurements.suffixes import FORMATS, split_name
+from clutchid.measurements.suffixes import FORMATS, FRAME_TABLE, Format, split_name
 
 #: Bytes at the start of a file that determine its kind.
 ENOUGH = 4096
@@ -123,20 +126,21 @@ def kind_of(head: bytes) -> str:
     for row in FORMATS:
         if head.startswith(row.marks) and not _is_text(head):
             return row.kind
-    if b"\0" in head:  # not text, except UTF-16
-        from clutchid.measurements.formats.mat.file import is_mat
+    binary = b"\0" in head  # UTF-16 has zeros as well, and is a table
+    signed = [row for row in (*FORMATS, FRAME_TABLE) if row.sign and (row.kind == "mat") == binary]
+    return next((row.kind for row in signed if function_named(row.sign)(head)), "csv")
 
-        return "mat" if is_mat(head) else "csv"
-    from clutchid.measurements.formats.can.logs import is_asc, is_trc
-    from clutchid.measurements.formats.can.texts import frame_table, is_candump
 
-    lines = head.removeprefix(BOM_UTF8).decode("latin-1").splitlines()
-    if head.lstrip().startswith(b"{"):
-        from clutchid.measurements.formats.json_lines import is_json_lines
+def format_of(kind: str) -> Format:
+    """The row of a format of `kind_of`."""
+    return next(row for row in (*FORMATS, FRAME_TABLE) if row.kind == kind)
 
-        return "jsonl" if is_json_lines(head.decode("utf-8", "replace")) else "csv"
-    kinds = (("asc", is_asc(head)), ("trc", is_trc(head)), ("candump", is_candump(lines)))
-    return next((kind for kind, found in kinds if found), "frames" if frame_table(lines) else "csv")
+
+def function_named(name: str) -> Callable[..., Any]:
+    """The function of a module of `formats`, such as ``csv.file.open_file``, imported on demand."""
+    module, _, function = name.rpartition(".")
+    named: Callable[..., Any] = getattr(import_module(f"clutchid.measurements.formats.{module}"), function)
+    return named
 
 
 def _is_text(head: bytes) -> bool:

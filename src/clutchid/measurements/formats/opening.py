@@ -10,18 +10,13 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
-from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from clutchid.errors import DataError
 from clutchid.files import reading
-from clutchid.measurements.formats.kinds import head_of, kind_of, readable_kind
+from clutchid.measurements.formats.kinds import format_of, function_named, head_of, kind_of, readable_kind
 from clutchid.measurements.source import Source, Table
 from clutchid.measurements.suffixes import PACKED
-
-if TYPE_CHECKING:
-    from clutchid.measurements.formats.can.frames import FrameLog
 
 #: Bytes to which a packed file may unpack on the disk, and bytes that are unpacked at a time.
 _MOST_UNPACKED = 8_000_000_000
@@ -46,37 +41,22 @@ def opened_here(file: Path, dbc: Sequence[Path], kind: str = "") -> Source:
 
 
 def _opened(file: Path, dbc: Sequence[Path], kind: str) -> Source:
+    """The file as its format is opened, by the frames in it where a DBC is given or there is nothing else."""
     if kind == "gzip":
         return _unpacked(file, dbc)
-    if kind == "mdf":
-        return _mdf(file, dbc)
-    if kind in ("blf", "asc", "trc", "candump", "frames"):
-        return _can(file, dbc, kind)
-    readers = {"parquet": "parquet.file", "mat": "mat.file", "jsonl": "json_lines"}
-    reader = import_module(f"clutchid.measurements.formats.{readers.get(kind, 'csv.file')}")
-    source: Source = reader.open_file(file)
-    return source
-
-
-def _can(file: Path, dbc: Sequence[Path], kind: str, frames: FrameLog | None = None) -> Source:
+    row, log = format_of(kind), None
+    if row.opener:
+        frame_log = function_named(row.frames) if row.frames else lambda _file: None
+        log = frame_log(file) if dbc else None
+        if log is None:
+            source: Source = function_named(row.opener)(file)
+            log = None if source.rasters or source.problems else frame_log(file)
+            if log is None:
+                return source
+            dbc = ()
     from clutchid.measurements.formats.can import file as can_file
 
-    return can_file.open_file(file, dbc, kind, frames)
-
-
-def _mdf(file: Path, dbc: Sequence[Path]) -> Source:
-    """An MDF file with measured channels, or with bus frames if a DBC file is given or there is nothing else."""
-    from clutchid.measurements.formats.can import mf4
-    from clutchid.measurements.formats.mdf import file as mdf_file
-
-    frames = mf4.frame_log(file) if dbc else None
-    if frames is None:
-        source = mdf_file.open_file(file)
-        frames = None if source.rasters or source.problems else mf4.frame_log(file)
-        if frames is None:
-            return source
-        dbc = ()
-    return _can(file, dbc, "mdf", frames)
+    return can_file.open_file(file, dbc, kind, log)
 
 
 def _unpacked(file: Path, dbc: Sequence[Path]) -> Source:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ import numpy as np
 from clutchid.errors import DataError
 from clutchid.files import plain_file
 from clutchid.measurements.formats.can.dbc import Message, read_dbc
-from clutchid.measurements.formats.can.frames import Frames, check_python_can, in_blocks, quiet
+from clutchid.measurements.formats.can.frames import Frames, check_python_can, frame_of, in_blocks, quiet
 from clutchid.measurements.formats.can.streams import (
     FrameStream,
     MessageCatalogue,
@@ -194,9 +194,8 @@ def from_bus(name: BusName, stopped: Stopped) -> Iterator[Frames]:
         reader = threading.Thread(target=_read, args=(bus, waiting, failures, stopped, closing), daemon=True)
         reader.start()
         try:
-            left_out: Counter[str] = Counter()
             while reader.is_alive() or waiting:
-                yield from in_blocks([waiting.popleft() for _ in range(len(waiting))], left_out)
+                yield from in_blocks([frame_of(waiting.popleft()) for _ in range(len(waiting))])
                 if not waiting:
                     reader.join(PACE)
         finally:

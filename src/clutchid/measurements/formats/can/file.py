@@ -38,7 +38,7 @@ from clutchid.measurements.formats.can.streams import (
     rasters_of,
     values_of,
 )
-from clutchid.measurements.formats.kinds import head_of, kind_of
+from clutchid.measurements.formats.kinds import format_of, function_named, head_of, kind_of
 from clutchid.measurements.source import Places, Raster, Source, Table, refused
 from clutchid.measurements.time_axis import usual_interval
 from clutchid.messages import listed
@@ -61,14 +61,8 @@ def frame_log(path: Path, kind: str = "") -> FrameLog:
     OSError
         If the file cannot be read.
     """
-    from clutchid.measurements.formats.can import logs, mf4, texts
-
-    readers = {
-        **{"blf": logs.blf_log, "asc": logs.asc_log, "trc": logs.trc_log, "mdf": mf4.frame_log},
-        **{"candump": texts.candump_log, "frames": texts.frame_table_log},
-    }
-    reader = readers.get(kind or kind_of(head_of(path)))
-    log = reader(path) if reader else None
+    frames = format_of(kind or kind_of(head_of(path))).frames
+    log: FrameLog | None = function_named(frames)(path) if frames else None
     if log is None:
         raise DataError("is no CAN log; BLF, ASC, TRC and MF4 bus logging are read.")
     return log

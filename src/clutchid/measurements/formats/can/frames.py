@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import logging
+from codecs import BOM_UTF8
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from datetime import datetime
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,35 +94,72 @@ def check_python_can(what: str) -> None:
         raise missing(f"reading {what}", "python-can", "can") from error
 
 
-def in_blocks(messages: Iterable[can.Message], left_out: Counter[str], size: int = FRAMES) -> Iterator[Frames]:
-    """Messages of python-can in blocks of at most `size` frames.
+class Frame(NamedTuple):
+    """A frame: stamp in s, bus, identifier, whether that has 29 bits, payload, and whether the logger has sent it."""
 
-    Error and remote frames are counted in `left_out`, beside what `messages` counts there; each block takes what was
-    counted so far with it.
+    stamp: float
+    bus: int
+    identifier: int
+    extended: bool
+    data: bytes
+    sent: bool = False
+
+
+def frame_of(message: can.Message) -> Frame | str:
+    """The frame of a message of python-can, whose buses count from 0; a text says what holds no payload."""
+    if message.is_error_frame:
+        return "error frame"
+    if message.is_remote_frame:
+        return "remote frame"
+    bus = message.channel + 1 if isinstance(message.channel, int) else 0
+    data = bytes(message.data)
+    return Frame(message.timestamp, bus, message.arbitration_id, message.is_extended_id, data, not message.is_rx)
+
+
+def in_blocks(frames: Iterable[Frame | str], size: int = FRAMES) -> Iterator[Frames]:
+    """Frames in blocks of at most `size`; texts among them are counted as left out, in the block that follows.
 
     Raises
     ------
-    Whatever `messages` raises, after the frames before it were given.
+    Whatever `frames` raises, after the frames before it were given.
     """
-    kept: list[can.Message] = []
+    rows: list[Frame] = []
+    left_out: Counter[str] = Counter()
     failure: Exception | None = None
     try:
-        for message in messages:
-            if message.is_error_frame:
-                left_out["error frame"] += 1
-            elif message.is_remote_frame:
-                left_out["remote frame"] += 1
-            else:
-                kept.append(message)
-                if len(kept) == size:
-                    yield _block(kept, left_out)
-                    kept = []
+        for frame in frames:
+            if isinstance(frame, str):
+                left_out[frame] += 1
+                continue
+            rows.append(frame)
+            if len(rows) == size:
+                yield _block(rows, left_out)
+                rows, left_out = [], Counter()
     except Exception as error:
         failure = error
-    if kept or left_out:
-        yield _block(kept, left_out)
+    if rows or left_out:
+        yield _block(rows, left_out)
     if failure is not None:
         raise failure
+
+
+def _block(rows: Sequence[Frame], left_out: Mapping[str, int]) -> Frames:
+    stamp, bus, identifier, extended, data, sent = zip(*rows, strict=True) if rows else ((),) * 6
+    return Frames(
+        np.array(stamp, dtype=np.float64),
+        np.array([min(number, LARGEST_BUS) for number in bus], dtype=np.int64),
+        np.array([number & 0x1FFFFFFF for number in identifier], dtype=np.int64),
+        np.array(extended, dtype=np.bool_),
+        np.array([min(len(payload), FD) for payload in data], dtype=np.int64),
+        as_payload(data),
+        left_out,
+        np.array(sent, dtype=np.bool_) if any(sent) else None,
+    )
+
+
+def first_lines(head: bytes) -> list[str]:
+    """Lines of the first bytes of a file."""
+    return head.removeprefix(BOM_UTF8).decode("latin-1").splitlines()
 
 
 @contextmanager
@@ -136,7 +174,7 @@ def quiet(logger: str) -> Iterator[None]:
         chosen.removeFilter(silence)
 
 
-def as_payload(rows: list[bytes]) -> Bytes:
+def as_payload(rows: Sequence[bytes]) -> Bytes:
     """Payloads as rows of 8 bytes, or of 64 where one is longer, with zeros behind them."""
     width = FD if max(map(len, rows), default=0) > CLASSIC else CLASSIC
     joined = b"".join([row[:width].ljust(width, b"\0") for row in rows])
@@ -201,25 +239,3 @@ def payloads(parts: Sequence[Bytes]) -> Bytes:
     """Payloads of several blocks as one, with zeros behind those of the narrower ones."""
     width = max(part.shape[1] for part in parts)
     return np.concatenate([np.pad(part, ((0, 0), (0, width - part.shape[1]))) for part in parts])
-
-
-def _block(messages: list[can.Message], left_out: Counter[str]) -> Frames:
-    """The frames of `messages`, and what was counted, which is counted from 0 again."""
-    counts = dict(left_out)
-    left_out.clear()
-    data = [bytes(message.data) for message in messages]
-    return Frames(
-        np.array([message.timestamp for message in messages], dtype=np.float64),
-        np.array([_bus(message.channel) for message in messages], dtype=np.int64),
-        np.array([message.arbitration_id & 0x1FFFFFFF for message in messages], dtype=np.int64),
-        np.array([message.is_extended_id for message in messages], dtype=np.bool_),
-        np.array([min(len(row), FD) for row in data], dtype=np.int64),
-        as_payload(data),
-        counts,
-        None if all(message.is_rx for message in messages) else np.array([not message.is_rx for message in messages]),
-    )
-
-
-def _bus(channel: object) -> int:
-    """The number of a bus as the logs write it, from 1; python-can counts from 0, and says None where there is none."""
-    return min(channel + 1, LARGEST_BUS) if isinstance(channel, int) else 0

@@ -6,15 +6,22 @@ import math
 import re
 import struct
 import zlib
-from codecs import BOM_UTF8
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from clutchid.errors import DataError
-from clutchid.measurements.formats.can.frames import FrameLog, Frames, check_python_can, in_blocks, quiet
+from clutchid.measurements.formats.can.frames import (
+    Frame,
+    FrameLog,
+    Frames,
+    check_python_can,
+    first_lines,
+    frame_of,
+    in_blocks,
+    quiet,
+)
 
 if TYPE_CHECKING:
     import can
@@ -64,7 +71,7 @@ def _blf_blocks(path: Path) -> Iterator[Frames]:
         try:
             reader = BLFReader(file)
             reader.start_timestamp = 0.0  # stamps as they are stored: added to a date they would lose nanoseconds
-            for frames in in_blocks(reader, Counter()):
+            for frames in in_blocks(map(frame_of, reader)):
                 frames.stamp[frames.stamp >= _SIGNED] -= 2 * _SIGNED  # before a trigger
                 yield frames
         except (BLFParseError, struct.error, zlib.error, ValueError, LookupError, OverflowError) as error:
@@ -111,7 +118,7 @@ def is_asc(head: bytes) -> bool:
     >>> is_asc(b"date Wed Sep 30 15:06:13.191 2017\\nbase hex\\n"), is_asc(b"Date Exported: 10/19/2025\\ntime [s],x")
     (True, False)
     """
-    lines = head.removeprefix(BOM_UTF8).decode("latin-1").splitlines()[:_FIRST]
+    lines = first_lines(head)[:_FIRST]
     return sum(any(sign.match(line) for line in lines) for sign in _SIGNS) >= 2
 
 
@@ -167,18 +174,17 @@ def _asc_start(path: Path) -> datetime | None:
     with path.open("rb") as file, quiet("can.io.asc"):
         lines = _AscLines(file)
         reader = ASCReader(lines, relative_timestamp=False)  # type: ignore[arg-type]
-        next(_readable(reader, lines, Counter()), None)
+        next((frame for frame in _readable(reader, lines) if isinstance(frame, Frame)), None)
     return datetime.fromtimestamp(reader.start_time) if reader.start_time else None
 
 
 def _asc_blocks(path: Path) -> Iterator[Frames]:
     from can.io.asc import ASCReader
 
-    left_out: Counter[str] = Counter()
     with path.open("rb") as file, quiet("can.io.asc"):
         lines = _AscLines(file)
         reader = ASCReader(lines, relative_timestamp=True)  # type: ignore[arg-type]
-        yield from in_blocks((lines.signed(message) for message in _readable(reader, lines, left_out)), left_out)
+        yield from in_blocks(map(lines.signed, _readable(reader, lines)))
 
 
 def _trc_start(path: Path) -> datetime | None:
@@ -199,32 +205,24 @@ def _trc_start(path: Path) -> datetime | None:
 def _trc_blocks(path: Path) -> Iterator[Frames]:
     from can.io.trc import TRCReader
 
-    left_out: Counter[str] = Counter()
     with path.open("rb") as file, quiet("can.io.trc"):
         lines = _TrcLines(file)
-        messages = _readable(TRCReader(lines), lines, left_out)  # type: ignore[arg-type]
-        yield from in_blocks(map(_from_0, messages), left_out)
+        frames = _readable(TRCReader(lines), lines)  # type: ignore[arg-type]
+        yield from in_blocks(  # python-can counts the buses of this format from 1
+            frame if isinstance(frame, str) else frame._replace(bus=max(frame.bus - 1, 0)) for frame in frames
+        )
 
 
-def _from_0(message: can.Message) -> can.Message:
-    """A message whose bus counts from 0, as in python-can's other readers."""
-    message.channel = message.channel - 1 if isinstance(message.channel, int) else None
-    return message
-
-
-def _readable(reader: Iterable[can.Message], lines: _TextLines, left_out: Counter[str]) -> Iterator[can.Message]:
-    """The frames; a line that python-can takes for a frame and cannot read is counted in `left_out` and passed over."""
+def _readable(reader: Iterable[can.Message], lines: _TextLines) -> Iterator[Frame | str]:
+    """The frames; a text stands for a line that python-can takes for a frame and cannot read."""
     number = -1
     while lines.number > number:
         number = lines.number
         try:
             for message in reader:
-                if math.isfinite(message.timestamp):
-                    yield message
-                else:
-                    left_out[_NOT_READ] += 1
+                yield frame_of(message) if math.isfinite(message.timestamp) else _NOT_READ
         except (ValueError, LookupError, OverflowError, TypeError):
-            left_out[_NOT_READ] += 1
+            yield _NOT_READ
             lines.in_header = True
         else:
             return
@@ -273,11 +271,9 @@ class _AscLines(_TextLines):
         self._first = ""
         self._negative = False
 
-    def signed(self, message: can.Message) -> can.Message:
-        """The message that was read from the last line, with the sign of its stamp."""
-        if self._negative:
-            message.timestamp = -message.timestamp
-        return message
+    def signed(self, frame: Frame | str) -> Frame | str:
+        """The frame that was read from the last line, with the sign of its stamp."""
+        return frame._replace(stamp=-frame.stamp) if self._negative and not isinstance(frame, str) else frame
 
     def __next__(self) -> str:
         """The next line.

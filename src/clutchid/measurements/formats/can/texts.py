@@ -17,7 +17,7 @@ import numpy as np
 from clutchid.errors import DataError
 from clutchid.log import FloatArray
 from clutchid.measurements.columns import headings
-from clutchid.measurements.formats.can.frames import FD, FRAMES, LARGEST_BUS, FrameLog, Frames, as_payload
+from clutchid.measurements.formats.can.frames import FD, Frame, FrameLog, first_lines, in_blocks
 from clutchid.measurements.formats.csv.cells import nanoseconds, plain_number
 
 _EPOCH = datetime(1970, 1, 1)
@@ -37,15 +37,15 @@ _NO_STAMPS = (
 )
 
 
-def is_candump(lines: Sequence[str]) -> bool:
-    """Whether the first lines of a text are those of candump: two at least, or the only one.
+def is_candump(head: bytes) -> bool:
+    """Whether the first lines of a file are those of candump: two at least, or the only one.
 
     Examples
     --------
-    >>> is_candump(["(1714564800.0) can0 100#E803", "(1714564800.1) can0 101#00"]), is_candump(["time [s]", "0"])
+    >>> is_candump(b"(1714564800.0) can0 100#E803\\n(1714564800.1) can0 101#00"), is_candump(b"time [s]\\n0")
     (True, False)
     """
-    filled = [line for line in lines if line.strip()][:3]
+    filled = [line for line in first_lines(head) if line.strip()][:3]
     return bool(filled) and sum(_CANDUMP.fullmatch(line) is not None for line in filled) >= min(2, len(filled))
 
 
@@ -70,7 +70,7 @@ def candump_log(path: Path) -> FrameLog:
     grown = half > 0 and seconds[half:].mean() - seconds[:half].mean() > _GROWN * np.ptp(seconds)
     between = not grown and half > 0 and np.count_nonzero(steps > 0) < _ON * steps.size and seconds[0] < _YEAR
     zero, start, said = _origin(float(seconds[0]))
-    return FrameLog("candump", start, lambda: _candump_blocks(path, bool(between), zero), said)
+    return FrameLog("candump", start, lambda: in_blocks(_candump_frames(path, bool(between), zero)), said)
 
 
 def _origin(first: float) -> tuple[int, datetime | None, tuple[str, ...]]:
@@ -88,29 +88,25 @@ def _origin(first: float) -> tuple[int, datetime | None, tuple[str, ...]]:
 _SHOWN, _GROWN, _ON, _YEAR = 2000, 0.1, 0.9, 3e7
 
 
-def _candump_blocks(path: Path, between: bool, zero: int) -> Iterator[Frames]:
-    block = _Block()
+def _candump_frames(path: Path, between: bool, zero: int) -> Iterator[Frame | str]:
     buses: dict[str, int] = {}
     now = 0.0
     with path.open(encoding="utf-8", errors="replace") as file:
         for line in file:
             match = _CANDUMP.fullmatch(line.rstrip("\r\n"))
             if match is None or match["stamp"] is None:
-                block.leave("unreadable line" if line.strip() else "")
+                if line.strip():
+                    yield "unreadable line"
                 continue
             if match["remote"] or match["request"]:
-                block.leave("remote frame")
+                yield "remote frame"
                 continue
             stamp = _seconds(match["stamp"], zero)
             now = now + stamp if between else stamp
             bus = buses.setdefault(match["bus"], len(buses) + 1)
             payload = bytes.fromhex(match["data"] or match["bytes"] or "")
             sent = match["way"] == "TX" or match["sent"] == "T"
-            block.add(now, bus, int(match["id"], 16), len(match["id"]) == 8, payload, sent)
-            if block.full:
-                yield block.frames()
-                block = _Block()
-    yield block.frames()
+            yield Frame(now, bus, int(match["id"], 16), len(match["id"]) == 8, payload, sent)
 
 
 def _seconds(text: str, zero: int = 0) -> float:
@@ -123,44 +119,6 @@ def _seconds(text: str, zero: int = 0) -> float:
         return number - zero
     stamp = nanoseconds(text)
     return math.nan if stamp is None else stamp // 10**9 - zero + stamp % 10**9 * 1e-9
-
-
-class _Block:
-    """Frames that are collected one by one."""
-
-    def __init__(self) -> None:
-        self._rows: list[tuple[float, int, int, bool, bool]] = []
-        self._payloads: list[bytes] = []
-        self._left_out: dict[str, int] = {}
-
-    @property
-    def full(self) -> bool:
-        """Whether it has as many frames as a block may have."""
-        return len(self._rows) == FRAMES
-
-    def add(self, stamp: float, bus: int, identifier: int, extended: bool, payload: bytes, sent: bool) -> None:
-        """Add a frame."""
-        self._rows.append((stamp, min(bus, LARGEST_BUS), identifier & 0x1FFFFFFF, extended, sent))
-        self._payloads.append(payload[:FD])
-
-    def leave(self, what: str) -> None:
-        """Count something that is no frame with a payload."""
-        if what:
-            self._left_out[what] = self._left_out.get(what, 0) + 1
-
-    def frames(self) -> Frames:
-        """The frames so far."""
-        stamp, bus, identifier, extended, sent = zip(*self._rows, strict=True) if self._rows else ((),) * 5
-        return Frames(
-            np.array(stamp, dtype=np.float64),
-            np.array(bus, dtype=np.int64),
-            np.array(identifier, dtype=np.int64),
-            np.array(extended, dtype=np.bool_),
-            np.array([len(payload) for payload in self._payloads], dtype=np.int64),
-            as_payload(self._payloads),
-            self._left_out,
-            np.array(sent, dtype=np.bool_) if any(sent) else None,
-        )
 
 
 #: Columns of a table of frames by their names, in lower case without blanks and underscores.
@@ -218,6 +176,11 @@ def frame_table(lines: Sequence[str]) -> _FrameTable | None:
     return None
 
 
+def is_frame_table(head: bytes) -> bool:
+    """Whether a file begins with the header of a table of frames."""
+    return frame_table(first_lines(head)) is not None
+
+
 def frame_table_log(path: Path) -> FrameLog:
     """The frames of a table.
 
@@ -244,7 +207,9 @@ def frame_table_log(path: Path) -> FrameLog:
     zero, start, said = _origin(float(stamps[0]) * scale if stamps.size else 0.0)
     offset = round(zero / scale)
     made = layout
-    return FrameLog("CSV of frames", start, lambda: _table_blocks(path, made, scale, offset, identifier), said)
+    return FrameLog(
+        "CSV of frames", start, lambda: in_blocks(_table_frames(path, made, scale, offset, identifier)), said
+    )
 
 
 _UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
@@ -268,8 +233,8 @@ def _base(cells: Sequence[str]) -> int:
     return 10
 
 
-def _table_blocks(path: Path, layout: _FrameTable, scale: float, zero: int, base: int) -> Iterator[Frames]:
-    block, columns = _Block(), layout.columns
+def _table_frames(path: Path, layout: _FrameTable, scale: float, zero: int, base: int) -> Iterator[Frame | str]:
+    columns = layout.columns
     buses: dict[str, int] = {}
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         next((line for line in file if line.strip()), None)
@@ -277,7 +242,7 @@ def _table_blocks(path: Path, layout: _FrameTable, scale: float, zero: int, base
             cells = [cell.strip().strip('"') for cell in line.rstrip("\r\n").split(layout.separator)]
             try:
                 if _is_true(cells, columns.get("remote")) or _is_true(cells, columns.get("error")):
-                    block.leave("remote frame" if _is_true(cells, columns.get("remote")) else "error frame")
+                    yield "remote frame" if _is_true(cells, columns.get("remote")) else "error frame"
                     continue
                 stamp, written = _seconds(cells[columns["stamp"]], zero) * scale, cells[columns["id"]]
                 identifier = int(written.removesuffix("h"), base)
@@ -286,20 +251,11 @@ def _table_blocks(path: Path, layout: _FrameTable, scale: float, zero: int, base
                 bus = cells[columns["bus"]] if "bus" in columns else ""
                 sent = "way" in columns and cells[columns["way"]].casefold() in ("tx", "t", "1")
             except (ValueError, IndexError, binascii.Error):
-                block.leave("unreadable line" if line.strip() else "")
+                if line.strip():
+                    yield "unreadable line"
                 continue
-            block.add(
-                stamp,
-                buses.setdefault(bus, int(bus) + 1 if bus.isdigit() else len(buses) + 1),
-                identifier,
-                extended,
-                payload,
-                sent,
-            )
-            if block.full:
-                yield block.frames()
-                block = _Block()
-    yield block.frames()
+            number = buses.setdefault(bus, int(bus) + 1 if bus.isdigit() else len(buses) + 1)
+            yield Frame(stamp, number, identifier, extended, payload, sent)
 
 
 def _is_true(cells: Sequence[str], index: int | None) -> bool:
