@@ -163,43 +163,51 @@ def shifts_of(
     >>> [round(shift, 6) for shift in shifts], [change.kind for change in changes]
     ([0.0, nan, 0.0, 2.2], ['lone', 'restart'])
     """
+    clock = replace(clock, usual=tolerance.usual)
     shifts: list[float] = []
     changes: list[ClockChange] = []
-    written, shift, last = clock.written, clock.shift, clock.last
+    change: ClockChange | None
     i = 0
     while i < len(runs):
-        run = runs[i]
-        back = _return(runs, i, written, tolerance)
+        back = _return(runs, i, clock.written, tolerance)
         if back > i:
-            between = runs[i:back]
-            count = sum(each.size for each in between)
-            if count <= LONE:
-                shifts += [math.nan] * len(between)
-                changes.append(ClockChange("lone", run.row, run.first, written, float(count)))
-            else:
-                begin = written + max((runs[back].first - written - _span(between, tolerance.usual)) / 2, 0.0)
-                for each in between:
-                    begin += tolerance.usual
-                    shifts.append(shift + begin - each.first)
-                    begin += each.length
-                changes.append(ClockChange("excursion", run.row, run.first, written, shifts[-1] - shift))
-            i = back
-            continue
-        step = run.first - written
-        if written == -math.inf:
-            pass
-        elif step < -tolerance.behind:
-            period = _period(step, tolerance.usual)
-            if period:
-                shift += period
-                changes.append(ClockChange(_PERIODS[period], run.row, run.first, written, period))
-            else:
-                shift += tolerance.apart - step
-                changes.append(ClockChange("restart", run.row, run.first, written, tolerance.apart))
-        shifts.append(shift)
-        written, last = run.last, max(last, run.last + shift)
-        i += 1
-    return shifts, changes, Clock(written, last, shift, tolerance.usual)
+            moved, change = _passing(runs[i:back], runs[back].first, clock)
+        else:
+            clock, change = _followed(runs[i], clock, tolerance)
+            moved = [clock.shift]
+        shifts += moved
+        changes += [change] if change else []
+        i = max(back, i + 1)
+    return shifts, changes, clock
+
+
+def _followed(run: Run, clock: Clock, tolerance: Tolerance) -> tuple[Clock, ClockChange | None]:
+    """The clock after a run with which it goes on, or begins again after a period or at a restart."""
+    step, shift, change = run.first - clock.written, clock.shift, None
+    if step < -tolerance.behind:
+        period = _period(step, tolerance.usual)
+        kind, amount = (_PERIODS[period], period) if period else ("restart", tolerance.apart)
+        shift += period or tolerance.apart - step
+        change = ClockChange(kind, run.row, run.first, clock.written, amount)
+    return replace(clock, written=run.last, last=max(clock.last, run.last + shift), shift=shift), change
+
+
+def _passing(runs: Sequence[Run], back: float, clock: Clock) -> tuple[list[float], ClockChange]:
+    """Shifts of runs in front of the stamp `back` in s, with which the clock goes on; NaN where they are lone stamps.
+
+    More stamps than these are moved into the middle of the time that is left for them.
+    """
+    count = sum(run.size for run in runs)
+    if count <= LONE:
+        return [math.nan] * len(runs), ClockChange("lone", runs[0].row, runs[0].first, clock.written, float(count))
+    begin = clock.written + max((back - clock.written - _span(runs, clock.usual)) / 2, 0.0)
+    shifts = []
+    for run in runs:
+        begin += clock.usual
+        shifts.append(clock.shift + begin - run.first)
+        begin += run.length
+    amount = shifts[-1] - clock.shift
+    return shifts, ClockChange("excursion", runs[0].row, runs[0].first, clock.written, amount)
 
 
 def _return(runs: Sequence[Run], i: int, written: float, tolerance: Tolerance) -> int:
@@ -245,20 +253,16 @@ def sentences(changes: Sequence[ClockChange], places: Places, apart: float) -> I
             for change in group[:SHOWN]
         ]
         where = listed(shown, total=len(group))
-        if kind == "restart":
-            yield (
-                f"the clock restarts at {where}; each run becomes a separate segment, "
-                f"{quantity(apart, 's')} after the previous one."
-            )
-        elif kind == "lone":
-            count = int(sum(change.amount for change in group))
-            noun = "1 time stamp is" if count == 1 else f"{count:,} time stamps are"
-            yield f"{noun} far from those around, and left out: {where}."
-        elif kind == "excursion":
-            amounts = listed([quantity(change.amount, "s") for change in group[:SHOWN]], total=len(group))
-            yield f"the clock jumps at {where} and later goes on as before; what is between is moved by {amounts}."
-        else:
-            yield f"the clock: {kind} at {where}; {quantity(abs(group[0].amount), 's')} are made good from there on."
+        count = int(sum(change.amount for change in group)) if kind == "lone" else 0
+        noun = "1 time stamp is" if count == 1 else f"{count:,} time stamps are"
+        amounts = listed([quantity(change.amount, "s") for change in group[:SHOWN]], total=len(group))
+        yield {
+            "restart": f"the clock restarts at {where}; each run becomes a separate segment, "
+            f"{quantity(apart, 's')} after the previous one.",
+            "lone": f"{noun} far from those around, and left out: {where}.",
+            "excursion": f"the clock jumps at {where} and later goes on as before; what is between is moved by "
+            f"{amounts}.",
+        }.get(kind, f"the clock: {kind} at {where}; {quantity(abs(group[0].amount), 's')} are made good from there on.")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
