@@ -8,6 +8,7 @@ import pytest
 
 from clutchid.measurements.columns import channel
 from clutchid.measurements.formats.csv import file as csv_file
+from clutchid.measurements.formats.csv import rows as csv_rows
 from clutchid.measurements.source import Places, Raster, Source, Table
 
 HEADER = "time [s],position [m],duty_supply [1],duty_exhaust [1],pressure_a [Pa]"
@@ -72,22 +73,22 @@ def bus_logs(data: Callable[[str], Path]) -> Path:
     return data("mf4_can_logs")
 
 
-@pytest.fixture(params=["numpy", "polars", "text"])
+@pytest.fixture(params=["numpy", "polars", "csv"])
 def parser(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """Each way of reading the numbers of a CSV file, by force."""
+    """Each library that cuts the lines of a CSV file into cells, by force."""
     _force(request.param, monkeypatch)
     return request.param
 
 
 def _force(way: str, patch: pytest.MonkeyPatch) -> None:
-    """Let one of the ways read every CSV file, whatever its size."""
+    """Let one of the libraries cut the lines of every CSV file, whatever its size."""
     if way == "polars":
         patch.setattr(csv_file, "_SMALL", 0)
-    if way == "text":
-        patch.setattr(csv_file, "read_fast", lambda *_, **__: None)
+    if way == "csv":
+        patch.setattr(csv_rows, "plain_text", lambda *_: None)
 
 
 @pytest.fixture(scope="session")
 def force() -> Callable[[str, pytest.MonkeyPatch], None]:
-    """Let "numpy", "polars" or the reader of "text" read the numbers of a CSV file."""
+    """Let "numpy", "polars" or "csv" cut the lines of a CSV file."""
     return _force

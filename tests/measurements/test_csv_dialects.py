@@ -308,7 +308,7 @@ def written(draw):
 
 
 @settings(max_examples=300, deadline=None)
-@given(table=written(), way=st.sampled_from(["numpy", "polars", "text"]), rows=st.sampled_from([None, 1, 7]))
+@given(table=written(), way=st.sampled_from(["numpy", "polars", "csv"]), rows=st.sampled_from([None, 1, 7]))
 def test_whatever_table_in_whatever_dialect_is_read_back_exactly(tmp_path_factory, force, table, way, rows):
     values, labels, content = table
     path = tmp_path_factory.mktemp("dialect") / "run.csv"

@@ -16,6 +16,7 @@ from clutchid.errors import ParameterError
 from clutchid.log.units import UNITS
 from clutchid.measurements.formats.csv import file as csv_file
 from clutchid.measurements.formats.csv import lines as csv_lines
+from clutchid.measurements.formats.csv import rows as csv_rows
 from clutchid.strokes.vented_pressure import VENTED_KEY
 
 INPUTS = "duty_supply [1],duty_exhaust [1]"
@@ -157,9 +158,7 @@ def test_an_interval_of_five_medians_is_no_hole_yet(recording, save):
     assert cio.read(save(recording(8, {(i, 0): t for i, t in enumerate(times)}))).warnings == ()
 
 
-def test_names_with_wildcards_or_an_archive_suffix_are_names(recording, save, parser, monkeypatch):
-    if parser != "text":
-        monkeypatch.setattr(csv_file, "read_text", None)
+def test_names_with_wildcards_or_an_archive_suffix_are_names(recording, save, parser):
     for name in ("run[1]*.csv", "run.csv.gz", "run"):
         assert len(cio.read(save(recording(4), name))) == 4
 
@@ -176,13 +175,13 @@ cells = st.one_of(st.floats().map(repr), st.text(alphabet="+-.0123456789einfa_xE
 
 @settings(max_examples=150, deadline=None)
 @given(rows=st.lists(st.tuples(cells, cells), min_size=1, max_size=4), small=st.sampled_from([0, 1e9]))
-def test_what_a_fast_parser_takes_it_reads_as_the_text_says(tmp_path_factory, rows, small):
+def test_every_library_reads_the_same_numbers(tmp_path_factory, rows, small):
     path = tmp_path_factory.mktemp("cells") / "run.csv"
     path.write_text("position [m],velocity [m/s]\n" + "".join(f"{a},{b}\n" for a, b in rows))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(csv_file, "_SMALL", small)
         fast = load(path)
-        patch.setattr(csv_file, "read_fast", lambda *_, **__: None)
+        patch.setattr(csv_rows, "plain_text", lambda *_: None)
         text = load(path)
     assert fast.problems == text.problems
     assert fast.size == text.size
@@ -209,15 +208,8 @@ def test_the_heavy_packages_are_not_imported_to_read_a_small_file(recording, sav
 
 def test_a_small_file_is_read_without_polars(recording, save, monkeypatch):
     monkeypatch.setattr(pl, "read_csv", None)
-    monkeypatch.setattr(csv_file, "read_text", None)
-    assert len(cio.read(save(recording(3000, {(5, 1): "", **{(6, column): "" for column in range(1, 5)}})))) == 3000
-
-
-def test_a_large_file_is_read_by_polars(recording, save, monkeypatch):
-    monkeypatch.setattr(csv_file, "_SMALL", 0)
-    monkeypatch.setattr(csv_file, "read_text", None)
-    log = cio.read(save(recording(3000, {(5, 4): "", (6, 4): ""})))
-    assert np.isnan(log["pressure_a"]).sum() == 2
+    log = cio.read(save(recording(3000, {(5, 1): "", **{(6, column): "" for column in range(1, 5)}})))
+    assert (len(log), np.isnan(log["pressure_a"]).sum()) == (3000, 1)
 
 
 def test_cells_that_say_that_there_is_no_value_are_missing_and_counted(save, recording, parser):

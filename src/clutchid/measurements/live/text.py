@@ -15,7 +15,7 @@ from clutchid.errors import DataError
 from clutchid.measurements.columns import Heading, headings
 from clutchid.measurements.formats.csv.dialect import Dialect, dialect
 from clutchid.measurements.formats.csv.lines import BOMS_UTF16, LineBlock
-from clutchid.measurements.formats.csv.rows import joined, read_fast, read_text
+from clutchid.measurements.formats.csv.rows import read_rows
 from clutchid.measurements.formats.json_lines import keys_of, read_objects
 from clutchid.measurements.live.arrival import ArrivedBatch, LiveBlock, live_blocks
 from clutchid.measurements.live.order import arrived, by_position, picked_streams
@@ -36,9 +36,6 @@ LONGEST = 1 << 20
 
 #: What stands for a line that is longer: it cannot be read either.
 _TOO_LONG = b"?\n"
-
-#: Lines from which on polars reads faster than NumPy.
-_MANY = 400
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -164,19 +161,11 @@ def _objects(text: bytes, keys: Sequence[str], columns: tuple[Heading, ...], cho
 def _cells(text: bytes, found: Dialect, chosen: Sequence[int]) -> TextRows:
     """The rows of a block of lines of CSV."""
     text, selected = text.rstrip() + b"\n", [found.headings[index] for index in chosen]
-    block = LineBlock(1, text, text.count(b"\n"))
-    special = b'"' in text or b"\0" in text
-    fast = None if special else read_fast(block, found, selected, large=block.lines >= _MANY)
-    if fast:
-        parts = [fast]
-    else:  # one by one: a spoiled line must not take others with it
-        parts = [read_text(LineBlock(1, line, 1), found, selected) for line in text.splitlines(keepends=True)]
-    part = joined(parts)
-    ragged = sum(one.ragged_count + bool(one.broken) for one in parts)
+    part = read_rows(LineBlock(1, text, text.count(b"\n")), found, selected, small=True, by_line=True)
     spoiled = np.zeros(part.table.size, dtype=bool)
     for rows in part.table.unread.values():
         spoiled[rows] = True
-    return TextRows(part.table, spoiled, ragged)
+    return TextRows(part.table, spoiled, part.ragged_count)
 
 
 def text_blocks(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -91,40 +91,27 @@ def plain_number(text: str) -> float | None:
     return value if text.isascii() and "_" not in text else None
 
 
-def reader(form: CellForm) -> Callable[[str], float | None]:
-    """Function that reads a cell of this form; it returns None for an invalid cell, NaN for a missing sample.
+def value_of(text: str, form: CellForm) -> float | None:
+    """Value of a cell of this form; None for an invalid cell, NaN for a missing sample.
 
     Examples
     --------
-    >>> reader(CellForm(decimal=","))("0,5"), reader(CellForm("truth"))("Ein")
+    >>> value_of("0,5", CellForm(decimal=",")), value_of("Ein", CellForm("truth"))
     (0.5, 1.0)
-    >>> reader(CellForm())("n/a"), reader(CellForm())("1,5")
+    >>> value_of("n/a", CellForm()), value_of("1,5", CellForm())
     (nan, None)
     """
-
-    def word(text: str) -> float | None:
-        key = text.strip().casefold()
-        if key in MISSING:
-            return math.nan
-        return TRUTH.get(key) if form.kind == "truth" else None
-
-    def point(text: str) -> float | None:
-        value = plain_number(text)
-        return word(text) if value is None else value
-
-    def comma(text: str) -> float | None:
-        value = None if "." in text else plain_number(text.replace(",", "."))
-        return word(text) if value is None else value
-
-    def stamp(text: str) -> float | None:
-        found = nanoseconds(text)
-        if found is None:
-            return word(text) if text.strip() else math.nan
-        return float(found - form.origin) / _SECOND
-
+    word = text.strip().casefold()
+    if not word or word in MISSING:
+        return math.nan
+    if form.kind == "truth" and word in TRUTH:
+        return TRUTH[word]
     if form.kind == "stamp":
-        return stamp
-    return comma if form.decimal == "," else point
+        stamp = nanoseconds(text)
+        return None if stamp is None else float(stamp - form.origin) / _SECOND
+    if form.decimal == ",":
+        return None if "." in text else plain_number(text.replace(",", "."))
+    return plain_number(text)
 
 
 def nanoseconds(text: str) -> int | None:

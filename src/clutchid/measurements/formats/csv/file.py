@@ -1,8 +1,4 @@
-"""CSV: a header with units, then samples; separator, decimal mark and the rest are detected from the content.
-
-A block of lines is read by a fast parser first. If that fails, or the number of cells differs from that of the text,
-the block is read again cell by cell, which finds the line and the column of each problem.
-"""
+"""CSV: a header with units, then samples; separator, decimal mark and the rest are detected from the content."""
 
 from __future__ import annotations
 
@@ -15,10 +11,10 @@ from clutchid.log import Log
 from clutchid.measurements.columns import Heading
 from clutchid.measurements.formats.csv.dialect import Dialect, dialect
 from clutchid.measurements.formats.csv.lines import SAMPLE, TextLines, blocks, lines_of, sample, whole_records
-from clutchid.measurements.formats.csv.rows import ParsedRows, joined, read_fast, read_text, table
+from clutchid.measurements.formats.csv.rows import ParsedRows, joined, read_rows, table
 from clutchid.measurements.source import BLOCK, EXAMPLE, Raster, Source, Table, refused, to_frame
 
-#: Bytes up to which NumPy reads a file sooner than polars, which is faster but takes 80 ms to import.
+#: Bytes of a file that is read without polars where it is plain.
 _SMALL = 8e6
 
 _NOT_TEXT = "is not UTF-8, UTF-16 or Windows-1252 text; save it as 'CSV UTF-8', or as Parquet."
@@ -157,7 +153,7 @@ def _parts(lines: TextLines, found: Dialect, selected: Sequence[Heading], rows: 
     """The samples block by block, until a line cannot be split."""
     small = lines.path.stat().st_size < _SMALL
     for block in whole_records(blocks(lines, found.samples - 1, rows or (lines.last if small else BLOCK))):
-        part = read_fast(block, found, selected, large=not small) or read_text(block, found, selected)
+        part = read_rows(block, found, selected, small=small)
         yield part
         if part.broken:
             return
