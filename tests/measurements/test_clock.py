@@ -20,7 +20,7 @@ def test_mended_stamps_grow_whatever_the_blocks(ticks, cuts):
     for a, b in pairwise(edges):
         repaired = repair(time[a:b], Places(first=a + 1), clock)
         clock = repaired.clock
-        assert repaired.kept.size == repaired.time.size
+        assert repaired.rows.size == repaired.time.size
         found.append(repaired.time)
     assert np.all(np.diff(np.concatenate(found)) > 0)
 
@@ -36,7 +36,7 @@ def test_stamps_that_grow_are_left_alone(steps):
 def test_two_runs_in_one_file_are_put_apart_and_told():
     run = np.arange(100) / 100
     repaired = repair(np.r_[run, run, run], Places("line", 2))
-    assert repaired.kept.tolist() == list(range(3 * run.size))
+    assert repaired.rows.tolist() == list(range(3 * run.size))
     assert np.flatnonzero(np.diff(repaired.time) > 0.05).tolist() == [99, 199]
     assert repaired.messages == (
         "the clock restarts at line 102 (0 s after 0.99 s), line 202 (0 s after 0.99 s); "
@@ -50,7 +50,7 @@ def test_repeats_late_samples_and_samples_without_a_stamp_are_reported_and_dropp
     time = np.array([0.0, 0.1, 0.2, 0.2, 0.3, 0.25, np.nan, 0.4])
     repaired = repair(time, Places())
     assert repaired.time.tolist() == [0.0, 0.1, 0.2, 0.3, 0.4]
-    assert repaired.kept.tolist() == [0, 1, 3, 4, 7]
+    assert repaired.rows.tolist() == [0, 1, 3, 4, 7]
     assert repaired.messages == (
         "1 sample repeats the time stamp of another (row 4); the later one is kept.",
         "1 sample out of order in time (row 6) is dropped.",
@@ -90,7 +90,7 @@ def test_one_or_two_stamps_far_from_those_around_them_are_left_out(ahead, rows):
     stamps = RUN + 7.0
     stamps[rows] += ahead
     found = repair(stamps, Places())
-    assert np.array_equal(found.kept, np.delete(np.arange(1000), rows))
+    assert np.array_equal(found.rows, np.delete(np.arange(1000), rows))
     assert np.array_equal(found.time, np.delete(RUN + 7.0, rows))
     assert any("left out" in sentence for sentence in found.messages)
 

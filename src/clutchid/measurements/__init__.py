@@ -158,14 +158,14 @@ def read_pieces(
     """
     check_ambient(ambient)
     check_ambient(added)
-    given = _map(channels)
-    source = with_dbc(open_source(path, (*(given.dbc if given else ()), *dbc)), dbc)
-    yield from source_pieces(source, given, ambient, required, rows, progress, added)
+    channel_map = _map(channels)
+    source = with_dbc(open_source(path, (*(channel_map.dbc if channel_map else ()), *dbc)), dbc)
+    yield from source_pieces(source, channel_map, ambient, required, rows, progress, added)
 
 
 def source_pieces(
     source: Source,
-    given: ChannelMap | None = None,
+    channel_map: ChannelMap | None = None,
     ambient: float | None = None,
     required: Sequence[str] = REQUIRED,
     rows: int | None = BLOCK,
@@ -175,29 +175,29 @@ def source_pieces(
     """Consecutive logs of an opened file, with a channel map or without, see `read_pieces`."""
     from clutchid.measurements.recording import check_size, pieces
 
-    added = next((float(each) for each in (ambient, added) if each is not None), AMBIENT)
+    added = next((float(pressure) for pressure in (ambient, added) if pressure is not None), AMBIENT)
     metadata = {"source": printable(source.path.name), "ambient_Pa": repr(added)}
     if ambient is not None:
         metadata[VENTED_KEY] = repr(added)
     if rows is None:
         metadata["sha256"] = digest(source.path)
-    if given is None and not in_contract(source):
+    if channel_map is None and not in_contract(source):
         from clutchid.measurements.map.proposal import map_for
 
         if rows is None and len(source.rasters) == 1:
             named = [heading for heading in source.rasters[0].headings if heading.name is not None]
             check_size(source.path, source.rasters[0].size, len(named))
-        given = map_for(source, required)
-    done, size = 0, max((raster.size for raster in source.rasters), default=0)
-    for log in _from_disk(source.path, pieces(source, given, added, required, rows)):
+        channel_map = map_for(source, required)
+    count, size = 0, max((raster.size for raster in source.rasters), default=0)
+    for log in _from_disk(source.path, pieces(source, channel_map, added, required, rows)):
         yield replace(log, metadata={**log.metadata, **metadata})
-        done += len(log)
+        count += len(log)
         if progress is not None:
-            progress(done, size)
+            progress(count, size)
 
 
 def _from_disk(path: Path, logs: Iterator[Log]) -> Iterator[Log]:
-    """The logs; where the disk does not give them, an error that names the recording, not what is written meanwhile."""
+    """The logs; an error of the disk names the recording, not a file that is written meanwhile."""
     with reading(path):
         yield from logs
 
@@ -244,9 +244,9 @@ def write(log: Log, path: str | PathLike[str]) -> None:
     writers = _writers()
     suffix = Path(path).suffix
     if suffix.lower() not in writers:
-        *known, last = writers
+        *suffixes, last = writers
         what = f"the suffix '{suffix}' is not known" if suffix else "the name has no suffix"
-        raise ExportError(f"{path}: {what}; a log is written as {', '.join(known)} or {last}.")
+        raise ExportError(f"{path}: {what}; a log is written as {', '.join(suffixes)} or {last}.")
     if log.edges and suffix.lower() != ".parquet":
         lost = f"{path} does not keep the edges of {' and '.join(log.edges)} between the samples; .parquet does."
         warnings.warn(lost, stacklevel=2)

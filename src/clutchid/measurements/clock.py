@@ -83,7 +83,7 @@ class Run(NamedTuple):
 
 
 class ClockChange(NamedTuple):
-    """What a clock does at a row: what is done about it, the stamp there and the one before it in s, and an amount.
+    """Change of a clock at a row: its kind, the stamp there and the stamp before it in s, and an amount.
 
     The amount, in s, is by how much the stamps are moved; where stamps are left out, their number.
     """
@@ -139,20 +139,20 @@ def disordered(runs: Sequence[Run]) -> bool:
 
 def joined_runs(runs: Iterable[Run], tolerance: Tolerance) -> list[Run]:
     """Runs of consecutive blocks, where one goes on with the one before it as one."""
-    found: list[Run] = []
+    joined: list[Run] = []
     for run in runs:
-        step = run.first - found[-1].last if found else math.inf
+        step = run.first - joined[-1].last if joined else math.inf
         if -tolerance.behind <= step <= tolerance.ahead:
-            last = found.pop()
+            last = joined.pop()
             run = Run(last.row, last.size + run.size, last.first, max(last.last, run.last))  # noqa: PLW2901
-        found.append(run)
-    return found
+        joined.append(run)
+    return joined
 
 
 def shifts_of(
     runs: Sequence[Run], tolerance: Tolerance, clock: Clock = AT_START
 ) -> tuple[list[float], list[ClockChange], Clock]:
-    """The shift in s of each run, NaN where its stamps are left out; what that means; and the clock after them.
+    """The shift in s of each run, NaN where its stamps are left out; the changes; and the clock after them.
 
     Examples
     --------
@@ -223,7 +223,7 @@ def _return(runs: Sequence[Run], i: int, written: float, tolerance: Tolerance) -
         disordered |= runs[m].first < runs[m - 1].last - tolerance.behind
         between = runs[i:m]
         span, step = _span(between, tolerance.usual), runs[m].first - written
-        lone = sum(each.size for each in between) <= LONE
+        lone = sum(run.size for run in between) <= LONE
         least = -tolerance.behind if lone else span - tolerance.ahead
         if disordered and least <= step <= span + tolerance.ahead and step >= -tolerance.behind:
             return m
@@ -242,7 +242,7 @@ def _period(step: float, usual: float) -> float:
 
 
 def sentences(changes: Sequence[ClockChange], places: Places, apart: float) -> Iterator[str]:
-    """What clocks do and what is done about it, a sentence each kind; runs lie `apart` in s after a restart."""
+    """Changes of clocks and their repair, a sentence each kind; runs lie `apart` in s after a restart."""
     by_kind: dict[str, list[ClockChange]] = {}
     for change in changes:
         by_kind.setdefault(change.kind, []).append(change)

@@ -94,15 +94,15 @@ def distinct(columns: Iterable[Heading]) -> tuple[Heading, ...]:
     ['Weg [mm]', 'Weg [mm] (2)', 'Weg [mm] (3)']
     """
     taken: dict[str, int] = {}
-    found = []
+    headings = []
     for column in columns:
         text = column.text
         while text and text in taken:
             taken[column.text] += 1
             text = f"{column.text} ({taken[column.text]})"
         taken.setdefault(text, 1)
-        found.append(replace(column, text=text))
-    return tuple(found)
+        headings.append(replace(column, text=text))
+    return tuple(headings)
 
 
 def channel_name(text: str) -> str:
@@ -156,9 +156,9 @@ def _endings(text: str) -> Iterator[tuple[str, str]]:
 def _unit_called(text: str, si: str) -> str | None:
     """Unit with this spelling, in any case unless that makes another unit of it; the unit 1 is no name."""
     spelled = unit_spelled(text)
-    known = [unit for unit in known_units(si) if unit != "1"]
-    any_case = {unit.casefold(): unit for unit in known if len(unit) > 1 and unit != "mN"}  # MN is another
-    return spelled if spelled in known else any_case.get(text.casefold())
+    units = [unit for unit in known_units(si) if unit != "1"]
+    any_case = {unit.casefold(): unit for unit in units if len(unit) > 1 and unit != "mN"}  # MN is another
+    return spelled if spelled in units else any_case.get(text.casefold())
 
 
 def unit_spelled(text: str | None) -> str | None:
@@ -216,15 +216,15 @@ def _duplicate(name: str, group: list[Heading]) -> str:
 
 def _unit_problem(column: Heading, name: str) -> str:
     si = QUANTITIES[name]
-    known = known_units(si)
+    units = known_units(si)
     if column.unit is None:
-        also = f" (or another of {', '.join(known[1:])})" if known[1:] else ""
+        also = f" (or another of {', '.join(units[1:])})" if units[1:] else ""
         return f"column {column.index + 1} '{column.text}' has no unit in brackets; write {name} [{si}]{also}."
-    lower = {unit.casefold(): unit for unit in known}
+    lower = {unit.casefold(): unit for unit in units}
     near = difflib.get_close_matches(column.unit.casefold(), lower, n=1)
     hint = f"did you mean [{lower[near[0]]}]? Known are" if near else "use one of"
     return (
-        f"column {column.index + 1} '{column.text}': unit [{column.unit}] is not known here; {hint} {', '.join(known)}."
+        f"column {column.index + 1} '{column.text}': unit [{column.unit}] is not known here; {hint} {', '.join(units)}."
     )
 
 

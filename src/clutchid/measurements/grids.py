@@ -26,7 +26,7 @@ _SHOWN = 1000
 
 
 def with_own_grids(source: Source) -> Source:
-    """The source with several time grids for one that has several time columns; as it is where none has."""
+    """The source, with a time grid for each time column where its table has several."""
     if len(source.rasters) != 1 or source.problems or source.unnamed:
         return source
     (raster,) = source.rasters
@@ -78,9 +78,9 @@ def _owned(headings: Sequence[Heading], times: Sequence[Heading]) -> dict[int, l
     return {index: columns for index, columns in owned.items() if columns}
 
 
-def _alike(one: str, other: str) -> bool:
+def _alike(word: str, other: str) -> bool:
     """Whether a word is another, or its beginning: pos, position."""
-    short, long = sorted((one, other), key=len)
+    short, long = sorted((word, other), key=len)
     return short == long or (len(short) >= _BEGINNING and long.startswith(short))
 
 

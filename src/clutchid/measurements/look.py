@@ -107,8 +107,8 @@ def overview_of(
             told += warned
         rasters.append(_overview(raster, summary, _Axis(clock, {}, ambient)))
         warnings += [*([warning] if warning else []), *told]
-    found = tuple(rasters), tuple(problems), tuple(dict.fromkeys(warnings))
-    return FileOverview(str(source.path), source.format, *found, proposal, needs_map=not in_contract(source))
+    contents = tuple(rasters), tuple(problems), tuple(dict.fromkeys(warnings))
+    return FileOverview(str(source.path), source.format, *contents, proposal, needs_map=not in_contract(source))
 
 
 def _mapped(source: Source, proposal: Proposal, channels: ChannelMap, ambient: float) -> FileOverview:
@@ -116,7 +116,7 @@ def _mapped(source: Source, proposal: Proposal, channels: ChannelMap, ambient: f
     rig = "force" in channels.channels and not any(name in channels.channels for name in INPUTS)
     picks, mismatches = picked(source, channels, _RIG if rig else REQUIRED)
     size = max((raster.size * len(raster.headings) for raster in source.rasters), default=0)
-    found, warned = findings(source, picks, ambient, None if size * 8 < WHOLE else BLOCK)
+    wrong, warned = findings(source, picks, ambient, None if size * 8 < WHOLE else BLOCK)
     rasters = []
     for index, raster in enumerate(source.rasters):
         chosen = [pick for pick in picks if pick.raster == index]
@@ -127,7 +127,7 @@ def _mapped(source: Source, proposal: Proposal, channels: ChannelMap, ambient: f
         for _ in _summed(source, index, summary, axis):
             pass
         rasters.append(_overview(raster, summary, axis))
-    problems = tuple(dict.fromkeys((*source.problems, *mismatches, *found)))
+    problems = tuple(dict.fromkeys((*source.problems, *mismatches, *wrong)))
     warnings = tuple(dict.fromkeys((*source.warnings, *warned)))
     completed = replace(
         proposal,
@@ -150,10 +150,10 @@ class _Axis:
     ambient: float
     rate: float | None = None
 
-    def stamps(self, table: Table, done: int) -> FloatArray | None:
+    def stamps(self, table: Table, count: int) -> FloatArray | None:
         """Time stamps of a table in s, `done` samples after the first one; None if there are none."""
         if self.rate is not None:
-            return (done + np.arange(table.size)) / self.rate
+            return (count + np.arange(table.size)) / self.rate
         if self.time is None or self.time.si is None or self.time.index not in table.numbers:
             return None
         return in_si(self.time, self.written(self.time.index, table.numbers[self.time.index]), self.ambient)

@@ -83,26 +83,26 @@ def updated(before: TimeAxis | None, time: FloatArray, places: Places) -> TimeAx
     if not rows.size:
         return before
     stamps = time[rows]
-    known = before or TimeAxis(float(stamps[0]), math.nan, math.inf, usual_interval(stamps), -math.inf, 0, ())
+    axis = before or TimeAxis(float(stamps[0]), math.nan, math.inf, usual_interval(stamps), -math.inf, 0, ())
     joined = stamps if before is None else np.r_[before.last, stamps]
     steps = intervals(joined)
-    after = np.flatnonzero(steps > HOLE * known.usual)
+    after = np.flatnonzero(steps > HOLE * axis.usual)
     offset = joined.size - stamps.size  # 1 if the interval to the previous block is included
     shown = tuple(
         Hole(places.number(rows[max(i - offset, 0)]) - (i < offset), float(joined[i]), float(steps[i]))
         for i in after[:SHOWN].tolist()
     )
-    longest = float(steps.max(initial=known.longest))
+    longest = float(steps.max(initial=axis.longest))
     return TimeAxis(
-        known.first,
+        axis.first,
         float(stamps[-1]),
-        float(steps.min(initial=known.shortest)),
-        known.usual,
+        float(steps.min(initial=axis.shortest)),
+        axis.usual,
         longest if math.isfinite(longest) else math.inf,
-        known.hole_count + int(after.size),
-        (*known.holes, *shown)[:SHOWN],
-        known.repeated + int(np.count_nonzero(steps == 0)),
-        known.back + int(np.count_nonzero(steps < 0)),
+        axis.hole_count + int(after.size),
+        (*axis.holes, *shown)[:SHOWN],
+        axis.repeated + int(np.count_nonzero(steps == 0)),
+        axis.back + int(np.count_nonzero(steps < 0)),
     )
 
 
@@ -281,7 +281,7 @@ def _hidden(raster: TimeGridOverview) -> list[tuple[str, str]]:
 
 
 def _row(column: ColumnOverview, held: str | None) -> tuple[str, ...]:
-    """The cells of one column in the table; `held` is what it holds if that is no numbers."""
+    """The cells of one column in the table; `held` names its content if that is no numbers."""
     si = f" {column.si}" if column.si not in (None, "1") else ""
     in_unit = [_short(column.low), _short(column.high)]
     converted = [f"{_short(value)}{si}" if math.isfinite(value) else "-" for value in (column.low_si, column.high_si)]

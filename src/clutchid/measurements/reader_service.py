@@ -146,7 +146,7 @@ class _OpenFiles:
         self._last: _TablesAhead | None = None
 
     def answer(self, question: Message) -> Answer:
-        """Do what is asked, and forget what is not needed any more."""
+        """Answer a question, and close files and tables that are not needed any more."""
         for number in question["forget"]:
             self._sources.pop(number, None)
             if self._tables.pop(number, None) is self._last:
@@ -192,10 +192,10 @@ class _TablesAhead:
     def next(self) -> Table | None:
         """The next table; None behind the last."""
         self._given += 1
-        found = self._ahead.pop() if self._ahead else next(self._tables, None)
-        if isinstance(found, Exception):
-            raise found
-        return found
+        table = self._ahead.pop() if self._ahead else next(self._tables, None)
+        if isinstance(table, Exception):
+            raise table
+        return table
 
     def read_ahead(self) -> None:
         """Read the next table, or keep the error for when it is asked for."""

@@ -191,7 +191,7 @@ def _stream(blocks: Iterator[SampleBlock], chosen: PickedChannels) -> tuple[floa
 
 
 def _again(first: list[Item], rest: Iterator[Item]) -> Iterator[Item]:
-    """What was taken from an iterator, which is kept no longer than needed, and the rest of it."""
+    """Items that were taken from an iterator, kept no longer than needed, and the rest of them."""
     while first:
         yield first.pop(0)
     yield from rest
@@ -238,15 +238,15 @@ def _blocks(
 ) -> Iterator[SampleBlock]:
     """The samples of a time grid, block by block, with increasing time stamps."""
     clock = whole = AT_START
-    done = 0
+    count = 0
     for table in tables:
-        named = table if chosen.increasing else _named(table, chosen, done)
+        named = table if chosen.increasing else _named(table, chosen, count)
         said: Sequence[str] = ()
         at = next((i for i, heading in enumerate(named.headings) if heading.name == "time"), None)
         if at is not None and named.headings[at].index in named.numbers and named.headings[at].si:
             stamps = in_si(named.headings[at], named.numbers[named.headings[at].index], ambient)
             if plan is not None:
-                stamps = plan.applied(stamps, done)
+                stamps = plan.applied(stamps, count)
             if chosen.increasing:
                 named, said, clock = _as_written(named, at, stamps, clock)
             else:
@@ -256,8 +256,8 @@ def _blocks(
                     named, stamps = _present(_kept(named, at, rows, time), at, time)
                 repaired = repair(stamps, named.places, clock, shared=source.one_clock or chosen.sparse)
                 said, clock = [*before, *repaired.messages], repaired.clock
-                named = _kept(named, at, repaired.kept, repaired.time)
-        done += table.size
+                named = _kept(named, at, repaired.rows, repaired.time)
+        count += table.size
         checked = check(named, ambient, holes_end=not chosen.on_change)
         messages.warnings += [f"{_where(source, chosen.raster)}{sentence}" for sentence in said]
         messages.problems += checked.problems
@@ -297,15 +297,15 @@ def _plans(
         if heading is None or entry is None or heading.index == COUNTED or chosen.raster in clocks:
             continue
         runs: list[Run] = []
-        tolerance, before, done = Tolerance.of(math.inf), -math.inf, 0
+        tolerance, before, count = Tolerance.of(math.inf), -math.inf, 0
         for table in source.tables(chosen.raster, [heading.index], BLOCK):
             stamps = in_si(heading, scaled(table.numbers.get(heading.index, np.empty(0)), entry), ambient)
             rows = np.flatnonzero(np.isfinite(stamps))
             if not math.isfinite(tolerance.usual):
                 tolerance = Tolerance.of(usual_interval(stamps[rows]))
-            runs += runs_of(rows + done, stamps[rows], before, tolerance)
+            runs += runs_of(rows + count, stamps[rows], before, tolerance)
             before = runs[-1].last if runs else before
-            done += table.size
+            count += table.size
             word = table.places.word
         clocks[chosen.raster] = joined_runs(runs, tolerance)
         tolerances.append(tolerance)
@@ -325,30 +325,30 @@ def _where(source: Source, raster: int) -> str:
     return f"{name}: " if name and len(source.rasters) > 1 else ""
 
 
-def _named(table: Table, chosen: PickedChannels, done: int) -> Table:
+def _named(table: Table, chosen: PickedChannels, count: int) -> Table:
     """The picked columns under the names of their quantities, with sign, factor and offset applied."""
     headings = [heading for heading, _ in chosen.columns.values()]
     return replace(
         table,
         headings=tuple(replace(heading, index=i) for i, heading in enumerate(headings)),
-        numbers=dict(enumerate(picked_values(table, chosen, done).values())),
+        numbers=dict(enumerate(picked_values(table, chosen, count).values())),
         unread={i: table.unread[heading.index] for i, heading in enumerate(headings) if heading.index in table.unread},
     )
 
 
-def picked_values(table: Table, chosen: PickedChannels, done: int) -> dict[str, FloatArray]:
+def picked_values(table: Table, chosen: PickedChannels, count: int) -> dict[str, FloatArray]:
     """The picked columns by quantity, in their units, with sign, factor and offset applied; NaN where there is none.
 
     A time that is counted begins `done` samples after the first one.
     """
-    found = {}
+    values = {}
     for name, (heading, entry) in chosen.columns.items():
         if heading.index == COUNTED and chosen.rate is not None:
-            found[name] = (done + np.arange(table.size)) / chosen.rate
+            values[name] = (count + np.arange(table.size)) / chosen.rate
         else:
             written = table.numbers.get(heading.index)
-            found[name] = np.full(table.size, np.nan) if written is None else scaled(written, entry)
-    return found
+            values[name] = np.full(table.size, np.nan) if written is None else scaled(written, entry)
+    return values
 
 
 def scaled(values: FloatArray, entry: Channel) -> FloatArray:

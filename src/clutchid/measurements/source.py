@@ -245,5 +245,5 @@ def with_unit(metadata: Mapping[str, str], headings: Iterable[Heading]) -> dict[
     ({'start': '2026', 'pressure_a_unit': 'bar'}, {})
     """
     unit = next((heading.unit for heading in headings if heading.name == "pressure_a"), None)
-    kept = {key: text for key, text in metadata.items() if key != UNIT_KEY}
-    return kept if unit in (None, "Pa") else {**kept, UNIT_KEY: str(unit)}
+    others = {key: text for key, text in metadata.items() if key != UNIT_KEY}
+    return others if unit in (None, "Pa") else {**others, UNIT_KEY: str(unit)}

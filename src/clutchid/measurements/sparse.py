@@ -59,7 +59,7 @@ def by_presence(
                 sparse[name] = places
             elif places.size >= enough and np.median(np.diff(places)) >= _APART:
                 sparse[name] = places
-    if any(name in sparse for name in INPUTS):  # one that never changes is written once
+    if any(name in sparse for name in INPUTS):  # an input that never changes is written once
         sparse |= {name: np.flatnonzero(present[name]) for name in INPUTS if name in present and _once(present[name])}
     time = chosen.columns.get("time")
     if not sparse or time is None or time[0].index == COUNTED:

@@ -110,7 +110,7 @@ def recovered(path: str | PathLike[str]) -> list[Path]:
     They are beside `path`, as ``NAME.recovered.parquet``. What holds no samples is removed.
     """
     target = Path(path).resolve()
-    found = []
+    files = []
     for folder in sorted(target.parent.glob(f"{_PREFIX}*")):
         with suppress(OSError):  # with nothing in it: its run could not remove it from a write-protected folder
             folder.rmdir()
@@ -121,9 +121,9 @@ def recovered(path: str | PathLike[str]) -> list[Path]:
                 if _is_whole(folder, target.suffix.lower()):
                     free = _free_name(target)
                     replace(folder / _DATA, free)
-                    found.append(free)
+                    files.append(free)
             shutil.rmtree(folder)  # once it is closed: Windows removes no open file
-    return found
+    return files
 
 
 def cut_behind(path: Path, time: float) -> None:
@@ -140,10 +140,10 @@ def cut_behind(path: Path, time: float) -> None:
     try:
         table = pl.scan_csv(path, infer_schema=False) if text else pl.scan_parquet(path)
         earlier = pl.col("time [s]").cast(pl.Float64) < time
-        kept, count = table.select(earlier.sum().alias("kept"), pl.len().alias("count")).collect().row(0)
-        if kept == count:
+        earlier_rows, count = table.select(earlier.sum().alias("kept"), pl.len().alias("count")).collect().row(0)
+        if earlier_rows == count:
             return
-        if not kept:
+        if not earlier_rows:
             path.unlink()
             return
         with atomic_write(path) as temporary:
@@ -188,8 +188,8 @@ def _is_whole(folder: Path, suffix: str) -> bool:
 
 def _free_name(target: Path) -> Path:
     names = (f".{number}" if number else "" for number in range(1000))
-    each = (target.with_name(f"{target.stem}.recovered{number}{target.suffix}") for number in names)
-    return next(path for path in each if not path.exists())
+    paths = (target.with_name(f"{target.stem}.recovered{number}{target.suffix}") for number in names)
+    return next(path for path in paths if not path.exists())
 
 
 def _reserve(path: Path) -> None:

@@ -50,21 +50,21 @@ def store(
         If the disk is full.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    size, done = sum(raster.size for raster in source.rasters), 0
+    size, count = sum(raster.size for raster in source.rasters), 0
     tables: list[list[Table]] = []
     for index, raster in enumerate(source.rasters):
         columns = [heading.index for heading in raster.headings]
         rows = None if raster.size * len(columns) * 8 < WHOLE else block
-        kept = []
+        stored_tables = []
         for table in source.tables(index, columns, rows):
             for column, values in table.numbers.items():
                 _append(folder, index, column, values)
-            kept.append(replace(table, numbers=dict.fromkeys(table.numbers, np.empty(0))))
-            done += table.size
-            progress(done, max(size, done))
-        for column in {column for table in kept for column in table.numbers}:
+            stored_tables.append(replace(table, numbers=dict.fromkeys(table.numbers, np.empty(0))))
+            count += table.size
+            progress(count, max(size, count))
+        for column in {column for table in stored_tables for column in table.numbers}:
             _write_ends(folder, index, column)
-        tables.append(kept)
+        tables.append(stored_tables)
     (folder / _TABLES).write_bytes(pickle.dumps(tables))
     (folder / _SOURCE).write_bytes(pickle.dumps(replace(source, tables=no_tables)))
     return stored(folder)
@@ -88,19 +88,19 @@ def _tables(
 ) -> Iterator[Table]:
     """The tables of a time grid, as a `Source` gives them."""
     begin = 0
-    found = []
+    parts = []
     for table in tables[raster]:
         numbers = {
             column: column_of(folder, raster, column).read(begin, begin + table.size)
             for column in columns
             if column in table.numbers
         }
-        found.append(replace(table, numbers=numbers))
+        parts.append(replace(table, numbers=numbers))
         begin += table.size
         if rows is not None:
-            yield from found.pop().parts(rows)
-    if rows is None and found:
-        yield joined(found)
+            yield from parts.pop().parts(rows)
+    if rows is None and parts:
+        yield joined(parts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,8 +132,8 @@ def column_of(folder: Path, raster: int, column: int) -> StoredColumn:
 
 def write_column(folder: Path, raster: int, column: int, values: FloatArray) -> None:
     """Write a column that was computed, such as a time in s, in place of what stood there."""
-    one = column_of(folder, raster, column)
-    one.values.unlink(missing_ok=True)
+    stored_column = column_of(folder, raster, column)
+    stored_column.values.unlink(missing_ok=True)
     _append(folder, raster, column, values)
     _write_ends(folder, raster, column)
 
@@ -144,11 +144,11 @@ def _append(folder: Path, raster: int, column: int, values: FloatArray) -> None:
 
 
 def _write_ends(folder: Path, raster: int, column: int) -> None:
-    one = column_of(folder, raster, column)
+    stored_column = column_of(folder, raster, column)
     step = BIN * 4096
-    with one.ends.open("wb") as file:
-        for begin in range(0, one.size, step):
-            extremes_of(one.read(begin, begin + step), BIN).tofile(file)
+    with stored_column.ends.open("wb") as file:
+        for begin in range(0, stored_column.size, step):
+            extremes_of(stored_column.read(begin, begin + step), BIN).tofile(file)
 
 
 def extremes_of(values: FloatArray, width: int) -> FloatArray:
@@ -167,6 +167,6 @@ def extremes_of(values: FloatArray, width: int) -> FloatArray:
         return np.empty((0, 2))
     low = np.minimum.reduceat(np.where(finite, values, np.inf), begins)
     high = np.maximum.reduceat(np.where(finite, values, -np.inf), begins)
-    found: FloatArray = np.column_stack([low, high])
-    found[~np.isfinite(found).all(axis=1)] = np.nan
-    return found
+    ends: FloatArray = np.column_stack([low, high])
+    ends[~np.isfinite(ends).all(axis=1)] = np.nan
+    return ends

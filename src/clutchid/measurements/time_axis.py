@@ -44,7 +44,7 @@ def usual_interval(time: FloatArray) -> float:
 class RepairedTime:
     """Rows of a block that are kept, their time stamps in s, messages about changes, and the state of the clock."""
 
-    kept: NDArray[np.int64]
+    rows: NDArray[np.int64]
     time: FloatArray
     messages: tuple[str, ...]
     clock: Clock
@@ -92,14 +92,14 @@ def repair(stamps: FloatArray, places: Places, clock: Clock = AT_START, *, share
         *_dropped(np.flatnonzero(~np.isfinite(stamps)), places, "without a time stamp"),
         *said,
     )
-    kept = _last_of_each(time, late | (time == clock.last))  # the previous block may end at this time stamp
-    return RepairedTime(rows[kept], time[kept], messages, after)
+    last = _last_of_each(time, late | (time == clock.last))  # the previous block may end at this time stamp
+    return RepairedTime(rows[last], time[last], messages, after)
 
 
 def on_clock(
     stamps: FloatArray, places: Places, clock: Clock = AT_START, *, shared: bool = False
 ) -> tuple[Rows, FloatArray, list[str], Clock]:
-    """Rows that have a stamp, their stamps on a clock without restarts and bursts, what is said, and the clock after.
+    """Rows that have a stamp, their stamps without restarts and bursts, sentences about these, and the clock after.
 
     The stamps may still repeat, or be out of order.
     """
@@ -133,7 +133,7 @@ _BURSTS, _LEAST, _WITHIN = 20, 2.5, 0.2
 
 
 def steadied(time: FloatArray) -> tuple[FloatArray, str] | None:
-    """Stamps at the mean rate where a logger stamps what it collected together, and what is said; else None.
+    """Stamps at the mean rate and a sentence, where a logger stamps in bursts; else None.
 
     Bursts come at regular intervals of at most `JUMP`. The last sample of one is the newest, so that a line through
     these has the rate.
@@ -211,9 +211,9 @@ class SampleBlock(NamedTuple):
 
     def followed_by(self, *others: SampleBlock) -> SampleBlock:
         """These samples and the next ones, as a copy that keeps no other samples in memory."""
-        each = (self, *others)
-        columns = {name: np.concatenate([one.columns[name] for one in each]) for name in self.columns}
-        return SampleBlock(np.concatenate([one.time for one in each]), columns)
+        blocks = (self, *others)
+        columns = {name: np.concatenate([block.columns[name] for block in blocks]) for name in self.columns}
+        return SampleBlock(np.concatenate([block.time for block in blocks]), columns)
 
 
 def no_samples(names: Iterable[str]) -> SampleBlock:
@@ -266,16 +266,16 @@ def align(at: FloatArray, stamps: FloatArray, values: FloatArray, longest: float
     before = np.searchsorted(stamps, at, side="right") - 1
     first = np.maximum(before, 0)
     if hold:
-        known = (before >= 0) & (at - stamps[first] <= longest)
-        return np.where(known, values[first], np.nan)
+        valid = (before >= 0) & (at - stamps[first] <= longest)
+        return np.where(valid, values[first], np.nan)
     after = np.minimum(first + 1, stamps.size - 1)
     width = stamps[after] - stamps[first]
     exact = (before >= 0) & (at == stamps[first])
-    known = (before >= 0) & (width > 0) & (width <= longest)
+    valid = (before >= 0) & (width > 0) & (width <= longest)
     with np.errstate(invalid="ignore", divide="ignore"):
         share = (at - stamps[first]) / np.where(width > 0, width, 1.0)
         between = values[first] + share * (values[after] - values[first])
-    return np.where(exact, values[first], np.where(known, between, np.nan))
+    return np.where(exact, values[first], np.where(valid, between, np.nan))
 
 
 def aligned(base: ChannelStream, others: Sequence[ChannelStream]) -> Iterator[tuple[SampleBlock, dict[str, Samples]]]:
@@ -292,8 +292,8 @@ def aligned(base: ChannelStream, others: Sequence[ChannelStream]) -> Iterator[tu
     for block in base.blocks:
         merged, edges = dict(block.columns), dict[str, Samples]()
         for follower in followers:
-            found, between = follower.at(block.time)
-            merged.update(found)
+            values, between = follower.at(block.time)
+            merged.update(values)
             edges.update(between)
         yield SampleBlock(block.time, merged), edges
 
@@ -311,7 +311,7 @@ class _Follower:
             return no_samples(self._stream.longest).columns, {}
         end = float(instants[-1])
         window = self._window = self._window.followed_by(*self._blocks_until(end))
-        found = {
+        columns = {
             name: align(instants, window.time, values, self._stream.longest[name], hold=name in INPUTS)
             for name, values in window.columns.items()
         }
@@ -321,7 +321,7 @@ class _Follower:
             until = until.followed_by()
             edges = {name: (until.time, until.columns[name]) for name in INPUTS if name in until.columns}
         self._window = window.since(end).followed_by()
-        return found, edges
+        return columns, edges
 
     def _blocks_until(self, end: float) -> Iterator[SampleBlock]:
         """The next blocks, until there is a sample after `end` or the stream ends."""

@@ -29,7 +29,7 @@ def keys_of(text: bytes, name: str) -> list[str]:
     DataError
         If no line is an object.
     """
-    keys = list(dict.fromkeys(key for one in map(_object, text.split(b"\n")) if one for key in one))
+    keys = list(dict.fromkeys(key for record in map(_object, text.split(b"\n")) if record for key in record))
     if not keys:
         raise DataError(
             f'{name}: no line is a JSON object; send an object a line, such as {{"time [s]": 0.0, "position [m]": 0.0, '
@@ -52,11 +52,11 @@ def read_objects(text: bytes, keys: Sequence[str]) -> tuple[list[FloatArray], ND
     lines = [line for line in text.split(b"\n") if line.strip()]
     objects = _together(lines)
     if objects is None:
-        objects = [one for one in map(_object, lines) if one is not None]
+        objects = [record for record in map(_object, lines) if record is not None]
     spoiled = np.zeros(len(objects), dtype=bool)
-    columns = _all_numbers([[one.get(key) for one in objects] for key in keys])
+    columns = _all_numbers([[record.get(key) for record in objects] for key in keys])
     if columns is None:
-        rows = [[_number(one.get(key)) for key in keys] for one in objects]
+        rows = [[_number(record.get(key)) for key in keys] for record in objects]
         spoiled |= [None in row for row in rows]
         columns = [np.array([math.nan if row[i] is None else row[i] for row in rows]) for i in range(len(keys))]
     return columns, spoiled, len(lines) - len(objects)
@@ -65,11 +65,11 @@ def read_objects(text: bytes, keys: Sequence[str]) -> tuple[list[FloatArray], ND
 def _together(lines: Sequence[bytes]) -> list[dict[str, Any]] | None:
     """The objects of some lines; None unless every line is one."""
     try:
-        found = json.loads(b"[" + b",".join(lines) + b"]")
+        records = json.loads(b"[" + b",".join(lines) + b"]")
     except (ValueError, RecursionError):
         return None
-    whole = len(found) == len(lines) and all(type(one) is dict for one in found)
-    return found if whole else None
+    whole = len(records) == len(lines) and all(type(record) is dict for record in records)
+    return records if whole else None
 
 
 def _all_numbers(columns: Sequence[Sequence[Any]]) -> list[FloatArray] | None:
@@ -84,10 +84,10 @@ def _all_numbers(columns: Sequence[Sequence[Any]]) -> list[FloatArray] | None:
 
 def _object(line: bytes) -> dict[str, Any] | None:
     try:
-        found = json.loads(line)
+        value = json.loads(line)
     except (ValueError, RecursionError):
         return None
-    return found if isinstance(found, dict) else None
+    return value if isinstance(value, dict) else None
 
 
 def _number(value: Any) -> float | None:

@@ -1,4 +1,4 @@
-"""Kind of a file by its first bytes: a format that is read, or one that is refused with advice."""
+"""Kind of a file by its first bytes: a format that is read, or that is refused with advice."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ class ArrivedBatch(NamedTuple):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LiveBlock:
-    """A block of a recording, and what was left out since the block before."""
+    """A block of a recording, and the counts of samples left out since the block before."""
 
     log: Log
     left_out: LeftOutCounts
@@ -65,19 +65,19 @@ def live_blocks(
     DataError
         If there is no sample; if the time goes back for good, after the block before it was given; or as `batches`.
     """
-    found = False
+    begun = False
     for block in _all_blocks(batches, picks, name, metadata):
-        found = found or len(block.log) > 0
-        if found:
+        begun = begun or len(block.log) > 0
+        if begun:
             yield block
-    if not found:
+    if not begun:
         raise DataError(f"{name}: ended before the first sample with a time; nothing can be observed.")
 
 
 def _all_blocks(
     batches: Iterator[ArrivedBatch], picks: Sequence[PickedChannels], name: str, metadata: Mapping[str, str]
 ) -> Iterator[LiveBlock]:
-    """The blocks, and where no sample came what was left out."""
+    """The blocks, also those without samples whose counts say what was left out."""
     waiting = none_waiting([[column for column in chosen.columns if column != "time"] for chosen in picks])
     unused, left = _UnusedSamples(waiting.streams[0], waiting.streams[1:]), LeftOutCounts()
     trouble: DataError | None = None
@@ -89,7 +89,7 @@ def _all_blocks(
             batch, trouble = None, error
         if batch is not None:
             waiting, out = sorted_in(waiting, batch.arrived)
-            left = left.plus(LeftOutCounts(0, 0, batch.unreadable, sum(one.invalid for one in batch.arrived)))
+            left = left.plus(LeftOutCounts(0, 0, batch.unreadable, sum(samples.invalid for samples in batch.arrived)))
         else:
             waiting, out = unconfirmed(waiting)
         left = left.plus(out)
@@ -125,11 +125,12 @@ def _joined(
     longest = unused.longest or _longest(base.time[:FIRST], others, picks)
     block = base.take(slice(count))
     columns = dict(block.columns)
-    for one in others:
+    for stream in others:
         columns |= {
-            name: align(block.time, one.time, values, longest[name], hold=True) for name, values in one.columns.items()
+            name: align(block.time, stream.time, values, longest[name], hold=True)
+            for name, values in stream.columns.items()
         }
-    held = tuple(one.since(float(block.time[-1])) for one in others) if block.time.size else tuple(others)
+    held = tuple(stream.since(float(block.time[-1])) for stream in others) if block.time.size else tuple(others)
     return _UnusedSamples(base.take(slice(count, None)), held, longest), SampleBlock(block.time, columns)
 
 
@@ -141,8 +142,8 @@ def _settled(time: FloatArray, picks: Sequence[PickedChannels]) -> int:
 
 def _longest(time: FloatArray, others: Sequence[SampleBlock], picks: Sequence[PickedChannels]) -> dict[str, float]:
     """The time in s for which each quantity of the other streams is held, from the first samples."""
-    found: dict[str, float] = {}
-    for one, chosen in zip(others, picks[1:], strict=True):
-        until = np.searchsorted(one.time, time[-1], side="right") if time.size else 0
-        found |= chosen.longest(usual_interval(one.time[:until]))
-    return found
+    longest: dict[str, float] = {}
+    for samples, chosen in zip(others, picks[1:], strict=True):
+        until = np.searchsorted(samples.time, time[-1], side="right") if time.size else 0
+        longest |= chosen.longest(usual_interval(samples.time[:until]))
+    return longest

@@ -249,7 +249,7 @@ ORIGIN = "origin_s"
 class _BusLayout:
     """Layout of a bus: its messages, time grids and picks of the streams that are read, and the first stamp in s."""
 
-    known: MessageCatalogue
+    lookup: MessageCatalogue
     rasters: Mapping[FrameStream, int]
     picks: tuple[PickedChannels, ...]
     origin: float
@@ -295,12 +295,12 @@ def bus_blocks(
     if not dbc:
         raise DataError(f"{name}: a bus has raw frames; give the DBC of it with --dbc FILE.")
     messages = tuple(message for file in dbc for message in read_dbc(plain_file(file, "DBC file")))
-    first, found = _learnt(frames, name, messages, channels, required)
-    found = found if origin is None else replace(found, origin=origin)
+    first, layout = _learnt(frames, name, messages, channels, required)
+    layout = layout if origin is None else replace(layout, origin=origin)
     metadata = {"source": name, "ambient_Pa": repr(float(ambient)), "dbc": ", ".join(file.name for file in dbc)}
-    metadata[ORIGIN] = repr(found.origin)
-    batches = (_batch(each, found, ambient) for each in chain(first, frames))
-    yield from live_blocks(batches, found.picks, name, metadata)
+    metadata[ORIGIN] = repr(layout.origin)
+    batches = (_batch(block, layout, ambient) for block in chain(first, frames))
+    yield from live_blocks(batches, layout.picks, name, metadata)
 
 
 def _learnt(
@@ -310,8 +310,8 @@ def _learnt(
     channels: ChannelMap | None,
     required: Sequence[str],
 ) -> tuple[list[Frames], _BusLayout]:
-    """The first frames, and what they show: waits for every signal that is needed."""
-    known, first = catalogue(messages), list[Frames]()
+    """The first frames, and the layout of the bus in them: waits for every signal that is needed."""
+    lookup, first = catalogue(messages), list[Frames]()
     streams: dict[FrameStream, None] = {}
     origin, latest = np.nan, -np.inf
     while True:
@@ -321,7 +321,7 @@ def _learnt(
             stamps = block.stamp[np.isfinite(block.stamp)]
             origin = stamps[0] if np.isnan(origin) and stamps.size else origin
             latest = max(latest, stamps.max(initial=-np.inf))
-            streams |= {one: None for one, _ in by_stream(block, known) if isinstance(one, FrameStream)}
+            streams |= {stream: None for stream, _ in by_stream(block, lookup) if isinstance(stream, FrameStream)}
         waited = latest - origin if sum(map(len, first)) < MOST else PATIENT
         if block is not None and not waited >= LEARNT:
             continue
@@ -333,7 +333,7 @@ def _learnt(
             if late:
                 raise
         else:
-            return first, _BusLayout(known, rasters, picks, float(origin))
+            return first, _BusLayout(lookup, rasters, picks, float(origin))
 
 
 def _picked(
@@ -352,12 +352,12 @@ def _batch(frames: Frames, bus: _BusLayout, ambient: float) -> ArrivedBatch:
     unreadable = frames.left_out.get(_UNREADABLE, 0) + int(stamped.size - stamped.sum())
     if not stamped.all():
         frames = frames.take(stamped)
-    each: list[ArrivedSamples] = []
-    for found, rows in by_stream(frames, bus.known):
-        raster = bus.rasters.get(found) if isinstance(found, FrameStream) else None
+    samples: list[ArrivedSamples] = []
+    for stream, rows in by_stream(frames, bus.lookup):
+        raster = bus.rasters.get(stream) if isinstance(stream, FrameStream) else None
         for i, chosen in enumerate(bus.picks):
-            if isinstance(found, FrameStream) and chosen.raster == raster:
+            if isinstance(stream, FrameStream) and chosen.raster == raster:
                 stamps, data, length = frames.stamp[rows] - bus.origin, frames.data[rows], frames.length[rows]
-                table = Table(numbers=values_of(found, chosen.indices, stamps, data, length), size=rows.size)
-                each.append(arrived(i, chosen, table, ambient, rows))
-    return ArrivedBatch(each, unreadable)
+                table = Table(numbers=values_of(stream, chosen.indices, stamps, data, length), size=rows.size)
+                samples.append(arrived(i, chosen, table, ambient, rows))
+    return ArrivedBatch(samples, unreadable)

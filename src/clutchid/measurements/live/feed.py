@@ -80,14 +80,14 @@ def from_growing_file(path: str | os.PathLike[str], stopped: Stopped) -> Iterato
     file = plain_file(path)
     if (kind := kind_of(head_of(file))) != "csv":
         raise DataError(f"{file}: is {kind.upper()}; a file that is followed while it grows is CSV or JSON lines.")
-    done = 0
+    size = 0
     try:
         with file.open("rb", buffering=0) as stream:
             number = os.fstat(stream.fileno()).st_ino
             while True:
-                ending, trouble = stopped(), _trouble(file, number, done)
+                ending, trouble = stopped(), _trouble(file, number, size)
                 part = stream.read(MOST)
-                done += len(part)
+                size += len(part)
                 if part:
                     yield part
                 if len(part) < MOST and trouble:
@@ -102,13 +102,13 @@ def from_growing_file(path: str | os.PathLike[str], stopped: Stopped) -> Iterato
         raise DataError(f"{file}: cannot be read any more ({reason_of(error)}).") from error
 
 
-def _trouble(file: Path, number: int, done: int) -> str:
+def _trouble(file: Path, number: int, size: int) -> str:
     """Reason why a file is no longer the one that was begun, empty if it is; the rest of that one is read first."""
     try:
-        found = file.stat()
+        status = file.stat()
     except OSError as error:
         return f"{file}: cannot be read any more ({reason_of(error)})."
-    if found.st_ino == number and found.st_size >= done:
+    if status.st_ino == number and status.st_size >= size:
         return ""
-    what = "is another file now" if found.st_ino != number else "has become shorter"
+    what = "is another file now" if status.st_ino != number else "has become shorter"
     return f"{file}: {what}; samples can only be appended to a file that is followed. Start again."

@@ -67,8 +67,8 @@ def picked_streams(
         if len(rasters) == 1 and not in_contract(source):
             raise DataError.of(name, [*heading_problems(rasters[0].headings, required), _ADVICE])
         channels = _by_names(rasters)
-    picks, found = pick(source, channels, required)
-    problems += found
+    picks, misfits = pick(source, channels, required)
+    problems += misfits
     missing = [wanted for wanted in required if wanted not in channels.channels and wanted != "time"]
     problems += [f"no channel is assigned to {', '.join(missing)}."] if missing else []
     if problems:
@@ -83,16 +83,16 @@ def by_position(picks: Iterable[PickedChannels]) -> tuple[PickedChannels, ...]:
 
 def _by_names(rasters: Sequence[Raster]) -> ChannelMap:
     """A map of the channels with standard names, but for the stamps; the first of several counts."""
-    found: dict[str, Channel] = {}
+    channels: dict[str, Channel] = {}
     for raster in rasters:
         for heading in raster.headings:
             if heading.name not in (None, "time"):
-                found.setdefault(str(heading.name), Channel(heading.text, raster.name or None))
-    return ChannelMap(found)
+                channels.setdefault(str(heading.name), Channel(heading.text, raster.name or None))
+    return ChannelMap(channels)
 
 
 def arrived(
-    stream: int, chosen: PickedChannels, table: Table, ambient: float, place: Rows, done: int = 0
+    stream: int, chosen: PickedChannels, table: Table, ambient: float, place: Rows, count: int = 0
 ) -> ArrivedSamples:
     """The picked channels of a table in SI, in the order in which they came.
 
@@ -106,7 +106,7 @@ def arrived(
         Number of rows before, for a time that is counted.
     """
     columns, invalid = {}, 0
-    for name, written in picked_values(table, chosen, done).items():
+    for name, written in picked_values(table, chosen, count).items():
         values = in_si(chosen.columns[name][0], written, ambient)
         wrong = np.isinf(values)
         if name in INPUTS:
@@ -115,11 +115,11 @@ def arrived(
             invalid += int(wrong.sum())
             values = np.where(wrong, np.nan, values)
         columns[name] = values
-    found = ArrivedSamples(stream, place, SampleBlock(columns.pop("time"), columns), invalid)
-    known = np.isfinite(found.samples.time)
+    arrived_samples = ArrivedSamples(stream, place, SampleBlock(columns.pop("time"), columns), invalid)
+    valid = np.isfinite(arrived_samples.samples.time)
     if chosen.sparse:
-        known &= np.isfinite(list(columns.values())).any(axis=0)
-    return found if known.all() else found.take(known)
+        valid &= np.isfinite(list(columns.values())).any(axis=0)
+    return arrived_samples if valid.all() else arrived_samples.take(valid)
 
 
 #: As many late samples in a row mean that the clock of the source has gone back, or has jumped ahead before.
@@ -155,7 +155,7 @@ class LeftOutCounts(NamedTuple):
 
     def plus(self, other: LeftOutCounts) -> LeftOutCounts:
         """The sum of both."""
-        return LeftOutCounts(*(one + more for one, more in zip(self, other, strict=True)))
+        return LeftOutCounts(*(count + more for count, more in zip(self, other, strict=True)))
 
 
 def none_waiting(names: Sequence[Sequence[str]]) -> WaitingSamples:
@@ -163,21 +163,21 @@ def none_waiting(names: Sequence[Sequence[str]]) -> WaitingSamples:
     return WaitingSamples(tuple(map(no_samples, names)))
 
 
-def sorted_in(waiting: WaitingSamples, found: Sequence[ArrivedSamples]) -> tuple[WaitingSamples, LeftOutCounts]:
+def sorted_in(waiting: WaitingSamples, arrivals: Sequence[ArrivedSamples]) -> tuple[WaitingSamples, LeftOutCounts]:
     """Waiting samples after some more came; those that came together may be cut in any way.
 
-    A sample whose stamp is `WINDOW` or more below one that came before is late. Of equal stamps the last counts. After
+    A sample whose stamp is `WINDOW` or more below an earlier stamp is late. Of equal stamps the last counts. After
     `LOST` late samples in a row all others are left out. A sample whose stamp is more than `JUMP` ahead waits: it is
     invalid if the next stamp is `WINDOW` or more below it.
     """
-    found, ahead, invalid = _confirmed(waiting, found)
-    late, latest, run, end = _late(waiting, found)
+    arrivals, ahead, invalid = _confirmed(waiting, arrivals)
+    late, latest, run, end = _late(waiting, arrivals)
     streams, repeated = list(waiting.streams), 0
     begin = 0
-    for one in found:
-        keep = ~late[begin : begin + one.place.size]
-        begin += one.place.size
-        streams[one.stream], again = _merged(streams[one.stream], one.samples, keep)
+    for arrival in arrivals:
+        keep = ~late[begin : begin + arrival.place.size]
+        begin += arrival.place.size
+        streams[arrival.stream], again = _merged(streams[arrival.stream], arrival.samples, keep)
         repeated += again
     after = replace(waiting, streams=tuple(streams), latest=latest, late=run, lost=end, ahead=ahead)
     return after, LeftOutCounts(int(late.sum()), repeated, invalid=invalid)
@@ -195,35 +195,40 @@ def unconfirmed(waiting: WaitingSamples) -> tuple[WaitingSamples, LeftOutCounts]
 
 
 def _confirmed(
-    waiting: WaitingSamples, found: Sequence[ArrivedSamples]
+    waiting: WaitingSamples, arrivals: Sequence[ArrivedSamples]
 ) -> tuple[Sequence[ArrivedSamples], tuple[ArrivedSamples, ...], int]:
     """The samples that are taken, those that wait because they are far ahead, and the number of invalid ones."""
-    held = [one._replace(place=np.array([i - len(waiting.ahead)])) for i, one in enumerate(waiting.ahead)]
-    found = [*held, *found]
-    order, stamps = _in_order_of_arrival(found)
+    held = [arrival._replace(place=np.array([i - len(waiting.ahead)])) for i, arrival in enumerate(waiting.ahead)]
+    arrivals = [*held, *arrivals]
+    order, stamps = _in_order_of_arrival(arrivals)
     before = np.maximum.accumulate(np.append(waiting.latest, stamps))[:-1]
     if not held and (stamps <= before + JUMP).all():
-        return found, (), 0
+        return arrivals, (), 0
     wait, invalid = _far_ahead(waiting.latest, stamps.tolist())
     taken = np.ones(stamps.size, dtype=bool)
     taken[order[[*wait, *invalid]]] = False
-    begins = np.cumsum([0, *(one.place.size for one in found)])
+    begins = np.cumsum([0, *(arrival.place.size for arrival in arrivals)])
     ahead = []
     for at in order[wait].tolist():
         i = int(np.searchsorted(begins, at, side="right")) - 1
-        ahead.append(found[i].take(np.array([at - begins[i]])))
-    rest = [one.take(taken[begin : begin + one.place.size]) for one, begin in zip(found, begins, strict=False)]
+        ahead.append(arrivals[i].take(np.array([at - begins[i]])))
+    rest = [
+        arrival.take(taken[begin : begin + arrival.place.size])
+        for arrival, begin in zip(arrivals, begins, strict=False)
+    ]
     return rest, tuple(ahead), len(invalid)
 
 
-def _in_order_of_arrival(found: Sequence[ArrivedSamples]) -> tuple[Rows, FloatArray]:
+def _in_order_of_arrival(arrivals: Sequence[ArrivedSamples]) -> tuple[Rows, FloatArray]:
     """Indices of all samples in the order in which they came, and their time stamps in that order."""
-    order = np.argsort(np.concatenate([np.empty(0, dtype=np.int64), *(one.place for one in found)]), kind="stable")
-    return order, np.concatenate([np.empty(0), *(one.samples.time for one in found)])[order]
+    order = np.argsort(
+        np.concatenate([np.empty(0, dtype=np.int64), *(arrival.place for arrival in arrivals)]), kind="stable"
+    )
+    return order, np.concatenate([np.empty(0), *(arrival.samples.time for arrival in arrivals)])[order]
 
 
 def _far_ahead(latest: float, stamps: Sequence[float]) -> tuple[list[int], list[int]]:
-    """The samples that still wait for one that confirms them, and the invalid ones, in the order of arrival.
+    """The samples that still wait for a sample that confirms them, and the invalid ones, in the order of arrival.
 
     The next stamp confirms those that wait if it is neither `WINDOW` below nor as far ahead again. Of the first ones of
     all, those far below the ones that are confirmed are invalid.
@@ -248,9 +253,9 @@ def _far_ahead(latest: float, stamps: Sequence[float]) -> tuple[list[int], list[
     return wait, invalid
 
 
-def _late(waiting: WaitingSamples, found: Sequence[ArrivedSamples]) -> tuple[NDArray[np.bool_], float, int, float]:
+def _late(waiting: WaitingSamples, arrivals: Sequence[ArrivedSamples]) -> tuple[NDArray[np.bool_], float, int, float]:
     """The late samples as a mask; the latest stamp, the late ones in a row, and the stamp where the clock was lost."""
-    order, stamps = _in_order_of_arrival(found)
+    order, stamps = _in_order_of_arrival(arrivals)
     if not stamps.size or not math.isnan(waiting.lost):
         return np.ones(stamps.size, dtype=bool), waiting.latest, waiting.late, waiting.lost
     before = np.maximum.accumulate(np.append(waiting.latest, stamps))
@@ -282,5 +287,5 @@ def _merged(held: SampleBlock, new: SampleBlock, keep: NDArray[np.bool_]) -> tup
 def final(waiting: WaitingSamples, *, ended: bool) -> tuple[WaitingSamples, tuple[SampleBlock, ...]]:
     """Samples that go on waiting, and those that none can precede any more; all of them at the end."""
     until = math.inf if ended else waiting.latest - WINDOW
-    parts = [one.split(until) for one in waiting.streams]
+    parts = [stream.split(until) for stream in waiting.streams]
     return replace(waiting, streams=tuple(rest for _, rest in parts)), tuple(ready for ready, _ in parts)

@@ -78,13 +78,15 @@ def text_feed(pieces: Iterator[bytes], name: str) -> TextFeed:
         columns = headings(keys)
         objects = _filled(first + rest, lines)
         return TextFeed(_raster(columns), lambda chosen: (_objects(text, keys, columns, chosen) for text in objects))
-    found = dialect(first.decode().split("\n"))
-    if found is None:
+    notation = dialect(first.decode().split("\n"))
+    if notation is None:
         raise DataError(f"{name}: has only comments; {EXAMPLE}")
-    below = _cut(first, found.samples - 1)[1]
-    unnamed = "" if found.header else f"the first line contains numbers; {EXAMPLE}"
+    below = _cut(first, notation.samples - 1)[1]
+    unnamed = "" if notation.header else f"the first line contains numbers; {EXAMPLE}"
     cells = _filled(below + rest, lines)
-    return TextFeed(_raster(found.headings), lambda chosen: (_cells(text, found, chosen) for text in cells), unnamed)
+    return TextFeed(
+        _raster(notation.headings), lambda chosen: (_cells(text, notation, chosen) for text in cells), unnamed
+    )
 
 
 def _raster(columns: tuple[Heading, ...]) -> Raster:
@@ -121,9 +123,9 @@ def _whole_lines(pieces: Iterator[bytes], name: str) -> Iterator[bytes]:
 
     A line that is too long is `_TOO_LONG` instead, unless it is the first one.
     """
-    kept, begun, any_, cutting = b"", False, False, False
+    rest, begun, any_, cutting = b"", False, False, False
     for piece in pieces:
-        text = kept + piece
+        text = rest + piece
         if cutting:  # the rest of a line that was too long
             _, ended, text = text.partition(b"\n")
             cutting = not ended
@@ -132,16 +134,16 @@ def _whole_lines(pieces: Iterator[bytes], name: str) -> Iterator[bytes]:
                 raise DataError(f"{name}: is no text in UTF-8; send CSV or JSON lines, a sample a line.")
             text, begun = text.removeprefix(BOM_UTF8), True
         end = text.rfind(b"\n") + 1 if begun else 0
-        kept = text[end:]
+        rest = text[end:]
         if end:
             any_ = True
             yield _as_utf8(text[:end]).replace(b"\r\n", b"\n")
-        if len(kept) > LONGEST:
+        if len(rest) > LONGEST:
             if not any_:
                 raise DataError(
                     f"{name}: a line is longer than {LONGEST:,} bytes; send CSV or JSON lines, a sample a line."
                 )
-            kept, cutting = b"", True
+            rest, cutting = b"", True
             yield _TOO_LONG
 
 
@@ -158,10 +160,10 @@ def _objects(text: bytes, keys: Sequence[str], columns: tuple[Heading, ...], cho
     return TextRows(Table(columns, dict(zip(chosen, numbers, strict=True)), spoiled.size), spoiled, left_out)
 
 
-def _cells(text: bytes, found: Dialect, chosen: Sequence[int]) -> TextRows:
+def _cells(text: bytes, notation: Dialect, chosen: Sequence[int]) -> TextRows:
     """The rows of a block of lines of CSV."""
-    text, selected = text.rstrip() + b"\n", [found.headings[index] for index in chosen]
-    part = read_rows(LineBlock(1, text, text.count(b"\n")), found, selected, small=True, by_line=True)
+    text, selected = text.rstrip() + b"\n", [notation.headings[index] for index in chosen]
+    part = read_rows(LineBlock(1, text, text.count(b"\n")), notation, selected, small=True, by_line=True)
     spoiled = np.zeros(part.table.size, dtype=bool)
     for rows in part.table.unread.values():
         spoiled[rows] = True
@@ -193,10 +195,10 @@ def text_blocks(
     if channels is None and feed.unnamed:
         raise DataError(f"{name}: {feed.unnamed}")
     picks = picked_streams(name, [feed.raster], channels, required)
-    every = feed.rows(sorted({index for each in picks for index in each.indices}))
+    every = feed.rows(sorted({index for pick in picks for index in pick.indices}))
     first = next(every, None)
     if first is not None:
-        picks = by_position(grid for each in picks for grid in by_presence(each, first.table, _TELLING, _FEW))
+        picks = by_position(grid for pick in picks for grid in by_presence(pick, first.table, _TELLING, _FEW))
         every = chain([first], every)
     metadata = {"source": name, "ambient_Pa": repr(float(ambient))}
     yield from live_blocks(_batches(every, picks, ambient), picks, name, metadata)
@@ -208,12 +210,12 @@ _TELLING, _FEW = 100, 2
 
 def _batches(every: Iterator[TextRows], picks: Sequence[PickedChannels], ambient: float) -> Iterator[ArrivedBatch]:
     """The picked channels of the rows, in SI."""
-    done = 0
+    count = 0
     for rows in every:
         place, spoiled = np.arange(rows.table.size), rows.spoiled.copy()
-        each = [arrived(i, one, rows.table, ambient, place, done) for i, one in enumerate(picks)]
-        for one, chosen in zip(each, picks, strict=True):
+        streams = [arrived(i, stream, rows.table, ambient, place, count) for i, stream in enumerate(picks)]
+        for stream, chosen in zip(streams, picks, strict=True):
             if not chosen.sparse:
-                spoiled |= ~np.isin(place, one.place)  # without a time
-        yield ArrivedBatch(each, rows.left_out + int(spoiled.sum()))
-        done += rows.table.size
+                spoiled |= ~np.isin(place, stream.place)  # without a time
+        yield ArrivedBatch(streams, rows.left_out + int(spoiled.sum()))
+        count += rows.table.size

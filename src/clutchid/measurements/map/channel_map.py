@@ -121,7 +121,7 @@ class PickedChannels:
     def longest(self, usual: float) -> dict[str, float]:
         """Time in s for which a sample remains valid, by quantity, at a `usual` interval of the channels in s."""
         entries = {name: entry for name, (_, entry) in self.columns.items() if name != "time"}
-        return {name: HOLE * usual if one.longest is None else one.longest for name, one in entries.items()}
+        return {name: HOLE * usual if channel.longest is None else channel.longest for name, channel in entries.items()}
 
 
 def read_map(path: str | PathLike[str]) -> ChannelMap:
@@ -145,11 +145,11 @@ def read_map(path: str | PathLike[str]) -> ChannelMap:
     raster, rate = (_positive(content, key, what, problems) for key, what in _ABOVE_ZERO.items())
     if not problems and not channels:
         problems.append("contains no channel; write for example [position] with channel = 'NAME'.")
-    found = ChannelMap(channels, dbc, raster, rate)
-    problems += contradictions(found)
+    channel_map = ChannelMap(channels, dbc, raster, rate)
+    problems += contradictions(channel_map)
     if problems:
         raise ParameterError(str(DataError.of(str(path), problems)))
-    return found
+    return channel_map
 
 
 def contradictions(content: ChannelMap) -> list[str]:
@@ -222,8 +222,8 @@ def _channel(name: str, values: Any, problems: list[str]) -> Channel | None:
     if not isinstance(values, dict):
         problems.append(f"[{name}]: write a table, for example [{name}] with channel = 'NAME' below it.")
         return None
-    known = {item.name: item for item in fields(Channel)}
-    problems += [f"[{name}]: {unknown_name(key, known, 'entry')}" for key in values if key not in known]
+    entries = {item.name: item for item in fields(Channel)}
+    problems += [f"[{name}]: {unknown_name(key, entries, 'entry')}" for key in values if key not in entries]
     for key in ("channel", "group", "unit"):
         if key in values and not isinstance(values[key], str):
             problems.append(f"[{name}] {key} = {values[key]!r}: a string is needed.")
@@ -244,8 +244,8 @@ def _values(name: str, entry: Channel) -> list[str]:
     """Problems of the values of an entry."""
     problems = []
     if entry.unit is not None and not is_unit_of(name, unit_spelled(entry.unit)):
-        known = ", ".join(known_units(QUANTITIES[name]))
-        problems.append(f"unit = '{entry.unit}': is not known here; use one of {known}.")
+        units = ", ".join(known_units(QUANTITIES[name]))
+        problems.append(f"unit = '{entry.unit}': is not known here; use one of {units}.")
     if abs(entry.sign) != 1.0:
         problems.append(f"sign = {entry.sign:g}: must be 1 or -1; use factor for another scale.")
     if entry.factor == 0.0:

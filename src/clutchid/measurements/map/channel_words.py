@@ -99,7 +99,7 @@ _KNOWN = sorted(
     {
         word
         for group in (
-            *(words for each in _QUANTITIES.values() for words in (*each.needs, each.likes, each.never)),
+            *(words for row in _QUANTITIES.values() for words in (*row.needs, row.likes, row.never)),
             _BRAKES, _AUXILIARIES, _POWERTRAIN, _SET_POINT, _BESIDE,
         )
         for word in group
@@ -127,9 +127,9 @@ def name_score(name: str, text: str) -> float:
     >>> name_score("position", "Kupplungsweg"), name_score("position", "Weg"), name_score("position", "ThrottlePos")
     (2.0, 1.0, 0.0)
     """
-    known = quantity_named(_bare(text)) or quantity_named(_bare(text).rpartition(".")[2])  # a field of a struct
-    if known is not None:
-        return 100.0 if known == name else 0.0
+    standard = quantity_named(_bare(text)) or quantity_named(_bare(text).rpartition(".")[2])  # a field of a struct
+    if standard is not None:
+        return 100.0 if standard == name else 0.0
     quantity = _QUANTITIES.get(name)
     if quantity is None:
         return 0.0
@@ -240,14 +240,14 @@ def _compound(word: str) -> list[str]:
         return [word[0], word[1:]]
     if word in _KNOWN or len(word) < 5:
         return [word]
-    for known in _KNOWN:
-        rest = word.removeprefix(known)
+    for part_of in _KNOWN:
+        rest = word.removeprefix(part_of)
         if rest == word:
             continue
         if rest in _JOINTS:
-            return [known]
+            return [part_of]
         for tail in (rest, rest.removeprefix("s"), rest.removeprefix("es")):
             parts = _compound(tail)
             if all(part in _KNOWN for part in parts):
-                return [known, *parts]
+                return [part_of, *parts]
     return [word]

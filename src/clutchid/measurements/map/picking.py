@@ -28,7 +28,7 @@ def pick(
     That the file lacks one of `OPTIONAL` is a note, unless it is `required`.
     """
     problems = contradictions(channels)
-    found: dict[tuple[int, float], dict[str, tuple[Heading, Channel]]] = {}
+    columns_by_grid: dict[tuple[int, float], dict[str, tuple[Heading, Channel]]] = {}
     clocks: dict[int, tuple[Heading, Channel]] = {}
     notes: list[str] = []
     for name, entry in channels.channels.items():
@@ -53,9 +53,9 @@ def pick(
         if name == "time":
             clocks[raster] = chosen
         else:
-            found.setdefault((raster, entry.delay), {})[name] = chosen
+            columns_by_grid.setdefault((raster, entry.delay), {})[name] = chosen
     picks = []
-    for (raster, delay), columns in found.items():
+    for (raster, delay), columns in columns_by_grid.items():
         clock = clocks.get(raster) or _clock(source.rasters[raster], channels.rate, columns, notes, problems)
         timed = columns if clock is None else {"time": clock, **columns}
         rate = channels.rate if clock is not None and clock[0].index == COUNTED else None
@@ -171,14 +171,14 @@ def _no_numbers(name: str, text: str, held: str) -> str:
 
 
 def _unit_problem(name: str, heading: Heading, unit: str | None) -> list[str]:
-    known = known_units(QUANTITIES[name])
+    units = known_units(QUANTITIES[name])
     if unit is None:
         return [
-            f"{name}: channel '{heading.text}' has no unit; write unit = '...' in the map, one of {', '.join(known)}."
+            f"{name}: channel '{heading.text}' has no unit; write unit = '...' in the map, one of {', '.join(units)}."
         ]
     if not is_unit_of(name, unit):
         return [
             f"{name}: channel '{heading.text}' has the unit [{unit}]; write unit = '...' in the map (and a factor, "
-            f"if the unit of the sensor differs), one of {', '.join(known)}."
+            f"if the unit of the sensor differs), one of {', '.join(units)}."
         ]
     return []

@@ -87,8 +87,8 @@ def candidates(source: Source, name: str, ranges: Ranges) -> Iterator[Candidate]
             span = ranges(index, heading, further=score < STANDARD and name not in PLAUSIBLE)
             span = span._replace(constant=span.constant and score < STANDARD)
             unit = heading.unit or unit_at_end(heading.text, QUANTITIES[name])
-            found = Candidate(raster, heading, score + (0.5 if unit else 0.0), span, *_unit(name, unit, span))
-            yield _gauge_of_standard(found) if name == "pressure_supply" and score < STANDARD else found
+            candidate = Candidate(raster, heading, score + (0.5 if unit else 0.0), span, *_unit(name, unit, span))
+            yield _gauge_of_standard(candidate) if name == "pressure_supply" and score < STANDARD else candidate
 
 
 def _score(name: str, heading: Heading) -> float:
@@ -101,22 +101,22 @@ def _score(name: str, heading: Heading) -> float:
     return max(score - _SET_POINT, 0.0) if name in INPUTS else 0.0
 
 
-def _gauge_of_standard(found: Candidate) -> Candidate:
+def _gauge_of_standard(candidate: Candidate) -> Candidate:
     """A supply pressure in the gauge unit if it is one by the standard of the bus."""
-    gauge = f"{found.unit}(g)"
-    if gauge not in UNITS or not gauge_by_standard(found.heading):
-        return found
-    return replace(found, unit=gauge, implied="is a gauge pressure by SAE J1939-71")
+    gauge = f"{candidate.unit}(g)"
+    if gauge not in UNITS or not gauge_by_standard(candidate.heading):
+        return candidate
+    return replace(candidate, unit=gauge, implied="is a gauge pressure by SAE J1939-71")
 
 
-def gauge_as_well(found: Candidate, chamber: Channel | None) -> Candidate:
+def gauge_as_well(candidate: Candidate, chamber: Channel | None) -> Candidate:
     """A supply pressure in the gauge unit if the range of the `chamber` pressure says that it is, in the same unit."""
-    gauge = f"{found.unit}(g)"
-    if gauge not in UNITS or found.score >= STANDARD:
-        return found
+    gauge = f"{candidate.unit}(g)"
+    if gauge not in UNITS or candidate.score >= STANDARD:
+        return candidate
     if chamber is not None and chamber.unit == gauge:
-        return replace(found, unit=gauge, implied=f"is taken as gauge pressure, as '{chamber.channel}' is")
-    return replace(found, implied=f"is read as absolute; write {gauge} in a channel map if it is a gauge pressure")
+        return replace(candidate, unit=gauge, implied=f"is taken as gauge pressure, as '{chamber.channel}' is")
+    return replace(candidate, implied=f"is read as absolute; write {gauge} in a channel map if it is a gauge pressure")
 
 
 def _unit(name: str, unit: str | None, span: Range) -> tuple[str | None, str]:
@@ -133,25 +133,25 @@ def _unit(name: str, unit: str | None, span: Range) -> tuple[str | None, str]:
 
 def standard_title(heading: Heading) -> str:
     """Title in SAE J1939-71 of a channel that its comment or its name identifies; else its name."""
-    found = parameter_in(heading.comment) or parameter_in(heading.text)
-    return found.title if found else heading.text
+    parameter = parameter_in(heading.comment) or parameter_in(heading.text)
+    return parameter.title if parameter else heading.text
 
 
 def gauge_by_standard(heading: Heading) -> bool:
     """Whether a pressure is one of SAE J1939-71 that counts from the ambient pressure."""
-    found = parameter_in(heading.comment) or parameter_in(heading.text)
-    return not found.absolute if found else is_named_by_j1939(heading.text)
+    parameter = parameter_in(heading.comment) or parameter_in(heading.text)
+    return not parameter.absolute if parameter else is_named_by_j1939(heading.text)
 
 
-def implausible(name: str, found: Candidate) -> str:
+def implausible(name: str, candidate: Candidate) -> str:
     """Reason why the samples of a channel cannot be the condition `name`, in a sentence; empty if they can."""
-    text, unit, span = found.heading.text, found.unit, found.span
+    text, unit, span = candidate.heading.text, candidate.unit, candidate.span
     if math.isnan(span.low) or (span.constant and span.low == 0.0):
         return f"{name}: '{text}' has no values and is left out."
-    known = UNITS.get(unit or "")
-    if known is None:
+    si_unit = UNITS.get(unit or "")
+    if si_unit is None:
         return ""
-    low, high = (value * known.scale + known.offset for value in (span.low, span.high))
+    low, high = (value * si_unit.scale + si_unit.offset for value in (span.low, span.high))
     least, most = PLAUSIBLE[name]
     if least <= low and high <= most:
         return ""
@@ -211,12 +211,12 @@ class Proposal:
     @property
     def without_uncertain(self) -> ChannelMap:
         """The map without conditions that are not certain."""
-        kept = {
+        channels = {
             name: entry
             for name, entry in self.channels.channels.items()
             if name in self.certain or name not in PLAUSIBLE
         }
-        return replace(self.channels, channels=kept)
+        return replace(self.channels, channels=channels)
 
 
 def propose(source: Source, required: Sequence[str] = REQUIRED) -> Proposal:
@@ -238,11 +238,11 @@ def propose(source: Source, required: Sequence[str] = REQUIRED) -> Proposal:
     comments: dict[str, str] = {}
     unused: dict[str, list[Candidate]] = {}
     for name in QUANTITIES:
-        found = [candidate for candidate in candidates(source, name, ranges) if not _taken(candidate, channels)]
-        ranked = _ranked(name, found)
-        notes += _left_out(name, found)
+        named = [candidate for candidate in candidates(source, name, ranges) if not _taken(candidate, channels)]
+        ranked = _ranked(name, named)
+        notes += _left_out(name, named)
         if not ranked or (name == "time" and timed and not (source.tabular and len(source.rasters) == 1)):
-            unused[name] = found
+            unused[name] = named
             continue
         best, *others = ranked
         best = gauge_as_well(best, channels.get("pressure_a")) if name == "pressure_supply" else best
@@ -298,13 +298,13 @@ def means_the_contract(source: Source) -> bool:
 def _units_to_write(source: Source, proposal: Proposal) -> list[str]:
     """Headings of a table with the units that were guessed, which make them sure."""
     units = {entry.channel: entry.unit for entry in proposal.channels.channels.values()}
-    found = [
+    headings = [
         f"'{heading.text} [{units[heading.text]}]'"
         for raster in source.rasters
         for heading in raster.headings
         if heading.unit is None and units.get(heading.text)
     ]
-    return [f"write units in brackets behind the names: {', '.join(found)}, if that is right."] if found else []
+    return [f"write units in brackets behind the names: {', '.join(headings)}, if that is right."] if headings else []
 
 
 def _identified(source: Source, proposal: Proposal) -> list[str]:
@@ -336,19 +336,21 @@ def _taken(candidate: Candidate, channels: Mapping[str, Channel]) -> bool:
     )
 
 
-def _ranked(name: str, found: Sequence[Candidate]) -> list[Candidate]:
+def _ranked(name: str, named: Sequence[Candidate]) -> list[Candidate]:
     """Candidates by falling score, without constant ones; a duty cycle of 0 remains if it is the only candidate.
 
     A condition may be constant for all of a recording, but must be possible.
     """
     if name in PLAUSIBLE:
-        possible = [c for c in found if c.score >= STANDARD or not implausible(name, c)]
+        possible = [c for c in named if c.score >= STANDARD or not implausible(name, c)]
         return sorted(possible, key=lambda candidate: -candidate.score)
-    chosen = [candidate for candidate in found if not candidate.span.constant]
-    if not chosen and name in INPUTS and len(found) == 1 and found[0].span.high == 0.0:
-        chosen = list(found)
+    chosen = [candidate for candidate in named if not candidate.span.constant]
+    if not chosen and name in INPUTS and len(named) == 1 and named[0].span.high == 0.0:
+        chosen = list(named)
     if name in INPUTS:  # what has a unit of its own, and is no flag, before any word
-        return sorted(chosen, key=lambda one: (bool(one.flag), one.heading.unit is None, -one.score))
+        return sorted(
+            chosen, key=lambda candidate: (bool(candidate.flag), candidate.heading.unit is None, -candidate.score)
+        )
     return sorted(chosen, key=lambda candidate: -candidate.score)
 
 
@@ -362,12 +364,15 @@ def _equal(name: str, best: Candidate, others: Sequence[Candidate]) -> list[Cand
     return [other for other in equal if not _in_another_unit(best, other)]
 
 
-def _in_another_unit(one: Candidate, other: Candidate) -> bool:
+def _in_another_unit(first_channel: Candidate, other: Candidate) -> bool:
     """Whether two channels, neither of them a flag, have the same range in SI and different units."""
-    first, second = (UNITS.get(candidate.unit or "") for candidate in (one, other))
-    if first is None or second is None or first == second or one.flag or other.flag:
+    first, second = (UNITS.get(candidate.unit or "") for candidate in (first_channel, other))
+    if first is None or second is None or first == second or first_channel.flag or other.flag:
         return False
-    ends = [(span.low * unit.scale, span.high * unit.scale) for span, unit in ((one.span, first), (other.span, second))]
+    ends = [
+        (span.low * unit.scale, span.high * unit.scale)
+        for span, unit in ((first_channel.span, first), (other.span, second))
+    ]
     return all(math.isclose(a, b, rel_tol=_SAME, abs_tol=_SAME) for a, b in zip(*ends, strict=True))
 
 
@@ -380,8 +385,8 @@ def _remark(name: str, best: Candidate, equal: Sequence[Candidate], tabular: boo
     if equal:
         same = any(candidate.heading.text == text for candidate in equal)
         own, *others = [
-            f"'{one.heading.text}'" + (f" of '{one.raster.name}'" if same and one.raster.name else "")
-            for one in (best, *equal[:5])
+            f"'{match.heading.text}'" + (f" of '{match.raster.name}'" if same and match.raster.name else "")
+            for match in (best, *equal[:5])
         ]
         return f"{name}: {own} is proposed, but {', '.join(others)} would match as well."
     if name in INPUTS and is_beside(text) and best.flag:
@@ -391,11 +396,11 @@ def _remark(name: str, best: Candidate, equal: Sequence[Candidate], tabular: boo
     return "" if best.unit else f"{name}: '{text}' has no known unit; add it to the map."
 
 
-def _left_out(name: str, found: Sequence[Candidate]) -> list[str]:
+def _left_out(name: str, candidates_of: Sequence[Candidate]) -> list[str]:
     """Reasons why channels that are called like a condition are none."""
     if name not in PLAUSIBLE:
         return []
-    named = [c for c in found if c.score < STANDARD]
+    named = [c for c in candidates_of if c.score < STANDARD]
     return [text for c in named if (text := implausible(name, c))]
 
 
@@ -440,18 +445,18 @@ def _set_points(source: Source, name: str) -> list[str]:
     ]
 
 
-def _missing(name: str, found: Sequence[Candidate], set_points: Sequence[str], choice: str) -> str:
+def _missing(name: str, named: Sequence[Candidate], set_points: Sequence[str], choice: str) -> str:
     """Remark on a quantity without a channel, of which only constant ones were `found`, or set points.
 
     `choice` is a text with the channels that it may be.
     """
-    if not found and set_points and name not in INPUTS:
+    if not named and set_points and name not in INPUTS:
         return f"{name}: only a set point matches by name, '{set_points[0]}'; add the measured channel to the map."
-    if not found:
+    if not named:
         if name == "time":
             return "time: no channel name matches; add it to the map, or rate = 1000.0 (Hz)."
         return f"{name}: no channel name matches; add it to the map ({choice})."
-    names = ", ".join(f"'{candidate.heading.text}' (always {candidate.span.low:g})" for candidate in found[:5])
+    names = ", ".join(f"'{candidate.heading.text}' (always {candidate.span.low:g})" for candidate in named[:5])
     return f"{name}: only constant channels match by name, {names}; add the right one to the map."
 
 

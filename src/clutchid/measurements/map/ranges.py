@@ -58,18 +58,18 @@ class Ranges:
         return self._known[key]
 
     def _read(self, raster: int, index: int, blocks: int) -> Range:
-        found = Range(math.nan, math.nan, math.inf, constant=False)
+        span = Range(math.nan, math.nan, math.inf, constant=False)
         for table in islice(self._source.tables(raster, [index], _SAMPLED), blocks):
             values = table.numbers.get(index, np.empty(0))
             finite = values[np.isfinite(values)]
             if finite.size:
-                low, high = np.fmin(found.low, finite.min()), np.fmax(found.high, finite.max())
-                switched = (found.switched or math.isnan(found.low)) and bool(np.isin(finite, (0.0, 1.0)).all())
+                low, high = np.fmin(span.low, finite.min()), np.fmax(span.high, finite.max())
+                switched = (span.switched or math.isnan(span.low)) and bool(np.isin(finite, (0.0, 1.0)).all())
                 constant = bool(low == high and finite.size > 1)
-                found = Range(float(low), float(high), usual_interval(finite), constant, switched)
-            if found.low < found.high:
+                span = Range(float(low), float(high), usual_interval(finite), constant, switched)
+            if span.low < span.high:
                 break
-        return found
+        return span
 
 
 def guessed_unit(name: str, span: Range) -> str | None:
@@ -100,7 +100,7 @@ def guessed_unit(name: str, span: Range) -> str | None:
 
 def gauge_unit(unit: str | None, low: float) -> str | None:
     """The gauge unit of a pressure whose lowest value, in `unit`, is below every absolute pressure; else None."""
-    known = UNITS.get(unit or "")
-    if known is None or known.si != "Pa" or known.gauge or not abs(low) * known.scale < _LOWEST_ABSOLUTE:
+    pressure = UNITS.get(unit or "")
+    if pressure is None or pressure.si != "Pa" or pressure.gauge or not abs(low) * pressure.scale < _LOWEST_ABSOLUTE:
         return None
     return f"{unit}(g)"

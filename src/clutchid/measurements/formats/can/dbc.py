@@ -306,7 +306,7 @@ def _message(message: CantoolsMessage, named: bool) -> Message:
     by_protocol = named and message.is_extended_frame and "VFrameFormat" not in own
     j1939 = message.protocol == "j1939" or by_protocol
     by_name = {signal.name: signal for signal in message.signals}
-    usable = [s for s in message.signals if all(_usable(each) for each in (s, *_above(s, by_name)))]
+    usable = [s for s in message.signals if all(_usable(part) for part in (s, *_above(s, by_name)))]
     return Message(
         message.name,
         message.frame_id & 0x1FFFFFFF,
@@ -335,10 +335,10 @@ def _groups(signals: Sequence[CantoolsSignal], j1939: bool) -> tuple[SignalGroup
 
 def _above(signal: CantoolsSignal, by_name: dict[str, CantoolsSignal]) -> list[CantoolsSignal]:
     """The selectors that a signal stands under, the innermost first."""
-    found = [signal]
-    while (above := by_name.get(found[-1].multiplexer_signal or "")) is not None and above not in found:
-        found.append(above)
-    return found[1:]
+    chain = [signal]
+    while (above := by_name.get(chain[-1].multiplexer_signal or "")) is not None and above not in chain:
+        chain.append(above)
+    return chain[1:]
 
 
 def _condition(signal: CantoolsSignal, by_name: dict[str, CantoolsSignal]) -> Condition:

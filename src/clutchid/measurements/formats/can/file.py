@@ -105,25 +105,25 @@ def open_file(path: Path, dbc: Sequence[Path] = (), kind: str = "", log: FrameLo
         log = log or frame_log(path, kind)
     except DataError as error:
         return refused(path, "CAN log", str(error))
-    known = catalogue(messages)
-    scanned = _scan(log, known)
+    lookup = catalogue(messages)
+    scanned = _scan(log, lookup)
     metadata = _metadata(log, scanned.origin, dbc)
     if problem := _decoding_problem(scanned, dbc, messages):
         return replace(refused(path, log.format, problem, *log.warnings), metadata=metadata)
     streams = in_order(scanned.sizes, messages)
     rasters = rasters_of(streams, scanned.sizes)
-    tables = partial(_tables, log, known, scanned, streams, rasters)
+    tables = partial(_tables, log, lookup, scanned, streams, rasters)
     warnings = (*log.warnings, *scanned.clock, *_scan_warnings(scanned, streams))
     return Source(path, log.format, rasters, tables, (), warnings, metadata, one_clock=True)
 
 
 def _metadata(log: FrameLog, origin: float, dbc: Sequence[Path]) -> dict[str, str]:
-    found = {"dbc": ", ".join(file.name for file in dbc)} if dbc else {}
+    metadata = {"dbc": ", ".join(file.name for file in dbc)} if dbc else {}
     try:
         start = log.start + timedelta(seconds=origin) if log.start else None
     except OverflowError:
         start = None
-    return {"start": start.isoformat(), **found} if start else found
+    return {"start": start.isoformat(), **metadata} if start else metadata
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -149,7 +149,7 @@ class StreamFrames:
 
 @dataclass(slots=True)
 class ScannedLog:
-    """Contents of a log, counted in the first pass; `kept` is None if the frames are too many to keep.
+    """Contents of a log, counted in the first pass; `stored` is None if the frames are too many to keep.
 
     `runs` are those of the clock, `shifts` by how much each is moved in s, `clock` what is said about it; `few` are
     runs with their streams and numbers of frames where these may be lone ones.
@@ -168,12 +168,12 @@ class ScannedLog:
     fragments: int = 0
     echoes: int = 0
     damage: str = ""
-    kept: dict[FrameStream, list[StreamFrames]] | None = field(default_factory=dict)
+    stored: dict[FrameStream, list[StreamFrames]] | None = field(default_factory=dict)
     bytes: int = 0
 
 
-def _scan(log: FrameLog, known: MessageCatalogue) -> ScannedLog:
-    """Contents of a log, by the messages that are `known`.
+def _scan(log: FrameLog, lookup: MessageCatalogue) -> ScannedLog:
+    """Contents of a log, by the messages of `lookup`.
 
     Raises
     ------
@@ -191,7 +191,7 @@ def _scan(log: FrameLog, known: MessageCatalogue) -> ScannedLog:
             row, size, first, last = scanned.runs[-1]
             scanned.runs[-1] = Run(row, size + run.size, first, max(last, run.last))
         scanned.frames += len(frames)
-        for stream, rows in by_stream(frames, known):
+        for stream, rows in by_stream(frames, lookup):
             if stream == UNKNOWN:
                 _count_unknown(scanned, frames.take(rows))
             elif stream == FRAGMENT:
@@ -238,8 +238,8 @@ def _stamped(log: FrameLog, scanned: ScannedLog) -> Iterator[Frames]:
 
 
 def _count_unknown(scanned: ScannedLog, frames: Frames) -> None:
-    found, counts = np.unique(keys(frames), return_counts=True)
-    scanned.unknown.update(dict(zip(found.tolist(), counts.tolist(), strict=True)))
+    identifiers, counts = np.unique(keys(frames), return_counts=True)
+    scanned.unknown.update(dict(zip(identifiers.tolist(), counts.tolist(), strict=True)))
     if len(scanned.unknown) > _MOST_UNKNOWN:  # noise: a damaged file can hold any number of them
         scanned.unknown = Counter(dict(scanned.unknown.most_common(_MOST_UNKNOWN // 2)))
 
@@ -251,11 +251,11 @@ def _count(scanned: ScannedLog, stream: FrameStream, frames: StreamFrames) -> No
     group = stream.group.name
     name = f"{stream.message.name} ({group})" if group else stream.message.name
     scanned.short[name] += int(np.sum(frames.length < min(stream.group.bytes, 255)))
-    if scanned.kept is not None:
+    if scanned.stored is not None:
         scanned.bytes += frames.stamp.nbytes + frames.data.nbytes + frames.length.nbytes
-        scanned.kept.setdefault(stream, []).append(frames)
+        scanned.stored.setdefault(stream, []).append(frames)
         if scanned.bytes > KEPT:
-            scanned.kept = None
+            scanned.stored = None
 
 
 def _frames_of(stream: FrameStream, frames: Frames, rows: Rows, run: int) -> StreamFrames:
@@ -265,7 +265,7 @@ def _frames_of(stream: FrameStream, frames: Frames, rows: Rows, run: int) -> Str
 
 def _tables(
     log: FrameLog,
-    known: MessageCatalogue,
+    lookup: MessageCatalogue,
     scanned: ScannedLog,
     streams: Sequence[FrameStream],
     rasters: Sequence[Raster],
@@ -275,9 +275,9 @@ def _tables(
 ) -> Iterator[Table]:
     """Tables of one time grid, see `Tables`: from the frames that are kept, or else from the file."""
     stream, headings = streams[raster], rasters[raster].headings
-    kept = iter(scanned.kept[stream]) if scanned.kept is not None else _read_again(log, known, stream)
+    parts = iter(scanned.stored[stream]) if scanned.stored is not None else _read_again(log, lookup, stream)
     first = 1
-    for frames in _in_rows(_on_one_clock(kept, scanned), rows):
+    for frames in _in_rows(_on_one_clock(parts, scanned), rows):
         numbers = values_of(stream, columns, frames.stamp, frames.data, frames.length)
         coded = tuple(sentence for column in columns if (sentence := _coded(stream, column, numbers, frames)))
         yield Table(headings, numbers, len(frames), Places("frame", first), warnings=coded)
@@ -304,10 +304,10 @@ def _on_one_clock(parts: Iterator[StreamFrames], scanned: ScannedLog) -> Iterato
             yield replace(part, stamp=part.stamp + (shift - scanned.origin))
 
 
-def _read_again(log: FrameLog, known: MessageCatalogue, stream: FrameStream) -> Iterator[StreamFrames]:
+def _read_again(log: FrameLog, lookup: MessageCatalogue, stream: FrameStream) -> Iterator[StreamFrames]:
     """The frames of one stream, from the file."""
     for number, _, frames in _in_runs(_stamped(log, ScannedLog())):
-        for other, rows in by_stream(frames, known):
+        for other, rows in by_stream(frames, lookup):
             if other == stream:
                 yield _frames_of(stream, frames, rows, number)
 
@@ -366,30 +366,30 @@ def _decoding_problem(scanned: ScannedLog, dbc: Sequence[Path], messages: Sequen
 
 def _scan_warnings(scanned: ScannedLog, streams: Sequence[FrameStream]) -> list[str]:
     """Sentences about what was left out of a log."""
-    found = [f"{scanned.damage}; the {scanned.frames:,} frames before it are used."] if scanned.damage else []
-    found += [f"{_counted(count, what)} left out." for what, count in scanned.left_out.items() if count]
+    warnings = [f"{scanned.damage}; the {scanned.frames:,} frames before it are used."] if scanned.damage else []
+    warnings += [f"{_counted(count, what)} left out." for what, count in scanned.left_out.items() if count]
     if scanned.echoes:
-        found.append(
+        warnings.append(
             f"{_counted(scanned.echoes, 'frame')} in the log twice, as sent and as received; one of each two is used."
         )
     if scanned.fragments:
-        found.append(
+        warnings.append(
             f"{_counted(scanned.fragments, 'frame')} left out: pieces of longer messages (J1939 transport protocol, "
             "NMEA 2000 fast packets)."
         )
     if scanned.unknown:
-        found.append(
+        warnings.append(
             f"{_counted(sum(scanned.unknown.values()), 'frame')} left out, of {_identifiers(scanned)} that no DBC "
             f"knows; the commonest: {_commonest(scanned.unknown)}."
         )
     if short := [f"{count:,} of {name}" for name, count in scanned.short.items() if count]:
-        found.append(
+        warnings.append(
             f"some frames are shorter than the DBC says ({listed(short)}): the signals that they lack are missing."
         )
     messages: set[Message] = {stream.message for stream in streams}
     if lacking := sorted(f"{name} of {message.name}" for message in messages for name in message.undecodable):
-        found.append(f"what is no number of at most 64 bits is left out: {listed(lacking)}.")
-    return found
+        warnings.append(f"what is no number of at most 64 bits is left out: {listed(lacking)}.")
+    return warnings
 
 
 def _counted(count: int, what: str) -> str:

@@ -61,9 +61,12 @@ PARAMETERS = (
     Parameter(*_WEATHER, 48, 16, *_CELSIUS, 79, "road surface temperature"),
 )
 
-_BY_PLACE = {(one.group, one.begin, one.length, one.scale, one.offset): one for one in PARAMETERS}
-_BY_NUMBER = {one.number: one for one in PARAMETERS if one.number}
-_BY_TITLE = {one.title: one for one in PARAMETERS}
+_BY_PLACE = {
+    (parameter.group, parameter.begin, parameter.length, parameter.scale, parameter.offset): parameter
+    for parameter in PARAMETERS
+}
+_BY_NUMBER = {parameter.number: parameter for parameter in PARAMETERS if parameter.number}
+_BY_TITLE = {parameter.title: parameter for parameter in PARAMETERS}
 
 
 def parameter_at(group: int, begin: int, length: int, scale: float, offset: float) -> Parameter | None:

@@ -63,8 +63,8 @@ def _start(mdf: Any) -> datetime | None:
 
 def _groups(mdf: Any) -> dict[int, dict[str, int]]:
     """The groups of CAN frames: the indices of their fields."""
-    found = {number: _fields(mdf, number) for number in range(len(mdf.groups))}
-    return {number: fields for number, fields in found.items() if {"stamp", "ID", "DataBytes"} <= set(fields)}
+    groups = {number: _fields(mdf, number) for number in range(len(mdf.groups))}
+    return {number: fields for number, fields in groups.items() if {"stamp", "ID", "DataBytes"} <= set(fields)}
 
 
 def _fields(mdf: Any, number: int) -> dict[str, int]:
@@ -102,7 +102,7 @@ def _frames(mdf: Any, number: int, fields: Mapping[str, int]) -> Iterator[Frames
     for first in range(0, cycles, _FRAMES):
         for _, samples in blocks(mdf, wanted, first, min(_FRAMES, cycles - first)):
             *raw, (payload, _) = samples
-            values = {name: converted(each, rules[name], 4) for name, (each, _) in zip(names, raw, strict=True)}
+            values = {name: converted(stored, rules[name], 4) for name, (stored, _) in zip(names, raw, strict=True)}
             yield _block(values, payload, bus)
 
 
@@ -125,7 +125,7 @@ def _block(values: Mapping[str, NDArray[np.float64]], payload: NDArray[Any], bus
 
 
 def _whole(values: NDArray[np.float64]) -> Counts:
-    """Whole numbers; what is none becomes 0."""
+    """Whole numbers; 0 for NaN and for numbers beyond 62 bits."""
     return np.where(np.abs(values) < _WHOLE, values, 0.0).astype(np.int64)
 
 

@@ -42,7 +42,7 @@ class MessageCatalogue:
             return message
         candidates = self.groups.get(group_number(identifier), ())
         own = addresses(identifier)
-        return min(candidates, key=lambda each: _distance(addresses(each.identifier), own), default=None)
+        return min(candidates, key=lambda candidate: _distance(addresses(candidate.identifier), own), default=None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,8 +91,14 @@ def in_order(streams: Iterable[FrameStream], messages: Sequence[Message]) -> lis
     """The streams by their messages in the order of the DBC files, then by bus and addresses."""
     order = {message: number for number, message in enumerate(messages)}
 
-    def place(one: FrameStream) -> tuple[int, ...]:
-        return order[one.message], one.bus, one.sender, one.receiver, one.message.groups.index(one.group)
+    def place(stream: FrameStream) -> tuple[int, ...]:
+        return (
+            order[stream.message],
+            stream.bus,
+            stream.sender,
+            stream.receiver,
+            stream.message.groups.index(stream.group),
+        )
 
     return sorted(streams, key=place)
 
@@ -110,7 +116,7 @@ def rasters_of(streams: Sequence[FrameStream], sizes: Mapping[FrameStream, int])
 
 def _channels(stream: FrameStream) -> tuple[Heading, ...]:
     signals = enumerate(stream.group.signals, 1)
-    named = (channel(i, one.name, one.unit, _comment(stream.message, one)) for i, one in signals)
+    named = (channel(i, signal.name, signal.unit, _comment(stream.message, signal)) for i, signal in signals)
     return (channel(0, "time", "s"), *named)
 
 
@@ -119,9 +125,9 @@ def _comment(message: Message, signal: Signal) -> str:
     if not message.extended or signal.signed or signal.ieee:
         return signal.comment
     group = group_number(message.identifier)
-    found = parameter_at(group, signal.begin, signal.length, signal.scale, signal.offset)
+    parameter = parameter_at(group, signal.begin, signal.length, signal.scale, signal.offset)
     aligned = not signal.motorola or signal.length == 8  # a byte has the same place in both orders
-    return "; ".join(filter(None, (found.comment, signal.comment))) if found and aligned else signal.comment
+    return "; ".join(filter(None, (parameter.comment, signal.comment))) if parameter and aligned else signal.comment
 
 
 def _name(stream: FrameStream, same: Sequence[FrameStream]) -> str:
@@ -160,9 +166,9 @@ def by_stream(frames: Frames, messages: MessageCatalogue) -> Iterator[tuple[Fram
     Rows stand in the order of the block. Those without a stream come as `UNKNOWN`, and as `FRAGMENT` what is part of a
     longer message: transport protocol, fast packets.
     """
-    found, places = np.unique(keys(frames), return_inverse=True)
+    distinct, places = np.unique(keys(frames), return_inverse=True)
     owners: dict[_Owner, int] = {}
-    numbers = [owners.setdefault(_owner(messages, *parts_of(key)), len(owners)) for key in found.tolist()]
+    numbers = [owners.setdefault(_owner(messages, *parts_of(key)), len(owners)) for key in distinct.tolist()]
     owner = np.array(numbers, dtype=np.int64)[places]
     order = np.argsort(owner, kind="stable")
     edges = np.searchsorted(owner[order], np.arange(len(owners) + 1))

@@ -74,7 +74,7 @@ def candump_log(path: Path) -> FrameLog:
 
 
 def _origin(first: float) -> tuple[int, datetime | None, tuple[str, ...]]:
-    """Whole seconds that stamps count from: so they keep their microseconds; when that was, and what is said if not."""
+    """Whole seconds that stamps count from, so that these keep microseconds; that time, or a warning."""
     if not first > _YEAR:
         return 0, None, ("does not say when it was recorded: its stamps count from its first frame only.",)
     try:
@@ -268,8 +268,8 @@ def _payload(cells: Sequence[str], layout: _FrameTable) -> bytes:
         int(cells[layout.columns["length"]]) if "length" in layout.columns and cells[layout.columns["length"]] else FD
     )
     if layout.bytes:
-        given = [cells[i] for i in layout.bytes if i < len(cells) and cells[i]]
-        return bytes(int(cell, layout.base) for cell in given[:length])
+        single = [cells[i] for i in layout.bytes if i < len(cells) and cells[i]]
+        return bytes(int(cell, layout.base) for cell in single[:length])
     text = cells[layout.columns["data"]]
     if re.fullmatch(r"(?:0x)?(?:[0-9A-Fa-f]{2}[ .:\-]?)*", text):
         return bytes.fromhex(re.sub(r"[ .:\-]|^0x", "", text))[:length]

@@ -232,11 +232,11 @@ def form(cells: Sequence[str], decimal: str) -> CellForm:
     >>> [form(cells, ".").kind for cells in (["off", "on"], ["", "1"], ["12:00:00.5"], ["low"])]
     ['truth', 'number', 'stamp', 'text']
     """
-    given = [cell for cell in cells if not missing(cell)]
-    stamps = [found for cell in given if (found := nanoseconds(cell)) is not None]
-    if len(stamps) > len(given) / 2:
+    filled = [cell for cell in cells if not missing(cell)]
+    stamps = [stamp for cell in filled if (stamp := nanoseconds(cell)) is not None]
+    if len(stamps) > len(filled) / 2:
         return CellForm("stamp", decimal, stamps[0])
-    others = [cell for cell in given if cell.strip() not in ("0", "1")]
+    others = [cell for cell in filled if cell.strip() not in ("0", "1")]
     if others and all(cell.strip().casefold() in TRUTH for cell in others):
         return CellForm("truth", decimal)
-    return CellForm("number" if not given or any(map(numberlike, given)) else "text", decimal)
+    return CellForm("number" if not filled or any(map(numberlike, filled)) else "text", decimal)

@@ -117,10 +117,10 @@ def _by_contract(filled: Filled, first: int) -> _Structure | None:
     best: tuple[tuple[bool, int, int], str, list[str]] = ((False, 0, 0), "", [])
     for separator in SEPARATORS:
         cells = split_header(line, separator, line.count("[")) if separator == " " else split(line, separator)
-        known = [found for found in headings(cells) if found.name is not None]
-        with_unit = sum(found.si is not None for found in known)
-        score = _fits(filled[first + 1 :][:_BELOW], separator, len(cells)), len(known), with_unit
-        if score > best[0] and (len(known) > 1 or with_unit):
+        standard = [column for column in headings(cells) if column.name is not None]
+        with_unit = sum(column.si is not None for column in standard)
+        score = _fits(filled[first + 1 :][:_BELOW], separator, len(cells)), len(standard), with_unit
+        if score > best[0] and (len(standard) > 1 or with_unit):
             best = (score, separator, cells)
     if not best[1]:
         return None
@@ -156,12 +156,12 @@ def _padded(names: list[str], rows: Sequence[Sequence[str]]) -> list[str]:
 
 def _by_numbers(filled: Filled) -> _Structure | None:
     """Structure from the numbers: the header is the last text above them with as many cells."""
-    found = []
+    structures = []
     for separator in SEPARATORS:
         rows = [split(line, separator) for _, line in filled]
         tails = [rows[-max(1, len(rows) // part) :][-_TYPED:] for part in (4, 2, 1)]
-        found += [structure for tail in tails if (structure := _with_separator(filled, separator, rows, tail))]
-    return max(found, key=lambda structure: structure.score, default=None)
+        structures += [structure for tail in tails if (structure := _with_separator(filled, separator, rows, tail))]
+    return max(structures, key=lambda structure: structure.score, default=None)
 
 
 def _with_separator(
@@ -176,9 +176,9 @@ def _with_separator(
 
     def sampled(row: Sequence[str]) -> bool:
         cells = [row[column] for column in columns] if len(row) == width else []
-        given = [cell for cell in cells if not missing(cell)]
+        filled = [cell for cell in cells if not missing(cell)]
         starts = bool(cells) and (numberlike(cells[0]) or missing(cells[0]))
-        return starts and 2 * sum(map(numberlike, given)) > len(given)
+        return starts and 2 * sum(map(numberlike, filled)) > len(filled)
 
     samples = next((at for at, row in enumerate(rows) if sampled(row)), -1)
     if samples < 0:
@@ -203,8 +203,8 @@ def _starts_with_number(row: Sequence[str]) -> bool:
 
 
 def _is_numeric(cells: Sequence[str]) -> bool:
-    given = [cell for cell in cells if not missing(cell)]
-    return bool(given) and sum(map(numberlike, given)) >= 0.8 * len(given)
+    filled = [cell for cell in cells if not missing(cell)]
+    return bool(filled) and sum(map(numberlike, filled)) >= 0.8 * len(filled)
 
 
 def _names_above(
@@ -259,7 +259,7 @@ def _dialect(filled: Filled, structure: _Structure) -> Dialect:
     )
     clock = next((column.index for column in columns if column.name == "time"), None)
     if clock is None:
-        clock = next((index for index, found in enumerate(forms) if found.kind == "stamp"), None)
+        clock = next((index for index, cell_form in enumerate(forms) if cell_form.kind == "stamp"), None)
     stamped = clock is not None and forms[clock].kind == "stamp"
     start = (
         next((row[clock] for row in rows if nanoseconds(row[clock]) is not None), "")

@@ -68,22 +68,22 @@ def open_file(path: Path) -> Source:
     if wide:
         cells = f"line {wide} has more than {_WIDEST:,} cells"
         return refused(path, "CSV", f"{cells}; write one column per channel and one line per sample.")
-    found = dialect(first)
-    if found is None:
+    notation = dialect(first)
+    if notation is None:
         return refused(path, "CSV", _EMPTY)
-    found = _with_decimal_mark(lines, found)
+    notation = _with_decimal_mark(lines, notation)
     names = {"utf-8": "UTF-8", "utf-16": "UTF-16", "cp1252": "Windows-1252"}
     names |= dict.fromkeys(("utf-16-le", "utf-16-be"), "UTF-16 without a mark")
-    metadata = {**found.about, "dialect": f"{names[lines.encoding]}, {found.text}"}
-    if found.start:
-        metadata["start"] = found.start
-    unnamed = "" if found.header else f"line {found.samples}: the first line contains numbers; {EXAMPLE}"
-    texts = [heading for heading in found.headings if heading.text and found.forms[heading.index].kind == "text"]
-    size, others = max(0, lines.last - found.samples + 1), tuple((heading.text, "text") for heading in texts)
-    raster = Raster(found.headings, size, clock=found.clock, others=others)
-    problems = (_grouping(found),) if found.grouped else ()
+    metadata = {**notation.about, "dialect": f"{names[lines.encoding]}, {notation.text}"}
+    if notation.start:
+        metadata["start"] = notation.start
+    unnamed = "" if notation.header else f"line {notation.samples}: the first line contains numbers; {EXAMPLE}"
+    texts = [heading for heading in notation.headings if heading.text and notation.forms[heading.index].kind == "text"]
+    size, others = max(0, lines.last - notation.samples + 1), tuple((heading.text, "text") for heading in texts)
+    raster = Raster(notation.headings, size, clock=notation.clock, others=others)
+    problems = (_grouping(notation),) if notation.grouped else ()
     return Source(
-        path, "CSV", (raster,), partial(_tables, lines, found), problems, _ambiguity(found), metadata, unnamed
+        path, "CSV", (raster,), partial(_tables, lines, notation), problems, _ambiguity(notation), metadata, unnamed
     )
 
 
@@ -106,54 +106,54 @@ def _is_wide(line: str) -> bool:
     return max(cells) > _WIDEST
 
 
-def _grouping(found: Dialect) -> str:
+def _grouping(notation: Dialect) -> str:
     """Problem of a column in which points group thousands."""
-    assert found.grouped is not None
-    index, whole, pointed = found.grouped
+    assert notation.grouped is not None
+    index, whole, pointed = notation.grouped
     return (
-        f"column '{found.headings[index].text}' has '{whole}' and '{pointed}': points that group thousands, where "
+        f"column '{notation.headings[index].text}' has '{whole}' and '{pointed}': points that group thousands, where "
         "other tools read decimals; write the numbers without them."
     )
 
 
-def _ambiguity(found: Dialect) -> tuple[str, ...]:
+def _ambiguity(notation: Dialect) -> tuple[str, ...]:
     """Warning about two columns that may be one with a decimal comma."""
-    if found.header or (found.separator, len(found.headings), found.decimal) != (",", 2, ""):
+    if notation.header or (notation.separator, len(notation.headings), notation.decimal) != (",", 2, ""):
         return ()
     return ("two columns of integers without names were found; this may also be one column with a decimal comma.",)
 
 
-def _with_decimal_mark(lines: TextLines, found: Dialect) -> Dialect:
+def _with_decimal_mark(lines: TextLines, notation: Dialect) -> Dialect:
     """The dialect with the decimal mark of later lines, if the first ones are ambiguous."""
-    if found.decimal or found.separator == ",":
-        return found
-    for block in blocks(lines, found.samples - 1, BLOCK):
+    if notation.decimal or notation.separator == ",":
+        return notation
+    for block in blocks(lines, notation.samples - 1, BLOCK):
         if (b"," in block.text or b"." in block.text) and (match := re.search(_UNAMBIGUOUS, block.text, re.MULTILINE)):
-            return found.with_decimal("." if match["point"] else ",")
-    return found
+            return notation.with_decimal("." if match["point"] else ",")
+    return notation
 
 
 def _tables(
-    lines: TextLines, found: Dialect, _raster: int, columns: Sequence[int], rows: int | None = None
+    lines: TextLines, notation: Dialect, _raster: int, columns: Sequence[int], rows: int | None = None
 ) -> Iterator[Table]:
     """The tables of the only time grid, see `Tables`."""
-    selected = [found.headings[index] for index in columns]
-    if lines.last < found.samples:
-        problem = f"line {found.header}: there is a header, but no samples below it."
-        yield Table(found.headings, problems=(problem,))
+    selected = [notation.headings[index] for index in columns]
+    if lines.last < notation.samples:
+        problem = f"line {notation.header}: there is a header, but no samples below it."
+        yield Table(notation.headings, problems=(problem,))
         return
-    parts = _parts(lines, found, selected, rows)
+    parts = _parts(lines, notation, selected, rows)
     if rows is None:
-        yield table(joined(list(parts)), found)
+        yield table(joined(list(parts)), notation)
     else:
-        yield from (table(part, found) for part in parts)
+        yield from (table(part, notation) for part in parts)
 
 
-def _parts(lines: TextLines, found: Dialect, selected: Sequence[Heading], rows: int | None) -> Iterator[ParsedRows]:
+def _parts(lines: TextLines, notation: Dialect, selected: Sequence[Heading], rows: int | None) -> Iterator[ParsedRows]:
     """The samples block by block, until a line cannot be split."""
     small = lines.path.stat().st_size < _SMALL
-    for block in whole_records(blocks(lines, found.samples - 1, rows or (lines.last if small else BLOCK))):
-        part = read_rows(block, found, selected, small=small)
+    for block in whole_records(blocks(lines, notation.samples - 1, rows or (lines.last if small else BLOCK))):
+        part = read_rows(block, notation, selected, small=small)
         yield part
         if part.broken:
             return

@@ -51,9 +51,9 @@ def heading(index: int, text: str, unit: str | None = None) -> Heading:
     """
     text = text.strip()
     if "[" in text:
-        found = replace(headings([text])[0], index=index)
-        numbered = (found.unit or "").isdigit()  # an index, where a row of units stands below
-        return replace(found, unit=unit_spelled(unit)) if unit and (numbered or not found.unit) else found
+        column = replace(headings([text])[0], index=index)
+        numbered = (column.unit or "").isdigit()  # an index, where a row of units stands below
+        return replace(column, unit=unit_spelled(unit)) if unit and (numbered or not column.unit) else column
     for name, written in _parts(text):
         if is_unit(written):
             return Heading(index, channel_name(text), quantity_named(name), unit_spelled(written))
@@ -80,12 +80,12 @@ def units_in(cells: Sequence[str]) -> list[str] | None:
     (['s', 'mm', '', 'furlong'], None, None)
     """
     units = [re.sub(r"^\[(.*)\]$|^\((.*)\)$", r"\1\2", cell.strip()) for cell in cells]
-    given = [unit for unit in units if unit]
-    known = [unit for unit in given if is_unit(unit)]
-    words = [unit for unit in known if unit not in ("-", "1")]
-    if not words or 2 * len(known) < len(given) or any(NUMBER.fullmatch(unit) for unit in given if unit != "1"):
+    filled = [unit for unit in units if unit]
+    spelled = [unit for unit in filled if is_unit(unit)]
+    words = [unit for unit in spelled if unit not in ("-", "1")]
+    if not words or 2 * len(spelled) < len(filled) or any(NUMBER.fullmatch(unit) for unit in filled if unit != "1"):
         return None
-    return units if all(len(unit) <= 16 for unit in given) else None
+    return units if all(len(unit) <= 16 for unit in filled) else None
 
 
 def is_comment(line: str, separator: str) -> bool:
@@ -329,12 +329,12 @@ def records(lines: Sequence[str]) -> list[tuple[int, str]]:
     >>> records(['t,"piston', 'travel [mm]"', '0,1', 'a 5" pipe'])
     [(1, 't,"piston\\ntravel [mm]"'), (3, '0,1'), (4, 'a 5" pipe')]
     """
-    found, at = [], 0
+    texts, at = [], 0
     while at < len(lines):
         end = _end(lines, at)
-        found.append((at + 1, "\n".join(lines[at:end])))
+        texts.append((at + 1, "\n".join(lines[at:end])))
         at = end
-    return found
+    return texts
 
 
 def _end(lines: Sequence[str], start: int) -> int:

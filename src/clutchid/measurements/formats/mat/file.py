@@ -171,30 +171,32 @@ def _source(path: Path, version: _Version, head: bytes) -> Source:
         def peek(signal: ArrayChannel) -> FloatArray:
             return read(signal.numbers, signal.column, 0, min(signal.numbers.samples, BLOCK))
 
-        found = signals_of(root, peek, least=2 if own is None else 0)
-    rasters = rasters_of(found)
-    objects, others = _objects(found), _left_out(found)
+        channels = signals_of(root, peek, least=2 if own is None else 0)
+    rasters = rasters_of(channels)
+    objects, others = _objects(channels), _left_out(channels)
     if not rasters:
         nothing = "holds no vector of two or more numbers; save the time and the channels as vectors of one length."
         return refused(path, version.name, objects or nothing, *others)
     header = "" if version is _V4 else printable(head[:116].decode("latin-1").strip("\0 "))
     warnings = (objects, *others) if objects else others
     metadata = own if own is not None else {"mat_header": header} if header.startswith("MATLAB") else {}
-    return Source(path, version.name, rasters, partial(_tables, path, version, rasters, found), (), warnings, metadata)
+    return Source(
+        path, version.name, rasters, partial(_tables, path, version, rasters, channels), (), warnings, metadata
+    )
 
 
 def _tables(
     path: Path,
     version: _Version,
     rasters: Sequence[Raster],
-    found: ScannedChannels,
+    scanned: ScannedChannels,
     raster: int,
     columns: Sequence[int],
     rows: int | None = None,
 ) -> Iterator[Table]:
     """Tables of one time grid, see `Tables`."""
     headings, size = rasters[raster].headings, rasters[raster].size
-    channels = found.groups[raster][1]
+    channels = scanned.groups[raster][1]
     with _named(path), version.opened(path) as read:
         for start in range(0, max(size, 1), rows or max(size, 1)):
             stop = min(start + (rows or size), size)
@@ -213,15 +215,15 @@ def _named(path: Path) -> Iterator[None]:
         raise DataError(f"{path}: {_NO_MEMORY}") from error
 
 
-def _left_out(found: ScannedChannels) -> tuple[str, ...]:
-    """Sentences about what is no channel, one for each kind but objects."""
-    kinds = [(what.what, paths) for what, paths in found.left.items() if not what.class_name]
+def _left_out(scanned: ScannedChannels) -> tuple[str, ...]:
+    """Sentences about items that are no channels, one for each kind but objects."""
+    kinds = [(what.what, paths) for what, paths in scanned.left.items() if not what.class_name]
     return tuple(f"left out {what} ({len(paths):,}): {_some(paths)}." for what, paths in kinds)
 
 
-def _objects(found: ScannedChannels) -> str:
+def _objects(scanned: ScannedChannels) -> str:
     """Sentence about the objects of classes, and how MATLAB makes numbers of them; empty where there is none."""
-    paths = {what.class_name: paths for what, paths in found.left.items() if what.class_name}
+    paths = {what.class_name: paths for what, paths in scanned.left.items() if what.class_name}
     if not paths:
         return ""
     shown = [f"{_some(names)} ({shortened(printable(kind))})" for kind, names in paths.items()]

@@ -134,24 +134,24 @@ def _member(walk: _OpenFile, group: h5py.Group, name: str) -> Node:
     return _node(walk, group[name])
 
 
-def _node(walk: _OpenFile, found: Any) -> Node:
+def _node(walk: _OpenFile, item: Any) -> Node:
     h5 = _h5py()
-    if not isinstance(found, h5.Group | h5.Dataset):
+    if not isinstance(item, h5.Group | h5.Dataset):
         return NO_NUMBERS
-    class_name = _attribute(found, "MATLAB_class")
-    if isinstance(found, h5.Group):
-        return _group(walk, found, class_name)
-    if "MATLAB_object_decode" in found.attrs:
+    class_name = _attribute(item, "MATLAB_class")
+    if isinstance(item, h5.Group):
+        return _group(walk, item, class_name)
+    if "MATLAB_object_decode" in item.attrs:
         return class_object(class_name)
-    if _attribute(found, "MATLAB_empty") not in ("", "0") or not found.shape or not math.prod(found.shape):
+    if _attribute(item, "MATLAB_empty") not in ("", "0") or not item.shape or not math.prod(item.shape):
         empty: dict[str, Node] = {"char": CharArray(""), "cell": NodeArray(()), "struct": NodeArray(())}
         return empty.get(class_name, _EMPTY)
-    return _dataset(walk, found, class_name)
+    return _dataset(walk, item, class_name)
 
 
-def _attribute(found: Any, name: str) -> str:
+def _attribute(item: Any, name: str) -> str:
     """An attribute as text; empty where there is none."""
-    value = found.attrs.get(name, "")
+    value = item.attrs.get(name, "")
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 
@@ -183,10 +183,10 @@ def _references(walk: _OpenFile, group: h5py.Group, name: str) -> list[Any] | No
     h5 = _h5py()
     if not isinstance(group.get(name, getlink=True), h5.HardLink):
         return None
-    found = group[name]
-    if not isinstance(found, h5.Dataset) or found.dtype != h5.ref_dtype or "MATLAB_class" in found.attrs:
+    data = group[name]
+    if not isinstance(data, h5.Dataset) or data.dtype != h5.ref_dtype or "MATLAB_class" in data.attrs:
         return None
-    return _all_of(walk, found)
+    return _all_of(walk, data)
 
 
 def _all_of(walk: _OpenFile, references: h5py.Dataset) -> list[Any]:
@@ -207,7 +207,7 @@ def _dataset(walk: _OpenFile, data: h5py.Dataset, class_name: str) -> Node:
     if math.prod(data.chunks or ()) * data.dtype.itemsize > _LARGEST_CHUNK:
         return _ONE_PIECE
     if data.dtype == h5.ref_dtype:
-        return NodeArray(tuple(_pointed(walk, found) for found in _all_of(walk, data)), cell=True)
+        return NodeArray(tuple(_pointed(walk, reference) for reference in _all_of(walk, data)), cell=True)
     if class_name == "char":
         return CharArray(_characters(data))
     if data.dtype.names == ("real", "imag"):

@@ -144,8 +144,8 @@ def node(value: Any, decoded: Callable[[Any], Node | None] = lambda _: None) -> 
 
     `decoded` gives the node of an object that it knows, None of anything else.
     """
-    if known := decoded(value) or _no_array(value):
-        return known
+    if other := decoded(value) or _no_array(value):
+        return other
     kind = value.dtype.kind
     if kind in "OV":  # column by column, as in MATLAB
         items, fields = list(value.ravel(order="F")), value.dtype.names or ()
@@ -214,9 +214,9 @@ class _OnDisk:
     def samples(self, numbers: Numbers, channel: int, start: int, stop: int) -> FloatArray:
         """See `samples`; the file leaves the memory again."""
         array: NDArray[Any] = np.ndarray(numbers.shape, self.dtype, self.pages, order="F")
-        found = samples(array, numbers, channel, start, stop)
+        part = samples(array, numbers, channel, start, stop)
         forget(self.pages)
-        return found
+        return part
 
 
 def contents(path: Path) -> Struct:
@@ -235,9 +235,9 @@ def contents(path: Path) -> Struct:
     large = sum(sizes.values()) > KEPT
     later = {name for name, size in sizes.items() if large and size > _LARGE}
     now = [name for name in sizes if name not in later] if sizes else None
-    found = {name: node(value) for name, value in load(path, now).items()}
-    found |= {name: _on_disk(node(load(path, [name])[name])) for name in later}
-    return Struct({name: found[name] for name in dict.fromkeys((*sizes, *found)) if name in found})
+    nodes = {name: node(value) for name, value in load(path, now).items()}
+    nodes |= {name: _on_disk(node(load(path, [name])[name])) for name in later}
+    return Struct({name: nodes[name] for name in dict.fromkeys((*sizes, *nodes)) if name in nodes})
 
 
 @contextmanager
@@ -271,7 +271,7 @@ def _on_disk(whole: Node) -> Node:
 
 
 def _sizes(path: Path) -> dict[str, int]:
-    """Bytes of each variable in memory at most, 0 of what is no array of numbers; empty where SciPy cannot say."""
+    """Most bytes of each variable in memory, 0 if it is no array of numbers; empty where SciPy cannot say."""
     from scipy.io import whosmat
 
     with _quiet():
@@ -302,11 +302,11 @@ def _loaded(path: Path, names: list[str] | None) -> dict[str, Any]:
         order = {b"IM": "utf-16-le", b"MI": "utf-16-be"}.get(file.read(128)[126:])
     codec: dict[str, Any] = {"uint16_codec": order} if order else {}
     with _quiet():
-        found = loadmat(str(path), appendmat=False, variable_names=names, **codec)
-        if isinstance(found.get(_NAMELESS), MatlabOpaque) and "s0" in found[_NAMELESS].dtype.names:
-            found |= _objects(path)
-            del found[_NAMELESS]
-    return {name: value for name, value in found.items() if name not in _OWN}
+        variables = loadmat(str(path), appendmat=False, variable_names=names, **codec)
+        if isinstance(variables.get(_NAMELESS), MatlabOpaque) and "s0" in variables[_NAMELESS].dtype.names:
+            variables |= _objects(path)
+            del variables[_NAMELESS]
+    return {name: value for name, value in variables.items() if name not in _OWN}
 
 
 def _objects(path: Path) -> dict[str, Any]:
@@ -315,8 +315,8 @@ def _objects(path: Path) -> dict[str, Any]:
 
     with path.open("rb") as file:
         parts: Iterable[tuple[str, Any]] = varmats_from_mat(file)
-    found = [loadmat(part)[_NAMELESS] for name, part in parts if name == _NAMELESS]
-    return {bytes(value["s0"].item()).decode("utf-8", "replace"): value for value in found}
+    objects = [loadmat(part)[_NAMELESS] for name, part in parts if name == _NAMELESS]
+    return {bytes(value["s0"].item()).decode("utf-8", "replace"): value for value in objects}
 
 
 @contextmanager

@@ -72,7 +72,7 @@ def _texts(texts: Any, transposed: bool) -> list[str]:
 
 
 def _begins(names: list[str]) -> bool:
-    """Whether the first of these words is one that a name or its description begins with: that of the time."""
+    """Whether the first of these words is the name, or begins the description, of the time, which stands first."""
     return bool(names) and re.fullmatch(r"time|(simulation )?time( in)?.*", names[0].casefold()) is not None
 
 

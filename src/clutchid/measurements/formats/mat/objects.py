@@ -36,56 +36,57 @@ from clutchid.measurements.formats.mat.rasters import means_time
 
 def with_objects(path: Path, root: Struct) -> Struct:
     """`root` with the objects of the file decoded; as it is where there are none, or mat-io is not installed."""
-    names = [name for name, found in root.fields.items() if _has_object(found)]
+    names = [name for name, item in root.fields.items() if _has_object(item)]
     if not names:
         return root
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             warnings.filterwarnings("error", "Failed to")  # it would give the numbers that stand for an object
-            found = import_module("matio").load_from_mat(str(path), variable_names=names, raw_data=True)
-            decoded = {name: node(found[name], _decoded) for name in names if name in found}
+            values = import_module("matio").load_from_mat(str(path), variable_names=names, raw_data=True)
+            decoded = {name: node(values[name], _decoded) for name in names if name in values}
     except Exception:  # it is not installed, or does not know the objects; the user is told how to save them otherwise
         return root
-    decoded = {name: found for name, found in decoded.items() if found is not NO_NUMBERS}
-    zero = min((origin for found in decoded.values() for origin in _origins(found)), default=0.0)
-    decoded = {name: _since(found, zero) for name, found in decoded.items()}
-    return Struct({name: decoded.get(name, kept) for name, kept in root.fields.items()})
+    decoded = {name: item for name, item in decoded.items() if item is not NO_NUMBERS}
+    zero = min((origin for item in decoded.values() for origin in _origins(item)), default=0.0)
+    return Struct(dict(root.fields) | {name: _since(item, zero) for name, item in decoded.items()})
 
 
-def _has_object(found: Node) -> bool:
-    match found:
+def _has_object(item: Node) -> bool:
+    match item:
         case NoChannel():
-            return bool(found.class_name)
+            return bool(item.class_name)
         case Struct():
-            return any(map(_has_object, found.fields.values()))
+            return any(map(_has_object, item.fields.values()))
         case NodeArray():
-            return any(map(_has_object, found.items))
+            return any(map(_has_object, item.items))
     return False
 
 
-def _children(found: Node) -> Iterable[Node]:
-    return found.fields.values() if isinstance(found, Struct) else found.items if isinstance(found, NodeArray) else ()
+def _children(parent: Node) -> Iterable[Node]:
+    return (
+        parent.fields.values() if isinstance(parent, Struct) else parent.items if isinstance(parent, NodeArray) else ()
+    )
 
 
-def _origins(found: Node) -> Iterator[float]:
+def _origins(item: Node) -> Iterator[float]:
     """The dates from which times count, in ms since 1970."""
-    if isinstance(found, Numbers) and found.origin is not None and math.isfinite(found.origin):
-        yield found.origin
-    for child in _children(found):
+    if isinstance(item, Numbers) and item.origin is not None and math.isfinite(item.origin):
+        yield item.origin
+    for child in _children(item):
         yield from _origins(child)
 
 
-def _since(found: Node, zero: float) -> Node:
+def _since(item: Node, zero: float) -> Node:
     """The node with times that count from one date, in ms since 1970."""
-    match found:
+    match item:
         case Numbers(place=np.ndarray() as place, origin=float(origin)) if math.isfinite(origin):
-            return replace(found, place=place + (origin - zero) / 1e3, origin=zero)
+            return replace(item, place=place + (origin - zero) / 1e3, origin=zero)
         case Struct():
-            return Struct({name: _since(child, zero) for name, child in found.fields.items()})
+            return Struct({name: _since(child, zero) for name, child in item.fields.items()})
         case NodeArray():
-            return replace(found, items=tuple(_since(child, zero) for child in found.items))
-    return found
+            return replace(item, items=tuple(_since(child, zero) for child in item.items))
+    return item
 
 
 def _decoded(value: Any) -> Node | None:
@@ -96,10 +97,10 @@ def _decoded(value: Any) -> Node | None:
     properties = getattr(value, "properties", None)
     decode = _CLASSES.get(name)
     try:
-        found = decode(properties) if decode and isinstance(properties, Mapping) else None
+        item = decode(properties) if decode and isinstance(properties, Mapping) else None
     except (KeyError, IndexError, ValueError, TypeError, AttributeError):
-        found = None
-    return found or class_object(str(name))
+        item = None
+    return item or class_object(str(name))
 
 
 def _duration(properties: Mapping[str, Any]) -> Node:

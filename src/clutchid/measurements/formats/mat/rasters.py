@@ -134,14 +134,14 @@ class ArrayChannel:
 
 @dataclass(slots=True)
 class ScannedChannels:
-    """Channels of a file: groups of them with the index of their clock, and what is no channel."""
+    """Channels of a file: groups of them with the index of their clock, and items that are no channels."""
 
     groups: list[tuple[str, tuple[ArrayChannel, ...], int | None]] = field(default_factory=list)
     left: dict[NoChannel, list[str]] = field(default_factory=lambda: defaultdict(list))
     channels: int = 0
 
     def leave(self, what: str, path: str) -> None:
-        """Count something that is no channel."""
+        """Count an item that is no channel."""
         self.left[NoChannel(what)].append(path)
 
 
@@ -166,18 +166,18 @@ def signals_of(root: Struct, peek: Peek, *, least: int = 2) -> ScannedChannels:
     BrokenMat
         If the file has too many channels, or samples cannot be read.
     """
-    found = _ChannelScan(ScannedChannels(), peek, least)
-    for group in _by_size(found.struct(root, "", None)):
-        found.without_time(group)
-    return found.found
+    scan = _ChannelScan(ScannedChannels(), peek, least)
+    for group in _by_size(scan.struct(root, "", None)):
+        scan.without_time(group)
+    return scan.scanned
 
 
-def rasters_of(found: ScannedChannels) -> tuple[Raster, ...]:
+def rasters_of(scanned: ScannedChannels) -> tuple[Raster, ...]:
     """The groups as rasters; a channel is called by its label where no other channel is."""
-    every = [signal for _, signals, _ in found.groups for signal in signals]
+    every = [signal for _, signals, _ in scanned.groups for signal in signals]
     used = Counter(signal.label or signal.path for signal in every)
     rasters = []
-    for name, signals, clock in found.groups:
+    for name, signals, clock in scanned.groups:
         headings = []
         for index, signal in enumerate(signals):
             by_label = bool(signal.label) and used[signal.label] == 1
@@ -191,7 +191,7 @@ def rasters_of(found: ScannedChannels) -> tuple[Raster, ...]:
 
 @dataclass(frozen=True, slots=True)
 class _ChannelScan:
-    found: ScannedChannels
+    scanned: ScannedChannels
     peek: Peek
     least: int
 
@@ -207,14 +207,14 @@ class _ChannelScan:
         for name, child in node.fields.items():
             if not isinstance(child, Numbers) and name not in names.used:
                 loose += self.other(child, _joined(path, name), path)
-        kept = []
+        untimed = []
         for group in _by_size(loose):
             clock = self.clock(group)
             if clock is None or len(group) == 1:
-                kept += group
+                untimed += group
             else:
-                self.found.groups.append((path, tuple(group), clock))
-        return kept
+                self.scanned.groups.append((path, tuple(group), clock))
+        return untimed
 
     def other(self, node: Node, path: str, above: str) -> list[ArrayChannel]:
         """The signals of anything but an array, that have no clock yet; `above` is the struct that it stands in."""
@@ -224,15 +224,15 @@ class _ChannelScan:
                 return self.struct(node, path, above if as_item else None)
             case NodeArray(items, cell):
                 if cell and items and all(isinstance(item, CharArray) for item in items):
-                    self.found.leave("cells of text", path)
+                    self.scanned.leave("cells of text", path)
                     return []
                 marks = "{}" if cell else "()"
                 paths = [f"{path}{marks[0]}{i + 1}{marks[1]}" for i in range(len(items))]
                 return [s for item, p in zip(items, paths, strict=True) for s in self.item(item, p, above)]
             case CharArray():
-                self.found.leave("texts", path)
+                self.scanned.leave("texts", path)
             case NoChannel():
-                self.found.left[node].append(path)
+                self.scanned.left[node].append(path)
         return []
 
     def item(self, node: Node, path: str, above: str) -> list[ArrayChannel]:
@@ -247,16 +247,16 @@ class _ChannelScan:
         """The channels that an array is; a label is another name of it in the struct `above`."""
         path = _joined(home, name)
         if numbers.samples < self.least:
-            self.found.leave("single numbers" if numbers.size else "empty arrays", path)
+            self.scanned.leave("single numbers" if numbers.size else "empty arrays", path)
             return []
         if len(numbers.sides) > 2 and not numbers.is_vector:
-            self.found.leave("arrays of three or more dimensions", path)
+            self.scanned.leave("arrays of three or more dimensions", path)
             return []
         if numbers.channels > MOST_COLUMNS:
-            self.found.leave(f"matrices of more than {MOST_COLUMNS} columns", path)
+            self.scanned.leave(f"matrices of more than {MOST_COLUMNS} columns", path)
             return []
-        self.found.channels += numbers.channels
-        if self.found.channels > MOST_CHANNELS:
+        self.scanned.channels += numbers.channels
+        if self.scanned.channels > MOST_CHANNELS:
             raise BrokenMat(f"has more than {MOST_CHANNELS:,} channels; save those that are needed.")
         plain = _signal(numbers, name, home, names, above)
         if numbers.is_vector:
@@ -287,12 +287,12 @@ class _ChannelScan:
         for columns in matrices.values():
             values = self.peek(columns[0])
             if values.size >= _FEWEST and np.all(np.isfinite(values)) and np.all(values[1:] > values[:-1]):
-                self.found.groups.append((columns[0].path.rpartition("(")[0], tuple(columns), 0))
+                self.scanned.groups.append((columns[0].path.rpartition("(")[0], tuple(columns), 0))
             else:
                 rest += columns
         if rest:  # one raster, so that a map can name the time of all of them
             homes = {signal.home for signal in rest}
-            self.found.groups.append((homes.pop() if len(homes) == 1 else "", tuple(rest), self.clock(rest)))
+            self.scanned.groups.append((homes.pop() if len(homes) == 1 else "", tuple(rest), self.clock(rest)))
 
 
 def _signal(numbers: Numbers, name: str, home: str, names: StructTexts, above: str | None) -> ArrayChannel:

@@ -59,8 +59,8 @@ def _samples(mdf: Any, channels: Sequence[Channel], rows: slice, mixed: bool) ->
             signals = mdf.select(wanted, first, raw=True, copy_master=False, record_count=count)
     except KeyError as error:  # it found nothing that it could read
         raise BrokenMdf(f"is damaged within samples {rows.start + 1:,} to {rows.stop:,}; copy it again.") from error
-    found = [(signal.samples, signal.invalidation_bits) for signal in signals]
-    return [(samples[rows], None) for samples, _ in found] if mixed else found
+    stored = [(signal.samples, signal.invalidation_bits) for signal in signals]
+    return [(samples[rows], None) for samples, _ in stored] if mixed else stored
 
 
 def _width(mdf: Any, number: int) -> int:
@@ -105,13 +105,13 @@ def open_file(path: Path) -> Source:
     """
     try:
         with opened(path) as mdf:
-            found, warnings = layouts(mdf)
+            groups, warnings = layouts(mdf)
             metadata = metadata_of(mdf)
             version = str(mdf.version)
     except BrokenMdf as error:
         return refused(path, "MDF", str(error))
-    rasters = tuple(layout.raster for layout in found)
-    return Source(path, f"MDF {version}", rasters, partial(_tables, path, found), (), warnings, metadata)
+    rasters = tuple(layout.raster for layout in groups)
+    return Source(path, f"MDF {version}", rasters, partial(_tables, path, groups), (), warnings, metadata)
 
 
 def save(log: Log, path: Path) -> None:

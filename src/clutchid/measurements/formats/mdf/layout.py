@@ -52,7 +52,7 @@ class GroupLayout:
 def layouts(mdf: Any) -> tuple[tuple[GroupLayout, ...], tuple[str, ...]]:
     """The rasters of a file, and a sentence for each kind of thing that was left out."""
     out: Counter[str] = Counter()
-    found = []
+    rasters = []
     for owner, groups in sorted(_families(mdf).items()):
         group = mdf.groups[owner].channel_group
         if version_of(mdf) == 4 and group.flags & _VLSD:  # the texts of a channel in another group
@@ -62,8 +62,8 @@ def layouts(mdf: Any) -> tuple[tuple[GroupLayout, ...], tuple[str, ...]]:
             continue
         layout = _layout(mdf, owner, groups, out)
         if layout:
-            found.append(layout)
-    return tuple(found), tuple(_warnings(out))
+            rasters.append(layout)
+    return tuple(rasters), tuple(_warnings(out))
 
 
 def metadata_of(mdf: Any) -> dict[str, str]:
@@ -100,7 +100,7 @@ def _families(mdf: Any) -> dict[int, list[int]]:
 
 def _layout(mdf: Any, owner: int, groups: list[int], out: Counter[str]) -> GroupLayout | None:
     cycles = int(mdf.groups[owner].channel_group.cycles_nr)
-    known: list[tuple[ChannelPlace, Any]] = []
+    channels: list[tuple[ChannelPlace, Any]] = []
     others = []
     for number in groups:
         group = mdf.groups[number]
@@ -110,21 +110,21 @@ def _layout(mdf: Any, owner: int, groups: list[int], out: Counter[str]) -> Group
         for index, item in enumerate(group.channels):
             content = _content(mdf, number, index)
             if content in ("number", "counted"):
-                known.append((ChannelPlace(number, index, content == "counted"), item))
+                channels.append((ChannelPlace(number, index, content == "counted"), item))
             elif content:
                 out[content if content in _OTHERS else "text"] += 1
                 others.append((str(item.name), _OTHERS.get(content, content)))
     master = owner, mdf.masters_db.get(owner)
-    clock = next((i for i, (place, _) in enumerate(known) if (place.group, place.index) == master), None)
-    if len(known) == (clock is not None):  # nothing beside the stamps
+    clock = next((i for i, (place, _) in enumerate(channels) if (place.group, place.index) == master), None)
+    if len(channels) == (clock is not None):  # nothing beside the stamps
         frames = version_of(mdf) == 4 and mdf.groups[owner].channel_group.flags & BUS_EVENT
         out["frames" if frames else "bare"] += 1
         return None
-    if clock is not None and version_of(mdf) == 4 and known[clock][1].sync_type not in (0, _TIME):
+    if clock is not None and version_of(mdf) == 4 and channels[clock][1].sync_type not in (0, _TIME):
         clock = None
-    headings = tuple(_heading(mdf, i, item, i == clock) for i, (_, item) in enumerate(known))
+    headings = tuple(_heading(mdf, i, item, i == clock) for i, (_, item) in enumerate(channels))
     raster = Raster(headings, cycles, _name(mdf.groups[owner].channel_group), clock, tuple(others))
-    return GroupLayout(raster, tuple(place for place, _ in known))
+    return GroupLayout(raster, tuple(place for place, _ in channels))
 
 
 #: Kinds of channels that are left out besides texts, in words.

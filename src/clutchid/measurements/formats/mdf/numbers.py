@@ -74,7 +74,7 @@ def converted(values: NDArray[Any], conversion: Any, version: int) -> FloatArray
 
 
 def has_texts(conversion: Any, version: int) -> bool:
-    """Whether a conversion turns some values into texts, which are none."""
+    """Whether a conversion turns some values into texts, which are missing samples."""
     return _role(conversion, version) == "text"
 
 

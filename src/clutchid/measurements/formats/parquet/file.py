@@ -98,11 +98,11 @@ def _opened(path: Path) -> LibraryReader:
     UnreadParquet
         If neither reads it.
     """
-    found, reason = None, ""
+    file, reason = None, ""
     try:
-        found = _with(path, with_polars)
-        if not found.unread and (found.size or not found.kinds):
-            return found
+        file = _with(path, with_polars)
+        if not file.unread and (file.size or not file.kinds):
+            return file
     except UnreadParquet as error:
         reason = str(error)
     try:
@@ -112,11 +112,11 @@ def _opened(path: Path) -> LibraryReader:
     except UnreadParquet:
         pass
     else:
-        if found is None or len(other.unread) < len(found.unread) or other.size > found.size:
+        if file is None or len(other.unread) < len(file.unread) or other.size > file.size:
             return other
-    if found is None:
+    if file is None:
         raise UnreadParquet(reason.removeprefix("; "))
-    return found
+    return file
 
 
 def _with(path: Path, library: Callable[[Path], LibraryReader]) -> LibraryReader:
@@ -183,9 +183,9 @@ def _firsts(reader: LibraryReader, names: Sequence[str]) -> dict[str, tuple[int,
     if frame is None:
         return firsts
     for name in names:
-        given = frame[name].drop_nulls()
-        if len(given):
-            firsts[name] = (int(given.to_physical()[0]), given[0])
+        stamps = frame[name].drop_nulls()
+        if len(stamps):
+            firsts[name] = (int(stamps.to_physical()[0]), stamps[0])
     return firsts
 
 

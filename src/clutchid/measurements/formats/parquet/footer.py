@@ -83,10 +83,10 @@ class CompactReader:
 
 
 def plain(kind: int, value: Any) -> Any:
-    """A value without the kinds of what is in it."""
+    """A value without the kinds of its parts."""
     if kind == ThriftKind.STRUCT:
-        return {field: plain(*each) for field, each in value.items()}
-    return [plain(value[0], each) for each in value[1]] if kind in (ThriftKind.LIST, ThriftKind.SET) else value
+        return {field: plain(*item) for field, item in value.items()}
+    return [plain(value[0], item) for item in value[1]] if kind in (ThriftKind.LIST, ThriftKind.SET) else value
 
 
 def _inner(kind: int) -> int:
@@ -114,7 +114,7 @@ def _encoded(kind: int, value: Any) -> bytes:
         inner, values = value
         count = len(values)
         head = bytes([count << 4 | inner]) if count < 15 else bytes([15 << 4 | inner]) + _varint(count)
-        return head + b"".join(_encoded(_inner(inner), one) for one in values)
+        return head + b"".join(_encoded(_inner(inner), item) for item in values)
     if kind in (ThriftKind.TRUE, ThriftKind.FALSE):
         return b""
     return bytes(value) if kind in (ThriftKind.BYTE, ThriftKind.DOUBLE) else _integer(value)
@@ -157,7 +157,7 @@ def damage(path: Path, columns: Collection[str] | None = None) -> str:
         try:
             chunks = [chunk[3] for group in _footer(file, size).get(4, []) for chunk in group[1]]
             asked = [chunk for chunk in chunks if columns is None or chunk[3][0].decode() in columns]
-            return next((found for chunk in asked if (found := _pages(file, size, chunk))), "")
+            return next((reason for chunk in asked if (reason := _pages(file, size, chunk))), "")
         except EncryptedParquet:
             raise
         except (ValueError, IndexError, KeyError, TypeError, AttributeError, RecursionError) as error:
@@ -240,16 +240,16 @@ def footer_bytes(groups: RowGroups) -> bytes:
 
 def _moved(group: Tree, shift: int, number: int) -> Tree:
     kind, (inner, columns) = group[_COLUMNS]
-    found = {**group, _COLUMNS: (kind, (inner, [_column(one, shift) for one in columns]))}
+    moved = {**group, _COLUMNS: (kind, (inner, [_column(column, shift) for column in columns]))}
     if _ORDINAL in group:
-        found[_ORDINAL] = (group[_ORDINAL][0], number)
-    return _shifted(found, (_GROUP_OFFSET,), shift)
+        moved[_ORDINAL] = (group[_ORDINAL][0], number)
+    return _shifted(moved, (_GROUP_OFFSET,), shift)
 
 
 def _column(column: Tree, shift: int) -> Tree:
     kind, description = column[_DESCRIPTION]
-    found = {**column, _DESCRIPTION: (kind, _shifted(description, _PAGE_OFFSETS, shift))}
-    return _shifted(found, _COLUMN_OFFSETS, shift)
+    moved = {**column, _DESCRIPTION: (kind, _shifted(description, _PAGE_OFFSETS, shift))}
+    return _shifted(moved, _COLUMN_OFFSETS, shift)
 
 
 def _shifted(tree: Tree, fields: tuple[int, ...], shift: int) -> Tree:

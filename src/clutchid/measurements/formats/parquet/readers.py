@@ -151,7 +151,7 @@ def _sound() -> Iterator[None]:
 @contextmanager
 def _without_panics() -> Iterator[None]:
     try:
-        kept, nothing = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+        standard_error, nothing = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     except OSError:  # there is no standard error
         yield
         return
@@ -159,6 +159,6 @@ def _without_panics() -> Iterator[None]:
         os.dup2(nothing, 2)
         yield
     finally:
-        os.dup2(kept, 2)
-        os.close(kept)
+        os.dup2(standard_error, 2)
+        os.close(standard_error)
         os.close(nothing)
