@@ -40,6 +40,10 @@ PACKAGES = (
 )  # fmt: skip
 
 
+#: Key of the machine's load before a run, which differs from part to part.
+LOAD = "load at the start"
+
+
 class Part(NamedTuple):
     """A part of the comparison: a title, what the reader must know, its rows, and what the targets are held against.
 
@@ -134,32 +138,33 @@ covariance and verdict in it, the peers' only the search. The peers are given th
 the bound holds too; clutchid takes it from the rest of 0.3 s before the first stroke. AeroID compiles its loop anew for
 every recording."""
 
-RECORDINGS = """CSV files as in (c), each with noise and a true load of its own, the weights scattered by 3 %; three
-load weights of each are wanted. Each way is a command, from its start to its end. `clutchid fleet` also checks every
-recording, draws its load with a band, and keeps results that an interrupted run goes on from. A loop is a Pool of
-`multiprocessing` over the files, read by polars, with `least_squares`; what it compiles is in *first run* with all else
-that does not grow with the recordings, and it does not import clutchid but in the row that says so. JAX is not among
-them: traced functions of it did not end in the workers of a Pool. Memory is that of all processes at its highest,
-shared pages counted once. *succeeded* and σ as in (c)."""
+RECORDINGS = """CSV files as in [an estimation](#an-estimation), each with noise and a true load of its own, the
+weights scattered by 3 %; three load weights of each are wanted. Each way is a command, from its start to its end.
+`clutchid fleet` also checks every recording, draws its load with a band, and keeps results that an interrupted run
+goes on from. A loop is a Pool of `multiprocessing` over the files, read by polars, with `least_squares`; what it
+compiles is in *first run* with all else that does not grow with the recordings, and it does not import clutchid but
+in the row that says so. JAX is not among them: traced functions of it did not end in the workers of a Pool. Memory is
+that of all processes at its highest, shared pages counted once. *succeeded* and σ as there."""
 
-OBSERVER = f"""A recording as in (c), of 20 s, followed from the load of the paper: every filter predicts over 1 ms by
-Runge-Kutta and updates by the position, with the same prior and noise, in double. The peers are extended Kalman filters
-of 8 states, 5 of the actuator and 3 load weights, with a covariance of 8 by 8. clutchid's has 6 states, the sixth the
-output of the sensor, and in place of a covariance a root of it with 9 columns, 3 of them for the weights; it takes two
-steps in 1 ms where the actuator is stiff, one elsewhere. It also looks for frozen sensors, holes, outliers and a moved
-rest, and counts strokes. *clutchid, exported C* and all rows from Python correct at every sample and learn while the
-piston rests too, as the peers do; *as shipped* it corrects at every tenth sample, and learns while the piston moves.
-Archimedes is used as its documentation does, with the rates of kind SX, and once with the whole step of that kind;
-filterpy has no derivatives and takes differences. C is compiled by `gcc {" ".join(FLAGS)}`. Each step is timed alone,
-by `clock_gettime` in C and by `perf_counter_ns` in Python; the first {WARM} steps of a pass do not count, and *runs*
-are steps. Error: rms of the pressure in chamber A, and of the load over the stroke at the end, in % of its peak."""
+OBSERVER = f"""A recording as in [an estimation](#an-estimation), of 20 s, followed from the load of the paper: every
+filter predicts over 1 ms by Runge-Kutta and updates by the position, with the same prior and noise, in double. The
+peers are extended Kalman filters of 8 states, 5 of the actuator and 3 load weights, with a covariance of 8 by 8.
+clutchid's has 6 states, the sixth the output of the sensor, and in place of a covariance a root of it with 9 columns,
+3 of them for the weights; it takes two steps in 1 ms where the actuator is stiff, one elsewhere. It also looks for
+frozen sensors, holes, outliers and a moved rest, and counts strokes. *clutchid, exported C* and all rows from Python
+correct at every sample and learn while the piston rests too, as the peers do; *as shipped* it corrects at every tenth
+sample, and learns while the piston moves. Archimedes is used as its documentation does, with the rates of kind SX,
+and once with the whole step of that kind; filterpy has no derivatives and takes differences. C is compiled by `gcc
+{" ".join(FLAGS)}`. Each step is timed alone, by `clock_gettime` in C and by `perf_counter_ns` in Python; the first
+{WARM} steps of a pass do not count. Error: rms of the pressure in chamber A, and of the load
+over the stroke at the end, in % of its peak."""
 
-COLD = """The fit of (c) from its first start, from the start of a process to its end: Python, imports, the model,
-what is compiled, and the search. *Cold*, nothing is compiled in advance but the byte code of the packages; *warm* is
-the second process, with what the first one left on disk: clutchid's kernels in its cache, CasADi's library beside the
-script, which looks for it there, and JAX's compilation cache, which is off by default and was switched on. clutchid is
-as a wheel installs it. The peers get the model as printed text and do not import clutchid. *Processor* is the time of
-all processors, with that of the C compiler; wall time is longer than that on a busy machine."""
+COLD = """The first start of [an estimation](#an-estimation), from the start of a process to its end: Python, imports,
+the model, what is compiled, and the search. *Cold*, nothing is compiled in advance but the byte code of the packages;
+*warm* is the second process, with what the first one left on disk: clutchid's kernels in its cache, CasADi's library
+beside the script, which looks for it there, and JAX's compilation cache, which is off by default and was switched on.
+clutchid is as a wheel installs it. The peers get the model as printed text and do not import clutchid. *Processor* is
+the time of all processors, with that of the C compiler; wall time is longer than that on a busy machine."""
 
 FILES = """Position, duty cycles and pressure. `clutchid.read` finds the format, the channels and their units, and
 checks time and values, foreign formats in a guarded process of their own; the packages alone are given the names of the
@@ -232,7 +237,7 @@ def machine() -> dict[str, str]:
         models = [line.partition(":")[2].strip() for line in info.read_text().splitlines() if "model name" in line]
         found["processor"] = models[0] if models else found["processor"]
     if hasattr(os, "getloadavg"):
-        found["load at the start"] = f"{os.getloadavg()[0]:.1f}"
+        found[LOAD] = f"{os.getloadavg()[0]:.1f}"
     found["Python"] = platform.python_version()
     for name in PACKAGES:
         try:
@@ -259,19 +264,17 @@ def seconds(value: float) -> str:
 
 
 def table(rows: Sequence[Row], more: Sequence[str] = ()) -> list[str]:
-    """Lines of Markdown, a table a case; `more` are titles of further times."""
+    """Lines of Markdown, a table a case, without rows scaled from another; `more` are titles of further times."""
     text: list[str] = []
-    titles = ["", "median", "quartiles", *more, "runs", "over clutchid", "error", "first run", ""]
+    titles = ["", "median", *more, "over clutchid", "error", "first run", ""]
     for case in dict.fromkeys(row.case for row in rows):
         text += ["", f"**{case}**", "", line(titles), "|" + "---|" * len(titles)]
         for row in rows:
             if row.case == case and not row.runs:
                 text.append(line([row.peer, *[""] * (len(titles) - 2), row.note]))
-            elif row.case == case:
-                spread = f"{seconds(row.low)} .. {seconds(row.high)}"
-                times = [seconds(row.median), spread, *map(seconds, row.more)]
-                beside = [f"{row.runs}", f"{row.ratio:.3g}", row.error, seconds(row.prepared), row.note]
-                text.append(line([row.peer, *times, *beside]))
+            elif row.case == case and not row.note.startswith("scaled from"):
+                times = [seconds(row.median), *map(seconds, row.more)]
+                text.append(line([row.peer, *times, f"{row.ratio:.3g}", row.error, seconds(row.prepared), row.note]))
     return text
 
 
@@ -280,11 +283,13 @@ def line(cells: Sequence[str]) -> str:
     return "".join(f"| {cell} " if cell else "| " for cell in cells) + "|"
 
 
-INTRODUCTION = """clutchid and what a user would take instead, on the same equations and the same work, each part in one
-run; this page is what the commands below wrote. Times are medians with quartiles, peers run in turn, round after round,
-and a turn of (a), (b) is the least of up to five runs within 0.1 s; a ratio is the median of the rounds' ratios, above
-1 where the peer takes longer; *first run* has what a peer compiles. clutchid's kernels were in its cache, except in
-(f). A slow peer is timed on a shorter recording, and the table says so."""
+INTRODUCTION = """clutchid and what a user would take instead, on the same equations and the same work, each part in
+one run; this page is what the commands below wrote. Times are medians, peers run in turn, round after round, and a
+turn of a simulation, with sensitivities or without, is the least of up to five runs within 0.1 s; a ratio is the
+median of the rounds' ratios, above 1 where the peer takes longer; *first run* is the time with what a peer compiles.
+clutchid's kernels were in its cache, except in the comparison of cold and warm starts. A slow peer is timed on a
+shorter recording, in a table of its own or as the row says. Quartiles, numbers of runs and scaled rows are in
+`benchmarks/results/peers.json`."""
 
 NOT_AHEAD = """## Where clutchid is not ahead
 
@@ -314,14 +319,27 @@ class Found(NamedTuple):
     targets: list[str]
 
 
+def listed(versions: dict[str, str]) -> str:
+    """Names and values, with commas."""
+    return ", ".join(f"{name} {value}" for name, value in versions.items())
+
+
 def page(found: dict[str, Found]) -> str:
     """The page as Markdown."""
-    text = ["# Side by side", "", INTRODUCTION]
+    usual = {name: value for part in found.values() for name, value in part.machine.items() if name != LOAD}
+    text = ["# Side by side", "", INTRODUCTION, "", f"Machine and versions: {listed(usual)}."]
     for key in sorted(found):
         part = found[key]
-        versions = ", ".join(f"{name} {value}" for name, value in part.machine.items())
-        text += ["", f"## {PARTS[key].title}", "", PARTS[key].words]
-        text += ["", f"`{part.command}` on: {versions}.", *table(part.rows, PARTS[key].more)]
+        own = {name: value for name, value in part.machine.items() if usual.get(name) != value}
+        text += [
+            "",
+            f"## {PARTS[key].title}",
+            "",
+            PARTS[key].words,
+            "",
+            f"`{part.command}`; {listed(own)}".rstrip("; "),
+        ]
+        text += table(part.rows, PARTS[key].more)
         text += ["", *(f"- {line}" for line in part.targets)] if part.targets else []
     return "\n".join([*text, "", NOT_AHEAD]) + "\n"
 
