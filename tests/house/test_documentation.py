@@ -15,17 +15,27 @@ from clutchid.parameters import GROUPS, Parameters
 ROOT = Path(__file__).resolve().parents[2]
 
 
+def script(name):
+    """A script of the folder of pages."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / "docs" / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
 @pytest.fixture(scope="module")
 def equations():
     """The page of equations as the code makes it."""
-    spec = importlib.util.spec_from_file_location("make_equations", ROOT / "docs" / "make_equations.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.page()
+    return script("make_equations").page()
 
 
 def test_the_page_of_equations_is_the_one_that_the_code_makes(equations):
     assert (ROOT / "docs" / "equations.md").read_text(encoding="utf-8") == equations
+
+
+def test_the_page_of_architecture_has_the_rooms_of_the_import_contract():
+    made = script("make_architecture")
+    assert made.PLACE.search(made.PAGE.read_text(encoding="utf-8"))[0] == made.rooms()
 
 
 def test_the_page_of_equations_has_every_equation_of_the_paper_and_their_names():
