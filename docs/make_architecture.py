@@ -1,4 +1,4 @@
-"""Write the rooms of docs/architecture.md, by the import contract and docstrings: ``python docs/make_architecture.py``."""
+"""Write the rooms of docs/architecture.md from contract and docstrings: ``python docs/make_architecture.py``."""
 
 from __future__ import annotations
 
