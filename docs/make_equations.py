@@ -23,8 +23,9 @@ PAGE = Path(__file__).parent / "equations.md"
 HEAD = """# The model
 
 Made from the code by `python docs/make_equations.py`; do not edit. The derivations, and every deviation from the print,
-stand in the docstrings of `clutchid.model` and in [deviations.md](deviations.md). What the variants are for stands in
-[models.md](models.md).
+are in the docstrings of `clutchid.model` and in [deviations.md](deviations.md). Purposes of the variants:
+[models.md](models.md). A whole model, with the parameters of each valve and chamber as it is compiled, is printed by
+`latex_source(system("isothermal"))` of `clutchid.codegen.latex` and `clutchid.model.compiled`.
 
 ## Equation by equation
 
@@ -33,16 +34,10 @@ function's own arguments: units, ranges, sources and an example are in its docst
 
 """
 
-WHOLE = """## The paper's model as a whole: `isothermal`
-
-The same text with the parameters of each valve and chamber, as it is compiled. Conditions inside an expression stand
-before it: the first of w_v is w_v^(1).
-
-"""
-
 STRIBECK = """## What `-stribeck` changes
 
-F_g takes the place of F_C in the rate of the deflection.
+F_g takes the place of F_C in the rate of the deflection. Conditions inside an expression stand before it: the first of
+w_v is w_v^(1).
 
 """
 
@@ -115,7 +110,11 @@ NAMED = {"psi": "psi", "_printed_psi": "psi_printed", "iso_psi": "psi", "orifice
 CONSTANTS = {"P_N": "p_N", "T_N": "T_N"}
 
 
-KNOWN = """## What is known of the parameters
+PARAMETERS = """## Parameters
+
+Sources "energy balance" and "Stribeck friction": [models.md](models.md#parameters)."""
+
+KNOWN = """## Priors, drift and changes of the parameters
 
 Standard deviations, as shares of the value or in the unit of the parameter: of the prior in a new actuator, log-normal
 with a share, else normal; of the drift between two recordings where nothing has changed ("considered": it widens the
@@ -128,7 +127,6 @@ Reasons: [priors](derivations.md#priors), [changes](derivations.md#changes-since
 def page() -> str:
     """The text of the page."""
     parts = [HEAD + "\n\n".join(_equation(*row) for row in EQUATIONS)]
-    parts.append(WHOLE + _math(latex_source(system("isothermal"))))
     parts.append(STRIBECK + _own("isothermal-stribeck"))
     parts.append(BALANCE + _own("energy-balance"))
     if len(system("energy-balance").inputs) > 2:
@@ -144,7 +142,7 @@ def page() -> str:
         laws = (pulse_share, fall, continued_share, bridged_share, passed_pulses, switched_opening)
         parts.append(SWITCHED + "\n\n".join(_math(_formula(law)) for law in laws))
     parts.append(PROPORTIONAL + "\n\n".join(_math(_formula(law)) for law in (spool_rate, port_opening)))
-    return "\n\n".join([*parts, "## Parameters", _rows(), KNOWN, _known()]) + "\n"
+    return "\n\n".join([*parts, PARAMETERS, _rows(), KNOWN, _known()]) + "\n"
 
 
 def _equation(numbers: str, name: str, place: str, left: str) -> str:
@@ -231,9 +229,15 @@ def _rows() -> str:
     rows = ["| name | value | unit | meaning | allowed | source |", "|---|---|---|---|---|---|"]
     for item in fields(Parameters):
         row = item.metadata["row"]
-        cells = (f"`{item.name}`", f"{item.default:g}", row.unit, row.meaning, row.allowed, row.source)
+        source = row.source.removesuffix(", docs/models.md")
+        cells = (f"`{item.name}`", f"{item.default:g}", row.unit, row.meaning, _allowed(row), source)
         rows.append("| " + " | ".join(cells) + " |")
     return "\n".join(rows)
+
+
+def _allowed(row: Row) -> str:
+    """Admissible values: from the least to the greatest."""
+    return re.sub(r"^at least (\S+) and at most ", r"\1 to ", row.allowed)
 
 
 def _known() -> str:

@@ -263,11 +263,15 @@ def seconds(value: float) -> str:
     return f"{value:.4g} s"
 
 
+#: Beginnings of cases that are between two others of the page: their rows stand in the file of rows only.
+BETWEEN = ("100 recordings of", "10 recordings of 4.3 s, 2")
+
+
 def table(rows: Sequence[Row], more: Sequence[str] = ()) -> list[str]:
     """Lines of Markdown, a table a case, without rows scaled from another; `more` are titles of further times."""
     text: list[str] = []
     titles = ["", "median", *more, "over clutchid", "error", "first run", ""]
-    for case in dict.fromkeys(row.case for row in rows):
+    for case in dict.fromkeys(row.case for row in rows if not row.case.startswith(BETWEEN)):
         text += ["", f"**{case}**", "", line(titles), "|" + "---|" * len(titles)]
         for row in rows:
             if row.case == case and not row.runs:
@@ -288,8 +292,8 @@ one run; this page is what the commands below wrote. Times are medians, peers ru
 turn of a simulation, with sensitivities or without, is the least of up to five runs within 0.1 s; a ratio is the
 median of the rounds' ratios, above 1 where the peer takes longer; *first run* is the time with what a peer compiles.
 clutchid's kernels were in its cache, except in the comparison of cold and warm starts. A slow peer is timed on a
-shorter recording, in a table of its own or as the row says. Quartiles, numbers of runs and scaled rows are in
-`benchmarks/results/peers.json`."""
+shorter recording, in a table of its own or as the row says. Quartiles, numbers of runs, scaled rows and fleets of
+other sizes are in `benchmarks/results/peers.json`."""
 
 NOT_AHEAD = """## Where clutchid is not ahead
 
