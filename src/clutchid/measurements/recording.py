@@ -91,17 +91,18 @@ def pieces(
     if channels is not None:
         messages.warnings += channels.comments.get("", "").splitlines()
     messages.warnings += [note for chosen in picks for note in chosen.notes]
-    timed = [
-        _stream(blocks, chosen) for grids in _grids(source, picks, ambient, rows, messages) for chosen, blocks in grids
-    ]
-    if len(timed) == 1 and (channels is None or channels.raster is None):
-        base, others = timed[0][1], list[ChannelStream]()
+    grids = [grid for several in _grids(source, picks, ambient, rows, messages) for grid in several]
+    interval = channels.raster if channels is not None else None
+    if len(grids) == 1 and interval is None:
+        base, others = ChannelStream(grids[0][1], {}), list[ChannelStream]()
     else:
-        (usual, base), *slower = sorted(timed, key=lambda stream: stream[0])
+        (usual, base), *slower = sorted(
+            (_stream(blocks, chosen) for chosen, blocks in grids), key=lambda stream: stream[0]
+        )
         others = [stream for _, stream in slower]
-        if channels is not None and channels.raster is not None:
+        if interval is not None:
             first, again = tee(base.blocks)
-            base, others = _uniform(again, channels.raster, HOLE * usual), [replace(base, blocks=first), *others]
+            base, others = _uniform(again, interval, HOLE * usual), [replace(base, blocks=first), *others]
     read = [heading for chosen in picks for heading, _ in chosen.columns.values()]
     edges = source.edges if channels is None else {}
     described = replace(source, metadata=with_unit(source.metadata, read), edges=edges)

@@ -24,7 +24,10 @@ def holes(time: FloatArray) -> NDArray[np.int64]:
     >>> holes(np.array([0.0, 1.0, 2.0, 3.0, 9.0, 10.0])).tolist()
     [3]
     """
-    return np.flatnonzero(intervals(time) > HOLE * usual_interval(time))
+    steps = intervals(time)
+    if steps.max(initial=0.0) <= HOLE * steps.min(initial=np.inf, where=steps > 0):  # none without a median
+        return np.empty(0, dtype=np.int64)
+    return np.flatnonzero(steps > HOLE * usual_interval(time))
 
 
 def intervals(time: FloatArray) -> FloatArray:

@@ -211,8 +211,8 @@ def _tables(
     )
     try:
         for start, frame in _frames(file, list(read.values()), raster.size, rows or raster.size):
-            numbers = {heading.index: np.full(frame.height, np.nan) for heading in asked}
-            numbers |= {index: _numbers(frame[name], origins.get(name, 0)) for index, name in read.items()}
+            numbers = {index: _numbers(frame[name], origins.get(name, 0)) for index, name in read.items()}
+            numbers |= {heading.index: np.full(frame.height, np.nan) for heading in asked if heading.index not in read}
             yield Table(raster.headings, numbers, frame.height, Places(first=start + 1), problems)
     except UnreadParquet as error:
         yield Table(raster.headings, problems=(_damaged(str(error)),))
