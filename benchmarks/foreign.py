@@ -26,10 +26,9 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
-from foreign_peers import Channels, bus_database, peer_channels
+from foreign_peers import Channels, bus_database, kind_by_origin, peer_channels
 
 from clutchid.errors import ClutchidError
-from clutchid.measurements.formats.kinds import ENOUGH, kind_of, refusal
 from clutchid.measurements.look import look
 from clutchid.measurements.opening import open_source
 from clutchid.measurements.source import Source, Table
@@ -49,13 +48,6 @@ class Finding:
     verdict: str
     reason: str
     seconds: float
-
-
-def kind(path: Path) -> str:
-    """Kind of a file, for the table: its format, or the name's suffix where it is no recording."""
-    with path.open("rb") as file:
-        head = file.read(ENOUGH)
-    return path.suffix.lstrip(".").lower() or "other" if refusal(head, path) else kind_of(head)
 
 
 def ours(path: Path, dbc: list[Path]) -> Channels:
@@ -90,7 +82,7 @@ def _tables(source: Source, number: int, columns: list[int]) -> list[Table] | st
 
 def compared(path: Path) -> Finding:
     """clutchid and the peer on one file."""
-    what = kind(path)
+    what = kind_by_origin(path)
     begun = time.monotonic()
     with suppress(ClutchidError):
         look(path).table()
@@ -145,7 +137,9 @@ def findings(paths: list[Path]) -> Iterator[Finding]:
             for process in list((pool._processes or {}).values()):
                 process.kill()
             pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"))
-            yield Finding(path, kind(path), "read wrongly", f"clutchid or the peer: {type(error).__name__}", PATIENCE)
+            yield Finding(
+                path, kind_by_origin(path), "read wrongly", f"clutchid or the peer: {type(error).__name__}", PATIENCE
+            )
     pool.shutdown()
 
 

@@ -16,9 +16,20 @@ from typing import Any
 
 import numpy as np
 
-from clutchid.measurements.formats.kinds import ENOUGH, kind_of
-
 Channels = list[tuple[str, np.ndarray]]
+
+#: Kind of a file by the suffix that its project has given it, which knows what it is.
+KINDS = {
+    ".mdf": "mdf", ".mf4": "mdf", ".mf3": "mdf", ".dat": "mdf", ".mat": "mat", ".h5": "mat", ".hdf5": "mat",
+    ".parquet": "parquet", ".encrypted": "parquet", ".csv": "csv", ".tsv": "csv", ".txt": "csv",
+    ".asc": "asc", ".blf": "blf", ".trc": "trc", ".gz": "gzip",
+}  # fmt: skip
+
+
+def kind_by_origin(path: Path) -> str:
+    """Kind of a file by its name, never by what clutchid takes it for; the suffix of other files."""
+    return KINDS.get(path.suffix.lower(), path.suffix.lstrip(".").lower() or "other")
+
 
 _ON, _OFF = ("on", "true", "yes", "ein", "an", "active", "open"), ("off", "false", "no", "aus", "inactive", "closed")
 
@@ -50,7 +61,7 @@ def _packed(path: Path, dbc: list[Path]) -> tuple[Channels, str]:
     try:
         with gzip.open(path) as packed, unpacked.open("wb") as plain:
             shutil.copyfileobj(packed, plain)
-        return peer_channels(unpacked, kind_of(unpacked.read_bytes()[:4096]), dbc)
+        return peer_channels(unpacked, kind_by_origin(unpacked), dbc)
     except (OSError, EOFError) as error:
         return [], str(error)
     finally:
@@ -201,7 +212,7 @@ def _truth(texts: np.ndarray) -> np.ndarray:
 def _frames(path: Path) -> Iterator[Any]:
     import can
 
-    if kind_of(path.read_bytes()[:ENOUGH]) == "asc":
+    if kind_by_origin(path) == "asc":
         text = path.read_text(encoding="utf-8", errors="replace")
         if "internal events logged" not in text.casefold():  # without it python-can swallows the first frame
             text = re.sub(r"(?im)^(\s*base\b.*)$", r"\1\nno internal events logged", text, count=1)

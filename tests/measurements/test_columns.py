@@ -5,7 +5,6 @@ import pytest
 from clutchid.log import COLUMNS
 from clutchid.measurements.columns import (
     QUANTITIES,
-    REQUIRED,
     heading_problems,
     headings,
     ignored,
@@ -54,21 +53,6 @@ def test_every_column_of_a_log_is_understood_as_it_is_written():
     assert [column.name for column in columns] == ["time", *COLUMNS]
     assert heading_problems(columns) == []
     assert ignored(columns) == []
-
-
-def test_duplicates_are_found_whatever_their_spelling_and_unit():
-    texts = [f"{name} [{QUANTITIES[name]}]" for name in REQUIRED]
-    (problem,) = heading_problems(headings([*texts, "Position [mm]"]))
-    assert problem == (
-        "columns 2 and 5 ('position [m]', 'Position [mm]') all mean 'position'; keep one of them, or select it with a "
-        "channel map."
-    )
-
-
-def test_a_missing_column_is_named_with_the_nearest_one_and_what_the_file_has():
-    (problem,) = heading_problems(headings(["time [s]", "positon [mm]", "duty_supply [1]", "duty_exhaust [1]"]))
-    assert problem.startswith("no column 'position' (write position [m]; is it 'positon [mm]'?)")
-    assert problem.endswith("the file has 'time [s]', 'positon [mm]', 'duty_supply [1]', 'duty_exhaust [1]'.")
 
 
 def test_a_unit_that_is_not_given_is_asked_for():

@@ -15,7 +15,6 @@ import clutchid.measurements as cio
 from clutchid.errors import ParameterError
 from clutchid.log.units import UNITS
 from clutchid.measurements.formats.csv import file as csv_file
-from clutchid.measurements.formats.csv import lines as csv_lines
 from clutchid.measurements.formats.csv import rows as csv_rows
 from clutchid.strokes.vented_pressure import VENTED_KEY
 
@@ -81,15 +80,6 @@ def test_an_ambient_pressure_is_above_zero(recording, save, ambient):
         cio.read(save(recording()), ambient=ambient)
 
 
-@pytest.mark.parametrize("separator", [",", ";", "\t"])
-@pytest.mark.parametrize("end", ["\n", "\r\n"])
-def test_separators_line_ends_and_a_byte_order_mark_are_known(recording, save, parser, separator, end):
-    text = recording(5, {(1, 4): ""}).replace(",", separator).replace("\n", end)
-    log = cio.read(save(b"\xef\xbb\xbf" + text.encode()))
-    assert np.isnan(log["pressure_a"]).tolist() == [False, True, False, False, False]
-    assert len(log) == 5
-
-
 def test_comments_and_blank_lines_do_not_shift_the_lines_of_messages(recording, save, parser):
     text = '# from the "rig\n#\n' + recording(9, {(4, 2): ""})
     assert cio.read(save(text)).warnings == ("input 'duty_supply [1]' is missing in line 8: each gap ends a segment.",)
@@ -102,12 +92,6 @@ def test_missing_samples_of_a_measurement_are_kept_without_a_word(recording, sav
     assert np.flatnonzero(np.isnan(log["position"])).tolist() == [0]
     assert np.flatnonzero(np.isnan(log["pressure_a"])).tolist() == [2, 3, 5]
     assert log.warnings == ()
-
-
-def test_cells_may_be_quoted_or_padded_with_blanks(recording, save, parser):
-    log = cio.read(save(recording(3, {(1, 1): '"0.25"', (2, 1): " 0.5 ", (2, 4): "  "})))
-    assert log["position"].tolist() == [0.0, 0.25, 0.5]
-    assert np.isnan(log["pressure_a"][2])
 
 
 def test_columns_without_a_meaning_are_left_out_with_a_warning(recording, save, parser):
@@ -187,13 +171,6 @@ def test_every_library_reads_the_same_numbers(tmp_path_factory, rows, small):
     assert fast.size == text.size
     for index in (0, 1):
         np.testing.assert_array_equal(fast.numbers[index], text.numbers[index])
-
-
-@pytest.mark.parametrize("chunk", [1, 2, 3, 7])
-def test_letters_and_lines_may_lie_across_the_chunks_of_a_file(recording, save, parser, chunk, monkeypatch):
-    monkeypatch.setattr(csv_lines, "CHUNK", chunk)
-    text = recording(5).replace("\n", ",grün\n").replace(",grün", ",Ölstand", 1)
-    assert len(cio.read(save(text))) == 5
 
 
 def test_the_heavy_packages_are_not_imported_to_read_a_small_file(recording, save):

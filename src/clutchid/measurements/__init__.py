@@ -189,17 +189,16 @@ def source_pieces(
             check_size(source.path, source.rasters[0].size, len(named))
         channel_map = map_for(source, required)
     count, size = 0, max((raster.size for raster in source.rasters), default=0)
-    for log in _from_disk(source.path, pieces(source, channel_map, added, required, rows)):
+    logs = pieces(source, channel_map, added, required, rows)
+    while True:
+        with reading(source.path):  # an error of the disk names the recording, not a file that is written meanwhile
+            log = next(logs, None)
+        if log is None:
+            return
         yield replace(log, metadata={**log.metadata, **metadata})
         count += len(log)
         if progress is not None:
             progress(count, size)
-
-
-def _from_disk(path: Path, logs: Iterator[Log]) -> Iterator[Log]:
-    """The logs; an error of the disk names the recording, not a file that is written meanwhile."""
-    with reading(path):
-        yield from logs
 
 
 def _map(channels: ChannelMap | str | PathLike[str] | None) -> ChannelMap | None:

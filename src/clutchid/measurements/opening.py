@@ -28,7 +28,7 @@ from clutchid.processes import Limits, Worker, WorkerEnd
 #: Kinds of text that are read in this process, by our own code.
 _OWN = ("csv", "candump", "frames")
 
-#: Bytes in memory up to which a Parquet file is read in this process.
+#: Bytes in memory up to which a Parquet file, by what it says of itself, is read in this process.
 _MODERATE = 256_000_000
 
 
@@ -46,9 +46,14 @@ def open_source(path: str | PathLike[str], dbc: Sequence[str | PathLike[str]] = 
     file = plain_file(path)
     databases = [plain_file(name, "DBC file") for name in dbc]
     kind = readable_kind(file)
-    if kind in _OWN or (kind == "parquet" and _is_moderate(file)):
-        return with_own_grids(opened_here(file, databases, kind))
-    return with_own_grids(_guarded_source(file, databases, kind))
+    if kind == "parquet":
+        from clutchid.measurements.formats.parquet.file import promised_bytes
+
+        promised = promised_bytes(file)
+        here = promised is not None and promised <= _MODERATE
+    else:
+        here = kind in _OWN
+    return with_own_grids((opened_here if here else _guarded_source)(file, databases, kind))
 
 
 class NoFramesError(DataError):
@@ -69,14 +74,6 @@ def with_dbc(source: Source, dbc: Sequence[str | PathLike[str]]) -> Source:
     if source.format.startswith("MDF"):
         return replace(source, warnings=(*source.warnings, f"{idle}."))
     raise NoFramesError(f"{source.path}: {idle}; leave --dbc out.")
-
-
-def _is_moderate(file: Path) -> bool:
-    """Whether a Parquet file says that its columns of numbers need no more memory than may be used in this process."""
-    from clutchid.measurements.formats.parquet.file import promised_bytes
-
-    promised = promised_bytes(file)
-    return promised is not None and promised <= _MODERATE
 
 
 MEMORY_VARIABLE, SECONDS_VARIABLE = "CLUTCHID_READER_MEMORY", "CLUTCHID_READER_SECONDS"

@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clutchid.log import INPUTS, FloatArray
 from clutchid.measurements.map.channel_map import COUNTED, PickedChannels
@@ -60,7 +59,11 @@ def by_presence(
             elif places.size >= enough and np.median(np.diff(places)) >= _APART:
                 sparse[name] = places
     if any(name in sparse for name in INPUTS):  # an input that never changes is written once
-        sparse |= {name: np.flatnonzero(present[name]) for name in INPUTS if name in present and _once(present[name])}
+        sparse |= {
+            name: np.flatnonzero(present[name])
+            for name in INPUTS
+            if name in present and np.count_nonzero(present[name]) == 1 and present[name][:_START].any()
+        }
     time = chosen.columns.get("time")
     if not sparse or time is None or time[0].index == COUNTED:
         return [chosen]
@@ -88,10 +91,6 @@ def by_presence(
 def _changes(places: Rows, values: FloatArray) -> bool:
     """Whether an input is written where it changes, from the start on."""
     return places.size > 1 and places[0] <= _START and bool(np.mean(np.diff(values) != 0.0) >= _DIFFERENT)
-
-
-def _once(there: NDArray[np.bool_]) -> bool:
-    return np.count_nonzero(there) == 1 and bool(there[:_START].any())
 
 
 def _has_rate(stamps: FloatArray) -> bool:

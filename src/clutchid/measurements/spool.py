@@ -81,7 +81,8 @@ def spooled(path: str | PathLike[str], moved: Callable[[Path], None] | None = No
             json.dump(target.name, name)
             name.flush()
             lock(name.fileno())
-            _reserve(folder / _RESERVED)
+            with suppress(OSError), (folder / _RESERVED).open("wb") as free:  # for the end, where that can be
+                reserve(free, RESERVE)
             add, end = (_as_text if suffix == ".csv" else _as_parquet)(data, folder, path)
             yield add
             trouble = None
@@ -192,12 +193,6 @@ def _free_name(target: Path) -> Path:
     return next(path for path in paths if not path.exists())
 
 
-def _reserve(path: Path) -> None:
-    """Keep a part of the disk free for the end, where that can be."""
-    with suppress(OSError), path.open("wb") as file:
-        reserve(file, RESERVE)
-
-
 def _release(folder: Path) -> None:
     with suppress(OSError):
         (folder / _RESERVED).unlink(missing_ok=True)
@@ -211,7 +206,9 @@ def _finish(data: BinaryIO, end: bytes, source: Path, target: Path, moved: Calla
         if target.exists():
             shutil.copymode(target, source)
         else:
-            source.chmod(0o666 & ~_mask())
+            mask = os.umask(0)
+            os.umask(mask)
+            source.chmod(0o666 & ~mask)
         data.close()  # Windows replaces no open file
         replace(source, target)
     except OSError:
@@ -225,24 +222,13 @@ def _copied(data: BinaryIO, end: bytes, name: str) -> Path:
     """A copy of an open file, with its end, in the folder for temporary files."""
     other = Path(tempfile.mkdtemp(prefix="clutchid-")) / name
     with other.open("wb") as file:
-        begin = data.seek(0, os.SEEK_END)
-        whole = begin >= len(end) and _tail(data, begin, len(end)) == end
+        data.seek(max(data.seek(0, os.SEEK_END) - len(end), 0))
+        whole = data.read(len(end)) == end
         data.seek(0)
         shutil.copyfileobj(data, file)
         if not whole:
             file.write(end)
     return other
-
-
-def _tail(data: BinaryIO, size: int, length: int) -> bytes:
-    data.seek(size - length)
-    return data.read(length)
-
-
-def _mask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def _all(file: BinaryIO, content: bytes) -> None:

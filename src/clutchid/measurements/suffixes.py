@@ -86,13 +86,10 @@ def by_suffix(paths: Iterable[Path]) -> str:
     >>> by_suffix(map(Path, ("a.toml", "b.TOML", "notes", "backup.tar.gz")))
     '2 .toml, 1 .tar.gz, 1 without a suffix'
     """
-    counts = Counter(_last_suffix(path.name) or "without a suffix" for path in paths)
+    names = [Path(path.name.lower()) for path in paths]
+    counts = Counter(
+        ("".join(name.suffixes[-2:]) if name.suffix in PACKED else name.suffix) or "without a suffix" for name in names
+    )
     return ", ".join(
         f"{count:,} {suffix}" for suffix, count in sorted(counts.items(), key=lambda item: (-item[1], item))
     )
-
-
-def _last_suffix(name: str) -> str:
-    """The suffix of a file in lower case, with the one before if the last says that it is packed."""
-    path = Path(name.lower())
-    return "".join(path.suffixes[-2:]) if path.suffix in PACKED else path.suffix

@@ -10,6 +10,7 @@ import csv
 import io
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -182,16 +183,16 @@ def lines_of(path: Path) -> TextLines | None:
     OSError
         If the file cannot be read.
     """
-    encoding = _encoding(path)
-    if encoding is None:
-        return None
-    before = last = 0
-    for piece in _pieces(path, encoding):
-        before += piece.count(b"\n")
-        blank = _blank_end(piece)
-        if len(blank) < len(piece):
-            last = before - blank.count(b"\n") + 1
-    return TextLines(path, encoding, last)
+    for encoding in _encodings(path):
+        with suppress(UnicodeDecodeError):
+            before = last = 0
+            for piece in _pieces(path, encoding, strict=True):
+                before += piece.count(b"\n")
+                blank = _blank_end(piece)
+                if len(blank) < len(piece):
+                    last = before - blank.count(b"\n") + 1
+            return TextLines(path, encoding, last)
+    return None
 
 
 def sample(lines: TextLines) -> list[str]:
@@ -270,54 +271,45 @@ def _blank_end(text: bytes) -> bytes:
     return tail[len(tail.rstrip()) :]
 
 
-#: Four zeros are no text.
-_NO_TEXT = (b"\0\0\0\0",)
-
-
-def _encoding(path: Path) -> str | None:
-    """The encoding of the whole file, or None."""
+def _encodings(path: Path) -> tuple[str, ...]:
+    """The encodings that the first bytes of a file allow, in the order in which they are tried."""
     with path.open("rb") as file:
         mark = file.read(4)
     if mark == codecs.BOM_UTF32_LE:
-        return None
+        return ()
     if mark.startswith(BOMS_UTF16):
-        return "utf-16" if _is_text(path, "utf-16") else None
-    if len(mark) == len(b"t\0i\0") and 0 in mark and mark not in _NO_TEXT:  # UTF-16 without its mark
-        encoding = "utf-16-le" if mark[1] == mark[3] == 0 else "utf-16-be" if mark[0] == mark[2] == 0 else ""
-        return encoding if encoding and _is_text(path, encoding) else None
-    return next((encoding for encoding in ("utf-8", "cp1252") if _is_text(path, encoding)), None)
+        return ("utf-16",)
+    if len(mark) == len(b"t\0i\0") and 0 in mark and any(mark):  # UTF-16 without its mark
+        return ("utf-16-le",) if mark[1] == mark[3] == 0 else ("utf-16-be",) if mark[0] == mark[2] == 0 else ()
+    return ("utf-8", "cp1252")
 
 
-def _is_text(path: Path, encoding: str) -> bool:
-    decoder = codecs.getincrementaldecoder("utf-8" if encoding == "cp1252" else encoding)()
-    try:
-        with path.open("rb") as file:
-            while raw := file.read(CHUNK):
-                if encoding == "cp1252":
-                    if len(raw.translate(None, _CONTROL)) < len(raw):
-                        return False
-                elif encoding != "utf-8" or not raw.isascii() or decoder.getstate()[0]:
-                    decoder.decode(raw)
-        decoder.decode(b"", final=True)
-    except UnicodeDecodeError:
-        return False
-    return True
+def _pieces(path: Path, encoding: str, *, strict: bool = False) -> Iterator[bytes]:
+    """The text of a file in UTF-8 with line feeds, piece by piece.
 
-
-def _pieces(path: Path, encoding: str) -> Iterator[bytes]:
-    """The text of a file in UTF-8 with line feeds, piece by piece."""
-    decoder = codecs.getincrementaldecoder(encoding)("replace")
+    Raises
+    ------
+    UnicodeDecodeError
+        If it is not in this encoding, where that is checked (`strict`); text in Windows-1252 has no control characters.
+    """
+    plain = encoding == "utf-8"
+    decoder = codecs.getincrementaldecoder(encoding)("strict" if strict and encoding != "cp1252" else "replace")
     carried = b""
     with path.open("rb") as file:
-        if file.read(3) != codecs.BOM_UTF8 or encoding != "utf-8":
+        if file.read(3) != codecs.BOM_UTF8 or not plain:
             file.seek(0)
         while raw := file.read(CHUNK):
-            text = carried + (raw if encoding == "utf-8" else decoder.decode(raw).encode())
+            if strict and encoding == "cp1252" and len(raw.translate(None, _CONTROL)) < len(raw):
+                raise UnicodeDecodeError(encoding, raw, 0, 1, "a control character")
+            if not plain or (strict and (not raw.isascii() or decoder.getstate()[0])):
+                decoded = decoder.decode(raw)
+            text = carried + (raw if plain else decoded.encode())
             carried = b"\r" if text.endswith(b"\r") else b""
             text = text[: len(text) - len(carried)]
             if b"\r" in text:
                 text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
             yield text
+    decoder.decode(b"", final=True)
     yield carried.replace(b"\r", b"\n")
 
 
