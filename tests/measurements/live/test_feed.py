@@ -94,3 +94,9 @@ def test_a_pipe_is_read_until_it_is_closed_and_its_last_line_is_ended():
     assert b"".join(from_descriptor(reading, lambda: False)) == b"one\ntwo\n"
     sender.join()
     os.close(reading)
+
+
+def test_a_file_of_json_lines_is_followed_as_one_of_csv(tmp_path):
+    path = tmp_path / "log.jsonl"
+    path.write_text('{"time [s]": 0, "position [m]": 0}\n{"time [s]": 1, "position [m]": 0}\n')
+    assert b"".join(from_growing_file(path, lambda: True)) == path.read_bytes()

@@ -78,7 +78,7 @@ def from_growing_file(path: str | os.PathLike[str], stopped: Stopped) -> Iterato
         If there is no readable plain file of text, or it becomes shorter or another file, after the rest of the first.
     """
     file = plain_file(path)
-    if (kind := kind_of(head_of(file))) != "csv":
+    if (kind := kind_of(head_of(file))) not in ("csv", "jsonl"):
         raise DataError(f"{file}: is {kind.upper()}; a file that is followed while it grows is CSV or JSON lines.")
     size = 0
     try:

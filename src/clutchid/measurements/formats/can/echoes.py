@@ -13,28 +13,23 @@ from clutchid.measurements.formats.can.streams import keys
 _TWINS = 0.5
 
 
-class Echoes:
-    """Finds the frames that are echoes, block by block; which direction is left out is decided once an identifier."""
+def without_echoes(frames: Frames, left_out: dict[int, bool]) -> Frames:
+    """The frames without those that are in the log a second time.
 
-    def __init__(self) -> None:
-        self._left_out: dict[int, bool] = {}
-
-    def without(self, frames: Frames) -> Frames:
-        """The frames without those that are in the log a second time."""
-        if frames.sent is None and not self._left_out:
-            return frames
-        sent = np.zeros(len(frames), dtype=np.bool_) if frames.sent is None else frames.sent
-        every = keys(frames)
-        for key in np.unique(every[sent]).tolist():
-            if (
-                key not in self._left_out
-                and (direction := _echo(frames, sent, np.flatnonzero(every == key))) is not None
-            ):
-                self._left_out[key] = direction
-        echo = np.zeros(len(frames), dtype=np.bool_)
-        for key, direction in self._left_out.items():
-            echo |= (every == key) & (sent == direction)
-        return frames.take(~echo) if echo.any() else frames
+    `left_out` has by identifier the direction that is left out, which is decided once, for all blocks of a log.
+    """
+    if frames.sent is None and not left_out:
+        return frames
+    sent = np.zeros(len(frames), dtype=np.bool_) if frames.sent is None else frames.sent
+    identifiers = keys(frames)
+    for key in np.unique(identifiers[sent]).tolist():
+        if key not in left_out:
+            direction = _echo(frames, sent, np.flatnonzero(identifiers == key))
+            left_out |= {} if direction is None else {key: direction}
+    echo = np.zeros(len(frames), dtype=np.bool_)
+    for key, direction in left_out.items():
+        echo |= (identifiers == key) & (sent == direction)
+    return frames.take(~echo) if echo.any() else frames
 
 
 def _echo(frames: Frames, sent: NDArray[np.bool_], rows: NDArray[np.int64]) -> bool | None:

@@ -21,7 +21,7 @@ from clutchid.errors import DataError
 from clutchid.log import FloatArray
 from clutchid.measurements.clock import LONE, Run, Tolerance, cuts, sentences, shifts_of
 from clutchid.measurements.formats.can.dbc import Message, read_dbc
-from clutchid.measurements.formats.can.echoes import Echoes
+from clutchid.measurements.formats.can.echoes import without_echoes
 from clutchid.measurements.formats.can.frames import Bytes, FrameLog, Frames, Rows, payloads
 from clutchid.measurements.formats.can.j1939 import group_number
 from clutchid.measurements.formats.can.streams import (
@@ -224,10 +224,10 @@ def _in_runs(blocks: Iterable[Frames]) -> Iterator[tuple[int, Tolerance, Frames]
 
 def _stamped(log: FrameLog, scanned: ScannedLog) -> Iterator[Frames]:
     """The blocks of a log up to where it is damaged, without frames whose stamp is no number; both are noted."""
-    echoes = Echoes()
+    echoes: dict[int, bool] = {}
     try:
         for block in log.blocks():
-            frames = echoes.without(block)
+            frames = without_echoes(block, echoes)
             stamped = np.isfinite(frames.stamp)
             scanned.left_out.update(block.left_out)
             scanned.left_out.update({"frame without a stamp": int(stamped.size - stamped.sum())})
