@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -54,12 +55,21 @@ def read_objects(text: bytes, keys: Sequence[str]) -> tuple[list[FloatArray], ND
     if objects is None:
         objects = [record for record in map(_object, lines) if record is not None]
     spoiled = np.zeros(len(objects), dtype=bool)
-    columns = _all_numbers([[record.get(key) for record in objects] for key in keys])
-    if columns is None:
-        rows = [[_number(record.get(key)) for key in keys] for record in objects]
-        spoiled |= [None in row for row in rows]
-        columns = [np.array([math.nan if row[i] is None else row[i] for row in rows]) for i in range(len(keys))]
+    columns = []
+    for key in keys:
+        numbers, wrong = _column([record.get(key) for record in objects])
+        columns.append(numbers)
+        spoiled |= wrong
     return columns, spoiled, len(lines) - len(objects)
+
+
+def _column(values: Sequence[Any]) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Values as numbers, NaN for null and for anything else, and which of them are anything else."""
+    if set(map(type, values)) <= _NUMBERS:
+        with suppress(OverflowError):
+            return np.array(values, dtype=np.float64), np.zeros(len(values), dtype=bool)
+    numbers = [_number(value) for value in values]
+    return np.array([math.nan if n is None else n for n in numbers]), np.array([n is None for n in numbers], dtype=bool)
 
 
 def _together(lines: Sequence[bytes]) -> list[dict[str, Any]] | None:
@@ -70,16 +80,6 @@ def _together(lines: Sequence[bytes]) -> list[dict[str, Any]] | None:
         return None
     whole = len(records) == len(lines) and all(type(record) is dict for record in records)
     return records if whole else None
-
-
-def _all_numbers(columns: Sequence[Sequence[Any]]) -> list[FloatArray] | None:
-    """The columns as arrays; None unless every value is a number or null."""
-    if not all(set(map(type, values)) <= _NUMBERS for values in columns):
-        return None
-    try:
-        return [np.array(values, dtype=np.float64) for values in columns]
-    except OverflowError:
-        return None
 
 
 def _object(line: bytes) -> dict[str, Any] | None:

@@ -353,8 +353,7 @@ def _condition(signal: CantoolsSignal, by_name: dict[str, CantoolsSignal]) -> Co
 
 def _signal(signal: CantoolsSignal, j1939: bool) -> Signal:
     motorola = signal.byte_order == "big_endian"
-    coded = j1939 and not (signal.is_signed or signal.is_float or signal.is_multiplexer)
-    codes = first_code(signal.length) if coded or _above_range(signal) else None
+    codes, none = _no_value(signal, j1939)
     return Signal(
         signal.name,
         8 * (signal.start // 8) + 7 - signal.start % 8 if motorola else signal.start,
@@ -367,7 +366,7 @@ def _signal(signal: CantoolsSignal, j1939: bool) -> Signal:
         signal.unit or "",
         signal.comment or "",
         codes,
-        frozenset() if signal.is_multiplexer else _said(signal) | _extreme(signal),
+        none,
     )
 
 
@@ -381,50 +380,45 @@ _NUMBERS = 4
 _FULL = {"%": (100.0, 1.0), "": (1.0, 0.01), "1": (1.0, 0.01)}
 
 
-def _said(signal: CantoolsSignal) -> frozenset[int]:
-    """The raw numbers that the value table says to be none."""
-    if signal.length < _NUMBERS:
-        return frozenset()
-    mask = (1 << signal.length) - 1
-    return frozenset(raw & mask for raw, text in (signal.choices or {}).items() if means_no_value(str(text)))
+def _no_value(signal: CantoolsSignal, j1939: bool) -> tuple[int | None, frozenset[int]]:
+    """The first raw number from which on all mean that there is no value, and others that mean it.
 
-
-def _above_range(signal: CantoolsSignal) -> bool:
-    """Whether the highest numbers, which are codes by SAE J1939-71, lie outside the range of a DBC of any kind."""
-    first = first_code(signal.length) if signal.length in _CODED else None
-    plain = not (signal.is_signed or signal.is_float or signal.is_multiplexer)
-    return plain and first is not None and _is_outside(signal, first) and _is_outside(signal, (1 << signal.length) - 1)
-
-
-def _extreme(signal: CantoolsSignal) -> frozenset[int]:
-    """The raw numbers at the ends of those that there are, where no value of the signal can be one.
-
-    These are all ones, and with a sign the highest and the lowest; without a range all ones are none unless they are
-    100 %.
+    The highest numbers are codes in J1939, and elsewhere where they lie outside the range, as SAE J1939-71 has them.
+    Others are those that the value table says to be none, and the ends of the raw numbers where no value can be one:
+    with a sign the highest and the lowest, else all ones, which without a range are none unless they are 100 %.
     """
-    if signal.length not in _CODED or signal.is_float:
-        return frozenset()
-    if signal.is_signed:
-        top = 1 << signal.length - 1
-        return frozenset(raw & (2 * top - 1) for raw in (top - 1, -top) if _is_outside(signal, raw))
-    ones = (1 << signal.length) - 1
-    if signal.minimum is None or signal.maximum is None or signal.minimum >= signal.maximum:
+    if signal.is_multiplexer:
+        return None, frozenset()
+    ones, first, coded = (1 << signal.length) - 1, first_code(signal.length), signal.length in _CODED
+    unsigned = not (signal.is_signed or signal.is_float)
+    above = coded and first is not None and _is_outside(signal, first) and _is_outside(signal, ones)
+    none: set[int] = set()
+    if signal.length >= _NUMBERS:
+        none = {raw & ones for raw, text in (signal.choices or {}).items() if means_no_value(str(text))}
+    if coded and signal.is_signed and not signal.is_float:
+        none |= {raw & ones for raw in (ones >> 1, -1 - (ones >> 1)) if _is_outside(signal, raw)}
+    elif coded and unsigned and _range(signal):
+        none |= {ones} if _is_outside(signal, ones) else set()
+    elif coded and unsigned:
         full, slack = _FULL.get(unit_spelled(signal.unit) or "", (math.inf, 0.0))
-        return (
-            frozenset()
-            if abs(_as_float(signal.scale) * ones + _as_float(signal.offset) - full) <= slack
-            else frozenset([ones])
-        )
-    return frozenset([ones]) if _is_outside(signal, ones) else frozenset()
+        highest = _as_float(signal.scale) * ones + _as_float(signal.offset)
+        none |= set() if abs(highest - full) <= slack else {ones}
+    return first if unsigned and (j1939 or above) else None, frozenset(none)
+
+
+def _range(signal: CantoolsSignal) -> tuple[float, float] | None:
+    """The range of a signal, if it has one."""
+    low, high = signal.minimum, signal.maximum
+    return None if low is None or high is None or low >= high else (float(low), float(high))
 
 
 def _is_outside(signal: CantoolsSignal, raw: int) -> bool:
     """Whether a number is outside the range of its signal, if it has one."""
-    low, high = signal.minimum, signal.maximum
-    if low is None or high is None or low >= high:
+    span = _range(signal)
+    if span is None:
         return False
     value, step = _as_float(signal.scale) * raw + _as_float(signal.offset), abs(_as_float(signal.scale))
-    return value > float(high) + step / 2 or value < float(low) - step / 2
+    return value > span[1] + step / 2 or value < span[0] - step / 2
 
 
 def _as_float(number: float) -> float:

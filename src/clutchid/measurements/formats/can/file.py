@@ -21,7 +21,6 @@ from clutchid.errors import DataError
 from clutchid.log import FloatArray
 from clutchid.measurements.clock import LONE, Run, Tolerance, cuts, sentences, shifts_of
 from clutchid.measurements.formats.can.dbc import Message, read_dbc
-from clutchid.measurements.formats.can.echoes import without_echoes
 from clutchid.measurements.formats.can.frames import Bytes, FrameLog, Frames, Rows, payloads
 from clutchid.measurements.formats.can.j1939 import group_number
 from clutchid.measurements.formats.can.streams import (
@@ -37,6 +36,7 @@ from clutchid.measurements.formats.can.streams import (
     parts_of,
     rasters_of,
     values_of,
+    without_echoes,
 )
 from clutchid.measurements.formats.kinds import format_of, function_named, head_of, kind_of
 from clutchid.measurements.source import Places, Raster, Source, Table, refused

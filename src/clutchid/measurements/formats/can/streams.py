@@ -1,4 +1,7 @@
-"""Frames sorted by the message that they carry, the bus and the address that they come from; time grids of these."""
+"""Frames sorted by the message that they carry, the bus and the address that they come from; time grids of these.
+
+A log may have frames twice, as sent by the logger and as received by it again: one of each two is used.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.log import FloatArray
+from clutchid.measurements.clock import WINDOW
 from clutchid.measurements.columns import Heading, channel
 from clutchid.measurements.formats.can.dbc import Message, Signal, SignalGroup, decode, present
 from clutchid.measurements.formats.can.frames import CLASSIC, Bytes, Frames, Rows
@@ -194,3 +198,38 @@ def _owner(messages: MessageCatalogue, identifier: int, extended: bool, bus: int
     if message is None:
         return UNKNOWN, 0, 0, 0
     return (message, bus, *(addresses(identifier) if message.j1939 else (ANYBODY, EVERYBODY)))
+
+
+#: Share of the frames of one direction that have a twin in the other, from which on they are echoes.
+_TWINS = 0.5
+
+
+def without_echoes(frames: Frames, left_out: dict[int, bool]) -> Frames:
+    """The frames without those that are in the log a second time.
+
+    `left_out` has by identifier the direction that is left out, which is decided once, for all blocks of a log.
+    """
+    if frames.sent is None and not left_out:
+        return frames
+    sent = np.zeros(len(frames), dtype=np.bool_) if frames.sent is None else frames.sent
+    identifiers = keys(frames)
+    for key in np.unique(identifiers[sent]).tolist():
+        if key not in left_out:
+            direction = _echo(frames, sent, np.flatnonzero(identifiers == key))
+            left_out |= {} if direction is None else {key: direction}
+    echo = np.zeros(len(frames), dtype=np.bool_)
+    for key, direction in left_out.items():
+        echo |= (identifiers == key) & (sent == direction)
+    return frames.take(~echo) if echo.any() else frames
+
+
+def _echo(frames: Frames, sent: NDArray[np.bool_], rows: NDArray[np.int64]) -> bool | None:
+    """Whether the sent frames of an identifier, or else the received ones, are echoes; None where neither are."""
+    way = sent[rows]
+    fewer = bool(np.count_nonzero(way) <= way.size / 2)
+    if way.all() or not way.any():
+        return None
+    data, stamp = frames.data[rows], frames.stamp[rows]
+    beside = (way[1:] != way[:-1]) & (data[1:] == data[:-1]).all(axis=1) & (np.abs(np.diff(stamp)) <= WINDOW)
+    twin = np.append(beside, False) | np.append(False, beside)
+    return fewer if np.mean(twin[way == fewer]) >= _TWINS else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -68,13 +68,7 @@ def _texts(texts: Any, transposed: bool) -> list[str]:
     width = max(map(len, rows), default=0)
     padded = [row.ljust(width) for row in rows]
     columns = ["".join(column).strip() for column in zip(*padded, strict=True)]
-    return columns if _begins(columns) else [row.strip() for row in _chunks("".join(padded), len(rows))]
-
-
-def _begins(names: list[str]) -> bool:
-    """Whether the first of these words is the name, or begins the description, of the time, which stands first."""
-    return bool(names) and re.fullmatch(r"time|(simulation )?time( in)?.*", names[0].casefold()) is not None
-
-
-def _chunks(text: str, size: int) -> Iterable[str]:
-    return (text[i : i + size] for i in range(0, len(text), size))
+    if columns and re.fullmatch(r"time|(simulation )?time( in)?.*", columns[0].casefold()):
+        return columns  # the first name or description is that of the time
+    text, size = "".join(padded), len(rows)
+    return [text[i : i + size].strip() for i in range(0, len(text), size)]

@@ -1,6 +1,10 @@
-"""Tables in which signals have time columns of their own: a time grid for each, of the columns that belong to it.
+"""Channels with stamps of their own: tables with several time columns, and rows that hold only what arrived.
 
-A column belongs to the time column that has a word of its name, else to the nearest one before it.
+A column of a table with several time columns belongs to the one that has a word of its name, else to the nearest one
+before it. Rows hold only what arrived in outer joins, in the files of loggers that write what changes, and in JSON with
+keys missing: a channel of such a table has the stamps of the rows in which it has a value.
+
+Thresholds: benchmarks/results/thresholds.md.
 """
 
 from __future__ import annotations
@@ -12,8 +16,10 @@ from functools import partial
 
 import numpy as np
 
+from clutchid.log import INPUTS, FloatArray
 from clutchid.measurements.columns import Heading, is_unit_of
-from clutchid.measurements.source import Raster, Source, Table
+from clutchid.measurements.map.channel_map import COUNTED, PickedChannels
+from clutchid.measurements.source import Raster, Rows, Source, Table
 
 #: Words of time columns, in lower case.
 _TIMES = frozenset(["t", "time", "zeit", "stamp", "timestamp", "timestamps", "zeitstempel", "tout"])
@@ -117,3 +123,90 @@ def _tables(
         numbers = {i: samples.numbers[inside[i]] for i in columns}
         unread = {inside.index(index): rows for index, rows in samples.unread.items()}
         yield replace(samples, headings=own.headings, numbers=numbers, unread=unread)
+
+
+#: Samples that show that a channel is sparse, the share of rows without it from which on that is looked at, and how
+#: many rows its samples usually lie apart at least.
+_ENOUGH, _WITHOUT, _BETWEEN = 20, 0.3, 2
+
+#: Rows of a table that may be sparse at least, and rows at its start in which an input that is written where it changes
+#: is written first.
+_LEAST_ROWS, _FIRST_ROWS = 50, 10
+
+#: Share of the samples of such an input that differ from the one before, but for rounding.
+_DIFFERENT = 0.9
+
+#: Samples at one distance are sent at a rate; where fewer than this share are, they are sent when they change.
+_REGULAR, _FEW = 0.8, 5
+
+
+def by_presence(
+    chosen: PickedChannels, table: Table, rows: int | None = None, enough: int = _ENOUGH
+) -> list[PickedChannels]:
+    """The pick as several, of channels that are present in the same rows, where any of them is sparse.
+
+    A sparse duty cycle without a rate is recorded where it changes, and held until the next sample.
+
+    Parameters
+    ----------
+    rows
+        Rows of the table that are looked at, by default all.
+    enough
+        Samples of a channel that show that it is sparse.
+    """
+    present = {
+        name: np.isfinite(table.numbers[heading.index][:rows])
+        for name, (heading, _) in chosen.columns.items()
+        if name != "time" and heading.index in table.numbers
+    }
+    sparse: dict[str, Rows] = {}
+    changing: set[str] = set()
+    for name, there in present.items():
+        if there.size >= _LEAST_ROWS and np.count_nonzero(there) <= (1 - _WITHOUT) * there.size:
+            places = np.flatnonzero(there)
+            values = table.numbers[chosen.columns[name][0].index][places]
+            if name in INPUTS and _changes(places, values):
+                changing |= {name} if np.mean(np.diff(places) < _BETWEEN) > 1 - _REGULAR else set()
+                sparse[name] = places
+            elif places.size >= enough and np.median(np.diff(places)) >= _BETWEEN:
+                sparse[name] = places
+    if any(name in sparse for name in INPUTS):  # an input that never changes is written once
+        sparse |= {
+            name: np.flatnonzero(present[name])
+            for name in INPUTS
+            if name in present and np.count_nonzero(present[name]) == 1 and present[name][:_FIRST_ROWS].any()
+        }
+    time = chosen.columns.get("time")
+    if not sparse or time is None or time[0].index == COUNTED:
+        return [chosen]
+    groups: dict[bytes, list[str]] = {}
+    for name in present:
+        groups.setdefault(sparse[name].tobytes() if name in sparse else b"", []).append(name)
+    stamps = table.numbers.get(time[0].index, np.empty(0))
+    picks = []
+    notes = chosen.notes
+    for names in groups.values():
+        columns = dict(chosen.columns)
+        for name in present:
+            if name not in names:
+                del columns[name]
+        for name in INPUTS:
+            if name in names and name in sparse and (name in changing or not _has_rate(stamps[sparse[name]])):
+                heading, entry = columns[name]
+                columns[name] = (heading, entry if entry.longest is not None else replace(entry, longest=np.inf))
+                notes = (*notes, f"{name}: is recorded where it changes; each sample is held until the next one.")
+        picks.append(replace(chosen, columns=columns, notes=notes, increasing=False, sparse=True))
+        notes = ()
+    return picks
+
+
+def _changes(places: Rows, values: FloatArray) -> bool:
+    """Whether an input is written where it changes, from the start on."""
+    return places.size > 1 and places[0] <= _FIRST_ROWS and bool(np.mean(np.diff(values) != 0.0) >= _DIFFERENT)
+
+
+def _has_rate(stamps: FloatArray) -> bool:
+    """Whether most samples have about the same interval."""
+    steps = np.diff(stamps[np.isfinite(stamps)])
+    usual = np.median(steps) if steps.size else 0.0
+    return steps.size > _FEW and bool(np.mean(np.abs(steps - usual) <= 0.5 * usual) >= _REGULAR)
