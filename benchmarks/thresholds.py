@@ -1,4 +1,4 @@
-"""Thresholds of clocks and of rows that are sparse: ``python benchmarks/thresholds.py``.
+"""Thresholds of clocks and of rows that are sparse: ``python benchmarks/thresholds.py [NAME ...]``.
 
 Every form of one recording that has a single feature (`tests/measurements/forms.py`) is read with each threshold at
 half, and at twice, of what it is; printed are the forms that are wrong then, of none as it is. A threshold that may be
@@ -66,6 +66,8 @@ def main() -> None:
     print(f"Forms with one feature: {sum(1 for _ in forms(1))}; wrong as it is: {wrong()}.\n")
     print("| threshold | value | wrong at half | at twice | reason |\n|---|---|---|---|---|")
     for module, name, unit, reason in THRESHOLDS:
+        if sys.argv[1:] and name not in sys.argv[1:]:
+            continue
         value = getattr(module, name)
         counts = []
         for factor in (0.5, 2.0):

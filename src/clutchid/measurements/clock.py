@@ -1,7 +1,7 @@
 """The clock of a file: restarts, counters that wrap, jumps ahead and back, and lone stamps, on stamps in file order.
 
 Stamps are cut into runs wherever they step back, or far ahead. Each run gets one shift, for all that is stamped by this
-clock; one or two stamps far from those around them are left out.
+clock; one or two stamps far from those around them are left out. Thresholds: benchmarks/results/thresholds.md.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Time stamps: repair of those of loggers, and resampling of channels to one time grid, block by block."""
+"""Time stamps: repair of those of loggers, and resampling of channels to one time grid, block by block.
+
+Thresholds: benchmarks/results/thresholds.md.
+"""
 
 from __future__ import annotations
 
