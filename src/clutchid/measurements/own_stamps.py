@@ -141,7 +141,7 @@ _REGULAR, _FEW = 0.8, 5
 
 
 def by_presence(
-    chosen: PickedChannels, table: Table, rows: int | None = None, enough: int = _ENOUGH
+    chosen: PickedChannels, table: Table, rows: int | None = None, enough: int | None = None
 ) -> list[PickedChannels]:
     """The pick as several, of channels that are present in the same rows, where any of them is sparse.
 
@@ -152,8 +152,9 @@ def by_presence(
     rows
         Rows of the table that are looked at, by default all.
     enough
-        Samples of a channel that show that it is sparse.
+        Samples of a channel that show that it is sparse, by default `_ENOUGH`.
     """
+    enough = _ENOUGH if enough is None else enough
     present = {
         name: np.isfinite(table.numbers[heading.index][:rows])
         for name, (heading, _) in chosen.columns.items()

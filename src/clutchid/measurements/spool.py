@@ -7,6 +7,7 @@ was killed, or whose computer lost its power. A disk that is full, or a folder t
 from __future__ import annotations
 
 import json
+import mmap
 import os
 import shutil
 import tempfile
@@ -161,15 +162,13 @@ def _is_whole(folder: Path, suffix: str) -> bool:
     """Whether the data of a run that was killed could be made a file of the samples that are whole."""
     data = folder / _DATA
     if suffix == ".csv":
+        if not data.stat().st_size:
+            return False
         with data.open("rb+") as file:
-            size = end = file.seek(0, os.SEEK_END)
-            tail = b""
-            while end > 0 and b"\n" not in tail:
-                end = max(end - (1 << 16), 0)
-                file.seek(end)
-                tail = file.read(1 << 16)
-            file.truncate(end + tail.rfind(b"\n") + 1)
-            return size > 0 and end + tail.rfind(b"\n") + 1 > 0
+            with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as text:
+                end = text.rfind(b"\n") + 1
+            file.truncate(end)
+        return end > 0
     import polars as pl
 
     for footer in (folder / _FOOTER, folder / _SYNCED):

@@ -95,7 +95,7 @@ def _score(name: str, heading: Heading) -> float:
     """Score of the name of a channel for a quantity; a set point is none, except of a duty cycle."""
     if heading.name == name:
         return STANDARD
-    score = name_score(name, standard_title(heading) if name in PLAUSIBLE else heading.text)
+    score = name_score(name, _title(heading) if name in PLAUSIBLE else heading.text)
     if score >= STANDARD or not is_set_point(heading.text):
         return score
     return max(score - _SET_POINT, 0.0) if name in INPUTS else 0.0
@@ -103,8 +103,9 @@ def _score(name: str, heading: Heading) -> float:
 
 def _gauge_of_standard(candidate: Candidate) -> Candidate:
     """A supply pressure in the gauge unit if it is one by the standard of the bus."""
-    gauge = f"{candidate.unit}(g)"
-    if gauge not in UNITS or not gauge_by_standard(candidate.heading):
+    gauge, heading = f"{candidate.unit}(g)", candidate.heading
+    parameter = parameter_in(heading.comment) or parameter_in(heading.text)
+    if gauge not in UNITS or not (not parameter.absolute if parameter else is_named_by_j1939(heading.text)):
         return candidate
     return replace(candidate, unit=gauge, implied="is a gauge pressure by SAE J1939-71")
 
@@ -131,16 +132,10 @@ def _unit(name: str, unit: str | None, span: Range) -> tuple[str | None, str]:
     return unit, ""
 
 
-def standard_title(heading: Heading) -> str:
+def _title(heading: Heading) -> str:
     """Title in SAE J1939-71 of a channel that its comment or its name identifies; else its name."""
     parameter = parameter_in(heading.comment) or parameter_in(heading.text)
     return parameter.title if parameter else heading.text
-
-
-def gauge_by_standard(heading: Heading) -> bool:
-    """Whether a pressure is one of SAE J1939-71 that counts from the ambient pressure."""
-    parameter = parameter_in(heading.comment) or parameter_in(heading.text)
-    return not parameter.absolute if parameter else is_named_by_j1939(heading.text)
 
 
 def implausible(name: str, candidate: Candidate) -> str:
@@ -157,23 +152,6 @@ def implausible(name: str, candidate: Candidate) -> str:
         return ""
     what = "an air supply" if name == "pressure_supply" else "the air"
     return f"{name}: '{text}' is {span.low:.4g} to {span.high:.4g} {unit}, which {what} never has; it is left out."
-
-
-def reason(chosen: Heading, others: Sequence[Heading]) -> str:
-    """Reason to propose one of several pressures as that of the supply; empty if it is sure and the only one."""
-    circuit = circuit_of(standard_title(chosen))
-    if circuit is None or not (others or circuit is Circuit.BRAKES):
-        return ""
-    beside = ""
-    if others:
-        names = listed(f"'{heading.text}'" for heading in others)
-        beside = f"; others are {names}"
-    return f"pressure_supply: '{chosen.text}' is proposed, because {_REASONS[circuit]}{beside}."
-
-
-def is_sure(chosen: Heading) -> bool:
-    """Whether a pressure is near enough to a clutch actuator to be used without being confirmed."""
-    return circuit_of(standard_title(chosen)) is not Circuit.BRAKES
 
 
 #: Number of channels that are listed where one is missing.
@@ -251,7 +229,8 @@ def propose(source: Source, required: Sequence[str] = REQUIRED) -> Proposal:
         equal = _equal(name, best, others)
         remark = _remark(name, best, equal, source.tabular)
         (notes if name in PLAUSIBLE else remarks).extend([remark] if remark else [])
-        sure = name != "pressure_supply" or best.score >= STANDARD or is_sure(best.heading)
+        braking = circuit_of(_title(best.heading)) is Circuit.BRAKES  # too far from a clutch to be used unconfirmed
+        sure = name != "pressure_supply" or best.score >= STANDARD or not braking
         certain += [name] if sure and not remark else []
         notes += _notes(name, best, others if not remark else ())
         notes += _passed_over(name, best, [other for other in others if other not in equal])
@@ -406,9 +385,11 @@ def _left_out(name: str, candidates_of: Sequence[Candidate]) -> list[str]:
 
 def _notes(name: str, best: Candidate, others: Sequence[Candidate]) -> Iterator[str]:
     """Implications of the name and the samples of a proposed channel, and the reason against the `others`."""
-    if name == "pressure_supply" and best.score < STANDARD:
-        why = reason(best.heading, [other.heading for other in others])
-        yield from [why] if why else []
+    circuit = circuit_of(_title(best.heading)) if name == "pressure_supply" and best.score < STANDARD else None
+    if circuit is not None and (others or circuit is Circuit.BRAKES):
+        names = listed(f"'{other.heading.text}'" for other in others)
+        beside = f"; others are {names}" if others else ""
+        yield f"pressure_supply: '{best.heading.text}' is proposed, because {_REASONS[circuit]}{beside}."
     if best.implied:
         yield f"{name}: '{best.heading.text}' [{best.heading.unit or best.unit}] {best.implied}."
     if best.guess and best.score >= STANDARD:

@@ -197,8 +197,8 @@ def frame_table_log(path: Path) -> FrameLog:
     if layout is None:
         raise DataError("is no table of frames; a time, an identifier and a payload are needed in its header.")
     rows = [cells for line in lines[1:] if len(cells := line.split(layout.separator)) > max(layout.columns.values())]
-    stamps = np.array([_seconds(cells[layout.columns["stamp"]].strip()) for cells in rows])
     texts = [cells[layout.columns["stamp"]].strip() for cells in rows]
+    stamps = np.array(list(map(_seconds, texts)))
     scale = _scale(stamps, layout.unit, whole=all(text.isdigit() for text in texts))
     single = [cells[i].strip() for cells in rows for i in layout.bytes if i < len(cells)]
     if any(len(cell) > len("FF") for cell in single) and all(cell.isdigit() for cell in single if cell):
@@ -228,9 +228,7 @@ def _scale(stamps: FloatArray, unit: str, *, whole: bool) -> float:
 def _base(cells: Sequence[str]) -> int:
     """10 where identifiers are decimal: none has a letter, and those of a bus would be too long otherwise; else 16."""
     plain = [cell.strip().removesuffix("h") for cell in cells]
-    if any(not cell.isdigit() for cell in plain) or any(len(cell) in (3, 8) for cell in plain):
-        return 16
-    return 10
+    return 16 if any(not cell.isdigit() or len(cell) in (3, 8) for cell in plain) else 10
 
 
 def _table_frames(path: Path, layout: _FrameTable, scale: float, zero: int, base: int) -> Iterator[Frame | str]:

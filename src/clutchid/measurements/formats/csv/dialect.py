@@ -260,12 +260,9 @@ def _dialect(filled: Filled, structure: _Structure) -> Dialect:
     clock = next((column.index for column in columns if column.name == "time"), None)
     if clock is None:
         clock = next((index for index, cell_form in enumerate(forms) if cell_form.kind == "stamp"), None)
-    stamped = clock is not None and forms[clock].kind == "stamp"
-    start = (
-        next((row[clock] for row in rows if nanoseconds(row[clock]) is not None), "")
-        if stamped and clock is not None
-        else ""
-    )
+    start = ""
+    if clock is not None and forms[clock].kind == "stamp":
+        start = next((row[clock] for row in rows if nanoseconds(row[clock]) is not None), "")
     header = lines[structure.header] if structure.header >= 0 else 0
     above = max(structure.header, structure.units)
     below = lines[above] + 1 + filled[above][1].count("\n")
