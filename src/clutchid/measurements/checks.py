@@ -75,7 +75,10 @@ def check(table: Table, ambient: float = AMBIENT, *, holes_end: bool = True) -> 
     groups: dict[str, list[_Column]] = defaultdict(list)
     for heading in table.headings:
         if heading.name is not None and heading.index in table.numbers:
-            groups[heading.name].append(_column(heading, table, ambient))
+            written = table.numbers[heading.index]
+            unread = table.unread.get(heading.index, np.empty(0, dtype=np.int64))
+            column = _Column(heading, written, in_si(heading, written, ambient), table.places, unread)
+            groups[heading.name].append(column)
     problems = list(table.problems)
     for name, columns in groups.items():
         for column in columns:
@@ -109,12 +112,6 @@ def in_si(heading: Heading, written: FloatArray, ambient: float) -> FloatArray:
         return written
     with np.errstate(over="ignore", invalid="ignore"):
         return to_si(written, heading.unit, heading.si, ambient)
-
-
-def _column(heading: Heading, table: Table, ambient: float) -> _Column:
-    written = table.numbers[heading.index]
-    unread = table.unread.get(heading.index, np.empty(0, dtype=np.int64))
-    return _Column(heading, written, in_si(heading, written, ambient), table.places, unread)
 
 
 def _problems(name: str, column: _Column) -> Iterable[str]:

@@ -340,7 +340,7 @@ def _named(table: Table, chosen: PickedChannels, count: int) -> Table:
 def picked_values(table: Table, chosen: PickedChannels, count: int) -> dict[str, FloatArray]:
     """The picked columns by quantity, in their units, with sign, factor and offset applied; NaN where there is none.
 
-    A time that is counted begins `done` samples after the first one.
+    A time that is counted begins `count` samples after the first one.
     """
     values = {}
     for name, (heading, entry) in chosen.columns.items():

@@ -65,23 +65,10 @@ def live_blocks(
     DataError
         If there is no sample; if the time goes back for good, after the block before it was given; or as `batches`.
     """
-    begun = False
-    for block in _all_blocks(batches, picks, name, metadata):
-        begun = begun or len(block.log) > 0
-        if begun:
-            yield block
-    if not begun:
-        raise DataError(f"{name}: ended before the first sample with a time; nothing can be observed.")
-
-
-def _all_blocks(
-    batches: Iterator[ArrivedBatch], picks: Sequence[PickedChannels], name: str, metadata: Mapping[str, str]
-) -> Iterator[LiveBlock]:
-    """The blocks, also those without samples whose counts say what was left out."""
     waiting = none_waiting([[column for column in chosen.columns if column != "time"] for chosen in picks])
     unused, left = _UnusedSamples(waiting.streams[0], waiting.streams[1:]), LeftOutCounts()
     trouble: DataError | None = None
-    ended = False
+    begun = ended = False
     while not ended:
         try:
             batch = next(batches, None)
@@ -99,14 +86,16 @@ def _all_blocks(
         unused, block = _joined(unused, ready, picks, ended=ended)
         if block.time.size:
             yield LiveBlock(Log(block.time, block.columns, name, metadata), left)
-            left = LeftOutCounts()
+            begun, left = True, LeftOutCounts()
         if lost:
             trouble = DataError(
                 f"{name}: the time goes back from {waiting.latest:.6g} to {waiting.lost:.6g} s and stays there: the "
                 "clock of the source was set, or had jumped; start again."
             )
-    if any(left):
+    if begun and any(left):
         yield LiveBlock(Log(np.empty(0), block.columns, name, metadata), left)
+    if trouble is None and not begun:
+        trouble = DataError(f"{name}: ended before the first sample with a time; nothing can be observed.")
     if trouble is not None:
         raise trouble
 
