@@ -15,6 +15,7 @@ from clutchid.files import atomic_write, digest, reading
 from clutchid.log import Log
 from clutchid.measurements.checks import AMBIENT, check_ambient
 from clutchid.measurements.columns import REQUIRED
+from clutchid.measurements.formats.kinds import function_named
 from clutchid.measurements.opening import open_source, with_dbc
 from clutchid.measurements.source import BLOCK, VENTED_KEY, Source, in_contract
 from clutchid.names import printable
@@ -23,6 +24,11 @@ if TYPE_CHECKING:
     from clutchid.measurements.map.channel_map import ChannelMap
 
 Item = TypeVar("Item")
+
+#: Functions that write a log, by suffix.
+_WRITERS = {
+    ".csv": "csv.file.save", ".parquet": "parquet.file.save", ".mf4": "mdf.file.save", ".mat": "mat.file.save",
+}  # fmt: skip
 
 __all__ = ["AMBIENT", "read", "read_each", "read_pieces", "write"]
 
@@ -240,28 +246,13 @@ def write(log: Log, path: str | PathLike[str]) -> None:
     0.0,0.0
     0.001,0.0005
     """
-    writers = _writers()
     suffix = Path(path).suffix
-    if suffix.lower() not in writers:
-        *suffixes, last = writers
+    if suffix.lower() not in _WRITERS:
+        *suffixes, last = _WRITERS
         what = f"the suffix '{suffix}' is not known" if suffix else "the name has no suffix"
         raise ExportError(f"{path}: {what}; a log is written as {', '.join(suffixes)} or {last}.")
     if log.edges and suffix.lower() != ".parquet":
         lost = f"{path} does not keep the edges of {' and '.join(log.edges)} between the samples; .parquet does."
         warnings.warn(lost, stacklevel=2)
     with atomic_write(path) as temporary:
-        writers[suffix.lower()](log, temporary)
-
-
-def _writers() -> dict[str, Callable[[Log, Path], None]]:
-    from clutchid.measurements.formats.csv import file as csv_file
-    from clutchid.measurements.formats.mat import file as mat_file
-    from clutchid.measurements.formats.mdf import file as mdf_file
-    from clutchid.measurements.formats.parquet import file as parquet_file
-
-    return {
-        ".csv": csv_file.save,
-        ".parquet": parquet_file.save,
-        ".mf4": mdf_file.save,
-        ".mat": mat_file.save,
-    }
+        function_named(_WRITERS[suffix.lower()])(log, temporary)

@@ -13,6 +13,7 @@ import weakref
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from os import PathLike
 from pathlib import Path
 
@@ -213,32 +214,30 @@ def _guarded_source(path: Path, dbc: Sequence[Path], kind: str) -> Source:
     files = {"path": str(path.absolute()), "dbc": [str(name.absolute()) for name in dbc]}
     message, _ = process.ask({"do": "open", **files, "kind": kind}, path)
     source = source_of(message["source"], path)
-    tables = _RemoteTables(process, source, message["number"])
+    tables = partial(_tables, process, source, message["number"])
     weakref.finalize(tables, process.forgotten.append, message["number"])
     return replace(source, tables=tables)
 
 
-class _RemoteTables:
-    """Reads channels of one time grid through the reader process, see `Tables`."""
+def _tables(
+    process: ReaderProcess, source: Source, file: int, raster: int, columns: Sequence[int], rows: int | None = None
+) -> Iterator[Table]:
+    """Tables of one time grid, see `Tables`; the samples that are asked for as a whole still come in blocks."""
+    whole = rows is None and source.format != "CSV"
+    blocks = _blocks(process, source, file, raster, columns, BLOCK if whole else rows)
+    if not whole:
+        yield from blocks
+    elif tables := list(blocks):
+        yield joined(tables)
 
-    def __init__(self, process: ReaderProcess, source: Source, number: int) -> None:
-        self._process, self._source, self._number = process, source, number
 
-    def __call__(self, raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:
-        """Consecutive tables of at most `rows` samples; what is asked for as a whole still comes in blocks."""
-        if rows is not None or self._source.format == "CSV":
-            yield from self._blocks(raster, columns, rows)
-        else:
-            blocks = list(self._blocks(raster, columns, BLOCK))
-            if blocks:
-                yield joined(blocks)
-
-    def _blocks(self, raster: int, columns: Sequence[int], rows: int | None) -> Iterator[Table]:
-        path, headings = self._source.path, self._source.rasters[raster].headings
-        question = {"do": "tables", "number": self._number, "raster": raster, "columns": list(columns), "rows": rows}
-        number = self._process.ask(question, path)[0]["number"]
-        try:
-            while "end" not in (answer := self._process.ask({"do": "next", "number": number}, path))[0]:
-                yield unpacked(*answer, headings)
-        finally:
-            self._process.forgotten.append(number)
+def _blocks(
+    process: ReaderProcess, source: Source, file: int, raster: int, columns: Sequence[int], rows: int | None
+) -> Iterator[Table]:
+    question = {"do": "tables", "number": file, "raster": raster, "columns": list(columns), "rows": rows}
+    number = process.ask(question, source.path)[0]["number"]
+    try:
+        while "end" not in (answer := process.ask({"do": "next", "number": number}, source.path))[0]:
+            yield unpacked(*answer, source.rasters[raster].headings)
+    finally:
+        process.forgotten.append(number)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -53,15 +53,9 @@ def decoded(parts: MessageParts) -> Answer:
 
 def described(source: Source) -> Message:
     """An opened file without its path, its edges and the function that reads it."""
-    return {
-        "format": source.format,
-        "rasters": [asdict(replace(raster, size=int(raster.size))) for raster in source.rasters],
-        "problems": source.problems,
-        "warnings": source.warnings,
-        "metadata": dict(source.metadata),
-        "unnamed": source.unnamed,
-        "one_clock": source.one_clock,
-    }
+    same = ("format", "problems", "warnings", "unnamed", "one_clock")
+    rasters = [asdict(replace(raster, size=int(raster.size))) for raster in source.rasters]
+    return {name: getattr(source, name) for name in same} | {"rasters": rasters, "metadata": dict(source.metadata)}
 
 
 def source_of(message: Message, path: Path) -> Source:
@@ -151,12 +145,7 @@ class _OpenFiles:
             self._sources.pop(number, None)
             if self._tables.pop(number, None) is self._last:
                 self._last = None
-        deeds: dict[str, Callable[[Message], Answer]] = {
-            "open": self._open,
-            "tables": self._begin,
-            "next": self._next,
-        }
-        return deeds[question["do"]](question)
+        return {"open": self._open, "tables": self._begin, "next": self._next}[question["do"]](question)
 
     def read_ahead(self) -> None:
         """Read a block more of the tables that were asked for last."""

@@ -11,7 +11,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -53,8 +52,9 @@ _ONE_PIECE = NoChannel(f"arrays in compressed pieces of more than {_LARGEST_CHUN
 
 @dataclass(slots=True)
 class _OpenFile:
-    """The open file while it is looked through, its size in bytes, and the groups so far."""
+    """The library, the open file while it is looked through, its size in bytes, and the groups so far."""
 
+    h5: Any
     file: h5py.File
     size: int
     groups: set[int] = field(default_factory=set)
@@ -70,10 +70,9 @@ def contents(path: Path) -> Struct:
     MissingExtra
         If h5py is not installed.
     """
-    with _file(path) as file, sound(_FORMAT):
-        walk = _OpenFile(file, path.stat().st_size)
-        names = [name for name in file if not name.startswith("#")]
-        return Struct({name: _member(walk, file, name) for name in names})
+    with _file(path) as walk, sound(_FORMAT):
+        names = [name for name in walk.file if not name.startswith("#")]
+        return Struct({name: _member(walk, walk.file, name) for name in names})
 
 
 @contextmanager
@@ -87,7 +86,7 @@ def opened(path: Path) -> Iterator[ReadSamples]:
     MissingExtra
         If h5py is not installed.
     """
-    with _file(path) as file:
+    with _file(path) as walk:
 
         def read(numbers: Numbers, channel: int, start: int, stop: int) -> FloatArray:
             if start == stop:
@@ -101,45 +100,39 @@ def opened(path: Path) -> Iterator[ReadSamples]:
                 index = tuple(next(sides) if side > 1 else 0 for side in numbers.shape)
                 if numbers.size == 1:
                     index = (*index[:-1], slice(0, 1))
-                values = file[str(numbers.place)][index[::-1]]
+                values = walk.file[str(numbers.place)][index[::-1]]
                 return np.asarray(values, dtype=np.float64)
 
         yield read
 
 
 @contextmanager
-def _file(path: Path) -> Iterator[h5py.File]:
-    h5 = _h5py()
+def _file(path: Path) -> Iterator[_OpenFile]:
+    try:
+        h5 = import_module("h5py")
+    except ImportError as error:
+        raise missing("reading MATLAB 7.3 files (those saved with '-v7' do without)", "h5py", "mat") from error
     with sound(_FORMAT):
         file = h5.File(path, "r")
     try:
-        yield file
+        yield _OpenFile(h5, file, path.stat().st_size)
     finally:
         with sound(_FORMAT):
             file.close()
 
 
-def _h5py() -> ModuleType:
-    try:
-        return import_module("h5py")
-    except ImportError as error:
-        raise missing("reading MATLAB 7.3 files (those saved with '-v7' do without)", "h5py", "mat") from error
-
-
 def _member(walk: _OpenFile, group: h5py.Group, name: str) -> Node:
     """The node of a member of a group; links out of the group are not followed."""
-    h5 = _h5py()
-    if not isinstance(group.get(name, getlink=True), h5.HardLink):
+    if not isinstance(group.get(name, getlink=True), walk.h5.HardLink):
         return _ELSEWHERE
     return _node(walk, group[name])
 
 
 def _node(walk: _OpenFile, item: Any) -> Node:
-    h5 = _h5py()
-    if not isinstance(item, h5.Group | h5.Dataset):
+    if not isinstance(item, walk.h5.Group | walk.h5.Dataset):
         return NO_NUMBERS
     class_name = _attribute(item, "MATLAB_class")
-    if isinstance(item, h5.Group):
+    if isinstance(item, walk.h5.Group):
         return _group(walk, item, class_name)
     if "MATLAB_object_decode" in item.attrs:
         return class_object(class_name)
@@ -180,11 +173,10 @@ def _group(walk: _OpenFile, group: h5py.Group, class_name: str) -> Node:
 
 def _references(walk: _OpenFile, group: h5py.Group, name: str) -> list[Any] | None:
     """The references of a field of a struct array; None where it is the field of a single struct."""
-    h5 = _h5py()
-    if not isinstance(group.get(name, getlink=True), h5.HardLink):
+    if not isinstance(group.get(name, getlink=True), walk.h5.HardLink):
         return None
     data = group[name]
-    if not isinstance(data, h5.Dataset) or data.dtype != h5.ref_dtype or "MATLAB_class" in data.attrs:
+    if not isinstance(data, walk.h5.Dataset) or data.dtype != walk.h5.ref_dtype or "MATLAB_class" in data.attrs:
         return None
     return _all_of(walk, data)
 
@@ -201,12 +193,11 @@ def _pointed(walk: _OpenFile, reference: Any) -> Node:
 
 
 def _dataset(walk: _OpenFile, data: h5py.Dataset, class_name: str) -> Node:
-    h5 = _h5py()
     if data.is_virtual or data.external or not _is_there(walk, data):
         return _ELSEWHERE
     if math.prod(data.chunks or ()) * data.dtype.itemsize > _LARGEST_CHUNK:
         return _ONE_PIECE
-    if data.dtype == h5.ref_dtype:
+    if data.dtype == walk.h5.ref_dtype:
         return NodeArray(tuple(_pointed(walk, reference) for reference in _all_of(walk, data)), cell=True)
     if class_name == "char":
         return CharArray(_characters(data))
