@@ -124,12 +124,8 @@ def runs_of(rows: Rows, time: FloatArray, before: float, tolerance: Tolerance) -
     begins = np.unique(np.r_[0, cuts(time, before, tolerance)])
     ends = np.r_[begins[1:], time.size]
     greatest = np.maximum.reduceat(time, begins)
-    return [
-        Run(*values)
-        for values in zip(
-            rows[begins].tolist(), (ends - begins).tolist(), time[begins].tolist(), greatest.tolist(), strict=True
-        )
-    ]
+    fields = rows[begins].tolist(), (ends - begins).tolist(), time[begins].tolist(), greatest.tolist()
+    return list(map(Run, *fields))
 
 
 def disordered(runs: Sequence[Run]) -> bool:
@@ -309,11 +305,8 @@ def matched(
     for same in zip(*steps, strict=True):
         ends = [change.before for change in same]
         if max(ends) - min(ends) > slack + _NEAR * abs(max(ends)):
-            return (
-                [],
-                changes,
-                _apart_sentence(f"after {quantity(min(ends), 's')} and after {quantity(max(ends), 's')}"),
-            )
+            when = f"after {quantity(min(ends), 's')} and after {quantity(max(ends), 's')}"
+            return [], changes, _apart_sentence(when)
         restart = max(ends) - min(change.stamp for change in same) + apart
         periodic = all(change.kind == same[0].kind != "restart" for change in same)
         common.append(common[-1] + (same[0].amount if periodic else restart))
