@@ -10,11 +10,12 @@ Thresholds: benchmarks/results/thresholds.md.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchid.log import INPUTS, FloatArray
 from clutchid.measurements.columns import Heading, is_unit_of
@@ -154,12 +155,37 @@ def by_presence(
     enough
         Samples of a channel that show that it is sparse, by default `_ENOUGH`.
     """
-    enough = _ENOUGH if enough is None else enough
     present = {
         name: np.isfinite(table.numbers[heading.index][:rows])
         for name, (heading, _) in chosen.columns.items()
         if name != "time" and heading.index in table.numbers
     }
+    sparse, changing = _sparse(chosen, table, present, _ENOUGH if enough is None else enough)
+    time = chosen.columns.get("time")
+    if not sparse or time is None or time[0].index == COUNTED:
+        return [chosen]
+    groups: dict[bytes, list[str]] = {}
+    for name in present:
+        groups.setdefault(sparse[name].tobytes() if name in sparse else b"", []).append(name)
+    stamps = table.numbers.get(time[0].index, np.empty(0))
+    picks = []
+    notes = chosen.notes
+    for names in groups.values():
+        columns = {name: entry for name, entry in chosen.columns.items() if name in names or name not in present}
+        for name in INPUTS:
+            if name in names and name in sparse and (name in changing or not _has_rate(stamps[sparse[name]])):
+                heading, entry = columns[name]
+                columns[name] = (heading, entry if entry.longest is not None else replace(entry, longest=np.inf))
+                notes = (*notes, f"{name}: is recorded where it changes; each sample is held until the next one.")
+        picks.append(replace(chosen, columns=columns, notes=notes, increasing=False, sparse=True))
+        notes = ()
+    return picks
+
+
+def _sparse(
+    chosen: PickedChannels, table: Table, present: Mapping[str, NDArray[np.bool_]], enough: int
+) -> tuple[dict[str, Rows], set[str]]:
+    """The rows of each sparse channel, by its name, and the inputs that are written row by row while they change."""
     sparse: dict[str, Rows] = {}
     changing: set[str] = set()
     for name, there in present.items():
@@ -177,28 +203,7 @@ def by_presence(
             for name in INPUTS
             if name in present and np.count_nonzero(present[name]) == 1 and present[name][:_FIRST_ROWS].any()
         }
-    time = chosen.columns.get("time")
-    if not sparse or time is None or time[0].index == COUNTED:
-        return [chosen]
-    groups: dict[bytes, list[str]] = {}
-    for name in present:
-        groups.setdefault(sparse[name].tobytes() if name in sparse else b"", []).append(name)
-    stamps = table.numbers.get(time[0].index, np.empty(0))
-    picks = []
-    notes = chosen.notes
-    for names in groups.values():
-        columns = dict(chosen.columns)
-        for name in present:
-            if name not in names:
-                del columns[name]
-        for name in INPUTS:
-            if name in names and name in sparse and (name in changing or not _has_rate(stamps[sparse[name]])):
-                heading, entry = columns[name]
-                columns[name] = (heading, entry if entry.longest is not None else replace(entry, longest=np.inf))
-                notes = (*notes, f"{name}: is recorded where it changes; each sample is held until the next one.")
-        picks.append(replace(chosen, columns=columns, notes=notes, increasing=False, sparse=True))
-        notes = ()
-    return picks
+    return sparse, changing
 
 
 def _changes(places: Rows, values: FloatArray) -> bool:
