@@ -1,23 +1,38 @@
-"""The exported observer in C against the one in Python, on calibrated trucks of both families.
+"""The exported observer in C: against the one in Python on calibrated trucks, and its costs on a Cortex-M4F.
 
     python benchmarks/export.py [--trucks 24 | --numbers 3,5] [--families A,B] [--seconds 60]
+    python benchmarks/export.py --costs [--method joint] [--calibration CAL.toml --log WORN.csv]
 
 Each truck is calibrated on 30 s with pressure and the conditions; then a clutch worn by 2 mm is followed from position
 alone by Python and by the C: in double, in float, and in float with two rates, of which the slow task runs after every
 sample. Theta is in prior standard deviations, the load in % of its peak, the pressure in Pa rms.
+
+Costs are those in float of truck 0 of family A over 10 s of the worn clutch, or of a calibration and a recording:
+counted by an emulator (`arm-none-eabi-gcc`, `qemu-system-arm -icount`), in instructions, not cycles, not on hardware.
 """
 
 from __future__ import annotations
 
 import argparse
+import re
+import subprocess
+import tempfile
 import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
 
+import jinja2
 import numpy as np
 
 import clutchid
-from clutchid.exports.c99 import CStyle, compiler, observer_c99
-from clutchid.exports.parity import begun, parity, replay
+from clutchid.exports.c99 import CStyle, compiler, observer_c99, source_files
+from clutchid.exports.parity import begins_us, begun, parity, replay, samples_of
+from clutchid.exports.target import FAST, example_files
+from clutchid.log import FloatArray, Log
 from clutchid.observer import observer, start
+from clutchid.observer.methods import METHODS
+from clutchid.observer.observer import Observer
 from clutchid.truck import drive, truck
 
 STYLES = {
@@ -26,20 +41,143 @@ STYLES = {
     "float, two rates": CStyle(real="float", rates="two"),
 }
 
+#: Samples whose costs are counted, at most.
+COSTED = 10_000
 
-def compared(family: str, number: int, seconds: float) -> dict[str, tuple[float, float, float, bool]]:
-    """Theta, load, pressure, and whether all flags and strokes are alike, by style."""
+_COMPILER = ("arm-none-eabi-gcc", "-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard")
+_LINK = ("-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections", "-nostartfiles", "--specs=rdimon.specs")
+
+#: 32 ns an instruction: a tick of the timer is 1.25 instructions, and 21 million instructions pass before it wraps.
+_EMULATOR = (
+    "qemu-system-arm", "-M", "mps2-an386", "-nographic", "-monitor", "none", "-serial", "none", "-icount", "shift=5",
+    "-semihosting-config", "enable=on,target=native",
+)  # fmt: skip
+_LOOPS = 100_000
+
+_SAMPLES = """    .syntax unified
+    .section .rodata.samples, "a"
+    .balign 8
+    .global samples_begin
+    .global samples_end
+samples_begin:
+    .incbin "samples.bin"
+samples_end:
+"""
+
+
+def worn_truck(family: str, number: int, seconds: float) -> tuple[clutchid.ParameterFile, Log]:
+    """A truck's calibration, and a recording of its worn clutch."""
     kind = truck(number, family)
     fit = clutchid.calibrate(drive(kind, seconds=30.0, seed=1, conditions=True).log)
     log = drive(kind, seconds=seconds, seed=2, wear=2e-3, conditions=True, pressure=False).log
-    content = clutchid.parameter_file(fit)
-    one = observer(content.actuator, "joint", calibration=content.calibration)
-    state, found = begun(one, start(one)), {}
+    return clutchid.parameter_file(fit), log
+
+
+def compared(family: str, number: int, seconds: float) -> dict[str, tuple[float, float, float, bool]]:
+    """Theta, load, pressure, and whether all flags and strokes are alike, by style."""
+    content, log = worn_truck(family, number, seconds)
+    followed = observer(content.actuator, "joint", calibration=content.calibration)
+    state, rows = begun(followed, start(followed)), {}
     for name, style in STYLES.items():
-        got = parity(one, state, log, replay(one, observer_c99(one, state, style, "benchmark"), style, log, compiler()))
+        in_c = replay(followed, observer_c99(followed, state, style, "benchmark"), style, log, compiler())
+        got = parity(followed, state, log, in_c)
         alike = not got.flags and got.strokes[0] == got.strokes[1]
-        found[name] = got.theta, 100.0 * got.load, got.pressure, alike
-    return found
+        rows[name] = got.theta, 100.0 * got.load, got.pressure, alike
+    return rows
+
+
+class Count(NamedTuple):
+    """Instructions of a function over its calls: mean, and most."""
+
+    mean: float
+    most: int
+    calls: int
+
+
+class Costs(NamedTuple):
+    """Instructions of each function and a millisecond, and bytes of memory: flash, that of libm, RAM, NVRAM, stacks."""
+
+    counts: dict[str, Count]
+    millisecond: float
+    memory: dict[str, int]
+
+
+def target_costs(observed: Observer, style: CStyle, log: Log, flags: Sequence[str] = ("-O2", *FAST)) -> Costs:
+    """Costs of an observer as calibrated on an emulated Cortex-M4F, over a recording."""
+    modules = observer_c99(observed, start(observed), style, "costs")
+    values = {"name": style.name, "real": style.real, "two": style.rates == "two", "loops": _LOOPS}
+    program = jinja2.Template((Path(__file__).parent / "costs.c.j2").read_text("utf-8"), trim_blocks=True)
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        files = source_files(modules) | {Path(path).name: text for path, text in example_files(style).items()}
+        files["costs.c"] = program.render(values | {"begins_us": begins_us(log)})
+        for name, text in (files | {"samples.S": _SAMPLES}).items():
+            (folder / name).write_text(text, encoding="utf-8")
+        (folder / "samples.bin").write_bytes(_binary(samples_of(log)[:COSTED], style))
+        objects = [f"{stem}.o" for stem in modules]
+        for stem, target in zip(modules, objects, strict=True):
+            _run([*_COMPILER, "-std=c99", *flags, *_LINK[:2], "-c", "-o", target, f"{stem}.c"], folder)
+        link = [*_COMPILER, "-std=gnu99", "-O2", *_LINK, "-T", "linker.ld", "-Wl,-Map=costs.map", "-o", "costs.elf"]
+        _run([*link, "costs.c", "startup.c", "samples.S", *objects, "-lm"], folder)
+        printed = _run([*_EMULATOR, "-kernel", "costs.elf"], folder)
+        numbers = {name: int(value) for name, value in (line.split() for line in printed.splitlines())}
+        return _costs(numbers, (folder / "costs.map").read_text(encoding="utf-8"), objects)
+
+
+def _binary(samples: FloatArray, style: CStyle) -> bytes:
+    real = np.dtype("<f4" if style.real == "float" else "<f8")
+    record = np.dtype([("values", real, 4), ("since_us", "<u4")], align=True)
+    rows = np.zeros(len(samples), record)
+    rows["values"], rows["since_us"] = samples[:, :4], samples[:, 4]
+    return rows.tobytes()
+
+
+def _run(command: Sequence[str], folder: Path) -> str:
+    return subprocess.run(command, cwd=folder, stdout=subprocess.PIPE, encoding="utf-8", timeout=600, check=True).stdout
+
+
+def _costs(numbers: dict[str, int], linker_map: str, objects: Sequence[str]) -> Costs:
+    a_tick = 2 * _LOOPS / numbers["loop"]
+
+    def total(name: str) -> float:
+        return a_tick * (numbers[f"{name}_sum_high"] * 2**24 + numbers[f"{name}_sum_low"])
+
+    def count(name: str) -> Count:
+        calls = numbers[f"{name}_calls"]
+        return Count(total(name) / max(calls, 1), round(a_tick * numbers[f"{name}_most"]), calls)
+
+    memory = {
+        "flash": sum(_flash(linker_map, re.escape(name)) for name in objects),
+        "flash of libm": _flash(linker_map, r"\S*/libm\.a\(\S+\)"),
+        "RAM": numbers["memory"] + numbers["buffers"],
+        "over a restart": numbers["nvram"],
+        "stack, fast": numbers["stack_fast"],
+        "stack, slow": numbers["stack_slow"],
+    }
+    millisecond = (total("fast") + total("slow")) / max(numbers["milliseconds"], 1)
+    return Costs({name: count(name) for name in ("fast", "slow", "load", "start", "store")}, millisecond, memory)
+
+
+def _flash(linker_map: str, owner: str) -> int:
+    """Bytes of the sections of an object that lie in flash; a map lists them after those that were left out."""
+    _, _, linked = linker_map.partition("Linker script and memory map")
+    sections = rf"^ \.(?:text|rodata|data)\S*\s+0x[0-9a-f]+\s+0x([0-9a-f]+) {owner}$"
+    return sum(int(size, 16) for size in re.findall(sections, linked, re.MULTILINE))
+
+
+def print_costs(methods: Sequence[str], calibration: str | None, recording: str | None) -> None:
+    """A line an export with its instructions, another with its memory."""
+    if calibration and recording:
+        content, log = clutchid.read_parameters(calibration), clutchid.read(recording)
+    else:
+        content, log = worn_truck("A", 0, 10.0)
+    for method in methods:
+        observed = observer(content.actuator, method, calibration=content.calibration)
+        for rates in ("two", "one"):
+            costs = target_costs(observed, CStyle(rates=rates), log)
+            counts = [f"{name} {c.mean:,.0f}; {c.most:,}" for name, c in costs.counts.items() if c.calls]
+            print(f"{method}, {rates}: {costs.millisecond:,.0f} instructions a millisecond | {' | '.join(counts)}")
+            print("    " + ", ".join(f"{name} {size:,} B" for name, size in costs.memory.items()), flush=True)
 
 
 def main() -> None:
@@ -48,7 +186,14 @@ def main() -> None:
     parser.add_argument("--numbers", default="", help="trucks by number, in place of the first ones")
     parser.add_argument("--families", default="A,B")
     parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--costs", action="store_true", help="count instructions in place of comparing")
+    parser.add_argument("--method", action="append", choices=tuple(METHODS), help="of the costs; default: joint")
+    parser.add_argument("--calibration")
+    parser.add_argument("--log")
     options = parser.parse_args()
+    if options.costs:
+        print_costs(options.method or ["joint"], options.calibration, options.log)
+        return
     numbers = [int(n) for n in options.numbers.split(",") if n] or range(options.trucks)
     print("| family | C | theta median, worst | load % median, worst | p_A Pa rms median, worst | flags alike |")
     print("|---|---|---|---|---|---|")

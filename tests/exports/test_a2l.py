@@ -70,7 +70,7 @@ def reading(exported: Exported, symbols: Iterator[str]) -> str:
     """Statements that take the first number of each symbol as one of the type in the A2L."""
     real = exported.style.real
     array = re.compile(r"(breakpoints|_load_\w+|weights)$")
-    types = {s: "uint32_t" if re.search(r"strokes$|flags$|health", s) else real for s in symbols}
+    types = {s: "uint32_t" if re.search(r"strokes$|flags$|trust$|health", s) else real for s in symbols}
     return " ".join(
         f"{{ const {t} *at = &{s}{'[0]' if array.search(s) else ''}; (void)*at; }}" for s, t in types.items()
     )

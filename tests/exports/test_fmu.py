@@ -22,6 +22,7 @@ from clutchid.errors import ExportError, ParameterError
 from clutchid.exports import fmu
 from clutchid.exports.c99 import CStyle, observer_c99
 from clutchid.exports.fmu import model_fmu, observer_fmu, platforms
+from clutchid.exports.outputs import OUTPUTS
 from clutchid.log import Log
 from clutchid.model import Actuator
 from clutchid.model.equipment import Equipment
@@ -255,19 +256,20 @@ def test_steps_of_the_observer_are_those_of_the_replay(observing, modules, input
     n = round(SECONDS / STEP)
     replay = template("replay.c.j2", "clutchid.exports")
     folder = observing.folder / "sources"
-    (folder / "replay.c").write_text(replay.render(name="clutch", real="double", positions=[5e-3], begins_us=0))
+    names = list(OUTPUTS)
+    values = {"name": "clutch", "real": "double", "positions": [5e-3], "begins_us": 0, "outputs": names}
+    (folder / "replay.c").write_text(replay.render(values))
     files = [str(folder / f"{stem}.c") for stem in ("replay", *modules)]
     subprocess.run(["cc", "-std=c99", "-O0", "-o", str(folder / "replay"), *files, "-lm"], check=True)
     columns = [inputs[name][:n] for name in ("position_measured", "duty_supply", "duty_exhaust")]
     samples = np.column_stack([*columns, np.full(n, np.nan), np.where(np.arange(n) > 0, 1000.0, 0.0)])
     done = subprocess.run([str(folder / "replay")], input=samples.tobytes(), capture_output=True, check=True)
     replayed = np.frombuffer(done.stdout)
-    names = ["pressure_a", "pressure_a_std", "position", "velocity", "innovation", "innovation_std", "rest", "mismatch",
-             "strokes", "flags"]  # fmt: skip
     instance = observing.instance().begin(load_position=5e-3)
     found = instance.follow(inputs, names, 0, n)
-    np.testing.assert_array_equal(found, replayed[: 10 * n].reshape(n, 10))
-    np.testing.assert_array_equal(instance.get(["load", "load_low", "load_high"]), replayed[10 * n : 10 * n + 3])
+    np.testing.assert_array_equal(found, replayed[: len(names) * n].reshape(n, -1))
+    load = replayed[len(names) * n :][:3]
+    np.testing.assert_array_equal(instance.get(["load", "load_low", "load_high"]), load)
     assert np.isfinite(found[:, 0]).all()
 
 

@@ -4,6 +4,7 @@ The load after a recording with a fault is compared with that after the same rec
 it wrong before, in silence.
 """
 
+import re
 import subprocess
 from dataclasses import replace
 from functools import cache
@@ -11,8 +12,9 @@ from functools import cache
 import numpy as np
 import pytest
 
+from clutchid.estimation.assess.observed import TRUSTS, indicators, observed_verdict
 from clutchid.exports.c99 import CStyle, compiler, observer_c99
-from clutchid.exports.parity import begins_us, parity, replay_program, replayed
+from clutchid.exports.parity import COLUMNS, begins_us, parity, replay_program, replayed
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import RecordedConditions
 from clutchid.observer import observer, start
@@ -121,9 +123,12 @@ def program(one, log, tmp_path_factory):
 @pytest.mark.parametrize("fault", FAULTS)
 def test_c_follows_the_same_rules(one, log, program, fault):
     disturbed = FAULTS[fault][0](log)
-    compared = parity(one, start(one), disturbed, replayed(program, one, disturbed))
+    in_c = replayed(program, one, disturbed)
+    compared = parity(one, start(one), disturbed, in_c)
     assert compared.flags == {}
     assert compared.holds(DOUBLE), compared
+    trust = observed_verdict(indicators(observe_recording(one, disturbed))).trust
+    assert TRUSTS[int(in_c.outputs[-1, COLUMNS.index("trust")])] == trust
 
 
 def test_samples_that_repeat_others_change_nothing(one, log):
@@ -185,8 +190,26 @@ int main(void)
 """
 
 
+CALIBRATED = """
+#include <stdio.h>
+#include "clutch.h"
+static clutch_t self;
+static clutch_nvram_t blocks[2];
+int main(void)
+{
+    (void)fread(&blocks[0], sizeof(blocks[0]), 1u, stdin);
+    const int known = clutch_newest(blocks) != NULL;
+    clutch_start(&self, NULL, 0u);
+    (void)clutch_store(&self, &blocks[0]);
+    (void)fwrite(&blocks[0], sizeof(blocks[0]), 1u, stdout);
+    (void)fprintf(stderr, "%d", known);
+    return 0;
+}
+"""
+
+
 def words_of(one, style, main, folder):
-    """What a program in C prints that calls an observer."""
+    """Words that a program in C prints that calls an observer."""
     sources = write_sources(one, style, folder / "src")
     (folder / "main.c").write_text(main)
     options = ("-I", str(folder / "src"), "-fsanitize=undefined,address", "-fno-sanitize-recover=all")
@@ -204,3 +227,22 @@ def test_a_slow_task_that_never_runs_is_a_flag(one, tmp_path):
     soon, late, repeated = words_of(one, CStyle(real="double", rates="two"), LATE, tmp_path)
     assert (soon, repeated) == ("0", "1")
     assert int(late) >= 90
+
+
+@pytest.mark.slow
+def test_a_block_is_of_the_values_that_a_tool_has_changed(one, tmp_path):
+    """What is stored is in standard deviations from values that a measurement tool may calibrate."""
+    sources = write_sources(one, DOUBLE, tmp_path / "src")
+    (tmp_path / "main.c").write_text(CALIBRATED)
+    data = tmp_path / "src" / "clutch_data.c"
+
+    def run(block):
+        program = compiled([tmp_path / "main.c", *sources], tmp_path / "main", "-I", str(tmp_path / "src"))
+        done = subprocess.run([program], input=block, capture_output=True, check=True)
+        return done.stdout, done.stderr.decode()
+
+    stored, first = run(b"")
+    assert (first, run(stored)[1]) == ("0", "1")
+    mean = re.search(r"/\* F_C \*/\s*([0-9.e+-]+),", data.read_text())
+    data.write_text(data.read_text().replace(mean.group(1), repr(1.1 * float(mean.group(1)))))
+    assert run(stored)[1] == "0"

@@ -125,7 +125,7 @@ def test_with_two_rates_what_is_learnt_is_nearly_the_same_also_with_faults(found
     for real in ("double", "float"):
         _, compared = found_by("joint", CStyle(real=real, rates="two"), faulty)
         assert compared.load < 5e-3
-        assert compared.theta < 0.05
+        assert compared.theta < 0.2, "a late correction of an outlier learns otherwise"
         assert compared.strokes[0] == compared.strokes[1] > 2
 
 

@@ -50,7 +50,7 @@ class Item(NamedTuple):
     mask: str = ""
 
 
-COUNT, FLAG = Unit("count", ""), Unit("flag", "")
+COUNT, FLAG, TRUST = Unit("count", ""), Unit("flag", ""), Unit("trust", "")
 
 #: Units by their text in SI, in ASCII. Another one is shown as it is.
 UNITS = {
@@ -93,7 +93,7 @@ def a2l(observer: Observer, style: CStyle, title: str) -> str:
         values=values,
         axis=axis,
         curves=curves,
-        units=[unit for unit in units if unit not in (COUNT, FLAG)],
+        units=[unit for unit in units if unit not in (COUNT, FLAG, TRUST)],
     )
     return _ascii(text)
 
@@ -123,7 +123,8 @@ def _outputs(observer: Observer, real: str) -> Iterator[Item]:
         if output.unit:
             yield _item(field, f"output.{field}", output.meaning, output.unit, limits[output.unit], real)
         else:
-            yield Item(field, f"output.{field}", output.meaning, COUNT, *COUNTS, "ULONG")
+            unit, ends = (TRUST, (0.0, 2.0)) if field == "trust" else (COUNT, COUNTS)
+            yield Item(field, f"output.{field}", output.meaning, unit, *ends, "ULONG")
 
 
 def _flags() -> Iterator[Item]:

@@ -15,16 +15,20 @@ from clutchid.codegen.kernel_c99 import kernel_c99
 from clutchid.codegen.language import C_WORDS
 from clutchid.codegen.templates import template
 from clutchid.errors import ParameterError
+from clutchid.estimation.assess.comparison import ENGAGING
+from clutchid.estimation.assess.observed import HALF_WIDTH, MISMATCH, STROKES
 from clutchid.exports.data import carrier_us, data_of, size_of
 from clutchid.exports.filter import filter_c99
 from clutchid.log import HOLE
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels, system
 from clutchid.numerics.interval import QUANTILE
-from clutchid.observer import rest
-from clutchid.observer.following import CONTRADICTED, HELD
+from clutchid.observer import contradiction, rest
+from clutchid.observer.by_stroke import STEP
+from clutchid.observer.contradiction import CONTRADICTED
+from clutchid.observer.following import HELD
 from clutchid.observer.gaps import BRIDGED, LONG, RESOLUTION, SHORT
-from clutchid.observer.health import BEYOND, FLAGS
+from clutchid.observer.health import BEYOND
 from clutchid.observer.mismatch import MEMORY, UNLIKE
 from clutchid.observer.observer import LEAK_FOUND, Observer
 from clutchid.observer.rest import rest_pace
@@ -134,7 +138,13 @@ def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title:
         "number": c_number(style.real),
         "title": comment(title),
         "size": size_of(joint),
-        "flags": FLAGS,
+        "trust": {
+            "step": STEP,
+            "engaging": ENGAGING,
+            "strokes": STROKES,
+            "half_width": HALF_WIDTH,
+            "mismatch": MISMATCH,
+        },
         "supply": "pressure_supply" in joint.measure,
         "inputs": _inputs(observer),
         "carrier": carrier_us(actuator) > 0 and "c_pwm" in kernels(actuator.model).INPUTS,
@@ -154,6 +164,10 @@ def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title:
             "rule_",
             c_number(style.real),
         ),
+        "contradiction": kernel_c99(
+            contradiction, ("excess_after",), style.real, "contradiction_", c_number(style.real)
+        ),
+        "correction_s": joint.settings.every * joint.settings.spacing,
         "n_watch": new_watch().size,
         "seen": rule.SEEN,
         "doubt": rule.DOUBT,

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from clutchid.errors import ParameterError
+from clutchid.estimation.assess.observed import FLAGGED, TRUSTS, most_trust
 from clutchid.exports.filter import FilterSize
 from clutchid.inference.filter.joint_filter import JointFilter
 from clutchid.inference.filter.setup import LAG, LAG_OF, OFFSET, OFFSET_OF, PARAMETER, WEIGHT
@@ -17,6 +18,7 @@ from clutchid.numerics.interval import QUANTILE
 from clutchid.numerics.least_squares import triangular
 from clutchid.observer.following import PRESSURES
 from clutchid.observer.gaps import UNKNOWN
+from clutchid.observer.health import FLAGS
 from clutchid.observer.observer import Observer
 from clutchid.observer.prior import ASSUMED, BY_FORMULA, LEAK
 from clutchid.observer.rest import rest_pace
@@ -81,6 +83,9 @@ def data_of(observer: Observer, state: ObserverState) -> dict[str, Any]:
         "strokes": state.strokes.ended,
         "mismatch": state.mismatch,
         "shift": state.rest.shift,
+        "flagged": [FLAGGED.get(flag, (np.inf, np.inf)) for flag in FLAGS],
+        "flags": FLAGS,
+        "most_trust": TRUSTS.index(most_trust(observer)),
         "fingerprint": int(fingerprint(observer)[:8], 16),
         "pace": dict(zip(("positions", "speeds", "rates"), (part.tolist() for part in joint.pace), strict=True)),
     }

@@ -24,7 +24,7 @@ from clutchid.exports.parity import (
     samples_of,
     trial_drive,
 )
-from clutchid.exports.target import example_files, target_costs, vectors
+from clutchid.exports.target import example_files, vectors
 from clutchid.files import not_an_address, write_bytes
 from clutchid.log import Log, sample_interval
 from clutchid.observer.observer import Observer
@@ -35,8 +35,8 @@ Target = Literal["c", "fmu2", "matlab", "a2l", "dbc"]
 #: What an export writes, in this order.
 TARGETS: tuple[Target, ...] = ("c", "fmu2", "matlab", "a2l", "dbc")
 
-#: Pages of an export, samples of its test, and samples of a recording whose costs are counted.
-PAGES, VECTORS, COSTED = ("parity", "readme"), 1500, 10_000
+#: Pages of an export, and samples of its test.
+PAGES, VECTORS = ("parity", "readme"), 1500
 
 #: A recording may be as much faster or slower than the observer, as a share of its rate.
 RATE = 0.05
@@ -155,12 +155,10 @@ def write_export(
     if "dbc" in to:
         files[f"dbc/{style.name}.dbc"] = results_dbc()
     _write(folder, files)
-    costs = target_costs(folder, style, samples[:COSTED], begins) if check is not None else None
     values = {
         "name": style.name, "style": style, "title": title, "to": to, "model": model, "observer": observer,
-        "parity": compared, "holds": compared is not None and compared.holds(style), "notes": notes, "costs": costs,
-        "counts": ("fast", "slow", "load", "start", "store"), "costed": COSTED, "deviations": DEVIATIONS,
-        "checker": CHECKER,
+        "parity": compared, "holds": compared is not None and compared.holds(style), "notes": notes,
+        "deviations": DEVIATIONS, "checker": CHECKER,
     }  # fmt: skip
     pages = {f"{page.upper()}.md": template(f"{page}.md.j2", "clutchid.exports").render(values) for page in PAGES}
     _write(folder, pages)

@@ -106,6 +106,7 @@ def observer_fmu(observer: Observer, state: ObserverState, style: CStyle, module
         "title": f"on-line observer of a clutch actuator, method {observer.method}, in {style.real}",
         "real": style.real,
         "fields": [name for name, output in OUTPUTS.items() if output.unit],
+        "counts": [name for name, output in OUTPUTS.items() if not output.unit],
         "free": free,
         "carrier_us": carrier_us(joint.mapped.actuator) if carrier else 0,
         "spacing": observer.spacing,

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.documents.style import MM
+from clutchid.estimation.assess.observed import TRUSTS, indicators, observed_verdict
 from clutchid.log import FloatArray
 from clutchid.measurements.formats.can.dbc import Signal
 from clutchid.numerics.interval import QUANTILE
@@ -42,6 +43,8 @@ def _words(*rows: tuple[str, float, float, str, str]) -> tuple[Signal, ...]:
 
 _BITS = {"used": "The position of the sample was usable.", **FLAGS, **LIVE_FLAGS}
 
+TRUST = Signal("trust", 62, 2, comment="Trust in the load so far.")
+
 #: All messages.
 STATE = ResultMessage("ClutchState", 0x6E0, _words(
     ("position", 0.001, -5.0, "mm", "Position of the piston."),
@@ -58,6 +61,7 @@ LOAD = ResultMessage("ClutchLoad", 0x6E1, _words(
 HEALTH = ResultMessage("ClutchHealth", 0x6E2, (
     Signal("sample_time", 0, 32, scale=0.001, unit="s", comment="Time of the sample of these three frames."),
     *(Signal(name, 32 + i, 1, comment=meaning) for i, (name, meaning) in enumerate(_BITS.items())),
+    TRUST,
 ))  # fmt: skip
 MESSAGES = (STATE, LOAD, HEALTH)
 
@@ -88,9 +92,13 @@ def observe_frames(before: LiveRun, after: LiveRun, part: ObservedRecording, eve
     strokes = np.full(rows.size, float(after.after.strokes.ended % 0xFFFF))
     points = [load.position / MM, load.force, load.high - load.force, strokes]
     flags = [np.full(rows.size, float(part.health[name] > 0.0)) for name in (*FLAGS, *LIVE_FLAGS)]
-    health = [part.log.time[rows], part.samples.used[rows].astype(np.float64), *flags]
-    payloads = [packed(one.signals, each) for one, each in zip(MESSAGES, (state, points, health), strict=True)]
-    return [(one.identifier, each[i]) for i in range(rows.size) for one, each in zip(MESSAGES, payloads, strict=True)]
+    trust = TRUSTS.index(observed_verdict(indicators(after)).trust) if rows.size else 0
+    health = [part.log.time[rows], part.samples.used[rows].astype(np.float64), *flags, np.full(rows.size, float(trust))]
+    payloads = [
+        packed(message.signals, values) for message, values in zip(MESSAGES, (state, points, health), strict=True)
+    ]
+    pairs = list(zip(MESSAGES, payloads, strict=True))
+    return [(message.identifier, payload[i]) for i in range(rows.size) for message, payload in pairs]
 
 
 def packed(signals: Sequence[Signal], values: Sequence[FloatArray]) -> list[bytes]:
@@ -122,15 +130,19 @@ def _dbc_lines() -> Iterator[str]:
     yield from ('VERSION ""', "", "NS_ :", "", "BS_:", "", "BU_: clutchid", "")
     for message in MESSAGES:
         yield f"BO_ {message.identifier} {message.name}: {LENGTH} clutchid"
-        for one in message.signals:
-            most = one.offset + one.scale * ((1 << one.length) - (2 if one.length > 1 else 1))
-            place, number = f"{one.begin}|{one.length}@1+", f"({one.scale:g},{one.offset:g})"
-            yield f' SG_ {one.name} : {place} {number} [{one.offset:g}|{most:.10g}] "{one.unit}" Vector__XXX'
+        for signal in message.signals:
+            most = signal.offset + signal.scale * ((1 << signal.length) - (2 if signal.length > 1 else 1))
+            place, number = f"{signal.begin}|{signal.length}@1+", f"({signal.scale:g},{signal.offset:g})"
+            yield f' SG_ {signal.name} : {place} {number} [{signal.offset:g}|{most:.10g}] "{signal.unit}" Vector__XXX'
         yield ""
     for message in MESSAGES:
-        for one in message.signals:
-            yield f'CM_ SG_ {message.identifier} {one.name} "{one.comment}";'
+        for signal in message.signals:
+            yield f'CM_ SG_ {message.identifier} {signal.name} "{signal.comment}";'
     for message in MESSAGES:
-        for one in message.signals:
-            if one.length > 1:
-                yield f'VAL_ {message.identifier} {one.name} {(1 << one.length) - 1} "unknown" ;'
+        for signal in message.signals:
+            if signal.length > 1:
+                unknown = f'{(1 << signal.length) - 1} "unknown"'
+                words = (
+                    " ".join(f'{level} "{word}"' for level, word in enumerate(TRUSTS)) if signal is TRUST else unknown
+                )
+                yield f"VAL_ {message.identifier} {signal.name} {words} ;"

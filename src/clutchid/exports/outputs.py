@@ -26,4 +26,5 @@ OUTPUTS: Mapping[str, Output] = MappingProxyType({
     "mismatch": Output("mean square of the innovations over that of the calibration recordings", "1"),
     "strokes": Output("strokes that have ended", ""),
     "flags": Output("flags of the sample, a bit each, in their order", ""),
+    "trust": Output("trust in the load so far: 0 none, 1 with care, 2 good", ""),
 })  # fmt: skip

@@ -40,7 +40,7 @@ BOUNDS = {"double": (1e-6, 1e-9, 1e-3), "float": (3e-2, 2e-3, 30.0)}
 
 
 class Replayed(NamedTuple):
-    """What the C found in a recording: outputs (n, 10), load with its bands (m, 5), theta (k,), samples by flag."""
+    """Results of the C: outputs by sample (n, outputs), load with its bands (m, 5), theta (k,), samples by flag."""
 
     outputs: FloatArray
     load: FloatArray
@@ -157,6 +157,7 @@ def replay_source(observer: Observer, style: CStyle, begins: int) -> str:
         "real": style.real,
         "positions": positions(observer).tolist(),
         "begins_us": begins,
+        "outputs": COLUMNS,
     }
     text: str = template("replay.c.j2", "clutchid.exports").render(values)
     return text

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchid.codegen.kernels import kernels_in
 from clutchid.errors import DataError
 from clutchid.inference.filter.joint_filter import (
     Diverged,
@@ -46,11 +47,9 @@ from clutchid.strokes.values import BELIEVED, Verdicts, limits, outside, supply_
 #: Shares of ambient and supply pressure beyond which the pressure in a chamber is that of a filter that has diverged.
 PRESSURES = 0.01, 10.0
 
-#: So many position innovations in a row that are outliers contradict the inputs: without a fault there were at most 3
-#: (trucks 7, 3606 and 3607 of A, 3606 of B, h:6, unchanged, cold, warm, other supply and valves), 12 with a calibration
-#: that freed only load and supply, and 13 and more with a duty cycle or a position that is stuck. What was learnt since
-#: the last stroke is taken back, and nothing is learnt for a time in s. Provenance: docs/derivations_online.md.
-CONTRADICTED, HELD = 13, 1.0
+#: Where innovations contradict the inputs, what was learnt since the last stroke is taken back, and nothing is learnt
+#: for this time in s. Provenance: docs/derivations_online.md.
+HELD = 1.0
 
 #: Most samples that are followed at once: where the filter diverges they are followed again.
 MOST = 1000
@@ -82,7 +81,7 @@ class Observed(NamedTuple):
     verdicts : (n,)
         On the positions, see `clutchid.strokes.rule`.
     contradicted : (n,)
-        Whether innovations have contradicted the inputs in the second before, see `CONTRADICTED`.
+        Whether innovations have contradicted the inputs in the second before, see `clutchid.observer.contradiction`.
     supply_unlike : (n,)
         Whether a supply pressure is recorded that cannot be right, see `clutchid.observer.prior.Supply`.
     repeated : (n,)
@@ -295,7 +294,9 @@ def _piece(
         held = int(np.searchsorted(samples.time[a:end], _held_until(state)))
         end = a + held if held else end
         observing = replace(observer, joint=_fixed(observer.joint)) if held else observer
-        state, done, usable, count = _followed(observing, state, Tail(*(x[a:end] for x in samples)))
+        state, done, usable, count = _followed(
+            observing, state, Tail(*(x[a:end] for x in samples)), observer.joint.settings.least_speed
+        )
         if done is not None:
             end = a + len(done.states)
             found.states[a:end], found.deviations[a:end] = done.states, done.deviations
@@ -355,11 +356,18 @@ def _continues(observer: Observer, state: ObserverState, time: float, duties: Fl
 
 def _ended(observer: Observer, state: ObserverState) -> ObserverState:
     """The state after a hole: what is known of the parameters stays."""
-    return replace(state, filter=None, tail=EMPTY, deviations=unknown(observer), number=0, outliers=0)
+    return replace(state, filter=None, tail=EMPTY, deviations=unknown(observer), number=0, excess=0.0)
 
 
-def _followed(observer: Observer, state: ObserverState, new: Tail) -> tuple[ObserverState, JointPass | None, Mask, int]:
-    """Follow new samples of a stretch, up to where the filter diverges.
+def _followed(
+    observer: Observer, state: ObserverState, new: Tail, least_speed: float
+) -> tuple[ObserverState, JointPass | None, Mask, int]:
+    """Follow new samples of a stretch, up to where the filter diverges or innovations contradict the inputs.
+
+    Parameters
+    ----------
+    least_speed : m/s
+        Above which parameters adapt, unless nothing is learnt after a contradiction.
 
     Returns
     -------
@@ -375,9 +383,8 @@ def _followed(observer: Observer, state: ObserverState, new: Tail) -> tuple[Obse
     at = init(joint, segment, state.theta, state.T, state.G) if state.filter is None else state.filter
     given = JointInputs(intervals(segment, joint.mapped.actuator, joint.noise, joint.measure), values)
     found, end = _until_diverged(observer, at, given, (first, m), state.number - first)
-    errors = found.errors[:, 0] if found is not None else np.empty((0, 2))
-    contradiction, outliers = _contradiction(observer, state.outliers, errors)
-    if contradiction < len(errors):
+    contradiction, excess = _contradiction(observer, state.excess, found, least_speed)
+    if found is not None and contradiction < len(found.states):
         end = first + contradiction
         found = _until(observer, at, given, (first, end), state.number - first)
         state = replace(state, contradicted=float(new.time[contradiction]))
@@ -389,7 +396,7 @@ def _followed(observer: Observer, state: ObserverState, new: Tail) -> tuple[Obse
     deviations = found.deviations[corrected[-1]].copy() if corrected.size else state.deviations
     state = replace(
         state, filter=found.state, theta=found.state.theta, T=found.state.T, G=_considered(found.state), tail=kept,
-        deviations=deviations, number=state.number + m - first, outliers=outliers,
+        deviations=deviations, number=state.number + m - first, excess=excess,
     )  # fmt: skip
     return state, found, usable[first:], m - first
 
@@ -407,21 +414,21 @@ def _until(
     return None if isinstance(found, Diverged) else found
 
 
-def _contradiction(observer: Observer, outliers: int, errors: FloatArray) -> tuple[int, int]:
-    """The first sample at which `CONTRADICTED` innovations in a row are outliers, as many as there are if none is.
+def _contradiction(observer: Observer, excess: float, done: JointPass | None, least_speed: float) -> tuple[int, float]:
+    """The first sample at which innovations contradict the inputs, as many as there are if none does.
 
-    Also the number of those in a row at the end; `outliers` is that before, `errors` (samples, 2) as in `JointPass`. An
-    observer without a covariance has no outliers.
+    Also the sum of their excess at the end; `excess` is that before. An observer without a covariance has none.
     """
-    if not observer.joint.rule.columns:
-        return len(errors), 0
-    corrected = np.flatnonzero(np.isfinite(errors[:, 0]))
-    beyond = np.abs(errors[corrected, 0]) > observer.joint.noise.outlier * np.sqrt(errors[corrected, 1])
-    for i, outlier in zip(corrected.tolist(), beyond.tolist(), strict=True):
-        outliers = outliers + 1 if outlier else 0
-        if outliers >= CONTRADICTED:
-            return i, outliers
-    return len(errors), outliers
+    if done is None or not observer.joint.rule.columns:
+        return 0 if done is None else len(done.states), 0.0
+    settings, innovations = observer.joint.settings, done.errors[:, 0]
+    corrected = np.flatnonzero(np.isfinite(innovations[:, 0]))
+    sizes = np.abs(innovations[corrected, 0]) / np.sqrt(innovations[corrected, 1])
+    speeds = np.abs(done.states[corrected, observer.actuator.states.index("v")])
+    total, seconds = np.array([excess]), settings.every * settings.spacing
+    learns = (speeds > least_speed).astype(np.float64)
+    at = kernels_in("clutchid.observer.contradiction").first_contradiction(total, sizes, learns, seconds)
+    return int(np.append(corrected, len(done.states))[at]), float(total[0])
 
 
 def _until_diverged(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,7 @@ class LiveRun:
 
     `health` are the seconds of each fault so far; `begin` and `latest` are the times in s of the first and of the last
     sample, NaN before them; `checked` are the sentences of the checks of its first samples, None before there were
-    enough.
+    enough; `assumes_supply` as in `ObservedRecording`.
     """
 
     observer: Observer
@@ -42,20 +42,26 @@ class LiveRun:
     after: ObserverState
     parts: tuple[ObservedRecording, ...] = ()
     strokes: tuple[StrokeRow, ...] = ()
-    health: Mapping[str, float] | None = None
+    health: Mapping[str, float] = field(default_factory=lambda: dict.fromkeys((*FLAGS, *LIVE_FLAGS), 0.0))
     begin: float = np.nan
     latest: float = np.nan
     usable: bool = False
     checked: tuple[str, ...] | None = None
+    assumes_supply: bool = True
+
+    @property
+    def seconds(self) -> float:
+        """Time in s from the first sample to the end of the last one."""
+        return duration(self.observer, np.array([self.begin, self.latest]))
 
     def recent(self) -> ObservedRecording:
         """The last `RECENT` seconds and `STROKES` strokes with the states before and after the whole recording."""
-        log = concatenated([part.log for part in self.parts])
-        samples = Observed(*(np.concatenate(each) for each in zip(*(part.samples for part in self.parts), strict=True)))
-        found = replace(log, warnings=self.checked or ())
-        health = self.health or dict.fromkeys((*FLAGS, *LIVE_FLAGS), 0.0)
-        seconds = duration(self.observer, np.array([self.begin, self.latest]))
-        return ObservedRecording(self.observer, found, self.before, self.after, samples, self.strokes, health, seconds)
+        log = replace(concatenated([part.log for part in self.parts]), warnings=self.checked or ())
+        columns = zip(*(part.samples for part in self.parts), strict=True)
+        samples = Observed(*(np.concatenate(arrays) for arrays in columns))
+        return ObservedRecording(
+            self.observer, log, self.before, self.after, samples, self.strokes, self.health, self.seconds
+        )
 
 
 def live_run(observer: Observer, state: ObserverState) -> LiveRun:
@@ -77,14 +83,14 @@ def after_block(run: LiveRun, block: Log, left_out: Mapping[str, int]) -> tuple[
     DataError
         As `clutchid.observer.observe`.
     """
-    earlier = np.array([run.latest])[np.isfinite([run.latest])]
-    part = follow_block(run.observer, run.after, block, earlier)
-    of_feed = live_health(run.observer, earlier, block, left_out)
-    found = {**part.health, **of_feed, "repeated": part.health["repeated"] + of_feed["repeated"]}
-    part = replace(part, health=found)
-    total = found if run.health is None else {name: run.health[name] + seconds for name, seconds in found.items()}
+    before = np.array([run.latest])[np.isfinite([run.latest])]
+    part = follow_block(run.observer, run.after, block, before)
+    of_feed = live_health(run.observer, before, block, left_out)
+    health = {**part.health, **of_feed, "repeated": part.health["repeated"] + of_feed["repeated"]}
+    part = replace(part, health=health)
+    total = {name: run.health[name] + seconds for name, seconds in health.items()}
     last = block.time[-1] if len(block) else -np.inf
-    old = next((i for i, one in enumerate(run.parts) if one.log.time[-1] >= last - RECENT), len(run.parts))
+    old = next((i for i, earlier in enumerate(run.parts) if earlier.log.time[-1] >= last - RECENT), len(run.parts))
     parts = (*run.parts[old:], part) if len(block) else run.parts
     after = replace(
         run,
@@ -95,6 +101,7 @@ def after_block(run: LiveRun, block: Log, left_out: Mapping[str, int]) -> tuple[
         begin=float(block.time[0]) if len(block) and np.isnan(run.begin) else run.begin,
         latest=float(block.time[-1]) if len(block) else run.latest,
         usable=run.usable or usable(block),
+        assumes_supply=run.assumes_supply and part.assumes_supply,
     )
     return (checked(after) if last - after.begin >= CHECKED else after), part
 

@@ -141,8 +141,8 @@ class ObserverState:
     rest, and `zero` what is subtracted from the position in m; `values` watches for positions that are no values;
     `jumped` says whether one has jumped and stayed, and `unzeroed` are the times in s of such jumps, in order,
     since which no vented rest has shown the zero; `latest` is the time in s of the last sample that counts, and
-    `known` that of the last one with both duty cycles, NaN for none; `outliers` counts the last innovations in a
-    row that are outliers, and `contradicted` is the time in s at which innovations last contradicted the inputs,
+    `known` that of the last one with both duty cycles, NaN for none; `excess` is the sum of the
+    innovations' excess in s, and `contradicted` is the time in s at which innovations last contradicted the inputs,
     NaN if they have not; `supply` watches for supply pressures that cannot be right.
     """
 
@@ -164,6 +164,6 @@ class ObserverState:
     unzeroed: tuple[float, ...] = ()
     latest: float = float("nan")
     known: float = float("nan")
-    outliers: int = 0
+    excess: float = 0.0
     contradicted: float = float("nan")
     supply: FloatArray = field(default_factory=lambda: np.array(NO_SUPPLY))

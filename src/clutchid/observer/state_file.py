@@ -24,7 +24,7 @@ from clutchid.observer.state import ObserverState, RestWatch, Sound, Tail
 from clutchid.strokes.stroke import Strokes
 from clutchid.strokes.vented_rest import FURTHEST
 
-FORMAT = 11
+FORMAT = 12
 
 
 def write_state(
@@ -59,7 +59,7 @@ def write_state(
         "unzeroed": list(state.unzeroed),
         "latest": state.latest,
         "known": state.known,
-        "outliers": state.outliers,
+        "excess": state.excess,
         "contradicted": state.contradicted,
         "supply": state.supply.tolist(),
         "values": state.values.tolist(),
@@ -181,7 +181,7 @@ def _state(observer: Observer, content: dict[str, Any]) -> ObserverState:
     unzeroed = tuple(np.array(content["unzeroed"], dtype=np.float64).reshape(-1).tolist())
     return ObserverState(
         saved, theta, root, considered, tail, deviations, sound, number, strokes, mismatch, leaking, rest, zero, values,
-        jumped, unzeroed, latest, known, _count(content, "outliers"), _number(content, "contradicted"),
+        jumped, unzeroed, latest, known, _number(content, "excess"), _number(content, "contradicted"),
         np.array(content["supply"], dtype=np.float64).reshape(2),
     )  # fmt: skip
 
@@ -245,6 +245,7 @@ def _problems(state: ObserverState) -> Iterator[str]:
         "a standard deviation is below 0 or infinite":
             np.any((state.deviations < 0.0) | np.isinf(state.deviations)),
         f"mismatch {state.mismatch:g} is not of at least 0": not 0.0 <= state.mismatch < np.inf,
+        f"excess {state.excess:g} is not of at least 0": not 0.0 <= state.excess < np.inf,
         f"the vented rest has moved by more than {FURTHEST:g} m":
             not (abs(rest.shift) <= FURTHEST and abs(state.zero) <= FURTHEST),
         f"a vented rest lies above {LOW:g} m":

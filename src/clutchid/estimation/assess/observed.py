@@ -15,8 +15,13 @@ from clutchid.estimation.assess.verdict import Trust, Verdict
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.observer.by_stroke import curve
 from clutchid.observer.health import FLAGS
+from clutchid.observer.live import LiveRun
 from clutchid.observer.mismatch import UNLIKE
+from clutchid.observer.observer import Observer
 from clutchid.observer.recording import ObservedRecording
+
+#: Levels of trust by their number, in the exported C and in frames.
+TRUSTS: tuple[Trust, ...] = ("none", "with care", "good")
 
 #: Positions at which the band of the load is looked at while the clutch engages.
 POINTS = 13
@@ -93,20 +98,31 @@ class Indicators(NamedTuple):
     unvented: tuple[Reason, ...] = ()
 
 
-def engaging_load(run: ObservedRecording) -> LoadCurve:
+def engaging_load(run: ObservedRecording | LiveRun) -> LoadCurve:
     """The load after a recording where the clutch engages, 5 to 8 mm."""
     return curve(run.observer, run.after, np.linspace(*ENGAGING, POINTS))
 
 
-def indicators(run: ObservedRecording) -> Indicators:
-    """The indicators of the load at the end of a recording."""
+def most_trust(observer: Observer) -> Trust:
+    """The highest trust in the loads of an observer: does the load adapt, did its calibration see a vented rest?"""
+    if not _adapts(observer):
+        return "none"
+    return "with care" if unvented_baseline(observer.calibration) else "good"
+
+
+def _adapts(observer: Observer) -> bool:
+    weights = observer.joint.mapped.actuator.load.names
+    return any(c.base in weights for c in observer.joint.coordinates)
+
+
+def indicators(run: ObservedRecording | LiveRun) -> Indicators:
+    """The indicators of the load at the end of a recording, or so far."""
     load = engaging_load(run)
     stroke = np.linspace(0.0, run.observer.actuator.parameters.y_max, 101)
     peak = float(np.max(run.observer.load(run.after).force(stroke)))
     half = float(np.max(load.high - load.low)) / 2
-    weights = run.observer.actuator.load.names
     return Indicators(
-        any(c.base in weights for c in run.observer.joint.coordinates),
+        _adapts(run.observer),
         run.after.strokes.ended,
         half / peak if peak > 0.0 else np.inf,
         run.after.mismatch if run.observer.compares else np.nan,
@@ -118,7 +134,7 @@ def indicators(run: ObservedRecording) -> Indicators:
     )
 
 
-def _zero(run: ObservedRecording) -> ZeroKnown:
+def _zero(run: ObservedRecording | LiveRun) -> ZeroKnown:
     if not run.after.jumped:
         return "no jump"
     if run.after.unzeroed:

@@ -1,0 +1,45 @@
+"""Innovations that contradict the inputs: their excess over what errors of the model explain, summed over time.
+
+Page's cumulative sum (1954). The exported C has the same text, see `clutchid.codegen.kernel_c99`.
+"""
+
+from __future__ import annotations
+
+from clutchid.codegen.kernels import kernel
+from clutchid.log import FloatArray
+
+#: Standard deviations of an innovation that are no excess while the parameters learn, beyond which it is an outlier,
+#: and while the piston stands, when nothing is learnt and the load against a worn stop is off for a second; and the
+#: largest excess that counts. Provenance: docs/derivations_online.md.
+LEARNING, STANDING, LARGEST = 4.0, 16.0, 8.0
+
+#: A sum of the excess in s from which position and duty cycles contradict each other. Provenance:
+#: docs/derivations_online.md.
+CONTRADICTED = 0.3
+
+
+@kernel
+def excess_after(excess: float, size: float, learns: bool, seconds: float) -> float:
+    """The sum of the excess after an innovation, from that before it."""
+    allowance = LEARNING if learns else STANDING
+    return max(0.0, excess + seconds * min(size - allowance, LARGEST))
+
+
+@kernel
+def first_contradiction(excess: FloatArray, sizes: FloatArray, learns: FloatArray, seconds: float) -> int:
+    """The first of n innovations at which the sum, (1,), is that of a contradiction; n if none is.
+
+    Parameters
+    ----------
+    excess : s, (1,)
+        The sum before the first; changed to that after the last that is looked at.
+    sizes, learns : (n,)
+        Of each innovation in its standard deviations, and 1 while the parameters learn.
+    seconds : s
+        From one correction to the next.
+    """
+    for i in range(sizes.size):
+        excess[0] = excess_after(excess[0], sizes[i], learns[i] > 0.0, seconds)
+        if excess[0] >= CONTRADICTED:
+            return i
+    return sizes.size

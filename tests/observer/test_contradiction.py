@@ -1,0 +1,44 @@
+"""Innovations that contradict the inputs: by their excess over time, whatever the rate of the corrections."""
+
+import numpy as np
+import pytest
+
+from clutchid.codegen.kernels import kernels_in
+from clutchid.observer.contradiction import CONTRADICTED, LARGEST, LEARNING
+
+EVERY = 0.01
+
+
+def time_to_contradiction(sizes, learns, seconds=EVERY):
+    """Time in s after which innovations of these sizes contradict; infinite if they do not."""
+    sizes = np.asarray(sizes, dtype=float)
+    first = kernels_in("clutchid.observer.contradiction").first_contradiction(
+        np.zeros(1), sizes, np.full(sizes.size, float(learns)), seconds
+    )
+    return (first + 1) * seconds if first < sizes.size else np.inf
+
+
+def test_a_piston_that_stands_against_a_worn_stop_contradicts_nothing_for_a_second():
+    assert time_to_contradiction(np.full(100, 8.5), learns=False) == np.inf
+    assert time_to_contradiction(np.full(100, 60.0), learns=False) < 0.1
+
+
+def test_what_is_learnt_from_outliers_contradicts_after_a_time_that_does_not_depend_on_the_rate():
+    assert time_to_contradiction(np.full(100, 3.9), learns=True) == np.inf
+    times = [time_to_contradiction(np.full(1000, 9.0), True, seconds) for seconds in (1e-3, 5e-3, 1e-2)]
+    assert times == pytest.approx([CONTRADICTED / (9.0 - LEARNING)] * 3, abs=1e-2)
+
+
+def test_one_spike_however_large_is_no_contradiction():
+    assert EVERY * LARGEST < 0.3 * CONTRADICTED
+    assert time_to_contradiction([1e6, *np.zeros(20), 1e6, *np.zeros(20)], learns=True) == np.inf
+
+
+def test_blocks_of_any_length_give_the_same_sum():
+    random, follow = np.random.default_rng(1), kernels_in("clutchid.observer.contradiction").first_contradiction
+    sizes, learns = random.uniform(0.0, 7.0, 200), (random.random(200) < 0.5).astype(float)
+    whole, parts = np.zeros(1), np.zeros(1)
+    follow(whole, sizes, learns, EVERY)
+    for i in range(0, 200, 7):
+        follow(parts, sizes[i : i + 7], learns[i : i + 7], EVERY)
+    assert whole[0] == parts[0]
