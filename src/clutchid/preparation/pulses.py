@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -81,22 +82,22 @@ def find_carrier(log: Log, actuator: Actuator, periods: Sequence[float] = PERIOD
     log = log.slice(0, min(len(log), round(MAX_DURATION / step)))
     if on_off(log):
         return 0.0, 0.0
-    grid = duty_grid(log).period
+    valves, grid = _Valves.of(log, actuator), duty_grid(log).period
     common = max(1, round(max(periods) / step))
     candidates: dict[float, tuple[float, float]] = {}
     for period in (*periods, grid) if periods is PERIODS and grid not in PERIODS else periods:
         if not resolves_carrier(log, period):
             continue
         length = max(1, round(period / step))
-        contrast, phase = _contrast(log, actuator, period, length)
+        contrast, phase = _contrast(valves, period, length)
         if _same(period, grid):
-            found = contrast > CONTRAST or (
-                contrast > CONTRAST_ON_GRID and _response(log, actuator, period, phase, length) > RESPONSE
+            detected = contrast > CONTRAST or (
+                contrast > CONTRAST_ON_GRID and _response(valves, period, phase, length) > RESPONSE
             )
         else:
-            found = contrast > CONTRAST and contrast > IN_STEP * _out_of_step(log, actuator, period, length)
-        if found:
-            candidates[period] = (contrast if len(periods) == 1 else _contrast(log, actuator, period, common)[0], phase)
+            detected = contrast > CONTRAST and contrast > IN_STEP * _out_of_step(valves, period, length)
+        if detected:
+            candidates[period] = (contrast if len(periods) == 1 else _contrast(valves, period, common)[0], phase)
     if not candidates:
         return 0.0, 0.0
     best = max(candidates, key=lambda period: candidates[period][0])
@@ -109,74 +110,100 @@ def _same(period: float, grid: float) -> bool:
     return abs(period - grid) < 1e-3 * period
 
 
-def _contrast(log: Log, actuator: Actuator, period: float, length: int) -> tuple[float, float]:
+class _Valves(NamedTuple):
+    """Both valves in a recording of n samples, and the pressure rate (n - 1,) that their pulses explain.
+
+    `shares` (n,) are the openings by the duty cycles, `pressures` (n - 1,) the parts of the supply pressure that drive
+    the flows, NaN without a duty cycle, and `lows` the duty cycles at which a valve starts to open: there the search
+    for its phase starts.
+    """
+
+    time: FloatArray
+    rate: FloatArray
+    shares: tuple[FloatArray, FloatArray]
+    pressures: tuple[FloatArray, FloatArray]
+    lows: tuple[float, float]
+    actuator: Actuator
+
+    @classmethod
+    def of(cls, log: Log, actuator: Actuator) -> _Valves:
+        """Valves of `actuator` in `log`; DataError if it has no pressure."""
+        p, opening = actuator.parameters, kernels(actuator.model).opening
+        shares = opening(log["duty_supply"], p.R_0vs, p.R_1vs), opening(log["duty_exhaust"], p.R_0ve, p.R_1ve)
+        supply, exhaust = (np.where(np.isfinite(share[:-1]), 1.0, np.nan) for share in shares)
+        pressures = supply, exhaust * np.nan_to_num(log["pressure_a"][:-1], nan=p.P_0) / p.P_S
+        return cls(log.time, np.diff(log["pressure_a"]), shares, pressures, (p.R_0vs, p.R_0ve), actuator)
+
+    def openings(self, clock: Sequence[FloatArray], phase: float) -> list[FloatArray]:
+        """Openings (n - 1,) as a carrier switches the valves at a phase, each times the pressure that drives its flow.
+
+        `clock` is the `carrier_clock` of its period.
+        """
+        passed_pulses = kernels(self.actuator.model).passed_pulses
+        return [
+            passed_pulses(share, share, *clock, (phase + low) % 1.0, SHORT_TRAVEL)[:-1] * pressure
+            for share, pressure, low in zip(self.shares, self.pressures, self.lows, strict=True)
+        ]
+
+    def clock(self, period: float) -> list[FloatArray]:
+        """Clock of a carrier of `period` s."""
+        return carrier_clock(self.time, self.actuator.parameters.replace(T_pwm=period))
+
+
+def _contrast(valves: _Valves, period: float, length: int) -> tuple[float, float]:
     """Explained variance by the best phase of a period beyond that by the median phase, and the best phase.
 
     Moving averages over `length` samples are removed from the pressure rate.
     """
-    rate = np.diff(log["pressure_a"])
-    fast = rate - _smooth(rate, length)
+    fast, clock = valves.rate - _smooth(valves.rate, length), valves.clock(period)
     phases = np.arange(PHASES) / PHASES
-    actuators = [actuator.replace({"T_pwm": period, "s_pwm": centred(float(phase))}) for phase in phases]
-    shares = np.array(map_pairs(lambda one, _: _explained_variance(log, one, fast, length), actuators, phases))
+
+    def explained(phase: float, _: float) -> float:
+        return _explained_variance(valves.openings(clock, centred(float(phase))), fast, length)
+
+    shares = np.array(map_pairs(explained, phases, phases))
     return float(shares.max() - np.median(shares)), float(phases[np.argmax(shares)])
 
 
-def _out_of_step(log: Log, actuator: Actuator, period: float, length: int) -> float:
+def _out_of_step(valves: _Valves, period: float, length: int) -> float:
     """Largest contrast of periods near `period`, with which pulses do not stay in step."""
-    return max(_contrast(log, actuator, period * (1.0 + share), length)[0] for share in OUT_OF_STEP)
+    return max(_contrast(valves, period * (1.0 + share), length)[0] for share in OUT_OF_STEP)
 
 
-def _response(log: Log, actuator: Actuator, period: float, phase: float, length: int) -> float:
+def _response(valves: _Valves, period: float, phase: float, length: int) -> float:
     """Response of the pressure rate to pulses, over that to the mean opening: about 1, or 0 without a carrier.
 
     Unlike the contrast it does not depend on the noise of the pressure.
     """
-    rate = np.diff(log["pressure_a"])
-    fast, slow = _parted(_openings(log, actuator.replace({"T_pwm": period, "s_pwm": centred(phase)})), length)
-    smooth = _smooth(rate, length)
-    known = np.isfinite(rate)
-    to_mean, *_ = np.linalg.lstsq(slow[known], smooth[known], rcond=None)
-    to_pulses, *_ = np.linalg.lstsq(fast[known], (rate - smooth)[known], rcond=None)
+    rate, columns = valves.rate, np.column_stack(valves.openings(valves.clock(period), centred(phase)))
+    slow, smooth = np.column_stack([_smooth(column, length) for column in columns.T]), _smooth(rate, length)
+    recorded = np.isfinite(rate)
+    to_mean, *_ = np.linalg.lstsq(slow[recorded], smooth[recorded], rcond=None)
+    to_pulses, *_ = np.linalg.lstsq(_zeros_for_missing(columns - slow)[recorded], (rate - smooth)[recorded], rcond=None)
     return float(to_pulses @ to_mean / max(float(to_mean @ to_mean), np.finfo(float).tiny))
 
 
 def _smooth(values: FloatArray, length: int) -> FloatArray:
-    return np.convolve(np.nan_to_num(values), np.ones(length) / length, "same")
+    return np.convolve(_zeros_for_missing(values), np.ones(length) / length, "same")
 
 
-def _explained_variance(log: Log, actuator: Actuator, fast: FloatArray, length: int) -> float:
+def _zeros_for_missing(values: FloatArray) -> FloatArray:
+    return np.where(np.isnan(values), 0.0, values)
+
+
+def _explained_variance(openings: Sequence[FloatArray], fast: FloatArray, length: int) -> float:
     """Fraction of the variance of the fast part of the pressure rate that the switching of both valves explains."""
-    A, _ = _parted(_openings(log, actuator), length)
-    known = np.isfinite(fast) & (np.abs(A).sum(axis=1) > 0)
-    total = float(np.sum(fast[known] ** 2))
-    if known.sum() < 100 or total == 0.0:
+    supply, exhaust = (_zeros_for_missing(opening - _smooth(opening, length)) for opening in openings)
+    usable = np.isfinite(fast) & ((supply != 0.0) | (exhaust != 0.0))
+    if usable.sum() < 100:
         return 0.0
-    weights, *_ = np.linalg.lstsq(A[known], fast[known], rcond=None)
-    return 1.0 - float(np.sum((fast[known] - A[known] @ weights) ** 2)) / total
-
-
-def _openings(log: Log, actuator: Actuator) -> FloatArray:
-    """Openings of both valves as the carrier switches them, each times the pressure before it, shape (n - 1, 2)."""
-    p = actuator.parameters
-    text, clock = kernels(actuator.model), carrier_clock(log.time, p)
-    pressure = np.nan_to_num(log["pressure_a"][:-1], nan=p.P_0)
-    columns = []
-    for duty, low, high, drive in (
-        ("duty_supply", p.R_0vs, p.R_1vs, np.ones_like(pressure)),
-        ("duty_exhaust", p.R_0ve, p.R_1ve, pressure / p.P_S),
-    ):
-        share = text.opening(log[duty], low, high)
-        # the search for the phase of a valve starts at the duty cycle where it starts to open
-        opened = text.passed_pulses(share, share, *clock, (p.s_pwm + low) % 1.0, SHORT_TRAVEL)
-        columns.append(np.where(np.isfinite(share), opened, np.nan)[:-1] * drive)
-    return np.column_stack(columns)
-
-
-def _parted(columns: FloatArray, length: int) -> tuple[FloatArray, FloatArray]:
-    """Fast and slow part of each column, shape (n, k); the fast part is 0 where it is not known."""
-    slow = np.column_stack([_smooth(column, length) for column in columns.T])
-    return np.nan_to_num(columns - slow), slow
+    rows = np.where(usable, np.stack([supply, exhaust, fast]), 0.0)
+    normal = rows @ rows.T
+    total = float(normal[2, 2])
+    if total == 0.0:
+        return 0.0
+    weights, *_ = np.linalg.lstsq(normal[:2, :2], normal[:2, 2], rcond=None)
+    return float(2.0 * weights @ normal[:2, 2] - weights @ normal[:2, :2] @ weights) / total
 
 
 def centred(phase: float) -> float:
