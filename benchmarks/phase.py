@@ -1,10 +1,10 @@
-"""Phase of the carrier from position alone: ``python benchmarks/phase.py --trucks 6 --seed 0``.
+"""Phase of the carrier from position alone: ``python benchmarks/phase.py --family h --trucks 24``.
 
-Every truck of the proving ground is calibrated once with pressure; then its worn clutch is recorded under one change at
-a time. The duty cycles of these trucks change on the grid of the carrier, which gives the true phase; here it is
-hidden, as on a control unit whose duty cycles are not latched. Compared are `find_phase`, which simulates the
-calibrated actuator, and `filtered_phase`, which adapts load and friction: error of the phase in periods, and of the
-load read with it, rms over 0.5 to 20 mm in % of the peak.
+Every truck is calibrated once with pressure (kept in ``--folder``); its worn clutch is then recorded under one change
+at a time. Compared are a pass of the filter with derivatives for each of ten phases and two steps, as in a slow
+recording, and `filtered_phase`, in which the phases share gains and derivatives: both phases in periods, their
+difference, the error of each where the duty cycles change on the grid of the carrier, which is hidden here, and the
+processor's time in s. Trucks without a carrier are left out.
 """
 
 from __future__ import annotations
@@ -12,81 +12,85 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
-from widening import CASES, WEAR
+from readings import LACKING, calibration_of
+from widening import worn_clutch
 
-import clutchid
 from clutchid.estimation import phase as estimated
-from clutchid.preparation import pulses
+from clutchid.estimation.parameter_file import ParameterFile
+from clutchid.log import Log, sample_interval
 from clutchid.preparation.pulses import centred
 from clutchid.strokes.duty_cycle import grid_phase
-from clutchid.study.proving.ground import STROKES
-from clutchid.study.proving.scores import Answer, score
-from clutchid.truck import Drive, drive, truck
-
-USED = ("nothing", "cold", "warm", "supply", "cold and valves")
+from clutchid.strokes.vented_rest import from_rest
 
 
-def recordings(number: int, seconds: float) -> Iterator[tuple[str, Drive]]:
-    """The calibration recording of a truck, then its worn clutch under every change."""
-    kind = truck(number)
-    seeds = np.random.default_rng([number, 2]).integers(0, 2**31, 2).tolist()
-    yield "calibration", drive(kind, seconds=seconds, seed=seeds[0], name="calibration")
-    for change in USED:
-        changes, _ = CASES[change]
-        yield change, drive(
-            kind, seconds=seconds, seed=seeds[1], wear=WEAR, cycles=WEAR * STROKES, pressure=False, change=changes,
-            name="worn",
-        )  # fmt: skip
+class Row(NamedTuple):
+    """Phases with gains of their own and with shared ones, that of the grid, and seconds of the processor."""
+
+    own: float
+    shared: float
+    grid: float
+    seconds_own: float
+    seconds_shared: float
 
 
-def load_error(driven: Drive, once: clutchid.Fit, phase: float) -> float:
-    """Error of the load that is read with a phase, in % of the peak."""
+def with_own_gains(log: Log, calibrated: ParameterFile) -> float:
+    """The phase by two passes with derivatives at each of ten phases."""
+    assert calibrated.calibration is not None, "the calibration had pressure"
+    part = log.slice(0, min(len(log), round(estimated.DURATION / sample_interval(log.time))))
+    once = estimated._problem(part, calibrated.actuator, calibrated.calibration)
+    start, count = np.zeros(len(once.coordinates)), estimated.PHASES
+    problems = [estimated._at_phase(once, centred(at / count)) for at in range(count)]
+    costs = np.array([estimated._adapted(problem, start).cost for problem in problems])
+    return centred((int(np.argmin(costs)) + estimated._vertex(costs)) / count)
 
-    kept, estimated.filtered_phase = estimated.filtered_phase, lambda _log, _actuator, **_known: phase
-    try:
-        found = clutchid.fit(driven.log, once.actuator, request=clutchid.FitRequest(calibration=once.calibration))
-    finally:
-        estimated.filtered_phase = kept
-    curve = found.load_curve
-    pressure = found.recordings[driven.log.name].simulated["pressure_a"]
-    answer = Answer(curve.position, curve.force, curve.low, curve.high, pressure)
-    return float(score(answer, driven.truth, driven.log.time).load)
+
+def rows(number: int, family: str, changes: list[str], folder: Path) -> Iterator[tuple[str, Row]]:
+    """A row a change of a truck; none without a carrier."""
+    calibrated = calibration_of(number, family, folder / f"{family.replace(':', '')}_{number:05d}.toml")
+    period = calibrated.actuator.parameters.T_pwm
+    assert calibrated.calibration is not None, "the calibration had pressure"
+    for change in changes if period > 0.0 else ():
+        log = worn_clutch(number, family, change).log.without(*LACKING["position"])
+        log = from_rest(log, calibrated.calibration.rest, "subtract").log
+        grid = grid_phase(log, period)
+        begin = time.process_time()
+        own = with_own_gains(log, calibrated)
+        middle = time.process_time()
+        shared = estimated.filtered_phase(log, calibrated.actuator, calibrated.calibration)
+        end = time.process_time()
+        yield change, Row(own, shared, np.nan if grid is None else centred(grid), middle - begin, end - middle)
 
 
 def main() -> None:
-    """Print a row a truck and change, then medians and worst by change."""
+    """Print a row a truck and change, then the worst of all."""
     options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--family", default="A", choices=("A", "B", "h"))
     options.add_argument("--trucks", type=int, default=6)
     options.add_argument("--seed", type=int, default=0)
-    options.add_argument("--seconds", type=float, default=15.0)
+    options.add_argument("--changes", default="nothing,cold,warm")
+    options.add_argument("--folder", type=Path, default=Path("calibrations"))
     chosen = options.parse_args()
-    rows: dict[str, list[tuple[float, ...]]] = {change: [] for change in USED}
-    for number in range(chosen.seed, chosen.seed + chosen.trucks):
-        (_, first), *worn = recordings(number, chosen.seconds)
-        once = clutchid.fit(first.log, measure="position,pressure_a", free="auto")
-        for change, driven in worn:
-            true = grid_phase(driven.log, once.actuator.parameters.T_pwm)
-            if true is None or once.calibration is None:
-                continue
-            pulses.grid_phase = lambda _log, _period: None
-            begin = time.perf_counter()
-            before = pulses.find_phase(driven.log, once.actuator)
-            middle = time.perf_counter()
-            after = estimated.filtered_phase(driven.log, once.actuator, once.calibration)
-            end = time.perf_counter()
-            errors = [load_error(driven, once, phase) for phase in (before, after)]
-            row = (centred(before - true), centred(after - true), *errors, middle - begin, end - middle)
-            pulses.grid_phase = grid_phase
-            rows[change].append(row)
-            print(f"{number:5d}  {change:<20}" + "".join(f"{value:+8.2f}" for value in row), flush=True)
-    print(f"\n{'median / worst of':<22}{'phase, simulated':>18}{'phase, filtered':>18}{'load [%]':>16}{'load [%]':>16}")
-    for change, found in rows.items():
-        table = np.abs(np.array(found))
-        if table.size:
-            cells = [f"{np.median(column):.2f} / {column.max():.2f}" for column in table.T[:4]]
-            print(f"{change:<22}{cells[0]:>18}{cells[1]:>18}{cells[2]:>16}{cells[3]:>16}")
+    chosen.folder.mkdir(exist_ok=True)
+    found = []
+    for seed in range(chosen.seed, chosen.seed + chosen.trucks):
+        number, family = (0, f"h:{seed}") if chosen.family == "h" else (seed, chosen.family)
+        for change, row in rows(number, family, chosen.changes.split(","), chosen.folder):
+            found.append(row)
+            apart = centred(row.shared - row.own)
+            cells = "".join(f"{value:+9.3f}" for value in (row.own, row.shared, apart, row.grid))
+            print(
+                f"{chosen.family}{seed:<6}{change:<10}{cells}{row.seconds_own:8.2f}{row.seconds_shared:8.2f}",
+                flush=True,
+            )
+    own, shared, grid, *seconds = np.transpose(found)
+    worst = [np.nanmax(np.abs(centred(a - b))) for a, b in ((shared, own), (own, grid), (shared, grid))]
+    print(f"worst: apart {worst[0]:.3f}, from the grid {worst[1]:.3f} and {worst[2]:.3f} of a period")
+    ratio = np.median(seconds[1] / seconds[0])
+    print(f"seconds: {np.median(seconds[0]):.2f} and {np.median(seconds[1]):.2f}, ratio {ratio:.2f}")
 
 
 if __name__ == "__main__":

@@ -9,19 +9,23 @@ from typing import NamedTuple
 
 import numpy as np
 
+from clutchid.errors import ParameterError
 from clutchid.estimation.prediction import predict_errors
 from clutchid.estimation.problem import fit_problem
 from clutchid.estimation.request import FreeParameters
-from clutchid.inference.problem import Problem
+from clutchid.inference.filter.filtering import Filtered, filtered
+from clutchid.inference.fixed_gains import prediction_errors
+from clutchid.inference.problem import Problem, prior_rows
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import FloatArray, Log, sample_interval
+from clutchid.log.states import MEASURED
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.threads import map_pairs
 from clutchid.preparation.prepare import CALIBRATED_MARGIN, prepare
 from clutchid.preparation.pulses import Duties, FindPhase, centred, duties_in, find_phase
 from clutchid.simulation.stiffness import stiffness
-from clutchid.simulation.windows import tracks, with_window_steps
+from clutchid.simulation.windows import Track, tracks, with_window_steps
 
 #: Phases that are tried, Gauss-Newton steps at each, and the length in s of the part of a recording that they are tried
 #: on. Provenance: docs/derivations.md.
@@ -49,10 +53,12 @@ def phase_finder(actuator: Actuator, free: FreeParameters, calibration: Calibrat
 def filtered_phase(log: Log, actuator: Actuator, calibration: Calibration) -> float:
     """Phase of a carrier of known period for which a Kalman filter predicts the position best, in [-0.5, 0.5).
 
-    At each of ten phases load and viscous friction take two Gauss-Newton steps towards smaller prediction errors: wear
-    or cold grease would otherwise be taken for another phase. The costs that are predicted after the second step are
-    compared; the phase is refined by a parabola. In a slow recording a phase that costs much after the first step takes
-    no second one, and the best phase is refined by four more.
+    At each of ten phases load, viscous friction and what may have changed take two Gauss-Newton steps towards smaller
+    prediction errors: wear or cold grease would otherwise be taken for another phase. All phases share the gains of the
+    filter and the derivatives, which are computed at the best phase of the round before. The costs that are predicted
+    after the second step are compared; the phase is refined by a parabola. In a slow recording, in whose intervals the
+    gains depend on the phase, each phase has its own; one that costs much after the first step takes no second one, and
+    the best phase is refined by four more.
 
     Parameters
     ----------
@@ -75,8 +81,65 @@ def filtered_phase(log: Log, actuator: Actuator, calibration: Calibration) -> fl
     if slow:
         return _slow_phase(once, part, actuator)
     problems = [_at_phase(once, centred(at / PHASES)) for at in range(PHASES)]
-    costs = np.array([one.cost for one in map_pairs(_adapted, problems, [_start(once)] * PHASES, smallest=1)])
+    adapted = [Adapted(0.0, _start(once)) for _ in problems]
+    for _ in range(STEPS):
+        best = min(range(PHASES), key=lambda at: adapted[at].cost)
+        reference = _reference(problems[best], adapted[best].x)
+        if isinstance(reference, Failure):
+            break
+        adapted = map_pairs(partial(_stepped, reference), problems, [phase.x for phase in adapted], smallest=1)
+    costs = np.array([phase.cost for phase in adapted])
     return centred((int(np.argmin(costs)) + _vertex(costs)) / PHASES)
+
+
+class _Reference(NamedTuple):
+    """A pass of the filter that all phases refer to: its segments, with rows of each sample, and J' J of these."""
+
+    segments: list[Filtered]
+    J: FloatArray
+    normal: FloatArray
+
+
+def _reference(problem: Problem, x: FloatArray) -> _Reference | Failure:
+    """The filter at x; without the derivative to the phase, which is another one at every phase."""
+    maps, segments = problem.parameter_maps(x), []
+    if isinstance(maps, Failure):
+        return maps
+    for track in problem.tracks:
+        mapped = maps[problem.stems[track.log]]
+        segment = filtered(track, mapped, problem.measure, problem.noise, compressed=False)
+        if isinstance(segment, Failure):
+            return segment
+        segments.append(segment)
+    J = np.vstack([segment.rows[:: len(MEASURED), :-1] for segment in segments])
+    J[:, [i for i, c in enumerate(problem.coordinates) if c.base == "s_pwm"]] = 0.0
+    return _Reference(segments, J, J.T @ J)
+
+
+def _stepped(reference: _Reference, problem: Problem, x: FloatArray) -> Adapted:
+    """A Gauss-Newton step from x with derivatives of the `reference`; the cost is infinite if its prediction fails."""
+    low, high = problem.bounds()
+    errors = [
+        _errors(track, problem, x, of.gains) for track, of in zip(problem.tracks, reference.segments, strict=True)
+    ]
+    r = np.concatenate([error[np.isfinite(error)] for error in errors if error is not None])
+    if any(error is None for error in errors) or not np.isfinite(r).all():
+        return Adapted(np.inf, x)
+    prior, size, outlier = prior_rows(problem, x), np.abs(r), problem.noise.outlier
+    P, of_prior = prior[:, :-1], prior[:, -1]
+    gradient = P.T @ of_prior + reference.J.T @ (-r * np.sqrt(np.minimum(1.0, outlier / np.maximum(size, 1e-300))))
+    normal = P.T @ P + reference.normal
+    step = np.clip(-np.linalg.solve(normal, gradient), -LARGEST_STEP, LARGEST_STEP)
+    cost = of_prior @ of_prior + np.sum(np.where(size > outlier, (2.0 * size - outlier) * outlier, size**2))
+    return Adapted(float(cost + 2.0 * gradient @ step + step @ normal @ step), np.clip(x + step, low, high))
+
+
+def _errors(track: Track, problem: Problem, x: FloatArray, gains: FloatArray) -> FloatArray | None:
+    try:
+        actuator = problem.actuator_of(x, problem.stems[track.log])
+    except ParameterError:
+        return None
+    return prediction_errors(track, actuator, gains[:, 0])
 
 
 def _slow_phase(once: Problem, part: Log, actuator: Actuator) -> float:

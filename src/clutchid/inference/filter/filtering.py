@@ -71,7 +71,13 @@ class Filtered:
 
 
 def filtered(
-    track: Track, mapped: ParameterMap, measure: Sequence[str], noise: Noise, fixed_gains: FloatArray | None = None
+    track: Track,
+    mapped: ParameterMap,
+    measure: Sequence[str],
+    noise: Noise,
+    fixed_gains: FloatArray | None = None,
+    *,
+    compressed: bool = True,
 ) -> Filtered | Failure:
     """Filter a segment with the parameters of one recording.
 
@@ -88,6 +94,8 @@ def filtered(
     fixed_gains : (n, 2, n_states + 3), optional
         Gains and variances of another pass to use instead of the optimal ones. Then the derivatives are exact, and the
         standard deviation of the states is not computed.
+    compressed : bool
+        Whether the rows are compressed; without, there is one for each sensor and sample with a measurement.
     """
     segment, states, k = track.segment, mapped.actuator.states, len(mapped.bases)
     inputs_of(segment, mapped.actuator.model)
@@ -109,7 +117,8 @@ def filtered(
             return Failure(failure_message(track.measured, segment, passed, failed, states, mapped.actuator))
         rows = found.reshape(-1, k + 1)
         cost += _loss(rows[:, -1], noise.outlier)
-        factor = triangular(np.vstack([factor, rows[_measured(rows, sensors)]]))
+        factor = np.vstack([factor, rows[_measured(rows, sensors)]])
+        factor = triangular(factor) if compressed else factor
     return Filtered(_spread(factor, mapped), cost, errors, passed, gains, pressures, mapped)
 
 
