@@ -60,8 +60,8 @@ def reflect(T: FloatArray, pivots: int) -> None:
             for r in range(n):
                 t0[r], t1[r], t2[r], t3[r] = t0[r] - d0 * v[r], t1[r] - d1 * v[r], t2[r] - d2 * v[r], t3[r] - d3 * v[r]
             c += 4
-        for one in range(c, width):
-            t0, d0 = T[one, j:], 0.0
+        for last in range(c, width):
+            t0, d0 = T[last, j:], 0.0
             for r in range(n):
                 d0 += v[r] * t0[r]
             d0 *= beta
@@ -73,19 +73,19 @@ def reflect(T: FloatArray, pivots: int) -> None:
 def triangularise(A: FloatArray, R: FloatArray) -> None:
     """Upper triangular factor of A, written to the rows of R; in blocks that fit the processor's cache."""
     height, width = A.shape
-    block, kept, start = max(8 * width, 256), 0, 0
+    block, rows, start = max(8 * width, 256), 0, 0
     while start < height:
         count = min(block, height - start)
-        T = np.empty((width, kept + count))
+        T = np.empty((width, rows + count))
         for c in range(width):
-            for r in range(kept):
+            for r in range(rows):
                 T[c, r] = R[r, c]
             for r in range(count):
-                T[c, kept + r] = A[start + r, c]
+                T[c, rows + r] = A[start + r, c]
         reflect(T, width)
-        kept, start = min(width, kept + count), start + count
+        rows, start = min(width, rows + count), start + count
         for c in range(width):
-            for r in range(kept):
+            for r in range(rows):
                 R[r, c] = T[c, r]
 
 

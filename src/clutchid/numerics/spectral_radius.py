@@ -58,7 +58,7 @@ def radius_bound(power: FloatArray, enough: float, other: FloatArray) -> float:
 
 @kernel
 def spectral_radius(matrices: FloatArray, scale: FloatArray) -> float:
-    """Upper bound of the largest magnitude of an eigenvalue of several matrices; one that is not finite is left out.
+    """Upper bound of the largest magnitude of an eigenvalue of several matrices, without those that are not finite.
 
     The bound is the root of the norm of a high power (Gelfand 1941) of the matrix with its states divided by `scale`. A
     matrix whose bound by a lower power lies below the largest so far needs no higher one.

@@ -135,8 +135,8 @@ def prepare(
     prepared = plan(
         pulsed_log.log, pulsed_log.actuator, rate, frequent_resets(step), with_pressure, pulsed_log.open_std
     )
-    found = prepared.actuator.replace({"T_pwm": actuator.parameters.T_pwm})
-    return replace(prepared, actuator=found, phase_std=pulsed_log.phase_std)
+    identified = prepared.actuator.replace({"T_pwm": actuator.parameters.T_pwm})
+    return replace(prepared, actuator=identified, phase_std=pulsed_log.phase_std)
 
 
 def tracks_with_steps(plans: Sequence[Plan], margin: float) -> tuple[Track, ...]:
@@ -171,12 +171,12 @@ def with_steps(track: Track, actuator: Actuator, margin: float) -> Track:
 def _between_samples(track: Track) -> FloatArray:
     """Measured position; that of a slow recording interpolated on its time grid, but not where samples are missing."""
     time, position = track.measured.time, track.measured["position"]
-    known = np.flatnonzero(np.isfinite(position))
-    if track.spacing <= SPEED_WINDOW or known.size < 2:
+    recorded = np.flatnonzero(np.isfinite(position))
+    if track.spacing <= SPEED_WINDOW or recorded.size < 2:
         return position
-    between: FloatArray = np.interp(time, time[known], position[known], np.nan, np.nan)
-    after = np.searchsorted(known, np.arange(time.size)).clip(1, known.size - 1)
-    between[np.diff(time[known])[after - 1] > MISSING * track.spacing] = np.nan
+    between: FloatArray = np.interp(time, time[recorded], position[recorded], np.nan, np.nan)
+    after = np.searchsorted(recorded, np.arange(time.size)).clip(1, recorded.size - 1)
+    between[np.diff(time[recorded])[after - 1] > MISSING * track.spacing] = np.nan
     return between
 
 

@@ -318,9 +318,9 @@ def lacks_changes(log: Log, actuator: Actuator) -> bool:
     DataError
         If the recording lacks a duty cycle.
     """
-    known = duties_in(log, actuator)
-    return known is Duties.INTERPOLATED or (
-        known is Duties.LATCHED and _period(actuator) < EACH_PERIOD * sample_interval(log.time)
+    duties = duties_in(log, actuator)
+    return duties is Duties.INTERPOLATED or (
+        duties is Duties.LATCHED and _period(actuator) < EACH_PERIOD * sample_interval(log.time)
     )
 
 
@@ -334,9 +334,9 @@ def pulsed(log: Log, actuator: Actuator, with_pressure: bool, find: FindPhase = 
     DataError
         If the recording lacks a column that the phase is estimated from.
     """
-    period, known = actuator.parameters.T_pwm, duties_in(log, actuator)
-    if known is not Duties.RECORDED:
-        return _slow(log, actuator, known, find)
+    period, duties = actuator.parameters.T_pwm, duties_in(log, actuator)
+    if duties is not Duties.RECORDED:
+        return _slow(log, actuator, duties, find)
     fine, _ = on_time_grid(log, actuator)
     if period == 0.0 or len(log) < 2:
         return Pulsed(fine, actuator)
@@ -350,14 +350,14 @@ def pulsed(log: Log, actuator: Actuator, with_pressure: bool, find: FindPhase = 
     return Pulsed(fine, actuator.replace({"s_pwm": phase}), _phase_std(actuator))
 
 
-def _slow(log: Log, actuator: Actuator, known: Duties, find: FindPhase) -> Pulsed:
+def _slow(log: Log, actuator: Actuator, duties: Duties, find: FindPhase) -> Pulsed:
     """A recording slower than the changes of the duty cycles, on a finer time grid if it has enough of them."""
-    if known is Duties.UNKNOWN:
+    if duties is Duties.UNKNOWN:
         step = sample_interval(log.time)
         warning = f"{log.name}: a sample every {step * 1e3:.3g} ms does not show when the on/off valves switch, and "
         warning += "the load would have errors of tens of percent; record at 1 kHz."
         return Pulsed(log, actuator, warning=warning)
-    if actuator.parameters.T_pwm > 0.0 or known is Duties.LATCHED:
+    if actuator.parameters.T_pwm > 0.0 or duties is Duties.LATCHED:
         actuator = actuator.replace({"s_pwm": find(log, actuator)})
     period = in_clock(actuator.parameters.T_pwm, log.time) if actuator.parameters.T_pwm else 0.0
     actuator = actuator.replace({"T_pwm": period})
@@ -378,11 +378,11 @@ def on_time_grid(log: Log, actuator: Actuator, delay: float = 0.0) -> tuple[Log,
     DataError
         If the recording lacks a duty cycle.
     """
-    known, p = duties_in(log, actuator), actuator.parameters
+    duties, p = duties_in(log, actuator), actuator.parameters
     closed = {"duty_supply": p.R_0vs, "duty_exhaust": p.R_0ve}
-    if known is Duties.LATCHED:
+    if duties is Duties.LATCHED:
         return latched(log, in_clock(_period(actuator), log.time), p.s_pwm, GRID_STEP, closed, delay)
-    if known is Duties.INTERPOLATED:
+    if duties is Duties.INTERPOLATED:
         return interpolated(log, actuator.duty_period or CONTROL_STEP, GRID_STEP, closed, delay)
     return log, None
 

@@ -102,8 +102,8 @@ def _spread_evenly(size: FloatArray, between: IntArray) -> FloatArray:
     """Standard deviations `size` of spans over their intervals; `between` is the span of each, -1 if it has none."""
     at = np.where((between >= 0) & (between < size.size), between, size.size)
     count = np.bincount(at, minlength=size.size + 1)
-    each: FloatArray = np.append(size, 0.0) / np.sqrt(np.maximum(count, 1))
-    return each[at]
+    shares: FloatArray = np.append(size, 0.0) / np.sqrt(np.maximum(count, 1))
+    return shares[at]
 
 
 def in_clock(period: float, time: FloatArray) -> float:
@@ -131,10 +131,10 @@ def _regular(time: FloatArray) -> tuple[FloatArray, float]:
     return (even, float(interval)) if jitters else (time, float(np.median(gaps)))
 
 
-def _between(at: FloatArray, known: FloatArray, duty: FloatArray, closed: float) -> FloatArray:
+def _between(at: FloatArray, stamps: FloatArray, duty: FloatArray, closed: float) -> FloatArray:
     """Duty cycle interpolated linearly in the opening of the valve: it opens from the duty cycle `closed` on."""
-    opened = np.interp(at, known, np.maximum(duty, closed))
-    held: FloatArray = duty[np.maximum(np.searchsorted(known, at, side="right") - 1, 0)]
+    opened = np.interp(at, stamps, np.maximum(duty, closed))
+    held: FloatArray = duty[np.maximum(np.searchsorted(stamps, at, side="right") - 1, 0)]
     return np.where(opened > closed, opened, np.minimum(held, closed))
 
 
@@ -191,8 +191,8 @@ def _apart(breaks: FloatArray, time: FloatArray) -> NDArray[np.bool_]:
     """Mask of the `breaks` within `time`, no closer to its stamps than `SHORTEST_STEP`, nor in a hole."""
     after = np.searchsorted(time, breaks).clip(1, time.size - 1)
     inside = (breaks - time[after - 1] > SHORTEST_STEP) & (time[after] - breaks > SHORTEST_STEP)
-    found: NDArray[np.bool_] = inside & ~holes(time)[after - 1]
-    return found
+    usable: NDArray[np.bool_] = inside & ~holes(time)[after - 1]
+    return usable
 
 
 def _period_number(time: FloatArray, period: float, phase: float) -> FloatArray:

@@ -39,19 +39,19 @@ def failing_term(actuator: Actuator, state: FloatArray, inputs: FloatArray) -> s
     >>> failing_term(Actuator(model="energy-balance"), state, np.array([0.0, 1.0, 0.0, 0.0, 0.0, 1.0]))[:67]
     'the term w_ve is not finite; it depends on p_A = 2e+05, T_A = -5, y'
     """
-    known = dict(zip(actuator.states, state.tolist(), strict=True))
+    values = dict(zip(actuator.states, state.tolist(), strict=True))
     rates: list[_Term] = []
     for term in _terms(actuator, state, inputs):
         if not math.isfinite(term.value):
             what = f"rate of {term.name[2:]}" if term.name.startswith("d_") else f"term {term.name}"
-            return f"the {what} is not finite{_made_of(actuator, term, known)}"
-        known[term.name] = term.value
+            return f"the {what} is not finite{_made_of(actuator, term, values)}"
+        values[term.name] = term.value
         rates += [term] if term.name.startswith("d_") else []
     rows = actuator.state_rows
     fastest = max(rates, key=lambda term: abs(term.value) / rows[term.name[2:]].fast)
     name, unit = fastest.name[2:], rows[fastest.name[2:]].rate_unit
     what = f"all terms are finite and {name} changes fastest, by {fastest.value:.3g} {unit}"
-    return what + _made_of(actuator, fastest, known)
+    return what + _made_of(actuator, fastest, values)
 
 
 def _terms(actuator: Actuator, state: FloatArray, inputs: FloatArray) -> Iterator[_Term]:
@@ -71,9 +71,9 @@ def _terms(actuator: Actuator, state: FloatArray, inputs: FloatArray) -> Iterato
             return
 
 
-def _made_of(actuator: Actuator, term: _Term, known: Mapping[str, float]) -> str:
+def _made_of(actuator: Actuator, term: _Term, values: Mapping[str, float]) -> str:
     """The states, terms and parameters that a term depends on, with their values."""
-    shown = [f"{name} = {known[name]:.3g}" for name in term.made_of]
+    shown = [f"{name} = {values[name]:.3g}" for name in term.made_of]
     shown += [f"{name} = {actuator.value(name):g}{actuator.unit_behind(name)}" for name in term.parameters]
     return f"; it depends on {', '.join(shown)}" if shown else ""
 

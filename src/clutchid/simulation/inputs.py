@@ -96,10 +96,10 @@ def at_samples(simulated: Log, log: Log) -> Log:
     The duty cycles of these samples are those of `log`.
     """
     at = np.minimum(np.searchsorted(simulated.time, log.time), len(simulated) - 1)
-    known = simulated.time[at] == log.time
+    same = simulated.time[at] == log.time
 
     def column(name: str, values: FloatArray) -> FloatArray:
-        return np.where(known, values[at], log[name] if name in INPUTS else np.nan)
+        return np.where(same, values[at], log[name] if name in INPUTS else np.nan)
 
     columns = {name: column(name, values) for name, values in simulated.columns.items()}
     return replace(simulated, time=log.time, columns=columns)

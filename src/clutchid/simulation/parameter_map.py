@@ -122,5 +122,5 @@ def parameter_map(
     `cache` may be shared with a map that differs in values only.
     """
     sensors = {name: (actuator.value(s.lag), actuator.value(s.offset)) for name, s in MEASURED.items()}
-    known = {} if cache is None else cache
-    return ParameterMap(actuator, KernelArrays.of(actuator), tuple(bases), tuple(places), slopes, size, sensors, known)
+    active = {} if cache is None else cache
+    return ParameterMap(actuator, KernelArrays.of(actuator), tuple(bases), tuple(places), slopes, size, sensors, active)

@@ -88,8 +88,8 @@ def start_state(segment: Segment, actuator: Actuator, start: tuple[float, float]
         y = segment.position_start
         p_A = guessed_pressure(segment, actuator)
     rest = {name: actuator.value(row.starts_at) for name, row in actuator.state_rows.items() if row.starts_at}
-    known = {**rest, "y": y, "p_A": p_A}
-    return np.array([known.get(name, 0.0) for name in actuator.states])
+    values = {**rest, "y": y, "p_A": p_A}
+    return np.array([values.get(name, 0.0) for name in actuator.states])
 
 
 def guessed_pressure(segment: Segment, actuator: Actuator) -> float:

@@ -78,10 +78,10 @@ def sensor_output(values: FloatArray, time: FloatArray, lag: float, offset: floa
         return values + offset
     record = np.full_like(values, np.nan)
     step = sample_interval(time)
-    known = np.isfinite(values)
-    for a, b in runs(known[:-1] & known[1:] & ~holes(time)):
+    finite = np.isfinite(values)
+    for a, b in runs(finite[:-1] & finite[1:] & ~holes(time)):
         record[a : b + 1] = lagged(values[a : b + 1], lag, step)
-    alone = known & np.isnan(record)
+    alone = finite & np.isnan(record)
     record[alone] = values[alone]
     return record + offset
 

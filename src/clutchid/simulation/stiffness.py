@@ -84,7 +84,7 @@ def local_stiffness(actuator: Actuator, speed: float, reach: tuple[float, float]
     }
     values = [ranges.get(name, (0.0,)) for name in actuator.states]
     corners = _corners(tuple(map(len, values)))
-    x = np.column_stack([np.array(one)[corner] for one, corner in zip(values, corners, strict=True)])
+    x = np.column_stack([np.array(of_state)[corner] for of_state, corner in zip(values, corners, strict=True)])
     spools = [i for i, name in enumerate(actuator.states) if name in ("x_vs", "x_ve")]
     scale = np.array([row.scale for row in actuator.state_rows.values()])
     radius, largest = kernels_in("clutchid.numerics.spectral_radius").spectral_radius, 0.0

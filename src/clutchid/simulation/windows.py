@@ -44,8 +44,8 @@ def tracks(plans: Sequence[Plan]) -> tuple[Track, ...]:
 
 
 def _spacing(log: Log) -> float:
-    known = log.time[np.isfinite(log["position"])]
-    return sample_interval(known, WINDOW)
+    stamps = log.time[np.isfinite(log["position"])]
+    return sample_interval(stamps, WINDOW)
 
 
 def _windows(segment: Segment) -> list[Segment]:
@@ -103,11 +103,11 @@ def initial_states(track: Track, actuator: Actuator, with_pressure: bool) -> Flo
     reach = samples(track.segment, 0.016) // 2
     for i, sample in enumerate(at):
         near = slice(max(track.segment.start, sample - reach), min(track.segment.stop, sample + reach + 1))
-        known = np.isfinite(position[near])
-        if known.sum() > 2:
-            guess[i, 0] = np.median(position[near][known])
-            t = time[near][known] - time[sample]
-            guess[i, 1] = np.polyfit(t, position[near][known], 1)[0]
+        recorded = np.isfinite(position[near])
+        if recorded.sum() > 2:
+            guess[i, 0] = np.median(position[near][recorded])
+            t = time[near][recorded] - time[sample]
+            guess[i, 1] = np.polyfit(t, position[near][recorded], 1)[0]
         if with_pressure and np.isfinite(track.measured["pressure_a"][near]).any():
             guess[i, 2] = np.nanmedian(track.measured["pressure_a"][near])
     return guess

@@ -142,17 +142,17 @@ def supply_pressure(reading: InspectedRecording) -> Check:
             "the unit of the pressure or the sign of the position is wrong, so the supply pressure cannot be checked."
         )
         return Check(SUPPLY_PRESSURE, "-", "undetermined", sentence)
-    plateaus, known = _plateaus(reading), reading.actuator.parameters.P_S
+    plateaus, nominal = _plateaus(reading), reading.actuator.parameters.P_S
     if plateaus.size:
-        return _compared(float(np.median(plateaus)), plateaus.size, known)
+        return _compared(float(np.median(plateaus)), plateaus.size, nominal)
     # noise alone lifts one of a thousand samples by three standard deviations
     pressure = reading.log["pressure_a"]
     least = float(np.nanquantile(pressure, 0.999)) - 3 * float(np.nan_to_num(reading.noises["pressure_a"]))
     value = f"at least {least * 1e-5:.3g} bar"
-    if least > (1 + TOLERANCE) * known:
+    if least > (1 + TOLERANCE) * nominal:
         sentence = (
             f"the chamber reaches {least * 1e-5:.3g} bar, more than the supply pressure of the actuator, "
-            f"{known * 1e-5:.3g} bar: a fit would underestimate the air flow; set P_S in the start file, or "
+            f"{nominal * 1e-5:.3g} bar: a fit would underestimate the air flow; set P_S in the start file, or "
             "free it."
         )
         return Check(SUPPLY_PRESSURE, value, "bad", sentence)
@@ -163,15 +163,15 @@ def supply_pressure(reading: InspectedRecording) -> Check:
     return Check(SUPPLY_PRESSURE, value, "undetermined", sentence)
 
 
-def _compared(implied: float, count: int, known: float) -> Check:
+def _compared(implied: float, count: int, nominal: float) -> Check:
     value = f"{implied * 1e-5:.3g} bar ({count} plateau{'' if count == 1 else 's'})"
     facts = f"an open supply valve fills the chamber to {implied * 1e-5:.3g} bar"
-    if abs(implied - known) <= TOLERANCE * known:
-        return Check(SUPPLY_PRESSURE, value, "good", f"{facts}, the actuator has {known * 1e-5:.3g} bar.")
+    if abs(implied - nominal) <= TOLERANCE * nominal:
+        return Check(SUPPLY_PRESSURE, value, "good", f"{facts}, the actuator has {nominal * 1e-5:.3g} bar.")
     grade: Grade = "suspect"
     sentence = (
-        f"{facts}, but the actuator has P_S = {known * 1e-5:.3g} bar: a fit with this value attributes the difference "
-        f"to the load; set P_S = {implied:.4g} Pa in the start file, or free it."
+        f"{facts}, but the actuator has P_S = {nominal * 1e-5:.3g} bar: a fit with this value attributes the "
+        f"difference to the load; set P_S = {implied:.4g} Pa in the start file, or free it."
     )
     return Check(SUPPLY_PRESSURE, value, grade, sentence)
 
@@ -185,19 +185,19 @@ def _plateaus(reading: InspectedRecording) -> FloatArray:
     fill = p.P_S * (p.V_0A + p.A_A * p.y_max) / choked if choked > 0 else np.inf
     long = np.flatnonzero(log.time[stop - 1] - log.time[first] > fill + END)
     volume = p.V_0A + p.A_A * np.clip(log["position"], 0.0, p.y_max) if "position" in log else None
-    found = []
+    plateaus = []
     for i in long[spread_over(long.size)]:
         begin = max(int(first[i]), int(np.searchsorted(log.time, log.time[stop[i] - 1] - END)))
         end = slice(begin, int(stop[i]))
         pressure = log["pressure_a"][end]
         content = pressure * (p.V_0A if volume is None else volume[end])
-        known = np.isfinite(content)
-        if known.sum() < FEWEST:
+        finite = np.isfinite(content)
+        if finite.sum() < FEWEST:
             continue
-        flow = float(np.polyfit(log.time[end][known] - log.time[begin], content[known], 1)[0])
+        flow = float(np.polyfit(log.time[end][finite] - log.time[begin], content[finite], 1)[0])
         if abs(flow) < TRICKLE * choked:
-            found.append(float(np.mean(pressure[known])))
-    return np.array(found)
+            plateaus.append(float(np.mean(pressure[finite])))
+    return np.array(plateaus)
 
 
 _RECORD = "record it here and in the calibration"
@@ -224,12 +224,12 @@ _LEVEL, _LEVELS, _SWING = 1.0, 4, 0.12
 def _supply_change(log: Log) -> tuple[float, float, float] | None:
     """Levels of the recorded supply in Pa before and after its largest change, and its time in s; None without one."""
     values = log["pressure_supply"]
-    known = np.isfinite(values)
-    blocks = np.floor((log.time[known] - log.time[0]) / _LEVEL).astype(np.int64)
+    finite = np.isfinite(values)
+    blocks = np.floor((log.time[finite] - log.time[0]) / _LEVEL).astype(np.int64)
     if not blocks.size:
         return None
     numbers = np.unique(blocks)
-    levels = np.array([np.median(values[known][blocks == number]) for number in numbers])
+    levels = np.array([np.median(values[finite][blocks == number]) for number in numbers])
     if levels.size < _LEVELS:
         return None
     errors = [levels[:i].var() * i + levels[i:].var() * (levels.size - i) for i in range(1, levels.size)]

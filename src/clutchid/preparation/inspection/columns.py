@@ -23,20 +23,20 @@ def saturation(reading: InspectedRecording, name: str) -> Check:
     At an end stop the noise remains, so runs of equal values are no longer there than elsewhere. Without visible noise,
     the check is undetermined.
     """
-    title, found, (low, high) = f"saturation of {name}", reading.runs[name], reading.ends[name]
+    title, runs, (low, high) = f"saturation of {name}", reading.runs[name], reading.ends[name]
     if not reading.noisy(name):
         return Check(title, "-", "undetermined", no_noise(name))
     cut = []
     for level, side in ((low, "smallest"), (high, "largest")):
-        at = found.value == level
-        usual = found.longest((found.value != low) & (found.value != high), LEFT_OUT)
-        longest = found.longest(at)
+        at = runs.value == level
+        usual = runs.longest((runs.value != low) & (runs.value != high), LEFT_OUT)
+        longest = runs.longest(at)
         if longest > max(LONGER * usual, SHORTEST):
-            cut.append((level, side, _total(found, level, LONGER * usual) * reading.step, longest))
+            cut.append((level, side, _total(runs, level, LONGER * usual) * reading.step, longest))
     if not cut:
         value = f"{shown(low, name)} to {shown(high, name)}"
         return Check(title, value, "good", f"{name} has noise at both ends of its range, so it is not saturated.")
-    level, side, seconds, _ = max(cut, key=lambda one: one[2])
+    level, side, seconds, _ = max(cut, key=lambda end: end[2])
     sentence = (
         f"{name} stays at its {side} value, {shown(level, name)}, without noise for {seconds:.3g} s in total: the "
         "sensor or its channel saturates there. A fit would take this limit for an end stop and distort the load "
@@ -50,17 +50,17 @@ def no_noise(name: str) -> str:
     return f"{name} has no noise above its quantisation step, so repeated values have no meaning."
 
 
-def _total(found: Runs, level: float, longer: int) -> int:
+def _total(runs: Runs, level: float, longer: int) -> int:
     """Number of samples in the long runs at one level."""
-    return int(found.length[(found.value == level) & (found.length > longer)].sum())
+    return int(runs.length[(runs.value == level) & (runs.length > longer)].sum())
 
 
 def _longest(reading: InspectedRecording, name: str, level: float) -> tuple[float, float]:
     """Start and end in s of the longest run at one level."""
-    found = reading.runs[name]
-    at = np.flatnonzero(found.value == level)
-    k = at[np.argmax(found.length[at])]
-    first, last = found.start[k], found.start[k] + found.length[k] - 1
+    runs = reading.runs[name]
+    at = np.flatnonzero(runs.value == level)
+    k = at[np.argmax(runs.length[at])]
+    first, last = runs.start[k], runs.start[k] + runs.length[k] - 1
     return float(reading.log.time[first]), float(reading.log.time[last])
 
 
@@ -102,13 +102,11 @@ def stuck(reading: InspectedRecording, name: str) -> Check:
 
 def _frozen(reading: InspectedRecording, name: str) -> list[tuple[float, float]]:
     """Start and end times of constant runs, except at the extreme values: those are checked for saturation."""
-    found, ends, time = reading.runs[name], reading.ends[name], reading.log.time
-    inner = (found.value != ends.low) & (found.value != ends.high)
-    usual = found.longest(inner, LEFT_OUT)
-    long = inner & (found.length > LONGER * usual) & (found.length * reading.step > LEAST)
-    return [
-        (float(time[a]), float(time[a + n - 1])) for a, n in zip(found.start[long], found.length[long], strict=True)
-    ]
+    runs, ends, time = reading.runs[name], reading.ends[name], reading.log.time
+    inner = (runs.value != ends.low) & (runs.value != ends.high)
+    usual = runs.longest(inner, LEFT_OUT)
+    long = inner & (runs.length > LONGER * usual) & (runs.length * reading.step > LEAST)
+    return [(float(time[a]), float(time[a + n - 1])) for a, n in zip(runs.start[long], runs.length[long], strict=True)]
 
 
 def _pushed(reading: InspectedRecording, start: float, stop: float) -> bool:
@@ -125,7 +123,7 @@ def _unmoved(reading: InspectedRecording) -> tuple[list[tuple[float, float]], in
     y, time = reading.log["position"], reading.log.time
     low, high = reading.extent
     blur, margin = reading.blur("position"), NEAR_END * (high - low)
-    found, tested = [], 0
+    stretches, tested = [], 0
     for supply, needed in zip((True, False), reading.quick, strict=True):
         opened = np.concatenate([[0.0], np.cumsum(reading.supply if supply else reading.exhaust)]) * reading.step
         starts, stops = reading.open_alone(supply)
@@ -137,8 +135,8 @@ def _unmoved(reading: InspectedRecording) -> tuple[list[tuple[float, float]], in
             away = part.size > 1 and (part.max() <= high - margin if supply else part.min() > low + margin)
             tested += int(away)
             if away and np.ptp(part) <= blur:
-                found.append((float(time[starts[i]]), float(time[stops[i] - 1])))
-    return found, tested
+                stretches.append((float(time[starts[i]]), float(time[stops[i] - 1])))
+    return stretches, tested
 
 
 def _finite(values: FloatArray) -> FloatArray:
@@ -250,8 +248,8 @@ def motion(reading: InspectedRecording) -> Check:
 
 
 def _is_constant(values: FloatArray) -> bool:
-    known = values[np.isfinite(values)]
-    return known.size == 0 or bool(known.min() == known.max())
+    finite = values[np.isfinite(values)]
+    return finite.size == 0 or bool(finite.min() == finite.max())
 
 
 #: Reach below this share of the stroke that an open valve contradicts, and how many times longer half a stroke takes

@@ -268,9 +268,9 @@ class InspectedRecording:
         """
         p = self.actuator.parameters
         time: FloatArray = np.arange(1000, dtype=np.float64) * 1e-3
-        one, none = np.ones(time.size), np.zeros(time.size)
-        up = self.simulated(Log(time, dict(zip(INPUTS, (one, none), strict=True))), 0.0, p.P_0)
-        down = self.simulated(Log(time, dict(zip(INPUTS, (none, one), strict=True))), p.y_max, p.P_S)
+        wide, none = np.ones(time.size), np.zeros(time.size)
+        up = self.simulated(Log(time, dict(zip(INPUTS, (wide, none), strict=True))), 0.0, p.P_0)
+        down = self.simulated(Log(time, dict(zip(INPUTS, (none, wide), strict=True))), p.y_max, p.P_S)
         tenth = 0.1 * p.y_max
         return _first(time, up > tenth), _first(time, down < p.y_max - tenth)
 

@@ -111,9 +111,9 @@ def time_shift(reading: InspectedRecording) -> Check:
     """Delay of the measured motion relative to the simulated one over all strokes, with its standard deviation."""
     if not reading.driven or "position" not in reading.measured:
         return Check(TIME_SHIFT, "-", "undetermined", "the time shift check needs a position and both duty cycles.")
-    found = starts(reading)
-    moved = np.isfinite(found.measured)
-    count, total = int(moved.sum()), found.measured.size
+    moves = starts(reading)
+    moved = np.isfinite(moves.measured)
+    count, total = int(moved.sum()), moves.measured.size
     if total >= FEWEST_STROKES and 2 * count < total:
         sentence = (
             f"in {total - count} of {total} strokes the piston does not move within {AFTER * 1e3:g} ms after the "
@@ -127,8 +127,8 @@ def time_shift(reading: InspectedRecording) -> Check:
             f"{FEWEST_STROKES} are needed."
         )
         return Check(TIME_SHIFT, "-", "undetermined", sentence)
-    late = found.measured[moved] - found.simulated[moved] - reading.actuator.parameters.tau_y
-    usual = float(np.median(found.simulated[moved]))
+    late = moves.measured[moved] - moves.simulated[moved] - reading.actuator.parameters.tau_y
+    usual = float(np.median(moves.simulated[moved]))
     if reading.update_interval > LONGEST_INTERVAL:
         sentence = (
             f"the interval of {reading.update_interval * 1e3:.3g} ms between samples is too long: in the model a "
@@ -248,9 +248,9 @@ def _commands(reading: InspectedRecording) -> IntArray:
     first, stop = run_ends(reading.supply > 0)
     ended = np.concatenate([[time[0] - CLOSED], time[stop[:-1] - 1]])[: first.size]
     first = first[time[first] - ended > CLOSED]
-    known = np.isfinite(reading.log["duty_supply"]) & np.isfinite(reading.log["duty_exhaust"])
-    known[1:] &= np.diff(time) <= HOLE * reading.step
-    unknown = np.concatenate([[0], np.cumsum(~known)])
+    finite = np.isfinite(reading.log["duty_supply"]) & np.isfinite(reading.log["duty_exhaust"])
+    finite[1:] &= np.diff(time) <= HOLE * reading.step
+    unknown = np.concatenate([[0], np.cumsum(~finite)])
     ahead = np.searchsorted(time, time[first] + AFTER)
     behind = np.searchsorted(time, time[first] - CLOSED) + 1
     whole = (ahead < time.size) & (unknown[ahead] == unknown[np.minimum(behind, time.size)])
