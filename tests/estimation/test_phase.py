@@ -42,6 +42,14 @@ def test_cold_grease_and_a_worn_clutch_are_not_taken_for_another_phase(known, co
     assert abs(centred(find_phase(cold_and_worn, known) - PHASE)) > 0.05  # the reason for the filter
 
 
+@pytest.mark.slow
+def test_samples_without_a_position_leave_the_phase_as_it_is(known, cold_and_worn):
+    position = cold_and_worn["position"].copy()
+    position[700:720] = np.nan
+    gaps = cold_and_worn.with_columns(position=position)
+    assert abs(centred(filtered_phase(gaps, known, EXACT) - PHASE)) < 0.05
+
+
 def test_only_a_load_that_is_read_from_a_calibration_needs_the_filter(known):
     reading = FreeParameters(known.load.names, ("position",))
     assert phase_finder(known, reading, None) is find_phase

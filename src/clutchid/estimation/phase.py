@@ -122,9 +122,10 @@ def _stepped(reference: _Reference, problem: Problem, x: FloatArray) -> Adapted:
     errors = [
         _errors(track, problem, x, of.gains) for track, of in zip(problem.tracks, reference.segments, strict=True)
     ]
-    r = np.concatenate([error[np.isfinite(error)] for error in errors if error is not None])
-    if any(error is None for error in errors) or not np.isfinite(r).all():
+    followed = [error for error in errors if error is not None]
+    if len(followed) < len(errors):
         return Adapted(np.inf, x)
+    r = np.nan_to_num(np.concatenate(followed), nan=0.0)  # without a measurement: its row of the reference is 0 too
     prior, size, outlier = prior_rows(problem, x), np.abs(r), problem.noise.outlier
     P, of_prior = prior[:, :-1], prior[:, -1]
     gradient = P.T @ of_prior + reference.J.T @ (-r * np.sqrt(np.minimum(1.0, outlier / np.maximum(size, 1e-300))))

@@ -95,7 +95,7 @@ def filtered(
         Gains and variances of another pass to use instead of the optimal ones. Then the derivatives are exact, and the
         standard deviation of the states is not computed.
     compressed : bool
-        Whether the rows are compressed; without, there is one for each sensor and sample with a measurement.
+        Whether the rows are compressed; without, there is one for each sensor and sample, of zeros for none.
     """
     segment, states, k = track.segment, mapped.actuator.states, len(mapped.bases)
     inputs_of(segment, mapped.actuator.model)
@@ -117,7 +117,7 @@ def filtered(
             return Failure(failure_message(track.measured, segment, passed, failed, states, mapped.actuator))
         rows = found.reshape(-1, k + 1)
         cost += _loss(rows[:, -1], noise.outlier)
-        factor = np.vstack([factor, rows[_measured(rows, sensors)]])
+        factor = np.vstack([factor, rows[_measured(rows, sensors)] if compressed else rows])
         factor = triangular(factor) if compressed else factor
     return Filtered(_spread(factor, mapped), cost, errors, passed, gains, pressures, mapped)
 

@@ -108,7 +108,7 @@ def bars(value: float | None) -> str:
 
 
 def _facts(study: StudyResults) -> dict[str, Any]:
-    """What the words of the page are filled with."""
+    """Values in the words of the page."""
     ballistic, rows = study.case(_BALLISTIC), rows_of(study.cases, "p")
     fit, second = ballistic.fit, study.second
     error = np.abs(ballistic.fitted.simulated["position"] - ballistic.fitted.measured["position"])
