@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from forms import forms, outcome
 
-from clutchid.measurements import clock, own_stamps, time_axis
+from clutchid.measurements import clock, grids, sparse, time_axis
 
 #: Module, name, unit, and where the value comes from.
 THRESHOLDS: tuple[tuple[Any, str, str, str], ...] = (
@@ -31,18 +31,18 @@ THRESHOLDS: tuple[tuple[Any, str, str, str], ...] = (
     (time_axis, "_BURSTS", "bursts", "a guess: as many as give a rate to a percent"),
     (time_axis, "_LEAST", "samples", "between a pair, as of a repeated stamp, and the bursts of 16 of data/hunt (40)"),
     (time_axis, "_WITHIN", "", "bursts of data/hunt (40) take less than a hundredth of their period"),
-    (own_stamps, "_ENOUGH", "samples", "a guess"),
-    (own_stamps, "_WITHOUT", "", "above the 10 % of dropouts of a bad sensor, below the half of two equal grids"),
-    (own_stamps, "_BETWEEN", "rows", "rows of another grid lie between the samples"),
-    (own_stamps, "_LEAST_ROWS", "rows", "a guess"),
-    (own_stamps, "_FIRST_ROWS", "rows", "a guess"),
-    (own_stamps, "_DIFFERENT", "", "what is written on change differs, but where a logger writes all of a group"),
-    (own_stamps, "_REGULAR", "", "a guess: four of five intervals are alike where a message is sent at a rate"),
-    (own_stamps, "_FEW", "samples", "a guess"),
-    (own_stamps, "_BEGINNING", "letters", "pos for position, the shortest beginning of a word in data/hunt (03a)"),
-    (own_stamps, "_SHOWN", "samples", "a guess"),
-    (own_stamps, "_FORWARD", "", "a guess: rows of an outer join repeat their stamps"),
-    (own_stamps, "_BACK", "", "a guess: some restarts and lone stamps"),
+    (sparse, "_ENOUGH", "samples", "a guess"),
+    (sparse, "_WITHOUT", "", "above the 10 % of dropouts of a bad sensor, below the half of two equal grids"),
+    (sparse, "_BETWEEN", "rows", "rows of another grid lie between the samples"),
+    (sparse, "_LEAST_ROWS", "rows", "a guess"),
+    (sparse, "_FIRST_ROWS", "rows", "a guess"),
+    (sparse, "_DIFFERENT", "", "what is written on change differs, but where a logger writes all of a group"),
+    (sparse, "_REGULAR", "", "a guess: four of five intervals are alike where a message is sent at a rate"),
+    (sparse, "_FEW", "samples", "a guess"),
+    (grids, "_BEGINNING", "letters", "pos for position, the shortest beginning of a word in data/hunt (03a)"),
+    (grids, "_SHOWN", "samples", "a guess"),
+    (grids, "_FORWARD", "", "a guess: rows of an outer join repeat their stamps"),
+    (grids, "_BACK", "", "a guess: some restarts and lone stamps"),
 )  # fmt: skip
 
 

@@ -21,7 +21,7 @@ from clutchid.errors import DataError, MissingExtra, ParameterError
 from clutchid.files import plain_file, reason_of
 from clutchid.measurements.formats.kinds import readable_kind
 from clutchid.measurements.formats.opening import opened_here
-from clutchid.measurements.own_stamps import with_own_grids
+from clutchid.measurements.grids import with_own_grids
 from clutchid.measurements.reader_service import Answer, Message, decoded, encoded, source_of, unpacked
 from clutchid.measurements.source import BLOCK, Source, Table, joined
 from clutchid.processes import Limits, Worker, WorkerEnd

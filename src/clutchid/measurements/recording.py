@@ -33,8 +33,8 @@ from clutchid.measurements.clock import (
 from clutchid.measurements.columns import Heading, heading_problems, ignored
 from clutchid.measurements.map.channel_map import COUNTED, Channel, ChannelMap, PickedChannels
 from clutchid.measurements.opening import MEMORY_VARIABLE, memory
-from clutchid.measurements.own_stamps import by_presence
 from clutchid.measurements.source import BLOCK, Places, Rows, Source, Table, with_unit
+from clutchid.measurements.sparse import by_presence
 from clutchid.measurements.time_axis import (
     ChannelStream,
     SampleBlock,

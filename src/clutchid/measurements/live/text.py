@@ -20,8 +20,8 @@ from clutchid.measurements.formats.json_lines import keys_of, read_objects
 from clutchid.measurements.live.arrival import ArrivedBatch, LiveBlock, live_blocks
 from clutchid.measurements.live.order import arrived, by_position, picked_streams
 from clutchid.measurements.map.channel_map import PickedChannels
-from clutchid.measurements.own_stamps import by_presence
 from clutchid.measurements.source import EXAMPLE, Raster, Table
+from clutchid.measurements.sparse import by_presence
 
 if TYPE_CHECKING:
     from clutchid.measurements.map.channel_map import ChannelMap

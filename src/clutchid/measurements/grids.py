@@ -1,0 +1,121 @@
+"""Tables in which signals have time columns of their own: a time grid for each, of the columns that belong to it.
+
+A column belongs to the time column that has a word of its name, else to the nearest one before it.
+
+Thresholds: benchmarks/results/thresholds.md.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from clutchid.measurements.columns import Heading, is_unit_of
+from clutchid.measurements.source import Raster, Source, Table
+
+#: Words of time columns, in lower case.
+_TIMES = frozenset(["t", "time", "zeit", "stamp", "timestamp", "timestamps", "zeitstempel", "tout"])
+
+#: Letters of a word that are enough for its beginning.
+_BEGINNING = 3
+
+#: Samples of the time columns that show whether they are times: they increase in this share, and decrease in this.
+_SHOWN, _FORWARD, _BACK = 1000, 0.2, 0.05
+
+
+def with_own_grids(source: Source) -> Source:
+    """The source, with a time grid for each time column where its table has several."""
+    if len(source.rasters) != 1 or source.problems or source.unnamed:
+        return source
+    (raster,) = source.rasters
+    times = [heading for heading in raster.headings if _is_time(heading)]
+    if len(times) < 2:
+        return source
+    owned = _owned(raster.headings, times)
+    if len(owned) < 2 or not _increase(source, list(owned)):
+        return source
+    texts = dict(raster.others)
+    by_index = {heading.index: heading for heading in raster.headings}
+    rasters, places = [], []
+    for time, columns in owned.items():
+        indices = sorted([time, *columns])
+        headings = tuple(replace(by_index[index], index=i) for i, index in enumerate(indices))
+        others = tuple((heading.text, texts[heading.text]) for heading in headings if heading.text in texts)
+        rasters.append(Raster(headings, raster.size, by_index[time].text, indices.index(time), others))
+        places.append(indices)
+    return replace(source, rasters=tuple(rasters), tables=partial(_tables, source, rasters, places))
+
+
+def _is_time(heading: Heading) -> bool:
+    if heading.name is not None:
+        return heading.name == "time"
+    return bool(_words(heading.text) & _TIMES) and (heading.unit is None or is_unit_of("time", heading.unit))
+
+
+def _words(text: str) -> frozenset[str]:
+    """
+    >>> sorted(_words("ClutchPos_time [s]"))
+    ['clutch', 'pos', 'time']
+    """
+    return frozenset(map(str.casefold, re.findall(r"[^\W\d_]+?(?=[A-Z][a-z])|[^\W\d_]+|\d+", text.partition("[")[0])))
+
+
+def _owned(headings: Sequence[Heading], times: Sequence[Heading]) -> dict[int, list[int]]:
+    """The columns of each time column, by index; time columns without any are left out."""
+    words = {time.index: _words(time.text) for time in times}
+    common = frozenset.intersection(*words.values())
+    owned: dict[int, list[int]] = {time.index: [] for time in times}
+    last = times[0].index
+    for heading in headings:
+        if heading.index in owned:
+            last = heading.index
+            continue
+        parts = _words(heading.text)
+        called = [index for index, own in words.items() if any(_alike(a, b) for a in own - common for b in parts)]
+        owned[called[0] if len(called) == 1 else last].append(heading.index)
+    return {index: columns for index, columns in owned.items() if columns}
+
+
+def _alike(word: str, other: str) -> bool:
+    """Whether a word is another, or its beginning: pos, position."""
+    short, long = sorted((word, other), key=len)
+    return short == long or (len(short) >= _BEGINNING and long.startswith(short))
+
+
+def _increase(source: Source, times: Sequence[int]) -> bool:
+    """Whether the first samples of all of these columns increase, as times do."""
+    table = next(source.tables(0, times, _SHOWN), None)
+    if table is None:
+        return False
+    for index in times:
+        stamps = table.numbers.get(index, np.empty(0))
+        steps = np.diff(stamps[np.isfinite(stamps)])
+        if not steps.size or np.mean(steps > 0) < _FORWARD or np.mean(steps < 0) > _BACK:
+            return False
+    return True
+
+
+def _tables(
+    source: Source,
+    rasters: Sequence[Raster],
+    places: Sequence[Sequence[int]],
+    raster: int,
+    columns: Sequence[int],
+    rows: int | None = None,
+) -> Iterator[Table]:
+    """The tables of a time grid, without the rows behind its end, in which it holds nothing.
+
+    `places` are the columns of each time grid in the file.
+    """
+    own, inside = rasters[raster], places[raster]
+    assert own.clock is not None
+    for table in source.tables(0, [inside[i] for i in sorted({*columns, own.clock})], rows):
+        there = np.any(np.isfinite(np.array(list(table.numbers.values()))), axis=0, keepdims=True)[0]
+        samples = table.take(np.flatnonzero(there))
+        numbers = {i: samples.numbers[inside[i]] for i in columns}
+        unread = {inside.index(index): rows for index, rows in samples.unread.items()}
+        yield replace(samples, headings=own.headings, numbers=numbers, unread=unread)
