@@ -17,23 +17,7 @@ import numpy as np
 
 from clutchid.errors import missing
 from clutchid.log import FloatArray
-from clutchid.measurements.formats.mat.loaded import (
-    BEST_RATIO,
-    COMPLEX,
-    NO_NUMBERS,
-    SPARSE,
-    BrokenMat,
-    CharArray,
-    NoChannel,
-    Node,
-    NodeArray,
-    Numbers,
-    ReadSamples,
-    Struct,
-    class_object,
-    samples,
-    sound,
-)
+from clutchid.measurements.formats.mat import loaded
 
 if TYPE_CHECKING:
     import h5py
@@ -45,9 +29,9 @@ _OLD_OBJECT = "2"
 _LARGEST_CHUNK = 1 << 28
 
 _FORMAT = "MATLAB 7.3 (HDF5)"
-_EMPTY = Numbers((0, 0))
-_ELSEWHERE = NoChannel("arrays whose numbers are not in the file")
-_ONE_PIECE = NoChannel(f"arrays in compressed pieces of more than {_LARGEST_CHUNK >> 20} MB")
+_EMPTY = loaded.Numbers((0, 0))
+_ELSEWHERE = loaded.NoChannel("arrays whose numbers are not in the file")
+_ONE_PIECE = loaded.NoChannel(f"arrays in compressed pieces of more than {_LARGEST_CHUNK >> 20} MB")
 
 
 @dataclass(slots=True)
@@ -60,7 +44,7 @@ class _OpenFile:
     groups: set[int] = field(default_factory=set)
 
 
-def contents(path: Path) -> Struct:
+def contents(path: Path) -> loaded.Struct:
     """The variables of the file, by name.
 
     Raises
@@ -70,13 +54,13 @@ def contents(path: Path) -> Struct:
     MissingExtra
         If h5py is not installed.
     """
-    with _file(path) as walk, sound(_FORMAT):
+    with _file(path) as walk, loaded.sound(_FORMAT):
         names = [name for name in walk.file if not name.startswith("#")]
-        return Struct({name: _member(walk, walk.file, name) for name in names})
+        return loaded.Struct({name: _member(walk, walk.file, name) for name in names})
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[ReadSamples]:
+def opened(path: Path) -> Iterator[loaded.ReadSamples]:
     """The file, open for reading samples; no more than these are in memory.
 
     Raises
@@ -88,12 +72,12 @@ def opened(path: Path) -> Iterator[ReadSamples]:
     """
     with _file(path) as walk:
 
-        def read(numbers: Numbers, channel: int, start: int, stop: int) -> FloatArray:
+        def read(numbers: loaded.Numbers, channel: int, start: int, stop: int) -> FloatArray:
             if start == stop:
                 return np.empty(0)
             if isinstance(numbers.place, np.ndarray):
-                return samples(numbers.place, numbers, channel, start, stop)
-            with sound(_FORMAT):
+                return loaded.samples(numbers.place, numbers, channel, start, stop)
+            with loaded.sound(_FORMAT):
                 long, short = slice(start, stop), channel
                 order = (short, long) if numbers.is_wide else (long, short)
                 sides = iter(order if not numbers.is_vector else (long,))
@@ -112,33 +96,34 @@ def _file(path: Path) -> Iterator[_OpenFile]:
         h5 = import_module("h5py")
     except ImportError as error:
         raise missing("reading MATLAB 7.3 files (those saved with '-v7' do without)", "h5py", "mat") from error
-    with sound(_FORMAT):
+    with loaded.sound(_FORMAT):
         file = h5.File(path, "r")
     try:
         yield _OpenFile(h5, file, path.stat().st_size)
     finally:
-        with sound(_FORMAT):
+        with loaded.sound(_FORMAT):
             file.close()
 
 
-def _member(walk: _OpenFile, group: h5py.Group, name: str) -> Node:
+def _member(walk: _OpenFile, group: h5py.Group, name: str) -> loaded.Node:
     """The node of a member of a group; links out of the group are not followed."""
     if not isinstance(group.get(name, getlink=True), walk.h5.HardLink):
         return _ELSEWHERE
     return _node(walk, group[name])
 
 
-def _node(walk: _OpenFile, item: Any) -> Node:
+def _node(walk: _OpenFile, item: Any) -> loaded.Node:
     if not isinstance(item, walk.h5.Group | walk.h5.Dataset):
-        return NO_NUMBERS
+        return loaded.NO_NUMBERS
     class_name = _attribute(item, "MATLAB_class")
     if isinstance(item, walk.h5.Group):
         return _group(walk, item, class_name)
     if "MATLAB_object_decode" in item.attrs:
-        return class_object(class_name)
+        return loaded.class_object(class_name)
     if _attribute(item, "MATLAB_empty") not in ("", "0") or not item.shape or not math.prod(item.shape):
-        empty: dict[str, Node] = {"char": CharArray(""), "cell": NodeArray(()), "struct": NodeArray(())}
-        return empty.get(class_name, _EMPTY)
+        if class_name == "char":
+            return loaded.CharArray("")
+        return loaded.NodeArray(()) if class_name in ("cell", "struct") else _EMPTY
     return _dataset(walk, item, class_name)
 
 
@@ -148,24 +133,24 @@ def _attribute(item: Any, name: str) -> str:
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 
-def _group(walk: _OpenFile, group: h5py.Group, class_name: str) -> Node:
+def _group(walk: _OpenFile, group: h5py.Group, class_name: str) -> loaded.Node:
     """A struct or a struct array, whose fields are references to the values of each."""
     address = hash(group.id)
     if address in walk.groups:
-        return NO_NUMBERS
+        return loaded.NO_NUMBERS
     walk.groups.add(address)
     if "MATLAB_sparse" in group.attrs:
-        return SPARSE
+        return loaded.SPARSE
     if class_name == "function_handle" or _attribute(group, "MATLAB_object_decode") not in ("", _OLD_OBJECT):
-        return class_object(class_name)
+        return loaded.class_object(class_name)
     columns = {name: _references(walk, group, name) for name in group}
     arrays = [column for column in columns.values() if column is not None]
     if not arrays or len(arrays) < len(columns) or len({len(column) for column in arrays}) > 1:
-        return Struct({name: _member(walk, group, name) for name in columns})
+        return loaded.Struct({name: _member(walk, group, name) for name in columns})
     rows = zip(*arrays, strict=True)
-    return NodeArray(
+    return loaded.NodeArray(
         tuple(
-            Struct({name: _pointed(walk, reference) for name, reference in zip(columns, row, strict=True)})
+            loaded.Struct({name: _pointed(walk, reference) for name, reference in zip(columns, row, strict=True)})
             for row in rows
         )
     )
@@ -183,27 +168,27 @@ def _references(walk: _OpenFile, group: h5py.Group, name: str) -> list[Any] | No
 
 def _all_of(walk: _OpenFile, references: h5py.Dataset) -> list[Any]:
     if references.size is None or not _is_there(walk, references):
-        raise BrokenMat("is damaged: a list of references is longer than the file; copy or save it again.")
+        raise loaded.BrokenMat("is damaged: a list of references is longer than the file; copy or save it again.")
     return list(np.asarray(references[()]).ravel())
 
 
-def _pointed(walk: _OpenFile, reference: Any) -> Node:
+def _pointed(walk: _OpenFile, reference: Any) -> loaded.Node:
     """Node that a reference points to."""
     return _node(walk, walk.file[reference]) if reference else _EMPTY
 
 
-def _dataset(walk: _OpenFile, data: h5py.Dataset, class_name: str) -> Node:
+def _dataset(walk: _OpenFile, data: h5py.Dataset, class_name: str) -> loaded.Node:
     if data.is_virtual or data.external or not _is_there(walk, data):
         return _ELSEWHERE
     if math.prod(data.chunks or ()) * data.dtype.itemsize > _LARGEST_CHUNK:
         return _ONE_PIECE
     if data.dtype == walk.h5.ref_dtype:
-        return NodeArray(tuple(_pointed(walk, reference) for reference in _all_of(walk, data)), cell=True)
+        return loaded.NodeArray(tuple(_pointed(walk, reference) for reference in _all_of(walk, data)), cell=True)
     if class_name == "char":
-        return CharArray(_characters(data))
+        return loaded.CharArray(_characters(data))
     if data.dtype.names == ("real", "imag"):
-        return COMPLEX
-    return Numbers(data.shape[::-1], data.name) if data.dtype.kind in "fiub" else NO_NUMBERS
+        return loaded.COMPLEX
+    return loaded.Numbers(data.shape[::-1], data.name) if data.dtype.kind in "fiub" else loaded.NO_NUMBERS
 
 
 def _characters(data: h5py.Dataset) -> str:
@@ -216,4 +201,4 @@ def _characters(data: h5py.Dataset) -> str:
 def _is_there(walk: _OpenFile, data: h5py.Dataset) -> bool:
     """Whether the file has bytes enough for the dataset, however well they are compressed."""
     stored = min(data.id.get_storage_size(), walk.size)
-    return bool(math.prod(data.shape) * data.dtype.itemsize <= stored * (BEST_RATIO if data.chunks else 1))
+    return bool(math.prod(data.shape) * data.dtype.itemsize <= stored * (loaded.BEST_RATIO if data.chunks else 1))
