@@ -17,33 +17,14 @@ import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.log import HOLE, FloatArray, Log, Samples
+from clutchid.measurements import clock as clock_rules
+from clutchid.measurements import time_axis
 from clutchid.measurements.checks import check, in_si
-from clutchid.measurements.clock import (
-    AT_START,
-    Clock,
-    ClockPlan,
-    Run,
-    Tolerance,
-    disordered,
-    joined_runs,
-    matched,
-    runs_of,
-    sentences,
-)
 from clutchid.measurements.columns import Heading, heading_problems, ignored
 from clutchid.measurements.map.channel_map import COUNTED, Channel, ChannelMap, PickedChannels
 from clutchid.measurements.opening import MEMORY_VARIABLE, memory
 from clutchid.measurements.source import BLOCK, Places, Rows, Source, Table, with_unit
 from clutchid.measurements.sparse import by_presence
-from clutchid.measurements.time_axis import (
-    ChannelStream,
-    SampleBlock,
-    aligned,
-    no_samples,
-    on_clock,
-    repair,
-    usual_interval,
-)
 
 Item = TypeVar("Item")
 
@@ -94,7 +75,7 @@ def pieces(
     grids = [grid for several in _grids(source, picks, ambient, rows, messages) for grid in several]
     interval = channels.raster if channels is not None else None
     if len(grids) == 1 and interval is None:
-        base, others = ChannelStream(grids[0][1], {}), list[ChannelStream]()
+        base, others = time_axis.ChannelStream(grids[0][1], {}), list[time_axis.ChannelStream]()
     else:
         (usual, base), *slower = sorted(
             (_stream(blocks, chosen) for chosen, blocks in grids), key=lambda stream: stream[0]
@@ -106,7 +87,7 @@ def pieces(
     read = [heading for chosen in picks for heading, _ in chosen.columns.values()]
     edges = source.edges if channels is None else {}
     described = replace(source, metadata=with_unit(source.metadata, read), edges=edges)
-    yield from _logs(described, aligned(base, others), messages)
+    yield from _logs(described, time_axis.aligned(base, others), messages)
 
 
 def check_size(path: Path, samples: int, channels: int) -> None:
@@ -171,7 +152,7 @@ def findings(
 
 
 def _logs(
-    source: Source, blocks: Iterator[tuple[SampleBlock, dict[str, Samples]]], messages: _Messages
+    source: Source, blocks: Iterator[tuple[time_axis.SampleBlock, dict[str, Samples]]], messages: _Messages
 ) -> Iterator[Log]:
     """Blocks as logs; messages since the previous log are attached to the next one."""
     for (time, columns), edges in blocks:
@@ -184,11 +165,11 @@ def _logs(
         raise DataError.of(str(source.path), messages.problems)
 
 
-def _stream(blocks: Iterator[SampleBlock], chosen: PickedChannels) -> tuple[float, ChannelStream]:
+def _stream(blocks: Iterator[time_axis.SampleBlock], chosen: PickedChannels) -> tuple[float, time_axis.ChannelStream]:
     """The channels of a pick as a stream in SI, and their usual interval in s, from the first block."""
     first = list(islice(blocks, 1))
-    usual = usual_interval(first[0].time) if first and not chosen.on_change else math.inf
-    return usual, ChannelStream(_again(first, blocks), chosen.longest(usual))
+    usual = time_axis.usual_interval(first[0].time) if first and not chosen.on_change else math.inf
+    return usual, time_axis.ChannelStream(_again(first, blocks), chosen.longest(usual))
 
 
 def _again(first: list[Item], rest: Iterator[Item]) -> Iterator[Item]:
@@ -205,7 +186,7 @@ def _grids(
     rows: int | None,
     messages: _Messages,
     tables: Iterator[Table] | None = None,
-) -> Iterator[list[tuple[PickedChannels, Iterator[SampleBlock]]]]:
+) -> Iterator[list[tuple[PickedChannels, Iterator[time_axis.SampleBlock]]]]:
     """Time grids of each pick with their samples, block by block, with increasing time stamps on one clock.
 
     A pick is one grid, unless its rows are sparse.
@@ -235,10 +216,10 @@ def _blocks(
     tables: Iterator[Table],
     ambient: float,
     messages: _Messages,
-    plan: ClockPlan | None,
-) -> Iterator[SampleBlock]:
+    plan: clock_rules.ClockPlan | None,
+) -> Iterator[time_axis.SampleBlock]:
     """The samples of a time grid, block by block, with increasing time stamps."""
-    clock = whole = AT_START
+    clock = whole = clock_rules.AT_START
     count = 0
     for table in tables:
         named = table if chosen.increasing else _named(table, chosen, count)
@@ -253,9 +234,9 @@ def _blocks(
             else:
                 before: list[str] = []
                 if chosen.sparse:  # its rows share a clock, whatever is in them
-                    rows, time, before, whole = on_clock(stamps, named.places, whole, shared=True)
+                    rows, time, before, whole = time_axis.on_clock(stamps, named.places, whole, shared=True)
                     named, stamps = _present(_kept(named, at, rows, time), at, time)
-                repaired = repair(stamps, named.places, clock, shared=source.one_clock or chosen.sparse)
+                repaired = time_axis.repair(stamps, named.places, clock, shared=source.one_clock or chosen.sparse)
                 said, clock = [*before, *repaired.messages], repaired.clock
                 named = _kept(named, at, repaired.rows, repaired.time)
         count += table.size
@@ -264,17 +245,19 @@ def _blocks(
         messages.problems += checked.problems
         messages.warnings += [*table.warnings, *checked.warnings]
         if table.problems or (chosen.increasing and messages.problems):
-            yield no_samples(name for name in chosen.columns if name != "time")
+            yield time_axis.no_samples(name for name in chosen.columns if name != "time")
             return
         columns = dict(checked.columns)
-        yield SampleBlock(columns.pop("time"), columns).earlier(chosen.delay)
+        yield time_axis.SampleBlock(columns.pop("time"), columns).earlier(chosen.delay)
 
 
-def _as_written(table: Table, at: int, stamps: FloatArray, clock: Clock) -> tuple[Table, Sequence[str], Clock]:
+def _as_written(
+    table: Table, at: int, stamps: FloatArray, clock: clock_rules.Clock
+) -> tuple[Table, Sequence[str], clock_rules.Clock]:
     """A table whose stamps must increase, repaired where its clock restarts, and as it is where it does not."""
     if not np.isfinite(stamps).all():
         return table, (), clock
-    rows, time, said, after = on_clock(stamps, table.places, clock)
+    rows, time, said, after = time_axis.on_clock(stamps, table.places, clock)
     unchanged = rows.size == stamps.size and np.array_equal(time, stamps)
     return (table if unchanged else _kept(table, at, rows, time)), said, after
 
@@ -288,36 +271,36 @@ def _present(table: Table, at: int, stamps: FloatArray) -> tuple[Table, FloatArr
 
 def _plans(
     source: Source, picks: Sequence[PickedChannels], ambient: float, messages: _Messages
-) -> dict[int, ClockPlan]:
+) -> dict[int, clock_rules.ClockPlan]:
     """One clock for time grids that have no common order; empty where none restarts."""
-    clocks: dict[int, list[Run]] = {}
-    tolerances: list[Tolerance] = []
+    clocks: dict[int, list[clock_rules.Run]] = {}
+    tolerances: list[clock_rules.Tolerance] = []
     word = "sample"
     for chosen in picks:
         heading, entry = chosen.columns.get("time", (None, None))
         if heading is None or entry is None or heading.index == COUNTED or chosen.raster in clocks:
             continue
-        runs: list[Run] = []
-        tolerance, before, count = Tolerance.of(math.inf), -math.inf, 0
+        runs: list[clock_rules.Run] = []
+        tolerance, before, count = clock_rules.Tolerance.of(math.inf), -math.inf, 0
         for table in source.tables(chosen.raster, [heading.index], BLOCK):
             stamps = in_si(heading, scaled(table.numbers.get(heading.index, np.empty(0)), entry), ambient)
             rows = np.flatnonzero(np.isfinite(stamps))
             if not math.isfinite(tolerance.usual):
-                tolerance = Tolerance.of(usual_interval(stamps[rows]))
-            runs += runs_of(rows + count, stamps[rows], before, tolerance)
+                tolerance = clock_rules.Tolerance.of(time_axis.usual_interval(stamps[rows]))
+            runs += clock_rules.runs_of(rows + count, stamps[rows], before, tolerance)
             before = runs[-1].last if runs else before
             count += table.size
             word = table.places.word
-        clocks[chosen.raster] = joined_runs(runs, tolerance)
+        clocks[chosen.raster] = clock_rules.joined_runs(runs, tolerance)
         tolerances.append(tolerance)
-    if len(clocks) < 2 or not any(disordered(runs) for runs in clocks.values()):
+    if len(clocks) < 2 or not any(clock_rules.disordered(runs) for runs in clocks.values()):
         return {}
-    plans, changes, problem = matched(list(clocks.values()), tolerances)
+    plans, changes, problem = clock_rules.matched(list(clocks.values()), tolerances)
     messages.problems += [problem] if problem else []
     apart = max(tolerance.apart for tolerance in tolerances)
     for raster, group in zip(clocks, changes, strict=True):
         name = _where(source, raster)
-        messages.warnings += [name + sentence for sentence in sentences(group, Places(word), apart)]
+        messages.warnings += [name + sentence for sentence in clock_rules.sentences(group, Places(word), apart)]
     return dict(zip(clocks, plans, strict=bool(plans)))
 
 
@@ -373,10 +356,10 @@ def _kept(table: Table, at: int, rows: Rows, time: FloatArray) -> Table:
     return replace(part, headings=tuple(headings), numbers={**part.numbers, clock.index: time})
 
 
-def _uniform(clock: Iterator[SampleBlock], interval: float, longest: float) -> ChannelStream:
+def _uniform(clock: Iterator[time_axis.SampleBlock], interval: float, longest: float) -> time_axis.ChannelStream:
     """Uniform time grid over the time of a stream, without the instants in its holes."""
 
-    def blocks() -> Iterator[SampleBlock]:
+    def blocks() -> Iterator[time_axis.SampleBlock]:
         start = last = math.nan
         count = 0
         for time, _ in clock:
@@ -390,10 +373,10 @@ def _uniform(clock: Iterator[SampleBlock], interval: float, longest: float) -> C
             ends = np.floor((stamps[np.r_[begins[1:], stamps.size] - 1] - start) / interval + 1e-9).astype(np.int64) + 1
             sizes = np.maximum(ends - firsts, 0)
             numbers = np.repeat(firsts - np.r_[0, np.cumsum(sizes)[:-1]], sizes) + np.arange(sizes.sum())
-            yield SampleBlock(_snapped(start + interval * numbers, time, 1e-6 * interval), {})
+            yield time_axis.SampleBlock(_snapped(start + interval * numbers, time, 1e-6 * interval), {})
             count, last = max(count, int(ends[-1])), float(time[-1])
 
-    return ChannelStream(blocks(), {})
+    return time_axis.ChannelStream(blocks(), {})
 
 
 def _snapped(instants: FloatArray, stamps: FloatArray, slack: float) -> FloatArray:

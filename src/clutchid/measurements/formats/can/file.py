@@ -20,24 +20,10 @@ import numpy as np
 from clutchid.errors import DataError
 from clutchid.log import FloatArray
 from clutchid.measurements.clock import LONE, Run, Tolerance, cuts, sentences, shifts_of
+from clutchid.measurements.formats.can import streams as frame_streams
 from clutchid.measurements.formats.can.dbc import Message, read_dbc
 from clutchid.measurements.formats.can.frames import Bytes, FrameLog, Frames, Rows, payloads
 from clutchid.measurements.formats.can.j1939 import group_number
-from clutchid.measurements.formats.can.streams import (
-    FRAGMENT,
-    UNKNOWN,
-    FrameStream,
-    MessageCatalogue,
-    by_group,
-    by_stream,
-    catalogue,
-    in_order,
-    keys,
-    parts_of,
-    rasters_of,
-    values_of,
-    without_echoes,
-)
 from clutchid.measurements.formats.kinds import format_of, function_named, head_of, kind_of
 from clutchid.measurements.source import Places, Raster, Source, Table, refused
 from clutchid.measurements.time_axis import usual_interval
@@ -100,18 +86,18 @@ def open_file(path: Path, dbc: Sequence[Path] = (), kind: str = "", log: FrameLo
     OSError
         If a file cannot be read.
     """
-    messages = by_group(tuple(message for file in dbc for message in read_dbc(file)))
+    messages = frame_streams.by_group(tuple(message for file in dbc for message in read_dbc(file)))
     try:
         log = log or frame_log(path, kind)
     except DataError as error:
         return refused(path, "CAN log", str(error))
-    lookup = catalogue(messages)
+    lookup = frame_streams.catalogue(messages)
     scanned = _scan(log, lookup)
     metadata = _metadata(log, scanned.origin, dbc)
     if problem := _decoding_problem(scanned, dbc, messages):
         return replace(refused(path, log.format, problem, *log.warnings), metadata=metadata)
-    streams = in_order(scanned.sizes, messages)
-    rasters = rasters_of(streams, scanned.sizes)
+    streams = frame_streams.in_order(scanned.sizes, messages)
+    rasters = frame_streams.rasters_of(streams, scanned.sizes)
     tables = partial(_tables, log, lookup, scanned, streams, rasters)
     warnings = (*log.warnings, *scanned.clock, *_scan_warnings(scanned, streams))
     return Source(path, log.format, rasters, tables, (), warnings, metadata, one_clock=True)
@@ -160,19 +146,19 @@ class ScannedLog:
     runs: list[Run] = field(default_factory=list)
     shifts: Sequence[float] = ()
     clock: Sequence[str] = ()
-    few: list[tuple[int, FrameStream, int]] = field(default_factory=list)
-    sizes: Counter[FrameStream] = field(default_factory=Counter)
+    few: list[tuple[int, frame_streams.FrameStream, int]] = field(default_factory=list)
+    sizes: Counter[frame_streams.FrameStream] = field(default_factory=Counter)
     short: Counter[str] = field(default_factory=Counter)
     unknown: Counter[int] = field(default_factory=Counter)
     left_out: Counter[str] = field(default_factory=Counter)
     fragments: int = 0
     echoes: int = 0
     damage: str = ""
-    stored: dict[FrameStream, list[StreamFrames]] | None = field(default_factory=dict)
+    stored: dict[frame_streams.FrameStream, list[StreamFrames]] | None = field(default_factory=dict)
     bytes: int = 0
 
 
-def _scan(log: FrameLog, lookup: MessageCatalogue) -> ScannedLog:
+def _scan(log: FrameLog, lookup: frame_streams.MessageCatalogue) -> ScannedLog:
     """Contents of a log, by the messages of `lookup`.
 
     Raises
@@ -191,12 +177,12 @@ def _scan(log: FrameLog, lookup: MessageCatalogue) -> ScannedLog:
             row, size, first, last = scanned.runs[-1]
             scanned.runs[-1] = Run(row, size + run.size, first, max(last, run.last))
         scanned.frames += len(frames)
-        for stream, rows in by_stream(frames, lookup):
-            if stream == UNKNOWN:
+        for stream, rows in frame_streams.by_stream(frames, lookup):
+            if stream == frame_streams.UNKNOWN:
                 _count_unknown(scanned, frames.take(rows))
-            elif stream == FRAGMENT:
+            elif stream == frame_streams.FRAGMENT:
                 scanned.fragments += rows.size
-            elif isinstance(stream, FrameStream):
+            elif isinstance(stream, frame_streams.FrameStream):
                 _count(scanned, stream, _frames_of(stream, frames, rows, number))
     scanned.shifts, changes, _ = shifts_of(scanned.runs, tolerance)
     scanned.clock = tuple(sentences(changes, Places("frame"), tolerance.apart))
@@ -227,7 +213,7 @@ def _stamped(log: FrameLog, scanned: ScannedLog) -> Iterator[Frames]:
     echoes: dict[int, bool] = {}
     try:
         for block in log.blocks():
-            frames = without_echoes(block, echoes)
+            frames = frame_streams.without_echoes(block, echoes)
             stamped = np.isfinite(frames.stamp)
             scanned.left_out.update(block.left_out)
             scanned.left_out.update({"frame without a stamp": int(stamped.size - stamped.sum())})
@@ -238,13 +224,13 @@ def _stamped(log: FrameLog, scanned: ScannedLog) -> Iterator[Frames]:
 
 
 def _count_unknown(scanned: ScannedLog, frames: Frames) -> None:
-    identifiers, counts = np.unique(keys(frames), return_counts=True)
+    identifiers, counts = np.unique(frame_streams.keys(frames), return_counts=True)
     scanned.unknown.update(dict(zip(identifiers.tolist(), counts.tolist(), strict=True)))
     if len(scanned.unknown) > _MOST_UNKNOWN:  # noise: a damaged file can hold any number of them
         scanned.unknown = Counter(dict(scanned.unknown.most_common(_MOST_UNKNOWN // 2)))
 
 
-def _count(scanned: ScannedLog, stream: FrameStream, frames: StreamFrames) -> None:
+def _count(scanned: ScannedLog, stream: frame_streams.FrameStream, frames: StreamFrames) -> None:
     scanned.sizes[stream] += len(frames)
     if len(frames) <= LONE:
         scanned.few.append((frames.run, stream, len(frames)))
@@ -258,16 +244,16 @@ def _count(scanned: ScannedLog, stream: FrameStream, frames: StreamFrames) -> No
             scanned.stored = None
 
 
-def _frames_of(stream: FrameStream, frames: Frames, rows: Rows, run: int) -> StreamFrames:
+def _frames_of(stream: frame_streams.FrameStream, frames: Frames, rows: Rows, run: int) -> StreamFrames:
     data = frames.data[rows, : stream.group.bytes]
     return StreamFrames(frames.stamp[rows], data, frames.length[rows].astype(np.uint8), run)
 
 
 def _tables(
     log: FrameLog,
-    lookup: MessageCatalogue,
+    lookup: frame_streams.MessageCatalogue,
     scanned: ScannedLog,
-    streams: Sequence[FrameStream],
+    streams: Sequence[frame_streams.FrameStream],
     rasters: Sequence[Raster],
     raster: int,
     columns: Sequence[int],
@@ -278,13 +264,15 @@ def _tables(
     parts = iter(scanned.stored[stream]) if scanned.stored is not None else _read_again(log, lookup, stream)
     first = 1
     for frames in _in_rows(_on_one_clock(parts, scanned), rows):
-        numbers = values_of(stream, columns, frames.stamp, frames.data, frames.length)
+        numbers = frame_streams.values_of(stream, columns, frames.stamp, frames.data, frames.length)
         coded = tuple(sentence for column in columns if (sentence := _coded(stream, column, numbers, frames)))
         yield Table(headings, numbers, len(frames), Places("frame", first), warnings=coded)
         first += len(frames)
 
 
-def _coded(stream: FrameStream, column: int, numbers: Mapping[int, FloatArray], frames: StreamFrames) -> str:
+def _coded(
+    stream: frame_streams.FrameStream, column: int, numbers: Mapping[int, FloatArray], frames: StreamFrames
+) -> str:
     """Sentence about the frames that say that a signal has no value; empty where none does."""
     if column == 0:
         return ""
@@ -304,10 +292,12 @@ def _on_one_clock(parts: Iterator[StreamFrames], scanned: ScannedLog) -> Iterato
             yield replace(part, stamp=part.stamp + (shift - scanned.origin))
 
 
-def _read_again(log: FrameLog, lookup: MessageCatalogue, stream: FrameStream) -> Iterator[StreamFrames]:
+def _read_again(
+    log: FrameLog, lookup: frame_streams.MessageCatalogue, stream: frame_streams.FrameStream
+) -> Iterator[StreamFrames]:
     """The frames of one stream, from the file."""
     for number, _, frames in _in_runs(_stamped(log, ScannedLog())):
-        for other, rows in by_stream(frames, lookup):
+        for other, rows in frame_streams.by_stream(frames, lookup):
             if other == stream:
                 yield _frames_of(stream, frames, rows, number)
 
@@ -334,7 +324,7 @@ def _other_sender(scanned: ScannedLog, messages: Sequence[Message]) -> str:
     """The commonest frame whose identifier differs from that of a message in its last byte only; empty if none."""
     groups = {group_number(message.identifier) for message in messages if message.extended}
     for key, _ in scanned.unknown.most_common():
-        identifier, extended, _ = parts_of(key)
+        identifier, extended, _ = frame_streams.parts_of(key)
         if extended and group_number(identifier) in groups:
             return f"0x{identifier:08X}"
     return ""
@@ -364,7 +354,7 @@ def _decoding_problem(scanned: ScannedLog, dbc: Sequence[Path], messages: Sequen
     return f"none of its {frames} frames{common} holds a signal of {names}; give the DBC of this bus with --dbc FILE."
 
 
-def _scan_warnings(scanned: ScannedLog, streams: Sequence[FrameStream]) -> list[str]:
+def _scan_warnings(scanned: ScannedLog, streams: Sequence[frame_streams.FrameStream]) -> list[str]:
     """Sentences about what was left out of a log."""
     warnings = [f"{scanned.damage}; the {scanned.frames:,} frames before it are used."] if scanned.damage else []
     warnings += [f"{_counted(count, what)} left out." for what, count in scanned.left_out.items() if count]
@@ -399,7 +389,7 @@ def _counted(count: int, what: str) -> str:
 
 
 def _identifiers(scanned: ScannedLog) -> str:
-    count = len({parts_of(key)[:2] for key in scanned.unknown})
+    count = len({frame_streams.parts_of(key)[:2] for key in scanned.unknown})
     return f"{count:,} identifier" + ("" if count == 1 else "s")
 
 
@@ -407,7 +397,7 @@ def _commonest(unknown: Mapping[int, int]) -> str:
     """The commonest identifiers with their counts, over all buses."""
     counts: Counter[tuple[int, bool]] = Counter()
     for key, count in unknown.items():
-        counts[parts_of(key)[:2]] += count
+        counts[frame_streams.parts_of(key)[:2]] += count
     return listed(
         f"0x{i:08X} ({count:,})" if extended else f"0x{i:03X} ({count:,})"
         for (i, extended), count in counts.most_common()

@@ -12,16 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from clutchid.errors import DataError
-from clutchid.measurements.formats.can.frames import (
-    Frame,
-    FrameLog,
-    Frames,
-    check_python_can,
-    first_lines,
-    frame_of,
-    in_blocks,
-    quiet,
-)
+from clutchid.measurements.formats.can import frames as can_frames
 
 if TYPE_CHECKING:
     import can
@@ -32,7 +23,7 @@ _SIGNED = 2.0**63 * 1e-9
 _BLF_HEADER = struct.Struct("<4sL8xQQLL8H")
 
 
-def blf_log(path: Path) -> FrameLog:
+def blf_log(path: Path) -> can_frames.FrameLog:
     """The frames of a BLF file.
 
     Raises
@@ -44,7 +35,7 @@ def blf_log(path: Path) -> FrameLog:
     OSError
         If the file cannot be read.
     """
-    check_python_can("BLF")
+    can_frames.check_python_can("BLF")
     with path.open("rb") as file:
         head = file.read(_BLF_HEADER.size)
     if len(head) < _BLF_HEADER.size:
@@ -52,7 +43,7 @@ def blf_log(path: Path) -> FrameLog:
     size, there = _BLF_HEADER.unpack(head)[2], path.stat().st_size
     cut = f"is cut off: it says that it has {size:,} bytes and has {there:,}; what is there is used."
     warnings = (cut,) if there < size < 1 << 50 else ()
-    return FrameLog("BLF", _blf_start(head), lambda: _blf_blocks(path), warnings)
+    return can_frames.FrameLog("BLF", _blf_start(head), lambda: _blf_blocks(path), warnings)
 
 
 def _blf_start(head: bytes) -> datetime | None:
@@ -64,14 +55,14 @@ def _blf_start(head: bytes) -> datetime | None:
         return None
 
 
-def _blf_blocks(path: Path) -> Iterator[Frames]:
+def _blf_blocks(path: Path) -> Iterator[can_frames.Frames]:
     from can.io.blf import BLFParseError, BLFReader
 
-    with path.open("rb") as file, quiet("can.io.blf"):
+    with path.open("rb") as file, can_frames.quiet("can.io.blf"):
         try:
             reader = BLFReader(file)
             reader.start_timestamp = 0.0  # stamps as they are stored: added to a date they would lose nanoseconds
-            for frames in in_blocks(map(frame_of, reader)):
+            for frames in can_frames.in_blocks(map(can_frames.frame_of, reader)):
                 frames.stamp[frames.stamp >= _SIGNED] -= 2 * _SIGNED  # before a trigger
                 yield frames
         except (BLFParseError, struct.error, zlib.error, ValueError, LookupError, OverflowError) as error:
@@ -118,7 +109,7 @@ def is_asc(head: bytes) -> bool:
     >>> is_asc(b"date Wed Sep 30 15:06:13.191 2017\\nbase hex\\n"), is_asc(b"Date Exported: 10/19/2025\\ntime [s],x")
     (True, False)
     """
-    lines = first_lines(head)[:_FIRST]
+    lines = can_frames.first_lines(head)[:_FIRST]
     return sum(any(sign.match(line) for line in lines) for sign in _SIGNS) >= 2
 
 
@@ -133,7 +124,7 @@ def is_trc(head: bytes) -> bool:
     return head.startswith(b";") and _MARK.search(head) is not None
 
 
-def asc_log(path: Path) -> FrameLog:
+def asc_log(path: Path) -> can_frames.FrameLog:
     """The frames of an ASC file.
 
     Raises
@@ -143,11 +134,11 @@ def asc_log(path: Path) -> FrameLog:
     OSError
         If the file cannot be read.
     """
-    check_python_can("ASC")
+    can_frames.check_python_can("ASC")
     return _text_log("ASC", _asc_start(path), lambda: _asc_blocks(path))
 
 
-def trc_log(path: Path) -> FrameLog:
+def trc_log(path: Path) -> can_frames.FrameLog:
     """The frames of a TRC file.
 
     Raises
@@ -157,34 +148,36 @@ def trc_log(path: Path) -> FrameLog:
     OSError
         If the file cannot be read.
     """
-    check_python_can("TRC")
+    can_frames.check_python_can("TRC")
     return _text_log("TRC", _trc_start(path), lambda: _trc_blocks(path))
 
 
-def _text_log(form: str, start: datetime | None, blocks: Callable[[], Iterator[Frames]]) -> FrameLog:
+def _text_log(
+    form: str, start: datetime | None, blocks: Callable[[], Iterator[can_frames.Frames]]
+) -> can_frames.FrameLog:
     """The log of a text of the format `form`, with a warning where it does not say when it was recorded."""
     lost = "does not say when it was recorded: its stamps count from its first frame only."
-    return FrameLog(form, start, blocks, () if start else (lost,))
+    return can_frames.FrameLog(form, start, blocks, () if start else (lost,))
 
 
 def _asc_start(path: Path) -> datetime | None:
     """Clock time of stamp 0: that of the first block of frames, else that of the header."""
     from can.io.asc import ASCReader
 
-    with path.open("rb") as file, quiet("can.io.asc"):
+    with path.open("rb") as file, can_frames.quiet("can.io.asc"):
         lines = _AscLines(file)
         reader = ASCReader(lines, relative_timestamp=False)  # type: ignore[arg-type]
-        next((frame for frame in _readable(reader, lines) if isinstance(frame, Frame)), None)
+        next((frame for frame in _readable(reader, lines) if isinstance(frame, can_frames.Frame)), None)
     return datetime.fromtimestamp(reader.start_time) if reader.start_time else None
 
 
-def _asc_blocks(path: Path) -> Iterator[Frames]:
+def _asc_blocks(path: Path) -> Iterator[can_frames.Frames]:
     from can.io.asc import ASCReader
 
-    with path.open("rb") as file, quiet("can.io.asc"):
+    with path.open("rb") as file, can_frames.quiet("can.io.asc"):
         lines = _AscLines(file)
         reader = ASCReader(lines, relative_timestamp=True)  # type: ignore[arg-type]
-        yield from in_blocks(map(lines.signed, _readable(reader, lines)))
+        yield from can_frames.in_blocks(map(lines.signed, _readable(reader, lines)))
 
 
 def _trc_start(path: Path) -> datetime | None:
@@ -202,25 +195,25 @@ def _trc_start(path: Path) -> datetime | None:
         return None
 
 
-def _trc_blocks(path: Path) -> Iterator[Frames]:
+def _trc_blocks(path: Path) -> Iterator[can_frames.Frames]:
     from can.io.trc import TRCReader
 
-    with path.open("rb") as file, quiet("can.io.trc"):
+    with path.open("rb") as file, can_frames.quiet("can.io.trc"):
         lines = _TrcLines(file)
         frames = _readable(TRCReader(lines), lines)  # type: ignore[arg-type]
-        yield from in_blocks(  # python-can counts the buses of this format from 1
+        yield from can_frames.in_blocks(  # python-can counts the buses of this format from 1
             frame if isinstance(frame, str) else frame._replace(bus=max(frame.bus - 1, 0)) for frame in frames
         )
 
 
-def _readable(reader: Iterable[can.Message], lines: _TextLines) -> Iterator[Frame | str]:
+def _readable(reader: Iterable[can.Message], lines: _TextLines) -> Iterator[can_frames.Frame | str]:
     """The frames; a text stands for a line that python-can takes for a frame and cannot read."""
     number = -1
     while lines.number > number:
         number = lines.number
         try:
             for message in reader:
-                yield frame_of(message) if math.isfinite(message.timestamp) else _NOT_READ
+                yield can_frames.frame_of(message) if math.isfinite(message.timestamp) else _NOT_READ
         except (ValueError, LookupError, OverflowError, TypeError):
             yield _NOT_READ
             lines.in_header = True
@@ -271,7 +264,7 @@ class _AscLines(_TextLines):
         self._first = ""
         self._negative = False
 
-    def signed(self, frame: Frame | str) -> Frame | str:
+    def signed(self, frame: can_frames.Frame | str) -> can_frames.Frame | str:
         """The frame that was read from the last line, with the sign of its stamp."""
         return frame._replace(stamp=-frame.stamp) if self._negative and not isinstance(frame, str) else frame
 
