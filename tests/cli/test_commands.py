@@ -307,7 +307,6 @@ def test_a_warm_fit_neither_imports_sympy_nor_matplotlib(recording: Path) -> Non
         "except SystemExit as end: assert end.code == 0\n"
         "heavy = {'sympy', 'matplotlib', 'jinja2', 'polars'} & set(sys.modules); assert not heavy, heavy"
     )
-    process("fit", recording)
     command = [sys.executable, "-c", code, str(recording)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr

@@ -35,30 +35,35 @@ def ended(pid: int) -> bool:
 
 
 @posix
-@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGTERM])
-def test_the_workers_of_prove_end_with_it(end, tmp_path):
-    done = subprocess.Popen([*COMMAND, "prove", "--out", str(tmp_path), "--trucks", "4", "--workers", "2"],
-                            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)  # fmt: skip
-    wait_for(lambda: len(psutil.Process(done.pid).children(recursive=True)) >= 2)
+def test_the_workers_of_prove_end_with_it(tmp_path):
+    ends = (signal.SIGKILL, signal.SIGTERM)
+    commands = [
+        subprocess.Popen([*COMMAND, "prove", "--out", tmp_path / end.name, "--trucks", "4", "--workers", "2"],
+                         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        for end in ends
+    ]  # fmt: skip
+    for command in commands:
+        wait_for(lambda: len(psutil.Process(command.pid).children(recursive=True)) >= 2)  # noqa: B023
     time.sleep(2.0)  # they load the package
-    workers = psutil.Process(done.pid).children(recursive=True)
-    done.send_signal(end)
-    done.wait(timeout=60)
+    workers = [worker for command in commands for worker in psutil.Process(command.pid).children(recursive=True)]
+    for command, end in zip(commands, ends, strict=True):
+        command.send_signal(end)
+        command.wait(timeout=60)
     wait_for(lambda: all(ended(worker.pid) for worker in workers), 10.0)
 
 
 @posix
-@pytest.mark.parametrize("delay", [0.1, 0.3, 0.5, 0.8, 1.2])
-def test_an_interrupt_while_the_command_loads_or_ends_is_quiet(delay):
+def test_an_interrupt_while_the_command_loads_or_ends_is_quiet():
     started = "from clutchid.__main__ import main; print(flush=True); main()"
-    done = subprocess.Popen([sys.executable, "-c", started, "fit", "no.csv"],
-                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)  # fmt: skip
-    assert done.stdout.readline()
-    time.sleep(delay)
-    done.send_signal(signal.SIGINT)
-    _, said = done.communicate(timeout=60)
-    assert "Traceback" not in said
-    assert done.returncode in (-signal.SIGINT, 130, 2)
+    for delay in (0.1, 0.3, 0.5, 0.8, 1.2):
+        done = subprocess.Popen([sys.executable, "-c", started, "fit", "no.csv"],
+                                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)  # fmt: skip
+        assert done.stdout.readline()
+        time.sleep(delay)
+        done.send_signal(signal.SIGINT)
+        _, said = done.communicate(timeout=60)
+        assert "Traceback" not in said, delay
+        assert done.returncode in (-signal.SIGINT, 130, 2), delay
 
 
 @pytest.mark.parametrize("options", [[], ["--json"]])
@@ -172,8 +177,7 @@ def test_a_standard_output_that_is_lost_is_at_most_one_sentence(tmp_path, comman
 
 
 @posix
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_one_signal_ends_a_command_that_waits_for_a_reader_that_has_stalled(tmp_path, number):
+def test_one_signal_ends_a_command_that_waits_for_a_reader_that_has_stalled(tmp_path):
     (tmp_path / "log.csv").write_text("time [s],position [m]\n0,0\n1,0\n")
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
@@ -181,14 +185,16 @@ def test_one_signal_ends_a_command_that_waits_for_a_reader_that_has_stalled(tmp_
         while True:
             os.write(writer, bytes(4096))
     os.set_blocking(writer, True)
-    done = subprocess.Popen([*COMMAND, "look", tmp_path / "log.csv"], stdout=writer, stderr=subprocess.PIPE, text=True)
-    time.sleep(4.0)  # it has loaded, and waits
-    done.send_signal(number)
-    _, said = done.communicate(timeout=20)
+    command = [*COMMAND, "look", tmp_path / "log.csv"]
+    waiting = [subprocess.Popen(command, stdout=writer, stderr=subprocess.PIPE, text=True) for _ in range(2)]
+    time.sleep(4.0)  # they have loaded, and wait
+    for done, number in zip(waiting, (signal.SIGINT, signal.SIGTERM), strict=True):
+        done.send_signal(number)
+        _, said = done.communicate(timeout=20)
+        assert done.returncode == 130, number
+        assert " ".join(said.split()).startswith("clutchid: stopped: no file is left half-written;")
     os.close(reader)
     os.close(writer)
-    assert done.returncode == 130
-    assert " ".join(said.split()).startswith("clutchid: stopped: no file is left half-written;")
 
 
 @posix

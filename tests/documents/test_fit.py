@@ -92,11 +92,15 @@ def test_the_peak_is_looked_for_only_where_the_recordings_have_been(undrawn, fit
     assert f" N at {at:.1f} mm of the recorded" in flat(html)
 
 
-def test_an_infinite_band_is_said_not_drawn(fitted):
-    curve = fitted.load_curve
+def test_an_infinite_band_is_said_not_drawn_and_a_recording_with_missing_samples_is_drawn(fitted):
+    curve, one = fitted.load_curve, fitted.recordings["first"]
     unknown = LoadCurve(curve.position, curve.force, np.full(101, -np.inf), np.full(101, np.inf))
-    html = page_of(document_of(replace(fitted, load_curve=unknown), COMMAND))
+    position = one.measured["position"].copy()
+    position[100:2000] = np.nan
+    lacking = replace(one, measured=one.measured.with_columns(position=position))
+    html = page_of(document_of(replace(fitted, load_curve=unknown, recordings={"first": lacking}), COMMAND))
     assert html.count("not determined") == 1 + 4
+    assert html.count("<img ") == 1 + 2 + 2
 
 
 def test_a_failed_fit_has_a_page_that_says_so(fitted, loads_nothing):
@@ -117,15 +121,6 @@ def test_a_hostile_recording_name_is_escaped(undrawn, fitted):
     html = page_of(document_of(replace(fitted, recordings={name: one}, verification={}), COMMAND))
     assert "<img src=x" not in html
     assert "&lt;img src=x" in html
-
-
-def test_a_recording_with_missing_samples_is_drawn(fitted):
-    one = fitted.recordings["first"]
-    position = one.measured["position"].copy()
-    position[100:2000] = np.nan
-    log = Log(one.measured.time, {**one.measured.columns, "position": position}, "first")
-    html = page_of(document_of(replace(fitted, recordings={"first": replace(one, measured=log)}), COMMAND))
-    assert html.count("<img ") == 5
 
 
 def test_the_verdict_stands_above_everything_else(undrawn, fitted, html):

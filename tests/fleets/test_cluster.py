@@ -15,6 +15,7 @@ import pytest
 from distributed.security import Security
 
 from clutchid.errors import DataError, ParameterError, SolveError
+from clutchid.fleets import cluster
 from clutchid.fleets.cluster import Tls, Workers, answered, connected, results, security_of
 from fixtures.fleet_faults import faulty, own_error
 
@@ -23,19 +24,21 @@ pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
 GOOD = [("good", n) for n in range(30)]
 
 
-def test_a_scheduler_that_does_not_answer_is_a_sentence_within_10_s():
+def test_a_scheduler_that_does_not_answer_is_a_sentence_within_10_s(monkeypatch):
+    assert cluster.ANSWER <= 4.0, "two attempts, and what is around them, take 10 s"
+    monkeypatch.setattr(cluster, "ANSWER", 0.8)
     with socket.create_server(("127.0.0.1", 0)) as silent:  # takes connections, and says nothing
         for address in ("tcp://127.0.0.1:9", "nowhere at all", f"tcp://127.0.0.1:{silent.getsockname()[1]}"):
             begin, words = time.monotonic(), f"--scheduler {address}: does not answer"
             with pytest.raises(ParameterError, match=words), connected(Workers(scheduler=address)):
                 pass
-            assert time.monotonic() - begin < 10.0
+            assert time.monotonic() - begin < 2.5 * 0.8 + 2.0
 
 
 @pytest.fixture
 def patient(monkeypatch):
     """Workers of Dask take long to start on a busy machine."""
-    monkeypatch.setattr("clutchid.fleets.cluster.ANSWER", 60.0)
+    monkeypatch.setattr(cluster, "ANSWER", 60.0)
 
 
 @pytest.fixture
@@ -84,7 +87,7 @@ def test_the_workers_of_a_scheduler_do_the_same_work_once_each_and_raise_sentenc
 
 
 def test_a_scheduler_without_workers_is_a_sentence(scheduler, monkeypatch):
-    monkeypatch.setattr("clutchid.fleets.cluster.ANSWER", 1.0)
+    monkeypatch.setattr(cluster, "ANSWER", 1.0)
     with pytest.raises(ParameterError, match="has no workers"):
         list(results(abs, range(9), Workers(scheduler=scheduler[0])))
 
@@ -120,7 +123,7 @@ def test_a_scheduler_that_is_lost_is_a_sentence_and_what_is_done_was_given(sched
         for one in results(time.sleep, [0.05] * 200, Workers(scheduler=address)):
             done.append(one)
             if len(done) == 5:
-                monkeypatch.setattr("clutchid.fleets.cluster.ANSWER", 2.0)
+                monkeypatch.setattr(cluster, "ANSWER", 2.0)
                 started[0].kill()
     assert 5 <= len(done) < 200
     assert "distributed" not in capfd.readouterr().err, "Dask's own words are not shown"

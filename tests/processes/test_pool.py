@@ -137,27 +137,33 @@ WAITING = {
 }
 
 
-@pytest.mark.parametrize("name", WAITING)
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGHUP])
-def test_every_worker_ends_with_the_process_that_waits_for_it(name, how):
-    code, count = WAITING[name]
+def started(code: str) -> subprocess.Popen:
+    """A program with the work of these tests."""
     paths = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
     code = f"from fixtures.fleet_faults import asleep, faulty, held, reader_started\n{code}"
-    process = subprocess.Popen([sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": paths})
-    children = []
+    return subprocess.Popen([sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": paths})
+
+
+def test_every_worker_ends_with_the_process_that_waits_for_it():
+    ways = (signal.SIGKILL, signal.SIGHUP)
+    programs, children = {(name, how): started(WAITING[name][0]) for name in WAITING for how in ways}, {}
     try:
-        end = time.monotonic() + 60.0
-        while len(children) < count and time.monotonic() < end:
-            time.sleep(0.05)
-            children = psutil.Process(process.pid).children(recursive=True)
+        for case, program in programs.items():
+            end, children[case] = time.monotonic() + 60.0, []
+            while len(children[case]) < WAITING[case[0]][1] and time.monotonic() < end:
+                time.sleep(0.05)
+                children[case] = psutil.Process(program.pid).children(recursive=True)
         time.sleep(1.5)  # they are at work
-        workers = [child for child in children if child.name() != "sleep"]
-        process.send_signal(how)
-        assert process.wait(timeout=5.0) == -how
-        assert workers
-        assert not psutil.wait_procs(workers, timeout=5.0)[1]
+        workers = {case: [one for one in found if one.name() != "sleep"] for case, found in children.items()}
+        for (_, how), program in programs.items():
+            program.send_signal(how)
+        for case, program in programs.items():
+            assert program.wait(timeout=5.0) == -case[1], case
+            assert workers[case], case
+            assert not psutil.wait_procs(workers[case], timeout=5.0)[1], case
     finally:
-        process.kill()
-        for child in children:
+        for program in programs.values():
+            program.kill()
+        for child in (child for started in children.values() for child in started):
             with suppress(psutil.NoSuchProcess):
                 child.kill()

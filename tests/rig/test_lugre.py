@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import binom
+from scipy.stats import binom, chi2
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.log import Log
@@ -95,6 +95,7 @@ def test_a_recording_turned_round_has_the_same_friction_and_the_opposite_start(t
 def test_nineteen_of_twenty_intervals_contain_the_friction_when_noise_is_coloured(tribometer, block, coloured):
     clean, generator, trials = tribometer(), np.random.default_rng(1), 40
     inside = dict.fromkeys(("F_C", "K_z", "D_v", "D_zdot"), 0)
+    squares = dict.fromkeys(inside, 0.0)
     for _ in range(trials):
         noisy = clean.with_columns(
             force=clean["force"] + 0.1 * coloured(generator, len(clean), 0.8),
@@ -102,11 +103,16 @@ def test_nineteen_of_twenty_intervals_contain_the_friction_when_noise_is_coloure
         )
         found = fit_lugre(noisy)
         for name in inside:
-            inside[name] += found.parameters[name].low <= block[name] <= found.parameters[name].high
+            one = found.parameters[name]
+            inside[name] += one.low <= block[name] <= one.high
+            squares[name] += (1.96 * (one.value - block[name]) / (one.high - one.value)) ** 2
     # Bartlett's weights cut tails: a tenth of the standard error at most where scores change sign within a stroke, and
     # 1.96 * 0.9 covers 92.2 %. Between that and 95 % the count is binomial.
     low, high = binom.ppf(0.001, trials, 0.922), binom.ppf(0.999, trials, 0.95)
     assert all(low <= count <= high for count in inside.values()), inside
+    # and a wide interval contains everything: the squares of standardised errors are those of so many normal numbers
+    least, most = chi2.ppf([0.001, 0.999], trials) / [1.0, 0.9**2]
+    assert all(least <= total <= most for total in squares.values()), squares
 
 
 def test_an_interval_does_not_reach_below_what_friction_can_be(tribometer, block, coloured):
