@@ -14,13 +14,15 @@ import pytest
 
 from clutchid.estimation.assess.observed import TRUSTS, indicators, observed_verdict
 from clutchid.exports.c99 import CStyle, compiler, observer_c99
-from clutchid.exports.parity import COLUMNS, begins_us, parity, replay_program, replayed
+from clutchid.exports.parity import COLUMNS, begins_us, parity, replay, replay_program, replayed
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import RecordedConditions
+from clutchid.log import Log
 from clutchid.observer import observer, start
 from clutchid.observer.by_stroke import curve
 from clutchid.observer.health import FLAGS
 from clutchid.observer.recording import observe_recording
+from clutchid.simulation import simulate
 from clutchid.strokes.vented_rest import vented_rest
 from fixtures.changed_logs import picked, spoiled
 from fixtures.export_c import compiled, write_sources
@@ -129,6 +131,27 @@ def test_c_follows_the_same_rules(one, log, program, fault):
     assert compared.holds(DOUBLE), compared
     trust = observed_verdict(indicators(observe_recording(one, disturbed))).trust
     assert TRUSTS[int(in_c.outputs[-1, COLUMNS.index("trust")])] == trust
+
+
+@pytest.mark.slow
+def test_a_sensor_that_moves_by_less_than_a_jump_is_found_by_rests_that_agree(plant):
+    """In Python and in C, where friction holds the piston far above its stop after a stroke."""
+    cc = compiler() or pytest.skip("no C compiler on this machine")
+    time = 1e-3 * np.arange(17_000)
+    duties = {
+        "duty_supply": (time % 1.6 > 0.4) * (time % 1.6 < 0.6) * 1.0,
+        "duty_exhaust": (time % 1.6 > 0.8) * (time % 1.6 < 1.5) * 1.0,
+    }
+    simulated = simulate(plant, Log(time, duties)).log["position"]
+    noise = 1e-5 * np.random.default_rng(0).standard_normal(time.size)
+    log = Log(time, {**duties, "position": simulated + noise + 5e-4 * (time > 0.47) + 3e-4 * (time > 8.47)})
+    held = observer(plant, calibration=Calibration((), np.zeros((0, 0)), rest=vented_rest(log.slice(0, 8000))))
+    assert held.calibration.rest.held > 4e-4
+    run, state = observe_recording(held, log), start(held)
+    assert run.after.rest.shift == pytest.approx(3e-4, abs=3e-5)
+    compared = parity(held, state, log, replay(held, observer_c99(held, state, DOUBLE, "a test"), DOUBLE, log, cc))
+    assert compared.flags == {}
+    assert compared.holds(DOUBLE), compared
 
 
 def test_samples_that_repeat_others_change_nothing(one, log):

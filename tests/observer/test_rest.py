@@ -113,6 +113,32 @@ def test_rests_above_the_stop_change_no_shift_that_they_allow():
     assert watch_rest(NOTHING, before, pace, y + 1e-3, duties)[1][0][1] == pytest.approx(1.05e-3)
 
 
+def after_strokes(levels):
+    """Positions in m of a stroke before each vented rest, and duty cycles."""
+    y = np.concatenate([np.repeat([1e-2, level], 500) for level in levels])
+    vents = np.tile(np.arange(1000) > 450, len(levels)) * 1.0
+    return y, np.column_stack([np.zeros(y.size), vents])
+
+
+@pytest.mark.parametrize("step", [3e-4, -3e-4, 2e-3])
+def test_rests_that_agree_are_a_moved_sensor_also_where_friction_holds_the_piston_far_above_its_stop(step):
+    before, pace = VentedRest(0.0, 5.66e-4, 6e-6), rest_pace(1e-3, 0.025)
+    levels = 5.5e-4 + 1e-5 * np.array([0, -1, -1, 0, -1, 0, 0, 0, 1, 0]) + step * (np.arange(10) > 4)
+    at_stop = np.concatenate([np.zeros(500), after_strokes(levels)[0]])
+    duties = np.vstack([np.column_stack([np.zeros(500), np.ones(500)]), after_strokes(levels)[1]])
+    watch, _ = watch_rest(NOTHING, before, pace, at_stop[:5500], duties[:5500])
+    assert watch.shift == 0.0
+    watch, _ = watch_rest(watch, before, pace, at_stop[5500:], duties[5500:])
+    assert watch.shift == pytest.approx(step, abs=3e-5)
+
+
+def test_rests_of_another_friction_are_no_moved_sensor():
+    before, pace = VentedRest(0.0, 5e-4, 1e-5), rest_pace(1e-3, 0.025)
+    y, duties = after_strokes(np.linspace(5e-4, 3.5e-4, 10))
+    both = np.concatenate([np.zeros(500), y]), np.vstack([np.column_stack([np.zeros(500), np.ones(500)]), duties])
+    assert watch_rest(NOTHING, before, pace, *both)[0].shift == 0.0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("family", ["A", "B"])
 def test_the_shift_on_line_is_that_of_the_whole_recording(family, plant):

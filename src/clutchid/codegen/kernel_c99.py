@@ -186,7 +186,7 @@ class _Printer:
             case ast.AugAssign():
                 lines = [f"{of(node.target)} {_BINARY[type(node.op)]}= {of(node.value)};"]
             case ast.If():
-                lines = [f"if ({self._condition(node.test, types)}) {{", *self._body(function, types, node.body, 1)]
+                lines = [f"if {self._condition(node.test, types)} {{", *self._body(function, types, node.body, 1)]
                 lines += ["} else {", *self._body(function, types, node.orelse, 1)] if node.orelse else []
                 lines.append("}")
             case _:
@@ -243,7 +243,9 @@ class _Printer:
         is_number = isinstance(node, ast.Name) or (
             isinstance(node, ast.Call) and ast.unparse(node.func) in self.functions
         )
-        return f"({text} != 0)" if is_number else text
+        if is_number:
+            return f"({text} != 0)"
+        return text if text.startswith("(") else f"({text})"
 
     def _name(self, name: str, types: Mapping[str, str]) -> str:
         if name in types:

@@ -20,8 +20,9 @@ LOW = 3e-3
 #: Rests after a stroke that are remembered; their median is compared.
 REMEMBERED = 8
 
-#: So many rests after a stroke agree if they differ by no more than this in m: where the stop before does not go with
-#: them, the sensor has moved since, and what was before is forgotten.
+#: So many rests after a stroke agree if they differ by no more than this in m. Where they are further than that from
+#: those before, which agree too, the sensor has moved, and its stop with it; where the stop before does not go with
+#: them, what was before is forgotten. Within a recording levels of nine trucks differ by 0.05 mm at most.
 AGREEING, APART = 3, 1.5e-4
 
 
@@ -101,20 +102,29 @@ def _low(
             level = float(np.median(medians))
             returned = (*watch.returned, level)[-REMEMBERED:] if watch.excursion else watch.returned
             lowest = float(np.fmin(watch.lowest, level))
-            if _moved_since(before, lowest, returned):
-                lowest, returned = float("nan"), tuple(sorted(returned[-AGREEING:]))
+            moved = _moved_stop(before, lowest, returned)
+            if moved is not None:
+                lowest, returned = moved, tuple(sorted(returned[-AGREEING:]))
             watch = watch._replace(lowest=lowest, returned=returned, taken=True)
             found.append((at, lowest, returned))
         watch = watch._replace(window=np.empty(0), vents=watch.vents if still else 0)
     return watch, found
 
 
-def _moved_since(before: VentedRest, lowest: float, returned: tuple[float, ...]) -> bool:
-    """Whether the last rests after a stroke agree, and the stop before does not go with them."""
-    if len(returned) < AGREEING or np.ptp(returned[-AGREEING:]) > APART:
-        return False
+def _moved_stop(before: VentedRest, lowest: float, returned: tuple[float, ...]) -> float | None:
+    """The stop in m, NaN where it is not known, where the last rests after a stroke agree that the sensor has moved."""
+    last, earlier = returned[-AGREEING:], returned[:-AGREEING]
+    if not _agree(last):
+        return None
+    step = _median(last) - _median(earlier)
+    if _agree(earlier) and abs(step) > APART:
+        return lowest + step
     now = VentedRest(lowest, _median(returned), before.quantum)
-    return before.at_stop and now.at_stop and unlike(before, now)
+    return float("nan") if before.at_stop and now.at_stop and unlike(before, now) else None
+
+
+def _agree(levels: tuple[float, ...]) -> bool:
+    return len(levels) >= AGREEING and bool(np.ptp(levels) <= APART)
 
 
 def _median(levels: tuple[float, ...]) -> float:
