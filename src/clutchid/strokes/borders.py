@@ -93,19 +93,19 @@ def completed(pending: PendingSamples, *, final: bool) -> tuple[list[CompletedSa
 def _spans(pending: PendingSamples) -> list[_Span]:
     """Pending rests and strokes, in order and without gaps."""
     bins, n = pending.bins, len(pending.bins)
-    found: list[_Span] = []
+    spans: list[_Span] = []
     at = departs = 0
     vented = 0.0
     for a, b in _rests(bins):
         begin, end = _still_part(bins, a, b)
-        found.append(_Span("stroke", at, begin, vented, departs=departs))
+        spans.append(_Span("stroke", at, begin, vented, departs=departs))
         vented, departs = _vented(pending, begin, end), end
         at = end if b == n else max(begin, int(np.searchsorted(bins.time, bins.time[end] - LEAD)))
         if b < n and _seconds(bins, begin, at) < STILL:
             at = begin
-        found.append(_Span("rest", begin, at, vented))
-    found.append(_Span("stroke", at, n, vented, departs=departs))
-    return [span for span in found if span.stop > span.start]
+        spans.append(_Span("rest", begin, at, vented))
+    spans.append(_Span("stroke", at, n, vented, departs=departs))
+    return [span for span in spans if span.stop > span.start]
 
 
 def _still_part(bins: Bins, a: int, b: int) -> tuple[int, int]:
@@ -155,9 +155,9 @@ def _vented(pending: PendingSamples, begin: int, end: int) -> float:
     opened = np.flatnonzero(~bins.closed[begin:end])
     since = begin + (int(opened[-1]) + 1 if opened.size else 0)
     pressure = bins.pressure[since:end]
-    known = pressure[np.isfinite(pressure)]
-    if known.size:
-        floor = float(known.min())
+    finite = pressure[np.isfinite(pressure)]
+    if finite.size:
+        floor = float(finite.min())
         if floor > PRESSED * DEFAULTS.P_0:
             return 0.0
         pressed = np.flatnonzero(pressure > VENTED * floor)
@@ -172,7 +172,7 @@ def _without_holds(bins: Bins, span: _Span, *, final: bool) -> list[_Span]:
         return [span]
     if span.departs <= span.start and bins.still[span.start : span.stop].all():
         return [replace(span, kind="rest", vented=0.0, long_hold=True)]
-    found, at, vented, departs = [], span.start, span.vented, span.departs
+    spans, at, vented, departs = [], span.start, span.vented, span.departs
     for a, b in runs(bins.still[span.start : span.stop]):
         begin, end = a + span.start, b + span.start
         if _seconds(bins, begin, end) < LONGEST_HOLD or (end == len(bins) and not final):
@@ -180,21 +180,21 @@ def _without_holds(bins: Bins, span: _Span, *, final: bool) -> list[_Span]:
         first = begin if begin == at else int(np.searchsorted(bins.time, bins.time[begin] + LEAD))
         last = end if end == span.stop else int(np.searchsorted(bins.time, bins.time[end] - LEAD))
         if first > at:
-            found.append(_Span("stroke", at, first, vented, departs=departs))
-        found.append(_Span("rest", first, last, 0.0, long_hold=True))
+            spans.append(_Span("stroke", at, first, vented, departs=departs))
+        spans.append(_Span("rest", first, last, 0.0, long_hold=True))
         at, vented, departs = last, 0.0, end
-    return [*found, _Span("stroke", at, span.stop, vented, departs=departs)] if at < span.stop else found
+    return [*spans, _Span("stroke", at, span.stop, vented, departs=departs)] if at < span.stop else spans
 
 
 def _divided(bins: Bins, span: _Span) -> list[_Span]:
     """Divide a span into parts of at most `LONGEST` samples; of a stroke, only the first follows the vented rest."""
     edges = np.append(bins.first, bins.first[-1] + bins.count[-1])
-    found, start, vented = [], span.start, span.vented
+    parts, start, vented = [], span.start, span.vented
     while edges[span.stop] - edges[start] > LONGEST:
         stop = max(start + 1, int(np.searchsorted(edges, edges[start] + LONGEST, side="right")) - 1)
-        found.append(replace(span, start=start, stop=stop, vented=vented))
+        parts.append(replace(span, start=start, stop=stop, vented=vented))
         start, vented = stop, vented if span.kind == "rest" else 0.0
-    return [*found, replace(span, start=start, vented=vented)]
+    return [*parts, replace(span, start=start, vented=vented)]
 
 
 def _vented_before(pending: PendingSamples, last: _Span) -> float:
@@ -315,11 +315,11 @@ _RULES: tuple[tuple[str, Callable[[MotionFeatures], bool]], ...] = (
 
 def stroke_label(bins: Bins) -> str:
     """Label of a stroke, one of `STROKES`; "partial stroke" if it stays at the rest level."""
-    known = np.isfinite(bins.position) & (bins.reach > 0)
-    y = (bins.position - bins.level)[known] / bins.reach[known]
+    moving = np.isfinite(bins.position) & (bins.reach > 0)
+    y = (bins.position - bins.level)[moving] / bins.reach[moving]
     if y.size < 3 or float(y.max()) <= SLIP_ZONE[0]:
         return "partial stroke"
-    features = motion_features(bins.time[known], y, bins.still[known])
+    features = motion_features(bins.time[moving], y, bins.still[moving])
     return next(label for label, holds in _RULES if holds(features))
 
 

@@ -101,10 +101,10 @@ def _binned(block: Samples, before: _CuttingState) -> tuple[_CuttingState, list[
     """State after a block, and the stretches of the block with their bins."""
     interval = sample_interval(block.time, before.interval)
     width = samples_in_bin(interval)
-    found = stretches(block, before.time, interval)
+    pieces = stretches(block, before.time, interval)
     raws: list[RawBins] = []
     last = before.position
-    for samples, _ in found:
+    for samples, _ in pieces:
         raws.append(raw_bins(samples, width, last))
         last = float(raws[-1].filled[-1])
     position = np.concatenate([np.zeros(0), *(raw.filled for raw in raws)])
@@ -116,7 +116,8 @@ def _binned(block: Samples, before: _CuttingState) -> tuple[_CuttingState, list[
         level = updated(level, position[usable], closed[usable], window, quantum_of(block.columns["position"]))
     rest = RestLevel(np.nan, np.nan, 0.0, 0.0) if level is None else level
     parts = [
-        (samples, relative_to_rest(raw, rest, window), opens) for (samples, opens), raw in zip(found, raws, strict=True)
+        (samples, relative_to_rest(raw, rest, window), opens)
+        for (samples, opens), raw in zip(pieces, raws, strict=True)
     ]
     return _CuttingState(level, interval, last, last_known(block)), parts
 
@@ -142,14 +143,14 @@ def section(part: CompletedSamples, name: str, metadata: Mapping[str, str]) -> S
 
 def _summary(part: CompletedSamples) -> SectionSummary:
     samples, bins = part.samples, part.bins
-    known = bins.position[np.isfinite(bins.position)]
+    positions = bins.position[np.isfinite(bins.position)]
     speed = difference_velocity(bins.time, bins.position, SPEED_BINS)
     supply, exhaust = (_pulses(samples, name) for name in ("duty_supply", "duty_exhaust"))
     pressure = samples.columns.get("pressure_a")
     finite = int(np.count_nonzero(np.isfinite(samples.columns["position"])))
     return SectionSummary(
-        lowest=float(known.min()) if known.size else np.nan,
-        highest=float(known.max()) if known.size else np.nan,
+        lowest=float(positions.min()) if positions.size else np.nan,
+        highest=float(positions.max()) if positions.size else np.nan,
         level=float(bins.level[0]),
         reach=float(bins.reach[0]),
         opening_speed=float(np.nanmax(speed, initial=0.0)),

@@ -111,8 +111,8 @@ def excitation(measured: Log, parameters: Parameters | None = None) -> Excitatio
     """
     p = Parameters() if parameters is None else parameters
     position = measured["position"]
-    known = position[np.isfinite(position)]
-    if known.size == 0:
+    finite = position[np.isfinite(position)]
+    if finite.size == 0:
         raise DataError(f"{measured.name}: column 'position' has no finite sample, so its motion is unknown.")
     speed = velocity(measured.time, position, FAST_WINDOW)
     rests, holds = _still(measured, p)
@@ -120,8 +120,8 @@ def excitation(measured: Log, parameters: Parameters | None = None) -> Excitatio
     return Excitation(
         recordings=1,
         seconds=float(measured.time[-1] - measured.time[0]),
-        lowest=float(known.min()),
-        reach=float(known.max()),
+        lowest=float(finite.min()),
+        reach=float(finite.max()),
         top_opening=float(np.nanmax(speed, initial=0.0)),
         top_closing=float(np.nanmax(-speed, initial=0.0)),
         highest_supply=highest.get("duty_supply", np.nan),
@@ -134,7 +134,7 @@ def excitation(measured: Log, parameters: Parameters | None = None) -> Excitatio
     )
 
 
-def joined(found: Sequence[Excitation]) -> Excitation:
+def joined(parts: Sequence[Excitation]) -> Excitation:
     """Excitation of several recordings together.
 
     Raises
@@ -142,7 +142,7 @@ def joined(found: Sequence[Excitation]) -> Excitation:
     DataError
         If there is none.
     """
-    if not found:
+    if not parts:
         raise DataError("no recording is given; at least one is needed.")
     regions = tuple(
         replace(
@@ -151,22 +151,22 @@ def joined(found: Sequence[Excitation]) -> Excitation:
             opening=sum(visit.opening for visit in visits),
             closing=sum(visit.closing for visit in visits),
         )
-        for visits in zip(*(one.regions for one in found), strict=True)
+        for visits in zip(*(part.regions for part in parts), strict=True)
     )
     return Excitation(
-        recordings=sum(one.recordings for one in found),
-        seconds=sum(one.seconds for one in found),
-        lowest=min(one.lowest for one in found),
-        reach=max(one.reach for one in found),
-        top_opening=max(one.top_opening for one in found),
-        top_closing=max(one.top_closing for one in found),
-        highest_supply=float(np.fmax.reduce([one.highest_supply for one in found])),
-        highest_exhaust=float(np.fmax.reduce([one.highest_exhaust for one in found])),
-        vented_rests=sum(one.vented_rests for one in found),
-        longest_vented_rest=max(one.longest_vented_rest for one in found),
+        recordings=sum(part.recordings for part in parts),
+        seconds=sum(part.seconds for part in parts),
+        lowest=min(part.lowest for part in parts),
+        reach=max(part.reach for part in parts),
+        top_opening=max(part.top_opening for part in parts),
+        top_closing=max(part.top_closing for part in parts),
+        highest_supply=float(np.fmax.reduce([part.highest_supply for part in parts])),
+        highest_exhaust=float(np.fmax.reduce([part.highest_exhaust for part in parts])),
+        vented_rests=sum(part.vented_rests for part in parts),
+        longest_vented_rest=max(part.longest_vented_rest for part in parts),
         regions=regions,
-        holds=tuple(hold for one in found for hold in one.holds),
-        unsettled=sum(one.unsettled for one in found),
+        holds=tuple(hold for part in parts for hold in part.holds),
+        unsettled=sum(part.unsettled for part in parts),
     )
 
 
@@ -177,8 +177,8 @@ def region_of(position: FloatArray) -> NDArray[np.int64]:
 
 def _still(log: Log, p: Parameters) -> tuple[list[float], tuple[Hold, ...]]:
     """Lengths in s of the vented rests, and the holds elsewhere."""
-    time, known = log.time, np.flatnonzero(np.isfinite(log["position"]))
-    position = np.interp(time, time[known], log["position"][known])
+    time, recorded = log.time, np.flatnonzero(np.isfinite(log["position"]))
+    position = np.interp(time, time[recorded], log["position"][recorded])
     still = np.abs(velocity(time, position, SLOW_WINDOW)) < HOLD_SPEED
     still[1:] &= ~holes(time)
     near = np.abs(position) <= VENTED_POSITION
@@ -196,9 +196,9 @@ def _visits(log: Log) -> tuple[RegionVisit, ...]:
     usual = sample_interval(log.time, 0.0)
     dt = np.append(np.diff(log.time), usual)
     dt = np.where(dt > HOLE * usual, usual, dt)
-    known = np.isfinite(log["position"])
-    position = log["position"][known]
-    seconds = np.bincount(region_of(position), dt[known], len(REGION_EDGES) - 1)
+    finite = np.isfinite(log["position"])
+    position = log["position"][finite]
+    seconds = np.bincount(region_of(position), dt[finite], len(REGION_EDGES) - 1)
     visits = []
     for (low, high), spent in zip(pairwise(REGION_EDGES), seconds.tolist(), strict=True):
         begin = high - END_DEPTH if low == 0.0 else low

@@ -96,7 +96,7 @@ def colour(residual: FloatArray, inputs: Mapping[str, FloatArray], interval: flo
     crossed = {name: _crossed(residual, values, interval) for name, values in inputs.items()}
     return Colour(
         interval, lag, r, bound, float(np.mean(np.abs(r[1:]) > bound[1:])), float(r[1]),
-        {name: found for name, found in crossed.items() if found is not None},
+        {name: correlation for name, correlation in crossed.items() if correlation is not None},
     )  # fmt: skip
 
 
@@ -122,22 +122,22 @@ def effective_samples(residual: FloatArray, block: int) -> float:
     The sum ends before the first pair of neighbouring lags that is not positive together (Geyer 1992), so that noise
     at long lags does not count.
     """
-    known = residual[np.isfinite(residual)]
+    finite = residual[np.isfinite(residual)]
     means = block_means(residual, block)
-    kept = np.isfinite(means)
-    if known.size < FEWEST or kept.sum() < 2:
-        return float(known.size) if known.size else float("nan")
+    full = np.isfinite(means)
+    if finite.size < FEWEST or full.sum() < 2:
+        return float(finite.size) if finite.size else float("nan")
     x = _centred(means)
     size = 1 << int(2 * x.size - 1).bit_length()
     power = np.fft.irfft(np.abs(np.fft.rfft(x, size)) ** 2, size)[: x.size]
-    if not power[0] > 0.0 or not np.var(known) > 0.0:
-        return float(known.size)
+    if not power[0] > 0.0 or not np.var(finite) > 0.0:
+        return float(finite.size)
     r = power / power[0]
     pairs = r[: r.size // 2 * 2].reshape(-1, 2).sum(axis=1)
     end = int(np.argmax(pairs <= 0.0)) if np.any(pairs <= 0.0) else pairs.size
     time_constant = max(2.0 * float(pairs[:end].sum()) - 1.0, 1e-12)
-    of_mean = float(np.var(means[kept])) * time_constant / kept.sum()
-    return float(np.clip(np.var(known) / of_mean, 1.0, known.size))
+    of_mean = float(np.var(means[full])) * time_constant / full.sum()
+    return float(np.clip(np.var(finite) / of_mean, 1.0, finite.size))
 
 
 def block_means(values: FloatArray, block: int) -> FloatArray:
@@ -145,23 +145,23 @@ def block_means(values: FloatArray, block: int) -> FloatArray:
     if block == 1:
         return values
     cut = values[: values.size // block * block].reshape(-1, block)
-    known = np.isfinite(cut)
+    finite = np.isfinite(cut)
     with np.errstate(invalid="ignore"):
-        result: FloatArray = np.where(known, cut, 0.0).sum(axis=1) / known.sum(axis=1)
+        result: FloatArray = np.where(finite, cut, 0.0).sum(axis=1) / finite.sum(axis=1)
     return result
 
 
 def _centred(values: FloatArray) -> FloatArray:
     """Values minus their mean, 0 where they are missing."""
-    known = np.isfinite(values)
-    result: FloatArray = np.where(known, values - np.mean(values[known]), 0.0)
+    finite = np.isfinite(values)
+    result: FloatArray = np.where(finite, values - np.mean(values[finite]), 0.0)
     return result
 
 
 def _autocorrelation(values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Autocorrelation at lags 0 to `LAGS`, and the number of pairs for each."""
-    x, known = _centred(values), np.isfinite(values).astype(np.float64)
-    sums, pairs = _products(x, x, range(LAGS + 1)), _products(known, known, range(LAGS + 1))
+    x, counts = _centred(values), np.isfinite(values).astype(np.float64)
+    sums, pairs = _products(x, x, range(LAGS + 1)), _products(counts, counts, range(LAGS + 1))
     variance = max(sums[0] / pairs[0], np.finfo(float).tiny)
     return sums / np.maximum(pairs, 1.0) / variance, pairs
 
@@ -176,8 +176,8 @@ def _crossed(residual: FloatArray, values: FloatArray, interval: float) -> Cross
     squares replaces N because residuals and duty cycles are large at the same times, which alone would exceed plain
     bounds.
     """
-    known = values[np.isfinite(values)]
-    if known.size < FEWEST or not np.ptp(known) > 0.0:
+    finite = values[np.isfinite(values)]
+    if finite.size < FEWEST or not np.ptp(finite) > 0.0:
         return None
     whitener = _whitener(_centred(values))
     e, u = (np.convolve(x, whitener, mode="valid") for x in (residual, values))

@@ -85,8 +85,8 @@ def ranges(position: FloatArray, width: int) -> FloatArray:
     """Range of the position in a window of `width` bins around each bin."""
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-    found: FloatArray = maximum_filter1d(position, width) - minimum_filter1d(position, width)
-    return found
+    spread: FloatArray = maximum_filter1d(position, width) - minimum_filter1d(position, width)
+    return spread
 
 
 def quantum_of(position: FloatArray) -> float:
@@ -280,11 +280,11 @@ def _median(rows: FloatArray) -> FloatArray:
 
 def _filled(position: FloatArray, before: float) -> FloatArray:
     """Fill gaps of `position` with the last known value or `before`; at the very beginning with the next value."""
-    known = np.isfinite(position)
-    if known.all():
+    finite = np.isfinite(position)
+    if finite.all():
         return position
-    if not known.any():
+    if not finite.any():
         return np.full(position.size, before)
-    at = np.maximum.accumulate(np.where(known, np.arange(position.size), -1))
-    start = before if np.isfinite(before) else float(position[np.argmax(known)])
+    at = np.maximum.accumulate(np.where(finite, np.arange(position.size), -1))
+    start = before if np.isfinite(before) else float(position[np.argmax(finite)])
     return np.where(at >= 0, position[np.maximum(at, 0)], start)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-#: Verdicts on a sample: a value; outside the range; reached by a step that is impossible; the first one that is taken
-#: again after a step that stays; repeated with all other channels; and a value that explains the step before it.
+#: Verdicts on a sample: a value; outside the range; reached by a step that is impossible; the first value
+#: that is taken again after a step that stays; repeated with all other channels; and a value that explains the step
+#: before it.
 VALUE, BEYOND, STEP, SEAM, REPEATED, EXPLAINED = range(6)
 
 #: Entries of the watch: time of the last sample that counts, its value, when that was first read, its rate of change;
@@ -32,7 +33,7 @@ READ_ANEW = 20.0
 TOGGLED = 1.5
 
 #: A run of equal samples, of a sensor that scatters by more than that, is improbable beyond as many intervals (0.38^3);
-#: one that stands still for longer than the second after a step is not believed; a run is impossible where as many
+#: a run that is longer than the second of them after a step is not believed; a run is impossible where as many
 #: turning points were expected in it: e^-20 is once in 500 million runs. With less scatter than this share of the
 #: range, values were computed.
 IMPROBABLE, STANDS, IMPOSSIBLE, COMPUTED = 2.5, 10.0, 20.0, 1e-5

@@ -43,9 +43,9 @@ def velocity(time: FloatArray, position: FloatArray, window: float) -> FloatArra
     if n < 2:
         return np.full(n, np.nan)
     width = max(1, round(window / sample_interval(time)))
-    known = np.isfinite(position)
-    number = np.concatenate([[0], np.cumsum(known)])
-    sums = [np.concatenate([[0.0], np.cumsum(np.where(known, x, 0.0))]) for x in (position, time - time[0])]
+    finite = np.isfinite(position)
+    number = np.concatenate([[0], np.cumsum(finite)])
+    sums = [np.concatenate([[0.0], np.cumsum(np.where(finite, x, 0.0))]) for x in (position, time - time[0])]
     here = np.arange(n)
     first, last = np.maximum(here - width, 0), np.minimum(here + width + 1, n)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -80,10 +80,10 @@ def difference_velocity(time: FloatArray, position: FloatArray, steps: int) -> F
     >>> difference_velocity(t, 0.02 * t, 1).round(6).tolist()
     [nan, 0.02, 0.02, 0.02, nan]
     """
-    found, across = np.full(time.size, np.nan), 2 * steps
+    rate, across = np.full(time.size, np.nan), 2 * steps
     if time.size > across:
-        found[steps:-steps] = (position[across:] - position[:-across]) / (time[across:] - time[:-across])
-    return found
+        rate[steps:-steps] = (position[across:] - position[:-across]) / (time[across:] - time[:-across])
+    return rate
 
 
 def constant_runs(values: FloatArray) -> Runs:

@@ -113,15 +113,15 @@ def joined(sections: Iterable[Section]) -> Log:
         raise DataError("no section is given; at least one is needed.")
     logs = [section.log for section in ordered]
     names = tuple(logs[0].columns)
-    for one, other in pairwise(logs):
+    for previous, other in pairwise(logs):
         if set(other.columns) != set(names):
             raise DataError(
                 f"{other.name}: sections with different columns cannot be joined; join sections of one recording only."
             )
-        if not other.time[0] > one.time[-1]:
+        if not other.time[0] > previous.time[-1]:
             raise DataError(
                 f"{other.name}: a section begins at {other.time[0]:.6g} s, but the one before ends at "
-                f"{one.time[-1]:.6g} s; join disjoint sections of one recording."
+                f"{previous.time[-1]:.6g} s; join disjoint sections of one recording."
             )
     steps = [np.diff(log.time) for log in logs if len(log) > 1]
     short = 2 * HOLE * float(np.median(np.concatenate(steps))) if steps else np.inf

@@ -50,22 +50,22 @@ class Samples:
         """
         begins = float(self.time[start]) if 0 < start < self.time.size else -np.inf
         ends = float(self.time[stop]) if stop < self.time.size else np.inf
-        found = {}
+        edges = {}
         for name, (stamps, values) in self.edges.items():
             own = slice(*np.searchsorted(stamps, (begins, ends)))
-            found[name] = stamps[own], values[own]
+            edges[name] = stamps[own], values[own]
             if np.isfinite(begins) and begins not in stamps[own][:1]:
-                found[name] = np.append(begins, stamps[own]), np.append(self.columns[name][start], values[own])
-        return found
+                edges[name] = np.append(begins, stamps[own]), np.append(self.columns[name][start], values[own])
+        return edges
 
 
 def joined_edges(parts: Sequence[Log | Samples]) -> Edges:
     """Edges of consecutive samples; where a part has none of a column they are its samples, as elsewhere."""
     names = dict.fromkeys(name for part in parts for name in part.edges)
-    found = {name: [part.edges.get(name, (part.time, part.columns[name])) for part in parts] for name in names}
+    pieces = {name: [part.edges.get(name, (part.time, part.columns[name])) for part in parts] for name in names}
     return {
         name: (np.concatenate([stamps for stamps, _ in edges]), np.concatenate([values for _, values in edges]))
-        for name, edges in found.items()
+        for name, edges in pieces.items()
     }
 
 
@@ -136,20 +136,20 @@ def stretches(block: Samples, before: float, interval: float) -> list[tuple[Samp
     interval : s
         Usual interval between samples.
     """
-    known = np.ones(len(block), dtype=bool)
+    complete = np.ones(len(block), dtype=bool)
     for name in INPUTS:
         if name in block.columns:
-            known &= np.isfinite(block.columns[name])
-    linked = known & (np.diff(block.time, prepend=before) <= HOLE * interval)
-    linked[1:] &= known[:-1]
-    begins = known & ~linked
-    begins[0] = known[0]
-    ends = known & ~np.append(linked[1:], False)
+            complete &= np.isfinite(block.columns[name])
+    linked = complete & (np.diff(block.time, prepend=before) <= HOLE * interval)
+    linked[1:] &= complete[:-1]
+    begins = complete & ~linked
+    begins[0] = complete[0]
+    ends = complete & ~np.append(linked[1:], False)
     pairs = zip(np.flatnonzero(begins).tolist(), np.flatnonzero(ends).tolist(), strict=True)
     return [(block.part(first, last + 1), not linked[first]) for first, last in pairs]
 
 
 def last_known(block: Samples) -> float:
     """Time of the last sample in s, NaN where its inputs are missing."""
-    known = all(np.isfinite(block.columns[name][-1]) for name in INPUTS if name in block.columns)
-    return float(block.time[-1]) if known else np.nan
+    complete = all(np.isfinite(block.columns[name][-1]) for name in INPUTS if name in block.columns)
+    return float(block.time[-1]) if complete else np.nan

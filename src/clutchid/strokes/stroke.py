@@ -54,10 +54,10 @@ def count_strokes(strokes: Strokes, time: FloatArray, position: FloatArray) -> t
     (Strokes(ended=1, began=None), [3])
     """
     side = np.where(position > BEGINS, 1, np.where(position < ENDS, -1, 0))
-    known = np.flatnonzero(side)
-    before = np.append(-1 if strokes.began is None else 1, side[known[:-1]])
+    sided = np.flatnonzero(side)
+    before = np.append(-1 if strokes.began is None else 1, side[sided[:-1]])
     (ended, began), ends = strokes, []
-    for i in known[side[known] != before[: known.size]].tolist():
+    for i in sided[side[sided] != before[: sided.size]].tolist():
         if side[i] > 0:
             began = float(time[i])
         else:

@@ -46,7 +46,7 @@ MOST = 0.2
 
 
 class Motion(NamedTuple):
-    """What is possible in a recording of an actuator.
+    """Largest rates that are possible in a recording of an actuator.
 
     Largest velocity of the piston in m/s, its largest acceleration in an interval in m/s², and the largest rate of the
     pressure in Pa/s.
@@ -58,7 +58,7 @@ class Motion(NamedTuple):
 
 
 def possible_motion(actuator: Actuator, interval: float) -> Motion:
-    r"""What the air and the forces of an actuator allow within an interval of `interval` s.
+    r"""Motion that the air and the forces of an actuator allow within an interval of `interval` s.
 
     The air that the open supply valve passes at most, :math:`w = \rho_0 C_{vs} P_S`, moves a piston without load
     against its friction, :math:`(P_0 A_A + D_v v) v = w R T_0`; without motion it fills the dead volume,
@@ -209,7 +209,7 @@ def values_of(log: Log, actuator: Actuator) -> Values:
     for name in (*INPUTS, "pressure_supply"):
         if name in log:
             faults += _out_of_range(log, name, missing)
-    measured = [name for name in ("position", "pressure_a") if name in log and all(each in log for each in INPUTS)]
+    measured = [name for name in ("position", "pressure_a") if name in log and all(duty in log for duty in INPUTS)]
     if measured and (interval := sample_interval(log.time, 0.0)) > 0.0:
         for name in measured:
             _judge(log, name, limits(actuator, name, interval), missing, faults)
@@ -243,8 +243,8 @@ _RANGES = {**dict.fromkeys(INPUTS, (-ROUNDING, 1.0 + ROUNDING)), "pressure_suppl
 
 def within_rounding(duty: FloatArray) -> FloatArray:
     """Duty cycles from 0 to 1: those that are rounded to just outside at the end of the range, NaN for no values."""
-    known = (duty >= -ROUNDING) & (duty <= 1.0 + ROUNDING)
-    return np.where(known, np.clip(duty, 0.0, 1.0), np.nan)
+    inside = (duty >= -ROUNDING) & (duty <= 1.0 + ROUNDING)
+    return np.where(inside, np.clip(duty, 0.0, 1.0), np.nan)
 
 
 def outside(name: str, values: FloatArray) -> Mask:

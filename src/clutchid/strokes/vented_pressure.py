@@ -22,7 +22,7 @@ BoolArray: TypeAlias = NDArray[np.bool_]
 
 
 class VentedPrior(NamedTuple):
-    """What a pressure sensor shows at a vented chamber before a rest is seen: mean and standard deviation in Pa."""
+    """Output of a pressure sensor at a vented chamber before a rest is seen: mean and standard deviation in Pa."""
 
     mean: float
     std: float
@@ -66,7 +66,7 @@ RECORD_REST = "record a second at rest with the exhaust valve open"
 
 
 class VentedPressure(NamedTuple):
-    """What the sensor of chamber A shows at a settled vented rest, and its standard deviation, in Pa.
+    """Output of the sensor of chamber A at a settled vented rest, and its standard deviation, in Pa.
 
     `closed`: at the start of the recording, with both valves closed; else a decay may go on that the noise hides.
     """
@@ -113,7 +113,7 @@ class _Level(NamedTuple):
 
 
 def vented_prior(log: Log) -> VentedPrior:
-    """What the pressure sensor of a recording shows while the chamber is vented, before a rest is seen."""
+    """Output of the pressure sensor of a recording while the chamber is vented, before a rest is seen."""
     ambient = log.metadata.get("ambient_Pa" if _is_gauge(log) else VENTED_KEY)
     return ABSOLUTE if ambient is None else VentedPrior(float(ambient), OFFSET.std, OFFSET.source)
 
@@ -136,12 +136,12 @@ def with_ambient(actuator: Actuator, logs: Sequence[Log]) -> tuple[Actuator, tup
 
 
 def remedy(logs: Iterable[Log]) -> str:
-    """What gives the vented pressure of recordings without a settled rest."""
+    """Source of the vented pressure of recordings without a settled rest."""
     return RECORD_REST + (", or give --ambient" if any(vented_prior(log) is ABSOLUTE for log in logs) else "")
 
 
 def vented_pressure(log: Log) -> VentedPressure | None:
-    """What the pressure sensor shows at the settled vented rest of a recording; None where there is none.
+    """Output of the pressure sensor at the settled vented rest of a recording; None without such a rest.
 
     A rest is settled where its pressure is flat: the slope lies within its standard error. At the start of the
     recording the valves may be closed, unless a later pressure lies below; after a stroke the exhaust valve must be

@@ -181,14 +181,14 @@ def _rests(raw: RawBins, opened: BoolArray | None, seconds: float) -> list[tuple
 
 def merged(rests: Sequence[VentedRest | None]) -> VentedRest | None:
     """The levels of several recordings of one actuator together; None without any."""
-    known = [one for one in rests if one is not None]
-    if not known:
+    readings = [rest for rest in rests if rest is not None]
+    if not readings:
         return None
-    returned = [one.returned for one in known if np.isfinite(one.returned)]
+    returned = [rest.returned for rest in readings if np.isfinite(rest.returned)]
     return VentedRest(
-        float(np.median([one.lowest for one in known])),
+        float(np.median([rest.lowest for rest in readings])),
         float(np.median(returned)) if returned else float("nan"),
-        max(one.quantum for one in known),
+        max(rest.quantum for rest in readings),
     )
 
 
@@ -200,7 +200,7 @@ def rest_shift(before: VentedRest, now: VentedRest) -> RestShift | None:
     Where both moved, but not alike, and no friction explains that, one of them is a hold.
     """
     level = _level(before, now)
-    held = next((one.held for one in (before, now) if one.at_stop), HELD)
+    held = next((rest.held for rest in (before, now) if rest.at_stop), HELD)
     at_stop, after_stroke = now.lowest - before.lowest, now.returned - before.returned
     by_friction = math.hypot(level, QUANTILE * FRICTION * held)
     if before.at_stop and now.at_stop:
@@ -240,9 +240,9 @@ def other_zeros(values: Values) -> list[str]:
         shift = rest_shift(before, now) if before and now else None
         if shift is not None and not shift.moved:
             continue
-        known = f"its vented rest moves by {shift}" if shift else "no vented rest shows whether its zero is the same"
+        reason = f"its vented rest moves by {shift}" if shift else "no vented rest shows whether its zero is the same"
         problems.append(
-            f"{log.name}: the position jumps at {log.time[end]:.3f} s and stays, and {known}: its sensor was set to "
+            f"{log.name}: the position jumps at {log.time[end]:.3f} s and stays, and {reason}: its sensor was set to "
             "zero anew, or two recordings are joined; cut the recording there, and read its parts one by one."
         )
     return problems
