@@ -44,7 +44,8 @@ def with_own_gains(log: Log, calibrated: ParameterFile) -> float:
     once = estimated._problem(part, calibrated.actuator, calibrated.calibration)
     start, count = np.zeros(len(once.coordinates)), estimated.PHASES
     problems = [estimated._at_phase(once, centred(at / count)) for at in range(count)]
-    costs = np.array([estimated._adapted(problem, start).cost for problem in problems])
+    first = [estimated._adapted(problem, start).x for problem in problems]
+    costs = np.array([estimated._adapted(problem, x).cost for problem, x in zip(problems, first, strict=True)])
     return centred((int(np.argmin(costs)) + estimated._vertex(costs)) / count)
 
 

@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 
 import clutchid
+from clutchid.estimation import phase
 from clutchid.estimation.phase import filtered_phase, phase_finder
 from clutchid.estimation.request import FreeParameters
+from clutchid.inference.filter.filtering import filtered
 from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.numerics.failure import Failure
 from clutchid.preparation.pulses import centred, find_phase
 
 EXACT = Calibration((), np.zeros((0, 0)))
@@ -43,11 +46,23 @@ def test_cold_grease_and_a_worn_clutch_are_not_taken_for_another_phase(known, co
 
 
 @pytest.mark.slow
-def test_samples_without_a_position_leave_the_phase_as_it_is(known, cold_and_worn):
-    position = cold_and_worn["position"].copy()
-    position[700:720] = np.nan
-    gaps = cold_and_worn.with_columns(position=position)
-    assert abs(centred(filtered_phase(gaps, known, EXACT) - PHASE)) < 0.05
+def test_a_phase_at_which_the_filter_fails_gives_no_gains(known, cold_and_worn, monkeypatch):
+    passes = []
+
+    def failing_first(*arguments, **options):
+        passes.append(arguments)
+        return Failure("diverged") if len(passes) == 1 else filtered(*arguments, **options)
+
+    monkeypatch.setattr(phase, "filtered", failing_first)
+    assert abs(centred(filtered_phase(cold_and_worn, known, EXACT) - PHASE)) < 0.05
+
+
+@pytest.mark.slow
+def test_holes_in_duty_cycles_and_position_do_not_hide_the_phase(known, cold_and_worn):
+    duty, position = (cold_and_worn[name].copy() for name in ("duty_supply", "position"))
+    duty[2500:2600], position[4000:4030] = np.nan, np.nan
+    torn = cold_and_worn.with_columns(duty_supply=duty, position=position)
+    assert abs(centred(filtered_phase(torn, known, EXACT) - PHASE)) < 0.05
 
 
 def test_only_a_load_that_is_read_from_a_calibration_needs_the_filter(known):

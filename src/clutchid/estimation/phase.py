@@ -25,7 +25,7 @@ from clutchid.numerics.threads import map_pairs
 from clutchid.preparation.prepare import CALIBRATED_MARGIN, prepare
 from clutchid.preparation.pulses import Duties, FindPhase, centred, duties_in, find_phase
 from clutchid.simulation.stiffness import stiffness
-from clutchid.simulation.windows import Track, tracks, with_window_steps
+from clutchid.simulation.windows import tracks, with_window_steps
 
 #: Phases that are tried, Gauss-Newton steps at each, and the length in s of the part of a recording that they are tried
 #: on. Provenance: docs/derivations.md.
@@ -83,9 +83,10 @@ def filtered_phase(log: Log, actuator: Actuator, calibration: Calibration) -> fl
     problems = [_at_phase(once, centred(at / PHASES)) for at in range(PHASES)]
     adapted = [Adapted(0.0, _start(once)) for _ in problems]
     for _ in range(STEPS):
-        best = min(range(PHASES), key=lambda at: adapted[at].cost)
-        reference = _reference(problems[best], adapted[best].x)
-        if isinstance(reference, Failure):
+        best_first = sorted(range(PHASES), key=lambda at: adapted[at].cost)
+        references = (_reference(problems[at], adapted[at].x) for at in best_first)
+        reference = next((passed for passed in references if isinstance(passed, _Reference)), None)
+        if reference is None:
             break
         adapted = map_pairs(partial(_stepped, reference), problems, [phase.x for phase in adapted], smallest=1)
     costs = np.array([phase.cost for phase in adapted])
@@ -111,7 +112,7 @@ def _reference(problem: Problem, x: FloatArray) -> _Reference | Failure:
         if isinstance(segment, Failure):
             return segment
         segments.append(segment)
-    J = np.vstack([segment.rows[:: len(MEASURED), :-1] for segment in segments])
+    J = np.vstack([segment.rows[:: len(MEASURED), :-1][segment.measured("position")] for segment in segments])
     J[:, [i for i, c in enumerate(problem.coordinates) if c.base == "s_pwm"]] = 0.0
     return _Reference(segments, J, J.T @ J)
 
@@ -119,13 +120,9 @@ def _reference(problem: Problem, x: FloatArray) -> _Reference | Failure:
 def _stepped(reference: _Reference, problem: Problem, x: FloatArray) -> Adapted:
     """A Gauss-Newton step from x with derivatives of the `reference`; the cost is infinite if its prediction fails."""
     low, high = problem.bounds()
-    errors = [
-        _errors(track, problem, x, of.gains) for track, of in zip(problem.tracks, reference.segments, strict=True)
-    ]
-    followed = [error for error in errors if error is not None]
-    if len(followed) < len(errors):
+    r = _errors(reference, problem, x)
+    if not np.isfinite(r).all():
         return Adapted(np.inf, x)
-    r = np.nan_to_num(np.concatenate(followed), nan=0.0)  # without a measurement: its row of the reference is 0 too
     prior, size, outlier = prior_rows(problem, x), np.abs(r), problem.noise.outlier
     P, of_prior = prior[:, :-1], prior[:, -1]
     gradient = P.T @ of_prior + reference.J.T @ (-r * np.sqrt(np.minimum(1.0, outlier / np.maximum(size, 1e-300))))
@@ -135,12 +132,19 @@ def _stepped(reference: _Reference, problem: Problem, x: FloatArray) -> Adapted:
     return Adapted(float(cost + 2.0 * gradient @ step + step @ normal @ step), np.clip(x + step, low, high))
 
 
-def _errors(track: Track, problem: Problem, x: FloatArray, gains: FloatArray) -> FloatArray | None:
-    try:
-        actuator = problem.actuator_of(x, problem.stems[track.log])
-    except ParameterError:
-        return None
-    return prediction_errors(track, actuator, gains[:, 0])
+def _errors(reference: _Reference, problem: Problem, x: FloatArray) -> FloatArray:
+    """Standardised prediction errors of all samples with a position; a single NaN if a simulation fails."""
+    errors = []
+    for track, segment in zip(problem.tracks, reference.segments, strict=True):
+        try:
+            actuator = problem.actuator_of(x, problem.stems[track.log])
+        except ParameterError:
+            return np.full(1, np.nan)
+        of_track = prediction_errors(track, actuator, segment.gains[:, 0])
+        if of_track is None:
+            return np.full(1, np.nan)
+        errors.append(of_track[segment.measured("position")])
+    return np.concatenate(errors)
 
 
 def _slow_phase(once: Problem, part: Log, actuator: Actuator) -> float:
@@ -152,7 +156,7 @@ def _slow_phase(once: Problem, part: Log, actuator: Actuator) -> float:
         return replace(_at_phase(once, phase), tracks=tracks((grid,)))
 
     def stepped(problems: Sequence[Problem], starts: Sequence[FloatArray]) -> list[Adapted]:
-        return map_pairs(partial(_adapted, steps=1), problems, starts, smallest=1)
+        return map_pairs(_adapted, problems, starts, smallest=1)
 
     problems = [on_grid(centred(at / PHASES)) for at in range(PHASES)]
     first = stepped(problems, [_start(once)] * PHASES)
@@ -192,23 +196,18 @@ def _at_phase(problem: Problem, phase: float) -> Problem:
 
 
 class Adapted(NamedTuple):
-    """Load and viscous friction adapted to a phase: x after the last step, and the cost predicted there."""
+    """Load and viscous friction adapted to a phase: x after a step, and the cost predicted there."""
 
     cost: float
     x: FloatArray
 
 
-def _adapted(problem: Problem, x: FloatArray, steps: int = STEPS) -> Adapted:
-    """Gauss-Newton steps from x towards smaller prediction errors; the cost is infinite if the first pass fails."""
-    low, high = problem.bounds()
-    least = np.inf
-    for _ in range(steps):
-        prediction = predict_errors(problem, x)
-        if isinstance(prediction, Failure):
-            break
-        at = prediction.linearisation()
-        step = np.clip(np.linalg.lstsq(at.R, -at.q, rcond=None)[0], -LARGEST_STEP, LARGEST_STEP)
-        after = at.R @ step + at.q
-        least = prediction.cost - float(at.q @ at.q - after @ after)
-        x = np.clip(x + step, low, high)
-    return Adapted(least, x)
+def _adapted(problem: Problem, x: FloatArray) -> Adapted:
+    """A Gauss-Newton step from x towards smaller prediction errors; the cost is infinite if the filter fails."""
+    prediction = predict_errors(problem, x)
+    if isinstance(prediction, Failure):
+        return Adapted(np.inf, x)
+    at = prediction.linearisation()
+    step = np.clip(np.linalg.lstsq(at.R, -at.q, rcond=None)[0], -LARGEST_STEP, LARGEST_STEP)
+    after = at.R @ step + at.q
+    return Adapted(prediction.cost - float(at.q @ at.q - after @ after), np.clip(x + step, *problem.bounds()))

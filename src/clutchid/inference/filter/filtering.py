@@ -69,6 +69,10 @@ class Filtered:
         """Derivatives of the pressure in chamber A with respect to theta and its standard deviation, (n, size + 1)."""
         return _spread(self.watched, self.mapped)
 
+    def measured(self, name: str) -> NDArray[np.bool_]:
+        """Mask of the samples that have a measurement of a column (n,)."""
+        return np.isfinite(self.errors[:, _SENSORS.index(name), 0])
+
 
 def filtered(
     track: Track,
@@ -95,7 +99,7 @@ def filtered(
         Gains and variances of another pass to use instead of the optimal ones. Then the derivatives are exact, and the
         standard deviation of the states is not computed.
     compressed : bool
-        Whether the rows are compressed; without, there is one for each sensor and sample, of zeros for none.
+        Whether the rows are compressed; else there is one for each sample and sensor, zero without a measurement.
     """
     segment, states, k = track.segment, mapped.actuator.states, len(mapped.bases)
     inputs_of(segment, mapped.actuator.model)
@@ -117,8 +121,10 @@ def filtered(
             return Failure(failure_message(track.measured, segment, passed, failed, states, mapped.actuator))
         rows = found.reshape(-1, k + 1)
         cost += _loss(rows[:, -1], noise.outlier)
-        factor = np.vstack([factor, rows[_measured(rows, sensors)] if compressed else rows])
-        factor = triangular(factor) if compressed else factor
+        if compressed:
+            factor = triangular(np.vstack([factor, rows[_measured(rows, sensors)]]))
+        else:
+            factor = np.vstack([factor, rows])
     return Filtered(_spread(factor, mapped), cost, errors, passed, gains, pressures, mapped)
 
 
