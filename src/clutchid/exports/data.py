@@ -1,4 +1,4 @@
-"""What an exported observer holds of a calibration: every number of its data in C."""
+"""Numbers of a calibration in an exported observer: its data in C."""
 
 from __future__ import annotations
 

@@ -134,15 +134,15 @@ def write_export(
     modules = observer_c99(observer, state, style, title)
     log = _at_rate(check, observer) if check is not None else trial_drive(observer)
     cc, samples, begins = compiler(), samples_of(log), begins_us(log)
-    found = replay(observer, modules, style, log, cc) if cc else None
-    compared = parity(observer, state, log, found) if found else None
-    notes: tuple[str, ...] = () if found else ("parity was not run: there is no C compiler (cc) on this machine.",)
+    in_c = replay(observer, modules, style, log, cc) if cc else None
+    compared = parity(observer, state, log, in_c) if in_c else None
+    notes: tuple[str, ...] = () if in_c else ("parity was not run: there is no C compiler (cc) on this machine.",)
     if observer.calibration is None or observer.calibration.position_only is None:
         notes = (*notes, NO_POSITION_ONLY)
     files: dict[str, str | bytes] = {f"src/{file}": text for file, text in source_files(modules).items()}
     files |= example_files(style) | {"test/replay.c": replay_source(observer, style, begins_us(log))}
-    if found is not None:
-        files["test/vectors.h"] = vectors(samples[:VECTORS], found.outputs[:VECTORS], style, begins)
+    if in_c is not None:
+        files["test/vectors.h"] = vectors(samples[:VECTORS], in_c.outputs[:VECTORS], style, begins)
     if "fmu2" in to:
         fmus = {style.name: observer_fmu(observer, state, style, modules)}
         fmus |= {f"{style.name}_model": model_fmu(observer.actuator, f"{style.name}_model")} if model else {}

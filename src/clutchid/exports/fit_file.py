@@ -178,8 +178,8 @@ def _comparison(fit: Fit) -> dict[str, Any]:
     """The calibration that the fit started from, and its load, where there is one; as in the JSON object."""
     if fit.baseline is None:
         return {}
-    found = comparison(fit)
-    compared = {} if found is None else comparison_json(found)
+    changes = comparison(fit)
+    compared = {} if changes is None else comparison_json(changes)
     return {"calibration": origin_json(fit), **{key: _arrays(value) for key, value in compared.items()}}
 
 

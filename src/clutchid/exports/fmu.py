@@ -190,13 +190,13 @@ def _of_observer(observer: Observer, state: ObserverState) -> list[Variable]:
 def _adapting(observer: Observer, state: ObserverState) -> list[Variable]:
     """Parameters that adapt, with their start values in a state."""
     joint, actuator = observer.joint, observer.joint.mapped.actuator
-    found = []
+    variables = []
     for coordinate, row, theta in zip(joint.coordinates, joint.free.numbers, state.theta.tolist(), strict=True):
         name = coordinate.base
         start, low, high = (value_in_si(row, at) for at in (theta, row[LEAST], row[MOST]))
         meaning, unit = _meaning(actuator, name), actuator.unit(name)
-        found.append(Variable(name, meaning, "parameter", unit, start, "fixed", low, high))
-    return found
+        variables.append(Variable(name, meaning, "parameter", unit, start, "fixed", low, high))
+    return variables
 
 
 def _of_model(actuator: Actuator) -> list[Variable]:
@@ -343,7 +343,9 @@ def _linux_binary(sources: Mapping[str, bytes]) -> bytes | None:
             (Path(folder) / name).write_bytes(text)
         names = sorted(name for name in sources if name.endswith(".c"))
         command = [cc, *FLAGS_OF_COMPILER, "-o", "fmu.so", *names, "-lm"]
-        done = subprocess.run(command, cwd=folder, capture_output=True, encoding="utf-8", errors="replace", check=False)
-        if done.returncode:
-            raise ExportError(f"{cc} cannot compile the FMU:\n{done.stderr.strip()}")
+        compiled = subprocess.run(
+            command, cwd=folder, capture_output=True, encoding="utf-8", errors="replace", check=False
+        )
+        if compiled.returncode:
+            raise ExportError(f"{cc} cannot compile the FMU:\n{compiled.stderr.strip()}")
         return (Path(folder) / "fmu.so").read_bytes()

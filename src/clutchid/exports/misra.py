@@ -14,7 +14,7 @@ class Deviation(NamedTuple):
     reason: str
 
 
-#: What found them, and by which command.
+#: The program that reports them, and its command.
 CHECKER = "cppcheck 2.22.0", "cppcheck --addon=misra --enable=style --std=c99 src/*.c"
 
 #: By the number of the rule. `tests/exports/test_misra.py` counts them in the sources of every method.

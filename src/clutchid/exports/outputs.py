@@ -1,4 +1,4 @@
-"""What an exported observer returns by sample."""
+"""Outputs of an exported observer by sample."""
 
 from __future__ import annotations
 

@@ -208,16 +208,16 @@ def replayed(program: Path, observer: Observer, log: Log) -> Replayed:
     return Replayed(outputs.reshape(-1, len(COLUMNS)), load.reshape(-1, BAND), rest[: -len(FLAGS)], rest[-len(FLAGS) :])
 
 
-def _checked(command: list[str], given: bytes) -> bytes:
-    run = subprocess.run(command, input=given, capture_output=True, check=False)
+def _checked(command: list[str], stdin: bytes) -> bytes:
+    run = subprocess.run(command, input=stdin, capture_output=True, check=False)
     if run.returncode != 0:
         words = run.stderr.decode(errors="replace").strip().splitlines()
         raise ExportError(f"{Path(command[0]).name} failed on the exported C: {words[0] if words else run.returncode}.")
     return run.stdout
 
 
-def parity(observer: Observer, state: ObserverState, log: Log, found: Replayed) -> Parity:
-    """Compare what the C found in a recording with what Python finds."""
+def parity(observer: Observer, state: ObserverState, log: Log, in_c: Replayed) -> Parity:
+    """Compare the results of the C on a recording with those of Python."""
     run = follow_block(observer, state, log)
     after, expected = run.after, run.samples
     names = observer.actuator.states
@@ -231,33 +231,33 @@ def parity(observer: Observer, state: ObserverState, log: Log, found: Replayed) 
         "innovation_std": (std, "m"),
         "rest": (expected.rest, "m"),
     }
-    differences = [_worst(name, found.outputs[:, COLUMNS.index(name)], *given) for name, given in columns.items()]
-    known = curve(observer, after, positions(observer))
+    differences = [_worst(name, in_c.outputs[:, COLUMNS.index(name)], *column) for name, column in columns.items()]
+    load = curve(observer, after, positions(observer))
     half = QUANTILE * observer.load_deviation(after, positions(observer), as_calibrated=True)
-    band = np.stack([known.force, known.low, known.high, known.force - half, known.force + half], axis=1)
-    differences.append(Difference("load and band", float(np.abs(found.load - band).max()), "N", None))
+    band = np.stack([load.force, load.low, load.high, load.force - half, load.force + half], axis=1)
+    differences.append(Difference("load and band", float(np.abs(in_c.load - band).max()), "N", None))
     prior = np.linalg.norm(observer.prior.root, axis=1)
     counts = {name: round(value / observer.spacing) for name, value in run.health.items()}
     flags = {
         name: (expected_count, int(count))
-        for (name, expected_count), count in zip(counts.items(), found.health, strict=True)
+        for (name, expected_count), count in zip(counts.items(), in_c.health, strict=True)
         if expected_count != count
     }
-    pressure = found.outputs[:, 0] - expected.states[:, at[0]]
+    pressure = in_c.outputs[:, 0] - expected.states[:, at[0]]
     return Parity(
         recording=log.name,
         samples=len(log),
-        theta=float(np.abs((found.theta - after.theta) / prior).max(initial=0.0)),
-        load=float(np.abs(found.load[:, 0] - known.force).max() / np.abs(known.force).max()),
+        theta=float(np.abs((in_c.theta - after.theta) / prior).max(initial=0.0)),
+        load=float(np.abs(in_c.load[:, 0] - load.force).max() / np.abs(load.force).max()),
         pressure=float(np.sqrt(np.nanmean(pressure**2))) if np.isfinite(pressure).any() else 0.0,
         differences=tuple(differences),
         flags=flags,
-        strokes=(after.strokes.ended, int(found.outputs[-1, COLUMNS.index("strokes")])),
+        strokes=(after.strokes.ended, int(in_c.outputs[-1, COLUMNS.index("strokes")])),
     )
 
 
-def _worst(name: str, found: FloatArray, expected: FloatArray, unit: str) -> Difference:
-    difference = np.abs(found - expected)
+def _worst(name: str, in_c: FloatArray, expected: FloatArray, unit: str) -> Difference:
+    difference = np.abs(in_c - expected)
     if not np.isfinite(difference).any():
         return Difference(name, 0.0, unit, None)
     at = int(np.nanargmax(difference))
