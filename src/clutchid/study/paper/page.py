@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from functools import cache, partial
 from typing import Any
 
@@ -133,7 +133,7 @@ def _facts(study: StudyResults) -> dict[str, Any]:
         "best_position": min(rows, key=lambda case: case.ballistic.errors.position_sse),
         "best_pressure": min(measured, key=lambda case: case.ballistic.errors.pressure_a_sse or 0.0, default=None),
         "ratios": {n: _ratios(study, n) for n in (2, 32)}, "reproducing": _reproducing(study),
-        "spread": partial(_spread, study), "load_error": lambda case: load_error(case, study.truth),
+        "spread": partial(_spread, study), "load_error": lambda case: study.truth and load_error(case, study.truth),
         "covered": lambda: _covered(study), "best_possible": best_possible, "length": _length,
         "MM": MM, "BAR": BAR, "SLOW": SLOW, "CLOSE": CLOSE,
     }  # fmt: skip
@@ -153,8 +153,10 @@ def _length(log: Log) -> str:
 def _ratios(study: StudyResults, n: int) -> dict[str, float]:
     """Sums of squared position errors over those of ballistic runs: the paper's, and by both interpretations of N."""
     base = study.case(_BALLISTIC).ballistic.errors.position_sse
-    readings: Iterable[Interpretation] = ("parts", "every")
-    ratios = {way: study.case(PaperMethod(way, n)).ballistic.errors.position_sse / base for way in readings}
+    readings: tuple[Interpretation, ...] = ("parts", "every")
+    ratios: dict[str, float] = {
+        way: study.case(PaperMethod(way, n)).ballistic.errors.position_sse / base for way in readings
+    }
     return {"printed": TABLE_2[n][0] / TABLE_2[None][0], **ratios}
 
 
