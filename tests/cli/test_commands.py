@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -243,25 +242,6 @@ def test_starts_are_used_for_the_very_recording_that_they_were_estimated_from(
     assert answer["status"] == "warning"
     assert "estimated again" in answer["warnings"][0]
     assert clutchid.read(out)["position"][0] == pytest.approx(content.starts["moving"][0][0], abs=1e-4)
-
-
-def test_the_peak_of_the_load_is_looked_for_where_was_driven(command: Command, recording: Path) -> None:
-    done = command("fit", recording)
-    driven = float(np.nanmax(clutchid.read(recording)["position"])) * 1e3
-    found = re.search(r"^load +greatest .* N at ([\d.]+) mm of the recorded ([\d.]+)", done.stdout, re.MULTILINE)
-    peak, reach = found.groups()
-    assert reach == f"{driven:.1f}"
-    assert float(peak) <= driven < 24
-
-
-def test_the_noise_scales_stand_in_the_object_and_in_the_saved_file(
-    command: Command, recording: Path, tmp_path: Path
-) -> None:
-    saved = tmp_path / "fit.toml"
-    answer = json.loads(command("fit", recording, "--json", "--save", saved).stdout)
-    assert answer["noise_scales"].keys() == {"position"}
-    assert answer["noise_scales"]["position"] == pytest.approx(3e-5, rel=0.1)
-    assert clutchid.read_parameters(saved).fit["noise_scales"] == pytest.approx(answer["noise_scales"])
 
 
 def test_a_failed_save_leaves_the_old_file_as_it_was(command: Command, recording: Path, tmp_path: Path) -> None:

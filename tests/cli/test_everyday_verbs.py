@@ -67,21 +67,6 @@ def test_a_verb_without_a_recording_names_itself(call, verb):
     assert (code, f"no recording given; clutchid {verb} LOG.csv" in err) == (2, True)
 
 
-@pytest.mark.slow
-def test_the_verbs_of_every_day_are_fits_with_their_defaults(call, recordings):
-    def same(*commands):
-        first, second = (json.loads(call(*command, "--json")[1]) for command in commands)
-        assert first["parameters"]
-        assert first == second
-
-    cal, worn = recordings
-    same(
-        ("calibrate", cal, "--save", "CAL.toml"),
-        ("fit", cal, "--measure", "position,pressure_a", "--free", "auto"),
-    )
-    same(("estimate", worn, "--start", "CAL.toml"), ("fit", worn, "--start", "CAL.toml", "--free", "load"))
-
-
 def test_a_result_is_saved_in_several_files(call, recordings, tmp_path):
     saves = ("--save", "fit.toml", "--save", "fit.mat", "--save", "fit_m.m")
     code, out, _ = call("fit", recordings[1], *saves)

@@ -17,7 +17,6 @@ from clutchid.estimation.parameter_file import ParameterFile, write_parameters
 from clutchid.files import check_writable
 from clutchid.study.proving.ground import _read
 from clutchid.study.proving.workflows import workflow
-from clutchid.truck import drive, truck
 from clutchid.verbs.saving import check_outputs
 from fixtures.commands import called, process, wait_for
 
@@ -222,11 +221,6 @@ def test_a_result_that_is_not_whole_is_made_again(content, tmp_path):
     path = tmp_path / "truck_00000.json"
     path.write_text(content)
     assert _read(path) is None
-
-
-def test_no_more_dropouts_are_made_than_a_drive_can_have():
-    with pytest.raises(ParameterError, match="dropouts = 1000000000: must be at least 0, and at most 20 a second"):
-        drive(truck(0), seconds=5.0, dropouts=10**9)
 
 
 @posix

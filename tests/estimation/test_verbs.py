@@ -31,11 +31,6 @@ def test_both_have_the_arguments_of_fit_and_their_own_defaults():
         }
 
 
-def test_a_calibration_without_pressure_says_what_to_do(recordings):
-    with pytest.raises(DataError, match=r"no column .pressure_a.; .* clutchid estimate LOG --start CAL\.toml"):
-        calibrate(recordings[1])
-
-
 def test_a_calibration_that_is_not_there_is_a_sentence(recordings, tmp_path):
     with pytest.raises(DataError, match="there is no such file"):
         estimate(recordings[1], tmp_path / "cal.toml")

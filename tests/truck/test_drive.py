@@ -207,6 +207,7 @@ def test_a_warm_process_drives_without_the_library_of_formulas():
         ({"seconds": float("nan")}, "0.5 to 3600"),
         ({"seed": -1}, "at least 0"),
         ({"dropouts": -1}, "at least 0"),
+        ({"dropouts": 10**9}, "at most 20 a second"),
         ({"stuck": (3.0, 2.0)}, "start before end"),
         ({"recorder": "tape"}, "controller, bus"),
         ({"temperature": 20.0}, "at least 213.15"),
