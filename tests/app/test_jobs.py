@@ -198,7 +198,7 @@ def test_an_export_is_a_zip_file_of_the_result(working, calibrated):
     assert working.ask("POST", f"/api/results/{calibrated}/export", {"to": "c,a2l", "method": "joint"}).status == 200
     wait_for(lambda: working.get(calibrated)["exports"])
     (one,) = working.get(calibrated)["exports"]
-    assert "parity holds" in one["words"]
+    assert "the C agrees with Python" in one["words"]
     assert working.ask("GET", f"/api/results/{calibrated}/files/export.zip").body[:2] == b"PK"
 
 

@@ -79,7 +79,7 @@ def test_values_of_the_paper_that_come_from_a_start_file_are_no_missing_option(c
     (tmp_path / "start.toml").write_text("[model]\nload_basis = 'b-spline'\nknots = [0.0, 0.004, 0.01, 0.025]\n")
     code, out, _ = call("fit", recordings[1], "--start", "start.toml")
     assert code == 0
-    assert "assumed  what is not fitted is that of the truck in the paper: no calibration" in out
+    assert "assumed  parameters not fitted are those of the paper's truck: no calibration" in out
     assert "no --start" not in out
 
 

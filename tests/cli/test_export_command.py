@@ -23,12 +23,12 @@ def test_it_writes_the_observer_and_says_that_c_and_python_are_alike(folder, tmp
     assert exported(folder, tmp_path, "--check", folder / "worn.parquet") == 0
     said, errors = capsys.readouterr()
     assert " ".join(errors.split()) == f"warning: {NO_POSITION_ONLY}"
-    assert said.startswith("parity holds on worn, 6000 samples: load ")
+    assert said.startswith("the C agrees with Python on worn, 6000 samples: load ")
     names = {path.relative_to(tmp_path / "observer").as_posix() for path in (tmp_path / "observer").rglob("*.*")}
     modules = {f"src/clutch{part}{suffix}" for part in ("", "_model", "_filter", "_data") for suffix in (".h", ".c")}
     assert modules | {"README.md", "PARITY.md", "test/replay.c"} <= names
     page = (tmp_path / "observer" / "PARITY.md").read_text()
-    assert "**parity holds**" in page
+    assert "**the C agrees with Python**" in page
     assert "Samples by flag are the same." in page
 
 

@@ -138,19 +138,19 @@ def test_what_is_done_is_not_done_again_and_what_has_changed_is(undrawn, folder,
         assert shown["status"] == "warning"
         return shown["message"]
 
-    assert ", 0 of them read now" in read_now()
+    assert ", 0 read in this run" in read_now()
     again = folder / "trucks" / "V1" / "r0_again.parquet"
     again.touch()  # another time, the same content
-    assert ", 0 of them read now" in read_now()
+    assert ", 0 read in this run" in read_now()
     assert content(tracked) == before
     assert {name: (pages / name).stat().st_mtime_ns for name in made} == made
     kept = again.read_bytes()
     shutil.copy(folder / "trucks" / "V1" / "r2.parquet", again)
-    assert ", 1 of them read now" in read_now()
+    assert ", 1 read in this run" in read_now()
     assert (pages / "V1.html").stat().st_mtime_ns > made["V1.html"]
     assert (pages / "V2.html").stat().st_mtime_ns == made["V2.html"]
     again.write_bytes(kept)
-    assert ", 1 of them read now" in read_now()
+    assert ", 1 read in this run" in read_now()
     assert content(tracked) == before
 
 

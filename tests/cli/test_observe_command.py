@@ -118,7 +118,7 @@ def test_time_that_goes_back_is_bad_input(call, tmp_path, folder):
     kept = (tmp_path / "state.toml").read_text()
     code, _, errors = call("worn.parquet", "--resume", "state.toml", "--save", "state.toml")
     assert code == 2
-    assert "begins at 0 s, but the observer is at 2.344 s; time must go on." in errors
+    assert "begins at 0 s, but the observer is at 2.344 s; give the recording that follows." in errors
     assert (tmp_path / "state.toml").read_text() == kept
 
 

@@ -67,7 +67,7 @@ def test_what_is_assumed_of_the_conditions_is_said_with_its_range_and_what_it_is
     supply, air = rows_of(fit, "assumed")
     assert supply == (
         "supply pressure not recorded: as calibrated, 8.90 ± 0.54 bar; 1 % of it moves this load by 0.7 %: record "
-        "pressure_supply in both, for half the band"
+        "pressure_supply in both, to halve the band"
     )
     assert fit_json(fit)["load_per_supply"] == 0.73
     assert rows_of(replace(fit, load_per_supply=None), "assumed")[0] == supply.partition(";")[0]
@@ -143,7 +143,7 @@ def test_a_calibration_of_an_older_file_says_that_its_load_is_not_there(fitted):
 
 
 def test_without_a_calibration_the_truck_of_the_paper_is_said_to_be_assumed(fitted):
-    assert rows_of(fitted, "assumed") == ["what is not fitted is that of the truck in the paper: no calibration"]
+    assert rows_of(fitted, "assumed") == ["parameters not fitted are those of the paper's truck: no calibration"]
     other = replace(fitted, actuator=fitted.actuator.replace({"P_S": 8e5}))
     assert rows_of(other, "assumed") == []
     assert rows_of(replace(fitted, calibration=calibration_like(fitted)), "assumed") == []

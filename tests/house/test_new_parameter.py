@@ -91,7 +91,7 @@ def test_a_new_parameter_acts_is_read_printed_and_freed_drifts_changes_with_its_
     free, adapted = answers.pop("slower")
     assert adapted < 0.95 * free
     assert answers.pop("page") == [
-        "| `D_q` | 20000 | N·s²/m² | quadratic friction | at least 0 and at most 1e+08 | Appendix A |",
+        "| `D_q` | 20000 | N·s²/m² | quadratic friction | 0 to 1e+08 | Appendix A |",
         "| `D_q` | 30 % | 4 % | temperature and grease -40 % | yes | 20 % |",
     ]
     assert {answers.pop(name) for name in ("freed", "changeable", "adapting")} == {"D_q"}

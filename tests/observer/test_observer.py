@@ -89,7 +89,9 @@ def test_a_stretch_that_begins_without_a_position_starts_with_the_first_one(join
 
 def test_time_that_goes_back_is_refused_and_the_state_is_kept(joint, log):
     state, _ = observe(joint, start(joint), log.slice(0, 300))
-    with pytest.raises(DataError, match=r"begins at 0\.2 s, but the observer is at 0\.299 s; time must go on"):
+    with pytest.raises(
+        DataError, match=r"begins at 0\.2 s, but the observer is at 0\.299 s; give the recording that follows"
+    ):
         observe(joint, state, log.slice(200, 400))
     assert observe(joint, state, log.slice(300, 400))[0].number == 400
 

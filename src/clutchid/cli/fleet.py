@@ -179,7 +179,7 @@ def _say(run: FleetRun, *, as_json: bool) -> None:
     statuses, vehicles = run.statuses, run.vehicles
     count = sum(statuses.values())
     words = ", ".join(f"{statuses[name]:,} {name}" for name in _STATUSES if statuses.get(name))
-    message = f"{count:,} recordings, {run.read:,} of them read now: {words}"
+    message = f"{count:,} recordings, {run.read:,} read in this run: {words}"
     if as_json:
         useful = statuses.get("ok", 0) + statuses.get("warning", 0)
         ended = "ok" if statuses.get("ok") == count else "warning" if useful else "failed"

@@ -75,7 +75,7 @@ def _assumed(assumption: Assumption, per_supply: float | None, of: int) -> str:
     text += f"{' in the calibration' if assumption.recorded else where}: as calibrated, {value}"
     if not supply or per_supply is None:
         return text
-    return f"{text}; 1 % of it moves this load by {per_supply:.1f} %: record pressure_supply in both, for half the band"
+    return f"{text}; 1 % of it moves this load by {per_supply:.1f} %: record pressure_supply in both, to halve the band"
 
 
 def change_sentences(fit: Fit) -> list[str]:

@@ -174,7 +174,7 @@ def _since(fit: Fit, compared: Comparison | None) -> list[Row]:
     """Changes since the calibration, or the values that are assumed without one."""
     if fit.baseline is None:
         if fit.calibration is None and of_the_paper(fit):
-            return [Row("assumed", "what is not fitted is that of the truck in the paper: no calibration")]
+            return [Row("assumed", "parameters not fitted are those of the paper's truck: no calibration")]
         return []
     name, on_pages = baseline_name(fit.baseline), On.BRIEF | On.PAGE
     if states_of_wear(fit) is not None:

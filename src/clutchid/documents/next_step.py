@@ -115,7 +115,7 @@ def _after_calibration(fit: Fit, command: Command, saved: Path | None) -> NextSt
         saving = command.with_options("--save", command.new_file("CAL.toml"))
         return NextStep("keep", "keep the calibration", saving)
     words = ["clutchid", "estimate", "WORN.csv", *command.reading, "--start", _argument(saved)]
-    return NextStep("estimate", "read a worn clutch, from position alone", command_line(words))
+    return NextStep("estimate", "estimate the load of a worn clutch from position alone", command_line(words))
 
 
 def _after_reading(command: Command, saved: Path | None) -> NextStep:

@@ -42,8 +42,8 @@ class FleetRun:
     Examples
     --------
     >>> run = FleetRun({"ok": 118, "failed": 2}, vehicles=12, read=20, out=Path("result"))
-    >>> f"{sum(run.statuses.values())} recordings of {run.vehicles} vehicles, {run.read} of them read now"
-    '120 recordings of 12 vehicles, 20 of them read now'
+    >>> f"{sum(run.statuses.values())} recordings of {run.vehicles} vehicles, {run.read} read in this run"
+    '120 recordings of 12 vehicles, 20 read in this run'
     """
 
     statuses: Mapping[str, int]

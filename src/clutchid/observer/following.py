@@ -328,8 +328,8 @@ def _check(state: ObserverState, block: Log) -> None:
         raise DataError(f"{block.name}: no column '{absent[0]}'; it has {', '.join(block.columns)}.")
     if len(block) and state.tail.time.size and block.time[0] <= state.tail.time[-1]:
         raise DataError(
-            f"{block.name}: begins at {block.time[0]:.6g} s, but the observer is at {state.tail.time[-1]:.6g} s; time "
-            "must go on."
+            f"{block.name}: begins at {block.time[0]:.6g} s, but the observer is at {state.tail.time[-1]:.6g} s; give "
+            "the recording that follows."
         )
     for name in INPUTS:
         wrong = outside(name, block[name])

@@ -185,8 +185,8 @@ def _behind(tail: Tail, blocks: Iterator[LiveBlock], resumed: Path) -> Iterator[
             continue
         if had and not _same_samples(had, tail):
             raise DataError(
-                f"{name}: has other samples up to {latest:g} s than the recording that {resumed} comes from, and time "
-                "must go on; follow that recording, or start without --resume."
+                f"{name}: has other samples up to {latest:g} s than the recording that {resumed} comes from; give "
+                "the recording that follows that one, or start without --resume."
             )
         yield replace(block, log=log.slice(new, len(log)))
         yield from blocks

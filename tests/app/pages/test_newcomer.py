@@ -36,7 +36,7 @@ def test_from_a_german_file_to_what_has_changed_and_an_export(page, opened, file
 
     page.click("#open-result-3")
     page.click("#export")
-    page.locator("text=parity holds").wait_for()
+    page.locator("text=the C agrees with Python").wait_for()
     with page.expect_download() as download:
         page.click("text=Export (ZIP)")
     assert download.value.suggested_filename.endswith("export.zip")

@@ -226,7 +226,7 @@ def _of_supply(found: Indicators) -> list[Reason]:
         return []
     return [
         Reason(
-            "the supply pressure was not recorded: 5 % less than in the calibration reads as a load that is 6 % "
-            "larger, and the band is wider for it; record it."
+            "the supply pressure was not recorded: a supply 5 % below that of the calibration is taken for a load "
+            "6 % larger, and the band allows for it; record it."
         )
     ]

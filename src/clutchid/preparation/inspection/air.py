@@ -157,7 +157,7 @@ def supply_pressure(reading: InspectedRecording) -> Check:
         )
         return Check(SUPPLY_PRESSURE, value, "bad", sentence)
     sentence = (
-        "the supply valve is never open long enough to fill the chamber, so all that is known is that the supply "
+        "the supply valve is never open long enough to fill the chamber, so the recording only shows that the supply "
         f"pressure is above {least * 1e-5:.3g} bar; hold the supply valve open for a second at the end of the stroke."
     )
     return Check(SUPPLY_PRESSURE, value, "undetermined", sentence)
@@ -206,8 +206,8 @@ _RECORD = "record it here and in the calibration"
 #: conditions".
 _MISSING = {
     "pressure_supply": (
-        "supply pressure not recorded: a reading assumes that of its calibration "
-        f"within {100 * assumed_change('P_S'):.0f} %, with twice as wide a band if it changed; {_RECORD} (J1939: AIR1)."
+        "supply pressure not recorded: an estimate assumes that of its calibration within "
+        f"{100 * assumed_change('P_S'):.0f} %, and its band is twice as wide if it changed; {_RECORD} (J1939: AIR1)."
     ),
     "temperature_ambient": (
         "air temperature not recorded: a reading assumes that of its calibration "

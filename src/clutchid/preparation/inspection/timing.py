@@ -69,8 +69,8 @@ def _implausible(reading: InspectedRecording, steps: int, *, slow: bool) -> str:
     """Reason why the rate cannot be that of a recording of this actuator, other than being too `slow`."""
     if reading.update_interval < _FASTEST:
         return (
-            "no sensor of a position is that fast: the stamps seem to be in s or ms and are read as smaller; correct "
-            "the unit of the time."
+            "no position sensor is that fast: the time stamps are probably in s or ms, and were read in a smaller "
+            "unit; correct the unit of the time."
         )
     if steps > MOST_SUBSTEPS and not slow:
         return (
