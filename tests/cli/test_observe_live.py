@@ -213,7 +213,7 @@ def test_a_live_run_goes_on_from_a_state_and_gives_the_numbers_of_one_run(call, 
     same("one", "est")
     code, _, errors = call(rest, "--save", "state.toml", "--resume", "state.toml", out="again.parquet")
     assert code == 2
-    assert "give the recording that follows that one" in errors
+    assert "give the recording that follows" in errors
     same("one", "est")
     assert not (tmp_path / "again.parquet").exists()
 

@@ -201,8 +201,7 @@ def export(task: records.Export, events: Events) -> dict[str, Any]:
     parity = bundle.parity
     words = f"{len(bundle.files)} files"
     if parity is not None:
-        holds = "holds" if bundle.holds else "does not hold"
-        words += f"; parity {holds} on {parity.recording}: load {100 * parity.load:.2g} % of its peak"
+        words += f"; {bundle.agreement} on {parity.recording}: load {100 * parity.load:.2g} % of its peak"
     return {"file": Path(archive).name, "words": words, "notes": list(bundle.notes)}
 
 

@@ -109,8 +109,7 @@ def _sentence(bundle: Export) -> str:
     parity = bundle.parity
     if parity is None:
         return f"exported {len(bundle.files)} files; parity was not run."
-    words = "the C agrees with Python" if bundle.holds else "the C does not agree with Python"
     return (
-        f"{words} on {parity.recording}, {parity.samples} samples: load {100 * parity.load:.2g} % of its peak, "
-        f"pressure {parity.pressure:.2g} Pa rms, theta {parity.theta:.2g} prior standard deviations."
+        f"{bundle.agreement} on {parity.recording}, {parity.samples} samples: load {100 * parity.load:.2g} % of its "
+        f"peak, pressure {parity.pressure:.2g} Pa rms, theta {parity.theta:.2g} prior standard deviations."
     )

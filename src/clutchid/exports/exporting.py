@@ -77,6 +77,11 @@ class Export:
         """Whether C and Python were compared and are alike."""
         return self.parity is not None and self.parity.holds(self.style)
 
+    @property
+    def agreement(self) -> str:
+        """Whether they are, in words."""
+        return "the C agrees with Python" if self.holds else "the C does not agree with Python"
+
 
 def targets_of(text: str) -> tuple[Target, ...]:
     """Targets by their comma-separated names.
