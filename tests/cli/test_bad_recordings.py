@@ -20,7 +20,7 @@ WRONG = {
         lambda c: {"duty_supply": c["duty_exhaust"], "duty_exhaust": c["duty_supply"]}, 1.0, "duty cycles are swapped",
     ),
     "milliseconds called seconds": (lambda c: {}, 1e3, "write the unit of the time as ms"),
-    "seconds called milliseconds": (lambda c: {}, 1e-3, "the stamps seem to be in s or ms"),
+    "seconds called milliseconds": (lambda c: {}, 1e-3, "the time stamps are probably in s or ms"),
     "gauge called absolute": (lambda c: {"pressure_a": c["pressure_a"] - 0.95e5}, 1.0, r"looks like Pa\(g\)"),
     "a pressure that never changes": (lambda c: {"pressure_a": 0 * c["position"] + 2e5}, 1.0, "in every sample"),
     "a piston that never moves": (lambda c: {"position": 0 * c["position"] + 0.005}, 1.0, "changes by 0 mm only"),

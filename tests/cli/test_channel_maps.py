@@ -62,8 +62,8 @@ def test_look_checks_with_the_map_that_it_proposes(tmp_path, log, capsys):
         r"so that the gauge unit \[bar\(g\)\] is guessed instead of \[bar\]",
         "Messung with the proposed channel map: 14 checks",
         r"unit of pressure_a [\d.e+]+ to [\d.e+]+ Pa good",
-        "supply pressure not recorded: a reading assumes that of its calibration within",
-        "air temperature not recorded: a reading assumes that of its calibration within",
+        "supply pressure not recorded: an estimate assumes that of its calibration within",
+        "air temperature not recorded: an estimate assumes that of its calibration within",
     ):
         assert re.search(words, said)
     assert "would match as well" not in said

@@ -178,8 +178,8 @@ def test_any_recording_is_inspected_without_an_error(seed, samples, step, missin
 def test_a_recording_without_conditions_has_a_note_on_each_and_none_otherwise(recorded):
     log = recorded(7)
     supply, air = inspect(log).notes
-    assert supply.startswith("supply pressure not recorded: a reading assumes that of its calibration within 6 %")
-    assert air.startswith("air temperature not recorded: a reading assumes that of its calibration within 14 K")
+    assert supply.startswith("supply pressure not recorded: an estimate assumes that of its calibration within 6 %")
+    assert air.startswith("air temperature not recorded: an estimate assumes that of its calibration within 14 K")
     assert all(note in inspect(log).table() for note in (supply, air))
     known = log.with_columns(pressure_supply=np.full(len(log), 9e5), temperature_ambient=np.full(len(log), 290.0))
     assert inspect(known).notes == ()

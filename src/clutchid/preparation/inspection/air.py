@@ -210,7 +210,7 @@ _MISSING = {
         f"{100 * assumed_change('P_S'):.0f} %, and its band is twice as wide if it changed; {_RECORD} (J1939: AIR1)."
     ),
     "temperature_ambient": (
-        "air temperature not recorded: a reading assumes that of its calibration "
+        "air temperature not recorded: an estimate assumes that of its calibration "
         f"within {assumed_change('T_0') * DEFAULTS.T_0:.0f} K; {_RECORD} (J1939: AMB)."
     ),
 }
