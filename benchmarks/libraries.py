@@ -71,12 +71,12 @@ def csv() -> Rows:
             path.write_text("\n".join(text) + "\n", encoding=encoding)
             right = _right(lambda path=path: clutchid.read(path)["position"], values[:, 1])
             default = _right(lambda path=path: pl.read_csv(path).to_numpy()[:, 1], values[:, 1])
-            told = _right(lambda path=path, o=options: pl.read_csv(path, **o).to_numpy()[:, 1], values[:, 1])
+            typed = _right(lambda path=path, o=options: pl.read_csv(path, **o).to_numpy()[:, 1], values[:, 1])
             ours, theirs = seconds(
                 lambda path=path: clutchid.read(path), lambda path=path, o=options: pl.read_csv(path, **o)
             )
             what = f"CSV, {path.stat().st_size / 1e6:.0f} MB, {name}"
-            yield what, f"{right}, {1e3 * ours:.0f} ms", f"{default}; with options {told}, {1e3 * theirs:.0f} ms"
+            yield what, f"{right}, {1e3 * ours:.0f} ms", f"{default}; with options {typed}, {1e3 * theirs:.0f} ms"
 
 
 def _right(read: Callable[[], object], expected: np.ndarray) -> str:

@@ -76,18 +76,18 @@ def main() -> None:
     options.add_argument("--folder", type=Path, default=Path("calibrations"))
     chosen = options.parse_args()
     chosen.folder.mkdir(exist_ok=True)
-    found = []
+    compared = []
     for seed in range(chosen.seed, chosen.seed + chosen.trucks):
         number, family = (0, f"h:{seed}") if chosen.family == "h" else (seed, chosen.family)
         for change, row in rows(number, family, chosen.changes.split(","), chosen.folder):
-            found.append(row)
+            compared.append(row)
             apart = centred(row.shared - row.own)
             cells = "".join(f"{value:+9.3f}" for value in (row.own, row.shared, apart, row.grid))
             print(
                 f"{chosen.family}{seed:<6}{change:<10}{cells}{row.seconds_own:8.2f}{row.seconds_shared:8.2f}",
                 flush=True,
             )
-    own, shared, grid, *seconds = np.transpose(found)
+    own, shared, grid, *seconds = np.transpose(compared)
     worst = [np.nanmax(np.abs(centred(a - b))) for a, b in ((shared, own), (own, grid), (shared, grid))]
     print(f"worst: apart {worst[0]:.3f}, from the grid {worst[1]:.3f} and {worst[2]:.3f} of a period")
     ratio = np.median(seconds[1] / seconds[0])

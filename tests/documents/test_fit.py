@@ -93,11 +93,11 @@ def test_the_peak_is_looked_for_only_where_the_recordings_have_been(undrawn, fit
 
 
 def test_an_infinite_band_is_said_not_drawn_and_a_recording_with_missing_samples_is_drawn(fitted):
-    curve, one = fitted.load_curve, fitted.recordings["first"]
+    curve, recording = fitted.load_curve, fitted.recordings["first"]
     unknown = LoadCurve(curve.position, curve.force, np.full(101, -np.inf), np.full(101, np.inf))
-    position = one.measured["position"].copy()
+    position = recording.measured["position"].copy()
     position[100:2000] = np.nan
-    lacking = replace(one, measured=one.measured.with_columns(position=position))
+    lacking = replace(recording, measured=recording.measured.with_columns(position=position))
     html = page_of(document_of(replace(fitted, load_curve=unknown, recordings={"first": lacking}), COMMAND))
     assert html.count("not determined") == 1 + 4
     assert html.count("<img ") == 1 + 2 + 2

@@ -43,12 +43,12 @@ _KINDS: dict[type[Block], str] = {
 
 
 @cache
-def _environment() -> Any:
-    """The environment of the pages, which keeps the templates that it has compiled."""
+def html_templates(package: str) -> Any:
+    """The environment of the HTML templates of a package, which keeps those that it has compiled."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     return Environment(
-        loader=PackageLoader("clutchid.documents"), autoescape=True, undefined=StrictUndefined,
+        loader=PackageLoader(package), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
 
@@ -66,7 +66,7 @@ def write_page(document: Document, path: str | PathLike[str]) -> None:
 
 def page_of(document: Document) -> str:
     """The document as self-contained HTML, with a question mark for each letter that cannot be shown."""
-    environment = _environment()
+    environment = html_templates("clutchid.documents")
     sections = tuple(document.sections())
     scripted = any(isinstance(block, Sortable) for section in sections for block in section.blocks)
     script = environment.get_template("sortable.js").render() if scripted else ""
@@ -79,7 +79,7 @@ def page_of(document: Document) -> str:
 
 def answer_html(document: Document) -> str:
     """The rows of a document with its picture and the next step, as a fragment."""
-    return str(_environment().get_template("answer.html.j2").render(
+    return str(html_templates("clutchid.documents").get_template("answer.html.j2").render(
         groups=grouped(document.rows_on(On.PAGE)), next=document.next, address=_address,
         transposed=lambda cells: zip(*cells, strict=True), picture=document.figure() if document.figure else None,
     ))  # fmt: skip

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from clutchid.documents.document import Bullets, Document, Markup, Notice, Picture, Section, Text
+from clutchid.documents.html import html_templates
 from clutchid.documents.style import BAR, MM
 from clutchid.documents.tables import ReportTable
 from clutchid.log import Log
@@ -82,12 +83,7 @@ def study_page(
 
 @cache
 def _template() -> Any:
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("clutchid.study.paper"), autoescape=True, undefined=StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True,
-    )  # fmt: skip
+    environment = html_templates("clutchid.study.paper")
     environment.filters |= {"mm": millimetres, "bar": bars}
     return environment.get_template("prose.html.j2")
 
