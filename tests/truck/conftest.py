@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from clutchid.truck import Truck
-from clutchid.truck.compiled import compiled
+from clutchid.truck.compiled import compiled_plant
 from clutchid.truck.load_table import LoadTable
 from clutchid.truck.running import Course, run
 
@@ -21,7 +21,7 @@ PULSES = ((50, 170, 0.8, 0.0), (600, 1000, 0.0, 0.35), (1300, 1400, 0.4, 0.0), (
 @pytest.fixture(scope="session", autouse=True)
 def _compiled_loop() -> None:
     """Load the loop from the user's cache once; no test compiles for itself."""
-    compiled(Truck.parts.structure, False)
+    compiled_plant(Truck.parts.structure, False)
 
 
 def forced(n: int, pulses: tuple[tuple[int, int, float, float], ...] = PULSES) -> np.ndarray:

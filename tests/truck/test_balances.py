@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from clutchid.truck import Truck, aged, load_curve
 from clutchid.truck.assembly import at_rest
-from clutchid.truck.compiled import compiled
+from clutchid.truck.compiled import compiled_plant
 from clutchid.truck.equations.flow import flow_function, orifice_flow, slit_flow, valve_flow
 from clutchid.truck.equations.motion import stop_force
 from clutchid.truck.equations.reservoir import line_flow
@@ -24,7 +24,7 @@ LEAKY = Truck(C_AB=2e-11, C_A0=1e-11)
 
 @pytest.fixture(scope="module", autouse=True)
 def _compiled_books() -> None:
-    compiled(Truck.parts.structure, True)
+    compiled_plant(Truck.parts.structure, True)
 
 
 def books(states: np.ndarray, truck: Truck) -> tuple[np.ndarray, np.ndarray, float]:

@@ -1,4 +1,4 @@
-"""Hybrids: parts of both families in one truck, balanced, consistent, conservative, with 16 compiled loops at most."""
+"""Hybrids: parts of both families in one truck, balanced, consistent, conservative, with 16 compiled plants at most."""
 
 import pickle
 from collections import Counter
@@ -41,7 +41,7 @@ def test_a_hybrid_is_no_truck_of_a_family_and_its_number_draws_other_parameters_
     assert one.parts == other.parts
 
 
-def test_all_choices_of_parts_need_16_compiled_loops():
+def test_all_choices_of_parts_need_16_compiled_plants():
     everything = [f"{i:09b}".replace("0", "A").replace("1", "B") for i in range(512)]
     drawn = {hybrid_letters(f"h:{seed}") for seed in range(2000)}
     # air, tube, supply and friction of one family have the flow of that family

@@ -5,7 +5,7 @@ import pytest
 
 from clutchid.truck import TruckB, load_curve
 from clutchid.truck.assembly import at_rest
-from clutchid.truck.compiled import compiled
+from clutchid.truck.compiled import compiled_plant
 from clutchid.truck.load_table import LoadTable
 from clutchid.truck.structure import LEDGER
 
@@ -16,8 +16,8 @@ FREE = LoadTable(np.array([0.0]), np.zeros((2, 4)), 0.0, 0.0)
 
 @pytest.fixture(scope="module", autouse=True)
 def _compiled_loops() -> None:
-    compiled(TruckB.parts.structure, False)
-    compiled(TruckB.parts.structure, True)
+    compiled_plant(TruckB.parts.structure, False)
+    compiled_plant(TruckB.parts.structure, True)
 
 
 def by_name(states: np.ndarray) -> dict[str, np.ndarray]:

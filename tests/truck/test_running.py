@@ -7,8 +7,9 @@ import pytest
 
 from clutchid.truck import Truck, aged, drive, load_curve, respond
 from clutchid.truck.assembly import at_rest
-from clutchid.truck.law import SAMPLE, TICK, lagged
+from clutchid.truck.law import lagged
 from clutchid.truck.load_table import rest_position
+from clutchid.truck.settings import SAMPLE, TICK
 
 STATES = Truck.parts.structure.states
 

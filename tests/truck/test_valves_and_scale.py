@@ -7,9 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from clutchid.truck import TruckB, respond
-from clutchid.truck.law import SAMPLE, TICK, TICKS, poppet, port, scaled, solenoid, spool
+from clutchid.truck import TruckB, law, respond
 from clutchid.truck.parts.sensor import coloured, coloured_noise, gained_pressure
+from clutchid.truck.settings import SAMPLE, TICK, TICKS
+
+poppet, port, scaled, solenoid, spool = (
+    getattr(law, name).py_func for name in ("poppet", "port", "scaled", "solenoid", "spool")
+)
 
 
 def moved(u: float, ticks: int, **kind: float) -> np.ndarray:

@@ -6,10 +6,10 @@ from collections.abc import Iterable, Sequence
 
 from clutchid.codegen.differentiation import JUMP, DifferentiatedProgram, Entry
 from clutchid.codegen.llvm import ArrayElement, Function, Interface, function
-from clutchid.codegen.program import live
-from clutchid.codegen.staging import ProgramParts, Staged
+from clutchid.codegen.program import live, right_hand_side
+from clutchid.codegen.staging import ProgramParts, Staged, staged
 from clutchid.codegen.stepping import Rows, Work, map_columns, move_columns, step_function
-from clutchid.codegen.system import Expr, symbols_in
+from clutchid.codegen.system import Expr, System, symbols_in
 
 
 def functions(plan: DifferentiatedProgram) -> tuple[Work, dict[str, Function]]:
@@ -43,38 +43,64 @@ def functions(plan: DifferentiatedProgram) -> tuple[Work, dict[str, Function]]:
         )
         for name, (program, slots) in programs.items()
     }
-    work = Work.of(plan, list(parts.values()))
+    work = Work.of(
+        len(plan.system.states), list(parts.values()), jacobian=max(len(plan.jacobian), len(plan.jump.jacobian)),
+        table=len(plan.table_entries), slots=len(plan.slots),
+    )  # fmt: skip
     out: dict[str, Function] = {}
     for name, part in parts.items():
-        out |= _program(plan, work, name, part, programs[name][1])
+        results = _results(plan, work, name, programs[name][1])
+        out |= _program(plan.system, plan.rates, work, name, part, results)
     return work, out | _columns(plan, work) | (_jumps(plan, work) if plan.system.jumps else {})
 
 
-def _program(
-    plan: DifferentiatedProgram, work: Work, name: str, parts: ProgramParts, slots: Sequence[int]
-) -> dict[str, Function]:
-    """Functions of one staged program; the results of each are read by the next from the work array.
+def plain_functions(system: System) -> tuple[Work, dict[str, Function]]:
+    """The functions ``constants_plain``, ``hold_plain`` and ``step_plain`` of `functions`, without any derivative.
 
-    A step writes derivatives to parameters at the places `slots` of all.
+    Raises
+    ------
+    ValueError
+        If a piecewise expression does not cover every case.
+    NotImplementedError
+        If an expression uses a function that is not printed.
     """
+    statements, rates = right_hand_side(system)
+    parts = ProgramParts.of(system, staged(statements, system.parameters, system.inputs), rates)
+    work = Work.of(len(system.states), [parts])
+    return work, _program(system, rates, work, "plain", parts, [])
+
+
+def _results(
+    plan: DifferentiatedProgram, work: Work, name: str, slots: Sequence[int]
+) -> list[tuple[ArrayElement, Expr]]:
+    """What the stages of the program `name` write: derivatives to parameters at the places `slots` of all."""
+    if name == "plain":
+        return []
+    return [
+        *(_stores("stage", plan.rates, work.rates) if name == "jacobian" else []),
+        *_stores("stage", _values(plan.jacobian), work.jacobian),
+        *_stores("stage", _values(plan.table_entries), work.table),
+        *((ArrayElement("stage", work.slots + at), plan.slot_values[at]) for at in slots),
+    ]
+
+
+def _program(
+    system: System, rates: Sequence[Expr], work: Work, name: str, parts: ProgramParts,
+    results: Sequence[tuple[ArrayElement, Expr]],
+) -> dict[str, Function]:  # fmt: skip
+    """Functions of one staged program; the results of each are read by the next from the work array."""
     inline, program = name == "plain", parts.program
     constants = _stores("work", parts.constants, work.constants)
     held = _stores("work", (*parts.inputs, *parts.held), work.held)
-    results = _stores("stage", plan.rates, work.rates) if name == "jacobian" else []
-    if name != "plain":
-        results += _stores("stage", _values(plan.jacobian), work.jacobian)
-        results += _stores("stage", _values(plan.table_entries), work.table)
-    results += [(ArrayElement("stage", work.slots + at), plan.slot_values[at]) for at in slots]
-
-    of_run = _loads(_stores("p", plan.system.parameters))
+    of_run = _loads(_stores("p", system.parameters))
     of_sample = of_run | _loads(constants)
     of_stage = of_sample | _loads(held)
-    of_inputs = of_sample | _loads(_stores("u", plan.system.inputs))
+    of_inputs = of_sample | _loads(_stores("u", system.inputs))
     once, hold = Interface(("p", "work"), inline=inline), Interface(("u", "p", "work"), ("u",), inline=inline)
     return {
         f"constants_{name}": function(f"constants_{name}", once, program.constants, of_run, constants),
         f"hold_{name}": function(f"hold_{name}", hold, program.held, of_inputs, held),
-        f"step_{name}": step_function(f"step_{name}", plan, work, program.stage, (of_stage, results), inline),
+        f"step_{name}": step_function(f"step_{name}", system, rates, work, program.stage, (of_stage, results), inline),
     }
 
 

@@ -13,12 +13,12 @@ from itertools import count
 
 import sympy as sp
 
-from clutchid.codegen.differentiation import DifferentiatedProgram, Entry
+from clutchid.codegen.differentiation import Entry
 from clutchid.codegen.kernels import FAST
 from clutchid.codegen.llvm import ArrayElement, Function, Interface, Writer, constant, finished
 from clutchid.codegen.program import Lookup, Statement
 from clutchid.codegen.staging import ProgramParts
-from clutchid.codegen.system import Expr
+from clutchid.codegen.system import Expr, System
 
 #: Columns that are computed at once.
 WIDTH = 4
@@ -153,9 +153,13 @@ class Work:
     source: int
 
     @classmethod
-    def of(cls, plan: DifferentiatedProgram, programs: Sequence[ProgramParts]) -> Work:
-        """Room for the results of all `programs`, which use the array in turn."""
-        n = len(plan.system.states)
+    def of(
+        cls, n: int, programs: Sequence[ProgramParts], *, jacobian: int = 0, table: int = 0, slots: int = 0
+    ) -> Work:  # fmt: skip
+        """Room for the results of all `programs` of n states, which use the array in turn.
+
+        So many entries of the Jacobian, derivatives to the table's value, and parameter slots have places.
+        """
         before, stages = _placed(
             {
                 "segment": 1,
@@ -168,9 +172,9 @@ class Work:
                 "rates": n,
                 "segment": 1,
                 "offset": 1,
-                "jacobian": max(len(plan.jacobian), len(plan.jump.jacobian)),
-                "table": len(plan.table_entries),
-                "slots": len(plan.slots),
+                "jacobian": jacobian,
+                "table": table,
+                "slots": slots,
             }
         )
         return cls(
@@ -264,7 +268,8 @@ found:
 
 def step_function(
     name: str,
-    plan: DifferentiatedProgram,
+    system: System,
+    rates: Sequence[Expr],
     work: Work,
     statements: Sequence[Statement],
     places: tuple[Mapping[Expr, ArrayElement], Sequence[tuple[ArrayElement, Expr]]],
@@ -272,7 +277,8 @@ def step_function(
 ) -> Function:
     """The function ``NAME(x, x_at, p, work, h)`` that moves the states x by h seconds.
 
-    A system with a table has three arguments more: ``breakpoints, count, load``. `places` are where the symbols of
+    A system with a table has three arguments more: ``breakpoints, count, load``. `rates` are the symbols of its
+    derivatives. `places` are where the symbols of
     `statements` are read, and what each stage writes to its part ``stage`` of the work array.
 
     Raises
@@ -281,15 +287,15 @@ def step_function(
         If an expression uses a function or a relation that is not printed.
     """
     loads, stores = places
-    step = _Step(Writer(places=dict(loads)), plan, work, keep=bool(stores))
+    step = _Step(Writer(places=dict(loads)), system.states, rates, work, keep=bool(stores))
     step.begin()
     step.writer.run(statements)
     for place, value in stores:
         step.writer.store(place, step.writer.number(sp.sympify(value)))
     step.end()
-    table = (("breakpoints", "ptr noalias"), ("count", "i64"), ("load", "ptr noalias")) if plan.system.table else ()
+    table = (("breakpoints", "ptr noalias"), ("count", "i64"), ("load", "ptr noalias")) if system.table else ()
     interface = Interface(("x", "p", "work"), ("x",), (("h", sp.Dummy()),), table, inline)
-    return finished(name, interface, step.writer.lines, _LOOK_UP if plan.system.table else "")
+    return finished(name, interface, step.writer.lines, _LOOK_UP if system.table else "")
 
 
 @dataclass(slots=True)
@@ -297,7 +303,8 @@ class _Step:
     """The loop over the stages; with `keep` each leaves where it read the table."""
 
     writer: Writer
-    plan: DifferentiatedProgram
+    states: Sequence[Expr]
+    rates: Sequence[Expr]
     work: Work
     keep: bool
     start: list[str] = field(default_factory=list)
@@ -306,7 +313,7 @@ class _Step:
 
     def begin(self) -> None:
         """Read the states, and enter the loop."""
-        writer, states = self.writer, self.plan.system.states
+        writer, states = self.writer, self.states
         writer.bases |= {"p": "%p", "work": "%work", "stage": "%stage"}
         writer.bases["x"] = writer.new("getelementptr double, ptr %x, i64 %x_at")
         self.start = [writer.load(ArrayElement("x", i)) for i, _ in enumerate(states)]
@@ -332,7 +339,7 @@ class _Step:
         """Close the loop, and write the states."""
         writer = self.writer
         writer.lines[self.opened : self.opened] = self._entered(writer.block)
-        rates = [writer.values[rate] for rate in self.plan.rates]
+        rates = [writer.number(rate) for rate in self.rates]
         writer.lines += [
             f"  %half = fmul {FAST} double %h, {constant(0.5)}",
             "  %early = icmp slt i64 %number, 2",

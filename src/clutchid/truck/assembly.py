@@ -9,10 +9,10 @@ import numpy as np
 
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
-from clutchid.truck.law import SAMPLE, TICK
 from clutchid.truck.load_table import LoadTable, rest_position, travels, with_return_spring
 from clutchid.truck.parts.gas import volumes
 from clutchid.truck.parts.part import Numbers
+from clutchid.truck.settings import SAMPLE, TICK
 from clutchid.truck.vehicle import Vehicle
 
 

@@ -16,10 +16,10 @@ from clutchid.truck import recorder as recording
 from clutchid.truck.assembly import at_rest, load_curve, true_states
 from clutchid.truck.changes import aged, changed
 from clutchid.truck.families import truck as numbered
-from clutchid.truck.law import SAMPLE
 from clutchid.truck.load_table import LoadTable
 from clutchid.truck.manoeuvres import ClutchPoints, set_point
 from clutchid.truck.running import Course, Run, learned_zero, run
+from clutchid.truck.settings import SAMPLE
 from clutchid.truck.truth import Truth, truth_of, write_truth
 from clutchid.truck.vehicle import Vehicle
 

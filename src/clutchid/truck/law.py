@@ -1,23 +1,12 @@
-"""Discrete-time parts of the truck: valves, governor, sensors and controller.
-
-Scalar functions. Their source is copied into the generated module and compiled with the plant, so they use only
-arithmetic and `math`; tests call them directly.
-"""
+"""Discrete-time parts of the truck: valves, governor, sensors and controller; scalar functions, compiled."""
 
 from __future__ import annotations
 
 import math
 
-#: Time step of valves and integration, and sampling time of sensor, controller and recording, in s.
-TICK, SAMPLE = 1e-4, 1e-3
-#: Ticks per sample, and steps of spool and armature in a tick.
-TICKS, _PARTS = 10, 4
+from clutchid.codegen.kernels import kernel
+from clutchid.truck.settings import PARTS, SAMPLE
 
-#: What moves the valves: magnets with dead times and ramps, a spool, or solenoids with current and armature.
-MAGNETS, SPOOL, SOLENOIDS = 0, 1, 2
-
-#: Time constants of the controller's filters for position and velocity, in s.
-FILTER_Y, FILTER_V = 0.002, 0.005
 #: Velocity in m/s below which the controller may close both valves.
 _SLOW = 0.02
 #: Set point in m below which the clutch is engaged and the chamber vented.
@@ -26,6 +15,7 @@ _ENGAGED = 1e-4
 _VENTING = 0.4
 
 
+@kernel
 def magnet(flux: float, energised: bool, t_pull: float, t_drop: float, tick: float) -> float:
     """Magnetic flux at the end of a tick, 0 to 1: it rises within `t_pull` and decays within `t_drop`."""
     if energised:
@@ -33,6 +23,7 @@ def magnet(flux: float, energised: bool, t_pull: float, t_drop: float, tick: flo
     return max(0.0, flux - tick / t_drop) if t_drop > 0.5 * tick else 0.0
 
 
+@kernel
 def lift_rate(flux: float, energised: bool, lift: float, t_open: float, t_close: float, tick: float) -> float:
     """Rate of a valve's lift over a tick in 1/s: it opens at full flux, closes without flux, and stays in between."""
     if energised and flux > 1.0 - 1e-6:
@@ -42,6 +33,7 @@ def lift_rate(flux: float, energised: bool, lift: float, t_open: float, t_close:
     return 0.0
 
 
+@kernel
 def snapped(lift: float) -> float:
     """A lift without the rounding errors of its ramp: exactly 0 or 1 at the ends."""
     if lift < 1e-9:
@@ -49,6 +41,7 @@ def snapped(lift: float) -> float:
     return 1.0 if lift > 1.0 - 1e-9 else lift
 
 
+@kernel
 def governor(working: bool, p_G: float, P_S: float, dP_G: float) -> bool:
     """Whether the compressor runs: on-off control with hysteresis between the ends of the saw-tooth."""
     if p_G <= P_S - dP_G:
@@ -56,11 +49,13 @@ def governor(working: bool, p_G: float, P_S: float, dP_G: float) -> bool:
     return working and p_G < P_S + dP_G
 
 
+@kernel
 def quantised(value: float, quantum: float) -> float:
     """`value` rounded to multiples of `quantum`."""
     return quantum * math.floor(value / quantum + 0.5) if quantum > 0.0 else value
 
 
+@kernel
 def lagged(out: float, before: float, now: float, tau: float, tick: float) -> float:
     """First-order lag over one tick with a linear input from `before` to `now`; exact."""
     if tau <= 0.0:
@@ -71,6 +66,7 @@ def lagged(out: float, before: float, now: float, tau: float, tick: float) -> fl
     return out * decay + before * (1.0 - decay - ramp) + now * ramp
 
 
+@kernel
 def request(
     wanted: float, y: float, v: float, holding: bool, venting: float, band: float, lead: float, e_in: float,
     e_out: float,
@@ -99,6 +95,7 @@ def request(
     return min(1.0, max(-1.0, error / band)), False, 0.0
 
 
+@kernel
 def duty(ask: float, dead: float, bang_bang: bool, timer: float) -> float:
     """Duty cycle of a valve for a request of 0 to 1: above its dead zone, in steps of the timer, or on-off."""
     if ask <= 0.0:
@@ -108,6 +105,7 @@ def duty(ask: float, dead: float, bang_bang: bool, timer: float) -> float:
     return min(1.0, timer * math.floor((dead + (1.0 - dead) * ask) / timer + 0.5))
 
 
+@kernel
 def spool(
     x: float, u: float, speed: float, second_order: bool, tau: float, omega: float, zeta: float, tick: float
 ) -> tuple[float, float]:
@@ -117,8 +115,8 @@ def spool(
     """
     if not second_order:
         return u + (x - u) * math.exp(-tick / tau), 0.0
-    step = tick / _PARTS
-    for _ in range(_PARTS):
+    step = tick / PARTS
+    for _ in range(PARTS):
         speed += step * omega * (omega * (u - x) - 2.0 * zeta * speed)
         x += step * speed
         if x > 1.0 or x < -1.0:
@@ -127,11 +125,13 @@ def spool(
     return x, speed
 
 
+@kernel
 def port(x: float, overlap: float, exponent: float) -> float:
     """Relative opening of a port, 0 to 1, for a spool that has moved by x towards it; closed within the overlap."""
     return ((x - overlap) / (1.0 - overlap)) ** exponent if x > overlap else 0.0
 
 
+@kernel
 def solenoid(
     current: float, lift: float, speed: float, energised: bool, tau: float, travel: float, spring: float, tick: float
 ) -> tuple[float, float, float]:
@@ -142,9 +142,9 @@ def solenoid(
     in which the largest force without spring would open the valve; the stops take all speed.
     """
     target = 1.0 if energised else 0.0
-    decay = math.exp(-tick / (_PARTS * tau))
-    step = tick / _PARTS
-    for _ in range(_PARTS):
+    decay = math.exp(-tick / (PARTS * tau))
+    step = tick / PARTS
+    for _ in range(PARTS):
         current = target + (current - target) * decay
         speed += step * 2.0 / (travel * travel) * (current * current - spring * (1.0 + 0.5 * lift))
         lift += step * speed
@@ -154,11 +154,13 @@ def solenoid(
     return current, lift, speed
 
 
+@kernel
 def poppet(lift: float) -> float:
     """Relative opening of a seat valve over its lift, both 0 to 1; the seat limits it first, then the orifice."""
     return math.sin(0.5 * math.pi * lift)
 
 
+@kernel
 def scaled(y: float, rest: float, stroke: float, share: float) -> float:
     """Position in m that a sensor shows at y: its gain varies by +-`share` over the stroke, so its error is a wave."""
     turn = 2.0 * math.pi / stroke

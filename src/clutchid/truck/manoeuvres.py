@@ -9,7 +9,7 @@ import numpy as np
 
 from clutchid.log import FloatArray
 from clutchid.names import check_names
-from clutchid.truck.law import SAMPLE
+from clutchid.truck.settings import SAMPLE
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from clutchid.errors import SolveError
-from clutchid.log import FloatArray
+from clutchid.log import FloatArray, read_only
 from clutchid.truck.assembly import at_rest, load_curve, numbers
-from clutchid.truck.compiled import compiled
-from clutchid.truck.law import SAMPLE
+from clutchid.truck.compiled import compiled_plant, loop
 from clutchid.truck.load_table import LoadTable, rest_position
+from clutchid.truck.settings import SAMPLE, Settings
 from clutchid.truck.structure import LEDGER
 from clutchid.truck.vehicle import Vehicle
 
@@ -91,21 +91,27 @@ def run(
     zero = learned_zero(truck, curve) - course.shift
     if ledger:
         x0 = np.concatenate([x0, np.zeros(len(LEDGER))])
-    n, loop, values = course.wanted.size, compiled(structure, ledger), numbers(truck, zero, working)
+    n, plant, values = course.wanted.size, compiled_plant(structure, ledger), numbers(truck, zero, working)
     # NaN for the numbers of parts that the truck does not have: if one were used, the simulation would show it
-    parameters, settings = (
-        np.array([values.get(name, np.nan) for name in names], dtype=np.float64)
-        for names in (loop.PARAMETERS, loop.SETTINGS)
-    )
+    settings = Settings(**{name: float(values.get(name, np.nan)) for name in Settings._fields})
+    parameters = np.array([values.get(name, np.nan) for name in plant.parameters], dtype=np.float64)
+    places = structure.gas == "energy", structure.states.index("x_s"), _place(structure.states, "p_G")
+    # arrays of one kind, for which the loop is compiled once
+    inputs = map(read_only, (curve.breakpoints, curve.coefficients, course.wanted, course.forced, course.noise))
     states, measured, pressure, duties = np.empty((n, x0.size)), np.empty(n), np.empty(n), np.empty((n, 2))
-    failed = loop.drive(
-        x0, parameters, settings, curve.breakpoints, curve.coefficients, course.wanted, course.forced, course.noise,
-        np.array(course.stuck, dtype=np.int64), substeps, states, measured, pressure, duties,
+    failed = loop().drive(
+        plant.begin, plant.move, x0, parameters, np.zeros(plant.work), settings, places, *inputs,
+        course.stuck, substeps, states, measured, pressure, duties,
     )  # fmt: skip
     if failed >= 0:
         when = f"{failed * SAMPLE:.3f} s"
         raise SolveError(f"the simulation of the truck is not finite from {when} on; its parameters are too extreme.")
     return Run(states, measured, pressure, duties, zero, course.shift, (*structure.states, *(LEDGER if ledger else ())))
+
+
+def _place(names: Sequence[str], name: str) -> int:
+    """Place of `name`, -1 where there is none."""
+    return names.index(name) if name in names else -1
 
 
 def learned_zero(truck: Vehicle, curve: LoadTable) -> float:

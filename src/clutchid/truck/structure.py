@@ -1,4 +1,4 @@
-"""`Structure` of the compiled loop of a truck, one of 16: the parts whose states differ."""
+"""`Structure` of the compiled plant of a truck, one of 16: the parts whose states differ."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LEDGER = ("m_in", "E_in")
 class Structure(NamedTuple):
     """Modules of `clutchid.truck.equations` for air, supply and friction, and whether there is a tube.
 
-    `flow` has no states, so it is a flag of most loops ("either"); the loops of the families have theirs alone ("iso",
+    `flow` has no states, so it is a flag of most plants ("either"); those of the families have theirs alone ("iso",
     "nozzle"), because a branch more would round otherwise.
     """
 
