@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cache
+from operator import attrgetter
 from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol
 
@@ -548,7 +549,7 @@ class Parameters:
 
     def array(self) -> NDArray[np.float64]:
         """Values in the order of `names`, shape (n_parameters,)."""
-        return np.array([getattr(self, name) for name in self.names()], dtype=np.float64)
+        return np.array(_values(self), dtype=np.float64)
 
     def replace(self, changes: Mapping[str, float] | None = None, /, **by_name: float) -> Parameters:
         """A copy with changed values, validated again: ``replace({"P_S": 7e5})`` or ``replace(P_S=7e5)``.
@@ -578,6 +579,8 @@ def _advice(name: str, row: Row) -> str:
     origin = _APPENDIX if row.source == _APPENDIX else "The default"
     return f"{noun} is {row.allowed}. {origin} {'has' if origin == _APPENDIX else 'is'} {getattr(DEFAULTS, name):g}."
 
+
+_values = attrgetter(*Parameters.names())
 
 #: Appendix A, and where it has none the defaults.
 DEFAULTS = Parameters()

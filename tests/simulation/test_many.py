@@ -11,9 +11,8 @@ from clutchid.log import Log
 from clutchid.measurements import write
 from clutchid.model import Actuator
 from clutchid.parameters import Parameters
-from clutchid.simulation.many import MOTION_BY, PREPARED_BY
-from clutchid.simulation.simulation import prepared_log
-from clutchid.simulation.stiffness import stiffness
+from clutchid.simulation.plan import plan
+from clutchid.simulation.simulation import MOTION_BY, PREPARED_BY, prepared_log
 
 T = 1e-3 * np.arange(400)
 STROKE = {"duty_supply": 0.8 * (T > 0.02) * (T < 0.12), "duty_exhaust": 0.9 * (T > 0.2)}
@@ -51,8 +50,6 @@ def test_what_a_recording_is_prepared_by_is_what_preparing_reads(monkeypatch, ca
         used.update({name} & names)
         return usual(parameters, name)
 
-    rate = stiffness(actuator)
-    monkeypatch.setattr("clutchid.simulation.simulation.stiffness", lambda *_: rate)
     monkeypatch.setattr(Parameters, "__getattribute__", noted)
     prepared_log(actuator, log, Partition(every=50) if measured else None)
     monkeypatch.setattr(Parameters, "__getattribute__", usual)
@@ -65,6 +62,19 @@ def test_actuators_that_differ_in_anything_have_their_own_numbers(changes):
     usual, log = Actuator(model="energy-balance-stribeck"), recorded()
     actuators, partition = [usual, usual.replace(changes), usual], Partition(every=50)
     assert_as_simulated(simulate_many(actuators, log, partition=partition), actuators, [log] * 3, partition=partition)
+
+
+def test_a_recording_is_planned_once_for_all_actuators_that_prepare_it_alike(monkeypatch):
+    planned, log, actuator = [], recorded().without("position", "pressure_a"), Actuator()
+    monkeypatch.setattr("clutchid.simulation.simulation.plan", lambda *inputs: planned.append(inputs) or plan(*inputs))
+    for actuators in ([actuator], [actuator.replace({"D_v": 1800.0})], [actuator.replace({"y_max": 0.02}), actuator]):
+        simulate_many(actuators, log)
+        assert_as_simulated(simulate_many(actuators, log), actuators, [log] * len(actuators))
+    assert len(planned) == 2
+    monkeypatch.setattr("clutchid.simulation.simulation.LONGEST", len(log) - 1)
+    simulate(actuator, replace(log, name="longer than any that keeps its plan"))
+    simulate(actuator, replace(log, name="longer than any that keeps its plan"))
+    assert len(planned) == 4
 
 
 def test_one_actuator_on_many_recordings_and_pairs_of_both():

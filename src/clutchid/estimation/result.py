@@ -368,7 +368,7 @@ def compare(
     half : Pa, optional
         Half width of the 95 % interval of the pressure at every sample.
     """
-    simulated = simulated_log(plan, states, plan.actuator)
+    simulated = simulated_log(plan.log, states, plan.actuator)
     pair = plan.log, simulated.with_columns(**shown) if shown else simulated
     if half is not None:
         pressure = simulated["pressure_a"]

@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -119,6 +120,11 @@ class Log:
         problems += [sentence for name in edges if (sentence := _wrong_edges(name, edges[name], name in columns))]
         if problems:
             raise DataError.of(self.name, problems)
+
+    @cached_property
+    def derived(self) -> dict[object, object]:
+        """Cache of what is computed from this log alone and from what a key holds, for as long as the log lives."""
+        return {}
 
     __reduce__ = made_anew  # a view of a mapping cannot be pickled, and copies of arrays could be written to
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from os import PathLike
 from typing import Literal, TypeAlias, overload
@@ -17,16 +17,18 @@ from clutchid.model.actuator import Actuator
 from clutchid.numerics.threads import map_pairs
 from clutchid.parameters import known_ambient
 from clutchid.simulation.partition import Partition
-from clutchid.simulation.simulation import PreparedLog, Simulation, prepared_log, read_log, simulation_of, states_of
-from clutchid.simulation.stiffness import stiffness, substeps, top_speed
+from clutchid.simulation.simulation import (
+    PreparedLog,
+    Simulation,
+    prepared_log,
+    read_log,
+    simulation_of,
+    states_of,
+    stepped,
+)
 
 #: A recording: read, or the path of its file.
 Recording: TypeAlias = Log | str | PathLike[str]
-
-#: Parameters that the preparation of any recording depends on, beside model and equipment, and those that limit the
-#: motion in one with measured columns.
-PREPARED_BY = ("P_0", "R_0vs", "R_1vs", "R_0ve", "R_1ve", "T_pwm", "s_pwm", "y_max")
-MOTION_BY = ("A_A", "C_vs", "D_v", "F_C", "M", "P_S", "R", "T_0", "V_0A", "rho_0")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -172,28 +174,19 @@ def simulate_many(
 
 def _prepared(
     actuators: Sequence[Actuator], recordings: Sequence[Recording], partition: Partition | None
-) -> list[PreparedLog]:
-    """The recordings, each read and prepared once for all actuators for which that is the same."""
-    logs: dict[object, Log] = {}
-    by_key: dict[object, PreparedLog] = {}
-    prepared = []
+) -> Iterator[PreparedLog]:
+    """The recordings, each file read once for each ambient pressure."""
+    logs: dict[tuple[str, float | None], Log] = {}
     for actuator, recording in zip(actuators, recordings, strict=True):
-        p = actuator.parameters
-        at = id(recording) if isinstance(recording, Log) else (str(recording), known_ambient(p.P_0))
-        log = logs[at] if at in logs else recording if isinstance(recording, Log) else read_log(recording, actuator)
-        logs[at] = log
-        names = (*PREPARED_BY, *MOTION_BY) if "position" in log or "pressure_a" in log else PREPARED_BY
-        key = id(log), actuator.model, actuator.equipment, tuple(getattr(p, name) for name in names)
-        if key not in by_key:
-            by_key[key] = prepared_log(actuator, log, partition)
-        prepared.append(by_key[key])
-    return prepared
+        if isinstance(recording, Log):
+            log = recording
+        else:
+            key = str(recording), known_ambient(actuator.parameters.P_0)
+            log = logs[key] = logs[key] if key in logs else read_log(recording, actuator)
+        yield prepared_log(actuator, log, partition)
 
 
 def _run(partition: Partition | None, actuator: Actuator, prepared: PreparedLog) -> _Run:
     """Simulate a recording that was prepared for an actuator like this one, with the steps for its own stiffness."""
-    actuator = actuator.replace({"P_0": prepared.plan.actuator.parameters.P_0}) if prepared.notes else actuator
-    rate = stiffness(actuator, top_speed(partition))
-    segments = [replace(segment, substeps=substeps(segment.dt, rate)) for segment in prepared.plan.segments]
-    states, message = states_of(prepared, actuator, segments)
-    return _Run(prepared, actuator, states, message)
+    actuator = prepared.fitted(actuator)
+    return _Run(prepared, actuator, *states_of(prepared, actuator, stepped(prepared, actuator, partition)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from os import PathLike
 from typing import TYPE_CHECKING, Literal
 
@@ -28,7 +29,7 @@ from clutchid.simulation.run import (
     start_sensitivities,
     start_state,
 )
-from clutchid.simulation.stiffness import stiffness, top_speed
+from clutchid.simulation.stiffness import STABLE_STEP, stiffness, substeps, top_speed
 from clutchid.strokes.values import Values, values_of
 from clutchid.strokes.vented_pressure import with_ambient
 
@@ -148,50 +149,94 @@ def simulate(
     """
     log = log if isinstance(log, Log) else read_log(log, actuator)
     prepared = prepared_log(actuator, log, partition)
-    segments = prepared.plan.segments
+    actuator = prepared.fitted(actuator)
+    segments = stepped(prepared, actuator, partition)
     if starts is not None and len(starts) != len(segments):
         raise ParameterError(f"starts: {len(starts)} given, the recording has {len(segments)} segments.")
-    result = simulated(prepared, _known(sensitivities, actuator), starts)
+    if names := _known(sensitivities, actuator):
+        which = columns(actuator, names)
+        by_name = np.full((len(prepared.values.log), len(actuator.states), len(which.names)), np.nan)
+        states, message = states_of(prepared, actuator, segments, starts, (which, by_name[prepared.span]))
+        result = simulation_of(prepared, actuator, states, message)
+        result = replace(result, sensitivities={name: by_name[:, :, c] for c, name in enumerate(which.names)})
+    else:
+        result = simulation_of(prepared, actuator, *states_of(prepared, actuator, segments, starts))
     return result.raised() if on_failure == "raise" else result
+
+
+#: Parameters that the preparation of any recording depends on, beside model and equipment, and those that limit the
+#: motion in one with measured columns.
+PREPARED_BY = ("P_0", "R_0vs", "R_1vs", "R_0ve", "R_1ve", "T_pwm", "s_pwm", "y_max")
+MOTION_BY = ("A_A", "C_vs", "D_v", "F_C", "M", "P_S", "R", "T_0", "V_0A", "rho_0")
+
+_PREPARED_BY, _BOTH = attrgetter(*PREPARED_BY), attrgetter(*PREPARED_BY, *MOTION_BY)
+
+#: Preparations that a recording keeps, and samples of the longest recording that keeps any: an hour's takes 200 MB.
+KEPT, LONGEST = 64, 200_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PreparedLog:
-    """A recording that is ready to be simulated: what counts as a value, the span of its inputs, and the plan."""
+    """A recording that is ready to be simulated, with one integration step an interval: see `stepped`.
+
+    What counts as a value, the span of its inputs, the plan, notes on the ambient pressure, all warnings, and the
+    longest interval between samples in s.
+    """
 
     values: Values
     span: slice
     plan: Plan
     notes: tuple[str, ...]
+    warnings: tuple[str, ...]
+    longest: float
+
+    def fitted(self, actuator: Actuator) -> Actuator:
+        """An actuator with the ambient pressure that the recording has."""
+        return actuator.replace({"P_0": self.plan.actuator.parameters.P_0}) if self.notes else actuator
 
 
 def prepared_log(actuator: Actuator, log: Log, partition: Partition | None) -> PreparedLog:
-    """Prepare a recording for an actuator.
+    """Prepare a recording for an actuator; the recording keeps it for all that are alike in what it depends on.
 
     Raises
     ------
     DataError
         As `simulate`.
     """
+    parameters = (_BOTH if "position" in log or "pressure_a" in log else _PREPARED_BY)(actuator.parameters)
+    key = PreparedLog, actuator.model, actuator.equipment, partition, parameters
+    prepared = log.derived.get(key)
+    if not isinstance(prepared, PreparedLog):
+        prepared = _prepared(actuator, log, partition)
+        if len(log) <= LONGEST:
+            log.derived[key] = prepared
+        if len(log.derived) > KEPT:
+            log.derived.pop(next(iter(log.derived)), None)
+    return prepared
+
+
+def _prepared(actuator: Actuator, log: Log, partition: Partition | None) -> PreparedLog:
     values = values_of(actuator.equipment.driven(log), actuator)
     actuator, notes = with_ambient(actuator, [values.log])
     span = input_span(values.log)
-    rate = stiffness(actuator, top_speed(partition))
-    return PreparedLog(values, span, plan(with_inputs(values.log, span), actuator, rate, partition), notes)
+    planned = plan(with_inputs(values.log, span), actuator, 0.0, partition)
+    warnings = (*notes, *values.warnings, *cut_warnings(values.log, span), *planned.warnings)
+    longest = max(float(segment.dt.max(initial=0.0)) for segment in planned.segments)
+    return PreparedLog(values, span, planned, notes, warnings, longest)
 
 
-def simulated(
-    prepared: PreparedLog, sensitivities: Sequence[str] = (), starts: Sequence[tuple[float, float]] | None = None
-) -> Simulation:
-    """Simulate a prepared recording; a divergence is a status."""
-    actuator, segments = prepared.plan.actuator, prepared.plan.segments
-    if not sensitivities:
-        return simulation_of(prepared, actuator, *states_of(prepared, actuator, segments, starts))
-    which = columns(actuator, sensitivities)
-    by_name = np.full((len(prepared.values.log), len(actuator.states), len(which.names)), np.nan)
-    states, message = states_of(prepared, actuator, segments, starts, (which, by_name[prepared.span]))
-    result = simulation_of(prepared, actuator, states, message)
-    return replace(result, sensitivities={name: by_name[:, :, c] for c, name in enumerate(which.names)})
+def stepped(prepared: PreparedLog, actuator: Actuator, partition: Partition | None) -> tuple[Segment, ...]:
+    """The segments of a recording with integration steps for the stiffness of an actuator.
+
+    Raises
+    ------
+    ParameterError
+        If it is too stiff for the recording.
+    """
+    rate, segments = stiffness(actuator, top_speed(partition)), prepared.plan.segments
+    if prepared.longest * rate <= STABLE_STEP:
+        return segments
+    return tuple(replace(segment, substeps=substeps(segment.dt, rate)) for segment in segments)
 
 
 def states_of(
@@ -227,15 +272,8 @@ def states_of(
 
 def simulation_of(prepared: PreparedLog, actuator: Actuator, states: FloatArray, message: str) -> Simulation:
     """The result of states at all samples of a recording; `message` says why it diverged, if it did."""
-    log = prepared.values.log
-    return Simulation(
-        log=simulated_log(replace(prepared.plan, log=log), states, actuator),
-        status="failed" if message else "ok",
-        message=message or "simulated to the end",
-        warnings=(
-            *prepared.notes, *prepared.values.warnings, *cut_warnings(log, prepared.span), *prepared.plan.warnings
-        ),
-    )  # fmt: skip
+    log = simulated_log(prepared.values.log, states, actuator)
+    return Simulation(log, "failed" if message else "ok", message or "simulated to the end", prepared.warnings)
 
 
 def _known(names: str | Sequence[str], actuator: Actuator) -> tuple[str, ...]:
@@ -251,9 +289,8 @@ def read_log(path: str | PathLike[str], actuator: Actuator) -> Log:
     return read(path, added=known_ambient(actuator.parameters.P_0), required=("time", *actuator.equipment.recorded))
 
 
-def simulated_log(prepared: Plan, states: FloatArray, actuator: Actuator) -> Log:
-    """A log of the simulated states of the `actuator` and of the inputs."""
-    log = prepared.log
+def simulated_log(log: Log, states: FloatArray, actuator: Actuator) -> Log:
+    """A log of the simulated states of the `actuator` and of the inputs of a recording."""
     simulated = {row.column: np.ascontiguousarray(states[:, i]) for i, row in enumerate(actuator.state_rows.values())}
     inputs = {name: log[name] for name in INPUTS}
     return Log(log.time, {"position": simulated.pop("position"), **inputs, **simulated}, log.name, log.metadata)

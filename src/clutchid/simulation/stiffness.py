@@ -83,34 +83,34 @@ def local_stiffness(actuator: Actuator, speed: float, reach: tuple[float, float]
         "p_G": (p.P_S,),
     }
     values = [ranges.get(name, (0.0,)) for name in actuator.states]
-    corners = _corners(tuple(map(len, values)))
-    x = np.column_stack([np.array(of_state)[corner] for of_state, corner in zip(values, corners, strict=True)])
+    x = np.concatenate(values)[_corners(tuple(map(len, values)))]
+    duties = np.repeat(((1.0, 0.0), (0.0, 1.0)), len(x) // 2, axis=0)
     spools = [i for i, name in enumerate(actuator.states) if name in ("x_vs", "x_ve")]
+    if spools:
+        x[:, spools] = duties[:, : len(spools)]
     scale = np.array([row.scale for row in actuator.state_rows.values()])
-    radius, largest = kernels_in("clutchid.numerics.spectral_radius").spectral_radius, 0.0
-    for duty in ((1.0, 0.0), (0.0, 1.0)):
-        x[:, spools] = duty[: len(spools)]
-        _, jacobian = _linearised(actuator, _with_own_states(x, actuator, duty), duty)
-        largest = max(largest, radius(jacobian, scale))
-    return largest
+    _, jacobian = _linearised(actuator, *_with_own_states(x, actuator, duties))
+    radius: float = kernels_in("clutchid.numerics.spectral_radius").spectral_radius(jacobian, scale)
+    return radius
 
 
 @lru_cache(maxsize=64)
 def _corners(counts: tuple[int, ...]) -> NDArray[np.intp]:
-    """Numbers of the values in each combination of one value a state, shape (n_states, n)."""
-    return np.indices(counts).reshape(len(counts), -1)
+    """Each combination of one value a state, twice, by the places of the values one after the other."""
+    places = np.indices(counts).reshape(len(counts), -1).T + np.cumsum((0, *counts[:-1]))
+    return np.concatenate([places, places])
 
 
-def _linearised(actuator: Actuator, x: FloatArray, duty: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
-    """Rates, shape (n, n_states), and Jacobians at the states `x`, with constant duty cycles."""
+def _linearised(actuator: Actuator, x: FloatArray, duties: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Rates, shape (n, n_states), and Jacobians at the states `x`, with the constant duty cycles of each."""
     rates, jacobian, load = np.empty_like(x), np.empty((*x.shape, x.shape[1])), actuator.load
     u = np.zeros((x.shape[0], len(kernels(actuator.model).INPUTS)))
-    u[:, :2] = duty
+    u[:, :2] = duties
     kernels(actuator.model).linearise(x, u, actuator.array(), load.breakpoints, load.combined(), rates, jacobian)
     return rates, jacobian
 
 
-def _with_own_states(x: FloatArray, actuator: Actuator, duty: tuple[float, float]) -> FloatArray:
+def _with_own_states(x: FloatArray, actuator: Actuator, duties: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The states `x` with those of an own model where they start, and where they settle while the others stay.
 
     They move by the linearly implicit Euler method, which no stiffness makes unstable.
@@ -118,17 +118,17 @@ def _with_own_states(x: FloatArray, actuator: Actuator, duty: tuple[float, float
     rows = actuator.state_rows
     own = [i for i, name in enumerate(rows) if isinstance(actuator.model, OwnModel) and name in actuator.model.states]
     if not own:
-        return x
+        return x, duties
     x[:, own] = [actuator.value(row.starts_at) if row.starts_at else 0.0 for row in list(rows.values())[own[0] :]]
     settled = x.copy()
     for _ in range(SETTLING_STEPS):
-        rates, jacobian = _linearised(actuator, settled, duty)
+        rates, jacobian = _linearised(actuator, settled, duties)
         matrix = np.eye(len(own)) / SETTLING_STEP - jacobian[:, own][:, :, own]
         good = np.all(np.isfinite(matrix), axis=(1, 2)) & np.all(np.isfinite(rates), axis=1)
         good[good] = np.abs(np.linalg.det(matrix[good])) > 0.0
         step = np.linalg.solve(matrix[good], rates[good][:, own, None])[:, :, 0]
         settled[np.ix_(good, own)] += step
-    return np.concatenate([x, settled])
+    return np.concatenate([x, settled]), np.concatenate([duties, duties])
 
 
 def stiffness_over(actuator: Actuator, bounds: Mapping[str, tuple[float, float]], speed: float = TOP_SPEED) -> float:
