@@ -15,6 +15,8 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+import clutchid
+from clutchid.inference.filter.ahead import compile_filter
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.model.compiled import compile_ahead, kernels, system
@@ -103,7 +105,10 @@ def pytest_configure(config: pytest.Config) -> None:
         for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS"):
             os.environ.setdefault(name, "1")
         with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-            list(pool.map(compile_ahead, [(variant,) for variant in VARIANTS]))
+            parts = [pool.submit(compile_filter), pool.submit(clutchid.drive, 0, seconds=0.5)]
+            parts += [pool.submit(compile_ahead, (variant,)) for variant in VARIANTS]
+            for part in parts:
+                part.result()
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -56,6 +56,11 @@ class MachineCode(FunctionCache):
             self.disable()
 
 
+def is_kept(kernel: Any) -> bool:
+    """Whether machine code of `kernel` lies on disk, or cannot."""
+    return not isinstance(kernel._cache, MachineCode) or bool(kernel._cache._cache_file._load_index())
+
+
 class _Sealed(IndexDataCacheFile):
     """The files of a kernel, each with the SHA-256 of its content in front."""
 

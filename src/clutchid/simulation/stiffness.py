@@ -98,7 +98,7 @@ def local_stiffness(actuator: Actuator, speed: float, reach: tuple[float, float]
 def _corners(counts: tuple[int, ...]) -> NDArray[np.intp]:
     """Each combination of one value a state, twice, by the places of the values one after the other."""
     places = np.indices(counts).reshape(len(counts), -1).T + np.cumsum((0, *counts[:-1]))
-    return np.concatenate([places, places])
+    return np.ascontiguousarray(np.concatenate([places, places]))  # the kernel is compiled for rows
 
 
 def _linearised(actuator: Actuator, x: FloatArray, duties: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -12,6 +12,7 @@ from clutchid.estimation.fit import MethodName, fit_request
 from clutchid.estimation.parameter_file import ParameterFile, started
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import Fit
+from clutchid.inference.filter.ahead import compile_filter_beside
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.progress import Progress
@@ -245,6 +246,8 @@ def fitted(reading: Reading, actuator: Actuator | None, request: FitRequest, pro
         As `fit`.
     """
     request = request.completed()
+    if request.has_priors:
+        compile_filter_beside()
     start = actuator or Actuator(model=AUTOMATIC if request.automatic else "isothermal")
     reported(progress, "reading")
     logs = reading.read(start, request.measure)

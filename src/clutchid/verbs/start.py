@@ -70,7 +70,8 @@ def start_of(path: Path | None, model: Model | None, request: FitRequest) -> tup
 
 
 def compile_models(calibrations: Iterable[Path]) -> None:
-    """Compile the models of calibrations before the workers start; unreadable files are skipped."""
+    """Compile the models of calibrations, and the filter, before the workers start; unreadable files are skipped."""
+    from clutchid.inference.filter.ahead import compile_filter
     from clutchid.model.compiled import compile_ahead
 
     models = set()
@@ -78,6 +79,7 @@ def compile_models(calibrations: Iterable[Path]) -> None:
         with suppress(ClutchidError):
             models.add(start_file(path).actuator.model)
     compile_ahead(models)
+    compile_filter()
 
 
 class CalibrationFile(NamedTuple):

@@ -1,5 +1,7 @@
 """The filter over a recording: against a textbook filter, and its derivatives against differences."""
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -230,3 +232,20 @@ def test_the_filter_is_the_textbook_filter_where_samples_are_not_evenly_spaced(p
     size = np.array([ALL_IN.measured[name] for name in BOTH])
     assert found.errors[:length, :, 0] / size == pytest.approx(errors[:, :, 0] / size, abs=1e-4)
     assert found.errors[:length, :, 1] == pytest.approx(errors[:, :, 1], rel=1e-4)
+
+
+def test_recordings_are_filtered_with_the_signature_that_is_compiled_ahead():
+    code = (
+        "import clutchid\n"
+        "from clutchid.codegen.kernels import kernels_in\n"
+        "from clutchid.inference.filter.ahead import compile_filter\n"
+        "from clutchid.inference.filter.filtering import KERNELS\n"
+        "compile_filter()\n"
+        "log = clutchid.bundled_recording()\n"
+        "cal = clutchid.calibrate(log.slice(0, 2000), free='load', method='prediction-error')\n"
+        "clutchid.observe(log.slice(0, 1000), cal)\n"
+        "follow = kernels_in(KERNELS).follow\n"
+        "assert len(follow.signatures) == 1, follow.signatures\n"
+    )
+    process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert process.returncode == 0, process.stderr

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchid.codegen.beside import wait_for_kernels
 from clutchid.codegen.kernels import kernels_in
 from clutchid.inference.filter.setup import (
     FilterArrays,
@@ -36,7 +37,8 @@ from clutchid.simulation.run import columns, inputs_of
 from clutchid.simulation.stiffness import AS_PLANNED
 from clutchid.simulation.windows import Track
 
-_KERNELS = "clutchid.inference.filter.recursion"
+#: Module of the kernel that goes through the samples.
+KERNELS = "clutchid.inference.filter.recursion"
 
 #: Sensors whose outputs are in the state, in the order of the rows of `Filtered`.
 _SENSORS = tuple(MEASURED)
@@ -103,6 +105,7 @@ def filtered(
     """
     segment, states, k = track.segment, mapped.actuator.states, len(mapped.bases)
     inputs_of(segment, mapped.actuator.model)
+    wait_for_kernels()
     state, arrays = _start(track, mapped, measure, noise, given=fixed_gains is not None)
     along = intervals(segment, mapped.actuator, noise, _SENSORS), measured_values(track, measure, _SENSORS)
     calls = step(mapped.actuator.model), prepare(mapped.actuator.model)
@@ -115,7 +118,7 @@ def filtered(
         found = np.empty((end - begin, sensors, k + 1))
         part = slice(begin, end)
         output = FilterOutput(errors[part], passed[part], passed[:0], gains[part], found, pressures[part])
-        failed: int = kernels_in(_KERNELS).follow(*calls, state, arrays, *along, output, (begin, end, 0))
+        failed: int = kernels_in(KERNELS).follow(*calls, state, arrays, *along, output, (begin, end, 0))
         failed = end - 1 if failed < 0 and not np.isfinite(state.S).all() else failed
         if failed >= 0:
             return Failure(failure_message(track.measured, segment, passed, failed, states, mapped.actuator))

@@ -1,0 +1,39 @@
+"""The kernels of the filter, compiled before a recording is filtered."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from clutchid.codegen.beside import compile_beside
+from clutchid.codegen.kernels import kernels_in
+from clutchid.inference.filter.filtering import KERNELS, filtered
+from clutchid.log import Log
+from clutchid.model.actuator import Actuator
+from clutchid.model.compiled import Model
+from clutchid.simulation.noise import Noise
+from clutchid.simulation.parameter_map import parameter_map
+from clutchid.simulation.plan import plan
+from clutchid.simulation.windows import tracks
+
+#: Samples of the recording that is filtered to compile, in s.
+_TIME = np.arange(4) / 1000
+
+
+def compile_filter(model: Model | None = None) -> None:
+    """Filter four samples of a piston at rest, by default with the model that calibrations use.
+
+    The kernel that goes through the samples is one for all models.
+    """
+    actuator = Actuator(model=model or "energy-balance-stribeck")
+    names = "position", "duty_supply", "duty_exhaust"
+    log = Log(_TIME, {name: np.zeros(_TIME.size) for name in names})
+    (track,) = tracks([plan(log, actuator, 1.0)])
+    filtered(track, parameter_map(actuator, ["P_S"], [0], np.ones(1), 1), names[:1], Noise())
+
+
+def compile_filter_beside() -> None:
+    """Let a second process compile the filter on a first start, while this one compiles and calls what comes before."""
+    from clutchid.codegen.machine_code import is_kept
+
+    if not is_kept(kernels_in(KERNELS).follow):
+        compile_beside(compile_filter)
