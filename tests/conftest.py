@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from _pytest.doctest import DoctestModule
 from hypothesis import settings
 
 import clutchid
@@ -75,13 +76,21 @@ LONG = (
 SLOW_EXAMPLES = {"calibrate", "export", "fleet", "prove", "report", "track"}
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_collect_file(file_path: Path) -> Any:
+    """Look for examples in the docstrings of the package only, not in those of the tests."""
+    nodes = yield
+    return [node for node in nodes if not (isinstance(node, DoctestModule) and file_path.is_relative_to(HERE))]
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark slow examples in docstrings, which cannot say so themselves, and put long files first.
 
     Examples give no work to other processes.
     """
-    items.sort(key=lambda item: not item.path.with_suffix("").as_posix().endswith(LONG))
+    long = tuple(f"tests/{file}.py" for file in LONG)
+    items.sort(key=lambda item: not item.nodeid.startswith(long))
     for item in items:
         if isinstance(item, pytest.DoctestItem):
             item.runtest = without_workers()(item.runtest)  # type: ignore[method-assign]

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from importlib.metadata import version as version_of
 from typing import Any
 
 from api_pages import places_of_records
+from sphinx.search.en import SearchEnglish
 
 project = "clutchid"
 author = "The clutchid developers"
@@ -43,6 +45,8 @@ html_permalinks_icon = "#"
 html_theme_options = {"navigation_with_keys": True, "top_of_page_buttons": []}
 mathjax_path = "mathjax/tex-svg.js"  # one file with its fonts: a built page asks for nothing outside its folder
 mathjax3_config = {"options": {"enableMenu": False}}
+
+SearchEnglish.stem = cache(SearchEnglish.stem)  # type: ignore[method-assign]  # pages share their words
 
 
 def setup(app: Any) -> None:

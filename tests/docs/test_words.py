@@ -10,20 +10,15 @@ import pytest
 import clutchid
 from clutchid.preparation.inspection import inspect
 from clutchid.preparation.inspection.columns import VENTED_REST
+from fixtures.trees import source_nodes, source_trees
 
 ROOT = Path(__file__).resolve().parents[2]
-SOURCE = ROOT / "src" / "clutchid"
 PAGES = {path.stem: path.read_text(encoding="utf-8") for path in (ROOT / "docs").glob("*.md")}
 
 
 def texts(node: ast.AST) -> list[str]:
     """Constant texts in the source below a node; a place of an f-string ends one."""
     return [n.value for n in ast.walk(node) if isinstance(n, ast.Constant) and isinstance(n.value, str)]
-
-
-def source_texts() -> str:
-    trees = [ast.parse(path.read_text(encoding="utf-8")) for path in SOURCE.rglob("*.py")]
-    return "\n".join(text for tree in trees for text in texts(tree))
 
 
 def section(page: str, heading: str) -> str:
@@ -38,7 +33,7 @@ def messages(text: str) -> list[str]:
 
 def first_arguments(file: str, function: str) -> list[str]:
     """Constant texts that are the first argument of calls of a function."""
-    tree = ast.parse((SOURCE / file).read_text(encoding="utf-8"))
+    tree = source_trees()[file]
     calls = [n for n in ast.walk(tree) if isinstance(n, ast.Call) and getattr(n.func, "id", "") == function]
     return [call.args[0].value for call in calls if isinstance(call.args[0], ast.Constant)]
 
@@ -64,7 +59,7 @@ def made_by(function: ast.FunctionDef) -> list[str]:
 
 @pytest.mark.slow
 def test_every_message_that_the_pages_quote_is_one_of_the_program():
-    known = source_texts()
+    known = "\n".join(n.value for _, n in source_nodes() if isinstance(n, ast.Constant) and isinstance(n.value, str))
     tables = PAGES["trouble"].partition("## Files that are not read")[2] + section(PAGES["result"], "Reasons")
     quoted = messages(tables)
     assert len(quoted) > 30
@@ -72,7 +67,7 @@ def test_every_message_that_the_pages_quote_is_one_of_the_program():
 
 
 def test_every_reason_that_a_verdict_can_give_is_explained():
-    tree = ast.parse((SOURCE / "estimation" / "assess" / "reasons.py").read_text(encoding="utf-8"))
+    tree = source_trees()["estimation/assess/reasons.py"]
     explained = {piece for message in messages(section(PAGES["result"], "Reasons")) for piece in pieces(message)}
     functions = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
     reasons = [reason for function in functions for reason in made_by(function)]

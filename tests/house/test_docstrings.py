@@ -4,11 +4,11 @@ import ast
 import re
 from collections.abc import Iterator
 from functools import cache
-from pathlib import Path
 
 import pytest
 
 import clutchid
+from fixtures.trees import source_trees
 
 SECTIONS = ("Parameters", "Returns", "Examples")
 
@@ -25,11 +25,6 @@ ONE_LINE = {
 }
 
 
-def parsed(folder: Path) -> Iterator[tuple[str, ast.Module]]:
-    for file in sorted(folder.rglob("*.py")):
-        yield file.relative_to(folder).as_posix(), ast.parse(file.read_text(encoding="utf-8"))
-
-
 def documented(tree: ast.Module) -> Iterator[tuple[str, str | None]]:
     """Public classes, functions and methods of a module, and their docstrings."""
     for node in tree.body:
@@ -41,12 +36,14 @@ def documented(tree: ast.Module) -> Iterator[tuple[str, str | None]]:
 
 
 @cache
-def docstrings(folder: Path) -> dict[str, str | None]:
-    """Docstrings of all modules and public names of a folder by ``file:name``."""
+def docstrings(room: str = "") -> dict[str, str | None]:
+    """Docstrings of all modules and public names of the package, or of a room, by ``file:name``."""
     found = {}
-    for file, tree in parsed(folder):
-        found[file] = ast.get_docstring(tree)
-        found |= {f"{file}:{name}": text for name, text in documented(tree)}
+    for path, tree in source_trees().items():
+        if path.startswith(room):
+            file = path.removeprefix(room)
+            found[file] = ast.get_docstring(tree)
+            found |= {f"{file}:{name}": text for name, text in documented(tree)}
     return found
 
 
@@ -61,19 +58,20 @@ def equations_in(text: str) -> set[int]:
 
 
 @pytest.mark.slow
-def test_every_module_and_every_public_name_is_documented(source):
-    assert [name for name, text in docstrings(source).items() if not text] == []
+def test_every_module_and_every_public_name_is_documented():
+    assert [name for name, text in docstrings().items() if not text] == []
 
 
-def test_a_docstring_begins_with_one_line_that_ends_with_a_full_stop(source):
-    first = {name: (text or ".").strip().splitlines()[0] for name, text in docstrings(source).items()}
+def test_a_docstring_begins_with_one_line_that_ends_with_a_full_stop():
+    first = {name: (text or ".").strip().splitlines()[0] for name, text in docstrings().items()}
     assert {name: line for name, line in first.items() if not line.rstrip().endswith((".", ":", "?", "!", ";"))} == {}
 
 
-def test_public_functions_of_the_model_have_parameters_returns_and_examples(source):
+def test_public_functions_of_the_model_have_parameters_returns_and_examples():
     lacking = {}
-    for name, tree in parsed(source / "model"):
-        for node in tree.body:
+    for path, tree in source_trees().items():
+        name = path.removeprefix("model/")
+        for node in tree.body if name != path else ():
             if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
                 key, text = f"{name}:{node.name}", ast.get_docstring(node) or ""
                 lacking[key] = [section for section in SECTIONS if f"\n{section}\n---" not in text]
@@ -83,19 +81,19 @@ def test_public_functions_of_the_model_have_parameters_returns_and_examples(sour
     assert sorted(key for key in ONE_LINE if not lacking.get(key)) == [], "take them from the list"
 
 
-def test_no_docstring_says_that_nothing_is_raised(source):
-    said = [name for name, text in docstrings(source).items() if re.search(r"Raises\n-+\n\s*Nothing", text or "")]
+def test_no_docstring_says_that_nothing_is_raised():
+    said = [name for name, text in docstrings().items() if re.search(r"Raises\n-+\n\s*Nothing", text or "")]
     assert said == []
 
 
-def test_every_equation_of_the_paper_is_named_where_it_stands(source):
-    named = set().union(*(equations_in(text or "") for text in docstrings(source / "model").values()))
+def test_every_equation_of_the_paper_is_named_where_it_stands():
+    named = set().union(*(equations_in(text or "") for text in docstrings("model/").values()))
     # the paper has no Eq. (22): (21) is followed by (23)
     assert sorted(named) == [number for number in range(1, 27) if number != 22]
 
 
-def test_single_equations_lead_to_their_functions(source):
-    found = docstrings(source / "model")
+def test_single_equations_lead_to_their_functions():
+    found = docstrings("model/")
     expected = {
         1: "motion.py:acceleration", 2: "friction.py:friction_force", 3: "friction.py:deflection_rate",
         4: "chambers.py:pressure_rate", 5: "chambers.py:pressure_rate", 6: "valves.py:psi", 9: "valves.py:psi",

@@ -4,6 +4,8 @@ import ast
 import re
 from pathlib import Path
 
+from fixtures.trees import source_nodes, source_texts
+
 ROOT = Path(__file__).resolve().parents[2]
 
 #: Rooms and modules whose sentences have not been revised. This list only shrinks.
@@ -24,16 +26,13 @@ FIELDS = {("app/records.py", "found"), ("study/proving/scores.py", "kept")}
 DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 
 
-def revised(source):
-    for file in sorted(source.rglob("*.py")):
-        name = file.relative_to(source)
-        if name.parts[0] not in NOT_REVISED:
-            yield name.as_posix(), file.read_text(encoding="utf-8")
+def revised(file):
+    return file.partition("/")[0] not in NOT_REVISED
 
 
-def test_sentences_name_their_subject(source):
-    lines = ((name, line) for name, text in revised(source) for line in text.splitlines())
-    assert [(name, line.strip()) for name, line in lines if EMPTY.search(line)] == []
+def test_sentences_name_their_subject():
+    lines = ((file, line) for file, text in source_texts().items() if revised(file) for line in text.splitlines())
+    assert [(file, line.strip()) for file, line in lines if EMPTY.search(line)] == []
 
 
 def test_pages_name_their_subject():
@@ -42,27 +41,19 @@ def test_pages_name_their_subject():
     assert [(name, line) for name, line in lines if EMPTY.search(line)] == []
 
 
-def test_a_docstring_begins_with_a_noun_phrase_or_a_verb(source):
-    docstrings = (
-        (name, ast.get_docstring(node) or "")
-        for name, text in revised(source)
-        for node in ast.walk(ast.parse(text))
-        if isinstance(node, DOCUMENTED)
-    )
-    assert [(name, text.splitlines()[0]) for name, text in docstrings if BEGINS.match(text)] == []
+def test_a_docstring_begins_with_a_noun_phrase_or_a_verb():
+    documented = ((file, node) for file, node in source_nodes() if isinstance(node, DOCUMENTED) and revised(file))
+    docstrings = ((file, ast.get_docstring(node) or "") for file, node in documented)
+    assert [(file, text.splitlines()[0]) for file, text in docstrings if BEGINS.match(text)] == []
 
 
-def names_given(tree):
-    """Names that are assigned in a module, and those of arguments."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.arg):
-            yield node.arg
-        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
-            yield node.id
+def name_given(node):
+    """Name that a node assigns, or that of an argument."""
+    if isinstance(node, ast.arg):
+        return node.arg
+    return node.id if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) else None
 
 
-def test_a_variable_is_named_by_what_it_holds(source):
-    vague = {
-        (name, word) for name, text in revised(source) for word in VAGUE.intersection(names_given(ast.parse(text)))
-    }
+def test_a_variable_is_named_by_what_it_holds():
+    vague = {(file, name_given(node)) for file, node in source_nodes() if name_given(node) in VAGUE and revised(file)}
     assert vague - FIELDS == set()
