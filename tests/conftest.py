@@ -36,7 +36,7 @@ from fixtures.model_recordings import (  # noqa: F401, fixtures of several packa
     worn,
     worn_log,
 )
-from fixtures.pages import loads_nothing, undrawn  # noqa: F401, fixtures of several packages
+from fixtures.pages import blank, loads_nothing, undrawn  # noqa: F401, fixtures of several packages
 from fixtures.short_fit import fitted  # noqa: F401, a fixture of several packages
 
 HERE = Path(__file__).resolve().parent

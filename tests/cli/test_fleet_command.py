@@ -12,6 +12,7 @@ import pytest
 import clutchid
 from clutchid.truck import drive, truck
 from fixtures.commands import called, wait_for, without_workers
+from fixtures.pages import blank_figures
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
 
@@ -62,7 +63,7 @@ def content(out):
 @pytest.fixture(scope="module")
 def tracked(folder):
     out = folder / "one"
-    with without_workers():
+    with without_workers(), blank_figures():
         assert run(folder, out, "--verb", "track", "--limit", "0.2") == 0
     return out
 

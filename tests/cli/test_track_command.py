@@ -13,6 +13,7 @@ import pytest
 import clutchid
 from clutchid.truck import drive, truck
 from fixtures.commands import called, without_workers
+from fixtures.pages import blank_figures
 
 pytestmark = pytest.mark.slow
 
@@ -54,7 +55,7 @@ def told(folder):
     files = ("--out", folder / "wear.parquet", "--report", folder / "wear.html", "--table", folder / "table.csv")
     shown, said = StringIO(), StringIO()
     patched = pytest.MonkeyPatch.context()
-    with without_workers(), patched as changed, redirect_stdout(shown), redirect_stderr(said):
+    with without_workers(), blank_figures(), patched as changed, redirect_stdout(shown), redirect_stderr(said):
         changed.setattr("clutchid.cli.common.EVERY", 0.0)
         assert run(folder, *files, "--limit", "0.2") == 0
     return shown.getvalue(), said.getvalue()

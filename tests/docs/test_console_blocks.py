@@ -22,7 +22,7 @@ PAGES = {page.relative_to(ROOT).as_posix(): page for page in console.pages()}
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_the_commands_of_a_page_print_what_it_shows(page):
+def test_the_commands_of_a_page_print_what_it_shows(blank, page):
     found = console.differences(PAGES[page].read_text(encoding="utf-8"), long=False)
     assert not found, "\n".join([*map(str, found), f"if that is right: python benchmarks/docs.py {page} --write"])
 

@@ -92,7 +92,7 @@ def test_the_peak_is_looked_for_only_where_the_recordings_have_been(undrawn, fit
     assert f" N at {at:.1f} mm of the recorded" in flat(html)
 
 
-def test_an_infinite_band_is_said_not_drawn_and_a_recording_with_missing_samples_is_drawn(fitted):
+def test_an_infinite_band_is_said_not_drawn_and_a_recording_with_missing_samples_is_drawn(undrawn, fitted):
     curve, recording = fitted.load_curve, fitted.recordings["first"]
     unknown = LoadCurve(curve.position, curve.force, np.full(101, -np.inf), np.full(101, np.inf))
     position = recording.measured["position"].copy()

@@ -81,7 +81,7 @@ def test_the_published_basis_is_kept_in_the_result(driven):
 def test_with_white_noise_the_truth_lies_in_nineteen_of_twenty_intervals(truth, drive, with_noise, first):
     trials, hits, band = 40, np.zeros(3), 0.0
     for seed in range(trials):
-        noisy = with_noise(drive, seed)
+        noisy = with_noise(drive.slice(0, 5000), seed)
         position = np.concatenate([drive["position"][:first], noisy["position"][first:]])
         result = fit(noisy.with_columns(position=position))
         estimates = [result.parameters[f"theta_{i}"] for i in (1, 2, 3)]

@@ -1,6 +1,7 @@
 """Loads from position alone of recordings of the model: what has changed is found, and what has not costs nothing."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -59,10 +60,13 @@ def known_of(calibrated, logs):
 
 
 @pytest.fixture(scope="module")
-def reread(calibrated):
-    def of(*logs, free=("load",), **options):
-        request = FitRequest(("position",), free, calibration=calibrated.calibration, **options)
-        return fit_with(SHOOTING, logs, calibrated.actuator, request)
+def reread(calibrated, logs):
+    """Read recordings by name, each once."""
+
+    @cache
+    def of(*names, free=("load",), priors=()):
+        request = FitRequest(("position",), free, priors=dict(priors), calibration=calibrated.calibration)
+        return fit_with(SHOOTING, [logs[name] for name in names], calibrated.actuator, request)
 
     return of
 
@@ -116,7 +120,7 @@ def test_what_has_changed_is_probable_and_the_load_is_nearer_to_the_truth(
 
 @pytest.mark.slow
 def test_the_changes_of_a_fit_are_those_of_its_hypotheses(reread, known_of, calibrated, logs, trucks):
-    fit = reread(logs["cold"])
+    fit = reread("cold")
     expected = mixture(known_of("cold"), calibrated.calibration)
     assert {change.recording for change in fit.changes} == {"cold"}
     for change in fit.changes:
@@ -133,7 +137,7 @@ def test_the_changes_of_a_fit_are_those_of_its_hypotheses(reread, known_of, cali
 @pytest.mark.slow
 def test_the_load_of_a_changed_truck_lies_in_its_band(reread, logs, trucks):
     for name in ("supply", "cold", "valves"):
-        curve = reread(logs[name]).load_curve
+        curve = reread(name).load_curve
         true = trucks[name].load.force(Y)
         low, high = (np.interp(Y, curve.position, side) for side in (curve.low, curve.high))
         assert np.mean((low < true) & (true < high)) >= 0.9, name
@@ -142,8 +146,8 @@ def test_the_load_of_a_changed_truck_lies_in_its_band(reread, logs, trucks):
 @pytest.mark.slow
 def test_a_parameter_that_the_user_sets_free_is_his(reread, calibrated, logs):
     supply = calibrated.actuator.value("P_S")
-    wide = {"P_S": Prior(supply, 0.05 * supply)}
-    fit = reread(logs["supply"], free=("load", "P_S"), priors=wide)
+    wide = (("P_S", Prior(supply, 0.05 * supply)),)
+    fit = reread("supply", free=("load", "P_S"), priors=wide)
     assert {name for name in fit.parameters if name.startswith("P_S")} == {"P_S"}
     assert {name for name in fit.parameters if name.startswith("D_v")} == {"D_v@supply"}
     assert not any(change.name == "P_S" for change in fit.changes)
@@ -153,7 +157,7 @@ def test_a_parameter_that_the_user_sets_free_is_his(reread, calibrated, logs):
 
 @pytest.mark.slow
 def test_of_two_recordings_each_has_parameters_of_its_own(reread, logs, calibrated):
-    fit = reread(logs["same"], logs["cold"])
+    fit = reread("same", "cold")
     changing = {f"{name}@{stem}" for name in changeable(calibrated.actuator) for stem in ("same", "cold")}
     assert set(fit.parameters) == {*calibrated.actuator.load.names, "y_max@same", "y_max@cold", *changing}
     grease = calibrated.actuator.value("D_v")

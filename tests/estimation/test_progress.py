@@ -33,7 +33,7 @@ def test_evaluations_are_counted_and_stages_follow_each_other(plant, worn_log, m
 @pytest.mark.slow
 def test_a_calibration_names_every_stage_in_the_order_of_its_work():
     reported = []
-    calibrate(drive(Truck(), seconds=6.0, seed=1).log, progress=reported.append)
+    calibrate(drive(Truck(), seconds=2.5, seed=1).log, progress=reported.append)
     stages = list(dict.fromkeys(step.stage for step in reported))
     assert stages == [
         "reading", "checks", "preparation", "coarse search", "fine search", "evidence", "position alone", "innovations",

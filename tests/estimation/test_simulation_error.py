@@ -143,12 +143,12 @@ def test_a_start_at_rest_is_not_free_and_one_with_measured_pressure_only_in_posi
 @pytest.mark.slow
 def test_nineteen_of_twenty_intervals_hold_the_truth_where_the_valve_opens_at_the_first_sample(truth, driven):
     """The position at the start is then one sample, whose noise moves the load: without it 43 % hold theta_3."""
-    log, trials = driven(seconds=4.0), 100
+    log, trials = driven(seconds=4.0), 30
     opens = int(np.argmax(log["duty_supply"] > truth.parameters.R_0vs))
     log, inside = log.slice(opens, len(log)), np.zeros(3)
     for seed in range(trials):
         noise = np.random.default_rng(seed).normal(0.0, 3e-5, log.time.size)
         found = fit(log.with_columns(position=log["position"] + noise), truth, free="load").parameters.values()
         inside += [one.low <= truth.value(name) <= one.high for name, one in zip(truth.load.names, found, strict=True)]
-    # 95 %, but for the counting of 100; a little more, as the noise of the other samples is counted by a sandwich
+    # 95 %, but for the counting of 30; a little more, as the noise of the other samples is counted by a sandwich
     assert np.all(inside >= binom.ppf(0.001, trials, 0.95)), inside

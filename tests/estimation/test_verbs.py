@@ -36,11 +36,18 @@ def test_a_calibration_that_is_not_there_is_a_sentence(recordings, tmp_path):
         estimate(recordings[1], tmp_path / "cal.toml")
 
 
+def test_a_calibration_is_a_fit_with_its_defaults(recordings, monkeypatch):
+    requests = []
+    monkeypatch.setattr("clutchid.verbs.fitting.fit_request", lambda *request: requests.append(request[1:]))
+    calibrate(recordings[0], on_failure="return")
+    fit(recordings[0], measure="position,pressure_a", free="auto", on_failure="return")
+    assert requests[0] == requests[1]
+
+
 @pytest.mark.slow
-def test_both_are_fits_with_their_defaults_whatever_holds_the_calibration(recordings, tmp_path):
+def test_an_estimate_is_a_fit_with_its_defaults_whatever_holds_the_calibration(recordings, tmp_path):
     cal, worn = recordings
-    calibrated = calibrate(cal)
-    assert same(calibrated, fit(cal, measure="position,pressure_a", free="auto"))
+    calibrated = calibrate(cal, free="load,P_S", method="shooting")
     read = fit(worn, calibrated.actuator, request=FitRequest(calibration=calibrated.calibration))
     assert read.comparison is not None
     write_parameters(parameter_file(calibrated), tmp_path / "cal.toml")

@@ -49,7 +49,7 @@ def near(shown, found):
 @pytest.mark.slow
 @without_workers()
 @pytest.mark.parametrize("name", WRITTEN)
-def test_the_examples_of_a_page_print_what_it_says(name, tmp_path, monkeypatch):
+def test_the_examples_of_a_page_print_what_it_says(blank, name, tmp_path, monkeypatch):
     page = DOCS / name
     examples = "".join(re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL))
     monkeypatch.chdir(tmp_path)

@@ -101,7 +101,7 @@ def test_progress_goes_from_nothing_to_all_and_never_back(study, heard):
     assert heard[0][0] == "fit: ballistic"
 
 
-def test_a_study_without_pressure_and_without_a_known_load_is_whole(drive, tmp_path):
+def test_a_study_without_pressure_and_without_a_known_load_is_whole(blank, drive, tmp_path):
     first, second = halves(replace(drive.slice(0, 3000).without("pressure_a"), name="mine & <yours>"))
     study = paper_study(first, replace(second, warnings=("mind <this>",)), tmp_path)
     html = study.page.read_text(encoding="utf-8")
