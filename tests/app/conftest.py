@@ -140,8 +140,8 @@ def working(tmp_path_factory):
 def recorded(tmp_path_factory):
     """A folder with a recording of a new clutch with pressure, and one of a worn clutch without."""
     folder = tmp_path_factory.mktemp("recorded")
-    write(drive(Truck(), seconds=5.0, seed=1).log, folder / "cal.csv")
-    write(drive(Truck(), seconds=5.0, seed=2, pressure=False, wear=1e-3).log, folder / "worn.csv")
+    write(drive(Truck(), seconds=3.0, seed=1).log, folder / "cal.csv")
+    write(drive(Truck(), seconds=3.0, seed=2, pressure=False, wear=1e-3).log, folder / "worn.csv")
     text = (folder / "cal.csv").read_text()
     (folder / "german.csv").write_text(text.replace("position [m]", "Kupplungsweg [m]"))
     (folder / "german_worn.csv").write_text(

@@ -58,7 +58,7 @@ def test_a_recording_has_its_channels_its_checks_and_its_samples(working, cal):
     assert [channel["name"] for channel in look["channels"]] == names
     assert {one["grade"] for one in look["checks"]} <= {"good", "undetermined"}
     assert {one["kind"] for one in look["strokes"]} == {"stroke", "rest"}
-    answer = working.ask("GET", f"/api/recordings/{cal}/plot?grid=0&columns=1,4&begin=0&end=5&width=100")
+    answer = working.ask("GET", f"/api/recordings/{cal}/plot?grid=0&columns=1,4&begin=0&end=3&width=100")
     assert len(answer.body) == 3 * 8 * 200
 
 
@@ -157,7 +157,7 @@ def test_chosen_strokes_are_a_recording_of_their_own(working, cal):
     id_ = working.ask("POST", f"/api/recordings/{cal}/cut", {"begins": [strokes[0]["begin"]]}).json["id"]
     found = working.wait(id_, "ready")
     assert (found["name"], found["message"]) == ("cal-cut.parquet", "")
-    assert 0 < found["look"]["grids"][0]["samples"] < 5000
+    assert 0 < found["look"]["grids"][0]["samples"] < 3000
 
 
 def test_a_file_that_ends_its_reader_is_said_in_the_sentence_of_the_command_line(working, tmp_path, capsys):

@@ -80,10 +80,10 @@ def fitted(drive, with_noise):
 
 @pytest.fixture(scope="module")
 def truck(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder where a virtual truck has been calibrated from 8 s, CAL.toml, and has a worn recording."""
+    """A folder where a virtual truck has been calibrated from 5 s, CAL.toml, and has a worn recording."""
     folder, shown = tmp_path_factory.mktemp("my truck"), StringIO()
-    write(drive(Truck(), seconds=8.0, seed=1).log, folder / "my cal.csv")
-    write(drive(Truck(), seconds=4.0, seed=2, pressure=False).log, folder / "my worn.csv")
+    write(drive(Truck(), seconds=5.0, seed=1).log, folder / "my cal.csv")
+    write(drive(Truck(), seconds=3.0, seed=2, pressure=False).log, folder / "my worn.csv")
     with chdir(folder), redirect_stdout(shown):
         assert called("calibrate", "my cal.csv", "--save", "my CAL.toml") == 0
     (folder / "calibrated.txt").write_text(shown.getvalue(), encoding="utf-8")
@@ -225,7 +225,7 @@ def test_recordings_of_one_wear_are_of_one_state_and_of_another_wear_of_two(truc
 
     def read(wear: float, seed: int, change: str = "") -> Fit:
         """Another manoeuvre, noise and air supply by the seed, after something has changed."""
-        made = drive(Truck(), seconds=4.0, seed=seed, wear=wear, pressure=False, change=change or ())
+        made = drive(Truck(), seconds=3.0, seed=seed, wear=wear, pressure=False, change=change or ())
         log = replace(made.log, name=f"{1e3 * wear:g} mm, {seed}")
         return fit(log, calibrated.actuator, free="load", request=FitRequest(calibration=calibrated.calibration))
 

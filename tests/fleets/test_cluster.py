@@ -43,8 +43,15 @@ def patient(monkeypatch):
 
 @pytest.fixture
 def scheduler(tmp_path, patient):
-    """A scheduler in a process of its own; gives its address, and starts a worker for it."""
+    """A scheduler in a process of its own, that a test may lose; gives its address, and starts a worker for it."""
     with _started(tmp_path) as started:
+        yield started
+
+
+@pytest.fixture(scope="module")
+def lasting(tmp_path_factory):
+    """A scheduler for the tests that leave it as it was, first without a worker, then with one."""
+    with _started(tmp_path_factory.mktemp("scheduler")) as started:
         yield started
 
 
@@ -75,9 +82,23 @@ def _started(folder, *options):
             process.wait()
 
 
-def test_the_workers_of_a_scheduler_do_the_same_work_once_each_and_raise_sentences_for_the_user(scheduler):
-    address, worker, _ = scheduler
-    worker()
+def test_a_scheduler_without_workers_is_a_sentence(lasting, monkeypatch):
+    monkeypatch.setattr(cluster, "ANSWER", 1.0)
+    with pytest.raises(ParameterError, match="has no workers"):
+        list(results(abs, range(9), Workers(scheduler=lasting[0])))
+
+
+@pytest.fixture(scope="module")
+def limited(lasting):
+    """Address of a scheduler, and the process of its one worker, which may take 600 MB."""
+    address, worker, processes = lasting
+    worker("--memory-limit", "600MB")
+    return address, processes[-1]
+
+
+@pytest.mark.usefixtures("patient")
+def test_the_workers_of_a_scheduler_do_the_same_work_once_each_and_raise_sentences_for_the_user(limited):
+    address, _ = limited
     for place in (Workers(scheduler=address), Workers(2)):
         assert sorted((one.item, one.result) for one in results(abs, range(50), place)) == [(n, n) for n in range(50)]
         with pytest.raises(DataError, match="it is so"):
@@ -86,22 +107,16 @@ def test_the_workers_of_a_scheduler_do_the_same_work_once_each_and_raise_sentenc
     assert sorted(one.result for one in many) == list(range(1500))
 
 
-def test_a_scheduler_without_workers_is_a_sentence(scheduler, monkeypatch):
-    monkeypatch.setattr(cluster, "ANSWER", 1.0)
-    with pytest.raises(ParameterError, match="has no workers"):
-        list(results(abs, range(9), Workers(scheduler=scheduler[0])))
-
-
-def test_what_ends_its_process_on_a_scheduler_is_named_and_the_workers_of_dask_live_on(scheduler):
-    address, worker, started = scheduler
-    worker("--memory-limit", "600MB")
+@pytest.mark.usefixtures("patient")
+def test_what_ends_its_process_on_a_scheduler_is_named_and_the_workers_of_dask_live_on(limited):
+    address, worker = limited
     bad = [("SIGKILL", 100), ("slow", 102), ("memory", 103), ("error", 104)]
     done = list(results(faulty, [*GOOD[:5], *bad, *GOOD[5:]], Workers(scheduler=address, seconds=5.0)))
     found = {one.item: one.result for one in done}
     assert [found[item] for item in GOOD] == [n for _, n in GOOD]
     assert [found[item].status for item in bad] == ["killed", "timed_out", "killed", "failed"]
     assert "needs more than 0.6 GB of memory" in found["memory", 103].message, "that of the worker of Dask"
-    left = psutil.Process(started[1].pid).children(recursive=True)
+    left = psutil.Process(worker.pid).children(recursive=True)
     assert not [one for one in left if "clutchid.processes" in " ".join(one.cmdline())], "they rest when all is done"
 
 

@@ -12,7 +12,6 @@ from clutchid.model.opening import opening, switched_opening
 from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
 from clutchid.simulation.stiffness import stiffness
-from fixtures.differences import assert_exact
 
 SHARE, EXPONENT = sp.symbols("a n", real=True)
 LAW = switched_opening(SHARE, sp.Integer(0), sp.Integer(0), EXPONENT)
@@ -60,14 +59,6 @@ def strokes() -> Log:
     return Log(t, {"duty_supply": supply, "duty_exhaust": exhaust})
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("exponent", [0.6, 1.0, 1.3, 2.5])
-@pytest.mark.parametrize("name", ["n_vs", "n_ve", "R_0vs", "R_1ve", "C_vs"])
-def test_sensitivities_through_averaged_valves_are_exact(name, exponent):
-    valves = Parameters(n_vs=exponent, n_ve=exponent)
-    assert_exact(Actuator(valves, Load(), "energy-balance-stribeck"), strokes(), name)
-
-
 def test_a_carrier_leaves_the_exponent_without_influence():
     switched = Parameters(T_pwm=0.01, s_vs=0.07, s_ve=0.07)
     one, other = (
@@ -109,12 +100,6 @@ def test_the_integration_of_the_fastest_possible_spool_is_stable():
     log = simulate(actuator, strokes()).log
     assert log["spool_supply"].max() == pytest.approx(1.0, abs=1e-9)
     assert log["spool_supply"].min() >= -1e-9
-
-
-@pytest.mark.parametrize("name", ["tau_vs", "tau_ve", "n_vs", "R_0ve"])
-def test_sensitivities_through_a_spool_are_exact(name):
-    actuator = Actuator(Parameters(tau_vs=3e-3, tau_ve=5e-3, n_vs=1.2, n_ve=0.9), Load(), PROPORTIONAL)
-    assert_exact(actuator, strokes(), name)
 
 
 def test_a_carrier_has_no_influence_on_a_proportional_valve():

@@ -269,7 +269,7 @@ def written(draw):
     return np.array(values), labels, (mark + text).encode(encoding)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(
     table=written(),
     way=st.sampled_from(["numpy", "polars", "csv"]),
@@ -289,7 +289,7 @@ def test_whatever_table_in_whatever_dialect_is_read_back_exactly(tmp_path_factor
     assert [problem for table in tables for problem in table.problems] == []
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(
     content=st.one_of(st.binary(max_size=80), st.text(alphabet="ab01.,;|\t \"'#%[]()/-:\n\r", max_size=80)),
     small=st.booleans(),
