@@ -30,7 +30,7 @@ from clutchid.verbs.stored import copied, sections, stored_recording, write_colu
 
 if TYPE_CHECKING:
     from clutchid import Fit
-    from clutchid.app.worker import Events
+    from clutchid.app.events import Events
 
 #: Most strokes and rests of a recording that are listed.
 _MOST_SECTIONS = 2000

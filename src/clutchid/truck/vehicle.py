@@ -3,30 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import Field, dataclass, field, fields, replace
+from dataclasses import Field, dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from clutchid.arguments import is_number
 from clutchid.errors import ParameterError
 from clutchid.names import check_names
 from clutchid.parameters import Row
+from clutchid.truck.rows import FACTS, PAPER, choice, number
 
 if TYPE_CHECKING:
     from clutchid.truck.parts import Parts
-
-_FACTS = "truck specification"
-PAPER = "Appendix A"
-
-
-def number(value: float, unit: str, meaning: str, low: float, high: float, source: str = _FACTS) -> Any:
-    """A parameter with its default, unit, meaning, admissible range and source."""
-    return field(default=value, metadata={"row": Row(unit, meaning, low, high, True, source)})
-
-
-def choice(value: str, variants: tuple[str, ...]) -> Any:
-    """A parameter that names one of the `variants`."""
-    return field(default=value, metadata={"variants": variants})
-
 
 #: Zero of the position sensor: learned at the vented rest of each recording, or kept from the new clutch.
 ZEROS = ("learned", "kept")
@@ -75,7 +62,7 @@ class Vehicle:
     wear: float = number(0.0, "m", "wear of the facing", 0, 1)
     cycles: float = number(0.0, "1", "number of strokes", 0, 1e8)
     w_max: float = number(3.5e-3, "m", "largest wear of the facing", 1e-4, 0.02, "assumption")
-    i_w: float = number(0.3, "1", "shift of the engaged rest per wear; 6.3 without an adjuster", 0, 10, _FACTS)
+    i_w: float = number(0.3, "1", "shift of the engaged rest per wear; 6.3 without an adjuster", 0, 10, FACTS)
     a_F: float = number(0.25, "1", "relative increase of seal friction per million strokes", 0, 5, "assumption")
     a_C: float = number(1.5, "1", "relative increase of leakage per million strokes", 0, 50, "assumption")
     a_H: float = number(0.008, "1", "final relaxation of the springs", 0, 0.1, "assumption, 1 to 2 % of load")

@@ -13,7 +13,7 @@ from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.truck.parts.part import Clutch, Numbers
 from clutchid.truck.parts.springs import cushion_compression, cushion_force, diaphragm_force, kluever_force
-from clutchid.truck.vehicle import choice, number
+from clutchid.truck.rows import choice, number
 
 SHARED = ("F_r", "k_r", "i_w", "a_H")
 

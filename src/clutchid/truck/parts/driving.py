@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from clutchid.truck.parts.part import Driving, Numbers
-from clutchid.truck.vehicle import choice
+from clutchid.truck.rows import choice
 
 #: Sampling period in s of the bang-bang drive; its valves are as fast as for PWM at 100 Hz.
 _BANG_PERIOD, _BANG_VALVES = 0.002, 0.01

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from clutchid.truck.parts.part import LIFE, Flow, Numbers, scaled_by
-from clutchid.truck.vehicle import PAPER, number
+from clutchid.truck.rows import PAPER, number
 
 #: Area in m² of a nozzle that passes choked what an orifice of 1 m³/(Pa·s) passes: the reference density times the
 #: root of the reference temperature, over the flow of a nozzle with a discharge coefficient of 0.836, that of 9 bar

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from clutchid.truck.parts.part import GUESS, LIFE, Friction, scaled_by
-from clutchid.truck.vehicle import choice, number
+from clutchid.truck.rows import choice, number
 
 _SHARED = ("F_C", "D_v", "R_S", "v_S", "K_z", "a_F")
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from clutchid.log import FloatArray
 from clutchid.truck.parts.part import GUESS, Gas, Tube
-from clutchid.truck.vehicle import number
+from clutchid.truck.rows import number
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,7 +14,7 @@ from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.truck.parts.clutch import SHARED
 from clutchid.truck.parts.part import GUESS, Clutch, Numbers
-from clutchid.truck.vehicle import choice, number
+from clutchid.truck.rows import choice, number
 
 #: Number of strokes that scales the settling of the springs.
 _SETTLING = 2e4

@@ -9,8 +9,8 @@ import numpy as np
 
 from clutchid.log import FloatArray
 from clutchid.truck.parts.part import GUESS, Sensor
+from clutchid.truck.rows import number
 from clutchid.truck.settings import SAMPLE
-from clutchid.truck.vehicle import number
 
 _SHARED = ("q_y", "s_y", "tau_y", "e_y", "q_p", "s_p", "tau_p", "e_p", "zero")
 

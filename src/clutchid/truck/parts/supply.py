@@ -11,7 +11,7 @@ import numpy as np
 from clutchid.log import FloatArray
 from clutchid.truck.parts.gas import energy, mass, truth_of_energy
 from clutchid.truck.parts.part import GUESS, Supply
-from clutchid.truck.vehicle import number
+from clutchid.truck.rows import number
 
 #: Regulator: largest distance of the supply pressure from the set one at the start, as a share.
 START = 0.01

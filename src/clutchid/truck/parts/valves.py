@@ -8,8 +8,8 @@ from typing import Any
 
 from clutchid.log import FloatArray
 from clutchid.truck.parts.part import GUESS, Numbers, Valves, scaled_by
+from clutchid.truck.rows import choice, number
 from clutchid.truck.settings import MAGNETS, SOLENOIDS, SPOOL
-from clutchid.truck.vehicle import choice, number
 
 #: Steps of the duty cycle that a proportional valve resolves.
 _STEPS = 1000
