@@ -175,6 +175,13 @@ def test_a_standard_output_that_is_lost_is_at_most_one_sentence(tmp_path, comman
     assert done.stderr.splitlines() == sentence
 
 
+def _rests(pid: int) -> bool:
+    """Whether a process that has done something takes no processor time for a second."""
+    used = sum(psutil.Process(pid).cpu_times()[:2])
+    time.sleep(1.0)
+    return used > 0.5 and sum(psutil.Process(pid).cpu_times()[:2]) == used
+
+
 @posix
 def test_one_signal_ends_a_command_that_waits_for_a_reader_that_has_stalled(tmp_path):
     (tmp_path / "log.csv").write_text("time [s],position [m]\n0,0\n1,0\n")
@@ -186,7 +193,7 @@ def test_one_signal_ends_a_command_that_waits_for_a_reader_that_has_stalled(tmp_
     os.set_blocking(writer, True)
     command = [*COMMAND, "look", tmp_path / "log.csv"]
     waiting = [subprocess.Popen(command, stdout=writer, stderr=subprocess.PIPE, text=True) for _ in range(2)]
-    time.sleep(4.0)  # they have loaded, and wait
+    wait_for(lambda: all(_rests(process.pid) for process in waiting))  # they have loaded, and wait
     for done, number in zip(waiting, (signal.SIGINT, signal.SIGTERM), strict=True):
         done.send_signal(number)
         _, said = done.communicate(timeout=20)

@@ -1,4 +1,4 @@
-"""What a job says while it works."""
+"""Messages of a job while it works."""
 
 from __future__ import annotations
 

@@ -73,7 +73,7 @@ def plain_functions(system: System) -> tuple[Work, dict[str, Function]]:
 def _results(
     plan: DifferentiatedProgram, work: Work, name: str, slots: Sequence[int]
 ) -> list[tuple[ArrayElement, Expr]]:
-    """What the stages of the program `name` write: derivatives to parameters at the places `slots` of all."""
+    """Results that the stages of a program write: derivatives to parameters at the places `slots` of all."""
     if name == "plain":
         return []
     return [
