@@ -195,14 +195,15 @@ def test_an_error_that_was_not_expected_is_told_in_every_way(capsys: pytest.Capt
         assert ("Traceback" in err) == debug
 
 
-def test_results_are_printed_whatever_the_encoding_of_the_terminal(recording: Path, tmp_path: Path) -> None:
+def test_results_are_printed_whatever_the_encoding_of_the_terminal(
+    command: Command, recording: Path, tmp_path: Path
+) -> None:
     odd = tmp_path / "strøm \u2192.csv"
     odd.write_bytes(recording.read_bytes())
-    ascii_only = {"PYTHONIOENCODING": "ascii:strict", "PYTHONUTF8": "0"}
-    done = process("fit", odd, "--verbose", env=ascii_only)
+    done = process("fit", odd, "--verbose", env={"PYTHONIOENCODING": "ascii:strict", "PYTHONUTF8": "0"})
     assert done.returncode == 0, done.stderr
     assert "fitted str?m ?: position" in done.stdout
-    done = process("fit", odd, "--json", env=ascii_only)
+    done = command("fit", odd, "--json")
     assert json.loads(done.stdout)["logs"].keys() == {odd.stem}
     assert done.stdout.isascii()
 

@@ -83,9 +83,9 @@ def test_as_many_parameters_are_expected_to_have_moved_as_the_data_determine(pro
 def test_the_expected_distance_is_that_of_trucks_drawn_from_the_prior(problem):
     rng = np.random.default_rng(1)
     root = with_hypothesis(problem, tuple(GROUPS)).prior_root
-    truth = np.linalg.solve(root, rng.standard_normal((5, 2000)))
+    truth = np.linalg.solve(root, rng.standard_normal((5, 400)))
     gain = np.linalg.inv(np.eye(5) + root.T @ root)  # of data with a standard deviation of 1 in each coordinate
-    read = gain @ (truth + rng.standard_normal((5, 2000)))
+    read = gain @ (truth + rng.standard_normal((5, 400)))
     distances = [departed(problem, x, information=1.0).distance for x in read.T]
     assert np.mean(distances) == pytest.approx(departed(problem, read[:, 0], information=1.0).expected, rel=0.1)
 

@@ -32,9 +32,10 @@ def test_three_years_have_a_recording_a_week_of_every_vehicle(fleet):
 
 @pytest.mark.slow
 def test_a_facing_wears_until_the_clutch_is_replaced(fleet):
+    end = truck(5, "B").w_max
     for one, other in ((a, b) for vehicle in fleet for a, b in pairwise(vehicle)):
         assert (other.wear == 0.0) if other.event == "clutch replaced" else (other.wear > one.wear)
-        assert other.wear < truck(5, "B").w_max
+        assert other.wear < end
     events = Counter(visit.event for vehicle in fleet for visit in vehicle)
     assert {"clutch replaced", "sensor replaced", "leak"} <= events.keys()
     worn_out = [a for vehicle in fleet for a, b in pairwise(vehicle) if b.event and a.wear > 0.9 * WORN_OUT * 3.5e-3]
