@@ -17,7 +17,8 @@ def functions(plan: DifferentiatedProgram) -> tuple[Work, dict[str, Function]]:
 
     ``constants_NAME(p, work)``, ``hold_NAME(u, u_at, p, work)`` and ``step_NAME(x, x_at, p, work, h)``, which ends with
     the table's ``breakpoints, count, load``, compute the states, where NAME is "plain", with the Jacobian for
-    "jacobian", with the derivatives to parameters too for "all", or to the frequent ones for "frequent".
+    "jacobian", whose step is given the number of its stages last, with the derivatives to parameters too for "all", or
+    to the frequent ones for "frequent".
     ``jump_NAME(x, measured, measured_at, p, work, number)`` is what a jump does. `move_columns` and `map_columns` move
     the sensitivities.
 
@@ -100,7 +101,9 @@ def _program(
     return {
         f"constants_{name}": function(f"constants_{name}", once, program.constants, of_run, constants),
         f"hold_{name}": function(f"hold_{name}", hold, program.held, of_inputs, held),
-        f"step_{name}": step_function(f"step_{name}", system, rates, work, program.stage, (of_stage, results), inline),
+        f"step_{name}": step_function(
+            f"step_{name}", system, rates, work, program.stage, (of_stage, results), inline, name == "jacobian"
+        ),
     }
 
 

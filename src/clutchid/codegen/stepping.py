@@ -274,11 +274,12 @@ def step_function(
     statements: Sequence[Statement],
     places: tuple[Mapping[Expr, ArrayElement], Sequence[tuple[ArrayElement, Expr]]],
     inline: bool,
+    early: bool = False,
 ) -> Function:
     """The function ``NAME(x, x_at, p, work, h)`` that moves the states x by h seconds.
 
-    A system with a table has three arguments more: ``breakpoints, count, load``. `rates` are the symbols of its
-    derivatives. `places` are where the symbols of
+    A system with a table has three arguments more: ``breakpoints, count, load``. With `early` there is a last one, the
+    number of stages: 4 of a step. `rates` are the symbols of its derivatives. `places` are where the symbols of
     `statements` are read, and what each stage writes to its part ``stage`` of the work array.
 
     Raises
@@ -287,14 +288,15 @@ def step_function(
         If an expression uses a function or a relation that is not printed.
     """
     loads, stores = places
-    step = _Step(Writer(places=dict(loads)), system.states, rates, work, keep=bool(stores))
+    step = _Step(Writer(places=dict(loads)), system.states, rates, work, keep=bool(stores), early=early)
     step.begin()
     step.writer.run(statements)
     for place, value in stores:
         step.writer.store(place, step.writer.number(sp.sympify(value)))
     step.end()
     table = (("breakpoints", "ptr noalias"), ("count", "i64"), ("load", "ptr noalias")) if system.table else ()
-    interface = Interface(("x", "p", "work"), ("x",), (("h", sp.Dummy()),), table, inline)
+    others = (*table, *([("evaluations", "i64")] if early else []))
+    interface = Interface(("x", "p", "work"), ("x",), (("h", sp.Dummy()),), others, inline)
     return finished(name, interface, step.writer.lines, _LOOK_UP if system.table else "")
 
 
@@ -307,6 +309,7 @@ class _Step:
     rates: Sequence[Expr]
     work: Work
     keep: bool
+    early: bool
     start: list[str] = field(default_factory=list)
     opened: int = 0
     looked_up: bool = False
@@ -356,7 +359,12 @@ class _Step:
                 f"  %way.{i} = fmul {FAST} double %reach, {rate}",
                 f"  %moved.{i} = fadd {FAST} double {x}, %way.{i}",
             ]
-        writer.lines += ["  %again = icmp slt i64 %next, 4", "  br i1 %again, label %stages, label %done", "done:"]
+        last = "%evaluations" if self.early else "4"
+        writer.lines += [
+            f"  %again = icmp slt i64 %next, {last}",
+            "  br i1 %again, label %stages, label %done",
+            "done:",
+        ]
         writer.lines.append(f"  %sixth = fmul {FAST} double %h, {constant(1.0 / 6.0)}")
         if self.looked_up:
             writer.lines += ["  %left = sitofp i64 %reached to double", "  store double %left, ptr %work"]
