@@ -63,10 +63,10 @@ def automatic(
     ambient = ambient_priors(logs, shared=shared)
     changes = {"P_0": float(np.median([prior.mean for prior in ambient.values()])), "tau_y": LAG, "tau_p": LAG}
     pulsed = replace(actuator, model=WITH_CARRIER) if actuator.model == AUTOMATIC else actuator
-    found = _carrier(logs[0], pulsed) if _can_switch(pulsed) else {}
-    actuator, changes = (pulsed if found else actuator), changes | found
+    carrier = _carrier(logs[0], pulsed) if _can_switch(pulsed) else {}
+    actuator, changes = (pulsed if carrier else actuator), changes | carrier
     changes = {name: value for name, value in changes.items() if not actuator.equipment.missing(name)}
-    free = freed(actuator.replace({"T_pwm": found.get("T_pwm", 0.0)}))
+    free = freed(actuator.replace({"T_pwm": carrier.get("T_pwm", 0.0)}))
     load = actuator.load if actuator.load.basis == "b-spline" else Load.on_b_splines(actuator.load)
     renewed = duty_period(logs[0])
     renewed = actuator.duty_period if renewed is None else renewed
@@ -85,7 +85,11 @@ def ambient_priors(logs: Sequence[Log], *, shared: bool = False) -> dict[str, Pr
     rests, lowest = [vented_pressure(log) for log in logs], [lowest_pressure(log) for log in logs]
     settled = [rest for rest in rests if rest is not None]
     if not settled:
-        return {"P_0": min((_unseen(*one) for one in zip(logs, lowest, strict=True)), key=lambda prior: prior.std)}
+        return {
+            "P_0": min(
+                (_unseen(*recording) for recording in zip(logs, lowest, strict=True)), key=lambda prior: prior.std
+            )
+        }
     best = [rest for rest in settled if rest.closed] or settled
     weights = np.array([rest.std**-2 for rest in best])
     mean, std = float(weights @ [rest.mean for rest in best] / weights.sum()), float(weights.sum() ** -0.5)

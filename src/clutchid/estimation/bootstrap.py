@@ -69,10 +69,10 @@ def _by_returns(track: Track, rest: float) -> NDArray[np.int64]:
         position = track.measured["position"][window.start : window.stop]
         if np.isfinite(position).any():
             level[i] = np.nanmedian(position)
-    known = np.flatnonzero(np.isfinite(level))
-    if known.size == 0:
+    measured = np.flatnonzero(np.isfinite(level))
+    if measured.size == 0:
         return np.zeros(level.size, dtype=np.int64)
-    at_rest = np.interp(np.arange(level.size), known, level[known]) < rest
+    at_rest = np.interp(np.arange(level.size), measured, level[measured]) < rest
     begins = np.zeros(level.size, dtype=np.int64)
     begins[1:] = at_rest[1:] & ~at_rest[:-1]
     outside = np.flatnonzero(~at_rest)

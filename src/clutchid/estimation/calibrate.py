@@ -81,8 +81,8 @@ def fit_with(
     if method.check and request.checks:
         result = method.check(result, search_result, request.calibration, request.profile, request.bootstrap)
     if "pressure_a" not in free.measure or not set(free.names) >= set(actuator.load.names):
-        kept = replace(result, calibration=request.calibration)
-        return _as_reading(kept, problem, logs, free)
+        reading = replace(result, calibration=request.calibration)
+        return _as_reading(reading, problem, logs, free)
     return _with_calibration(method, result, logs, actuator, conditions, progress)
 
 
@@ -97,14 +97,14 @@ def _with_calibration(
     """`result` as a calibration made under `conditions`, with the errors and innovations of position alone."""
     from clutchid.observer.recording import usual_nis  # on use: readings do without an observer
 
-    kept = calibration_of(result, actuator)
+    calibration = calibration_of(result, actuator)
     simulated = [result.recordings[log.name].simulated for log in logs]
     conditions = with_estimated_supply(conditions, logs, simulated)
     # without the conditions, so that the errors hold for readings of recordings that lack them
-    errors = position_only_errors(method, logs, result.actuator, kept, progress)
-    kept = replace(kept, position_only=errors, conditions=conditions)
+    errors = position_only_errors(method, logs, result.actuator, calibration, progress)
+    calibration = replace(calibration, position_only=errors, conditions=conditions)
     report(progress, "innovations")
-    return replace(result, calibration=replace(kept, nis=usual_nis(result.actuator, kept, logs)))
+    return replace(result, calibration=replace(calibration, nis=usual_nis(result.actuator, calibration, logs)))
 
 
 def _as_reading(result: Fit, problem: Problem, logs: Sequence[Log], free: FreeParameters) -> Fit:
@@ -114,10 +114,10 @@ def _as_reading(result: Fit, problem: Problem, logs: Sequence[Log], free: FreePa
     """
     if result.calibration is None or not free.reads_load(result.actuator):
         return result
-    found = condition_warnings(logs, result.calibration.conditions, free.conditions)
+    lacking = condition_warnings(logs, result.calibration.conditions, free.conditions)
     assumed = assumed_conditions(logs, (*free.names, *problem.known), problem.actuator)
-    status = "warning" if found and result.status == "ok" else result.status
-    read = replace(result, warnings=(*result.warnings, *found), status=status, assumed=assumed)
+    status = "warning" if lacking and result.status == "ok" else result.status
+    read = replace(result, warnings=(*result.warnings, *lacking), status=status, assumed=assumed)
     return with_slow_logs(read, logs)
 
 
@@ -130,17 +130,17 @@ def _searched(
     progress: Progress | None,
 ) -> tuple[SearchResult, tuple[Change, ...], Departure | None]:
     """Search; for a load from position alone over all hypotheses, with the changes and the departure."""
-    found = method.search(logs, actuator, free, calibration, progress)
-    if method.changes is None or calibration is None or not found.problem.changing:
-        return found, (), None
-    if isinstance(found.solution, Failure):
-        return found, (), None
+    search_result = method.search(logs, actuator, free, calibration, progress)
+    if method.changes is None or calibration is None or not search_result.problem.changing:
+        return search_result, (), None
+    if isinstance(search_result.solution, Failure):
+        return search_result, (), None
     report(progress, "changes")
-    known = explained(found, method.changes, calibration)
-    cost = min(one.solution.at.cost for one in known.values())
-    best = known[most_probable(known, calibration)]
+    explanations = explained(search_result, method.changes, calibration)
+    cost = min(explanation.solution.at.cost for explanation in explanations.values())
+    best = explanations[most_probable(explanations, calibration)]
     problem = best.result.problem
-    weighed = mixture(known, calibration, relative_misfit(cost, logs, calibration))
+    weighed = mixture(explanations, calibration, relative_misfit(cost, logs, calibration))
     posterior = with_filtered_load(weighed, problem, logs, actuator, calibration)
     settled = method.changes.settle(problem, best.solution, posterior.x)
     if isinstance(settled, Failure):
@@ -169,13 +169,13 @@ def free_parameters(logs: Sequence[Log], actuator: Actuator, request: FitRequest
         free = tuple(name for item in free for name in (automatically if item == "auto" else (item,)))
         priors = {**result, **priors}
     names = _without_shared(free_names(free, actuator, stems))
-    given = {name: prior for name, prior in priors.items() if name in CONDITIONS and name not in names}
-    conditions = given if request.calibration and "pressure_a" not in request.measure else {}
+    of_conditions = {name: prior for name, prior in priors.items() if name in CONDITIONS and name not in names}
+    conditions = of_conditions if request.calibration and "pressure_a" not in request.measure else {}
     priors = {name: prior for name, prior in priors.items() if name not in conditions}
     unknown = [name for name in priors if name not in names]
     if unknown:
-        known = ", ".join(names) or "none"
-        raise ParameterError(f"prior for {', '.join(unknown)}, which is not free; free are {known}.")
+        listed_names = ", ".join(names) or "none"
+        raise ParameterError(f"prior for {', '.join(unknown)}, which is not free; free are {listed_names}.")
     all_bounds = bounds_of(names, actuator, request.bounds) if request.bounds else {}
     bounds = {name: all_bounds[name] for name in request.bounds}
     if request.calibration:
@@ -206,8 +206,10 @@ def _check_profiled(request: FitRequest, free: FreeParameters) -> None:
     """Refuse, before any work, a profile of a fixed parameter; NAME@STEM may become free with a load from position."""
     alien = [name for name in request.profile if name not in free.names and base_of(name) == name]
     if alien:
-        known = ", ".join(free.names)
-        raise ParameterError(f"profile of {', '.join(alien)}, which is not free; free are {known}, or NAME@STEM.")
+        listed_names = ", ".join(free.names)
+        raise ParameterError(
+            f"profile of {', '.join(alien)}, which is not free; free are {listed_names}, or NAME@STEM."
+        )
 
 
 def check_size(logs: Sequence[Log], free: FreeParameters) -> None:

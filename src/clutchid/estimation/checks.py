@@ -116,7 +116,7 @@ def is_nonquadratic(quadratic: tuple[float, float], profiled: tuple[float, float
     True
     """
     most = NONQUADRATIC_SHARE * (quadratic[1] - quadratic[0]) / 2
-    return any(abs(one - other) > most for one, other in zip(quadratic, profiled, strict=True))
+    return any(abs(drawn - other) > most for drawn, other in zip(quadratic, profiled, strict=True))
 
 
 def _deviation(problem: Problem, solution: ShootingSolution, i: int) -> float:
@@ -145,7 +145,7 @@ class _Profile:
 
     def search(self, value: float) -> ShootingSolution | Failure:
         """Solution with x_i fixed at `value`."""
-        nearest = min(self.solutions, key=lambda one: abs(float(one.x[self.i]) - value))
+        nearest = min(self.solutions, key=lambda solution: abs(float(solution.x[self.i]) - value))
         x = nearest.x.copy()
         x[self.i] = value
         problem = _fixed(self.problem, self.i, value)

@@ -29,10 +29,10 @@ def with_filtered_load(
     The band stays that of the posterior: a mean of two estimators has no larger error than the worse one.
     """
     weights = [filtered_weights(log, actuator, calibration) for log in logs]
-    known = [each for each in weights if each is not None]
-    if len(known) < len(weights):
+    filtered_logs = [of_log for of_log in weights if of_log is not None]
+    if len(filtered_logs) < len(weights):
         return posterior
-    filtered = dict(zip(actuator.load.names, np.mean(known, axis=0).tolist(), strict=True))
+    filtered = dict(zip(actuator.load.names, np.mean(filtered_logs, axis=0).tolist(), strict=True))
     x, share = posterior.x, FILTER_WEIGHT * (1.0 - posterior.of_group("valves"))
     step = [
         c.of(filtered[c.base]) - value if c.base in filtered else 0.0
@@ -51,10 +51,10 @@ def filtered_weights(log: Log, actuator: Actuator, calibration: Calibration) -> 
     from clutchid.observer import observe_recording, observer  # on use: most readings do without an observer
 
     try:
-        done = observe_recording(observer(actuator, calibration=calibration, zero="keep"), log)
+        run = observe_recording(observer(actuator, calibration=calibration, zero="keep"), log)
     except DataError:
         return None
-    return None if done.assumes_supply else np.array(done.observer.load(done.after).theta)
+    return None if run.assumes_supply else np.array(run.observer.load(run.after).theta)
 
 
 def load_per_supply(problem: Problem, posterior: Mixture | None) -> float | None:

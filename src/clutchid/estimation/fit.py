@@ -31,7 +31,9 @@ from clutchid.strokes.vented_rest import from_rest
 MethodName = Literal["simulation", "shooting", "prediction-error"]
 
 #: Methods by name.
-METHODS: Mapping[str, Method] = MappingProxyType({one.name: one for one in (SIMULATION, SHOOTING, PREDICTION_ERROR)})
+METHODS: Mapping[str, Method] = MappingProxyType(
+    {method.name: method for method in (SIMULATION, SHOOTING, PREDICTION_ERROR)}
+)
 
 
 def fit_request(
@@ -60,18 +62,18 @@ def fit_request(
     rested, checked = (
         [from_rest(log, request.counted_from, request.zero) for log in several] for several in (ready, apart)
     )
-    recordings, others = [one.log for one in rested], [one.log for one in checked]
+    recordings, others = [one.log for one in rested], [rest.log for rest in checked]
     check_recordings(recordings, others, request.measure, start.parameters.y_max)
     method = method_of(request, recordings, start, methods)
-    done = fit_with(method, [with_inputs(log) for log in recordings], start, request, progress)
-    if done.status == "failed":
-        return done
-    known = done.baseline is not None and len(done.baseline.theta) > 0 and done.load_is_fitted
-    readings = _one_by_one(ready, start, request, progress, methods) if len(recordings) > 1 and known else {}
+    result = fit_with(method, [with_inputs(log) for log in recordings], start, request, progress)
+    if result.status == "failed":
+        return result
+    calibrated = result.baseline is not None and len(result.baseline.theta) > 0 and result.load_is_fitted
+    readings = _one_by_one(ready, start, request, progress, methods) if len(recordings) > 1 and calibrated else {}
     report(progress, "verification")
-    whole = {log.name: on_samples(done.recordings[log.name], log) for log in recordings}
+    whole = {log.name: on_samples(result.recordings[log.name], log) for log in recordings}
     return with_rests(
-        verified(replace(done, recordings=whole, readings=readings, notes=(*done.notes, *said)), others, request),
+        verified(replace(result, recordings=whole, readings=readings, notes=(*result.notes, *said)), others, request),
         [*rested, *checked],
     )
 

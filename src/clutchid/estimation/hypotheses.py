@@ -59,7 +59,7 @@ class Explanation:
 Explanations = Mapping[Hypothesis, Explanation]
 
 
-def explained(found: SearchResult, method: ChangeFunctions, calibration: Calibration) -> dict[Hypothesis, Explanation]:
+def explained(result: SearchResult, method: ChangeFunctions, calibration: Calibration) -> dict[Hypothesis, Explanation]:
     """Explanations under every hypothesis that may matter, from the search that assumed no change.
 
     Parameters
@@ -73,21 +73,21 @@ def explained(found: SearchResult, method: ChangeFunctions, calibration: Calibra
     """
     none: Hypothesis = ()
     dispersion = calibration.position_only.dispersion if calibration.position_only else 1.0
-    known = {none: explanation(found, method, dispersion)}
+    explanations = {none: explanation(result, method, dispersion)}
     failed: set[Hypothesis] = set()
     while True:
-        best = most_probable(known, calibration)
-        candidate = _candidate(known, best, failed, calibration)
+        best = most_probable(explanations, calibration)
+        candidate = _candidate(explanations, best, failed, calibration)
         if candidate is None:
-            return known
-        start, step = known[best], known[best].under(candidate).step
+            return explanations
+        start, step = explanations[best], explanations[best].under(candidate).step
         problem = with_hypothesis(start.result.problem, candidate)
         x = np.clip(start.solution.x + step, *problem.bounds())
         again = method.refine(start.result, problem, x)
         if isinstance(again.solution, Failure):
             failed.add(candidate)
         else:
-            known[candidate] = explanation(again, method, dispersion)
+            explanations[candidate] = explanation(again, method, dispersion)
 
 
 def explanation(found: SearchResult, method: ChangeFunctions, dispersion: float) -> Explanation:
@@ -131,8 +131,8 @@ def score(posterior: GaussianPosterior, hypothesis: Hypothesis, calibration: Cal
     What a change would explain in the calibration recordings, where nothing has changed, is an error of the model.
     """
     errors = calibration.position_only
-    known = max(0.0, errors.evidence(hypothesis)) if errors else 0.0
-    return posterior.log_evidence - known + log_odds(hypothesis)
+    of_model = max(0.0, errors.evidence(hypothesis)) if errors else 0.0
+    return posterior.log_evidence - of_model + log_odds(hypothesis)
 
 
 def softmax(scores: Sequence[float] | FloatArray) -> FloatArray:
@@ -234,8 +234,8 @@ def most_probable(known: Explanations, calibration: Calibration) -> Hypothesis:
 def _log_friction(problem: Problem, x: FloatArray) -> float:
     """Logarithm of the viscous friction over the calibrated one, rms over the recordings."""
     calibrated = problem.actuator.value("D_v")
-    found = [c.si(value) for c, value in zip(problem.coordinates, x.tolist(), strict=True) if c.base == "D_v"]
-    logarithms = [np.log(max(value / calibrated, LEAST_RATIO)) for value in found if calibrated > 0.0]
+    frictions = [c.si(value) for c, value in zip(problem.coordinates, x.tolist(), strict=True) if c.base == "D_v"]
+    logarithms = [np.log(max(value / calibrated, LEAST_RATIO)) for value in frictions if calibrated > 0.0]
     return float(np.sqrt(np.mean(np.square(logarithms)))) if logarithms else 0.0
 
 

@@ -186,8 +186,8 @@ class ParameterFile:
     def _has(self, log: Log) -> bool:
         """Whether exactly this recording was fitted, by its hash under [fit] data."""
         data = self.fit.get("data")
-        known = data.get(log.name) if isinstance(data, Mapping) else None
-        return isinstance(known, str) and known == log.metadata.get("sha256")
+        fitted = data.get(log.name) if isinstance(data, Mapping) else None
+        return isinstance(fitted, str) and fitted == log.metadata.get("sha256")
 
 
 def _check_valves(actuator: Actuator) -> None:
@@ -289,17 +289,17 @@ def calibration_in(section: object, load_names: Sequence[str], method: str, file
     for name in _LACKING.keys() & section.keys():
         if isinstance(section[name], Mapping):
             entries[name] = {**_LACKING[name], **section[name]}
-    found = read(Calibration, entries, "[fit.calibration]", _RULES)
-    weights, errors = len(found.theta), found.position_only
+    calibration = read(Calibration, entries, "[fit.calibration]", _RULES)
+    weights, errors = len(calibration.theta), calibration.position_only
     if weights not in (0, len(load_names)):
         raise ParameterError(f"[fit.calibration] theta: {weights} numbers for {len(load_names)} load weights.")
     if errors is not None:
         shifts = errors.shifts.reshape(len(errors.hypotheses), len(errors.names))
         errors = replace(errors, shifts=shifts, log_evidence=errors.log_evidence.ravel())
-    spread = _covariance(found.theta_covariance, load_names[:weights], "[fit.calibration] theta_covariance")
+    spread = _covariance(calibration.theta_covariance, load_names[:weights], "[fit.calibration] theta_covariance")
     return replace(
-        found,
-        covariance=_covariance(found.covariance, found.names, "[fit.calibration] covariance"),
+        calibration,
+        covariance=_covariance(calibration.covariance, calibration.names, "[fit.calibration] covariance"),
         theta_covariance=spread,
         position_only=errors,
         method=method,

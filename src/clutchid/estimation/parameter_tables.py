@@ -184,8 +184,8 @@ def _equipment(document: Mapping[str, Any], problems: list[str]) -> Equipment:
     section, values = document["actuator"], document.get("parameters", {})
     names = [item.name for item in fields(Equipment)]
     problems += unknown_names(section, (*names, _GRAVITY), "entry of [actuator]")
-    given = {name: section[name] for name in names if name in section}
-    equipment = collected(problems, lambda: Equipment(**given))
+    values_of = {name: section[name] for name in names if name in section}
+    equipment = collected(problems, lambda: Equipment(**values_of))
     if equipment is None:
         return Equipment()
     drawn = [name for name, row in Parameters.rows().items() if row.drawing and not equipment.missing(name)]
@@ -269,12 +269,12 @@ def _own(values: dict[str, Any], model: OwnModel | None, problems: list[str]) ->
 def _parameters(
     values: dict[str, Any], load: Load | None, own: tuple[str, ...], problems: list[str]
 ) -> Parameters | None:
-    known = (*Parameters.names(), *own, *(load or Load()).names)
+    admissible = (*Parameters.names(), *own, *(load or Load()).names)
     # if the load itself is wrong, the number of its weights is unknown
     names = [name for name in values if load is not None or not re.fullmatch(r"theta_[1-9]\d*", name)]
-    problems += unknown_names(names, known)
-    given = {name: value for name, value in values.items() if name in Parameters.names()}
-    return collected(problems, Parameters().replace, given)
+    problems += unknown_names(names, admissible)
+    of_parameters = {name: value for name, value in values.items() if name in Parameters.names()}
+    return collected(problems, Parameters().replace, of_parameters)
 
 
 def recording_tables(starts: Mapping[str, Starts], own: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, Any]]:
@@ -294,9 +294,9 @@ def recordings_in(
 ) -> tuple[dict[str, Starts], dict[str, dict[str, float]]]:
     """Start values of the segments of every recording, and values of single recordings; problems are added."""
     names = (*Parameters.names(), *(model.parameters if model else ()), REST)
-    found = {stem: collected(problems, _recording, stem, entry, names) for stem, entry in recordings.items()}
-    starts = {stem: each[0] for stem, each in found.items() if each}
-    return starts, {stem: each[1] for stem, each in found.items() if each and each[1]}
+    read_recordings = {stem: collected(problems, _recording, stem, entry, names) for stem, entry in recordings.items()}
+    starts = {stem: tables[0] for stem, tables in read_recordings.items() if tables}
+    return starts, {stem: tables[1] for stem, tables in read_recordings.items() if tables and tables[1]}
 
 
 def _recording(stem: str, entry: Any, names: Sequence[str]) -> tuple[Starts, dict[str, float]]:
@@ -311,7 +311,7 @@ def _recording(stem: str, entry: Any, names: Sequence[str]) -> tuple[Starts, dic
     starts = collected(problems, read, _Starts, lists, where, _RULES)
     own = collected(problems, read, dict[str, float], single, where, _RULES)
     if starts is not None and len({*map(len, starts)}) > 1:
-        counts = " and ".join(str(len(each)) for each in starts)
+        counts = " and ".join(str(len(column)) for column in starts)
         problems.append(f"{where}: {in_words} must have the same length; they have {counts} entries.")
     if problems or starts is None or own is None:
         raise ParameterError("\n".join(problems))

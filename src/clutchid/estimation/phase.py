@@ -160,15 +160,15 @@ def _slow_phase(once: Problem, part: Log, actuator: Actuator) -> float:
 
     problems = [on_grid(centred(at / PHASES)) for at in range(PHASES)]
     first = stepped(problems, [_start(once)] * PHASES)
-    least = min(one.cost for one in first)
+    least = min(of_phase.cost for of_phase in first)
     worth = [at for at in range(PHASES) if first[at].cost <= MOST_COST * least]
     second = stepped([problems[at] for at in worth], [first[at].x for at in worth])
-    chosen = int(np.argmin([one.cost for one in second]))
+    chosen = int(np.argmin([of_phase.cost for of_phase in second]))
     near = [centred((worth[chosen] + away) / PHASES) for away in NEAR]
     # from what the best phase adapted to, one step is enough
     start = np.where([c.base == "s_pwm" for c in once.coordinates], 0.0, second[chosen].x)
     finer = stepped([on_grid(phase) for phase in near], [start] * len(near))
-    return near[int(np.argmin([one.cost for one in finer]))]
+    return near[int(np.argmin([of_phase.cost for of_phase in finer]))]
 
 
 def _start(problem: Problem) -> FloatArray:

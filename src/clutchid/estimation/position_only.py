@@ -37,42 +37,44 @@ def position_only_errors(
         As `clutchid.fit`.
     """
     free = FreeParameters(actuator.load.names, ("position",))
-    each = []
+    errors = []
     for log in logs:
-        found = method.search([log.without("pressure_a")], actuator, free, kept, within(progress, "position alone"))
-        if not isinstance(found.solution, Failure):
-            each.append(_errors(found, found.solution, method.changes, log))
-    if not each:
+        search_result = method.search(
+            [log.without("pressure_a")], actuator, free, kept, within(progress, "position alone")
+        )
+        if not isinstance(search_result.solution, Failure):
+            errors.append(_errors(search_result, search_result.solution, method.changes, log))
+    if not errors:
         return None
-    names = tuple(name for name in each[0].names if all(name in one.names for one in each))
-    hypotheses = each[0].hypotheses
+    names = tuple(name for name in errors[0].names if all(name in of_log.names for of_log in errors))
+    hypotheses = errors[0].hypotheses
     return PositionOnlyErrors(
         hypotheses,
         names,
-        np.mean([[one.shift(h, names) for h in hypotheses] for one in each], axis=0),
-        np.mean([one.log_evidence for one in each], axis=0),
-        float(np.mean([one.dispersion for one in each])),
-        float(np.mean([one.misfit for one in each])),
+        np.mean([[of_log.shift(h, names) for h in hypotheses] for of_log in errors], axis=0),
+        np.mean([of_log.log_evidence for of_log in errors], axis=0),
+        float(np.mean([of_log.dispersion for of_log in errors])),
+        float(np.mean([of_log.misfit for of_log in errors])),
     )
 
 
 def _errors(
-    found: SearchResult, solution: Solution[Any], method: ChangeFunctions | None, log: Log
+    search_result: SearchResult, solution: Solution[Any], method: ChangeFunctions | None, log: Log
 ) -> PositionOnlyErrors:
     """Errors in one recording, all hypotheses by the linearisation at the solution without a change.
 
     The phase of the carrier and the far stop are of this recording alone.
     """
-    repeated = {*found.problem.actuator.load.names, *found.problem.changing}
-    at = [i for i, c in enumerate(found.problem.coordinates) if c.name in repeated]
-    widths = np.array([found.problem.coordinates[i].width for i in at])
-    names = tuple(found.problem.coordinates[i].base for i in at)
-    if method is None or not found.problem.changing:
+    repeated = {*search_result.problem.actuator.load.names, *search_result.problem.changing}
+    at = [i for i, c in enumerate(search_result.problem.coordinates) if c.name in repeated]
+    widths = np.array([search_result.problem.coordinates[i].width for i in at])
+    names = tuple(search_result.problem.coordinates[i].base for i in at)
+    if method is None or not search_result.problem.changing:
         none: Hypothesis = ()
         return PositionOnlyErrors((none,), names, (solution.x[at] * widths)[None], np.zeros(1))
-    dispersion = method.dispersion(found.problem, solution)
-    one = explanation(found, method, dispersion)
-    posteriors = [one.under(hypothesis) for hypothesis in HYPOTHESES]
+    dispersion = method.dispersion(search_result.problem, solution)
+    without_change = explanation(search_result, method, dispersion)
+    posteriors = [without_change.under(hypothesis) for hypothesis in HYPOTHESES]
     shifts: FloatArray = np.array([(solution.x + posterior.step)[at] * widths for posterior in posteriors])
     evidence = np.array([posterior.log_evidence for posterior in posteriors])
     usual = misfit(solution.at.cost, [log])

@@ -61,8 +61,8 @@ def fit_of(
         parameters=_estimates(problem, x, uncertain, fitted),
         covariance=covariance,
         load_curve=curve if uncertain.mixture is None else _of_mixture(curve, uncertain.mixture, problem, x),
-        recordings={one.recording.measured.name: one.recording for one in compared},
-        errors=errors_over(one.shown for one in compared),
+        recordings={recording.recording.measured.name: recording.recording for recording in compared},
+        errors=errors_over(recording.shown for recording in compared),
         scales=dict(problem.noise.measured),
         bounds={c.name: (c.low, c.high) for c in problem.coordinates},
         evaluations=solution.evaluations,
@@ -126,13 +126,13 @@ def search_state(problem: Problem, solution: Solution[Any]) -> SearchState:
 
 def _identifiable(problem: Problem, matrix: FloatArray) -> tuple[str, ...]:
     """Free parameters that the data determine, and those whose prior dominates, as sentences."""
-    known = {*problem.actuator.load.names, *problem.changing}
+    unnamed = {*problem.actuator.load.names, *problem.changing}
     from_prior = [
         c.name
         for i, c in enumerate(problem.coordinates)
-        if not known & {c.base, c.name} and np.sqrt(matrix[i, i]) > PRIOR_DOMINATES
+        if not unnamed & {c.base, c.name} and np.sqrt(matrix[i, i]) > PRIOR_DOMINATES
     ]
-    determined = [c.name for c in problem.coordinates if not known & {c.base, c.name} and c.name not in from_prior]
+    determined = [c.name for c in problem.coordinates if not unnamed & {c.base, c.name} and c.name not in from_prior]
     notes = []
     if determined:
         notes.append(f"determined by the data: {listed(determined)}.")

@@ -178,10 +178,10 @@ def search(
         count += 1
         if progress:
             progress(Step(stage, count, cost))
-        found = predict_errors(problem, at, fixed_gains)
-        if isinstance(found, Prediction):
-            cost = float(found.cost)
-        return found
+        prediction = predict_errors(problem, at, fixed_gains)
+        if isinstance(prediction, Prediction):
+            cost = float(prediction.cost)
+        return prediction
 
     current, step_share, previous_move = evaluate(x), 1.0, np.zeros(x.size)
     for _ in range(rounds):

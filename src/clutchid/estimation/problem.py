@@ -65,10 +65,10 @@ def start_point(problem: Problem, free: FreeParameters) -> FloatArray:
     Otherwise it is at the means: bounded steps cannot return from a start far outside a narrow prior.
     """
     x = np.zeros(len(problem.coordinates))
-    known = free.start.values if free.start else {}
+    starts = free.start.values if free.start else {}
     for i, c in enumerate(problem.coordinates):
-        if c.name in known:
-            x[i] = c.of(known[c.name])
+        if c.name in starts:
+            x[i] = c.of(starts[c.name])
     return np.clip(x, *problem.bounds())
 
 
@@ -124,6 +124,6 @@ def _known(
     """Measurements of what may have changed, in each recording, from its conditions and those of the calibration."""
     if calibration is None or not free.reads_load(actuator):
         return {}
-    known = {log.name: known_conditions(log, actuator, calibration.conditions, free.conditions) for log in logs}
-    named = {str(ParameterName(n, stem)): prior for stem, own in known.items() for n, prior in own.items()}
+    measured = {log.name: known_conditions(log, actuator, calibration.conditions, free.conditions) for log in logs}
+    named = {str(ParameterName(n, stem)): prior for stem, own in measured.items() for n, prior in own.items()}
     return {name: prior for name, prior in named.items() if name in changing}

@@ -75,8 +75,8 @@ def free_names(free: Sequence[str], actuator: Actuator, stems: Sequence[str] = (
     if problems:
         raise ParameterError("\n".join(problems))
     parsed = map(ParameterName.parse, expanded)
-    each = [[ParameterName(n.base, stem) for stem in stems] if n.recording == EVERY_RECORDING else [n] for n in parsed]
-    return tuple(dict.fromkeys(str(name) for group in each for name in group))
+    names = [[ParameterName(n.base, stem) for stem in stems] if n.recording == EVERY_RECORDING else [n] for n in parsed]
+    return tuple(dict.fromkeys(str(name) for group in names for name in group))
 
 
 def bounds_of(

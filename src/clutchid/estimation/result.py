@@ -315,9 +315,9 @@ def errors_over(pairs: Iterable[tuple[Log, Log]]) -> Errors:
         for name in ("position", "pressure_a"):
             if name in measured:
                 difference = simulated[name] - measured[name]
-                known = difference[np.isfinite(difference)]
+                differences = difference[np.isfinite(difference)]
                 total, count = sums.get(name, (0.0, 0))
-                sums[name] = (total + float(np.sum(known**2)), count + known.size)
+                sums[name] = (total + float(np.sum(differences**2)), count + differences.size)
     return _errors(sums)
 
 

@@ -29,15 +29,17 @@ from clutchid.strokes.vented_rest import ZeroedLog
 
 def with_rests(result: Fit, rested: Sequence[ZeroedLog]) -> Fit:
     """`result` with the shifts of the rests of its recordings."""
-    known = {one.log.name: one for one in rested if one.shift is not None}
+    shifted = {zeroed.log.name: zeroed for zeroed in rested if zeroed.shift is not None}
 
     def added(recordings: Mapping[str, Recording]) -> dict[str, Recording]:
         return {
-            name: replace(one, rest=known[name].shift, subtracted=known[name].subtracted) if name in known else one
+            name: replace(one, rest=shifted[name].shift, subtracted=shifted[name].subtracted)
+            if name in shifted
+            else one
             for name, one in recordings.items()
         }
 
-    if not known:
+    if not shifted:
         return result
     return replace(result, recordings=added(result.recordings), verification=added(result.verification))
 

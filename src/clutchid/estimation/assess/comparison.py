@@ -151,8 +151,8 @@ def _difference(calibrated: LoadCurve, present: LoadCurve) -> Difference:
     force = present.force - calibrated.force
     half = np.hypot(*((curve.high - curve.low) / 2 for curve in (calibrated, present)))
     smallest = SMALLEST_SHARE * max(float(np.nanmax(calibrated.force)), 0.0)
-    known = calibrated.force > smallest
-    share = np.where(known, force / np.where(known, calibrated.force, 1.0), np.nan)
+    loaded = calibrated.force > smallest
+    share = np.where(loaded, force / np.where(loaded, calibrated.force, 1.0), np.nan)
     return Difference(force, force - half, force + half, share)
 
 
@@ -209,8 +209,8 @@ def measured(fit: Fit, log: Log) -> Measurement | None:
     if values is None:
         return None
     ambient = log.columns.get("temperature_ambient")
-    known = ambient is not None and bool(np.isfinite(ambient).any())
-    return Measurement(*values, float(np.nanmean(ambient)) if known and ambient is not None else float("nan"))
+    recorded = ambient is not None and bool(np.isfinite(ambient).any())
+    return Measurement(*values, float(np.nanmean(ambient)) if recorded and ambient is not None else float("nan"))
 
 
 def change_of(found: Comparison) -> tuple[float, float, float, float] | None:

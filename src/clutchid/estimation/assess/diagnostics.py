@@ -115,9 +115,9 @@ def diagnose(measured: Log, simulated: Log) -> Diagnosis:
     columns = {}
     for name in MEASURED:
         if name in measured and name in simulated:
-            known = np.isfinite(measured[name]) & np.isfinite(simulated[name])
-            if known.any():
-                columns[name] = _diagnosed(measured, np.where(known, measured[name] - simulated[name], np.nan), name)
+            finite = np.isfinite(measured[name]) & np.isfinite(simulated[name])
+            if finite.any():
+                columns[name] = _diagnosed(measured, np.where(finite, measured[name] - simulated[name], np.nan), name)
     if "position" not in columns:
         raise DataError(
             f"{measured.name}: no sample has both a measured and a simulated position; check the recording."
@@ -145,17 +145,17 @@ def fit_percent(measured: FloatArray, simulated: FloatArray) -> float:
     >>> fit_percent(np.array([0.0, 2.0, 4.0]), np.array([0.0, 2.0, 3.0]))
     64.64466094067262
     """
-    known = np.isfinite(measured) & np.isfinite(simulated)
-    y, error = measured[known], (measured - simulated)[known]
+    finite = np.isfinite(measured) & np.isfinite(simulated)
+    y, error = measured[finite], (measured - simulated)[finite]
     if y.size == 0 or not np.ptp(y) > 0.0:
         return float("nan")
     return float(100 * (1 - np.sqrt(np.sum(error**2) / np.sum((y - y.mean()) ** 2))))
 
 
 def _diagnosed(log: Log, residual: FloatArray, name: str) -> ColumnDiagnosis:
-    known = np.isfinite(residual)
-    error = residual[known]
-    block, interval, even, inputs = _evenly(log, residual, known)
+    finite = np.isfinite(residual)
+    error = residual[finite]
+    block, interval, even, inputs = _evenly(log, residual, finite)
     slow_inputs = {key: block_means(values, block) for key, values in inputs.items()}
     fast = colour(even, inputs, interval)
     slow = colour(block_means(even, block), slow_inputs, block * interval) if block > 1 else fast
@@ -197,22 +197,22 @@ def _evenly(
 def _regions(log: Log, residual: FloatArray) -> tuple[RegionError, ...]:
     """Errors by stroke region, for each direction and overall; regions without samples are left out."""
     speed = velocity(log.time, log["position"], SLOW_WINDOW)
-    known = np.isfinite(residual) & np.isfinite(log["position"]) & np.isfinite(speed)
-    way = np.where(speed[known] > HOLD_SPEED, 0, np.where(speed[known] < -HOLD_SPEED, 1, 2))
-    cell, error = region_of(log["position"][known]) * 3 + way, residual[known]
+    finite = np.isfinite(residual) & np.isfinite(log["position"]) & np.isfinite(speed)
+    way = np.where(speed[finite] > HOLD_SPEED, 0, np.where(speed[finite] < -HOLD_SPEED, 1, 2))
+    cell, error = region_of(log["position"][finite]) * 3 + way, residual[finite]
     shape = (len(REGION_EDGES) - 1, 3)
     size = shape[0] * shape[1]
     count, total, squares = (
         np.bincount(cell, weights, size).reshape(shape) for weights in (np.ones_like(error), error, error**2)
     )
-    found = []
+    errors = []
     for i in range(shape[0]):
         for direction, at in (*((d, [j]) for j, d in enumerate(_DIRECTIONS)), ("all", [0, 1, 2])):
             n = float(count[i, at].sum())
             if n > 0:
                 rms, mean = float(np.sqrt(squares[i, at].sum() / n)), float(total[i, at].sum() / n)
-                found.append(RegionError(REGION_EDGES[i], REGION_EDGES[i + 1], direction, int(n), rms, mean))
-    return tuple(found)
+                errors.append(RegionError(REGION_EDGES[i], REGION_EDGES[i + 1], direction, int(n), rms, mean))
+    return tuple(errors)
 
 
 def remarks(diagnosis: Diagnosis) -> list[str]:
@@ -225,7 +225,7 @@ def remarks(diagnosis: Diagnosis) -> list[str]:
 
 
 def _of_colour(column: ColumnDiagnosis, who: str) -> list[str]:
-    worst = max((column.fast, column.slow), key=lambda found: np.nan_to_num(found.share_outside))
+    worst = max((column.fast, column.slow), key=lambda rate: np.nan_to_num(rate.share_outside))
     if not worst.share_outside > MOST_OUTSIDE:
         return []
     text = f"{who} is coloured: {100 * worst.share_outside:.0f} % of the lags up to {worst.lag[-1] * 1e3:.0f} ms lie "
@@ -240,18 +240,18 @@ def _of_inputs(column: ColumnDiagnosis, who: str) -> list[str]:
     for name in INPUTS:
         rates = [rate.inputs[name] for rate in (column.fast, column.slow) if name in rate.inputs]
         certain = [rate for rate in rates if abs(rate.strongest) > BEYOND * rate.strongest_bound]
-        found = max(certain, key=lambda rate: abs(rate.strongest), default=None)
-        if found is not None and abs(found.strongest) > LEAST_CORRELATION:
+        best = max(certain, key=lambda rate: abs(rate.strongest), default=None)
+        if best is not None and abs(best.strongest) > LEAST_CORRELATION:
             # the fast rate gives the lag more precisely where both rates find the same one
             lags = [rate.strongest_lag for rate in certain]
-            lag = 1e3 * next(at for at in lags if abs(at - found.strongest_lag) <= column.slow.interval)
+            lag = 1e3 * next(at for at in lags if abs(at - best.strongest_lag) <= column.slow.interval)
             how = f"follows {name} after {lag:.0f} ms" if lag > 0 else f"correlates with {name}"
             if lag < 0:
                 how = f"precedes {name} by {-lag:.0f} ms"
             what = "an error of the model at this valve, which the verdict weighs"
             what = "the position controller reacts to it" if lag < 0 else what
             sentences.append(
-                f"{who} {how} (correlation {found.strongest:+.2f}, 99 % bound {found.strongest_bound:.2f}): {what}."
+                f"{who} {how} (correlation {best.strongest:+.2f}, 99 % bound {best.strongest_bound:.2f}): {what}."
             )
     return sentences
 

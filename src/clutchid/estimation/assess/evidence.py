@@ -72,8 +72,8 @@ def evidence(fit: Fit) -> Evidence:
     actuator = fit.actuator
     moved = joined([excitation(fit.recordings[name].measured, actuator.parameters) for name in diagnoses])
     # with B-splines, which are local, and with priors, only the motion shows what is missing
-    known = information(fit) if actuator.load.basis == "paper" and not fit.follows else None
-    sentences = missing(moved, actuator, known and _identifiable_if_known(known))
+    determined = information(fit) if actuator.load.basis == "paper" and not fit.follows else None
+    sentences = missing(moved, actuator, determined and _identifiable_if_known(determined))
     return Evidence(diagnoses, {name: predicted_fit(fit, name) for name in diagnoses}, tuple(sentences))
 
 
@@ -112,16 +112,18 @@ def predicted_fit(fit: Fit, name: str) -> float:
     part = measured.slice(0, min(len(measured), every * MOST_HORIZONS + 1))
     if not np.isfinite(part["position"]).any():
         return float("nan")
-    done = simulate(actuator_of(fit, name), part, partition=Partition(every=every, carry="q"), on_failure="return")
-    return fit_percent(part["position"], as_recorded(fit, name, done.log)["position"])
+    simulation = simulate(
+        actuator_of(fit, name), part, partition=Partition(every=every, carry="q"), on_failure="return"
+    )
+    return fit_percent(part["position"], as_recorded(fit, name, simulation.log)["position"])
 
 
 def information(fit: Fit) -> Information | None:
     """Information about the shared free parameters; None if there is none."""
     names = [name for name in fit.parameters if "@" not in name]
     at = [i for i, name in enumerate(fit.parameters) if "@" not in name]
-    found = Information.of_covariance(names, fit.covariance[np.ix_(at, at)], natural_sizes(fit.actuator, names))
-    return found if found.known else None
+    shared = Information.of_covariance(names, fit.covariance[np.ix_(at, at)], natural_sizes(fit.actuator, names))
+    return shared if shared.known else None
 
 
 def _identifiable_if_known(found: Information) -> Information:

@@ -72,10 +72,10 @@ def innovation_statistics(run: ObservedRecording) -> InnovationStatistics:
     gate, every = float(joint.noise.outlier), joint.settings.every * run.observer.spacing
     z = np.clip(run.samples.innovations[:, 0] / np.sqrt(run.samples.innovations[:, 1]), -gate, gate)
     speed = np.abs(run.samples.states[:, run.observer.actuator.states.index("v")])
-    moves, known = speed > joint.settings.least_speed, np.isfinite(z)
+    moves, finite = speed > joint.settings.least_speed, np.isfinite(z)
     spans = ((time - time[0]) / SPAN).astype(np.int64)
-    count = np.bincount(spans, known).astype(np.float64)
-    total = np.bincount(spans, np.where(known, z**2, 0.0))
+    count = np.bincount(spans, finite).astype(np.float64)
+    total = np.bincount(spans, np.where(finite, z**2, 0.0))
     with np.errstate(invalid="ignore"):
         nis = total / np.where(count > 0, count, np.nan)
     # an interval up to a correction and with it; stamps may be off by a part of a sample
@@ -83,8 +83,8 @@ def innovation_statistics(run: ObservedRecording) -> InnovationStatistics:
     on_grid = _means(grid, z)
     duties = {name: _means(grid, run.log[name]) for name in INPUTS}
     return InnovationStatistics(
-        _mean_nis(z[known & moves]),
-        _mean_nis(z[known & ~moves]),
+        _mean_nis(z[finite & moves]),
+        _mean_nis(z[finite & ~moves]),
         time[0] + SPAN * (np.arange(nis.size) + 0.5),
         nis,
         *chi_square_bounds(count),
@@ -99,9 +99,9 @@ def _mean_nis(z: FloatArray) -> MeanNIS:
 
 def _means(places: FloatArray, values: FloatArray) -> FloatArray:
     """Means of the values by their place on a grid, NaN where there is none."""
-    known = np.isfinite(values)
-    count = np.bincount(places, known)
-    total = np.bincount(places, np.where(known, values, 0.0))
+    finite = np.isfinite(values)
+    count = np.bincount(places, finite)
+    total = np.bincount(places, np.where(finite, values, 0.0))
     means: FloatArray = np.where(count > 0, total / np.maximum(count, 1), np.nan)
     return means
 
@@ -111,12 +111,12 @@ def calibration_innovations(fit: Fit) -> dict[str, InnovationStatistics]:
 
     Recordings that cannot be observed are left out.
     """
-    found = dict[str, InnovationStatistics]()
+    statistics = dict[str, InnovationStatistics]()
     if fit.calibration is None or not np.isfinite(fit.calibration.nis) or "pressure_a" not in fit.scales:
-        return found
+        return statistics
     for name, recording in fit.recordings.items():
         log = recording.measured
         with suppress(DataError, ParameterError):  # a page is not lost for it
-            one = observer(fit.actuator, "joint", spacing(log), fit.calibration)
-            found[name] = innovation_statistics(observe_recording(one, log))
-    return found
+            joint = observer(fit.actuator, "joint", spacing(log), fit.calibration)
+            statistics[name] = innovation_statistics(observe_recording(joint, log))
+    return statistics

@@ -86,8 +86,8 @@ def _weights_beyond_reach(information: Information, actuator: Actuator, found: E
 
 
 def _not_identifiable(information: Information) -> list[str]:
-    known = identifiable(information.R)
-    return [name for name, is_known in zip(information.names, known, strict=True) if not is_known]
+    determined = identifiable(information.R)
+    return [name for name, is_known in zip(information.names, determined, strict=True) if not is_known]
 
 
 def _span(name: str, actuator: Actuator) -> tuple[float, float]:
@@ -101,11 +101,11 @@ def _span(name: str, actuator: Actuator) -> tuple[float, float]:
 
 def _correlated_weights(information: Information, actuator: Actuator, found: Excitation, reaching: str) -> list[str]:
     """Pairs of load weights that correlate because the reach ends before the maximum of the further one."""
-    known = [name for name in information.names if name not in _not_identifiable(information)]
-    if len(known) < 2:
+    determined = [name for name in information.names if name not in _not_identifiable(information)]
+    if len(determined) < 2:
         return []
-    matrix = correlations(information.columns(known))
-    weights = [(k, name) for k, name in enumerate(known) if name in actuator.load.names]
+    matrix = correlations(information.columns(determined))
+    weights = [(k, name) for k, name in enumerate(determined) if name in actuator.load.names]
     pairs = [
         (float(matrix[k, j]), one, other)
         for n, (j, one) in enumerate(weights)
@@ -296,13 +296,13 @@ def best_manoeuvre(
     gains, warnings = [], []
     for manoeuvre in MANOEUVRES:
         log = drive(Truck(), manoeuvre=manoeuvre, seconds=seconds, name=manoeuvre).log
-        done = simulate(
+        simulation = simulate(
             actuator, log, partition=Partition(every=RESET_SAMPLES), sensitivities=tuple(names), on_failure="return"
         )
-        if done.status == "failed":
-            warnings.append(f"'{manoeuvre}' is left out: {done.message}")
+        if simulation.status == "failed":
+            warnings.append(f"'{manoeuvre}' is left out: {simulation.message}")
             continue
-        after = present.plus(np.vstack(list(_whitened(done, actuator, sizes, noise, memory))))
+        after = present.plus(np.vstack(list(_whitened(simulation, actuator, sizes, noise, memory))))
         then, reach = after.standard_errors(), float(np.nanmax(log["position"]))
         errors = dict(zip(names, (then * sizes).tolist(), strict=True))
         gains.append(Gain(manoeuvre, after.nats() - present.nats(), float(then[worst] / now[worst]), errors, reach))

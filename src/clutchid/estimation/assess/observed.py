@@ -156,8 +156,8 @@ def observed_verdict(found: Indicators) -> Verdict:
         *_of_strokes(found), *_of_band(found), *_of_mismatch(found), *_of_flags(found), *_of_supply(found),
         *kept_rest(found.kept), *_of_jumps(found), *found.unvented,
     ]  # fmt: skip
-    trust: Trust = "none" if any(one.grave for one in reasons) else "with care" if reasons else "good"
-    return Verdict(trust, tuple(one.text for one in reasons), flawed=any(one.grave for one in reasons))
+    trust: Trust = "none" if any(reason.grave for reason in reasons) else "with care" if reasons else "good"
+    return Verdict(trust, tuple(one.text for one in reasons), flawed=any(reason.grave for reason in reasons))
 
 
 def _of_strokes(found: Indicators) -> list[Reason]:

@@ -39,12 +39,12 @@ def bound_notes(fit: Fit) -> list[str]:
     """Estimates at bounds that say nothing of the error of the load: benchmarks/results/calibration.md."""
     physical = _at_bounds(fit, physical=True)
     if fit.departure is not None:
-        found = [*physical, *_at_bounds(fit, physical=False)]
-        at, why = "a bound" if len(found) == 1 else "bounds", "no reason against a load from position alone"
+        estimates = [*physical, *_at_bounds(fit, physical=False)]
+        at, why = "a bound" if len(estimates) == 1 else "bounds", "no reason against a load from position alone"
     else:
-        found, at = physical, "a physical limit" if len(physical) == 1 else "physical limits"
+        estimates, at = physical, "a physical limit" if len(physical) == 1 else "physical limits"
         why = "no reason against the load"
-    return [f"{_lie(found)} at {at}: {why}."] if found else []
+    return [f"{_lie(estimates)} at {at}: {why}."] if estimates else []
 
 
 def _lie(names: list[str]) -> str:
@@ -53,13 +53,13 @@ def _lie(names: list[str]) -> str:
 
 def _at_bounds(fit: Fit, *, physical: bool) -> list[str]:
     """Estimates at a finite bound that is, or is not, a physical limit, which only fits with priors have."""
-    found = []
+    estimates = []
     for name, estimate in fit.parameters.items():
         ends = zip(("lower", "upper"), fit.bounds.get(name, ()), strict=False)
         limits = physical_limits(fit.actuator, base_of(name)) if fit.follows else ()
         finite = [(word, end) for word, end in ends if np.isfinite(end) and (end in limits) == physical]
-        found += [f"{name} ({word})" for word, end in finite if abs(estimate.value - end) <= 1e-9 * abs(end)]
-    return found
+        estimates += [f"{name} ({word})" for word, end in finite if abs(estimate.value - end) <= 1e-9 * abs(end)]
+    return estimates
 
 
 def slow_reasons(fit: Fit) -> list[Reason]:
@@ -136,8 +136,8 @@ def share_off(fit: Fit) -> float:
 
 def departs(fit: Fit) -> bool:
     """Whether the truck is farther from its calibration, or the recording costs more, than any change explains."""
-    found = fit.departure
-    return found is not None and (_nearer(found) > ANOTHER or found.misfit > POOR_MISFIT)
+    departure = fit.departure
+    return departure is not None and (_nearer(departure) > ANOTHER or departure.misfit > POOR_MISFIT)
 
 
 def _nearer(departure: Departure) -> float:
@@ -167,14 +167,14 @@ def _move(fit: Fit, moved: Moved) -> str:
 
 def _leaks(fit: Fit) -> list[Reason]:
     """Leaks of chamber A beside which the load is not certain."""
-    found = []
+    leaks = []
     for change in fit.changes:
         if change.name == "C_A0" and change.after > LEAKS:
             too_much = change.after > LEAKS_TOO_MUCH
             what = "too much for its load to be read" if too_much else "so much that its load may be wrong"
             text = f"{change.recording}: chamber A, or what is connected to it, leaks {what} ({change.after:.1e} "
-            found.append(Reason(f"{text}m³/(Pa·s), more than {LEAKS:g}): mend the leak, then record again.", too_much))
-    return found
+            leaks.append(Reason(f"{text}m³/(Pa·s), more than {LEAKS:g}): mend the leak, then record again.", too_much))
+    return leaks
 
 
 def _poor_fit(ratio: float) -> list[Reason]:
@@ -209,25 +209,25 @@ def valve_reasons(fit: Fit, found: Evidence) -> list[Reason]:
     width = _width(fit)
     return [
         Reason(
-            f"{one.recording}: the residual of {one.column} is autocorrelated, correlates with a valve and corresponds "
-            f"to a load of {one.load:.0f} N, more than the width of the interval, {width:.0f} N: the interval is too "
-            "narrow."
+            f"{residual.recording}: the residual of {residual.column} is autocorrelated, correlates with a valve and "
+            f"corresponds to a load of {residual.load:.0f} N, more than the width of the interval, {width:.0f} N: the "
+            "interval is too narrow."
         )
-        for one in _residuals(fit, found, 0.0)
-        if one.load > width
+        for residual in _residuals(fit, found, 0.0)
+        if residual.load > width
     ]
 
 
 def valve_notes(fit: Fit, found: Evidence) -> list[str]:
     """The others that `clutchid.estimation.assess.diagnostics.remarks` names: the load does not suffer."""
     width, notes = _width(fit), []
-    for one in _residuals(fit, found, LEAST_CORRELATION):
-        what = f"{one.recording}: the residual of {one.column} correlates with a valve"
-        if one.column == "position" and fit.follows:
+    for residual in _residuals(fit, found, LEAST_CORRELATION):
+        what = f"{residual.recording}: the residual of {residual.column} correlates with a valve"
+        if residual.column == "position" and fit.follows:
             notes.append(f"{what}: no reason against the load, because the position follows the measurement.")
-        elif one.load <= width:
+        elif residual.load <= width:
             notes.append(
-                f"{what} and corresponds to a load of {one.load:.0f} N, within the width of the interval, "
+                f"{what} and corresponds to a load of {residual.load:.0f} N, within the width of the interval, "
                 f"{width:.0f} N: no reason against the load."
             )
     return notes
@@ -286,13 +286,13 @@ def reasons(fit: Fit) -> tuple[Reason, ...]:
     """Reasons that lower the trust in a fit, those of single recordings apart; a failed one has one reason."""
     if fit.status == "failed" or not fit.recordings:
         return (Reason(f"the fit failed: {fit.message}".rstrip(".") + ".", True),)
-    found = evidence(fit)
+    judged = evidence(fit)
     reads = fit.departure is not None
     return (
         *slow_reasons(fit), *reading_reasons(fit), *rest_reasons(fit), *_not_converged(fit),
         *_poor_baseline(fit), *ambient_reasons(fit), *bound_reasons(fit), *_rounding(fit), *_undetermined(fit),
         *_combinations(fit),
-        *([] if reads else [*_motion_fit(found), *valve_reasons(fit, found)]), *_wide_interval(fit), *_reach(fit),
+        *([] if reads else [*_motion_fit(judged), *valve_reasons(fit, judged)]), *_wide_interval(fit), *_reach(fit),
     )  # fmt: skip
 
 
@@ -306,20 +306,20 @@ def _not_converged(fit: Fit) -> list[Reason]:
 
 def _poor_baseline(fit: Fit) -> list[Reason]:
     """A calibration that did not converge, or that is not to be trusted."""
-    known = fit.baseline
-    if known is None:
+    baseline = fit.baseline
+    if baseline is None:
         return []
-    name = known.origin.name if known.origin and known.origin.name else "of this fit"
+    name = baseline.origin.name if baseline.origin and baseline.origin.name else "of this fit"
     reasons = []
-    if known.origin and known.origin.trust == "none":
+    if baseline.origin and baseline.origin.trust == "none":
         reasons.append(Reason(f"the calibration {name} has trust 'none'; calibrate again.", True))
-    if not known.converged:
+    if not baseline.converged:
         text = (
             f"the search of the calibration {name} had not converged, and the load may have errors that its interval "
             "does not include; continue the calibration, then read again."
         )
         reasons.append(Reason(text))
-    return [*reasons, *unvented_baseline(known)]
+    return [*reasons, *unvented_baseline(baseline)]
 
 
 def unvented_baseline(calibration: Calibration | None) -> list[Reason]:
@@ -351,13 +351,13 @@ def ambient_reasons(fit: Fit) -> list[Reason]:
 
 def _rounding(fit: Fit) -> list[Reason]:
     """Directions in which the Jacobian is singular to rounding, so that the covariance is meaningless."""
-    known = [i for i, v in enumerate(np.diag(fit.covariance)) if 0.0 < v < np.inf]
-    if len(known) < 2:
+    finite = [i for i, v in enumerate(np.diag(fit.covariance)) if 0.0 < v < np.inf]
+    if len(finite) < 2:
         return []
-    _, values, vectors = spectrum(fit.covariance[np.ix_(known, known)])
-    if values[0] > len(known) * np.finfo(float).eps * values[-1]:
+    _, values, vectors = spectrum(fit.covariance[np.ix_(finite, finite)])
+    if values[0] > len(finite) * np.finfo(float).eps * values[-1]:
         return []
-    names = [list(fit.parameters)[i] for i in known]
+    names = [list(fit.parameters)[i] for i in finite]
     mixed = [name for name, part in zip(names, np.abs(vectors[:, -1]), strict=True) if part > 0.1]
     return [
         Reason(
@@ -385,10 +385,10 @@ def _undetermined(fit: Fit) -> list[Reason]:
 
 def _combinations(fit: Fit) -> list[Reason]:
     """Three or more estimates of which only combinations are determined, without priors."""
-    found = None if fit.follows else information(fit)
-    if found is None:
+    shared = None if fit.follows else information(fit)
+    if shared is None:
         return []
-    group = [found.known[i] for i in collinear(found.columns(found.known))]
+    group = [shared.known[i] for i in collinear(shared.columns(shared.known))]
     if len(group) < 3:
         return []
     text = f"of {len(group)} parameters, {group[0]} to {group[-1]}, only combinations can be determined: "

@@ -37,13 +37,13 @@ class Stop(NamedTuple):
 
 def moved_rests(fit: Fit) -> tuple[MovedRest, ...]:
     """The rests of the fitted recordings that have moved since the calibration."""
-    found = []
+    rests = []
     for name, recording in fit.recordings.items():
         shift = recording.rest
         if shift is not None and shift.moved:
             cause = rest_cause(shift, _stop(fit, name, shift, recording.subtracted), less_worn=_less_worn(fit))
-            found.append(MovedRest(name, shift, recording.subtracted, cause))
-    return tuple(found)
+            rests.append(MovedRest(name, shift, recording.subtracted, cause))
+    return tuple(rests)
 
 
 def rest_cause(shift: RestShift, stop: Stop | None = None, *, less_worn: bool = False) -> Cause:
@@ -96,7 +96,10 @@ def _less_worn(fit: Fit) -> bool:
 def rest_reasons(fit: Fit) -> list[Reason]:
     """A reason for each rest that has moved while the position was kept as recorded."""
     return [
-        reason for one in moved_rests(fit) if not one.subtracted for reason in kept_rest(one.shift.value, one.recording)
+        reason
+        for rest in moved_rests(fit)
+        if not rest.subtracted
+        for reason in kept_rest(rest.shift.value, rest.recording)
     ]
 
 

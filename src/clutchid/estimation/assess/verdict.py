@@ -68,8 +68,8 @@ def states_of_wear(fit: Fit) -> States | None:
     ----------
     docs/derivations.md, "Two states of wear".
     """
-    known = {name: _measurement(one) for name, one in fit.readings.items()}
-    values = {name: value for name, value in known.items() if value is not None}
+    measured = {name: _measurement(reading) for name, reading in fit.readings.items()}
+    values = {name: value for name, value in measured.items() if value is not None}
     pairs = {(a, b): _difference(a, b, values, _quantile(len(values))) for a, b in combinations(values, 2)}
     most = max(pairs.values(), key=lambda pair: pair.excess, default=None)
     if most is None or most.excess <= 1.0:
@@ -118,13 +118,13 @@ def _difference(a: str, b: str, values: Mapping[str, Measurement], quantile: flo
 
 def states_reasons(fit: Fit) -> list[Reason]:
     """That the recordings of a fit are of several states of wear, by how much they differ, and what to do."""
-    found = states_of_wear(fit)
-    if found is None:
+    states = states_of_wear(fit)
+    if states is None:
         return []
-    count, most = len(found.groups), found.most
+    count, most = len(states.groups), states.most
     text = f"these are {_NUMBERS.get(count, str(count))} states of wear"
     if len(fit.readings) > 2:
-        text += f" ({'; '.join(listed(list(group)) for group in found.groups)})"
+        text += f" ({'; '.join(listed(list(group)) for group in states.groups)})"
     text += f": from {most.first} to {most.second} {' and '.join(_how_far(most))}. One load for all of them describes "
     return [Reason(f"{text}none: use the readings one by one, or follow the wear with {track_command(fit)}")]
 
@@ -251,14 +251,14 @@ def verdict(fit: Fit) -> Verdict:
     >>> verdict(fit(still, force=True)).trust
     'none'
     """
-    found = (*states_reasons(fit), *reasons(fit))
-    trust: Trust = "none" if any(r.grave for r in found) else "with care" if found else "good"
-    flawed = any(reason.grave and not reason.banded for reason in found)
-    texts = tuple(reason.text for reason in found)
+    against = (*states_reasons(fit), *reasons(fit))
+    trust: Trust = "none" if any(r.grave for r in against) else "with care" if against else "good"
+    flawed = any(reason.grave and not reason.banded for reason in against)
+    texts = tuple(reason.text for reason in against)
     if fit.status == "failed" or not fit.recordings:
         return Verdict(trust, texts, flawed=flawed)
     notes = (*bound_notes(fit), *valve_notes(fit, evidence(fit)))
-    return Verdict(trust, texts, _unseen(fit), flawed, notes, _experience(fit, found), noise_only(fit))
+    return Verdict(trust, texts, _unseen(fit), flawed, notes, _experience(fit, against), noise_only(fit))
 
 
 def noise_only(fit: Fit) -> bool:
