@@ -79,11 +79,11 @@ def dispersion(problem: Problem, linear: LinearisedProblem) -> float:
     rows = [block for chain in linear.chains for block in _block_factors(problem, chain)]
     scores = np.array([block[:, :-1].T @ block[:, -1] for block in rows])
     values, vectors = np.linalg.eigh(sum((block[:, :-1].T @ block[:, :-1] for block in rows), np.zeros(())))
-    known = values > LEAST_INFORMATION
-    if len(rows) < 2 or not known.any():
+    informed = values > LEAST_INFORMATION
+    if len(rows) < 2 or not informed.any():
         return 1.0
-    whitened = (scores - scores.mean(axis=0)) @ vectors[:, known] / np.sqrt(values[known])
-    return LOAD_FACTOR * float(np.sum(whitened**2) / known.sum() * len(rows) / (len(rows) - 1))
+    whitened = (scores - scores.mean(axis=0)) @ vectors[:, informed] / np.sqrt(values[informed])
+    return LOAD_FACTOR * float(np.sum(whitened**2) / informed.sum() * len(rows) / (len(rows) - 1))
 
 
 def _block_factors(problem: Problem, chain: Chain) -> list[FloatArray]:

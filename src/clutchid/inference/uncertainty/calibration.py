@@ -52,8 +52,8 @@ class PositionOnlyErrors:
         """Errors of `names` under a hypothesis, 0 where they are not known."""
         if hypothesis not in self.hypotheses:
             hypothesis = self.hypotheses[0]
-        known = dict(zip(self.names, self.shifts[self.hypotheses.index(hypothesis)].tolist(), strict=True))
-        return np.array([known.get(name, 0.0) for name in names])
+        errors = dict(zip(self.names, self.shifts[self.hypotheses.index(hypothesis)].tolist(), strict=True))
+        return np.array([errors.get(name, 0.0) for name in names])
 
     def evidence(self, hypothesis: tuple[str, ...]) -> float:
         """Logarithm of the evidence of a hypothesis against that of no change; 0 if it is not known."""
@@ -144,9 +144,9 @@ class Calibration:
         """Covariance of `names`; 0 for those that were not calibrated."""
         at = [self.names.index(name) if name in self.names else -1 for name in names]
         full = np.zeros((len(names), len(names)))
-        known = [i for i, place in enumerate(at) if place >= 0]
-        places = [at[i] for i in known]
-        full[np.ix_(known, known)] = self.covariance[np.ix_(places, places)]
+        calibrated = [i for i, place in enumerate(at) if place >= 0]
+        places = [at[i] for i in calibrated]
+        full[np.ix_(calibrated, calibrated)] = self.covariance[np.ix_(places, places)]
         return full
 
 
@@ -175,11 +175,11 @@ def consider_parameters(
     if calibration:
         matrix = matrix + calibration.covariance_of(names)
     width = np.sqrt(np.diag(matrix))
-    kept = [i for i in range(len(names)) if 0.0 < width[i] < np.inf]
+    uncertain = [i for i in range(len(names)) if 0.0 < width[i] < np.inf]
     considered = []
-    for i in kept:
+    for i in uncertain:
         row = actuator.row(names[i])
         value = actuator.value(names[i])
         considered.append(Coordinate(names[i], None, value, float(width[i]), False, row.low, row.high))
-    correlation = matrix[np.ix_(kept, kept)] / np.outer(width[kept], width[kept])
+    correlation = matrix[np.ix_(uncertain, uncertain)] / np.outer(width[uncertain], width[uncertain])
     return tuple(considered), square_root(correlation)

@@ -8,7 +8,7 @@ Drift and changes stand in the row of each parameter.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import combinations
+from itertools import chain, combinations
 from math import exp, sqrt
 
 import numpy as np
@@ -121,7 +121,7 @@ def change_covariance(actuator: Actuator, names: Sequence[str], hypothesis: Hypo
     rows = actuator.rows
     sizes = np.array([rows[name].size(actuator.value(name)) for name in names])
     covariance = np.diag([drift(actuator, name) ** 2 for name in names])
-    for direction in (each for group in hypothesis for each in directions(rows, group)):
+    for direction in chain.from_iterable(directions(rows, group) for group in hypothesis):
         by = np.array([direction.get(name, 0.0) for name in names]) * sizes
         covariance += np.outer(by, by)
     return covariance

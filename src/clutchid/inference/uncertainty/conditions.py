@@ -95,7 +95,7 @@ def conditions_of(logs: Sequence[Log], actuator: Actuator) -> RecordedConditions
     if problems:
         raise DataError("\n".join(problems))
     means = [[mean for log in logs if (mean := _mean(log, name)) is not None] for name in CONDITIONS]
-    return RecordedConditions(*(float(np.mean(each)) if each else None for each in means))
+    return RecordedConditions(*(float(np.mean(of_logs)) if of_logs else None for of_logs in means))
 
 
 def with_estimated_supply(
@@ -105,8 +105,8 @@ def with_estimated_supply(
     estimated = []
     for log, states in zip(logs, simulated, strict=True):
         if conditions.supply is not None and "pressure_supply" in log and "pressure_supply" in states:
-            known = np.isfinite(log["pressure_supply"])
-            values = np.where(known, np.interp(log.time, states.time, states["pressure_supply"]), np.nan)
+            recorded = np.isfinite(log["pressure_supply"])
+            values = np.where(recorded, np.interp(log.time, states.time, states["pressure_supply"]), np.nan)
             mean = _mean(log.with_columns(pressure_supply=values), "P_S")
             estimated += [] if mean is None else [mean]
     return conditions._replace(supply_estimated=float(np.mean(estimated))) if estimated else conditions
@@ -190,14 +190,14 @@ def assumed_conditions(logs: Sequence[Log], known: Collection[str], actuator: Ac
 
     `known` are the parameters that are measured or fitted, NAME or NAME@RECORDING; `actuator` is as calibrated.
     """
-    found = []
+    assumptions = []
     for name in [name for name in ("P_S", "T_0") if name in changeable(actuator)]:
         lacking = [log for log in logs if name not in known and f"{name}@{log.name}" not in known]
         recorded = all(_measured(log, CONDITIONS[name]).size for log in lacking)
         value = actuator.value(name)
-        one = Assumption(name, tuple(log.name for log in lacking), value, assumed_change(name) * value, recorded)
-        found += [one] if lacking else []
-    return tuple(found)
+        assumption = Assumption(name, tuple(log.name for log in lacking), value, assumed_change(name) * value, recorded)
+        assumptions += [assumption] if lacking else []
+    return tuple(assumptions)
 
 
 def by_supply(actuator: Actuator, force: FloatArray) -> FloatArray:
@@ -219,8 +219,8 @@ def _measured(log: Log, column: str) -> FloatArray:
 def _mean(log: Log, name: str) -> float | None:
     """Mean of a condition in SI; of the supply pressure while no valve is open, if there is such a time."""
     values = log.columns.get(CONDITIONS[name], np.zeros(len(log)) * np.nan)
-    known = np.isfinite(values)
+    counted = np.isfinite(values)
     if name == "P_S":
         closed = np.all([log.columns.get(duty, np.zeros(len(log))) <= 0.0 for duty in INPUTS], axis=0)
-        known = known & closed if np.any(known & closed) else known
-    return float(np.mean(values[known])) if known.any() else None
+        counted = counted & closed if np.any(counted & closed) else counted
+    return float(np.mean(values[counted])) if counted.any() else None

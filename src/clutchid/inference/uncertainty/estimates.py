@@ -90,5 +90,5 @@ class LoadCurve:
     def peak(self, furthest: float) -> int:
         """Index of the greatest load up to position `furthest` in m, among points with an interval if any has one."""
         inside = self.position <= max(furthest, float(self.position[0]))
-        known = inside & np.isfinite(self.high - self.low)
-        return int(np.argmax(np.where(known if known.any() else inside, self.force, -np.inf)))
+        bounded = inside & np.isfinite(self.high - self.low)
+        return int(np.argmax(np.where(bounded if bounded.any() else inside, self.force, -np.inf)))

@@ -96,13 +96,13 @@ class Information:
 
         Directions whose variance is below rounding get the information of rounding.
         """
-        known = np.flatnonzero((np.diag(covariance) > 0.0) & (np.diag(covariance) < np.inf))
+        finite = np.flatnonzero((np.diag(covariance) > 0.0) & (np.diag(covariance) < np.inf))
         R = np.zeros((len(names), len(names)))
-        if known.size:
-            at = np.ix_(known, known)
+        if finite.size:
+            at = np.ix_(finite, finite)
             std, values, vectors = spectrum(covariance[at])
-            floor = np.finfo(float).eps * known.size * values[-1]
-            R[at] = (vectors / np.sqrt(np.maximum(values, floor))).T / std * sizes[known]
+            floor = np.finfo(float).eps * finite.size * values[-1]
+            R[at] = (vectors / np.sqrt(np.maximum(values, floor))).T / std * sizes[finite]
         return cls(tuple(names), R)
 
     @property

@@ -35,9 +35,9 @@ def identifiability_warnings(
     with_pressure : bool
         Whether the measured pressure is used already.
     """
-    known = identifiable(R)
-    warnings = _not_identifiable([name for i, name in enumerate(names) if not known[i]], actuator, reach)
-    others = np.flatnonzero(known).tolist()
+    determined = identifiable(R)
+    warnings = _not_identifiable([name for i, name in enumerate(names) if not determined[i]], actuator, reach)
+    others = np.flatnonzero(determined).tolist()
     if len(others) > 1:
         correlation = correlations(R[:, others])
         pairs = [
@@ -100,9 +100,11 @@ def _correlated(
     pairs: list[tuple[str, str, float]], actuator: Actuator, reach: float, with_pressure: bool
 ) -> list[str]:
     warnings = []
-    for one, other, correlation in sorted(pairs, key=lambda pair: -abs(pair[2]))[:5]:
-        text = f"{other} and {one} cannot be estimated separately from this recording (correlation {correlation:+.3f})"
-        if one.startswith("theta_") and other.startswith("theta_"):
+    for second, first, correlation in sorted(pairs, key=lambda pair: -abs(pair[2]))[:5]:
+        text = (
+            f"{first} and {second} cannot be estimated separately from this recording (correlation {correlation:+.3f})"
+        )
+        if second.startswith("theta_") and first.startswith("theta_"):
             needed = actuator.load.knots[-1]
             if reach < needed:
                 text += f": it reaches {reach * 1e3:.1f} mm; record strokes to {needed * 1e3:.1f} mm or more"

@@ -67,8 +67,8 @@ class Mixture:
     def slope(self, places: Sequence[int], change: FloatArray) -> FloatArray:
         """Change of x, shape (k,), if x[places] were known to change by `change` (places,)."""
         at = [*places]
-        each = [P[:, at] @ np.linalg.solve(P[np.ix_(at, at)], change) for P in self.covariances]
-        slope: FloatArray = self.probabilities @ np.array(each)
+        slopes = [P[:, at] @ np.linalg.solve(P[np.ix_(at, at)], change) for P in self.covariances]
+        slope: FloatArray = self.probabilities @ np.array(slopes)
         return slope
 
     def interval(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
