@@ -7,11 +7,12 @@ import pytest
 from scipy.stats import binom
 
 from clutchid import fit
+from clutchid.estimation import simulation_error
 from clutchid.estimation.simulation_error import build_problem, linearise, residuals
 from clutchid.log import Log
 from clutchid.model import Actuator
 from clutchid.numerics.failure import Failure
-from clutchid.simulation import Partition
+from clutchid.simulation import Partition, run
 from clutchid.simulation.noise import Noise
 from clutchid.simulation.plan import plan
 from fixtures.changed_logs import spoiled
@@ -107,6 +108,21 @@ def test_a_point_that_cannot_be_simulated_is_an_answer_not_an_exception(truth, d
     answer = linearise(problem, x)
     assert isinstance(answer, Failure)
     assert sentence in answer.message
+
+
+def test_derivatives_are_computed_where_the_search_goes_and_not_for_the_multiples_of_the_start(
+    monkeypatch, truth, drive
+):
+    simulated = []
+    for name in ("run", "run_with_sensitivities"):
+        monkeypatch.setattr(
+            simulation_error, name, lambda *inputs, of=name: simulated.append(of) or getattr(run, of)(*inputs)
+        )
+    result = fit(drive, truth, free="load")
+    # the best multiple, each point of the search, and the covariance with its column more; the fine search begins with
+    # the simulation of the point that gives its scales
+    assert simulated.count("run_with_sensitivities") == result.evaluations - len(simulation_error.COARSE_FACTORS) + 2
+    assert simulated.count("run") == len(simulation_error.COARSE_FACTORS) + 1
 
 
 def test_numbers_of_a_fit_are_of_order_one_and_go_back_to_si(truth, cut):

@@ -6,7 +6,7 @@ the parameters, in units of their natural size and without a prior, and the unkn
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -107,14 +107,14 @@ def build_problem(
     for name, unit in zip(names, natural_sizes(actuator, names).tolist(), strict=True):
         free.append(Coordinate(name, None, 0.0, unit, False, *bounds[name], limit=np.inf))
         values.append(actuator.value(name))
-    for prepared in plans:
-        for number, segment in enumerate(prepared.segments):
+    for one in plans:
+        for number, segment in enumerate(one.segments):
             for name, value, low, high in _free_start(segment, actuator):
-                stem = _start_stem(prepared, number)
+                stem = _start_stem(one, number)
                 free.append(Coordinate(name, stem, 0.0, _START_UNITS[name], False, low, high, limit=np.inf))
                 values.append(value)
     noise = Noise(measured={name: MEASURED[name].first_scale for name in measure})
-    stems = tuple(prepared.log.name for prepared in plans)
+    stems = tuple(one.log.name for one in plans)
     problem = Problem(actuator, tuple(free), stems, tuple(measure), noise, tuple(plans))
     return problem, np.array([c.of(min(max(value, c.low), c.high)) for c, value in zip(free, values, strict=True)])
 
@@ -145,9 +145,9 @@ def _segments(problem: Problem) -> Iterator[tuple[Plan, Segment, list[int]]]:
     own: dict[str | None, list[int]] = {}
     for i, c in enumerate(problem.coordinates):
         own.setdefault(c.stem, []).append(i)
-    for prepared in problem.plans:
-        for number, segment in enumerate(prepared.segments):
-            yield prepared, segment, own.get(_start_stem(prepared, number), [])
+    for one in problem.plans:
+        for number, segment in enumerate(one.segments):
+            yield one, segment, own.get(_start_stem(one, number), [])
 
 
 def _start(
@@ -188,65 +188,114 @@ def two_stages(
     """
     count, cost = 0, np.nan
 
-    def evaluate(at: FloatArray, stage: Stage) -> Linearisation | Failure:
-        nonlocal count, cost
+    def report(stage: Stage) -> None:
+        nonlocal count
         count += 1
         if progress:
             progress(Step(stage, count, cost))
+
+    def evaluate(at: FloatArray, stage: Stage) -> Linearisation | Failure:
+        nonlocal cost
+        report(stage)
         linearisation = linearise(problem, at)
         if isinstance(linearisation, Linearisation):
             cost = float(np.fmin(cost, linearisation.cost))
         return linearisation
 
-    begin = _best_start(problem, x, lambda x: evaluate(x, "coarse search"))
+    begin = _best_start(problem, x, lambda: report("coarse search"))
     if isinstance(begin, Failure):
         return problem, begin
     if not _has_motion(problem):
         return problem, Solution(x, begin[1], "converged", count)
     low, high = problem.bounds()
     coarse = minimise(lambda x: evaluate(x, "coarse search"), begin, low, high, tolerance=1e-3)
-    problem = replace(problem, noise=Noise(measured=_rms_residuals(problem, coarse.x)))
-    again = evaluate(coarse.x, "fine search")
+    report("fine search")
+    problem, again = _rescaled(problem, coarse.x)
     assert isinstance(again, Linearisation)
     fine = minimise(lambda x: evaluate(x, "fine search"), (coarse.x, again), low, high, tolerance=1e-9)
     return problem, replace(fine, evaluations=count)
 
 
+def _rescaled(problem: Problem, x: FloatArray) -> tuple[Problem, Linearisation | Failure]:
+    """The problem with its rms residuals at x as noise scales, and its linearisation there."""
+    segments = [segment for segment in _simulated(problem, x) if not isinstance(segment, Failure)]
+    problem = replace(problem, noise=Noise(measured=_rms_residuals(problem, segments)))
+    return problem, _linearised((_compared(problem, segment) for segment in segments), x.size)
+
+
 def _best_start(
-    problem: Problem, x0: FloatArray, evaluate: Callable[[FloatArray], Linearisation | Failure]
+    problem: Problem, x0: FloatArray, report: Callable[[], None]
 ) -> tuple[FloatArray, Linearisation] | Failure:
     """The best of several multiples of the initial load, if any load weight is free."""
     weights = [i for i, c in enumerate(problem.coordinates) if c.base in problem.actuator.load.names]
-    best: tuple[FloatArray, Linearisation] | None = None
-    failure: Failure | None = None
-    for factor in COARSE_FACTORS if weights else (1.0,):
+    starts, failure = list[tuple[float, int, FloatArray]](), None
+    for number, factor in enumerate(COARSE_FACTORS if weights else (1.0,)):
+        report()
         x = x0.copy()
         x[weights] *= factor
         x = np.clip(x, *problem.bounds())
-        answer = evaluate(x)
-        if isinstance(answer, Failure):
-            failure = failure or answer
-        elif best is None or answer.cost < best[1].cost:
-            best = x, answer
-    return best or failure or Failure("no start can be simulated")
+        cost = _cost(problem, x) if weights else 0.0
+        if isinstance(cost, Failure):
+            failure = failure or cost
+        else:
+            starts.append((cost, number, x))
+    for _, _, x in sorted(starts):
+        linearisation = linearise(problem, x)
+        if isinstance(linearisation, Linearisation):
+            return x, linearisation
+        failure = failure or linearisation
+    return failure or Failure("no start can be simulated")
 
 
-def _rms_residuals(problem: Problem, x: FloatArray) -> dict[str, float]:
+def _cost(problem: Problem, x: FloatArray) -> float | Failure:
+    """Half the sum of squared residuals at `x`, as of `linearise`, without derivatives."""
+    try:
+        actuator = problem.actuator_of(x, problem.stems[0])
+    except ParameterError as error:
+        return Failure(str(error))
+    cost, count, arrays = 0.0, 0, KernelArrays.of(actuator)
+    for one, segment, at in _segments(problem):
+        x0 = start_state(segment, actuator, _start(problem, segment, at, x, actuator))
+        states, failed = run(segment, arrays, x0)
+        if failed >= 0:
+            return Failure(failure_message(one.log, segment, states, failed, actuator.states, actuator))
+        for name in problem.measure:
+            difference = (
+                states[:, actuator.states.index(MEASURED[name].state)] - one.log[name][segment.start : segment.stop]
+            )
+            r = difference[np.isfinite(difference)] / problem.noise.measured[name]
+            with np.errstate(over="ignore"):
+                cost, count = cost + 0.5 * float(r @ r), count + r.size
+        if not np.isfinite(cost):
+            return Failure(f"{one.log.name}: the simulation grows beyond all bounds")
+    return cost if count else Failure("no measured sample can be compared with the simulation")
+
+
+def _rms_residuals(problem: Problem, segments: Iterable[SimulatedSegment]) -> dict[str, float]:
     """Rms residual of every measured column, at least a thousandth of the first scale."""
     scales = problem.noise.measured
     sums = {name: [0.0, 0] for name in problem.measure}
-    for part in residuals(problem, x):
-        if isinstance(part, Failure):
-            return dict(scales)
-        at = slice(part.segment.start, part.segment.stop)
-        sizes = [int(np.isfinite(part.plan.log[name][at]).sum()) for name in problem.measure]
-        for name, piece in zip(problem.measure, np.split(part.r, np.cumsum(sizes)[:-1]), strict=True):
+    for segment in segments:
+        at = slice(segment.segment.start, segment.segment.stop)
+        sizes = [int(np.isfinite(segment.plan.log[name][at]).sum()) for name in problem.measure]
+        r = _compared(problem, segment).r
+        for name, piece in zip(problem.measure, np.split(r, np.cumsum(sizes)[:-1]), strict=True):
             sums[name][0] += float(np.sum(piece**2)) * scales[name] ** 2
             sums[name][1] += piece.size
     return {
         name: max(float(np.sqrt(total / max(1, count))), 1e-3 * MEASURED[name].first_scale)
         for name, (total, count) in sums.items()
     }
+
+
+class SimulatedSegment(NamedTuple):
+    """States (n, n_states) of a segment, and derivatives (n, watched, k') of those measured, to x at `places`."""
+
+    plan: Plan
+    segment: Segment
+    places: list[int]
+    states: FloatArray
+    sens: FloatArray
 
 
 class SegmentResiduals(NamedTuple):
@@ -262,20 +311,23 @@ class SegmentResiduals(NamedTuple):
 
 def linearise(problem: Problem, x: FloatArray) -> Linearisation | Failure:
     """Compressed residuals and Jacobian at `x`; a `Failure` if a simulation fails or parameters are contradictory."""
-    width = x.size
+    return _linearised(residuals(problem, x), x.size)
+
+
+def _linearised(segments: Iterable[SegmentResiduals | Failure], width: int) -> Linearisation | Failure:
     factor = np.zeros((0, width + 1))
     count, cost = 0, 0.0
-    for part in residuals(problem, x):
-        if isinstance(part, Failure):
-            return part
-        count += part.r.size
+    for segment in segments:
+        if isinstance(segment, Failure):
+            return segment
+        count += segment.r.size
         with np.errstate(over="ignore", invalid="ignore"):
-            local = compress(part.J, part.r)
+            local = compress(segment.J, segment.r)
             cost += 0.5 * float(np.sum(local[:, -1] ** 2))
         if not (np.isfinite(local).all() and np.isfinite(cost)):
-            return Failure(f"{part.plan.log.name}: the simulation grows beyond all bounds")
+            return Failure(f"{segment.plan.log.name}: the simulation grows beyond all bounds")
         rows = np.zeros((local.shape[0], width + 1))
-        rows[:, [*part.places, width]] = local
+        rows[:, [*segment.places, width]] = local
         factor = np.vstack([factor, rows])
     if count == 0:
         return Failure("no measured sample can be compared with the simulation")
@@ -290,6 +342,11 @@ def residuals(problem: Problem, x: FloatArray, rests: bool = False) -> Iterator[
 
     With `rests`, J has a last column more, per m of the start position, where that is taken from a rest.
     """
+    for simulated in _simulated(problem, x, rests):
+        yield simulated if isinstance(simulated, Failure) else _compared(problem, simulated)
+
+
+def _simulated(problem: Problem, x: FloatArray, rests: bool = False) -> Iterator[SimulatedSegment | Failure]:
     try:
         actuator = problem.actuator_of(x, problem.stems[0])
     except ParameterError as error:
@@ -298,36 +355,35 @@ def residuals(problem: Problem, x: FloatArray, rests: bool = False) -> Iterator[
     arrays, shared = KernelArrays.of(actuator), _shared(problem)
     watched = [actuator.states.index(MEASURED[name].state) for name in problem.measure]
     slopes = problem.slopes(x)
-    for prepared, segment, at in _segments(problem):
+    for one, segment, at in _segments(problem):
         last = [POSITION_START] if rests and segment.rest > 0 else []
         which = columns(actuator, [*shared, *(problem.coordinates[i].base for i in at), *last])
         x0 = start_state(segment, actuator, _start(problem, segment, at, x, actuator))
         start = x0, start_sensitivities(segment, actuator, which, estimated=bool(at))
         states, sens, _, failed = run_with_sensitivities(segment, arrays, start, which, watched)
         if failed >= 0:
-            yield Failure(failure_message(prepared.log, segment, states, failed, actuator.states, actuator))
+            yield Failure(failure_message(one.log, segment, states, failed, actuator.states, actuator))
             return
         places = [*range(len(shared)), *at]
-        measured = {name: prepared.log[name][segment.start : segment.stop] for name in problem.measure}
-        scaled = sens * np.append(slopes[places], np.ones(len(last)))
-        yield SegmentResiduals(prepared, segment, places, *_compared(problem, measured, states, scaled))
+        yield SimulatedSegment(one, segment, places, states, sens * np.append(slopes[places], np.ones(len(last))))
 
 
-def _compared(
-    problem: Problem, measured: Mapping[str, FloatArray], states: FloatArray, sens: FloatArray
-) -> tuple[FloatArray, FloatArray, NDArray[np.int64]]:
+def _compared(problem: Problem, simulated: SimulatedSegment) -> SegmentResiduals:
+    one, segment, places, states, sens = simulated
     r_parts, J_parts, at_parts = [], [], []
     names, scales = problem.actuator.states, problem.noise.measured
-    for i, (name, values) in enumerate(measured.items()):
+    for i, name in enumerate(problem.measure):
+        values = one.log[name][segment.start : segment.stop]
         difference = states[:, names.index(MEASURED[name].state)] - values
-        finite = np.isfinite(difference)
-        compared = slice(None) if finite.all() else finite  # a slice makes no copy
-        at_parts.append(np.flatnonzero(finite))
-        r_parts.append(difference[compared] / scales[name])
-        J_parts.append(sens[compared, i] / scales[name])
+        known = np.isfinite(difference)
+        kept = slice(None) if known.all() else known  # a slice makes no copy
+        at_parts.append(np.flatnonzero(known))
+        r_parts.append(difference[kept] / scales[name])
+        J_parts.append(sens[kept, i] / scales[name])
     if len(r_parts) == 1:
-        return r_parts[0], J_parts[0], at_parts[0]
-    return np.concatenate(r_parts), np.concatenate(J_parts), np.concatenate(at_parts)
+        return SegmentResiduals(one, segment, places, r_parts[0], J_parts[0], at_parts[0])
+    r, J, samples = np.concatenate(r_parts), np.concatenate(J_parts), np.concatenate(at_parts)
+    return SegmentResiduals(one, segment, places, r, J, samples)
 
 
 def simulated_states(problem: Problem, x: FloatArray, log: int) -> FloatArray:
@@ -335,8 +391,8 @@ def simulated_states(problem: Problem, x: FloatArray, log: int) -> FloatArray:
     actuator, mine = problem.actuator_of(x, problem.stems[log]), problem.plans[log]
     arrays = KernelArrays.of(actuator)
     states = np.full((len(mine.log), len(actuator.states)), np.nan)
-    for prepared, segment, at in _segments(problem):
-        if prepared is mine:
+    for one, segment, at in _segments(problem):
+        if one is mine:
             x0 = start_state(segment, actuator, _start(problem, segment, at, x, actuator))
             states[segment.start : segment.stop] = run(segment, arrays, x0)[0]
     return states
@@ -354,7 +410,7 @@ def result(search_result: SearchResult, calibration: Calibration | None = None) 
     shared = covariance.matrix[:k, :k] * np.outer(unit[:k], unit[:k])
     fitted = problem.actuator_of(x, problem.stems[0])
     compared = _recordings(problem, x, fitted)
-    recordings = {recording.recording.measured.name: recording.recording for recording in compared}
+    recordings = {one.recording.measured.name: one.recording for one in compared}
     warnings = plan_warnings(problem.plans)
     if _has_motion(problem):
         reach = furthest([recording.measured for recording in recordings.values()])
@@ -375,7 +431,7 @@ def result(search_result: SearchResult, calibration: Calibration | None = None) 
         covariance=shared,
         load_curve=load_curve(fitted, names, shared, covariance.quantile()),
         recordings=recordings,
-        errors=errors_over(recording.shown for recording in compared),
+        errors=errors_over(one.shown for one in compared),
         scales=dict(problem.noise.measured),
         bounds={c.base: (c.low, c.high) for c in problem.coordinates[:k]},
         evaluations=solution.evaluations,
@@ -388,8 +444,8 @@ def result(search_result: SearchResult, calibration: Calibration | None = None) 
 def _estimated_starts(problem: Problem, recordings: Mapping[str, Recording]) -> tuple[str, ...]:
     """A note for each recording whose start was estimated: a simulation needs the same start for the same errors."""
     notes = []
-    for prepared in problem.plans:
-        name, first = prepared.log.name, _start_stem(prepared, 0)
+    for one in problem.plans:
+        name, first = one.log.name, _start_stem(one, 0)
         free = [c.base for c in problem.coordinates if c.stem == first]
         if not free:
             continue
@@ -432,30 +488,30 @@ def _does_not_move(recordings: Mapping[str, Recording]) -> list[str]:
 
 def _recordings(problem: Problem, x: FloatArray, fitted: Actuator) -> list[Compared]:
     starts: dict[str, list[tuple[float, float]]] = {stem: [] for stem in problem.stems}
-    for prepared, segment, at in _segments(problem):
-        starts[prepared.log.name].append(_start(problem, segment, at, x, fitted))
+    for one, segment, at in _segments(problem):
+        starts[one.log.name].append(_start(problem, segment, at, x, fitted))
     return [
-        compare(prepared, simulated_states(problem, x, number), starts[prepared.log.name])
-        for number, prepared in enumerate(problem.plans)
+        compare(one, simulated_states(problem, x, number), starts[one.log.name])
+        for number, one in enumerate(problem.plans)
     ]
 
 
 def _covariance(problem: Problem, solution: Solution[Linearisation]) -> Covariance:
     scores, constants = [], []
-    for part in residuals(problem, solution.x, rests=True):
-        assert not isinstance(part, Failure)
-        width = len(part.places)
+    for one in residuals(problem, solution.x, rests=True):
+        assert not isinstance(one, Failure)
+        width = len(one.places)
         # all columns of a sample share one score, which includes their correlation
-        local = np.zeros((len(part.segment), width))
-        np.add.at(local, part.samples, part.J[:, :width] * part.r[:, None])
-        rows = np.zeros((len(part.segment), solution.x.size))
-        rows[:, part.places] = local
+        local = np.zeros((len(one.segment), width))
+        np.add.at(local, one.samples, one.J[:, :width] * one.r[:, None])
+        rows = np.zeros((len(one.segment), solution.x.size))
+        rows[:, one.places] = local
         scores.append(rows)
         gradient = np.zeros(solution.x.size)
-        gradient[part.places] = part.J[:, :width].T @ part.J[:, width:].sum(axis=1)
-        constants.append(gradient * _start_std(problem, part.segment))
-    determined = identifiable(solution.at.R) & ~_at_active_bound(problem, solution) & _has_motion(problem)
-    return sandwich(solution.at.R, scores, determined, len(_shared(problem)), np.transpose(constants))
+        gradient[one.places] = one.J[:, :width].T @ one.J[:, width:].sum(axis=1)
+        constants.append(gradient * _start_std(problem, one.segment))
+    known = identifiable(solution.at.R) & ~_at_active_bound(problem, solution) & _has_motion(problem)
+    return sandwich(solution.at.R, scores, known, len(_shared(problem)), np.transpose(constants))
 
 
 def _start_std(problem: Problem, segment: Segment) -> float:
