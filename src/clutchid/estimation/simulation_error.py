@@ -234,11 +234,7 @@ def _best_start(
         x = x0.copy()
         x[weights] *= factor
         x = np.clip(x, *problem.bounds())
-        cost = _cost(problem, x) if weights else 0.0
-        if isinstance(cost, Failure):
-            failure = failure or cost
-        else:
-            starts.append((cost, number, x))
+        starts.append((_cost(problem, x) if weights else 0.0, number, x))
     for _, _, x in sorted(starts):
         linearisation = linearise(problem, x)
         if isinstance(linearisation, Linearisation):
@@ -247,28 +243,18 @@ def _best_start(
     return failure or Failure("no start can be simulated")
 
 
-def _cost(problem: Problem, x: FloatArray) -> float | Failure:
-    """Half the sum of squared residuals at `x`, as of `linearise`, without derivatives."""
-    try:
-        actuator = problem.actuator_of(x, problem.stems[0])
-    except ParameterError as error:
-        return Failure(str(error))
-    cost, count, arrays = 0.0, 0, KernelArrays.of(actuator)
-    for one, segment, at in _segments(problem):
-        x0 = start_state(segment, actuator, _start(problem, segment, at, x, actuator))
-        states, failed = run(segment, arrays, x0)
-        if failed >= 0:
-            return Failure(failure_message(one.log, segment, states, failed, actuator.states, actuator))
+def _cost(problem: Problem, x: FloatArray) -> float:
+    """Half the sum of squared residuals at `x`, without derivatives; infinite where a simulation fails."""
+    cost = 0.0
+    for number, one in enumerate(problem.plans):
+        states = simulated_states(problem, x, number)
+        if not all(np.isfinite(states[segment.start : segment.stop]).all() for segment in one.segments):
+            return np.inf
         for name in problem.measure:
-            difference = (
-                states[:, actuator.states.index(MEASURED[name].state)] - one.log[name][segment.start : segment.stop]
-            )
-            r = difference[np.isfinite(difference)] / problem.noise.measured[name]
+            difference = states[:, problem.actuator.states.index(MEASURED[name].state)] - one.log[name]
             with np.errstate(over="ignore"):
-                cost, count = cost + 0.5 * float(r @ r), count + r.size
-        if not np.isfinite(cost):
-            return Failure(f"{one.log.name}: the simulation grows beyond all bounds")
-    return cost if count else Failure("no measured sample can be compared with the simulation")
+                cost += 0.5 * float(np.nansum((difference / problem.noise.measured[name]) ** 2))
+    return cost
 
 
 def _rms_residuals(problem: Problem, segments: Iterable[SimulatedSegment]) -> dict[str, float]:
