@@ -23,7 +23,7 @@ AMBIENT = 1.013e5
 
 #: Up to this share of a column, samples that are none of their quantity are dropouts or codes for none, which
 #: `clutchid.strokes.values` leaves out; more are a wrong unit, sign or channel: percent, a gauge pressure.
-FEW = 0.01
+_FEW = 0.01
 
 _DUTY_SLACK = 1e-9
 _ABSOLUTE = ("pressure_a", "pressure_b")
@@ -149,7 +149,7 @@ def _time(column: _Column) -> Iterable[str]:
 def _duty(column: _Column) -> Iterable[str]:
     values = column.values
     outside = np.flatnonzero(np.isfinite(values) & outside_duty(values))
-    if outside.size <= FEW * np.isfinite(values).sum():
+    if outside.size <= _FEW * np.isfinite(values).sum():
         return
     finite = values[np.isfinite(values)]
     per_cent = column.heading.unit == "1" and finite.size and finite.min() >= 0 and 2 < finite.max() <= 100
@@ -165,7 +165,7 @@ def _duty(column: _Column) -> Iterable[str]:
 
 def _pressure(column: _Column) -> Iterable[str]:
     low = np.flatnonzero(np.isfinite(column.values) & (column.values <= 0))
-    if low.size <= FEW * np.isfinite(column.values).sum():
+    if low.size <= _FEW * np.isfinite(column.values).sum():
         return
     unit = column.heading.unit or ""
     gauge = UNITS[unit].gauge

@@ -24,7 +24,7 @@ QUANTITIES: Mapping[str, str] = MappingProxyType({"time": "s", **COLUMNS})
 REQUIRED = ("time", "position", *INPUTS)
 
 #: Longest name of a channel; a longer one is cut.
-LONGEST_NAME = 200
+_LONGEST_NAME = 200
 
 _GRAMMAR = re.compile(r"(?P<name>[^\[]*)(?:\[(?P<unit>[^\[\]]*)\]\s*)?")
 #: A unit at the end of a name begins after one of these, or with a capital after a small letter.
@@ -106,8 +106,8 @@ def distinct(columns: Iterable[Heading]) -> tuple[Heading, ...]:
 
 
 def channel_name(text: str) -> str:
-    """The name of a channel in headings and maps: on one line, at most `LONGEST_NAME` characters."""
-    return shortened(text, LONGEST_NAME)
+    """The name of a channel in headings and maps: on one line, at most `_LONGEST_NAME` characters."""
+    return shortened(text, _LONGEST_NAME)
 
 
 def quantity_named(name: str) -> str | None:

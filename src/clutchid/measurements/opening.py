@@ -77,7 +77,7 @@ def with_dbc(source: Source, dbc: Sequence[str | PathLike[str]]) -> Source:
     raise NoFramesError(f"{source.path}: {idle}; leave --dbc out.")
 
 
-MEMORY_VARIABLE, SECONDS_VARIABLE = "CLUTCHID_READER_MEMORY", "CLUTCHID_READER_SECONDS"
+MEMORY_VARIABLE, _SECONDS_VARIABLE = "CLUTCHID_READER_MEMORY", "CLUTCHID_READER_SECONDS"
 
 _MEMORY = 1_250_000_000
 _SECONDS = 60.0
@@ -113,11 +113,11 @@ def seconds(size: int) -> float:
     ParameterError
         If the environment variable is not a time.
     """
-    text = os.environ.get(SECONDS_VARIABLE)
+    text = os.environ.get(_SECONDS_VARIABLE)
     try:
         least = _SECONDS if text is None else float(text)
     except ValueError:
-        raise ParameterError(f"{SECONDS_VARIABLE} = '{text}': a time in s is needed, for example 300.") from None
+        raise ParameterError(f"{_SECONDS_VARIABLE} = '{text}': a time in s is needed, for example 300.") from None
     return least + size / _BYTES_PER_SECOND
 
 
@@ -165,7 +165,7 @@ class ReaderProcess:
                 "itself": f"the reader process ended on it ({parts.how}): {_SPOILED}",
                 "memory": too_large(),
                 "time": f"was not read within {limits.seconds:.0f} s, so it is damaged or very slow to read; copy it "
-                f"again, or allow more with the environment variable {SECONDS_VARIABLE}=600.",
+                f"again, or allow more with the environment variable {_SECONDS_VARIABLE}=600.",
             }
             raise DataError(f"{path}: {reasons[parts.why]}")
         message, arrays = decoded(parts)

@@ -34,7 +34,7 @@ PIECE, BLOCKS = 1 << 19, 64
 SPOOLED = (".parquet", ".csv")
 
 #: Bytes of the disk that are kept free for the end of the file, and for what is written after it.
-RESERVE = 1 << 22
+_RESERVE = 1 << 22
 
 #: Fewest rows of a piece that are tried where a larger one does not fit on the disk.
 _FEWEST = 256
@@ -83,7 +83,7 @@ def spooled(path: str | PathLike[str], moved: Callable[[Path], None] | None = No
             name.flush()
             lock(name.fileno())
             with suppress(OSError), (folder / _RESERVED).open("wb") as free:  # for the end, where that can be
-                reserve(free, RESERVE)
+                reserve(free, _RESERVE)
             add, end = (_as_text if suffix == ".csv" else _as_parquet)(data, folder, path)
             yield add
             trouble = None
@@ -312,7 +312,7 @@ def _as_parquet(data: BinaryIO, folder: Path, path: str | PathLike[str]) -> tupl
             _note(folder / _SYNCED, groups, synced=True)
 
     def end() -> bytes:
-        if 8 * size <= RESERVE // 4:  # a part of what is kept free for the end; a larger piece must leave it
+        if 8 * size <= _RESERVE // 4:  # a part of what is kept free for the end; a larger piece must leave it
             _release(folder)
         if (held or short) and not stopped:
             write_piece()

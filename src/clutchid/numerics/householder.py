@@ -11,7 +11,7 @@ from clutchid.log import FloatArray
 
 #: A column whose sum of squares is outside this range is scaled: sensitivities to the start of a window decay to
 #: 1e-160, whose squares underflow.
-MIN_SQUARE, MAX_SQUARE = 1e-280, 1e280
+_MIN_SQUARE, _MAX_SQUARE = 1e-280, 1e280
 
 
 @kernel
@@ -37,7 +37,7 @@ def reflect(T: FloatArray, pivots: int) -> None:
         for r in range(n):
             v[r] = T[j, j + r]
             square += v[r] * v[r]
-        if square <= MIN_SQUARE or square >= MAX_SQUARE:
+        if square <= _MIN_SQUARE or square >= _MAX_SQUARE:
             top = largest(v[:n])
             if top == 0.0:
                 continue

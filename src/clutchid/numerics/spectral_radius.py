@@ -10,7 +10,7 @@ from clutchid.codegen.kernels import kernel
 from clutchid.log import FloatArray
 
 #: Squarings of a matrix: the bound is the root of the norm of its power 2^8, some 0.5 % above the radius.
-SQUARINGS = 8
+_SQUARINGS = 8
 
 
 @kernel
@@ -44,7 +44,7 @@ def radius_bound(power: FloatArray, enough: float, other: FloatArray) -> float:
     """Root of the norm of a high power of a matrix, or of a lower one where it lies below `enough`; overwrites both."""
     norm = row_norm(power)
     bound, logarithm, share = norm, 0.0, 1.0
-    for _ in range(SQUARINGS):
+    for _ in range(_SQUARINGS):
         if bound <= enough or norm == 0.0:
             break
         logarithm, share = 2.0 * (logarithm + math.log(norm)), 0.5 * share

@@ -16,7 +16,7 @@ Answer = TypeVar("Answer")
 
 #: Number of parts per thread, and fewest pairs in a part. Several parts balance pieces of different cost; very small
 #: ones do not pay, because the transfer of a part takes as long as the simulation of a window.
-PARTS_PER_THREAD, MIN_PAIRS_PER_PART = 4, 4
+_PARTS_PER_THREAD, MIN_PAIRS_PER_PART = 4, 4
 
 
 def map_pairs(
@@ -33,7 +33,7 @@ def map_pairs(
     threads, count = _threads(), len(pairs) // smallest
     if min(threads, count) < 2:
         return [work(a, b) for a, b in pairs]
-    count = min(PARTS_PER_THREAD * threads, count)
+    count = min(_PARTS_PER_THREAD * threads, count)
     parts = [pairs[len(pairs) * i // count : len(pairs) * (i + 1) // count] for i in range(count)]
     answers = _pool(threads).map(lambda part: [work(a, b) for a, b in part], parts)
     return [answer for part in answers for answer in part]

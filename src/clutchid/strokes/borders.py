@@ -25,8 +25,8 @@ LONGEST_HOLD = 10.0
 LONGEST = 2**18
 
 #: A chamber is vented where its pressure is at most this factor times the lowest of the rest; a rest above
-#: `PRESSED` times the ambient pressure is a hold.
-VENTED, PRESSED = 1.1, 1.5
+#: `_PRESSED` times the ambient pressure is a hold.
+VENTED, _PRESSED = 1.1, 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,7 +158,7 @@ def _vented(pending: PendingSamples, begin: int, end: int) -> float:
     finite = pressure[np.isfinite(pressure)]
     if finite.size:
         floor = float(finite.min())
-        if floor > PRESSED * DEFAULTS.P_0:
+        if floor > _PRESSED * DEFAULTS.P_0:
             return 0.0
         pressed = np.flatnonzero(pressure > VENTED * floor)
         since += int(pressed[-1]) + 1 if pressed.size and pressed[-1] < pressure.size - 1 else 0
@@ -224,22 +224,22 @@ def _completed(pending: PendingSamples, span: _Span) -> CompletedSamples:
 
 #: Fractions of the reach: least amplitude of a swing and of a swing in slip, least distance between distinct levels,
 #: and the range of positions in which the clutch slips.
-SWING, SLIP_SWING, APART, SLIP_ZONE = 0.3, 0.02, 0.08, (0.06, 0.6)
+SWING, _SLIP_SWING, APART, _SLIP_ZONE = 0.3, 0.02, 0.08, (0.06, 0.6)
 
 #: Half the number of bins over which these speeds are computed.
-SLOPE_BINS = 5
+_SLOPE_BINS = 5
 
-#: Speeds in reaches per second: slip is slower than `SLOW`, a controlled return slower than `EASED` (a free return has
-#: 4 or more), a hold slower than `HOLDS`.
-SLOW, EASED, HOLDS = 1.0, 1.5, 0.1
+#: Speeds in reaches per second: slip is slower than `SLOW`, a controlled return slower than `_EASED` (a free return has
+#: 4 or more), a hold slower than `_HOLDS`.
+SLOW, _EASED, _HOLDS = 1.0, 1.5, 0.1
 
 #: Least times in s: of a ramp while opening or in the upper half of the return; of a held level; of any slip; and of a
 #: slip that is longer than that of a gear shift.
-RAMP, HELD, SHORT_SLIP, LONG_SLIP = 0.8, 0.25, 0.12, 1.2
+RAMP, HELD, _SHORT_SLIP, _LONG_SLIP = 0.8, 0.25, 0.12, 1.2
 
-#: Fractions of a stroke's length: bang-bang motion is still for less than `MOVING`, a staircase slips for less than
-#: `SLIPPING`.
-MOVING, SLIPPING = 0.25, 0.45
+#: Fractions of a stroke's length: bang-bang motion is still for less than `_MOVING`, a staircase slips for less than
+#: `_SLIPPING`.
+_MOVING, _SLIPPING = 0.25, 0.45
 
 #: A rest with a larger fraction of its positions missing is labelled "no position".
 MOST_MISSING = 0.5
@@ -250,8 +250,8 @@ class MotionFeatures:
     """Features that classify a manoeuvre; positions as fractions of the reach, times in s.
 
     Length; highest position; number of distinct held levels, and of reversals after swings of `SWING`; time of slow
-    motion while opening, and in the upper half of the final return; time of slow motion in `SLIP_ZONE` during that
-    return, and the reversals in it; time there below `EASED`; fraction of the length during which the piston is still.
+    motion while opening, and in the upper half of the final return; time of slow motion in `_SLIP_ZONE` during that
+    return, and the reversals in it; time there below `_EASED`; fraction of the length during which the piston is still.
     """
 
     seconds: float
@@ -283,32 +283,32 @@ def motion_features(time: FloatArray, y: FloatArray, still: BoolArray) -> Motion
     top = np.flatnonzero(y >= 0.9 * peak)
     back, before, after = y[top[-1] :], slice(0, top[0]), slice(top[-1], None)
     speed = _slopes(time, y)
-    creeps = (np.abs(speed) < SLOW) & (np.abs(speed) > HOLDS)
-    zone = (back > SLIP_ZONE[0]) & (back < SLIP_ZONE[1])
+    creeps = (np.abs(speed) < SLOW) & (np.abs(speed) > _HOLDS)
+    zone = (back > _SLIP_ZONE[0]) & (back < _SLIP_ZONE[1])
     slow = zone & (np.abs(speed[after]) < SLOW)
     return MotionFeatures(
         seconds=float(time[-1] - time[0]),
         peak=peak,
-        levels=_levels(time, y, np.abs(speed) < HOLDS),
+        levels=_levels(time, y, np.abs(speed) < _HOLDS),
         swings=_swings(y, SWING),
         opening=float(step[before][creeps[before] & (speed[before] > 0) & (y[before] > 0.1 * peak)].sum()),
         upper=float(step[after][creeps[after] & (back > 0.5 * peak)].sum()),
         slip=float(step[after][slow].sum()),
-        slip_swings=_swings(back[slow], SLIP_SWING),
-        eased=float(step[after][zone & (np.abs(speed[after]) < EASED)].sum()),
+        slip_swings=_swings(back[slow], _SLIP_SWING),
+        eased=float(step[after][zone & (np.abs(speed[after]) < _EASED)].sum()),
         still=float(step[still].sum() / max(step.sum(), 1e-9)),
     )
 
 
 #: Labels of strokes and their conditions; the first condition that holds decides, and the last one always holds.
 _RULES: tuple[tuple[str, Callable[[MotionFeatures], bool]], ...] = (
-    ("bang-bang", lambda c: c.swings >= 4 and c.still < MOVING),
+    ("bang-bang", lambda c: c.swings >= 4 and c.still < _MOVING),
     ("ramp", lambda c: max(c.opening, c.upper) >= RAMP and c.levels <= 1 and c.swings <= 1),
-    ("staircase", lambda c: c.swings >= 3 or (c.levels >= 3 and c.slip < SLIPPING * c.seconds)),
-    ("slip control", lambda c: c.slip >= LONG_SLIP and c.slip_swings >= 1),
+    ("staircase", lambda c: c.swings >= 3 or (c.levels >= 3 and c.slip < _SLIPPING * c.seconds)),
+    ("slip control", lambda c: c.slip >= _LONG_SLIP and c.slip_swings >= 1),
     ("partial stroke", lambda c: c.peak < FULL),
-    ("full stroke", lambda c: c.eased < SHORT_SLIP),
-    ("gear shift", lambda c: c.slip < LONG_SLIP),
+    ("full stroke", lambda c: c.eased < _SHORT_SLIP),
+    ("gear shift", lambda c: c.slip < _LONG_SLIP),
     ("pull-away", lambda c: True),  # noqa: ARG005
 )
 
@@ -317,7 +317,7 @@ def stroke_label(bins: Bins) -> str:
     """Label of a stroke, one of `STROKES`; "partial stroke" if it stays at the rest level."""
     moving = np.isfinite(bins.position) & (bins.reach > 0)
     y = (bins.position - bins.level)[moving] / bins.reach[moving]
-    if y.size < 3 or float(y.max()) <= SLIP_ZONE[0]:
+    if y.size < 3 or float(y.max()) <= _SLIP_ZONE[0]:
         return "partial stroke"
     features = motion_features(bins.time[moving], y, bins.still[moving])
     return next(label for label, holds in _RULES if holds(features))
@@ -328,21 +328,21 @@ def rest_label(bins: Bins, *, long_hold: bool, missing: float) -> str:
     if missing > MOST_MISSING:
         return "no position"
     pressure = bins.pressure[np.isfinite(bins.pressure)]
-    pressed = pressure.size > 0 and float(np.median(pressure)) > PRESSED * DEFAULTS.P_0
+    pressed = pressure.size > 0 and float(np.median(pressure)) > _PRESSED * DEFAULTS.P_0
     return "held" if long_hold or pressed or not np.median(bins.inside) else "vented rest"
 
 
 def _slopes(time: FloatArray, y: FloatArray) -> FloatArray:
-    """Slope over `SLOPE_BINS` bins before and after each bin, fewer at the ends."""
+    """Slope over `_SLOPE_BINS` bins before and after each bin, fewer at the ends."""
     here = np.arange(time.size)
-    a, b = np.maximum(here - SLOPE_BINS, 0), np.minimum(here + SLOPE_BINS, time.size - 1)
+    a, b = np.maximum(here - _SLOPE_BINS, 0), np.minimum(here + _SLOPE_BINS, time.size - 1)
     slope: FloatArray = (y[b] - y[a]) / (time[b] - time[a])
     return slope
 
 
 def _levels(time: FloatArray, y: FloatArray, slow: BoolArray) -> int:
     """Number of distinct held levels."""
-    off = slow & (y > SLIP_ZONE[0])
+    off = slow & (y > _SLIP_ZONE[0])
     levels = [float(np.median(y[a:b])) for a, b in runs(off) if time[b - 1] - time[a] >= HELD]
     count, last = 0, -np.inf
     for level in sorted(levels):

@@ -21,7 +21,7 @@ from clutchid.strokes.stream import Samples
 from clutchid.strokes.stroke import QUICKEST
 
 #: A usable stroke has at most this fraction of its positions missing, and travels at least this fraction of the reach.
-MOST_MISSING, LEAST_REACH = 0.5, 0.05
+MOST_MISSING, _LEAST_REACH = 0.5, 0.05
 
 #: Largest batch of strokes, and of samples in them, that is evaluated at once.
 BATCH, SAMPLES = 64, 2**21
@@ -90,7 +90,7 @@ def _usable(section: Section, seconds: float) -> bool:
         section.kind == "stroke"
         and summary.missing <= MOST_MISSING
         and QUICKEST <= section.seconds <= seconds
-        and summary.highest - summary.lowest > LEAST_REACH * summary.reach
+        and summary.highest - summary.lowest > _LEAST_REACH * summary.reach
         and summary.highest > summary.level
     )
 
@@ -145,7 +145,7 @@ STANDS, FAST = 0.05, 1.0
 ENOUGH = 0.05
 
 #: Weight of a stroke without a vented rest before it, whose initial state must be estimated too.
-UNANCHORED = 0.5
+_UNANCHORED = 0.5
 
 
 def gram(section: Section, reach: float) -> FloatArray:
@@ -171,7 +171,7 @@ def gram(section: Section, reach: float) -> FloatArray:
     lasts = np.diff(bins.time, append=log.time[-1])
     used = np.isfinite(speed) & np.isfinite(place) & (np.abs(speed) > STANDS)
     speed, place, weight = speed[used], place[used], lasts[used]
-    weight = weight * (1.0 if summary.vented_rest > 0 else UNANCHORED)
+    weight = weight * (1.0 if summary.vented_rest > 0 else _UNANCHORED)
     left = np.minimum(place.astype(np.int64), HATS - 2)
     at = HATS * (2 * (speed < 0) + (np.abs(speed) > FAST)) + left
     right = place - left

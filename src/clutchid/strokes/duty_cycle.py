@@ -10,10 +10,10 @@ from clutchid.log import INPUTS, FloatArray, Log, sample_interval
 
 #: Changes of the duty cycles lie on a grid if the mean of their phasors has at least this length; least number of
 #: changes, and greatest number that is used; longest period in s.
-MIN_COHERENCE, MIN_CHANGES, MAX_CHANGES, MAX_PERIOD = 0.95, 50, 5000, 0.1
+_MIN_COHERENCE, MIN_CHANGES, _MAX_CHANGES, _MAX_PERIOD = 0.95, 50, 5000, 0.1
 
 #: Fewest samples per carrier period that resolve its phase, and the same for the recorded edges of an on/off unit.
-MIN_SAMPLES, MIN_SAMPLES_ON_OFF = 2.5, 2.0
+_MIN_SAMPLES, _MIN_SAMPLES_ON_OFF = 2.5, 2.0
 
 #: Longest interval in s between samples that have all changes of duty cycles that a control unit changes every
 #: millisecond.
@@ -51,7 +51,7 @@ def resolves_carrier(log: Log, period: float) -> bool:
     DataError
         If the recording lacks a duty cycle.
     """
-    least = MIN_SAMPLES_ON_OFF if on_off(log) else MIN_SAMPLES
+    least = _MIN_SAMPLES_ON_OFF if on_off(log) else _MIN_SAMPLES
     return period > (least - 1e-6) * sample_interval(log.time)
 
 
@@ -79,13 +79,13 @@ def duty_grid(log: Log) -> DutyGrid:
         If the recording lacks a duty cycle.
     """
     step = sample_interval(log.time)
-    at = _changes(log)[:MAX_CHANGES]
+    at = _changes(log)[:_MAX_CHANGES]
     if at.size < MIN_CHANGES:
         return DutyGrid(0.0, 0.0)
-    least = MIN_SAMPLES_ON_OFF if on_off(log) else np.ceil(MIN_SAMPLES)
-    periods = step * np.arange(least, round(MAX_PERIOD / step) + 1)
+    least = _MIN_SAMPLES_ON_OFF if on_off(log) else np.ceil(_MIN_SAMPLES)
+    periods = step * np.arange(least, round(_MAX_PERIOD / step) + 1)
     phasors = np.array([np.exp(2j * np.pi * at / period).mean() for period in periods])
-    fitting = np.flatnonzero(np.abs(phasors) > MIN_COHERENCE)
+    fitting = np.flatnonzero(np.abs(phasors) > _MIN_COHERENCE)
     if fitting.size == 0:
         return DutyGrid(0.0, 0.0)
     longest = fitting[-1]

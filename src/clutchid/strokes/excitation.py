@@ -26,10 +26,10 @@ HOLD_SPEED = 1.5e-3
 SLOW_WINDOW, FAST_WINDOW = 0.05, 0.005
 
 #: Shortest rest and shortest hold that count, in s: longer than the window that detects them.
-SHORTEST_REST, SHORTEST_HOLD = 0.1, 0.2
+SHORTEST_REST, _SHORTEST_HOLD = 0.1, 0.2
 
 #: The first and the last region have one edge only; they count as passed from this depth inside them, in m.
-END_DEPTH = 1e-3
+_END_DEPTH = 1e-3
 
 #: A chamber counts as vented where the piston rests within this distance of zero, in m.
 VENTED_POSITION = 5e-4
@@ -186,7 +186,7 @@ def _still(log: Log, p: Parameters) -> tuple[list[float], tuple[Hold, ...]]:
     pressure = log["pressure_a"] if "pressure_a" in log else np.full(len(log), np.nan)
     closed = closed & ~(pressure > VENTED_PRESSURE * p.P_0)
     rests = [float(time[b - 1] - time[a]) for a, b in runs(still & near & closed)]
-    still_runs = [(a, b) for a, b in runs(still & ~near) if time[b - 1] - time[a] >= SHORTEST_HOLD]
+    still_runs = [(a, b) for a, b in runs(still & ~near) if time[b - 1] - time[a] >= _SHORTEST_HOLD]
     holds = [Hold(float(np.nanmean(position[a:b])), float(time[b - 1] - time[a])) for a, b in still_runs]
     return [rest for rest in rests if rest >= SHORTEST_REST], tuple(holds)
 
@@ -201,8 +201,8 @@ def _visits(log: Log) -> tuple[RegionVisit, ...]:
     seconds = np.bincount(region_of(position), dt[finite], len(REGION_EDGES) - 1)
     visits = []
     for (low, high), spent in zip(pairwise(REGION_EDGES), seconds.tolist(), strict=True):
-        begin = high - END_DEPTH if low == 0.0 else low
-        end = high if np.isfinite(high) else low + END_DEPTH
+        begin = high - _END_DEPTH if low == 0.0 else low
+        end = high if np.isfinite(high) else low + _END_DEPTH
         visits.append(RegionVisit(low, high, spent, *_passes(position, begin, end)))
     return tuple(visits)
 

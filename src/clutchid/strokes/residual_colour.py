@@ -13,10 +13,10 @@ import numpy as np
 from clutchid.log import FloatArray
 
 #: Lags on each side, and order of the autoregressive model that whitens an input: those of MATLAB's `resid`.
-LAGS, WHITENING_ORDER = 25, 10
+LAGS, _WHITENING_ORDER = 25, 10
 
 #: Half width of a 99 % interval in standard deviations.
-Z_99 = 2.5758
+_Z_99 = 2.5758
 
 #: Least number of values for an autocorrelation.
 FEWEST = 2 * LAGS
@@ -92,7 +92,7 @@ def colour(residual: FloatArray, inputs: Mapping[str, FloatArray], interval: flo
         blank = np.full(LAGS + 1, np.nan)
         return Colour(interval, lag, blank, blank, np.nan, np.nan)
     r, pairs = _autocorrelation(residual)
-    bound = Z_99 / np.sqrt(np.maximum(pairs, 1.0))
+    bound = _Z_99 / np.sqrt(np.maximum(pairs, 1.0))
     crossed = {name: _crossed(residual, values, interval) for name, values in inputs.items()}
     return Colour(
         interval, lag, r, bound, float(np.mean(np.abs(r[1:]) > bound[1:])), float(r[1]),
@@ -195,7 +195,7 @@ def _crossed(residual: FloatArray, values: FloatArray, interval: float) -> Cross
     lag = interval * np.array(both, dtype=np.float64)
     pairs = np.maximum(_products(*numbers, both), 1.0)
     r = _products(e, u, both) / pairs / sigma
-    bound = Z_99 * np.sqrt(_products(e**2, u**2, both) * spread) / pairs / sigma
+    bound = _Z_99 * np.sqrt(_products(e**2, u**2, both) * spread) / pairs / sigma
     at = int(np.argmax(np.abs(r) / np.maximum(bound, np.finfo(float).tiny)))
     outside = float(np.mean(np.abs(r) > bound))
     return CrossCorrelation(lag, r, bound, outside, float(lag[at]), float(r[at]), float(bound[at]))
@@ -218,6 +218,6 @@ def _whitener(x: FloatArray) -> FloatArray:
     """Filter (1, -a_1, ...) whose output of `x` is white: the autoregression by the Yule-Walker equations."""
     from scipy.linalg import solve_toeplitz
 
-    c = _products(x, x, range(WHITENING_ORDER + 1))
-    a = solve_toeplitz(c[:-1] + _RIDGE * c[0] * (np.arange(WHITENING_ORDER) == 0), c[1:])
+    c = _products(x, x, range(_WHITENING_ORDER + 1))
+    a = solve_toeplitz(c[:-1] + _RIDGE * c[0] * (np.arange(_WHITENING_ORDER) == 0), c[1:])
     return np.concatenate([[1.0], -a])

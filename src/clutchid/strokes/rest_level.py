@@ -22,11 +22,11 @@ STILL = 0.15
 CALM = 0.1
 
 #: The piston moves in a block whose positions span more than this many calm windows; noise and vibration span about 3.
-MOVES = 5.0
+_MOVES = 5.0
 
 #: Fractions of the reach: half width of the band that counts as at rest, change within `STILL` s that counts as still,
 #: and upper limit of the noise estimate while the piston moves.
-BAND, CREEP, MOST_NOISE = 0.02, 0.01, 0.03
+BAND, CREEP, _MOST_NOISE = 0.02, 0.01, 0.03
 
 #: The lowest rest is vented only if the piston goes no further below it than this fraction of the reach: a cylinder
 #: that cycles may be still at the far end only.
@@ -34,10 +34,10 @@ LOW_END = 0.15
 
 #: While the piston moves, windows that range over more than this many standard deviations of the noise are not calm:
 #: 15 samples of white noise have 3.5, vibration of 10 Hz has 12, and a cylinder that turns around in a second has 60.
-ROUGH = 10.0
+_ROUGH = 10.0
 
 #: Largest factor by which the noise changes from block to block, and forgetting factor of an outlying reach.
-GROWTH, FADING = 1.25, 0.02
+GROWTH, _FADING = 1.25, 0.02
 
 #: After this many moving blocks without a rest at the level, the lowest rest is the new level: the zero has changed.
 LOST = 3
@@ -118,8 +118,8 @@ def updated(before: RestLevel | None, position: FloatArray, closed: BoolArray, w
     spread = ranges(position, width)
     span = float(np.ptp(position))
     calm = float(np.quantile(spread, CALM))
-    moving = span > MOVES * max(calm, step)
-    noise = min(calm, MOST_NOISE * span, ROUGH * _roughness(position)) if moving else calm
+    moving = span > _MOVES * max(calm, step)
+    noise = min(calm, _MOST_NOISE * span, _ROUGH * _roughness(position)) if moving else calm
     if before is not None:
         noise = min(max(noise, before.noise / GROWTH), max(before.noise, step) * GROWTH)
     reach = np.nan if before is None else before.reach
@@ -127,7 +127,7 @@ def updated(before: RestLevel | None, position: FloatArray, closed: BoolArray, w
     level, lost = _level(before, draft, position, (spread <= draft.creep) & closed, moving)
     if moving:
         travel = float(position.max()) - level
-        reach = travel if not np.isfinite(reach) else max(travel, (1 - FADING) * reach + FADING * travel)
+        reach = travel if not np.isfinite(reach) else max(travel, (1 - _FADING) * reach + _FADING * travel)
     return RestLevel(level, reach, noise, step, lost)
 
 

@@ -13,7 +13,7 @@ from clutchid.log import FloatArray, sample_interval
 IntArray: TypeAlias = NDArray[np.intp]
 
 #: Samples per block of the noise estimate, and fraction of the blocks that counts as quiet.
-BLOCK, QUIET = 32, 0.1
+BLOCK, _QUIET = 32, 0.1
 
 #: Largest number of values used for the quantisation step.
 ENOUGH = 200_000
@@ -137,7 +137,7 @@ def noise(values: FloatArray) -> float:
     left = centred - np.outer(centred @ line, line)
     spread = np.sqrt(np.maximum(np.sum(left**2, axis=1), 0.0) / (BLOCK - 2))
     alive = np.ptp(blocks, axis=1) > 0
-    return float(np.quantile(spread[alive] if 2 * alive.sum() > count else spread, QUIET))
+    return float(np.quantile(spread[alive] if 2 * alive.sum() > count else spread, _QUIET))
 
 
 def quantum(values: FloatArray) -> float:

@@ -32,14 +32,14 @@ PRESSURES, SUPPLY = (0.3e5, rule.MOST_SUPPLY), (rule.LEAST_SUPPLY, rule.MOST_SUP
 
 #: Factors: on the conductances of the valves and on rates of pressure and velocity, and on the viscous friction, by
 #: which a truck may differ from the actuator that it is compared with: three standard deviations of their priors.
-FASTER, FREER = 1.5, 0.4
+FASTER, _FREER = 1.5, 0.4
 
 #: Noise of a sensor whose samples scatter less, in standard deviations of `SENSORS`: once in 10^15 samples.
 DEVIATIONS = 8.0
 
 #: Samples for which a sensor may repeat its value because it is slower than the recording, and times in s: the longest
 #: gap over which a step is judged, and after which a step that stays is another zero, not an outlier.
-REPEATS, LONGEST_GAP, BELIEVED = 15, 0.05, 1.0
+REPEATS, _LONGEST_GAP, BELIEVED = 15, 0.05, 1.0
 
 #: Where more than this share of a channel were none, its unit, its sign or its zero is wrong, which the checks say.
 MOST = 0.2
@@ -75,7 +75,7 @@ def possible_motion(actuator: Actuator, interval: float) -> Motion:
     """
     p = actuator.parameters
     power = FASTER * p.rho_0 * p.C_vs * p.P_S * p.R * p.T_0
-    force, friction = p.P_0 * p.A_A, FREER * p.D_v
+    force, friction = p.P_0 * p.A_A, _FREER * p.D_v
     velocity = 2.0 * power / (force + math.sqrt(force**2 + 4.0 * friction * power))
     rate = 1.4 * power / p.V_0A
     return Motion(velocity, FASTER * (2.0 * p.F_C + p.A_A * rate * interval) / p.M, rate)
@@ -89,7 +89,7 @@ def limits(actuator: Actuator, column: str, interval: float) -> FloatArray:
         rates = motion.velocity, motion.acceleration
     else:
         (low, high), rates = PRESSURES, (motion.pressure_rate, math.inf)
-    gap = max(LONGEST_GAP, HOLE * interval)
+    gap = max(_LONGEST_GAP, HOLE * interval)
     noise = DEVIATIONS * SENSORS[column].noise
     return np.array([low, high, *rates, noise, REPEATS * interval, max(BELIEVED, 2.0 * gap), gap, interval])
 

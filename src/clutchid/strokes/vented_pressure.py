@@ -43,12 +43,12 @@ BIN, FEWEST = 0.02, 4
 CLOSED, OPEN = 0.02, 0.5
 
 #: Last parts of a rest in which the pressure may be level: of the one at the start, and of one after a stroke.
-AT_START, AFTER_STROKE = (1.0, 0.5, 0.25), (1 / 2, 1 / 3, 1 / 4)
+AT_START, _AFTER_STROKE = (1.0, 0.5, 0.25), (1 / 2, 1 / 3, 1 / 4)
 
 #: A decay is over where the pressure has fallen by this multiple of what it may still fall in a last part as long;
 #: elsewhere, such as at the start, it may go on with this time constant in s. Those of trucks 0 to 5 of both families
 #: are below 0.17 s.
-DECAYED, SLOWEST = 2.0, 0.5
+_DECAYED, SLOWEST = 2.0, 0.5
 
 #: A vented rest lies below this share of the travel.
 LOW_END = 0.15
@@ -104,7 +104,7 @@ class _Level(NamedTuple):
     @property
     def hidden(self) -> float:
         """Standard deviation in Pa of a decay that goes on, which the noise hides."""
-        over = self.fall >= DECAYED * (abs(self.drift) + self.drift_std)
+        over = self.fall >= _DECAYED * (abs(self.drift) + self.drift_std)
         return self.drift_std * (1.0 if over else max(SLOWEST / self.seconds, 1.0))
 
     @property
@@ -222,7 +222,7 @@ def _at_start(bins: _Bins) -> tuple[_Level | None, int]:
 def _after_strokes(bins: _Bins) -> _Level | None:
     """Level of the rests with an open exhaust valve together, but for those that lie above others."""
     openings, pooled = runs(bins.closed & bins.opened), []
-    for part in AFTER_STROKE:
+    for part in _AFTER_STROKE:
         levels = [level for opening in openings if (level := _last(bins, opening, part))]
         if levels:
             pooled.append(_pooled(levels))

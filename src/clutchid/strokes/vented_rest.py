@@ -32,7 +32,7 @@ from clutchid.strokes.values import Values
 
 #: Time in s for which the exhaust valve is open at a vented rest, after the piston has come to a standstill or within
 #: `STILL` s before; and the beginning of a rest that gives its level: seals that relax let the piston creep later.
-VENTS, EARLY = 0.05, 0.3
+VENTS, _EARLY = 0.05, 0.3
 
 #: Standard deviations: of a level between two recordings in m, beside what the quantum of the sensor adds; and of the
 #: distance of the rests after a stroke from the stop, as a share of it, which goes with the friction of the seals.
@@ -168,7 +168,7 @@ def _rests(raw: RawBins, opened: BoolArray | None, seconds: float) -> list[tuple
     calm = float(np.quantile(spread, CALM))
     still = (spread <= max(CREEP * span / 2, 2.0 * calm)) & raw.closed & (position <= low + LOW_END * span)
     rests: list[tuple[float, bool]] = []
-    shortest, early, before = (round(time / seconds) for time in (STILL, EARLY, STILL))
+    shortest, early, before = (round(time / seconds) for time in (STILL, _EARLY, STILL))
     for a, b in runs(still):
         if b - a < max(shortest, 1):
             continue

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 _ONLY_ITS_END = "the load of an observer at the end of a recording is no measurement of the wear; --verb track has one."
 
 #: No half-load position.
-NO_HALF_LOAD = HalfLoad(np.nan, np.nan, np.nan)
+_NO_HALF_LOAD = HalfLoad(np.nan, np.nan, np.nan)
 
 
 class ReadingOptions(NamedTuple):
@@ -79,7 +79,7 @@ class RecordingResult(NamedTuple):
     clock: str = ""
     sha256: str = ""
     curve: LoadCurve | None = None
-    half_load: HalfLoad = NO_HALF_LOAD
+    half_load: HalfLoad = _NO_HALF_LOAD
     changes: tuple[str, ...] = ()
 
 
@@ -156,7 +156,7 @@ def _fitted(log: Log, content: ParameterFile, path: Path, zero: Zero) -> Recordi
     fit = fitted(Reading((log,)), content.actuator, request).raised()
     curve = fit.load_curve
     judged, compared = verdict(fit), comparison(fit)
-    half, trust = compared.half_now if compared else NO_HALF_LOAD, judged.trust
+    half, trust = compared.half_now if compared else _NO_HALF_LOAD, judged.trust
     message = fit.message if trust == "good" or not judged.reasons else judged.reasons[0]
     status = "warning" if fit.warnings or trust != "good" else "ok"
     # a load that is only uncertain counts in the trend by its band

@@ -172,7 +172,7 @@ def _send(bus: can.BusABC, waiting: Queue[Sequence[Payload]], reasons: list[str]
 
 
 #: Longest time in s that the end of a recording waits for the thread that reads the bus.
-CLOSING = 2.0
+_CLOSING = 2.0
 
 
 def from_bus(name: BusName, stopped: Stopped) -> Iterator[Frames]:
@@ -200,7 +200,7 @@ def from_bus(name: BusName, stopped: Stopped) -> Iterator[Frames]:
                     reader.join(PACE)
         finally:
             closing.set()
-            reader.join(CLOSING)  # a driver may hold on to its last call; the thread ends with the process
+            reader.join(_CLOSING)  # a driver may hold on to its last call; the thread ends with the process
     if failures:
         raise DataError(f"{name}: failed ({_reason(failures[0])}).") from failures[0]
 
@@ -237,7 +237,7 @@ def _reason(error: Exception) -> str:
 #: Time in s, by the stamps, in which every message of the recording comes once; for which one is waited at most; and
 #: frames in which they all must have come. `SLOW` is the time for channels of a map that nothing needs: pressures and
 #: temperatures are sent once a second.
-LEARNT, SLOW, PATIENT, MOST = 1.0, 3.0, 10.0, 1 << 17
+_LEARNT, SLOW, _PATIENT, MOST = 1.0, 3.0, 10.0, 1 << 17
 
 _UNREADABLE = "error frame"
 
@@ -322,10 +322,10 @@ def _learnt(
             origin = stamps[0] if np.isnan(origin) and stamps.size else origin
             latest = max(latest, stamps.max(initial=-np.inf))
             streams |= {stream: None for stream, _ in by_stream(block, lookup) if isinstance(stream, FrameStream)}
-        waited = latest - origin if sum(map(len, first)) < MOST else PATIENT
-        if block is not None and not waited >= LEARNT:
+        waited = latest - origin if sum(map(len, first)) < MOST else _PATIENT
+        if block is not None and not waited >= _LEARNT:
             continue
-        late = block is None or waited >= PATIENT
+        late = block is None or waited >= _PATIENT
         wanted = required if late or waited >= SLOW or channels is None else (*required, *channels.channels)
         try:
             rasters, picks = _picked(name, in_order(streams, messages), channels, wanted)

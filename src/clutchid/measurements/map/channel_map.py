@@ -24,7 +24,7 @@ _ABOVE_ZERO = {
 }
 
 #: Longest delay of a channel in s: filters and buses of vehicles have tens of milliseconds. A generous guess.
-LONGEST_DELAY = 0.5
+_LONGEST_DELAY = 0.5
 _TOP = ("dbc", *_ABOVE_ZERO)
 
 
@@ -250,9 +250,9 @@ def _values(name: str, entry: Channel) -> list[str]:
         problems.append(f"sign = {entry.sign:g}: must be 1 or -1; use factor for another scale.")
     if entry.factor == 0.0:
         problems.append("factor = 0: must not be 0.")
-    if abs(entry.delay) > LONGEST_DELAY:
+    if abs(entry.delay) > _LONGEST_DELAY:
         problems.append(
-            f"delay = {entry.delay:g} s: a channel is at most {LONGEST_DELAY:g} s late; write it in s, 0.008 for 8 ms."
+            f"delay = {entry.delay:g} s: a channel is at most {_LONGEST_DELAY:g} s late; write it in s, 0.008 for 8 ms."
         )
     if entry.longest is not None and entry.longest <= 0.0:
         problems.append(f"longest = {entry.longest:g} s: must be above 0 s.")

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 Raw: TypeAlias = NDArray[np.uint64]
 
 #: Bits of the numbers that IEEE 754 has, and their types.
-FLOATS = {16: (np.uint16, np.float16), 32: (np.uint32, np.float32), 64: (np.uint64, np.float64)}
+_FLOATS = {16: (np.uint16, np.float16), 32: (np.uint32, np.float32), 64: (np.uint64, np.float64)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +151,7 @@ def decode(signal: Signal, data: Bytes, length: Counts) -> FloatArray:
 
 def _numbers(signal: Signal, raw: Raw) -> FloatArray:
     if signal.ieee:
-        unsigned, ieee = FLOATS[signal.length]
+        unsigned, ieee = _FLOATS[signal.length]
         with np.errstate(invalid="ignore"):
             return np.asarray(raw.astype(unsigned).view(ieee).astype(np.float64))
     if signal.signed:
@@ -320,7 +320,7 @@ def _message(message: CantoolsMessage, named: bool) -> Message:
 
 
 def _usable(signal: CantoolsSignal) -> bool:
-    sizes = FLOATS if signal.is_float else range(1, 65)
+    sizes = _FLOATS if signal.is_float else range(1, 65)
     return signal.length in sizes and 0 <= signal.start < _LAST_BIT
 
 

@@ -29,7 +29,7 @@ from clutchid.measurements.formats.csv.lines import (
 )
 from clutchid.messages import shortened
 
-SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "blanks"}
+_SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "blanks"}
 
 #: Number of lines that are examined, and number of samples that determine the type of a column.
 _EXAMINED = 1000
@@ -75,7 +75,7 @@ class Dialect:
         names = f"names on line {self.header}" if self.header else "no names"
         units = f", units on line {self.units}" if self.units else ""
         mark = {".": "decimal point", ",": "decimal comma", "": "whole numbers"}[self.decimal]
-        return f"{SEPARATORS[self.separator]}, {mark}, {names}{units}, samples from line {self.samples}"
+        return f"{_SEPARATORS[self.separator]}, {mark}, {names}{units}, samples from line {self.samples}"
 
     def with_decimal(self, mark: str) -> Dialect:
         """A copy with another decimal mark."""
@@ -115,7 +115,7 @@ def _by_contract(filled: Filled, first: int) -> _Structure | None:
     """Structure if the first line that is not a comment has standard names, and therefore is the header."""
     line = filled[first][1]
     best: tuple[tuple[bool, int, int], str, list[str]] = ((False, 0, 0), "", [])
-    for separator in SEPARATORS:
+    for separator in _SEPARATORS:
         cells = split_header(line, separator, line.count("[")) if separator == " " else split(line, separator)
         standard = [column for column in headings(cells) if column.name is not None]
         with_unit = sum(column.si is not None for column in standard)
@@ -157,7 +157,7 @@ def _padded(names: list[str], rows: Sequence[Sequence[str]]) -> list[str]:
 def _by_numbers(filled: Filled) -> _Structure | None:
     """Structure from the numbers: the header is the last text above them with as many cells."""
     structures = []
-    for separator in SEPARATORS:
+    for separator in _SEPARATORS:
         rows = [split(line, separator) for _, line in filled]
         tails = [rows[-max(1, len(rows) // part) :][-_TYPED:] for part in (4, 2, 1)]
         structures += [structure for tail in tails if (structure := _with_separator(filled, separator, rows, tail))]

@@ -106,7 +106,7 @@ def _units(
 
 
 #: Channels of a matrix, and of a file, up to which they are listed.
-MOST_COLUMNS = 256
+_MOST_COLUMNS = 256
 MOST_CHANNELS = 20_000
 
 #: Samples from which on a first column that grows is taken for time.
@@ -252,8 +252,8 @@ class _ChannelScan:
         if len(numbers.sides) > 2 and not numbers.is_vector:
             self.scanned.leave("arrays of three or more dimensions", path)
             return []
-        if numbers.channels > MOST_COLUMNS:
-            self.scanned.leave(f"matrices of more than {MOST_COLUMNS} columns", path)
+        if numbers.channels > _MOST_COLUMNS:
+            self.scanned.leave(f"matrices of more than {_MOST_COLUMNS} columns", path)
             return []
         self.scanned.channels += numbers.channels
         if self.scanned.channels > MOST_CHANNELS:

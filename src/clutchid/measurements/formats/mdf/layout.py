@@ -19,7 +19,7 @@ from clutchid.messages import shortened
 KEY = "clutchid"
 
 #: Flags of a channel group: texts of a channel in another group; frames of a bus.
-_VLSD, BUS_EVENT = 1, 2
+_VLSD, _BUS_EVENT = 1, 2
 
 _BUS_CHANNEL = 1 << 10
 _ALL_INVALID = 1
@@ -117,7 +117,7 @@ def _layout(mdf: Any, owner: int, groups: list[int], out: Counter[str]) -> Group
     master = owner, mdf.masters_db.get(owner)
     clock = next((i for i, (place, _) in enumerate(channels) if (place.group, place.index) == master), None)
     if len(channels) == (clock is not None):  # nothing beside the stamps
-        frames = version_of(mdf) == 4 and mdf.groups[owner].channel_group.flags & BUS_EVENT
+        frames = version_of(mdf) == 4 and mdf.groups[owner].channel_group.flags & _BUS_EVENT
         out["frames" if frames else "bare"] += 1
         return None
     if clock is not None and version_of(mdf) == 4 and channels[clock][1].sync_type not in (0, _TIME):

@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from asammdf import MDF
 
 #: First bytes of a file that its logger did not finalise; it may also say so in its flags.
-UNFINISHED = b"UnFinMF "
+_UNFINISHED = b"UnFinMF "
 _FLAGS = slice(60, 62)
 
 #: The largest file that is finalised: asammdf loads it into memory meanwhile, in bytes.
-MENDABLE = 1 << 30
+_MENDABLE = 1 << 30
 
 
 class BrokenMdf(ValueError):
@@ -95,13 +95,13 @@ def _readable(path: Path) -> IO[bytes]:
     stream = path.open("rb")
     start = stream.read(64)
     stream.seek(0)
-    if start[:8] != UNFINISHED and not (start[8:9] == b"4" and any(start[_FLAGS])):
+    if start[:8] != _UNFINISHED and not (start[8:9] == b"4" and any(start[_FLAGS])):
         return stream
     with stream:
         size = path.stat().st_size
         if start[8:9] != b"4":
             raise BrokenMdf("was not finalised by its logger, and only MDF 4 can be mended; finalise it with its tool.")
-        if size > MENDABLE:
+        if size > _MENDABLE:
             raise BrokenMdf(
                 f"was not finalised by its logger and has {size >> 20} MB; finalise it with the logger's tool."
             )
