@@ -36,7 +36,7 @@ from fixtures.model_recordings import (  # noqa: F401, fixtures of several packa
     worn,
     worn_log,
 )
-from fixtures.pages import blank, loads_nothing, undrawn  # noqa: F401, fixtures of several packages
+from fixtures.pages import blank, blank_figures, loads_nothing, undrawn  # noqa: F401, fixtures of several packages
 from fixtures.short_fit import fitted  # noqa: F401, a fixture of several packages
 
 HERE = Path(__file__).resolve().parent
@@ -87,13 +87,13 @@ def pytest_collect_file(file_path: Path) -> Any:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark slow examples in docstrings, which cannot say so themselves, and put long files first.
 
-    Examples give no work to other processes.
+    Examples give no work to other processes, and leave figures empty.
     """
     long = tuple(f"tests/{file}.py" for file in LONG)
     items.sort(key=lambda item: not item.nodeid.startswith(long))
     for item in items:
         if isinstance(item, pytest.DoctestItem):
-            item.runtest = without_workers()(item.runtest)  # type: ignore[method-assign]
+            item.runtest = blank_figures()(without_workers()(item.runtest))  # type: ignore[method-assign]
             if item.name.rpartition(".")[2] in SLOW_EXAMPLES:
                 item.add_marker(pytest.mark.slow)
 

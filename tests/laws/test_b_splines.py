@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from clutchid.errors import ParameterError
@@ -64,6 +64,7 @@ def jumps(t: tuple[float, ...], at: int, power: int) -> float:
     return float(max(found) * smallest**power)
 
 
+@settings(max_examples=40)
 @given(knots)
 def test_the_load_is_twice_continuously_differentiable_inside_and_once_at_its_ends(t):
     for at in range(len(t)):
