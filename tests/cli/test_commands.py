@@ -254,27 +254,6 @@ def test_a_failed_save_leaves_the_old_file_as_it_was(command: Command, recording
     assert kept.read_text() == "# mine\n"
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("[parameters]\nC_vs = -1.9e-8\n", ["C_vs = -1.9e-08", "at least 0", "Appendix A"]),
-        ("[parameter]\nC_vs = 1.9e-8\n", ["parameter", "parameters"]),
-        ("[parameters]\nM = 1e-9\n", ["M = 1e-09 kg", "at least"]),
-        ("[parameters\n", ["no TOML"]),
-        ("[parameters]\nC_vs = 'much'\nP_S = -1.0\n", ["C_vs", "P_S"]),
-    ],
-)
-def test_a_bad_parameter_file_names_every_problem(
-    command: Command, text: str, words: list[str], recording: Path, tmp_path: Path
-) -> None:
-    path = tmp_path / "start.toml"
-    path.write_text(text)
-    done = command("fit", recording, "--start", path)
-    assert done.returncode == 2, done.stderr
-    for word in words:
-        assert word in done.stderr
-
-
 def test_the_files_model_wins_over_another_one(command: Command, recording: Path, tmp_path: Path) -> None:
     path = tmp_path / "start.toml"
     path.write_text("[model]\nvariant = 'isothermal'\n")

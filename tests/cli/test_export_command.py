@@ -63,13 +63,6 @@ def test_the_dbc_beside_it_is_that_of_published_results(folder, tmp_path):
     assert database.as_dbc_string() == cantools.database.load_string(results_dbc(), "dbc").as_dbc_string()
 
 
-def test_a_state_of_another_calibration_is_refused(folder, tmp_path, capsys, observe):
-    assert observe(folder / "first.parquet", "--save", "state.toml", "--method", "states")[0] == 0
-    assert exported(folder, tmp_path, "--resume", tmp_path / "state.toml") == 2
-    assert "of another calibration or method" in " ".join(capsys.readouterr().err.split())
-    assert not (tmp_path / "observer").exists()
-
-
 @pytest.mark.parametrize(
     ("options", "words"),
     [

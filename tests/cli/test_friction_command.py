@@ -82,7 +82,6 @@ def test_a_fixed_stiffness_and_an_inertia_reach_the_fit(monkeypatch, capsys):
     [
         (("--law", "lugre", "--fix", "K_z"), "--fix K_z: write NAME=VALUE in SI units, for example K_z=1e6."),
         (("--law", "lugre", "--fix", "K_y=1"), "no friction parameter 'K_y'"),
-        (("--law", "lugre", "--inertia", "-1"), "inertia = -1 kg: must be a mass of at least 0 kg"),
         (("--law", "lugre", "--area", "1e-3"), "--area: belongs to --law coulomb, not to --law lugre; leave it out."),
         (("--fix", "K_z=1"), "--fix: belongs to --law lugre, not to --law coulomb; leave it out."),
         (("--inertia", "1"), "--inertia: belongs to --law lugre, not to --law coulomb; leave it out."),

@@ -77,6 +77,11 @@ def test_a_file_with_few_knots_and_many_weights_has_one_problem(tmp_path):
     [
         ("[recording]\nworn1 = 5\n", ["[recording] worn1 = 5", "a section [recording.'worn1']"]),
         ("[recording.a]\nposition_start = 0.0\n", ["[recording.'a'] position_start = 0.0", "a list of finite numbers"]),
+        ("[parameters]\nC_vs = -1.9e-8\n", ["C_vs = -1.9e-08", "at least 0", "Appendix A"]),
+        ("[parameter]\nC_vs = 1.9e-8\n", ["parameter", "parameters"]),
+        ("[parameters]\nM = 1e-9\n", ["M = 1e-09 kg", "at least"]),
+        ("[parameters\n", ["no TOML"]),
+        ("[parameters]\nC_vs = 'much'\n", ["C_vs = 'much'"]),
         ("[parameters]\ntau_y = -0.001\n", ["tau_y = -0.001 s", "at least 0"]),
         ("[recording.a]\nposition_start = 'x'\n", ["position_start = 'x'", "a list of finite numbers"]),
         ("[recording.a]\nposition_start = [true]\npressure_a_start = [1e5]\n", ["[True]", "a list of finite numbers"]),
