@@ -17,12 +17,15 @@ EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 
 
 @pytest.mark.parametrize("real", ["double", "float"])
-def test_an_observer_with_own_friction_and_own_states_computes_in_c_what_it_does_in_python(real, tmp_path, monkeypatch):
+def test_an_observer_with_own_friction_and_own_states_computes_in_c_what_it_does_in_python(
+    real, tmp_path, monkeypatch, recorded_by
+):
     monkeypatch.syspath_prepend(str(EXAMPLES))
     from maxwell_slip import maxwell_slip
 
     one, style = observer(Actuator(model=maxwell_slip, load=Load())), CStyle("own", real, "one")
-    done = write_export(one, begun(one, start(one)), tmp_path, style, "own model")
+    log = recorded_by(one.actuator, seconds=4.0)
+    done = write_export(one, begun(one, start(one)), tmp_path, style, "own model", check=log)
     sys.modules.pop("maxwell_slip", None)
     assert done.parity is not None
     assert done.parity.flags == {}

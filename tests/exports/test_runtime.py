@@ -122,11 +122,16 @@ def test_in_float_the_load_is_that_of_double_also_with_faults(found_by, log, fau
     assert compared.strokes[0] == compared.strokes[1]
 
 
-def test_with_two_rates_what_is_learnt_is_nearly_the_same_also_with_faults(found_by, faulty):
+def test_two_rates_have_the_numbers_of_one_also_with_faults(found_by, faulty):
     for real in ("double", "float"):
-        _, compared = found_by("joint", CStyle(real=real, rates="two"), faulty)
-        assert compared.load < 5e-3
-        assert compared.theta < 0.2, "a late correction of an outlier learns otherwise"
+        (one, compared), (two, _) = (
+            found_by("joint", CStyle(real=real, rates=rates), faulty) for rates in ("one", "two")
+        )
+        # trust is judged by the flags so far, when a correction goes on
+        same = [i for i, name in enumerate(COLUMNS) if name != "trust"]
+        np.testing.assert_array_equal(one.outputs[:, same], two.outputs[:, same])
+        for alike, other in zip(one[1:], two[1:], strict=True):
+            np.testing.assert_array_equal(alike, other)
         assert compared.strokes[0] == compared.strokes[1] > 2
 
 
@@ -145,8 +150,6 @@ def test_a_filter_that_diverges_goes_back_to_the_last_stroke_and_starts_anew(fou
     assert compared.flags == {}
     assert outputs.health[list(FLAGS).index("contradiction")] > 0
     assert compared.theta < 1e-6
-    _, late = found_by("joint", CStyle(rates="two"), wild)
-    assert late.load < 0.08
 
 
 def test_the_model_and_the_paper_s_load_are_exported_too(found_by, plant, recorded_by):

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from clutchid.exports.c99 import CStyle, compiler
 from clutchid.exports.parity import BAND, COLUMNS, samples_of
+from clutchid.inference.filter.joint_filter import drifted
 from clutchid.log import Log
 from clutchid.observer import curve, observer, start
 from clutchid.observer.by_stroke import positions
@@ -83,7 +84,8 @@ def test_count_observer_drift_and_c_have_the_same_strokes(learning, in_c, moveme
     assert after.strokes == counted
     assert [end.latest for end in at_ends] == log.time[ends].tolist()
     covariance = start(learning).T @ start(learning).T.T
-    np.testing.assert_allclose(after.T @ after.T.T, (1.0 + DRIFT * len(ends)) * covariance, rtol=1e-9, atol=1e-12)
+    T = drifted(learning.joint, after.T, after.wear)
+    np.testing.assert_allclose(T @ T.T, (1.0 + DRIFT * len(ends)) * covariance, rtol=1e-9, atol=1e-12)
     strokes, load = in_c(log)
     assert np.flatnonzero(np.diff(strokes)).tolist() == [end - 1 for end in ends]
     expected = curve(learning, after, positions(learning))

@@ -58,7 +58,7 @@ def test_it_is_what_another_supply_does_to_load_and_pressure(plant, one, recorde
 
 
 def test_the_bands_hold_another_supply_and_say_what_they_are_without_it(plant, one, recorded):
-    log = recorded(0.96).without("pressure_supply")
+    log = recorded(0.95).without("pressure_supply")
     state, found = observe(one, start(one), log)
     off = np.abs(one.load(state).force(STROKE) - plant.load.force(STROKE))
     assert np.all(off < 1.96 * one.load_deviation(state, STROKE))

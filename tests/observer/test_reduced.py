@@ -35,7 +35,7 @@ def load_deviations(one, state):
 def test_a_stroke_widens_every_standard_deviation_of_the_prior_by_the_same_share(plant, method):
     one = observer(plant, method)
     T = start(one).T
-    before, after = (np.linalg.norm(root, axis=1) for root in (T, drifted(one.joint, T)))
+    before, after = (np.linalg.norm(root, axis=1) for root in (T, drifted(one.joint, T, np.array([len(T)]))))
     assert after == pytest.approx(np.sqrt(1.0 + DRIFT) * before, rel=1e-12)
 
 

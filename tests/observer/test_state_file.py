@@ -54,6 +54,10 @@ def test_other_blanks_comments_and_line_ends_are_no_change(joint, state, tmp_pat
     [
         (lambda s: {"T": spoiled(s.T, np.nan)}, "parameters has a value that is not finite"),
         (lambda s: {"T": s.T[:, :-1]}, "cannot reshape"),
+        (lambda s: {"T": s.T.T, "filter": s.filter._replace(T=s.T.T)}, "a root is not lower triangular"),
+        (lambda _: {"wear": np.array([-1])}, "what the parameters have still to gain is below 0"),
+        (lambda _: {"wear": np.array([5])}, "a correction that is under way"),
+        (lambda s: {"filter": s.filter._replace(due=np.array([9]))}, "a correction that is under way"),
         (lambda s: {"T": 0.0 * s.T, "filter": s.filter._replace(T=0.0 * s.T)}, "a root has a row of zeros"),
         (lambda s: {"theta": s.theta + 1.0}, "the parameters are not those of filter"),
         (lambda s: {"sound": s.sound._replace(theta=s.theta + np.inf)}, "sound has a value that is not finite"),

@@ -70,8 +70,8 @@ def a2l(observer: Observer, style: CStyle, title: str) -> str:
 
     Measured are the variables ``NAME_observer``, ``NAME_output``, ``NAME_load_force``, ``NAME_load_low`` and
     ``NAME_load_high`` of the application. Calibrated are the means of the parameters and load weights that adapt, and
-    the values of the other parameters that act, in ``NAME_data``. With two rates, a parameter that adapts is measured
-    as it was after one of the last two corrections.
+    the values of the other parameters that act, in ``NAME_data``. A parameter that adapts is measured as it was after
+    one of the last two corrections.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ from clutchid.errors import ParameterError
 from clutchid.estimation.assess.comparison import ENGAGING
 from clutchid.estimation.assess.observed import HALF_WIDTH, MISMATCH, STROKES
 from clutchid.exports.data import carrier_us, data_of, size_of
-from clutchid.exports.filter import filter_c99
+from clutchid.exports.filter import correction_shares, filter_c99
 from clutchid.log import HOLE
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels, system
@@ -186,6 +186,7 @@ def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title:
         },
         "rounded_down": 1.0 - 1e-9,
         "every": joint.settings.every,
+        "shares": correction_shares(size_of(joint), joint.settings.every),
     }
     equations = c99_source(model, real=style.real, notes=state_notes(actuator), derivatives=derivatives)
     values["openings"] = {

@@ -11,11 +11,9 @@ from clutchid.estimation.assess.observed import FLAGGED, TRUSTS, most_trust
 from clutchid.exports.filter import FilterSize
 from clutchid.inference.filter.joint_filter import JointFilter
 from clutchid.inference.filter.setup import LAG, LAG_OF, OFFSET, OFFSET_OF, PARAMETER, WEIGHT
-from clutchid.log import FloatArray
 from clutchid.log.states import NOISE_SPAN, SENSORS
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.interval import QUANTILE
-from clutchid.numerics.least_squares import triangular
 from clutchid.observer.following import PRESSURES
 from clutchid.observer.gaps import UNKNOWN
 from clutchid.observer.health import FLAGS
@@ -75,10 +73,9 @@ def data_of(observer: Observer, state: ObserverState) -> dict[str, Any]:
     check_order(joint)
     values = _filter_values(joint) | _derived_values(joint) | _start_values(observer)
     values |= _noise_values(observer) | _band_values(observer) | _rest_values(observer)
-    T = _triangular(state.T)
     return values | {
         "theta": state.theta.tolist(),
-        "root": [row[: i + 1].tolist() for i, row in enumerate(T)],
+        "root": [row[: i + 1].tolist() for i, row in enumerate(state.T)],
         "G": state.G[:, 0].tolist() if state.G.size else [],
         "strokes": state.strokes.ended,
         "mismatch": state.mismatch,
@@ -89,14 +86,6 @@ def data_of(observer: Observer, state: ObserverState) -> dict[str, Any]:
         "fingerprint": int(fingerprint(observer)[:8], 16),
         "pace": dict(zip(("positions", "speeds", "rates"), (part.tolist() for part in joint.pace), strict=True)),
     }
-
-
-def _triangular(T: FloatArray) -> FloatArray:
-    """The lower triangular root of the same covariance, with a diagonal not below 0."""
-    if not T.size:
-        return T
-    lower: FloatArray = triangular(T.T).T
-    return lower * np.where(np.diag(lower) < 0.0, -1.0, 1.0)
 
 
 def _filter_values(joint: JointFilter) -> dict[str, Any]:
@@ -124,6 +113,7 @@ def _filter_values(joint: JointFilter) -> dict[str, Any]:
         "drifts": joint.drifts.tolist(),
         "outlier": joint.noise.outlier,
         "least_speed": settings.least_speed,
+        "ahead": 0.5 * settings.every * settings.spacing,
         "at_speed": actuator.states.index("v"),
         "at_position": actuator.states.index("y"),
     }

@@ -16,6 +16,7 @@ from clutchid.codegen.templates import template
 from clutchid.errors import ExportError
 from clutchid.exports.c99 import CStyle, source_files
 from clutchid.exports.outputs import OUTPUTS
+from clutchid.inference.filter.joint_filter import drifted
 from clutchid.log import FloatArray, Log
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.by_stroke import curve, positions
@@ -35,7 +36,7 @@ COLUMNS = tuple(OUTPUTS)
 BAND = 5
 
 #: Largest differences that are rounding: of theta in prior standard deviations, of the load as a share of its peak, of
-#: the pressure in Pa, rms; by type of numbers. With two rates a correction comes late, so that only the load is alike.
+#: the pressure in Pa, rms; by type of numbers.
 BOUNDS = {"double": (1e-6, 1e-9, 1e-3), "float": (3e-2, 2e-3, 30.0)}
 
 
@@ -98,9 +99,7 @@ class Parity(NamedTuple):
     strokes: tuple[int, int]
 
     def holds(self, style: CStyle) -> bool:
-        """Whether all differences are rounding; with two rates, of the load within 1 % of its peak."""
-        if style.rates == "two":
-            return self.load < 1e-2 and self.strokes[0] == self.strokes[1]
+        """Whether all differences are rounding."""
         theta, load, pressure = BOUNDS[style.real]
         alike = not self.flags and self.strokes[0] == self.strokes[1]
         return alike and self.theta <= theta and self.load <= load and self.pressure <= pressure
@@ -108,9 +107,11 @@ class Parity(NamedTuple):
 
 def begun(observer: Observer, saved: ObserverState) -> ObserverState:
     """The state that an export begins with: what a saved one knows of parameters, strokes and the vented rest."""
+    fresh = start(observer)
+    sound = Sound(saved.theta, drifted(observer.joint, saved.T, saved.wear), saved.G, fresh.wear)
     fresh = replace(
-        start(observer), theta=saved.theta, T=saved.T, G=saved.G, sound=Sound(saved.theta, saved.T, saved.G),
-        strokes=Strokes(saved.strokes.ended), mismatch=saved.mismatch, rest=RestWatch(shift=saved.rest.shift),
+        fresh, **sound._asdict(), sound=sound, strokes=Strokes(saved.strokes.ended), mismatch=saved.mismatch,
+        rest=RestWatch(shift=saved.rest.shift),
     )  # fmt: skip
     return replace(fresh, leaking=observer.leaks(fresh))
 

@@ -198,9 +198,13 @@ def _values(observer: Observer, state: ObserverState, block: Log, repeated: Mask
 def _of_rows(found: Observed, rows: NDArray[np.int64], values: _Values, block: Log, repeated: Mask) -> Observed:
     """Results of the samples of a block, in which nothing is estimated at those that are repeated."""
     if rows.size != found.time.size:
+        ended = np.flatnonzero(np.isfinite(found.innovations[:, 0]))
+        late = {name: getattr(found, name)[ended] for name in ("deviations", "innovations", "mismatch")}
         found = Observed._make(array[rows] for array in found)
         for array in (found.states, found.deviations, found.innovations, found.mismatch):
             array[repeated] = np.nan
+        for name, of_ended in late.items():  # a correction that ends where a sample is missing is known at the next one
+            getattr(found, name)[np.searchsorted(rows, ended)] = of_ended
         found.used[repeated] = False
     return found._replace(
         time=block.time, verdicts=values.verdicts, supply_unlike=values.supply_unlike, repeated=repeated
@@ -208,13 +212,20 @@ def _of_rows(found: Observed, rows: NDArray[np.int64], values: _Values, block: L
 
 
 def _stroke_ended(observer: Observer, state: ObserverState) -> ObserverState:
-    """The state after a stroke, in which the clutch has worn: what is known of the parameters is kept."""
-    T = drifted(observer.joint, state.T)
-    state = replace(
-        state, T=T, filter=state.filter and state.filter._replace(T=T), sound=Sound(state.theta, T, state.G),
-        strokes=Strokes(state.strokes.ended + 1),
+    """The state after a stroke: what is known of the parameters is kept, and gains what the clutch has worn since then.
+
+    The recursion adds that column by column at the corrections that follow, a rule without columns at once.
+    """
+    joint, T, wear = observer.joint, state.T, state.wear + observer.joint.drifts.shape[1]
+    if isinstance(state.filter, FilterState):
+        state = replace(state, filter=state.filter._replace(wear=wear))
+    elif not joint.rule.columns:
+        T, wear = drifted(joint, T, wear), state.wear
+        state = replace(state, filter=state.filter and state.filter._replace(T=T))
+    return replace(
+        state, T=T, wear=wear, sound=Sound(state.theta, T, state.G, wear), strokes=Strokes(state.strokes.ended + 1),
+        leaking=observer.leaks(state),
     )  # fmt: skip
-    return replace(state, leaking=observer.leaks(state))
 
 
 def _judged(observer: Observer, state: ObserverState, found: Observed, samples: slice) -> ObserverState:
@@ -380,7 +391,7 @@ def _followed(
     segment = segment_of(both, joint.mapped.actuator)
     usable = usable_positions(both.position)
     values = measured_values(both, usable, observer.supply.ratio if observer.supply else None)
-    at = init(joint, segment, state.theta, state.T, state.G) if state.filter is None else state.filter
+    at = state.filter or init(joint, segment, state.theta, state.T, state.G, state.wear)
     given = JointInputs(intervals(segment, joint.mapped.actuator, joint.noise, joint.measure), values)
     found, end = _until_diverged(observer, at, given, (first, m), state.number - first)
     contradiction, excess = _contradiction(observer, state.excess, found, least_speed)
@@ -395,15 +406,12 @@ def _followed(
     corrected = np.flatnonzero(np.isfinite(found.deviations[:, 0]))
     deviations = found.deviations[corrected[-1]].copy() if corrected.size else state.deviations
     state = replace(
-        state, filter=found.state, theta=found.state.theta, T=found.state.T, G=_considered(found.state), tail=kept,
-        deviations=deviations, number=state.number + m - first, excess=excess,
+        state, filter=found.state, theta=found.state.theta, T=found.state.T, tail=kept, deviations=deviations,
+        number=state.number + m - first, excess=excess,
     )  # fmt: skip
+    if isinstance(found.state, FilterState):
+        state = replace(state, G=found.state.G, wear=found.state.wear)
     return state, found, usable[first:], m - first
-
-
-def _considered(state: RuleState) -> FloatArray:
-    """G of a state, (k, 0) where nothing is considered."""
-    return state.G if isinstance(state, FilterState) else np.zeros((state.theta.size, 0))
 
 
 def _until(

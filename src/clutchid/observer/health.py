@@ -36,7 +36,7 @@ FLAGS: Mapping[str, str] = MappingProxyType({
     "position_jumps": "the position jumps as no piston moves, and was left out",
     "zero_unknown": "the position jumped and stayed, and no vented rest has shown its zero since: it was left out",
     "repeated_samples": "the logger repeated its last samples in all channels, and nothing was estimated",
-    "late_correction": "a control unit with two rates did not correct in time: its slow task is late, or never runs",
+    "late_correction": "a control unit with two rates left out a correction: its slow task is late, or never runs",
     "repeated": "samples repeat the time of others, or follow at once: of those that are sorted the last ones count",
 })  # fmt: skip
 

@@ -239,7 +239,8 @@ def start(observer: Observer) -> ObserverState:
     """The state before the first sample."""
     theta, T = np.zeros(len(observer.prior.free)), observer.prior.root.copy()
     G = np.zeros((theta.size, 0 if observer.joint.considered is None else observer.joint.considered.start.shape[1]))
-    return ObserverState(None, theta, T, G, EMPTY, unknown(observer), Sound(theta, T, G))
+    none = np.zeros(1, dtype=np.int64)
+    return ObserverState(None, theta, T, G, none, EMPTY, unknown(observer), Sound(theta, T, G, none))
 
 
 def blank(observer: Observer) -> RuleState:

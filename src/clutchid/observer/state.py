@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.inference.filter.rules import RuleState
+from clutchid.inference.filter.setup import IntArray
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.simulation.inputs import held_inputs
@@ -121,35 +122,37 @@ NOTHING = RestWatch()
 
 
 class Sound(NamedTuple):
-    """What is known of the parameters at the end of a stroke: theta (k,), T (k, k) and G (k, c) of `ObserverState`."""
+    """What is known of the parameters at the end of a stroke: theta, T, G and wear of `ObserverState`."""
 
     theta: FloatArray
     T: FloatArray
     G: FloatArray
+    wear: IntArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ObserverState:
     """State of an observer between two samples.
 
-    `theta` (k,) and `T` (k, k), a root of their covariance, are what is known of the parameters that adapt, and `G` (k,
-    c) the derivatives of their error with respect to what is considered, see `FilterState`; `filter` is None before
-    the first sample of a stretch. `deviations` (states,) are those of the last correction, NaN before it. `number`
-    counts the samples of the stretch. `sound` is what was known at the end of the last stroke, to which the
-    observer goes back if it diverges; `mismatch` is the present mean of the NIS over the usual one, see `mismatch`;
-    `leaking` says whether chamber A leaked at the end of the last stroke; `rest` is what is known of the vented
-    rest, and `zero` what is subtracted from the position in m; `values` watches for positions that are no values;
-    `jumped` says whether one has jumped and stayed, and `unzeroed` are the times in s of such jumps, in order,
-    since which no vented rest has shown the zero; `latest` is the time in s of the last sample that counts, and
-    `known` that of the last one with both duty cycles, NaN for none; `excess` is the sum of the
-    innovations' excess in s, and `contradicted` is the time in s at which innovations last contradicted the inputs,
-    NaN if they have not; `supply` watches for supply pressures that cannot be right.
+    `theta` (k,) and `T` (k, k), a root of their covariance, are what is known of the parameters that adapt, `G` (k, c)
+    the derivatives of their error with respect to what is considered, and `wear` (1,) counts what T has still to gain
+    for strokes that have ended, see `FilterState`; `filter` is None before the first sample of a stretch. `deviations`
+    (states,) are those of the last correction, NaN before it. `number` counts the samples of the stretch. `sound` is
+    what was known at the end of the last stroke, to which the observer goes back if it diverges; `mismatch` is the
+    present mean of the NIS over the usual one, see `mismatch`; `leaking` says whether chamber A leaked at the end of
+    the last stroke; `rest` is what is known of the vented rest, and `zero` what is subtracted from the position in m;
+    `values` watches for positions that are no values; `jumped` says whether one has jumped and stayed, and `unzeroed`
+    are the times in s of such jumps, in order, since which no vented rest has shown the zero; `latest` is the time in s
+    of the last sample that counts, and `known` that of the last one with both duty cycles, NaN for none; `excess` is
+    the sum of the innovations' excess in s, and `contradicted` is the time in s at which innovations last contradicted
+    the inputs, NaN if they have not; `supply` watches for supply pressures that cannot be right.
     """
 
     filter: RuleState | None
     theta: FloatArray
     T: FloatArray
     G: FloatArray
+    wear: IntArray
     tail: Tail
     deviations: FloatArray
     sound: Sound

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import tomli_w
+from numpy.typing import NDArray
 
 from clutchid.arguments import is_number
 from clutchid.errors import ParameterError
@@ -24,7 +25,7 @@ from clutchid.observer.state import ObserverState, RestWatch, Sound, Tail
 from clutchid.strokes.stroke import Strokes
 from clutchid.strokes.vented_rest import FURTHEST
 
-FORMAT = 12
+FORMAT = 13
 
 
 def write_state(
@@ -64,7 +65,12 @@ def write_state(
         "supply": state.supply.tolist(),
         "values": state.values.tolist(),
         "rest": {**state.rest._asdict(), "returned": list(state.rest.returned), "window": state.rest.window.tolist()},
-        "parameters": {"theta": state.theta.tolist(), "root": state.T.tolist(), "considered": state.G.tolist()},
+        "parameters": {
+            "theta": state.theta.tolist(),
+            "root": state.T.tolist(),
+            "considered": state.G.tolist(),
+            "wear": state.wear.tolist(),
+        },
         "sound": {name: array.tolist() for name, array in state.sound._asdict().items()},
         "tail": {name: array.tolist() for name, array in state.tail._asdict().items()},
     }
@@ -158,19 +164,21 @@ def _state(observer: Observer, content: dict[str, Any]) -> ObserverState:
     def array(section: str, name: str, *shape: int) -> FloatArray:
         return np.array(content[section][name], dtype=np.float64).reshape(shape)
 
+    def alike(section: str, name: str, like: NDArray[Any]) -> NDArray[Any]:
+        return np.array(content[section][name], like.dtype).reshape(like.shape)
+
     columns = {"time": (-1,), "duties": (-1, 2), "position": (-1,), "supply": (-1,), "open_std": (-1,)}
     tail = Tail(**{name: array("tail", name, *shape) for name, shape in columns.items()})
     saved = None
     if "filter" in content:
-        like, section = blank(observer), content["filter"]
-        arrays = {name: np.array(section[name], a.dtype).reshape(a.shape) for name, a in like._asdict().items()}
-        saved = like._replace(**arrays)
+        like = blank(observer)
+        saved = like._replace(**{name: alike("filter", name, a) for name, a in like._asdict().items()})
     made = start(observer)
-    theta, root, considered = (
-        array("parameters", name, *like.shape)
-        for name, like in (("theta", made.theta), ("root", made.T), ("considered", made.G))
+    theta, root, considered, wear = (
+        alike("parameters", name, like)
+        for name, like in (("theta", made.theta), ("root", made.T), ("considered", made.G), ("wear", made.wear))
     )
-    sound = Sound(**{name: array("sound", name, *like.shape) for name, like in made.sound._asdict().items()})
+    sound = Sound(**{name: alike("sound", name, like) for name, like in made.sound._asdict().items()})
     deviations = np.array(content["deviations"], dtype=np.float64).reshape(made.deviations.shape)
     began = _number(content["strokes"], "began") if "began" in content["strokes"] else None
     strokes = Strokes(_count(content["strokes"], "ended"), began)
@@ -180,8 +188,8 @@ def _state(observer: Observer, content: dict[str, Any]) -> ObserverState:
     jumped, latest, known = _flag(content, "jumped"), _number(content, "latest"), _number(content, "known")
     unzeroed = tuple(np.array(content["unzeroed"], dtype=np.float64).reshape(-1).tolist())
     return ObserverState(
-        saved, theta, root, considered, tail, deviations, sound, number, strokes, mismatch, leaking, rest, zero, values,
-        jumped, unzeroed, latest, known, _number(content, "excess"), _number(content, "contradicted"),
+        saved, theta, root, considered, wear, tail, deviations, sound, number, strokes, mismatch, leaking, rest, zero,
+        values, jumped, unzeroed, latest, known, _number(content, "excess"), _number(content, "contradicted"),
         np.array(content["supply"], dtype=np.float64).reshape(2),
     )  # fmt: skip
 
@@ -224,7 +232,7 @@ def _problems(state: ObserverState) -> Iterator[str]:
     finite: dict[str, Any] = {
         "parameters": (state.theta, state.T, state.G),
         "sound": state.sound,
-        "filter": state.filter or (),
+        "filter": _numbers(state.filter),
         "strokes": () if state.strokes.began is None else (state.strokes.began,),
         "tail": (tail.time, tail.duties, tail.open_std),
         "rest": (rest.returned, rest.window),
@@ -240,6 +248,8 @@ def _problems(state: ObserverState) -> Iterator[str]:
         "a duty cycle of tail is outside 0 to 1": np.any((tail.duties < 0.0) | (tail.duties > 1.0)),
         "filter, number and tail are not of the same stretch":
             not (state.filter is None) == (state.number == 0) == (m == 0),
+        "what the parameters have still to gain is below 0": min(state.wear[0], state.sound.wear[0]) < 0,
+        "a root is not lower triangular": any(np.triu(root, 1).any() for root in (state.T, state.sound.T)),
         "a root has a row of zeros, a standard deviation of 0":
             not all(np.linalg.norm(root, axis=1).all() for root in (state.T, state.sound.T)),
         "a standard deviation is below 0 or infinite":
@@ -260,8 +270,16 @@ def _problems(state: ObserverState) -> Iterator[str]:
 def _filter_problems(state: ObserverState, saved: RuleState) -> Iterator[str]:
     if not (np.array_equal(saved.theta, state.theta) and np.array_equal(saved.T, state.T)):
         yield "the parameters are not those of filter"
-    if isinstance(saved, FilterState) and not saved.S.any():
-        yield "S is 0, as if the states were known exactly"
+    if isinstance(saved, FilterState):
+        if not saved.S.any():
+            yield "S is 0, as if the states were known exactly"
+        if not (np.array_equal(saved.wear, state.wear) and saved.due[0] in (0, 1, 3, 5, 7)):
+            yield "a correction that is under way, or what the parameters have still to gain, is not that of filter"
+
+
+def _numbers(saved: RuleState | None) -> tuple[NDArray[Any], ...]:
+    """Arrays of a filter that are finite; a measurement that is missing is not."""
+    return () if saved is None else tuple(a for name, a in saved._asdict().items() if name != "at_values")
 
 
 def fingerprint(observer: Observer) -> str:

@@ -79,18 +79,15 @@ def recording():
 
 
 def drawn():
-    """x, [D | L], theta and T before the first sample."""
+    """State before the first sample."""
     random = np.random.default_rng(6)
     T = np.tril(0.2 * random.standard_normal((K, K))) + np.eye(K)
+    moved, none = np.eye(SIZE, K + SIZE, K), np.zeros((4, 1), np.int64)
     return FilterState(
-        random.standard_normal(SIZE),
-        random.standard_normal((SIZE, K + SIZE)),
-        0.1 * random.standard_normal(K),
-        T,
-        np.zeros(SIZE),
-        np.eye(SIZE, K + SIZE, K),
-        np.zeros(1, np.int64),
-    )
+        random.standard_normal(SIZE), random.standard_normal((SIZE, K + SIZE)), 0.1 * random.standard_normal(K), T,
+        np.zeros(SIZE), moved, none[0], np.zeros((SIZE, 0)), np.zeros((K, 0)), np.zeros(SIZE), np.zeros_like(moved),
+        np.zeros(SIZE), none[1], np.zeros(2), none[2], none[3],
+    )  # fmt: skip
 
 
 def arguments(every, span=(0, SAMPLES), noise=1.0):
@@ -104,7 +101,7 @@ def arguments(every, span=(0, SAMPLES), noise=1.0):
         table.flags.writeable = False
     model = ModelArrays(np.zeros(3), breakpoints, np.zeros((2, 4)), basis, *[none] * 5, np.zeros(N))
     derived = Derived(np.zeros(1), TAU.copy(), np.column_stack([OFFSETS, SIGMA]), np.ones(K))
-    window = Window(none, np.arange(K), none, none, none, np.zeros(2))
+    window = Window(none, np.arange(K), none, none, none)
     room = scratch(SIZE, K + SIZE, np.zeros((K, K)), N, 2)
     count = span[1] - span[0]
     output = FilterOutput(
@@ -118,7 +115,7 @@ def arguments(every, span=(0, SAMPLES), noise=1.0):
     return (arrays, intervals, values, output, (*span, 0)), output
 
 
-def textbook(every, noise=1.0):
+def textbook(every, noise=1.0, samples=SAMPLES):
     """Mean and covariance of (x, parameters in SI) by a Kalman filter that forms covariances."""
     u, values, sigma = recording()
     x, S, theta, T, *_ = drawn()
@@ -132,7 +129,7 @@ def textbook(every, noise=1.0):
         F[output, output], F[output, state] = a[m], F[output, state] + b[m]
         G[output], g[output] = c[m] * G[state], c[m] * g[state]
     waiting = np.zeros(N)
-    for i in range(SAMPLES):
+    for i in range(samples):
         if i > 0:
             z, P = F @ z + g * u[i - 1], F @ P @ F.T
             waiting += (noise * sigma[i - 1]) ** 2
@@ -151,7 +148,8 @@ def textbook(every, noise=1.0):
 
 
 def joint_moments(state):
-    x, S, theta, T, *_ = state
+    x, S, theta, T, _, moved, *_ = state
+    S = moved[:, K:] @ S + np.hstack([moved[:, :K], np.zeros((SIZE, SIZE))])
     root = np.block([[S[:, :K] * WIDTH @ T, S[:, K:]], [WIDTH[:, None] * T, np.zeros((K, SIZE))]])
     return np.concatenate([x, MEAN + WIDTH * theta]), root @ root.T
 
@@ -163,8 +161,8 @@ def followed(kernels, calls, *args, **known):
     return state, output
 
 
-@pytest.mark.parametrize("every", [1, 3])
-def test_on_a_linear_model_it_is_the_kalman_filter_of_the_augmented_state(kernels, calls, every):
+@pytest.mark.parametrize("every", [1, 4, 10])
+def test_on_a_linear_model_a_correction_that_ends_late_is_that_of_the_kalman_filter(kernels, calls, every):
     state, _ = followed(kernels, calls, every)
     z, P = textbook(every)
     mean, covariance = joint_moments(state)
@@ -173,11 +171,12 @@ def test_on_a_linear_model_it_is_the_kalman_filter_of_the_augmented_state(kernel
 
 
 def test_deviations_are_those_of_the_covariance_and_there_are_none_between_corrections(kernels, calls):
-    state, (_, _, deviations, *_) = followed(kernels, calls, SAMPLES - 1)
-    _, P = textbook(SAMPLES - 1)
-    assert deviations[-1] == pytest.approx(np.sqrt(np.diag(joint_moments(state)[1])[:N]), abs=1e-12)
-    assert deviations[-1] == pytest.approx(np.sqrt(np.diag(P)[:N]), abs=1e-9)
-    assert np.isfinite(deviations).all(axis=1).nonzero()[0].tolist() == [0, SAMPLES - 1]
+    every = SAMPLES // 2
+    _, (errors, _, deviations, *_) = followed(kernels, calls, every)
+    _, P = textbook(every, samples=every + 1)
+    assert deviations[-1] == pytest.approx(np.sqrt(np.diag(P)[:N]), abs=1e-9), "of the sample whose correction ends"
+    for output in (deviations[:, 0], errors[:, 0, 0]):
+        assert np.isfinite(output).nonzero()[0].tolist() == [every - 1, SAMPLES - 1]
 
 
 def test_without_process_noise_it_is_batch_least_squares(kernels, calls):
@@ -207,13 +206,27 @@ def test_without_process_noise_it_is_batch_least_squares(kernels, calls):
     assert mean[SIZE:] == pytest.approx((z + start)[SIZE:], abs=1e-9)
 
 
-def test_drift_adds_its_covariance_to_that_of_the_parameters(kernels):
-    T = drawn()[3]
+def test_drift_adds_its_covariance_column_by_column_to_that_of_the_parameters(kernels):
+    T, wear = drawn()[3], np.array([2 * K])
     root = 0.2 * T
     before = T @ T.T
-    kernels.drift(T, root, np.empty((K, 2 * K)))
-    assert pytest.approx(1.04 * before, abs=1e-12) == T @ T.T
-    assert np.array_equal(T, np.tril(T))
+    for columns in range(1, 2 * K + 1):
+        kernels.add_drift(T, root, wear, np.empty((2, K)))
+        added = np.hstack([root, root])[:, :columns]
+        assert pytest.approx(before + added @ added.T, abs=1e-12) == T @ T.T
+        assert np.array_equal(T, np.tril(T))
+    assert wear[0] == 0
+
+
+def test_strokes_that_have_ended_widen_what_is_known_a_column_a_correction(kernels, calls):
+    state, worn = drawn(), drawn()
+    worn.wear[0] = K
+    for at in (state, worn):
+        (arrays, *given), _ = arguments(4, noise=0.0)
+        arrays = arrays._replace(settings=arrays.settings._replace(drifts=0.5 * np.eye(K), least_speed=np.inf))
+        kernels.follow(*calls, at, arrays, *given)
+    assert worn.wear[0] == 0
+    assert pytest.approx(state.T @ state.T.T + 0.25 * np.eye(K), abs=1e-12) == worn.T @ worn.T.T
 
 
 def test_parameters_stay_within_their_bounds_and_the_states_move_as_far_as_they_do(kernels, calls):

@@ -80,8 +80,11 @@ def innovation_statistics(run: ObservedRecording) -> InnovationStatistics:
         nis = total / np.where(count > 0, count, np.nan)
     # an interval up to a correction and with it; stamps may be off by a part of a sample
     grid = np.ceil((time - time[0]) / every - 0.5 / joint.settings.every).astype(np.int64)
-    on_grid = _means(grid, z)
-    duties = {name: _means(grid, run.log[name]) for name in INPUTS}
+    # that of a correction stands where it ends, with the last sample before the next one
+    begun = grid - 1 if joint.rule.columns and joint.settings.every > 1 else grid
+    cells = int(grid[-1]) + 1
+    on_grid = _means(np.maximum(begun, 0), z, cells)
+    duties = {name: _means(grid, run.log[name], cells) for name in INPUTS}
     return InnovationStatistics(
         _mean_nis(z[finite & moves]),
         _mean_nis(z[finite & ~moves]),
@@ -97,11 +100,11 @@ def _mean_nis(z: FloatArray) -> MeanNIS:
     return MeanNIS(float(np.mean(z**2)) if z.size else np.nan, z.size, float(low[0]), float(high[0]))
 
 
-def _means(places: FloatArray, values: FloatArray) -> FloatArray:
-    """Means of the values by their place on a grid, NaN where there is none."""
+def _means(places: FloatArray, values: FloatArray, cells: int) -> FloatArray:
+    """Means of the values by their place on a grid of some cells, NaN where there is none."""
     finite = np.isfinite(values)
-    count = np.bincount(places, finite)
-    total = np.bincount(places, np.where(finite, values, 0.0))
+    count = np.bincount(places, finite, cells)
+    total = np.bincount(places, np.where(finite, values, 0.0), cells)
     means: FloatArray = np.where(count > 0, total / np.maximum(count, 1), np.nan)
     return means
 

@@ -59,7 +59,7 @@ def correct_balance(
     e, sigma, outlier = equation
     by_weights = project_parameters(T, h, slopes, w)
     s = by_weights + sigma * sigma
-    update_parameters(T, w, s * max(1.0, abs(e) / math.sqrt(s) / outlier), by_weights, step)
+    update_parameters(T, w, s * max(1.0, abs(e) / math.sqrt(s) / outlier), by_weights, step, scratch.turns)
     for j in range(theta.size):
         theta[j] = within(free.numbers[j], theta[j] + step[j] * e)
     return s

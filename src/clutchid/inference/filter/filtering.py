@@ -171,7 +171,7 @@ def _start(
         sensors=sensors,
         settings=SettingsArrays(1, float(noise.outlier), np.inf, *places, None),
         pace=AS_PLANNED,
-        window=Window(none, none, none, none, none, np.zeros(2)),
+        window=Window(none, none, none, none, none),
         scratch=scratch(x.size, S.shape[1], state.T, len(states), len(_SENSORS)),
     )
     return state, arrays

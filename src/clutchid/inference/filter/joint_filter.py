@@ -290,7 +290,12 @@ def inputs(joint: JointFilter, track: Track) -> JointInputs:
 
 
 def init(
-    joint: JointFilter, segment: Segment, theta: FloatArray, T: FloatArray, G: FloatArray | None = None
+    joint: JointFilter,
+    segment: Segment,
+    theta: FloatArray,
+    T: FloatArray,
+    G: FloatArray | None = None,
+    wear: IntArray | None = None,
 ) -> RuleState:
     """State at the start of a segment, of the rule of the filter.
 
@@ -299,19 +304,25 @@ def init(
     theta : (k,)
         Mean of the free parameters.
     T : (k, k)
-        Square root of their covariance T T'.
+        Square root of their covariance T T', lower triangular.
     G : (k, c), optional
         Derivatives of their error with respect to what is considered, by default 0.
+    wear : (1,), optional
+        Columns of drift that T has still to gain, see `FilterState`; by default none.
     """
     k, columns, responses = theta.size, joint.rule.columns, joint.moving.responses
+    none = np.zeros(1, dtype=np.int64)
     mapped = parameter_map(joint.actuator(theta), joint.mapped.bases, range(k), np.ones(k), k)
     L = np.diag(start_deviations(segment, mapped.actuator, "pressure_a" in joint.measure, joint.noise))
     x, S = first_state(segment, mapped, joint.which, L if columns else L[:, :0], joint.measure)
     moved = np.eye(x.size, responses + x.size, responses)
-    at = np.zeros(1, dtype=np.int64)
     E = _with_outputs(joint, joint.considered.start) if joint.considered else np.zeros((x.size, 0))
     G = np.zeros((k, E.shape[1])) if G is None else G.copy()
-    first = FilterState(x, S, theta.copy(), np.array(T, order="C"), np.zeros(x.size), moved, at, E, G)
+    first = FilterState(
+        x, S, theta.copy(), np.array(T, order="C"), np.zeros(x.size), moved, none, E, G, np.zeros(x.size),
+        np.zeros_like(moved), np.zeros(x.size), none.copy(), np.zeros(len(joint.measure)), none.copy(),
+        none.copy() if wear is None else wear.copy(),
+    )  # fmt: skip
     return joint.rule.start(first, len(kernels(joint.mapped.actuator.model).INPUTS))
 
 
@@ -329,7 +340,8 @@ def follow(
     part in the recording.
     """
     failed, after, output = _filtered(joint, state, given, (*span, number))
-    if failed >= 0 or not all(np.isfinite(array).all() for array in after):
+    finite = all(np.isfinite(array).all() for name, array in after._asdict().items() if name != "at_values")
+    if failed >= 0 or not finite:
         at = failed if failed >= 0 else span[1] - 1
         return Diverged(f"the filter diverged at sample {at} of the segment", at)
     return JointPass(after, output.errors, output.states, output.deviations)
@@ -344,7 +356,7 @@ def predict(joint: JointFilter, state: RuleState, interval: Intervals) -> Filter
 
 
 def correct(joint: JointFilter, state: RuleState, values: FloatArray) -> tuple[FilterState, FloatArray]:
-    """The state after the measurements of a sample; for the rule of Kalman.
+    """The state after the measurements of a sample, which act at once; for the rule of Kalman.
 
     Parameters
     ----------
@@ -356,20 +368,24 @@ def correct(joint: JointFilter, state: RuleState, values: FloatArray) -> tuple[F
     state, errors : (sensors, 2)
         Innovations and their variances, NaN for none.
     """
-    at = _of_kalman(joint, state)
+    at, every = _of_kalman(joint, state), joint.settings.every
     none, known = np.zeros(0), np.where(np.isfinite(values), values, np.nan)[None]
     given = JointInputs(
         Intervals(none[:, None], none, none.astype(np.int32), none[:, None], none[:, None, None]), known
     )
-    _, after, output = _filtered(joint, at, given, (0, 1, 0))
-    return after, output.errors[0]
+    for number in sorted({0, every - 1}):  # it begins, and ends
+        _, at, output = _filtered(joint, at, given, (0, 1, number))
+    return at, output.errors[0]
 
 
-def drifted(joint: JointFilter, T: FloatArray) -> FloatArray:
-    """Square root (k, k) of the covariance of the free parameters after a stroke, T T' + drifts drifts'."""
-    after = T.copy()
-    if joint.drifts.size:
-        kernels_in(KALMAN.module).drift(after, joint.drifts, np.empty((T.shape[0], T.shape[1] + joint.drifts.shape[1])))
+def drifted(joint: JointFilter, T: FloatArray, wear: IntArray) -> FloatArray:
+    """Square root (k, k) of the covariance of the free parameters with the columns of drift that are still to be added.
+
+    After a stroke it is a root of T T' + drifts drifts'; `wear` is that of `FilterState`.
+    """
+    after, left, turns = T.copy(), wear.copy(), np.empty((2, T.shape[0]))
+    while left[0] > 0:
+        kernels_in(KALMAN.module).add_drift(after, joint.drifts, left, turns)
     return after
 
 
@@ -414,8 +430,10 @@ def covariance(joint: JointFilter, state: RuleState) -> FloatArray:
     """Covariance of x and theta, shape (size + k, size + k)."""
     at, k, moving = _of_kalman(joint, state), state.theta.size, joint.moving
     slopes = np.array([c.slope(value) for c, value in zip(joint.coordinates, at.theta.tolist(), strict=True)])
-    S = at.moved[:, moving.responses :] @ at.S
-    S[:, moving.of_window(int(at.first[0]))] += at.moved[:, : moving.responses]
+    S = at.S
+    for moved, first in [(at.at_moved, at.at_first)] * int(at.due[0] > 0) + [(at.moved, at.first)]:
+        S = moved[:, moving.responses :] @ S
+        S[:, moving.of_window(int(first[0]))] += moved[:, : moving.responses]
     root = np.block([[S[:, :k] * slopes @ at.T, S[:, k:]], [at.T, np.zeros((k, at.x.size))]])
     result: FloatArray = root @ root.T
     return result
@@ -440,7 +458,7 @@ def _arrays(joint: JointFilter, state: RuleState) -> FilterArrays:
     derived = derived_arrays(actuator, joint.measure, deviations, state.theta.size)
     columns = moving.of_window(0)
     placed = columns[moving.of_model.size : moving.of_model.size + moving.window]
-    window = Window(own.table_basis, columns, placed, moving.weight_bases, moving.weight_columns, np.zeros(2))
+    window = Window(own.table_basis, columns, placed, moving.weight_bases, moving.weight_columns)
     settings = SettingsArrays(
         s.every,
         float(joint.noise.outlier),
@@ -450,6 +468,8 @@ def _arrays(joint: JointFilter, state: RuleState) -> FilterArrays:
         -1,
         joint.rule.numbers,
         _source(joint, state.x.size),
+        joint.drifts,
+        0.5 * s.every * s.spacing,
     )
     width = state.S.shape[1] if isinstance(state, FilterState) else 0
     room = scratch(state.x.size, width, state.T, n, len(joint.measure))

@@ -116,7 +116,7 @@ def state_deviations(S: FloatArray, T: FloatArray, slopes: FloatArray, deviation
         w[:] = 0.0
         for q in range(k):
             by_theta = S[i, q] * slopes[q]
-            for j in range(k):
+            for j in range(q + 1):
                 w[j] += by_theta * T[q, j]
         variance = 0.0
         for j in range(k):

@@ -4,8 +4,18 @@ The state x has the n states of the model, then the output of each sensor, becau
 own. The filter is the two-stage one of Friedland (1969), which is the Kalman filter of states and parameters together:
 the error of x is ``D dtheta + L n``, with dtheta the error of the parameters, whose covariance is T T', and n
 independent of it. So D are derivatives with respect to the parameters, which the model moves like L, ``S = [D | L]``,
-and T changes by corrections only. Potter's update keeps both L and T roots of covariances, so these stay positive and
-have twice the digits.
+and T changes by corrections only. Potter's update keeps L a root of a covariance, and Carlson's keeps T one that is
+lower triangular, so covariances stay positive and have twice the digits.
+
+On line a correction takes the time of several samples, and a control unit cannot do all of it in one. So the recursion
+has the schedule of one that spreads it: a correction by a sample is computed from what the filter knew there, and acts
+just before the next one is due, moved on by Phi and Gamma (`begin_correction`, `end_correction`). What the parameters
+gain in a stroke is added to T a column at each of the next corrections. Nothing else is known in between, so a filter
+that starts anew, or a state that is stored, never sees half of a correction.
+
+References
+----------
+Carlson, N. A., Fast triangular formulation of the square root filter, AIAA Journal 11 (1973) 1259-1265.
 
 Where T has no columns no parameter adapts, and D are the derivatives that a fit needs (prediction error); with given
 gains S has no L. D is with respect to the parameters in SI, theta are their coordinates with a prior of mean 0 and
@@ -20,12 +30,20 @@ from collections.abc import Callable
 import numpy as np
 
 from clutchid.codegen.kernels import inlined, kernel
-from clutchid.inference.filter.joint_parameters import move_parameters, refresh, state_deviations, steps_at
+from clutchid.inference.filter.joint_parameters import (
+    move_parameters,
+    refresh,
+    state_deviations,
+    steps_at,
+    value_in_si,
+)
 from clutchid.inference.filter.setup import (
+    ADAPTS,
     LAG,
     OFFSET,
     OUTPUT,
     STATE,
+    WEARS,
     FilterArrays,
     FilterOutput,
     FilterState,
@@ -34,9 +52,8 @@ from clutchid.inference.filter.setup import (
     Intervals,
     ModelArrays,
     Scratch,
-    SettingsArrays,
 )
-from clutchid.inference.filter.transition import AHEAD, MARGIN, bring_up, place_window
+from clutchid.inference.filter.transition import begin_columns, bring_up, place_window
 from clutchid.log import FloatArray
 from clutchid.simulation.comparison import lag_coefficients
 
@@ -139,14 +156,6 @@ def move(
 
 
 @inlined
-def leaves(x: FloatArray, settings: SettingsArrays, length: float, within: FloatArray) -> bool:
-    """Whether the piston may leave positions (2,) in m in an interval of a length in s."""
-    reach = MARGIN + AHEAD * abs(x[settings.at_speed]) * length
-    position = x[settings.at_position]
-    return bool(position - reach < within[0] or position + reach > within[1])
-
-
-@inlined
 def move_columns(
     step: Callable[..., bool],
     state: FilterState,
@@ -206,7 +215,7 @@ def project_parameters(T: FloatArray, h: FloatArray, slopes: FloatArray, w: Floa
     """The variance w' w of a predicted measurement due to the parameters, and w, with its derivatives h in SI."""
     w[:] = 0.0
     for i in range(T.shape[0]):
-        for j in range(w.size):
+        for j in range(min(i + 1, w.size)):
             w[j] += T[i, j] * (h[i] * slopes[i])
     variance = 0.0
     for j in range(w.size):
@@ -215,17 +224,26 @@ def project_parameters(T: FloatArray, h: FloatArray, slopes: FloatArray, w: Floa
 
 
 @kernel
-def update_parameters(T: FloatArray, w: FloatArray, weighted: float, predicted: float, gain: FloatArray) -> None:
-    """Gain of theta by an innovation of variance `weighted`, of which `predicted` is T's, and T after it (Potter)."""
-    share = 1.0 / (1.0 + math.sqrt((weighted - predicted) / weighted))
+def update_parameters(
+    T: FloatArray, w: FloatArray, weighted: float, predicted: float, gain: FloatArray, turns: FloatArray
+) -> None:
+    """Gain of theta by an innovation of variance `weighted`, of which `predicted` is T's, and T after it (Carlson).
+
+    T (k, k) stays lower triangular; `turns` (2, k) is scratch.
+    """
+    variance = weighted - predicted
+    for j in range(w.size - 1, -1, -1):
+        after = variance + w[j] * w[j]
+        turns[0, j] = math.sqrt(variance / after)
+        turns[1, j] = w[j] / math.sqrt(variance * after)
+        variance = after
     for i in range(T.shape[0]):
         covariance = 0.0
-        for j in range(w.size):
-            covariance += T[i, j] * w[j]
-        covariance /= weighted
-        gain[i] = covariance
-        for j in range(w.size):
-            T[i, j] -= share * covariance * w[j]
+        for j in range(i, -1, -1):
+            root = T[i, j]
+            T[i, j] = root * turns[0, j] - covariance * turns[1, j]
+            covariance += root * w[j]
+        gain[i] = covariance / weighted
 
 
 @kernel
@@ -284,7 +302,7 @@ def correct(
         for j in range(k):
             S[i, j] -= gain[i] * h[j]
     if adapts:
-        update_parameters(T, w, weighted, by_parameters, step)
+        update_parameters(T, w, weighted, by_parameters, step, scratch.turns)
     correct_considered(state, sensor[OUTPUT], adapts, slopes, gain, h, step)
     if adapts:
         for j in range(k):
@@ -335,6 +353,7 @@ def correct_sample(
     state: FilterState,
     arrays: FilterArrays,
     values: FloatArray,
+    adapts: bool,
     output: tuple[FloatArray, FloatArray, FloatArray],
 ) -> None:
     """Add the process noise since the last correction, and correct by each measurement of a sample.
@@ -343,6 +362,8 @@ def correct_sample(
     ----------
     values : (sensors,)
         NaN for none.
+    adapts
+        Whether the parameters are corrected too.
     output
         Errors (sensors, 2), gains (sensors, size + 1) and rows (1, sensors, k + 1) of the sample, see `FilterOutput`;
         rows (0, ...) are not written.
@@ -355,7 +376,6 @@ def correct_sample(
     for c in range(state.E.shape[1]):
         for i in range(size):
             state.E[i, c] += settings.source[i, c]
-    adapts = state.T.shape[1] > 0 and abs(state.x[settings.at_speed]) > settings.least_speed
     for m in range(sensors.shape[0]):
         errors[m] = np.nan
         if math.isnan(values[m]):
@@ -369,6 +389,65 @@ def correct_sample(
             write_row(rows[0, m], scratch.h, e, gains[m, size], settings.outlier)
         if adapts:
             refresh(prepare, state.theta, arrays.free, derived, arrays.model)
+
+
+@kernel
+def begin_correction(state: FilterState, arrays: FilterArrays, values: FloatArray) -> None:
+    """Keep a sample with its measurements (sensors,) for a correction; what moves from here on is counted anew."""
+    settings, x, position = arrays.settings, state.x, arrays.settings.at_position
+    copy(state.at_x, x)
+    copy(state.at_waiting, state.waiting)
+    copy(state.at_values, values)
+    for i in range(x.size):
+        copy(state.at_moved[i], state.moved[i])
+    state.at_first[0] = state.first[0]
+    adapts = state.T.shape[1] > 0 and abs(x[settings.at_speed]) > settings.least_speed
+    state.due[0] = 1 + (ADAPTS if adapts else 0) + (WEARS if state.wear[0] > 0 else 0)
+    for i in range(x.size - arrays.sensors.shape[0]):
+        state.waiting[i] = 0.0
+    centre = x[position] + settings.ahead * x[settings.at_speed]
+    begin_columns(state, arrays.window, arrays.free.pieces, arrays.model.breakpoints, centre)
+
+
+@kernel
+def end_correction(
+    prepare: Callable[..., None],
+    state: FilterState,
+    arrays: FilterArrays,
+    output: tuple[FloatArray, FloatArray, FloatArray],
+) -> None:
+    """Correct by the sample that was kept, and move what that changes on to the present one.
+
+    Parameters
+    ----------
+    output
+        Of `correct_sample`; the errors are those of the sample that was kept.
+    """
+    window, scratch, numbers, theta = arrays.window, arrays.scratch, arrays.free.numbers, state.theta
+    x, moved, responses = state.x, state.moved, window.columns.size
+    kept = FilterState(
+        state.at_x, state.S, theta, state.T, state.at_waiting, state.at_moved, state.at_first, state.E, state.G,
+        state.at_x, state.at_moved, state.at_waiting, state.at_first, state.at_values, state.due, state.wear,
+    )  # fmt: skip
+    place_window(kept.first[0], window)
+    bring_up(kept, kept.moved, window.columns, scratch.S)
+    place_window(state.first[0], window)
+    copy(scratch.x, kept.x)
+    for j in range(theta.size):
+        scratch.si[j] = value_in_si(numbers[j], theta[j])
+    correct_sample(prepare, kept, arrays, kept.at_values, state.due[0] & ADAPTS > 0, output)
+    if state.due[0] & WEARS > 0:
+        add_drift(state.T, arrays.settings.drifts, state.wear, scratch.turns)
+    for j in range(theta.size):
+        scratch.si[j] = value_in_si(numbers[j], theta[j]) - scratch.si[j]
+    for i in range(x.size):
+        change = 0.0
+        for c in range(responses):
+            change += moved[i, c] * scratch.si[window.columns[c]]
+        for q in range(x.size):
+            change += moved[i, responses + q] * (kept.x[q] - scratch.x[q])
+        x[i] += change
+    state.due[0] = 0
 
 
 @kernel
@@ -390,25 +469,32 @@ def copy(to: FloatArray, values: FloatArray) -> None:
 
 
 @kernel
-def drift(T: FloatArray, root: FloatArray, W: FloatArray) -> None:
-    """Add root root' to the covariance T T' of the parameters; the states move with them along D.
+def add_drift(T: FloatArray, root: FloatArray, wear: IntArray, turns: FloatArray) -> None:
+    """Add the next column of the root of what the parameters gain in a stroke, d d', to their covariance T T'.
 
     Parameters
     ----------
     T : (k, k)
-        Lower triangular after it.
+        Lower triangular, by rotations of its columns with d.
     root : (k, d)
         Lower trapezoidal.
-    W : (k, k + d)
+    wear : (1,)
+        Columns that are still to be added, at least 1; the first of a stroke is next where they are a multiple of d.
+    turns : (2, k)
         Scratch.
     """
-    k = T.shape[0]
-    for i in range(k):
-        copy(W[i, :k], T[i])
-        copy(W[i, k:], root[i])
-    triangularise(W)
-    for i in range(k):
-        copy(T[i], W[i])
+    first = (root.shape[1] - wear[0] % root.shape[1]) % root.shape[1]
+    for i in range(first, T.shape[0]):
+        added = root[i, first]
+        for j in range(first, i):
+            before = T[i, j]
+            T[i, j] = turns[0, j] * before + turns[1, j] * added
+            added = turns[0, j] * added - turns[1, j] * before
+        pivot = T[i, i]
+        T[i, i] = math.sqrt(pivot * pivot + added * added)
+        turns[0, i] = pivot / T[i, i] if T[i, i] > 0.0 else 1.0
+        turns[1, i] = added / T[i, i] if T[i, i] > 0.0 else 0.0
+    wear[0] -= 1
 
 
 @kernel
@@ -490,25 +576,28 @@ def follow(
     if adapting:
         refresh(prepare, state.theta, free, arrays.derived, model)
     if packed:
-        place_window(state.first[0], window, free.pieces, model.breakpoints)
+        place_window(state.first[0], window)
     for i in range(begin, end):
-        row, due = i - begin, (number + i) % settings.every == 0
+        row, turn = i - begin, (number + i) % settings.every
         if i > 0:
             steps = steps_at(arrays.pace, x[at_position], x[at_speed], length[i - 1], int(substeps[i - 1]))
             interval = u[i - 1], length[i - 1 : i], steps, sigma[i - 1], lags[i - 1]
-            if packed and leaves(x, settings, length[i - 1], window.within):
-                bring_up(state, window, free.pieces, model.breakpoints, x[at_position], arrays.scratch.S)
             if not move_columns(step, state, columns, interval, arrays):
                 return i
         errors[row] = np.nan
-        if due:
-            if packed:
-                bring_up(state, window, free.pieces, model.breakpoints, x[at_position], arrays.scratch.S)
-            of_sample = errors[row], gains[min(row, gains.shape[0] - 1)], rows[row : row + 1]
-            correct_sample(prepare, state, arrays, values[i], of_sample)
+        corrected = False
+        of_sample = errors[row], gains[min(row, gains.shape[0] - 1)], rows[row : row + 1]
+        if packed and turn == 0:
+            begin_correction(state, arrays, values[i])
+        if packed and turn == settings.every - 1 and state.due[0] > 0:
+            end_correction(prepare, state, arrays, of_sample)
+            corrected = True
+        if not packed and turn == 0:
+            correct_sample(prepare, state, arrays, values[i], False, of_sample)
+            corrected = True
         if deviations.shape[0] > 0:
             deviations[row] = np.nan
-            if due:
+            if corrected:
                 state_deviations(state.S, state.T, arrays.derived.slopes, deviations[row], arrays.scratch.w)
                 add_considered(state, arrays.derived.slopes, deviations[row])
         if watched.shape[0] > 0:

@@ -105,6 +105,10 @@ class Derived(NamedTuple):
     slopes: FloatArray
 
 
+#: Bits of a correction that is under way, beside 1.
+ADAPTS, WEARS = 2, 4
+
+
 class FilterState(NamedTuple):
     """State of the filter between two samples: x (size,), S = [D | L], theta (k,), T (k, m), see `recursion`.
 
@@ -115,6 +119,11 @@ class FilterState(NamedTuple):
     `moved` = [Gamma | Phi] (size, p + w + size), with Gamma for the free parameters of the model, for a window of w
     load weights, of which number `first` (1,) is the first, and for those of the sensors; see `transition`. Without
     columns in `moved`, S itself moves. To write a state, write its arrays: a filter goes on from them bit by bit.
+
+    A correction that is under way, see `recursion.follow`, is that of an earlier sample: its x, columns that had moved,
+    noise, window and measurements are `at_x`, `at_moved`, `at_waiting`, `at_first` and `at_values` (sensors,). `due`
+    (1,) is 0 without one, else 1, with `ADAPTS` if it corrects the parameters too and `WEARS` if T gains drift. `wear`
+    (1,) counts the columns of drift that T has still to gain for strokes that have ended, see `recursion.add_drift`.
 
     What is not known and does not adapt is considered: `E` (size, c) are the derivatives of the error of x with fixed
     parameters with respect to c such parameters, in their standard deviations, and `G` (k, c) those of the error of
@@ -130,14 +139,20 @@ class FilterState(NamedTuple):
     first: IntArray
     E: FloatArray = np.zeros((0, 0))
     G: FloatArray = np.zeros((0, 0))
+    at_x: FloatArray = np.zeros(0)
+    at_moved: FloatArray = np.zeros((0, 0))
+    at_waiting: FloatArray = np.zeros(0)
+    at_first: IntArray = np.zeros(0, dtype=np.int64)
+    at_values: FloatArray = np.zeros(0)
+    due: IntArray = np.zeros(1, dtype=np.int64)
+    wear: IntArray = np.zeros(1, dtype=np.int64)
 
 
 class Window(NamedTuple):
     """Window of load weights whose columns move, see `transition`.
 
     Their basis functions (w,); columns in S of all responses Gamma (p + w,), of which `placed` (w,) are those of the
-    window; basis functions and columns in S of all free load weights, by their place in the stroke; positions in m that
-    the window is for (2,).
+    window; basis functions and columns in S of all free load weights, by their place in the stroke.
     """
 
     bases: IntArray
@@ -145,7 +160,6 @@ class Window(NamedTuple):
     placed: IntArray
     weight_bases: IntArray
     weight_columns: IntArray
-    within: FloatArray
 
 
 class Scratch(NamedTuple):
@@ -153,7 +167,8 @@ class Scratch(NamedTuple):
 
     Measured states before a step with their rows of the columns that move (sensors, 1 + columns); ``[L | Q]``, with Q
     the square root of the process noise (size, size + n), or (0, 0) with given gains; of the shape of S, and a row of
-    it; vectors of theta (m,) and (k,).
+    it; vectors of theta (m,) and (k,); two rows of rotations of T's columns (2, k); x (size,) and parameters in SI (k,)
+    before a correction.
     """
 
     before: FloatArray
@@ -162,6 +177,9 @@ class Scratch(NamedTuple):
     h: FloatArray
     w: FloatArray
     step: FloatArray
+    turns: FloatArray
+    x: FloatArray
+    si: FloatArray
 
 
 class SettingsArrays(NamedTuple):
@@ -169,7 +187,8 @@ class SettingsArrays(NamedTuple):
 
     Samples between corrections; standard deviations beyond which an innovation is an outlier; speed in m/s above which
     parameters adapt; rows of speed and position in x, and of the state that is watched; numbers of the rule, see
-    `rules`; what E gains from one correction to the next (size, c).
+    `rules`; what E gains from one correction to the next (size, c); root of what T gains in a stroke (k, d); time in s
+    from a correction to the middle between it and the next, around which the window of load weights is placed.
     """
 
     every: int
@@ -180,6 +199,8 @@ class SettingsArrays(NamedTuple):
     at_watched: int
     rule: Any
     source: FloatArray = np.zeros((0, 0))
+    drifts: FloatArray = np.zeros((0, 0))
+    ahead: float = 0.0
 
 
 class FilterArrays(NamedTuple):
@@ -292,5 +313,5 @@ def scratch(size: int, width: int, T: FloatArray, n: int, sensors: int) -> Scrat
     """Scratch arrays for x of `size`, of which n are states of the model, S with `width` columns, and T (k, m)."""
     k, m = T.shape
     W = np.empty((size, size + n) if width > k else (0, 0))
-    vectors = np.empty(width), np.empty(m), np.empty(k)
+    vectors = np.empty(width), np.empty(m), np.empty(k), np.empty((2, k)), np.empty(size), np.empty(k)
     return Scratch(np.empty((sensors, 1 + width)), W, np.empty((size, width)), *vectors)
