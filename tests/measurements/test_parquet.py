@@ -6,8 +6,6 @@ import sys
 import numpy as np
 import polars as pl
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import clutchid.measurements as cio
 from clutchid.errors import DataError, install_command
@@ -153,19 +151,6 @@ def test_a_whole_file_is_not_taken_for_a_damaged_one(tmp_path, compression):
     columns = {"x": np.arange(5000.0), "y": ["a", None, "b", "c", "d"] * 1000, "z": [[1, 2], []] * 2500}
     pl.DataFrame(columns).write_parquet(tmp_path / "x", compression=compression, row_group_size=999)
     assert damage(tmp_path / "x") == ""
-
-
-@settings(max_examples=150, deadline=None)
-@given(drawn=st.data())
-def test_a_damaged_file_is_read_or_refused_in_a_sentence(tmp_path_factory, drawn):
-    path = tmp_path_factory.mktemp("damaged") / "run.parquet"
-    pl.DataFrame(GOOD).write_parquet(path)
-    content = bytearray(path.read_bytes())
-    for place in drawn.draw(st.lists(st.integers(4, len(content) - 1), max_size=4)):
-        content[place] ^= 1 << drawn.draw(st.integers(0, 7))
-    path.write_bytes(content[: drawn.draw(st.integers(4, len(content)))])
-    source = parquet_file.open_file(path)
-    assert source.problems or all(table.size >= 0 for table in source.tables(0, [0, 1], 2))
 
 
 def test_a_page_that_claims_more_samples_than_the_file_is_refused_before_it_is_read(tmp_path):
