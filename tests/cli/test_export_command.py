@@ -9,6 +9,7 @@ import clutchid
 from clutchid.exports.exporting import NO_POSITION_ONLY
 from clutchid.exports.frames import results_dbc
 from clutchid.measurements import read, write
+from clutchid.observer.health import FLAGS
 from fixtures.changed_logs import thinned
 from fixtures.commands import called
 
@@ -30,6 +31,8 @@ def test_it_writes_the_observer_and_says_that_c_and_python_are_alike(folder, tmp
     page = (tmp_path / "observer" / "PARITY.md").read_text()
     assert "**the C agrees with Python**" in page
     assert "Samples by flag are the same." in page
+    advice = (tmp_path / "observer" / "README.md").read_text().partition("## What to do at a flag")[2]
+    assert all(f"`{flag}`" in advice for flag in FLAGS)
 
 
 def test_json_has_files_and_differences(folder, tmp_path, capsys):
