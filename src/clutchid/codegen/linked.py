@@ -12,7 +12,7 @@ from weakref import WeakKeyDictionary
 from llvmlite import binding, ir
 from numba.core import cgutils, types
 from numba.core.errors import RequireLiteralValue, TypingError
-from numba.extending import intrinsic
+from numba.extending import intrinsic, typeof_impl
 from numba.np.arrayobj import populate_array
 
 _NUMBERS = {"double": types.float64, "i64": types.int64}
@@ -101,12 +101,20 @@ class Callback(types.WrapperAddressProtocol):
 
     def __init__(self, function: Any, arguments: tuple[Any, ...]) -> None:
         function.compile(arguments)
-        self._compiled = function.overloads[arguments]
+        compiled = function.overloads[arguments]
+        name = compiled.fndesc.llvm_cfunc_wrapper_name
+        self._address: int = compiled.library.get_pointer_to_function(name)
+        self._signature, self.type = compiled.signature, types.FunctionType(compiled.signature)
 
     def signature(self) -> Any:
         """Types of the result and of the arguments."""
-        return self._compiled.signature
+        return self._signature
 
     def __wrapper_address__(self) -> int:
-        address: int = self._compiled.library.get_pointer_to_function(self._compiled.fndesc.llvm_cfunc_wrapper_name)
-        return address
+        return self._address
+
+
+@typeof_impl.register(Callback)
+def _type(callback: Callback, _context: Any) -> Any:
+    """The type that Numba would make of the signature at every call, which takes as long as some samples."""
+    return callback.type
