@@ -5,9 +5,8 @@ import pytest
 
 from clutchid import Actuator, Load, Log, Parameters, simulate
 from clutchid.errors import ParameterError
-from clutchid.inference.filter.joint_filter import JointSettings, correct, follow, init, inputs, joint_filter, predict
+from clutchid.inference.filter.joint_filter import JointSettings, follow, init, inputs, joint_filter
 from clutchid.inference.filter.rules import AdaptiveGains, adaptive_rule
-from clutchid.inference.filter.setup import Intervals
 from clutchid.simulation.noise import Noise
 
 #: Speed in m/s above which sliding friction dissipates more than the seals give back.
@@ -138,13 +137,3 @@ def test_an_outlier_moves_no_weight_and_no_more_than_one_at_the_bound(problem):
     far, near = (follow(joint, before, given._replace(values=values), (330, 331)).state for values in (spike, bound))
     assert far.x == pytest.approx(near.x, rel=1e-9)
     assert np.array_equal(far.theta, before.theta)
-
-
-def test_a_filter_without_covariance_is_not_predicted_and_corrected(problem):
-    joint, state, given = made(problem)
-    for function, argument in (
-        (predict, Intervals(*(array[:1] for array in given.intervals))),
-        (correct, given.values[0]),
-    ):
-        with pytest.raises(ParameterError, match="`follow` takes single samples too"):
-            function(joint, state, argument)

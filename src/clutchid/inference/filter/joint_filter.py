@@ -1,4 +1,4 @@
-"""The joint filter of an actuator: how it is made, its state, and pure functions that start, predict and correct."""
+"""The joint filter of an actuator: how it is made, its state, and pure functions that start it and follow samples."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from clutchid.codegen.kernels import kernels_in
-from clutchid.errors import ParameterError
 from clutchid.inference.filter.rules import KALMAN, CorrectionRule, RuleState
 from clutchid.inference.filter.setup import (
     BESIDE,
@@ -250,10 +249,6 @@ def _free_arrays(
     return FreeArrays(np.array(numbers).reshape(-1, 7), places_array, np.array(pieces))
 
 
-#: Samples to a correction that is never due.
-_NEVER = 1 << 62
-
-
 @dataclass(frozen=True, slots=True)
 class Diverged(Failure):
     """The filter left the finite numbers at `sample` of the segment, with what it knows of the parameters before."""
@@ -347,37 +342,6 @@ def follow(
     return JointPass(after, output.errors, output.states, output.deviations)
 
 
-def predict(joint: JointFilter, state: RuleState, interval: Intervals) -> FilterState:
-    """The state after an interval, given as the only row of `Intervals`; for the rule of Kalman."""
-    at = _of_kalman(joint, state)
-    nothing = JointInputs(interval, np.full((2, len(joint.measure)), np.nan))
-    alone = replace(joint, settings=replace(joint.settings, every=_NEVER))
-    return _filtered(alone, at, nothing, (1, 2, 0))[1]
-
-
-def correct(joint: JointFilter, state: RuleState, values: FloatArray) -> tuple[FilterState, FloatArray]:
-    """The state after the measurements of a sample, which act at once; for the rule of Kalman.
-
-    Parameters
-    ----------
-    values : (sensors,)
-        In SI; what is not finite is left out.
-
-    Returns
-    -------
-    state, errors : (sensors, 2)
-        Innovations and their variances, NaN for none.
-    """
-    at, every = _of_kalman(joint, state), joint.settings.every
-    none, known = np.zeros(0), np.where(np.isfinite(values), values, np.nan)[None]
-    given = JointInputs(
-        Intervals(none[:, None], none, none.astype(np.int32), none[:, None], none[:, None, None]), known
-    )
-    for number in sorted({0, every - 1}):  # it begins, and ends
-        _, at, output = _filtered(joint, at, given, (0, 1, number))
-    return at, output.errors[0]
-
-
 def drifted(joint: JointFilter, T: FloatArray, wear: IntArray) -> FloatArray:
     """Square root (k, k) of the covariance of the free parameters with the columns of drift that are still to be added.
 
@@ -387,14 +351,6 @@ def drifted(joint: JointFilter, T: FloatArray, wear: IntArray) -> FloatArray:
     while left[0] > 0:
         kernels_in(KALMAN.module).add_drift(after, joint.drifts, left, turns)
     return after
-
-
-def _of_kalman(joint: JointFilter, state: RuleState) -> FilterState:
-    if not isinstance(state, FilterState):
-        raise ParameterError(
-            f"the rule {joint.rule.kernel} has no covariance to predict and correct; `follow` takes single samples too."
-        )
-    return state
 
 
 _State = TypeVar("_State", bound=RuleState)
@@ -426,9 +382,9 @@ def _filtered(
     return failed, after, output
 
 
-def covariance(joint: JointFilter, state: RuleState) -> FloatArray:
+def covariance(joint: JointFilter, at: FilterState) -> FloatArray:
     """Covariance of x and theta, shape (size + k, size + k)."""
-    at, k, moving = _of_kalman(joint, state), state.theta.size, joint.moving
+    k, moving = at.theta.size, joint.moving
     slopes = np.array([c.slope(value) for c, value in zip(joint.coordinates, at.theta.tolist(), strict=True)])
     S = at.S
     for moved, first in [(at.at_moved, at.at_first)] * int(at.due[0] > 0) + [(at.moved, at.first)]:
