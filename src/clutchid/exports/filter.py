@@ -193,6 +193,8 @@ def correction_shares(size: FilterSize, every: int) -> list[int]:
     k, n = size.parameters, size.states + size.sensors
     copied = 3.0 * (k * (k + 1) / 2 + 3 * k + size.model_parameters + 4 * size.pieces)
     own = (1000.0, 2.5 * k * (k + 1) + 30.0 * k, 2.5 * k * (k + 1) + 2000.0, 1500.0)
-    costs = [copied, *(cost for phase in phases(size) for cost in phase.cost), *own]
+    # the supply pressure counts while both valves are closed, which seldom is where a sample has two integration steps
+    items = [cost / (1 + phase.sensor) for phase in phases(size) for cost in phase.cost]
+    costs = [copied, *items, *own]
     moving = size.of_model + size.window + size.of_sensors + n
     return shares(costs, every, 6.0 * n * moving, 6.0 * n * moving)
