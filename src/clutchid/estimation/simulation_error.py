@@ -257,21 +257,16 @@ def _cost(problem: Problem, x: FloatArray) -> float:
     return cost
 
 
-def _rms_residuals(problem: Problem, segments: Iterable[SimulatedSegment]) -> dict[str, float]:
+def _rms_residuals(problem: Problem, segments: Sequence[SimulatedSegment]) -> dict[str, float]:
     """Rms residual of every measured column, at least a thousandth of the first scale."""
-    scales = problem.noise.measured
-    sums = {name: [0.0, 0] for name in problem.measure}
-    for segment in segments:
-        at = slice(segment.segment.start, segment.segment.stop)
-        sizes = [int(np.isfinite(segment.plan.log[name][at]).sum()) for name in problem.measure]
-        r = _compared(problem, segment).r
-        for name, piece in zip(problem.measure, np.split(r, np.cumsum(sizes)[:-1]), strict=True):
-            sums[name][0] += float(np.sum(piece**2)) * scales[name] ** 2
-            sums[name][1] += piece.size
-    return {
-        name: max(float(np.sqrt(total / max(1, count))), 1e-3 * MEASURED[name].first_scale)
-        for name, (total, count) in sums.items()
-    }
+    rms = {}
+    for name, scale in problem.noise.measured.items():
+        at = problem.actuator.states.index(MEASURED[name].state)
+        pieces = [s.states[:, at] - s.plan.log[name][s.segment.start : s.segment.stop] for s in segments]
+        total = sum(float(np.nansum((piece / scale) ** 2)) * scale**2 for piece in pieces)
+        count = sum(int(np.isfinite(piece).sum()) for piece in pieces)
+        rms[name] = max(float(np.sqrt(total / max(1, count))), 1e-3 * MEASURED[name].first_scale)
+    return rms
 
 
 class SimulatedSegment(NamedTuple):
