@@ -1,7 +1,8 @@
 """What a first start costs: ``python benchmarks/startup.py [--repeat N] [--kernels]``.
 
-Whole processes on the bundled recording, each first with an empty cache and then with the cache that it left: a plain
-`clutchid fit` (position, three weights) and a first calibration (`--free auto`). Printed are both times, what the first
+Whole processes, each first with an empty cache and then with the cache that it left: a plain `clutchid fit` of the
+bundled recording (position, three weights), its first calibration (`--free auto`), and a drive of a virtual truck. With
+the cache of that drive, that of a truck of other parts follows, which compiles its plant alone. Printed are both times, what the first
 takes more, and the same of the processor time, which a busy machine changes less. The texts of the standard models lie
 in the wheel, so measure with the wheel installed; a tree of sources derives them. With `--kernels`, how long Numba
 compiles each kernel of a first calibration, with and without those that it calls.
@@ -23,19 +24,24 @@ from numba.core import event
 
 import clutchid
 
-#: What more than warm a first start may take, in s.
-COMMANDS = {
-    "plain fit": ((), 4.0),
-    "calibration": (("--measure", "position,pressure_a", "--free", "auto"), 10.0),
+_RECORDING = str(Path(clutchid.__file__).parent / "study/paper/data/truck1_calibration.csv")
+
+#: Commands, that whose cache they find at first, and what more than warm the first may take in s.
+COMMANDS: dict[str, tuple[tuple[str, ...], str, float]] = {
+    "plain fit": (("fit", _RECORDING), "", 4.0),
+    "calibration": (("fit", _RECORDING, "--measure", "position,pressure_a", "--free", "auto"), "", 10.0),
+    "drive": (("drive", "--truck", "0", "--seconds", "5", "--out", "log.csv"), "", 10.0),
+    "other parts": (("drive", "--truck", "0", "--family", "B", "--seconds", "5", "--out", "log.csv"), "drive", 3.0),
 }
 
 
 def seconds(arguments: tuple[str, ...], cache: Path) -> tuple[float, float]:
-    """Wall and processor time in s of `clutchid fit` as a process of its own."""
-    recording = Path(clutchid.__file__).parent / "study/paper/data/truck1_calibration.csv"
-    command = [sys.executable, "-m", "clutchid", "fit", str(recording), *arguments]
+    """Wall and processor time in s of a command as a process of its own."""
+    command = [sys.executable, "-m", "clutchid", *arguments]
     begin, used = time.perf_counter(), _processor()
-    subprocess.run(command, check=True, capture_output=True, env={**os.environ, "CLUTCHID_CACHE": str(cache)})
+    with tempfile.TemporaryDirectory() as folder:
+        environment = {**os.environ, "CLUTCHID_CACHE": str(cache)}
+        subprocess.run(command, check=True, capture_output=True, env=environment, cwd=folder)
     return time.perf_counter() - begin, _processor() - used
 
 
@@ -92,9 +98,12 @@ def main() -> None:
     times = f"{'warm':>8} {'more':>8}"
     print(f"{'command':<14} {'empty cache':>12} {times} {'target':>8} {'processor':>12} {times}")
     for _ in range(rounds):
-        for name, (arguments, target) in COMMANDS.items():
+        for name, (arguments, before, target) in COMMANDS.items():
             with tempfile.TemporaryDirectory() as folder:
-                cold, warm = (seconds(arguments, Path(folder) / "cache") for _ in range(2))
+                cache = Path(folder) / "cache"
+                if before:
+                    seconds(COMMANDS[before][0], cache)
+                cold, warm = (seconds(arguments, cache) for _ in range(2))
             (wall, cpu), (wall_warm, cpu_warm) = cold, warm
             print(
                 f"{name:<14} {wall:>10.1f} s {wall_warm:>6.1f} s {wall - wall_warm:>6.1f} s {target:>6.1f} s "
