@@ -1,11 +1,11 @@
 """What a first start costs: ``python benchmarks/startup.py [--repeat N] [--kernels]``.
 
 Whole processes, each first with an empty cache and then with the cache that it left: a plain `clutchid fit` of the
-bundled recording (position, three weights), its first calibration (`--free auto`), and a drive of a virtual truck. With
-the cache of that drive, that of a truck of other parts follows, which compiles its plant alone. Printed are both times, what the first
-takes more, and the same of the processor time, which a busy machine changes less. The texts of the standard models lie
-in the wheel, so measure with the wheel installed; a tree of sources derives them. With `--kernels`, how long Numba
-compiles each kernel of a first calibration, with and without those that it calls.
+bundled recording (position, three weights), its first calibration (`--free auto`), and a drive of a virtual truck.
+With the cache of that drive, that of a truck of other parts follows, which compiles its plant alone. Printed are both
+times, what the first takes more, and the same of the processor time, which a busy machine changes less. The texts of
+the standard models lie in the wheel, so measure with the wheel installed; a tree of sources derives them. With
+`--kernels`, how long Numba compiles each kernel of a first calibration, with and without those that it calls.
 """
 
 from __future__ import annotations
