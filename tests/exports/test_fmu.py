@@ -283,6 +283,15 @@ def test_an_observer_takes_a_sample_a_millisecond_whatever_the_step(observing, i
     np.testing.assert_array_equal(parts.get(["pressure_a", "load"]), whole[-1])
 
 
+@pytest.mark.parametrize("step", [2 * STEP, 0.01, 0.02])
+def test_an_observer_refuses_a_step_that_holds_its_inputs_for_several_samples(observing, inputs, step):
+    compiled(observing)
+    instance = observing.instance().begin()
+    assert instance.step(0.0, step) == 3
+    assert instance.step(0.0, STEP * (1 + 1e-9)) == 0  # as an importer counts its own time
+    assert "steps of at most 0.001 s" in str(described(observing.content).get("description"))
+
+
 def test_a_parameter_that_adapts_may_begin_elsewhere(observing):
     compiled(observing)
     name = next(name for name in observing.variables if name.startswith("start.theta_9"))

@@ -85,7 +85,8 @@ def observer_fmu(observer: Observer, state: ObserverState, style: CStyle, module
     """An observer as an FMU: the file's content.
 
     It takes a sample every `Observer.spacing` s, the first one at the start, with the inputs at the beginning of a
-    step; its outputs are those of the last sample. Parameters that adapt may begin elsewhere (``start.NAME``).
+    step; its outputs are those of the last sample. A longer step is refused: inputs that are held for longer than a
+    sample make the load wrong. Parameters that adapt may begin elsewhere (``start.NAME``).
 
     Parameters
     ----------
@@ -103,13 +104,15 @@ def observer_fmu(observer: Observer, state: ObserverState, style: CStyle, module
     free = tuple(c.base for c in joint.coordinates)
     carrier = "c_pwm" in kernels(joint.mapped.actuator.model).INPUTS
     values = {
-        "title": f"on-line observer of a clutch actuator, method {observer.method}, in {style.real}",
+        "title": f"on-line observer of a clutch actuator, method {observer.method}, in {style.real}; "
+        f"communication steps of at most {observer.spacing:g} s",
         "real": style.real,
         "fields": [name for name, output in OUTPUTS.items() if output.unit],
         "counts": [name for name, output in OUTPUTS.items() if not output.unit],
         "free": free,
         "carrier_us": carrier_us(joint.mapped.actuator) if carrier else 0,
         "spacing": observer.spacing,
+        "longest": observer.spacing,
         "failure": "",
     }
     return _fmu("observer", style.name, _of_observer(observer, state), observer.actuator.equipment, modules, values)
@@ -151,6 +154,7 @@ def model_fmu(actuator: Actuator, name: str = "actuator") -> bytes:
         "most": MOST_SUBSTEPS,
         "rounding": ROUNDING,
         "spacing": SAMPLE_TIME,
+        "longest": 0.0,
         "failure": "states are not finite, or the parameters need too many integration steps.",
     }
     return _fmu("model", style.name, _of_model(actuator), actuator.equipment, {f"{name}_model": model}, values)
