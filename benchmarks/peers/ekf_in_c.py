@@ -127,7 +127,7 @@ def exported(followed: Followed, every_sample: bool, real: Real) -> Callable[[],
         given=f"const clutch_input_t input = {{ ({real})in[i][0], ({real})in[i][3], ({real})in[i][4], ({real})NAN }};",
         step="clutch_fast(&self, &input, (uint32_t)in[i][5], &output);",
         pressure="output.pressure_a",
-        weights="self.belief.theta[0], self.belief.theta[1], self.belief.theta[2]",
+        weights=", ".join(f"self.belief[self.active].theta[{i}]" for i in range(3)),
     )
     run = runner(followed, sources, lines)
 

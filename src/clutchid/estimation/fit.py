@@ -62,7 +62,7 @@ def fit_request(
     rested, checked = (
         [from_rest(log, request.counted_from, request.zero) for log in several] for several in (ready, apart)
     )
-    recordings, others = [one.log for one in rested], [rest.log for rest in checked]
+    recordings, others = [rest.log for rest in rested], [rest.log for rest in checked]
     check_recordings(recordings, others, request.measure, start.parameters.y_max)
     method = method_of(request, recordings, start, methods)
     result = fit_with(method, [with_inputs(log) for log in recordings], start, request, progress)

@@ -107,14 +107,14 @@ def build_problem(
     for name, unit in zip(names, natural_sizes(actuator, names).tolist(), strict=True):
         free.append(Coordinate(name, None, 0.0, unit, False, *bounds[name], limit=np.inf))
         values.append(actuator.value(name))
-    for one in plans:
-        for number, segment in enumerate(one.segments):
+    for prepared in plans:
+        for number, segment in enumerate(prepared.segments):
             for name, value, low, high in _free_start(segment, actuator):
-                stem = _start_stem(one, number)
+                stem = _start_stem(prepared, number)
                 free.append(Coordinate(name, stem, 0.0, _START_UNITS[name], False, low, high, limit=np.inf))
                 values.append(value)
     noise = Noise(measured={name: MEASURED[name].first_scale for name in measure})
-    stems = tuple(one.log.name for one in plans)
+    stems = tuple(prepared.log.name for prepared in plans)
     problem = Problem(actuator, tuple(free), stems, tuple(measure), noise, tuple(plans))
     return problem, np.array([c.of(min(max(value, c.low), c.high)) for c, value in zip(free, values, strict=True)])
 
@@ -145,9 +145,9 @@ def _segments(problem: Problem) -> Iterator[tuple[Plan, Segment, list[int]]]:
     own: dict[str | None, list[int]] = {}
     for i, c in enumerate(problem.coordinates):
         own.setdefault(c.stem, []).append(i)
-    for one in problem.plans:
-        for number, segment in enumerate(one.segments):
-            yield one, segment, own.get(_start_stem(one, number), [])
+    for prepared in problem.plans:
+        for number, segment in enumerate(prepared.segments):
+            yield prepared, segment, own.get(_start_stem(prepared, number), [])
 
 
 def _start(
@@ -336,17 +336,17 @@ def _simulated(problem: Problem, x: FloatArray, rests: bool = False) -> Iterator
     arrays, shared = KernelArrays.of(actuator), _shared(problem)
     watched = [actuator.states.index(MEASURED[name].state) for name in problem.measure]
     slopes = problem.slopes(x)
-    for one, segment, at in _segments(problem):
+    for prepared, segment, at in _segments(problem):
         last = [POSITION_START] if rests and segment.rest > 0 else []
         which = columns(actuator, [*shared, *(problem.coordinates[i].base for i in at), *last])
         x0 = start_state(segment, actuator, _start(problem, segment, at, x, actuator))
         start = x0, start_sensitivities(segment, actuator, which, estimated=bool(at))
         states, sens, _, failed = run_with_sensitivities(segment, arrays, start, which, watched)
         if failed >= 0:
-            yield Failure(failure_message(one.log, segment, states, failed, actuator.states, actuator))
+            yield Failure(failure_message(prepared.log, segment, states, failed, actuator.states, actuator))
             return
         places = [*range(len(shared)), *at]
-        yield SimulatedSegment(one, segment, places, states, sens * np.append(slopes[places], np.ones(len(last))))
+        yield SimulatedSegment(prepared, segment, places, states, sens * np.append(slopes[places], np.ones(len(last))))
 
 
 def _compared(problem: Problem, simulated: SimulatedSegment) -> SegmentResiduals:
@@ -356,11 +356,11 @@ def _compared(problem: Problem, simulated: SimulatedSegment) -> SegmentResiduals
     for i, name in enumerate(problem.measure):
         values = one.log[name][segment.start : segment.stop]
         difference = states[:, names.index(MEASURED[name].state)] - values
-        known = np.isfinite(difference)
-        kept = slice(None) if known.all() else known  # a slice makes no copy
-        at_parts.append(np.flatnonzero(known))
-        r_parts.append(difference[kept] / scales[name])
-        J_parts.append(sens[kept, i] / scales[name])
+        finite = np.isfinite(difference)
+        compared = slice(None) if finite.all() else finite  # a slice makes no copy
+        at_parts.append(np.flatnonzero(finite))
+        r_parts.append(difference[compared] / scales[name])
+        J_parts.append(sens[compared, i] / scales[name])
     if len(r_parts) == 1:
         return SegmentResiduals(one, segment, places, r_parts[0], J_parts[0], at_parts[0])
     r, J, samples = np.concatenate(r_parts), np.concatenate(J_parts), np.concatenate(at_parts)
@@ -372,8 +372,8 @@ def simulated_states(problem: Problem, x: FloatArray, log: int) -> FloatArray:
     actuator, mine = problem.actuator_of(x, problem.stems[log]), problem.plans[log]
     arrays = KernelArrays.of(actuator)
     states = np.full((len(mine.log), len(actuator.states)), np.nan)
-    for one, segment, at in _segments(problem):
-        if one is mine:
+    for prepared, segment, at in _segments(problem):
+        if prepared is mine:
             x0 = start_state(segment, actuator, _start(problem, segment, at, x, actuator))
             states[segment.start : segment.stop] = run(segment, arrays, x0)[0]
     return states
@@ -391,7 +391,7 @@ def result(search_result: SearchResult, calibration: Calibration | None = None) 
     shared = covariance.matrix[:k, :k] * np.outer(unit[:k], unit[:k])
     fitted = problem.actuator_of(x, problem.stems[0])
     compared = _recordings(problem, x, fitted)
-    recordings = {one.recording.measured.name: one.recording for one in compared}
+    recordings = {recording.recording.measured.name: recording.recording for recording in compared}
     warnings = plan_warnings(problem.plans)
     if _has_motion(problem):
         reach = furthest([recording.measured for recording in recordings.values()])
@@ -412,7 +412,7 @@ def result(search_result: SearchResult, calibration: Calibration | None = None) 
         covariance=shared,
         load_curve=load_curve(fitted, names, shared, covariance.quantile()),
         recordings=recordings,
-        errors=errors_over(one.shown for one in compared),
+        errors=errors_over(recording.shown for recording in compared),
         scales=dict(problem.noise.measured),
         bounds={c.base: (c.low, c.high) for c in problem.coordinates[:k]},
         evaluations=solution.evaluations,
@@ -425,8 +425,8 @@ def result(search_result: SearchResult, calibration: Calibration | None = None) 
 def _estimated_starts(problem: Problem, recordings: Mapping[str, Recording]) -> tuple[str, ...]:
     """A note for each recording whose start was estimated: a simulation needs the same start for the same errors."""
     notes = []
-    for one in problem.plans:
-        name, first = one.log.name, _start_stem(one, 0)
+    for prepared in problem.plans:
+        name, first = prepared.log.name, _start_stem(prepared, 0)
         free = [c.base for c in problem.coordinates if c.stem == first]
         if not free:
             continue
@@ -469,30 +469,30 @@ def _does_not_move(recordings: Mapping[str, Recording]) -> list[str]:
 
 def _recordings(problem: Problem, x: FloatArray, fitted: Actuator) -> list[Compared]:
     starts: dict[str, list[tuple[float, float]]] = {stem: [] for stem in problem.stems}
-    for one, segment, at in _segments(problem):
-        starts[one.log.name].append(_start(problem, segment, at, x, fitted))
+    for prepared, segment, at in _segments(problem):
+        starts[prepared.log.name].append(_start(problem, segment, at, x, fitted))
     return [
-        compare(one, simulated_states(problem, x, number), starts[one.log.name])
-        for number, one in enumerate(problem.plans)
+        compare(prepared, simulated_states(problem, x, number), starts[prepared.log.name])
+        for number, prepared in enumerate(problem.plans)
     ]
 
 
 def _covariance(problem: Problem, solution: Solution[Linearisation]) -> Covariance:
     scores, constants = [], []
-    for one in residuals(problem, solution.x, rests=True):
-        assert not isinstance(one, Failure)
-        width = len(one.places)
+    for part in residuals(problem, solution.x, rests=True):
+        assert not isinstance(part, Failure)
+        width = len(part.places)
         # all columns of a sample share one score, which includes their correlation
-        local = np.zeros((len(one.segment), width))
-        np.add.at(local, one.samples, one.J[:, :width] * one.r[:, None])
-        rows = np.zeros((len(one.segment), solution.x.size))
-        rows[:, one.places] = local
+        local = np.zeros((len(part.segment), width))
+        np.add.at(local, part.samples, part.J[:, :width] * part.r[:, None])
+        rows = np.zeros((len(part.segment), solution.x.size))
+        rows[:, part.places] = local
         scores.append(rows)
         gradient = np.zeros(solution.x.size)
-        gradient[one.places] = one.J[:, :width].T @ one.J[:, width:].sum(axis=1)
-        constants.append(gradient * _start_std(problem, one.segment))
-    known = identifiable(solution.at.R) & ~_at_active_bound(problem, solution) & _has_motion(problem)
-    return sandwich(solution.at.R, scores, known, len(_shared(problem)), np.transpose(constants))
+        gradient[part.places] = part.J[:, :width].T @ part.J[:, width:].sum(axis=1)
+        constants.append(gradient * _start_std(problem, part.segment))
+    determined = identifiable(solution.at.R) & ~_at_active_bound(problem, solution) & _has_motion(problem)
+    return sandwich(solution.at.R, scores, determined, len(_shared(problem)), np.transpose(constants))
 
 
 def _start_std(problem: Problem, segment: Segment) -> float:

@@ -62,7 +62,7 @@ def curve(
 def known(observer: Observer, state: ObserverState) -> dict[str, Estimate]:
     """All load weights, then the parameters that adapt, as they are known in a state; what is fixed has no spread."""
     load, deviations = observer.load(state), np.linalg.norm(observer.prior.weights @ state.T, axis=1)
-    found = {
+    estimates = {
         name: Estimate(value, load.unit, std, value - QUANTILE * std, value + QUANTILE * std)
         for name, value, std in zip(load.names, load.theta, deviations.tolist(), strict=True)
     }
@@ -70,8 +70,8 @@ def known(observer: Observer, state: ObserverState) -> dict[str, Estimate]:
     for c, x, s in zip(observer.joint.coordinates, state.theta.tolist(), spread.tolist(), strict=True):
         if c.base not in observer.prior.actuator.load.names:
             unit = observer.actuator.unit(c.base)
-            found[c.base] = Estimate(c.si(x), unit, s * c.slope(x), c.si(x - QUANTILE * s), c.si(x + QUANTILE * s))
-    return found
+            estimates[c.base] = Estimate(c.si(x), unit, s * c.slope(x), c.si(x - QUANTILE * s), c.si(x + QUANTILE * s))
+    return estimates
 
 
 def follow_strokes(

@@ -133,10 +133,10 @@ def observe_strokes(
     repeated = repeats(block.time, state.latest, observer.spacing)
     values, state = _values(observer, state, block, repeated)
     samples, rows, known = bridged(state, values.log, repeated, values.ends, observer.spacing)
-    found, stretches = _nothing(observer, samples.time), _stretches(observer, samples)
-    rest, unzeroed, moves = _rests(observer, state, samples, stretches, found)
-    counted = subtracted(observer, found.rest)
-    samples = samples._replace(position=np.where(found.no_zero, np.nan, samples.position - counted))
+    observed, stretches = _nothing(observer, samples.time), _stretches(observer, samples)
+    rest, unzeroed, moves = _rests(observer, state, samples, stretches, observed)
+    counted = subtracted(observer, observed.rest)
+    samples = samples._replace(position=np.where(observed.no_zero, np.nan, samples.position - counted))
     strokes, ends = count_strokes(state.strokes, samples.time, samples.position)
     judged, at_ends = 0, list[ObserverState]()
     for begin, end in stretches:
@@ -145,16 +145,16 @@ def observe_strokes(
         cuts = {begin, end, *(i + 1 for i in ends if begin <= i < end), *(at for at in moves if begin < at < end)}
         for a, b in pairwise(sorted(cuts)):
             state = _counted(observer, state, float(counted[a]))
-            state = _piece(observer, state, samples, (a, b), found)
-            found.leaking[a:b] = state.leaking
+            state = _piece(observer, state, samples, (a, b), observed)
+            observed.leaking[a:b] = state.leaking
             if b - 1 in ends:
-                state = _stroke_ended(observer, _judged(observer, state, found, slice(judged, b)))
+                state = _stroke_ended(observer, _judged(observer, state, observed, slice(judged, b)))
                 at_ends.append(replace(_ended(observer, state), latest=float(samples.time[b - 1])))
                 judged = b
-    state = _judged(observer, state, found, slice(judged, samples.time.size))
+    state = _judged(observer, state, observed, slice(judged, samples.time.size))
     latest = float(samples.time[-1]) if samples.time.size else state.latest
     state = replace(state, rest=rest, unzeroed=unzeroed, strokes=strokes, latest=latest, known=known)
-    return state, _of_rows(found, rows, values, block, repeated), at_ends
+    return state, _of_rows(observed, rows, values, block, repeated), at_ends
 
 
 class _Values(NamedTuple):
@@ -195,18 +195,18 @@ def _values(observer: Observer, state: ObserverState, block: Log, repeated: Mask
     return _Values(replace(block, columns={**block.columns, **columns}), verdicts, unlike, ends), after
 
 
-def _of_rows(found: Observed, rows: NDArray[np.int64], values: _Values, block: Log, repeated: Mask) -> Observed:
+def _of_rows(observed: Observed, rows: NDArray[np.int64], values: _Values, block: Log, repeated: Mask) -> Observed:
     """Results of the samples of a block, in which nothing is estimated at those that are repeated."""
-    if rows.size != found.time.size:
-        ended = np.flatnonzero(np.isfinite(found.innovations[:, 0]))
-        late = {name: getattr(found, name)[ended] for name in ("deviations", "innovations", "mismatch")}
-        found = Observed._make(array[rows] for array in found)
-        for array in (found.states, found.deviations, found.innovations, found.mismatch):
+    if rows.size != observed.time.size:
+        ended = np.flatnonzero(np.isfinite(observed.innovations[:, 0]))
+        late = {name: getattr(observed, name)[ended] for name in ("deviations", "innovations", "mismatch")}
+        observed = Observed._make(array[rows] for array in observed)
+        for array in (observed.states, observed.deviations, observed.innovations, observed.mismatch):
             array[repeated] = np.nan
         for name, of_ended in late.items():  # a correction that ends where a sample is missing is known at the next one
-            getattr(found, name)[np.searchsorted(rows, ended)] = of_ended
-        found.used[repeated] = False
-    return found._replace(
+            getattr(observed, name)[np.searchsorted(rows, ended)] = of_ended
+        observed.used[repeated] = False
+    return observed._replace(
         time=block.time, verdicts=values.verdicts, supply_unlike=values.supply_unlike, repeated=repeated
     )
 
@@ -228,12 +228,12 @@ def _stroke_ended(observer: Observer, state: ObserverState) -> ObserverState:
     )  # fmt: skip
 
 
-def _judged(observer: Observer, state: ObserverState, found: Observed, samples: slice) -> ObserverState:
-    """The state with the mismatch after some samples; fills that of `found`."""
-    running = mismatches(observer, state.mismatch, found.states[samples], found.innovations[samples])
-    found.mismatch[samples] = running
-    known = running[np.isfinite(running)]
-    return replace(state, mismatch=float(known[-1])) if known.size else state
+def _judged(observer: Observer, state: ObserverState, observed: Observed, samples: slice) -> ObserverState:
+    """The state with the mismatch after some samples; fills that of `observed`."""
+    running = mismatches(observer, state.mismatch, observed.states[samples], observed.innovations[samples])
+    observed.mismatch[samples] = running
+    ended = running[np.isfinite(running)]
+    return replace(state, mismatch=float(ended[-1])) if ended.size else state
 
 
 def subtracted(observer: Observer, rest: FloatArray) -> FloatArray:
@@ -246,10 +246,10 @@ def _rests(
     state: ObserverState,
     samples: Tail,
     stretches: Sequence[tuple[int, int]],
-    found: Observed,
+    observed: Observed,
 ) -> tuple[RestWatch, tuple[float, ...], list[int]]:
     """State of the vented rest after a block, the jumps whose zero it has not shown, and the samples at which its shift
-    is known anew; fills `found`.
+    is known anew; fills `observed`.
     """
     watch, unzeroed, moves = state.rest, state.unzeroed, list[int]()
     before = observer.calibration.rest if observer.calibration else None
@@ -258,15 +258,15 @@ def _rests(
     for begin, end in stretches:
         if begin > 0 or not time[begin] - latest_driven(state) <= HOLE * observer.spacing:
             watch = new_stretch(watch)
-        found.rest[begin:end] = watch.shift
-        found.no_zero[begin:end] = bool(unzeroed) and unzeroed[0] <= time[begin]  # a jump begins a stretch
+        observed.rest[begin:end] = watch.shift
+        observed.no_zero[begin:end] = bool(unzeroed) and unzeroed[0] <= time[begin]  # a jump begins a stretch
         # a rest settles all jumps before it: the first of them says enough
         unzeroed = (*unzeroed[:1], *(jump for jump in unzeroed[1:] if jump > time[end - 1]))
         if before is None or not np.isfinite(duties[begin]).all():
             continue
         watch, changes = watch_rest(watch, before, pace, samples.position[begin:end], duties[begin:end])
         for at, shift in changes:
-            found.rest[begin + at : end], found.no_zero[begin + at : end] = shift, False
+            observed.rest[begin + at : end], observed.no_zero[begin + at : end] = shift, False
             moves.append(begin + at)
             unzeroed = tuple(jump for jump in unzeroed if jump >= time[begin + at - 1])
     return watch, unzeroed, moves
@@ -292,7 +292,7 @@ def _nothing(observer: Observer, time: FloatArray) -> Observed:
 
 
 def _piece(
-    observer: Observer, state: ObserverState, samples: Tail, span: tuple[int, int], found: Observed
+    observer: Observer, state: ObserverState, samples: Tail, span: tuple[int, int], observed: Observed
 ) -> ObserverState:
     """Follow a part of a stretch, from each sample after one at which the filter diverged anew."""
     a, b = span
@@ -305,16 +305,16 @@ def _piece(
         held = int(np.searchsorted(samples.time[a:end], _held_until(state)))
         end = a + held if held else end
         observing = replace(observer, joint=_fixed(observer.joint)) if held else observer
-        state, done, usable, count = _followed(
+        state, passed, usable, count = _followed(
             observing, state, Tail(*(x[a:end] for x in samples)), observer.joint.settings.least_speed
         )
-        if done is not None:
-            end = a + len(done.states)
-            found.states[a:end], found.deviations[a:end] = done.states, done.deviations
-            found.innovations[a:end], found.used[a:end] = done.errors[:, 0], usable
-        found.contradicted[a : a + count] = bool(held)
+        if passed is not None:
+            end = a + len(passed.states)
+            observed.states[a:end], observed.deviations[a:end] = passed.states, passed.deviations
+            observed.innovations[a:end], observed.used[a:end] = passed.errors[:, 0], usable
+        observed.contradicted[a : a + count] = bool(held)
         a += count
-        found.contradicted[a - 1] |= state.contradicted == samples.time[a - 1]
+        observed.contradicted[a - 1] |= state.contradicted == samples.time[a - 1]
     return state
 
 
@@ -392,66 +392,68 @@ def _followed(
     usable = usable_positions(both.position)
     values = measured_values(both, usable, observer.supply.ratio if observer.supply else None)
     at = state.filter or init(joint, segment, state.theta, state.T, state.G, state.wear)
-    given = JointInputs(intervals(segment, joint.mapped.actuator, joint.noise, joint.measure), values)
-    found, end = _until_diverged(observer, at, given, (first, m), state.number - first)
-    contradiction, excess = _contradiction(observer, state.excess, found, least_speed)
-    if found is not None and contradiction < len(found.states):
+    inputs = JointInputs(intervals(segment, joint.mapped.actuator, joint.noise, joint.measure), values)
+    passed, end = _until_diverged(observer, at, inputs, (first, m), state.number - first)
+    contradiction, excess = _contradiction(observer, state.excess, passed, least_speed)
+    if passed is not None and contradiction < len(passed.states):
         end = first + contradiction
-        found = _until(observer, at, given, (first, end), state.number - first)
+        passed = _until(observer, at, inputs, (first, end), state.number - first)
         state = replace(state, contradicted=float(new.time[contradiction]))
-    if found is None or end < m:
+    if passed is None or end < m:
         ended = replace(_ended(observer, state), **state.sound._asdict())
-        return ended, found, usable[first:end], end + 1 - first
-    kept = last_samples(both, joint.mapped.actuator.parameters.T_pwm + 2.0 * observer.spacing)
-    corrected = np.flatnonzero(np.isfinite(found.deviations[:, 0]))
-    deviations = found.deviations[corrected[-1]].copy() if corrected.size else state.deviations
+        return ended, passed, usable[first:end], end + 1 - first
+    tail = last_samples(both, joint.mapped.actuator.parameters.T_pwm + 2.0 * observer.spacing)
+    corrected = np.flatnonzero(np.isfinite(passed.deviations[:, 0]))
+    deviations = passed.deviations[corrected[-1]].copy() if corrected.size else state.deviations
     state = replace(
-        state, filter=found.state, theta=found.state.theta, T=found.state.T, tail=kept, deviations=deviations,
+        state, filter=passed.state, theta=passed.state.theta, T=passed.state.T, tail=tail, deviations=deviations,
         number=state.number + m - first, excess=excess,
     )  # fmt: skip
-    if isinstance(found.state, FilterState):
-        state = replace(state, G=found.state.G, wear=found.state.wear)
-    return state, found, usable[first:], m - first
+    if isinstance(passed.state, FilterState):
+        state = replace(state, G=passed.state.G, wear=passed.state.wear)
+    return state, passed, usable[first:], m - first
 
 
 def _until(
-    observer: Observer, at: RuleState, given: JointInputs, span: tuple[int, int], number: int
+    observer: Observer, at: RuleState, inputs: JointInputs, span: tuple[int, int], number: int
 ) -> JointPass | None:
     """Follow samples of which it is known that the filter does not diverge; None without any."""
-    found = follow(observer.joint, at, given, span, number) if span[1] > span[0] else None
-    return None if isinstance(found, Diverged) else found
+    passed = follow(observer.joint, at, inputs, span, number) if span[1] > span[0] else None
+    return None if isinstance(passed, Diverged) else passed
 
 
-def _contradiction(observer: Observer, excess: float, done: JointPass | None, least_speed: float) -> tuple[int, float]:
+def _contradiction(
+    observer: Observer, excess: float, passed: JointPass | None, least_speed: float
+) -> tuple[int, float]:
     """The first sample at which innovations contradict the inputs, as many as there are if none does.
 
     Also the sum of their excess at the end; `excess` is that before. An observer without a covariance has none.
     """
-    if done is None or not observer.joint.rule.columns:
-        return 0 if done is None else len(done.states), 0.0
-    settings, innovations = observer.joint.settings, done.errors[:, 0]
+    if passed is None or not observer.joint.rule.columns:
+        return 0 if passed is None else len(passed.states), 0.0
+    settings, innovations = observer.joint.settings, passed.errors[:, 0]
     corrected = np.flatnonzero(np.isfinite(innovations[:, 0]))
     sizes = np.abs(innovations[corrected, 0]) / np.sqrt(innovations[corrected, 1])
-    speeds = np.abs(done.states[corrected, observer.actuator.states.index("v")])
+    speeds = np.abs(passed.states[corrected, observer.actuator.states.index("v")])
     total, seconds = np.array([excess]), settings.every * settings.spacing
     learns = (speeds > least_speed).astype(np.float64)
     at = kernels_in("clutchid.observer.contradiction").first_contradiction(total, sizes, learns, seconds)
-    return int(np.append(corrected, len(done.states))[at]), float(total[0])
+    return int(np.append(corrected, len(passed.states))[at]), float(total[0])
 
 
 def _until_diverged(
-    observer: Observer, at: RuleState, given: JointInputs, span: tuple[int, int], number: int
+    observer: Observer, at: RuleState, inputs: JointInputs, span: tuple[int, int], number: int
 ) -> tuple[JointPass | None, int]:
     """Follow samples up to the first at which the filter diverges; what was found, None if nothing, and that sample."""
     first, end = span
     while end > first:
-        found = follow(observer.joint, at, given, (first, end), number)
-        if isinstance(found, Diverged):
-            end = found.sample
+        passed = follow(observer.joint, at, inputs, (first, end), number)
+        if isinstance(passed, Diverged):
+            end = passed.sample
             continue
-        possible = first + _impossible(observer, found.states)
+        possible = first + _impossible(observer, passed.states)
         if possible >= end:
-            return found, end
+            return passed, end
         end = possible
     return None, first
 

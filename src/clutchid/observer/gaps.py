@@ -120,5 +120,5 @@ def _held(
     if held.any():
         index = np.maximum.accumulate(np.where(np.isnan(both), 0, place[:, None]), axis=0)
         both = np.where(held[:, None], np.take_along_axis(both, index, axis=0), both)
-    known = float(since[-1]) if np.isfinite(since[-1]) else float("nan")
-    return both[1:], np.where(held[1:], UNKNOWN * spacing, 0.0), known
+    driven = float(since[-1]) if np.isfinite(since[-1]) else float("nan")
+    return both[1:], np.where(held[1:], UNKNOWN * spacing, 0.0), driven

@@ -62,21 +62,21 @@ def health(observer: Observer, earlier: FloatArray, log: Log, samples: Observed)
     spacing, y_max = observer.spacing, observer.actuator.parameters.y_max
     position = np.where(samples.repeated, 0.0, log["position"] - subtracted(observer, samples.rest))
     driven: Mask = np.all([np.isfinite(log[name]) for name in INPUTS], axis=0) | samples.repeated
-    known = np.isfinite(position)
+    recorded = np.isfinite(position)
     followed = np.isfinite(samples.states[:, 0])
     steps = np.diff(np.append(earlier[-1:], log.time))
     innovation, variance = samples.innovations.T
     corrected = np.isfinite(innovation)
     outliers = np.abs(innovation[corrected]) > observer.joint.noise.outlier * np.sqrt(variance[corrected])
     return {
-        "position_missing": spacing * int(np.sum(~known)),
-        "position_frozen": spacing * int(np.sum(known & followed & ~samples.used)),
+        "position_missing": spacing * int(np.sum(~recorded)),
+        "position_frozen": spacing * int(np.sum(recorded & followed & ~samples.used)),
         "position_beyond_stops": spacing * int(np.sum((position < -BEYOND) | (position > y_max + BEYOND))),
         "duty_missing": spacing * int(np.sum(~driven)),
         "time_missing": float(np.sum(steps[steps > HOLE * spacing] - spacing)),
         "outlier": spacing * observer.joint.settings.every * int(outliers.sum()),
         "diverged": spacing
-        * int(np.sum(known & driven & ~followed & ~samples.no_zero & ~samples.repeated & ~samples.contradicted)),
+        * int(np.sum(recorded & driven & ~followed & ~samples.no_zero & ~samples.repeated & ~samples.contradicted)),
         "leak": spacing * int(np.sum(samples.leaking)),
         "rest_moved": spacing * int(np.sum(samples.rest != 0.0)),
         "unlike_calibration": spacing * observer.joint.settings.every * int(np.sum(samples.mismatch > UNLIKE)),

@@ -43,13 +43,13 @@ def mismatches(observer: Observer, before: float, states: FloatArray, innovation
     states, innovations
         As in `Observed`.
     """
-    found = np.full(len(states), np.nan)
+    running = np.full(len(states), np.nan)
     if not observer.compares:
-        return found
+        return running
     nis = normalised(observer, states, innovations) / observer.usual
     share = 1.0 / MEMORY
     at = np.flatnonzero(np.isfinite(nis))
     for i, ratio in zip(at.tolist(), nis[at].tolist(), strict=True):
         before += share * (ratio - before)
-        found[i] = before
-    return found
+        running[i] = before
+    return running

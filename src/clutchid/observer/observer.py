@@ -132,8 +132,8 @@ class Observer:
         load = self.load(state)
         share = self.supply.share if self.supply else ASSUMED
         by_supply = load_deviation(share, self.actuator, load, position)
-        known = load.phi(position) @ self.prior.weights @ state.T
-        squared = np.sum(known**2, axis=1) + self.missed**2 + by_supply**2
+        deviations = load.phi(position) @ self.prior.weights @ state.T
+        squared = np.sum(deviations**2, axis=1) + self.missed**2 + by_supply**2
         variance = max(1.0, state.mismatch) * squared
         deviation: FloatArray = np.sqrt(variance if as_calibrated else variance + self._considered(state, position))
         return deviation

@@ -73,10 +73,14 @@ def load_deviation(share: float, actuator: Actuator, load: Load, position: Float
 
 def supply_of(actuator: Actuator, calibration: Calibration | None) -> Supply | None:
     """Ratio of the supply pressure to a recorded one by the calibration; None if it has none."""
-    found = calibration.conditions if calibration else NOT_RECORDED
-    if found.supply is None or found.supply_estimated is None or "p_S" not in actuator.states:
+    conditions = calibration.conditions if calibration else NOT_RECORDED
+    if conditions.supply is None or conditions.supply_estimated is None or "p_S" not in actuator.states:
         return None
-    return Supply(found.supply_estimated / found.supply, sqrt(2.0) * ACCURACY["P_S"] / found.supply, found.supply)
+    return Supply(
+        conditions.supply_estimated / conditions.supply,
+        sqrt(2.0) * ACCURACY["P_S"] / conditions.supply,
+        conditions.supply,
+    )
 
 
 def unused_supply(log: Log, actuator: Actuator, calibration: Calibration | None) -> str:
@@ -84,8 +88,8 @@ def unused_supply(log: Log, actuator: Actuator, calibration: Calibration | None)
     recorded = log.columns.get("pressure_supply", np.zeros(0))
     if not np.isfinite(recorded).any() or "p_S" not in actuator.states or supply_of(actuator, calibration):
         return ""
-    known = calibration is not None and calibration.conditions.supply is not None
-    why = "was saved before observers used it" if known else "does not have it; record it there too"
+    recorded_there = calibration is not None and calibration.conditions.supply is not None
+    why = "was saved before observers used it" if recorded_there else "does not have it; record it there too"
     return (
         f"{log.name}: pressure_supply is not used, because the calibration {why}. Save the calibration again: less "
         "supply is taken for a larger load."
@@ -134,13 +138,13 @@ def online_prior(actuator: Actuator, names: Sequence[str], modes: int | None = N
         How many modes of the load adapt in place of its weights; by default, and if there are no more weights than
         that, the weights.
     """
-    known = {name: Prior(actuator.value(name), std) for name in names if (std := drift(actuator, name)) > 0.0}
+    priors = {name: Prior(actuator.value(name), std) for name in names if (std := drift(actuator, name)) > 0.0}
     for name, row in actuator.rows.items():
         if row.adapts and row.adapts.std is not None:
-            known[name] = Prior(actuator.value(name), row.adapts.std * row.size(actuator.value(name)))
-    known["y_max"] = far_stop(actuator, 0.0)
+            priors[name] = Prior(actuator.value(name), row.adapts.std * row.size(actuator.value(name)))
+    priors["y_max"] = far_stop(actuator, 0.0)
     ordered = sorted(names, key=partial(_group, actuator.load.names))
-    free = tuple(coordinates(actuator, tuple(ordered), {}, {n: prior for n, prior in known.items() if n in names}))
+    free = tuple(coordinates(actuator, tuple(ordered), {}, {n: prior for n, prior in priors.items() if n in names}))
     rows = [np.column_stack([np.eye(len(free)), np.zeros(len(free))])]
     if actuator.load.basis == "b-spline" and set(names) & set(actuator.load.names):
         smooth = smoothness(actuator, ordered, actuator.load.theta, CURVATURE)

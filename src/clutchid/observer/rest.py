@@ -133,10 +133,10 @@ def _median(levels: tuple[float, ...]) -> float:
 
 def _believed(shift: float, before: VentedRest, now: VentedRest) -> float:
     """The shift in m after a new level: as before unless its interval excludes that."""
-    found = rest_shift(before, now)
-    if found is None or found.low <= shift <= found.high:
+    apart = rest_shift(before, now)
+    if apart is None or apart.low <= shift <= apart.high:
         return shift
-    return found.value if found.moved else 0.0
+    return apart.value if apart.moved else 0.0
 
 
 def new_stretch(watch: RestWatch) -> RestWatch:

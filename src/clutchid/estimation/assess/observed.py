@@ -157,7 +157,7 @@ def observed_verdict(found: Indicators) -> Verdict:
         *kept_rest(found.kept), *_of_jumps(found), *found.unvented,
     ]  # fmt: skip
     trust: Trust = "none" if any(reason.grave for reason in reasons) else "with care" if reasons else "good"
-    return Verdict(trust, tuple(one.text for one in reasons), flawed=any(reason.grave for reason in reasons))
+    return Verdict(trust, tuple(reason.text for reason in reasons), flawed=any(reason.grave for reason in reasons))
 
 
 def _of_strokes(found: Indicators) -> list[Reason]:

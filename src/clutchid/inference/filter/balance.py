@@ -209,10 +209,10 @@ def take_position(state: BalanceState, value: float) -> None:
     newest = positions[last]
     for i in range(last):
         positions[i] = positions[i + 1]
-    known = not math.isnan(value) and abs(value - newest) <= REACH * (1.0 + missing[0])
-    positions[last] = value if known else newest
-    usable[0] = usable[0] + 1 if known else min(usable[0], 0) - RENEWAL
-    missing[0] = 0 if known else missing[0] + 1
+    usable_value = not math.isnan(value) and abs(value - newest) <= REACH * (1.0 + missing[0])
+    positions[last] = value if usable_value else newest
+    usable[0] = usable[0] + 1 if usable_value else min(usable[0], 0) - RENEWAL
+    missing[0] = 0 if usable_value else missing[0] + 1
 
 
 @kernel

@@ -115,14 +115,14 @@ def filtered(
     pressures, factor, cost = np.empty((length, k + 1)), np.zeros((0, k + 1)), 0.0
     for begin in range(0, length, BLOCK):
         end = min(begin + BLOCK, length)
-        found = np.empty((end - begin, sensors, k + 1))
+        of_block = np.empty((end - begin, sensors, k + 1))
         part = slice(begin, end)
-        output = FilterOutput(errors[part], passed[part], passed[:0], gains[part], found, pressures[part])
+        output = FilterOutput(errors[part], passed[part], passed[:0], gains[part], of_block, pressures[part])
         failed: int = kernels_in(KERNELS).follow(*calls, state, arrays, *along, output, (begin, end, 0))
         failed = end - 1 if failed < 0 and not np.isfinite(state.S).all() else failed
         if failed >= 0:
             return Failure(failure_message(track.measured, segment, passed, failed, states, mapped.actuator))
-        rows = found.reshape(-1, k + 1)
+        rows = of_block.reshape(-1, k + 1)
         cost += _loss(rows[:, -1], noise.outlier)
         if compressed:
             factor = triangular(np.vstack([factor, rows[_measured(rows, sensors)]]))
