@@ -1,7 +1,7 @@
 """Kernels that a second process compiles: who is waited for, and when there is nothing to compile."""
 
-from functools import partial
-from pathlib import Path
+import os
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -22,23 +22,21 @@ def doubled(x):
 """
 
 
-def in_folder(folder: Path) -> partial[None]:
-    """What another process does in place of compiling: it makes a folder; its last argument is that of the caller."""
-    return partial(Path.mkdir, folder, 0o700, False)
-
-
-def test_what_another_process_compiles_is_waited_for(tmp_path, monkeypatch):
+def test_what_another_process_compiles_is_waited_for_by_all_threads_and_compiled_once(tmp_path, monkeypatch):
     monkeypatch.setattr(beside, "processors", lambda: 2)
-    beside.compile_beside(in_folder(tmp_path / "compiled"))
-    beside.wait_for_kernels()
+    beside.compile_beside(os.mkdir, tmp_path / "compiled")
+    beside.compile_beside(os.mkdir, tmp_path / "while that one works")
+    with ThreadPoolExecutor(4) as threads:  # as a search that filters on several
+        list(threads.map(lambda _: beside.wait_for_kernels(), range(4)))
     assert (tmp_path / "compiled").is_dir()
-    beside.compile_beside(in_folder(tmp_path / "compiled"))  # it fails: the folder is there
+    assert not (tmp_path / "while that one works").exists()
+    beside.compile_beside(os.mkdir, tmp_path / "compiled")  # it fails: the folder is there
     beside.wait_for_kernels()
 
 
 def test_one_processor_is_not_shared(tmp_path, monkeypatch):
     monkeypatch.setattr(beside, "processors", lambda: 1)
-    beside.compile_beside(in_folder(tmp_path / "compiled"))
+    beside.compile_beside(os.mkdir, tmp_path / "compiled")
     beside.wait_for_kernels()
     assert not (tmp_path / "compiled").exists()
 

@@ -246,12 +246,12 @@ def _best_start(
 def _cost(problem: Problem, x: FloatArray) -> float:
     """Half the sum of squared residuals at `x`, without derivatives; infinite where a simulation fails."""
     cost = 0.0
-    for number, one in enumerate(problem.plans):
+    for number, prepared in enumerate(problem.plans):
         states = simulated_states(problem, x, number)
-        if not all(np.isfinite(states[segment.start : segment.stop]).all() for segment in one.segments):
+        if not all(np.isfinite(states[segment.start : segment.stop]).all() for segment in prepared.segments):
             return np.inf
         for name in problem.measure:
-            difference = states[:, problem.actuator.states.index(MEASURED[name].state)] - one.log[name]
+            difference = states[:, problem.actuator.states.index(MEASURED[name].state)] - prepared.log[name]
             with np.errstate(over="ignore"):
                 cost += 0.5 * float(np.nansum((difference / problem.noise.measured[name]) ** 2))
     return cost
@@ -350,11 +350,11 @@ def _simulated(problem: Problem, x: FloatArray, rests: bool = False) -> Iterator
 
 
 def _compared(problem: Problem, simulated: SimulatedSegment) -> SegmentResiduals:
-    one, segment, places, states, sens = simulated
+    prepared, segment, places, states, sens = simulated
     r_parts, J_parts, at_parts = [], [], []
     names, scales = problem.actuator.states, problem.noise.measured
     for i, name in enumerate(problem.measure):
-        values = one.log[name][segment.start : segment.stop]
+        values = prepared.log[name][segment.start : segment.stop]
         difference = states[:, names.index(MEASURED[name].state)] - values
         finite = np.isfinite(difference)
         compared = slice(None) if finite.all() else finite  # a slice makes no copy
@@ -362,9 +362,9 @@ def _compared(problem: Problem, simulated: SimulatedSegment) -> SegmentResiduals
         r_parts.append(difference[compared] / scales[name])
         J_parts.append(sens[compared, i] / scales[name])
     if len(r_parts) == 1:
-        return SegmentResiduals(one, segment, places, r_parts[0], J_parts[0], at_parts[0])
+        return SegmentResiduals(prepared, segment, places, r_parts[0], J_parts[0], at_parts[0])
     r, J, samples = np.concatenate(r_parts), np.concatenate(J_parts), np.concatenate(at_parts)
-    return SegmentResiduals(one, segment, places, r, J, samples)
+    return SegmentResiduals(prepared, segment, places, r, J, samples)
 
 
 def simulated_states(problem: Problem, x: FloatArray, log: int) -> FloatArray:

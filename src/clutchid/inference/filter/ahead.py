@@ -9,7 +9,6 @@ from clutchid.codegen.kernels import kernels_in
 from clutchid.inference.filter.filtering import KERNELS, filtered
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import Model
 from clutchid.simulation.noise import Noise
 from clutchid.simulation.parameter_map import parameter_map
 from clutchid.simulation.plan import plan
@@ -19,12 +18,16 @@ from clutchid.simulation.windows import tracks
 _TIME = np.arange(4) / 1000
 
 
-def compile_filter(model: Model | None = None) -> None:
+#: The model that most calibrations use.
+_USUAL = "energy-balance-stribeck"
+
+
+def compile_filter(model: str = _USUAL) -> None:
     """Filter four samples of a piston at rest, by default with the model that calibrations use.
 
     The kernel that goes through the samples is one for all models.
     """
-    actuator = Actuator(model=model or "energy-balance-stribeck")
+    actuator = Actuator(model=model)
     names = "position", "duty_supply", "duty_exhaust"
     log = Log(_TIME, {name: np.zeros(_TIME.size) for name in names})
     (track,) = tracks([plan(log, actuator, 1.0)])
@@ -36,4 +39,4 @@ def compile_filter_beside() -> None:
     from clutchid.codegen.machine_code import is_kept
 
     if not is_kept(kernels_in(KERNELS).follow):
-        compile_beside(compile_filter)
+        compile_beside(compile_filter, _USUAL)
