@@ -121,11 +121,11 @@ def exported(followed: Followed, every_sample: bool, real: Real) -> Callable[[],
     lines = Filter(
         include="clutch.h",
         state="static clutch_t self; static clutch_output_t output;",
-        start=f"""clutch_start(&self, NULL, 0u);
+        start=f"""clutch_start(&clutch_data, &self, NULL, 0u);
     const clutch_input_t at_rest = {{ ({real})in[0][0], ({real})in[0][3], ({real})in[0][4], ({real})NAN }};
-    clutch_fast(&self, &at_rest, 0u, &output);""",
+    clutch_fast(&clutch_data, &self, &at_rest, 0u, &output);""",
         given=f"const clutch_input_t input = {{ ({real})in[i][0], ({real})in[i][3], ({real})in[i][4], ({real})NAN }};",
-        step="clutch_fast(&self, &input, (uint32_t)in[i][5], &output);",
+        step="clutch_fast(&clutch_data, &self, &input, (uint32_t)in[i][5], &output);",
         pressure="output.pressure_a",
         weights=", ".join(f"self.belief[self.active].theta[{i}]" for i in range(3)),
     )

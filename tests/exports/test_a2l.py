@@ -45,7 +45,7 @@ class Exported:
         n, name, real = self.observer.joint.mapped.actuator.load.breakpoints.size, self.style.name, self.style.real
         source = folder / "application.c"
         source.write_text(
-            f'#include <stdio.h>\n#include "{name}_data.c"\n'
+            f'#include <stdio.h>\n#include "{name}.h"\n#include "{name}_data.c"\n'
             f"{name}_t {name}_observer;\n{name}_output_t {name}_output;\n"
             f"{real} {name}_load_force[{n}], {name}_load_low[{n}], {name}_load_high[{n}];\n"
             f"int main(void)\n{{\n    {statements}\n    return 0;\n}}\n"
@@ -119,7 +119,7 @@ def test_every_output_is_measured_and_every_acting_parameter_stands_once(exporte
 def test_every_value_is_that_of_the_parameter_that_it_names(exported: Exported, tmp_path: Path) -> None:
     shown = {n: s for n, s in exported.items.items() if "_data." in s or ".derived[0].p[" in s}
     printed = " ".join(f'printf("{n} %.9g\\n", (double){s});' for n, s in shown.items())
-    main = exported.application(f"release_start(&release_observer, NULL, 0u); {printed}", tmp_path)
+    main = exported.application(f"release_start(&release_data, &release_observer, NULL, 0u); {printed}", tmp_path)
     others = [f for f in exported.folder.glob("*.c") if f.stem != "release_data"]
     program = compiled([main, *others], tmp_path / "application", f"-I{exported.folder}")
     lines = subprocess.run([program], capture_output=True, text=True, check=True).stdout.splitlines()
@@ -217,7 +217,7 @@ def test_a2ltool_finds_a_spoiled_file(exported: Exported, tmp_path: Path, spoil:
 @a2ltool
 def test_addresses_from_an_elf_file_are_those_of_the_program(exported: Exported, tmp_path: Path) -> None:
     items, name = exported.items, exported.style.name
-    used = f"{name}_start(&{name}_observer, NULL, 0u);"
+    used = f"{name}_start(&{name}_data, &{name}_observer, NULL, 0u);"
     printed = " ".join(f'printf("%s %lx\\n", "{n}", (unsigned long)&{s});' for n, s in items.items())
     main = exported.application(f"{used} {printed}", tmp_path)
     others = [f for f in exported.folder.glob("*.c") if f.stem != f"{name}_data"]

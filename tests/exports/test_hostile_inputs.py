@@ -178,16 +178,16 @@ static clutch_nvram_t blocks[2];
 int main(void)
 {
     clutch_band_t band;
-    const int before = clutch_store(&self, &blocks[0]);
-    const int none = clutch_newest(blocks) == NULL;
-    clutch_start(&self, NULL, 0u);
-    const int first = clutch_store(&self, &blocks[0]);
-    clutch_start(&self, clutch_newest(blocks), 0u);
-    const int second = clutch_store(&self, &blocks[1]);
-    const int newest = (int)(clutch_newest(blocks) - blocks);
+    const int before = clutch_store(&clutch_data, &self, &blocks[0]);
+    const int none = clutch_newest(&clutch_data, blocks) == NULL;
+    clutch_start(&clutch_data, &self, NULL, 0u);
+    const int first = clutch_store(&clutch_data, &self, &blocks[0]);
+    clutch_start(&clutch_data, &self, clutch_newest(&clutch_data, blocks), 0u);
+    const int second = clutch_store(&clutch_data, &self, &blocks[1]);
+    const int newest = (int)(clutch_newest(&clutch_data, blocks) - blocks);
     ((unsigned char *)&blocks[1])[40] ^= 1u;
-    const int other = (int)(clutch_newest(blocks) - blocks);
-    clutch_load(&self, 0.05, &band);
+    const int other = (int)(clutch_newest(&clutch_data, blocks) - blocks);
+    clutch_load(&clutch_data, &self, 0.05, &band);
     printf("%d %d %d %d %d %d %d\\n", before, none, first, second, newest, other, band.force != band.force);
     return 0;
 }
@@ -199,12 +199,12 @@ LATE = """
 static clutch_t self;
 int main(void)
 {
-    clutch_start(&self, NULL, 0u);
+    clutch_start(&clutch_data, &self, NULL, 0u);
     for (int i = 0; i < 2000; i++) {
         const clutch_input_t input = { 1e-5 * (i % 7), 0.0, 0.0, 0.0 };
         clutch_output_t output;
-        clutch_fast(&self, &input, (i == 500) ? 0u : 1000u, &output);
-        if (i < 1000) { (void)clutch_slow(&self); }
+        clutch_fast(&clutch_data, &self, &input, (i == 500) ? 0u : 1000u, &output);
+        if (i < 1000) { (void)clutch_slow(&clutch_data, &self); }
         if (i == 999) { printf("%u ", (unsigned)self.health[clutch_late_correction]); }
     }
     printf("%u %u\\n", (unsigned)self.health[clutch_late_correction], (unsigned)self.health[clutch_repeated]);
@@ -221,9 +221,9 @@ static clutch_nvram_t blocks[2];
 int main(void)
 {
     (void)fread(&blocks[0], sizeof(blocks[0]), 1u, stdin);
-    const int known = clutch_newest(blocks) != NULL;
-    clutch_start(&self, NULL, 0u);
-    (void)clutch_store(&self, &blocks[0]);
+    const int known = clutch_newest(&clutch_data, blocks) != NULL;
+    clutch_start(&clutch_data, &self, NULL, 0u);
+    (void)clutch_store(&clutch_data, &self, &blocks[0]);
     (void)fwrite(&blocks[0], sizeof(blocks[0]), 1u, stdout);
     (void)fprintf(stderr, "%d", known);
     return 0;

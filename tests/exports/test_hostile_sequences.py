@@ -46,7 +46,7 @@ int main(int count, char **words)
     const int wild = atoi(words[3]);
     long bad = 0;
     (void)count;
-    clutch_start(&self, NULL, 0u);
+    clutch_start(&clutch_data, &self, NULL, 0u);
     for (long i = 0; i < samples; i++) {
         const double phase = 1e-3 * (double)(i % 1300);
         const double y = (phase < 0.1) ? 0.0 : ((phase < 0.3) ? ((phase - 0.1) * 0.1) : ((phase < 0.8) ? 0.02 : 0.0));
@@ -67,9 +67,9 @@ int main(int count, char **words)
                 dt = steps[draw() % (sizeof(steps) / sizeof(steps[0]))];
             }
         }
-        clutch_fast(&self, &input, dt, &output);
-        if ((draw() % 3u) != 0u) { (void)clutch_slow(&self); }
-        clutch_load(&self, (clutch_number_t)6e-3, &band);
+        clutch_fast(&clutch_data, &self, &input, dt, &output);
+        if ((draw() % 3u) != 0u) { (void)clutch_slow(&clutch_data, &self); }
+        clutch_load(&clutch_data, &self, (clutch_number_t)6e-3, &band);
         bad += !(isfinite(band.force) && (band.low <= band.force) && (band.force <= band.high));
         bad += !(sound_number(output.pressure_a) && sound_number(output.position));
         bad += !sound_number(output.pressure_a_std);

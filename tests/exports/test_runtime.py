@@ -181,21 +181,21 @@ static void run(void)
     clutch_output_t output;
     while (fread(sample, sizeof(sample), 1u, stdin) == 1u) {
         const clutch_input_t input = { sample[0], sample[1], sample[2], sample[3] };
-        clutch_fast(&self, &input, (uint32_t)sample[4], &output);
+        clutch_fast(&clutch_data, &self, &input, (uint32_t)sample[4], &output);
     }
 }
 int main(int count, char **words)
 {
     clutch_band_t band;
-    clutch_start(&self, NULL, 0u);
+    clutch_start(&clutch_data, &self, NULL, 0u);
     run();
-    clutch_load(&self, 6e-3, &band);
+    clutch_load(&clutch_data, &self, 6e-3, &band);
     printf("%.17g %u %zu\\n", band.force, (unsigned)self.strokes, sizeof(stored));
-    clutch_store(&self, &stored);
+    clutch_store(&clutch_data, &self, &stored);
     if (count > 1) { ((unsigned char *)&stored)[atoi(words[1])] ^= 1u; }
     (void)memset(&self, 7, sizeof(self));
-    clutch_start(&self, &stored, 0u);
-    clutch_load(&self, 6e-3, &band);
+    clutch_start(&clutch_data, &self, &stored, 0u);
+    clutch_load(&clutch_data, &self, 6e-3, &band);
     printf("%.17g %u\\n", band.force, (unsigned)self.strokes);
     return 0;
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -194,13 +195,20 @@ def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title:
         for name, duties in OPENINGS.items()
         if values["carrier"] and name in equations.held
     }
-    texts = {part: _both(part, values) for part in ("data", "observer")}
-    return {
+    modules = {
         f"{style.name}_model": equations,
         f"{style.name}_filter": filter_c99(size_of(joint), style.real, f"{style.name}_filter"),
-        f"{style.name}_data": texts["data"],
-        style.name: texts["observer"],
     }
+    values["code"] = _code(modules, values)
+    return modules | {f"{style.name}_data": _both("data", values), style.name: _both("observer", values)}
+
+
+def _code(modules: Mapping[str, CSource], values: dict[str, Any]) -> int:
+    """A number of 32 bits that calibrations share whose exports differ in nothing but the values of the data."""
+    blank = {**values, "code": 0, "title": ""}
+    parts = [*modules.values(), _both("observer", blank)]
+    texts = [_both("data", blank).header, *(part.header + part.source for part in parts)]
+    return zlib.crc32("".join(texts).encode())
 
 
 def _both(part: str, values: dict[str, Any]) -> CSource:
