@@ -2,7 +2,9 @@
 
 import asyncio
 import json
+import pickle
 import threading
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import pytest
@@ -12,8 +14,12 @@ from clutchid.app.guard import Access
 from clutchid.app.records import content
 from clutchid.app.server import application
 from clutchid.app.session import Session
+from clutchid.app.tasks import TASKS
+from clutchid.app.worker import run
+from clutchid.documents.json_text import json_text
 from clutchid.truck import Truck, drive
 from fixtures.commands import wait_for
+from fixtures.pages import blank_figures
 
 PORT = 8123
 
@@ -108,6 +114,16 @@ class Served:
         wait_for(lambda: self.get(id_)["status"] in states, seconds)
         return self.get(id_)
 
+    def upload(self, path):
+        """The id of an uploaded file."""
+        return self.ask("PUT", f"/api/recordings?name={path.name}", body=[path.read_bytes()]).json["id"]
+
+    def checked(self, path):
+        """The id of an uploaded recording that was checked."""
+        id_ = self.upload(path)
+        wait_for(lambda: self.get(id_)["look"] and not self.get(id_)["look"]["checking"])
+        return id_
+
 
 @pytest.fixture
 def idle(tmp_path):
@@ -121,10 +137,37 @@ def idle(tmp_path):
     served.loop.close()
 
 
-@pytest.fixture(scope="module")
-def working(tmp_path_factory):
+class JobInThread:
+    """A thread that does one job, where answers of jobs are tested and not their processes."""
+
+    pid = returncode = 0
+
+    def __init__(self, limit):
+        self.stdin, self.stdout, self.loop = self, asyncio.StreamReader(limit), asyncio.get_running_loop()
+
+    def write(self, pickled):
+        task = pickle.loads(pickled)
+        threading.Thread(target=run, args=(task, TASKS[type(task)], self), daemon=True).start()
+
+    async def drain(self):
+        """Nothing is left to be sent."""
+
+    async def wait(self):
+        return self.returncode
+
+    def say(self, event, **values):
+        self.loop.call_soon_threadsafe(self.stdout.feed_data, f"{json_text({'event': event, **values})}\n".encode())
+
+    def part(self, result):
+        self.say("part", result=result)
+
+    def progress(self, stage, share, words):
+        self.say("progress", stage=stage, share=share, words=words)
+
+
+@contextmanager
+def serving(folder):
     """A server with its jobs, in a thread."""
-    folder = tmp_path_factory.mktemp("app")
     served = Served(Session(folder / "own", folder), Access(PORT))
     served.session.folder.mkdir()
     thread = threading.Thread(target=served.loop.run_forever)
@@ -134,6 +177,25 @@ def working(tmp_path_factory):
     served.loop.call_soon_threadsafe(served.loop.stop)
     thread.join()
     served.loop.close()
+
+
+@pytest.fixture(scope="module")
+def working(tmp_path_factory):
+    """A server that does its jobs in this process, and leaves figures empty."""
+
+    async def started(*_, limit, **__):
+        return JobInThread(limit)
+
+    with pytest.MonkeyPatch.context() as patched, blank_figures(), serving(tmp_path_factory.mktemp("app")) as served:
+        patched.setattr("clutchid.app.jobs.asyncio.create_subprocess_exec", started)
+        yield served
+
+
+@pytest.fixture(scope="module")
+def spread(tmp_path_factory):
+    """A server with a process for each job."""
+    with serving(tmp_path_factory.mktemp("app")) as served:
+        yield served
 
 
 @pytest.fixture(scope="session")

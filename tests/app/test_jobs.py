@@ -1,12 +1,9 @@
-"""Jobs in processes of their own: how they go on, fail, are cancelled and killed, and that nothing of them is left."""
+"""Answers of jobs: recordings, maps, fits, their files and exports, and observations."""
 
-import contextlib
 import os
 import re
-import signal
 
 import numpy as np
-import psutil
 import pytest
 
 from clutchid import observe
@@ -18,26 +15,10 @@ from fixtures.commands import called, wait_for
 pytestmark = pytest.mark.slow
 
 
-def upload(served, path, name=None):
-    """The id of an uploaded file."""
-    return served.ask("PUT", f"/api/recordings?name={name or path.name}", body=[path.read_bytes()]).json["id"]
-
-
-def processes():
-    """Processes that this one has started and that run; one may end while it is asked."""
-    running = []
-    for process in psutil.Process().children(recursive=True):
-        with contextlib.suppress(psutil.NoSuchProcess):
-            running += [process.pid] if process.status() != psutil.STATUS_ZOMBIE else []
-    return running
-
-
 @pytest.fixture(scope="module")
 def cal(working, recorded):
     """The id of a recording with pressure."""
-    id_ = upload(working, recorded / "cal.csv")
-    wait_for(lambda: working.get(id_)["look"] and not working.get(id_)["look"]["checking"])
-    return id_
+    return working.checked(recorded / "cal.csv")
 
 
 @pytest.fixture(scope="module")
@@ -46,10 +27,6 @@ def calibrated(working, cal):
     id_ = working.ask("POST", "/api/fits", {"verb": "calibrate", "recordings": [cal]}).json["id"]
     wait_for(lambda: (working.get(id_)["found"] or {"writing": True})["writing"] is False)
     return id_
-
-
-def fits_running(served):
-    return [one for one in served.all(Job) if one["do"] == "FitRecordings" and one["status"] == "running"]
 
 
 def test_a_recording_has_its_channels_its_checks_and_its_samples(working, cal):
@@ -91,7 +68,7 @@ def test_a_calibration_is_that_of_the_python_that_is_shown_and_has_its_files(
 
 
 def test_a_worn_clutch_is_compared_with_the_calibration(working, calibrated, recorded):
-    worn = upload(working, recorded / "worn.csv")
+    worn = working.upload(recorded / "worn.csv")
     working.wait(worn, "ready")
     body = {"verb": "estimate", "recordings": [worn], "start": calibrated}
     id_ = working.ask("POST", "/api/fits", body).json["id"]
@@ -116,7 +93,7 @@ def test_a_file_that_is_no_calibration_is_refused_with_a_sentence(working):
 def test_names_of_another_language_are_mapped_and_checked_also_in_the_python_that_is_shown(
     working, recorded, tmp_path, monkeypatch
 ):
-    id_ = upload(working, recorded / "german.csv")
+    id_ = working.upload(recorded / "german.csv")
     working.wait(id_, "ready")
     entries = working.get(id_)["look"]["map"]
     entries["position"]["sign"] = -1
@@ -137,7 +114,7 @@ def test_names_of_another_language_are_mapped_and_checked_also_in_the_python_tha
 
 
 def test_the_map_of_a_calibration_serves_a_recording_without_its_pressure(working, calibrated, recorded):
-    whole, worn = (upload(working, recorded / name) for name in ("german.csv", "german_worn.csv"))
+    whole, worn = (working.upload(recorded / name) for name in ("german.csv", "german_worn.csv"))
     entries = working.wait(whole, "ready")["look"]["map"]
     working.wait(worn, "ready")
     assert working.ask("PUT", f"/api/recordings/{worn}/map", {"channels": entries}).status == 200
@@ -163,35 +140,11 @@ def test_chosen_strokes_are_a_recording_of_their_own(working, cal):
 def test_a_file_that_ends_its_reader_is_said_in_the_sentence_of_the_command_line(working, tmp_path, capsys):
     poison = tmp_path / "poison.mf4"
     poison.write_bytes(b"MDF     4.10    clutchid" + os.urandom(40) + b"\xff" * 4000)
-    id_ = upload(working, poison)
+    id_ = working.upload(poison)
     shown = working.wait(id_, "failed", "ready")
     said = shown["message"] or shown["look"]["message"]
     assert called("look", poison) == 2
     assert " ".join(said.replace(str(tmp_path), "").split())[-40:] in " ".join(capsys.readouterr().out.split())
-
-
-def test_a_cancelled_job_ends_at_once_without_an_orphan(working, cal):
-    id_ = working.ask("POST", "/api/fits", {"verb": "calibrate", "recordings": [cal]}).json["id"]
-    wait_for(lambda: any(one["stage"] == "preparation" for one in fits_running(working)))
-    second = working.ask("POST", "/api/fits", {"verb": "calibrate", "recordings": [cal]}).json["id"]
-    assert working.get(second)["status"] == "waiting"
-    (job,) = fits_running(working)
-    process = working.session.jobs._jobs[job["id"]].process.pid
-    for about in (second, id_):
-        (one,) = [job for job in working.all(Job) if job["about"] == about]
-        assert working.ask("DELETE", f"/api/jobs/{one['id']}").json == {"cancelled": True}
-    wait_for(lambda: process not in processes(), 5.0)
-    assert working.get(id_)["status"] == "cancelled"
-    assert working.ask("DELETE", "/api/jobs/job-99").json == {"cancelled": False}
-
-
-def test_a_killed_worker_is_said_and_the_next_job_goes_on(working, cal, recorded):
-    id_ = working.ask("POST", "/api/fits", {"verb": "calibrate", "recordings": [cal]}).json["id"]
-    wait_for(lambda: fits_running(working) and fits_running(working)[0]["stage"])
-    os.kill(working.session.jobs._jobs[fits_running(working)[0]["id"]].process.pid, signal.SIGKILL)
-    assert "SIGKILL" in working.wait(id_, "failed")["message"]
-    again = upload(working, recorded / "worn.csv")
-    assert working.wait(again, "ready")["look"]
 
 
 def test_an_export_is_a_zip_file_of_the_result(working, calibrated):
@@ -214,7 +167,7 @@ def test_an_export_to_something_unknown_is_refused(working, calibrated):
 
 
 def test_a_recording_is_observed_as_by_the_library(working, calibrated, recorded):
-    worn = upload(working, recorded / "worn.csv")
+    worn = working.upload(recorded / "worn.csv")
     working.wait(worn, "ready")
     body = {"recording": worn, "start": calibrated, "method": "joint"}
     id_ = working.ask("POST", "/api/observations", body).json["id"]
