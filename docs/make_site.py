@@ -138,7 +138,7 @@ def stage(folder: Path, with_gallery: bool) -> None:
         (folder / "api" / name).write_text(text, encoding="utf-8")
 
 
-def build(out: Path, with_gallery: bool = False) -> int:
+def build(out: Path, with_gallery: bool = False, jobs: str = "auto") -> int:
     """Build the site in `out`, and return the exit code of Sphinx: 0 without an error or a warning."""
     from sphinx.cmd.build import build_main
 
@@ -146,7 +146,7 @@ def build(out: Path, with_gallery: bool = False) -> int:
         stage(Path(folder) / "pages", with_gallery)
         doctrees = str(Path(folder) / "doctrees")
         return build_main(
-            ["-q", "-j", "auto", "-W", "--keep-going", "-d", doctrees, str(Path(folder) / "pages"), str(out)]
+            ["-q", "-j", jobs, "-W", "--keep-going", "-d", doctrees, str(Path(folder) / "pages"), str(out)]
         )
 
 
@@ -154,8 +154,9 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path, help="where the site is written")
     parser.add_argument("--gallery", action="store_true", help="draw the gallery too, or take kept pictures")
+    parser.add_argument("--jobs", default="auto", help="number of processes; one takes less time of processors")
     given = parser.parse_args()
-    code = build(given.folder, given.gallery)
+    code = build(given.folder, given.gallery, given.jobs)
     if code == 0:
         print(f"written: {given.folder.resolve() / 'index.html'}")
     sys.exit(code)

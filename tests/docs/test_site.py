@@ -70,7 +70,8 @@ def site(tmp_path_factory, request):
     except FileExistsError:
         wait_until(lambda: log.read_text(encoding="utf-8").endswith(DONE), seconds=600)
     else:
-        done = subprocess.run([sys.executable, DOCS / "make_site.py", out], capture_output=True, text=True, check=False)
+        command = [sys.executable, DOCS / "make_site.py", out, "--jobs", "1"]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
         log.write_text(f"{done.stdout}{done.stderr}{done.returncode}{DONE}", encoding="utf-8")
     assert log.read_text(encoding="utf-8") == f"written: {out}/index.html\n0{DONE}"
     return out

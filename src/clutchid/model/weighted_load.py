@@ -44,17 +44,22 @@ def b_spline_table(knots: Sequence[float]) -> tuple[FloatArray, FloatArray]:
     >>> coefficients[:, 1, 0].tolist()
     [1.0, 0.0, 0.0, 0.0, 0.0]
     """
-    from scipy.interpolate import BSpline
-
     t = np.asarray(knots, dtype=np.float64)
     clamped = np.concatenate([[t[0]] * 3, t, [t[-1]] * 3])
-    spline = BSpline(clamped, np.eye(t.size + 2), 3)
-    factorial = (1.0, 1.0, 2.0, 6.0)
-    inside = np.stack([spline(t[:-1], nu) / factorial[nu] for nu in range(4)], axis=-1)
+    powers = np.zeros((clamped.size - 1, t.size - 1, 4))  # by function and interval; each of degree 0 is 1 in its own
+    powers[np.arange(3, t.size + 2), np.arange(t.size - 1), 0] = 1.0
+    for degree in (1, 2, 3):  # the recursion of Cox and de Boor, in powers of u = y - left breakpoint
+        width = clamped[degree:] - clamped[:-degree]
+        powers /= np.where(width > 0, width, 1.0)[:, None, None]
+        times_u = np.roll(powers, 1, axis=-1)
+        rising = (t[:-1] - clamped[: -degree - 1, None])[..., None] * powers[:-1] + times_u[:-1]
+        powers = rising + (clamped[degree + 1 :, None] - t[:-1])[..., None] * powers[1:] - times_u[1:]
     before, after = np.zeros((2, t.size + 2, 4))
-    before[:, 0], before[:, 1] = spline(t[0]), spline(t[0], 1)
-    after[:, 0], after[:, 1] = spline(t[-1]), spline(t[-1], 1)
-    return t, np.concatenate([before[:, None], inside.transpose(1, 0, 2), after[:, None]], axis=1)
+    before[:2, 1] = after[:-3:-1, 1] = -3.0, 3.0
+    before[:, 1] /= t[1] - t[0]
+    after[:, 1] /= t[-2] - t[-1]
+    before[0, 0] = after[-1, 0] = 1.0
+    return t, np.concatenate([before[:, None], powers, after[:, None]], axis=1)
 
 
 #: Knots of the paper in m, Section 2.5.

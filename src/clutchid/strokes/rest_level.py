@@ -83,9 +83,8 @@ def windows_of(seconds: float) -> int:
 
 def ranges(position: FloatArray, width: int) -> FloatArray:
     """Range of the position in a window of `width` bins around each bin."""
-    from scipy.ndimage import maximum_filter1d, minimum_filter1d
-
-    spread: FloatArray = maximum_filter1d(position, width) - minimum_filter1d(position, width)
+    mirrored = np.pad(position, (width // 2, width - 1 - width // 2), mode="symmetric")
+    spread: FloatArray = np.ptp(np.lib.stride_tricks.sliding_window_view(mirrored, width), axis=-1)
     return spread
 
 

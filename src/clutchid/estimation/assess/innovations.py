@@ -6,7 +6,6 @@ from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import gammaincinv
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.estimation.result import Fit
@@ -61,6 +60,8 @@ def chi_square_bounds(count: FloatArray) -> tuple[FloatArray, FloatArray]:
     >>> f"{low[0]:.2f} to {high[0]:.2f}"
     '0.74 to 1.30'
     """
+    from scipy.special import gammaincinv
+
     some = np.where(count > 0, count, np.nan)
     low, high = (2.0 * gammaincinv(some / 2.0, share) / some for share in BOUNDS)
     return low, high

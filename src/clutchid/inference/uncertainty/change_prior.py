@@ -9,10 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import chain, combinations
-from math import exp, sqrt
+from math import erfc, exp, sqrt
 
 import numpy as np
-from scipy.special import erfc
 
 from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.log import FloatArray
@@ -82,9 +81,9 @@ def assumed_change(name: str) -> float:
     stds = np.sqrt(variances)
 
     low, high = 0.0, 10.0 * float(stds.max())
-    for _ in range(60):  # bisection: a process that reads a file need not import SciPy's search for a root
+    for _ in range(60):  # bisection and erfc of Python: a process that reads a file need not import SciPy
         half = (low + high) / 2
-        beyond = float(weights @ erfc(half / (sqrt(2.0) * stds)) / weights.sum())
+        beyond = float(weights @ [erfc(ratio) for ratio in half / (sqrt(2.0) * stds)] / weights.sum())
         low, high = (half, high) if beyond > 0.05 else (low, half)
     return high
 
