@@ -53,11 +53,17 @@ def test_it_goes_on_from_a_saved_state(folder, tmp_path, capsys, observe):
 
 def test_without_a_compiler_the_files_are_there_and_parity_was_not_run(folder, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("clutchid.exports.c99.shutil.which", lambda _: None)
-    assert exported(folder, tmp_path) == 0
+    monkeypatch.setattr("clutchid.exports.fmu.find_spec", lambda _: None)
+    assert exported(folder, tmp_path, "--to", "c,fmu2,fmu3", "--model") == 0
     said, errors = capsys.readouterr()
     assert "parity was not run: there is no C compiler (cc)" in errors
     assert "exported" in said
     assert (tmp_path / "observer" / "src" / "clutch.c").exists()
+    names = ("clutch", "clutch_fmi3", "clutch_model", "clutch_model_fmi3")
+    assert {f"{name}.fmu" for name in names} == {file.name for file in (tmp_path / "observer" / "fmu").iterdir()}
+    for name in names:
+        assert f"fmu/{name}.fmu has no binary for 64-bit Linux: there is no C compiler" in " ".join(errors.split())
+        assert f"fmu/{name}.fmu has no binary for 64-bit Windows: ziglang" in " ".join(errors.split())
 
 
 def test_the_dbc_beside_it_is_that_of_published_results(folder, tmp_path):
@@ -71,7 +77,7 @@ def test_the_dbc_beside_it_is_that_of_published_results(folder, tmp_path):
     [
         (("--name", "2nd"), "--name '2nd': no C identifier"),
         (("--to", "c,fmu9"), "--to c,fmu9: 'fmu9' is none of c, "),
-        (("--to", "fmu3"), "--to fmu3: FMI 3.0 is not written yet"),
+        (("--model",), "--model is written as an FMU: add fmu2 or fmu3 to --to"),
         (("--method", "paper"), "it takes the model 'isothermal'"),
         (("--check", "slow.parquet"), "a sample every 20 ms, but the observer is for one every 1 ms"),
         (("--resume", "none.toml"), "none.toml"),

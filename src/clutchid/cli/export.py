@@ -52,7 +52,7 @@ def export(
     out
         Folder to write; it is made.
     to
-        What is written, comma-separated: c, fmu2, matlab, a2l, dbc.
+        What is written, comma-separated: c, fmu2, fmu3, matlab, a2l, dbc.
     method
         Method of the observer, as of `clutchid observe`.
     modes
@@ -68,7 +68,7 @@ def export(
     check
         Recording on which C and Python are compared; by default a short simulated drive.
     model
-        Write the actuator with its load as an FMU too, for `--to fmu2`.
+        Write the actuator with its load as an FMU too, for `--to fmu2` or `fmu3`.
     json
         Print one JSON object on standard output.
     debug

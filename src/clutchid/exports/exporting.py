@@ -11,7 +11,7 @@ from clutchid.codegen.templates import template
 from clutchid.errors import DataError, ParameterError
 from clutchid.exports.a2l import a2l
 from clutchid.exports.c99 import CStyle, compiler, observer_c99, source_files
-from clutchid.exports.fmu import model_fmu, observer_fmu, platforms
+from clutchid.exports.fmu import FMUS, missing_binaries, model_fmu, observer_fmu
 from clutchid.exports.frames import results_dbc
 from clutchid.exports.matlab import matlab_files
 from clutchid.exports.misra import CHECKER, DEVIATIONS
@@ -30,10 +30,10 @@ from clutchid.log import Log, sample_interval
 from clutchid.observer.observer import Observer
 from clutchid.observer.state import ObserverState
 
-Target = Literal["c", "fmu2", "matlab", "a2l", "dbc"]
+Target = Literal["c", "fmu2", "fmu3", "matlab", "a2l", "dbc"]
 
 #: What an export writes, in this order.
-TARGETS: tuple[Target, ...] = ("c", "fmu2", "matlab", "a2l", "dbc")
+TARGETS: tuple[Target, ...] = ("c", "fmu2", "fmu3", "matlab", "a2l", "dbc")
 
 #: Pages of an export, and samples of its test.
 PAGES, VECTORS = ("parity", "readme"), 1500
@@ -93,8 +93,6 @@ def targets_of(text: str) -> tuple[Target, ...]:
     """
     names = [name.strip() for name in text.split(",") if name.strip()]
     unknown = [name for name in names if name not in TARGETS]
-    if "fmu3" in names:
-        raise ParameterError("--to fmu3: FMI 3.0 is not written yet; fmu2 is, and most tools import it.")
     if unknown or not names:
         raise ParameterError(f"--to {text}: {unknown[0] if unknown else 'nothing'!r} is none of {', '.join(TARGETS)}.")
     return tuple(target for target in TARGETS if target in names)
@@ -127,15 +125,15 @@ def write_export(
     Raises
     ------
     ParameterError
-        If the method cannot be exported, or a `model` is wanted without 'fmu2'.
+        If the method cannot be exported, or a `model` is wanted without 'fmu2' or 'fmu3'.
     DataError
         If the recording of `check` has another rate.
     ExportError
         If a file cannot be written, or the C does not compile.
     """
     not_an_address(folder)
-    if model and "fmu2" not in to:
-        raise ParameterError("--model is written as an FMU: add fmu2 to --to, for example --to c,fmu2.")
+    if model and not {"fmu2", "fmu3"} & set(to):
+        raise ParameterError("--model is written as an FMU: add fmu2 or fmu3 to --to, for example --to c,fmu2.")
     modules = observer_c99(observer, state, style, title)
     log = _at_rate(check, observer) if check is not None else trial_drive(observer)
     cc, samples, begins = compiler(), samples_of(log), begins_us(log)
@@ -148,11 +146,15 @@ def write_export(
     files |= example_files(style) | {"test/replay.c": replay_source(observer, style, begins_us(log))}
     if in_c is not None:
         files["test/vectors.h"] = vectors(samples[:VECTORS], in_c.outputs[:VECTORS], style, begins)
-    if "fmu2" in to:
-        fmus = {style.name: observer_fmu(observer, state, style, modules)}
-        fmus |= {f"{style.name}_model": model_fmu(observer.actuator, f"{style.name}_model")} if model else {}
-        files |= {f"fmu/{name}.fmu": fmu for name, fmu in fmus.items()}
-        notes = (*notes, *(_sources_only(name) for name, fmu in fmus.items() if not platforms(fmu)))
+    fmus: dict[str, bytes] = {}
+    for version, suffix in FMUS.items():
+        if f"fmu{version}" in to:
+            fmus[f"{style.name}{suffix}"] = observer_fmu(observer, state, style, modules, version)
+            if model:
+                name = f"{style.name}_model"
+                fmus[f"{name}{suffix}"] = model_fmu(observer.actuator, name, version)
+    files |= {f"fmu/{name}.fmu": fmu for name, fmu in fmus.items()}
+    notes = (*notes, *(note for name, fmu in fmus.items() for note in missing_binaries(f"fmu/{name}.fmu", fmu)))
     if "matlab" in to:
         files |= {f"matlab/{name}": text for name, text in matlab_files(style).items()}
     if "a2l" in to:
@@ -185,7 +187,3 @@ def _at_rate(log: Log, observer: Observer) -> Log:
             f"{observer.spacing * 1e3:.4g} ms; give a recording at its rate, or leave --check out."
         )
     return log
-
-
-def _sources_only(name: str) -> str:
-    return f"fmu/{name}.fmu has sources and no binary: there is no C compiler for linux64 on this machine."

@@ -1,17 +1,21 @@
-"""Functional Mock-up Units, FMI 2.0 for co-simulation: an observer, and an actuator with its load."""
+"""Functional Mock-up Units, FMI 2.0 and 3.0 for co-simulation: an observer, and an actuator with its load."""
 
 from __future__ import annotations
 
 import hashlib
 import io
 import subprocess
+import sys
 import uuid
 import zipfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from itertools import groupby
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Literal
+from types import MappingProxyType
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -24,11 +28,12 @@ from clutchid.exports.data import carrier_us
 from clutchid.exports.outputs import OUTPUTS
 from clutchid.inference.filter.joint_parameters import value_in_si
 from clutchid.inference.filter.setup import LEAST, MOST
-from clutchid.log.states import State
+from clutchid.log.states import STATES, State
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels, system
 from clutchid.model.equipment import Equipment
 from clutchid.model.own.units import dimension_of
+from clutchid.observer.by_stroke import positions
 from clutchid.observer.health import FLAGS
 from clutchid.observer.observer import Observer
 from clutchid.observer.state import ObserverState
@@ -37,8 +42,9 @@ from clutchid.simulation.inputs import ROUNDING
 from clutchid.simulation.stiffness import MOST_SUBSTEPS, STABLE_STEP, stiffness
 from clutchid.systems import is_linux64
 
-Kind = Literal["Real", "Integer", "Boolean", "String"]
-Causality = Literal["input", "output", "parameter", "local"]
+Version = Literal[2, 3]
+Kind = Literal["Real", "Integer", "Boolean"]
+Causality = Literal["input", "output", "parameter", "local", "independent"]
 Variability = Literal["continuous", "discrete", "tunable", "fixed"]
 
 #: Longest interval with held inputs in a step of a model in s, as a control unit renews them.
@@ -50,17 +56,33 @@ LOAD_POSITION = 8.5e-3
 #: Date of every file in an FMU: the same calibration gives the same bytes.
 DATE = (1980, 1, 1, 0, 0, 0)
 
-FLAGS_OF_COMPILER = (
-    *("-std=c99", "-O2", "-fPIC", "-shared", "-fvisibility=hidden", "-s"),
-    "-DFMI2_OVERRIDE_FUNCTION_PREFIX",
-)
+FLAGS_OF_COMPILER = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden", "-s")
+
+#: Versions of FMI, and what they add to the name of a file.
+FMUS: Mapping[Version, str] = MappingProxyType({2: "", 3: "_fmi3"})
+
+#: Folders of binaries by version: of 64-bit Linux, and of 64-bit Windows.
+LINUX, WINDOWS = {2: "linux64", 3: "x86_64-linux"}, {2: "win64", 3: "x86_64-windows"}
+
+
+class Array(NamedTuple):
+    """An array of FMI 3.0; its elements are variables of FMI 2.0."""
+
+    name: str
+    description: str
+
+
+#: Natural sizes by unit; 1 is that of a variable without a unit.
+_NOMINALS = {row.unit: row.scale for row in reversed(tuple(STATES.values())) if row.unit != "1"} | {"N": 1e3}
+
+WEIGHTS = Array("load_weights", "weights of the load")
 
 
 @dataclass(frozen=True, slots=True)
 class Variable:
-    """A variable of an FMU in SI; `start` is None where it is calculated.
+    """A variable of an FMU in SI, or an element of an array.
 
-    Its value reference is its place among those of its kind.
+    `start` is None where it is calculated; then it may have a `usual` value.
     """
 
     name: str
@@ -72,16 +94,25 @@ class Variable:
     low: float | None = None
     high: float | None = None
     kind: Kind = "Real"
+    array: Array | None = None
+    usual: float | None = None
 
     @property
     def set(self) -> str:
-        """When an importer may set it, as C has it."""
+        """Who may set it, as C has it."""
         if self.causality not in ("input", "parameter"):
             return "never"
-        return "before_steps" if self.variability == "fixed" else "always"
+        return {"fixed": "before_steps", "tunable": "tunable"}.get(self.variability, "held")
+
+    @property
+    def nominal(self) -> float | None:
+        """Natural size: that of its start or usual value, or of states of its unit."""
+        return abs(self.start or self.usual or 0.0) or _NOMINALS.get(self.unit)
 
 
-def observer_fmu(observer: Observer, state: ObserverState, style: CStyle, modules: Mapping[str, CSource]) -> bytes:
+def observer_fmu(
+    observer: Observer, state: ObserverState, style: CStyle, modules: Mapping[str, CSource], version: Version = 2
+) -> bytes:
     """An observer as an FMU: the file's content.
 
     It takes a sample every `Observer.spacing` s, the first one at the start, with the inputs at the beginning of a
@@ -94,6 +125,8 @@ def observer_fmu(observer: Observer, state: ObserverState, style: CStyle, module
         What is known of the parameters that adapt at the start.
     modules
         The observer in C, as `clutchid.exports.c99.observer_c99` makes it with this state and style.
+    version
+        Of FMI: 2 for 2.0; 3 for 3.0, where the weights of the load are an array, and the load is given as a curve too.
 
     Raises
     ------
@@ -110,15 +143,17 @@ def observer_fmu(observer: Observer, state: ObserverState, style: CStyle, module
         "fields": [name for name, output in OUTPUTS.items() if output.unit],
         "counts": [name for name, output in OUTPUTS.items() if not output.unit],
         "free": free,
+        "curve": positions(observer).size,
         "carrier_us": carrier_us(joint.mapped.actuator) if carrier else 0,
         "spacing": observer.spacing,
         "longest": observer.spacing,
         "failure": "",
     }
-    return _fmu("observer", style.name, _of_observer(observer, state), observer.actuator.equipment, modules, values)
+    variables = _of_observer(observer, state, version)
+    return _fmu("observer", version, style.name, variables, observer.actuator.equipment, modules, values)
 
 
-def model_fmu(actuator: Actuator, name: str = "actuator") -> bytes:
+def model_fmu(actuator: Actuator, name: str = "actuator", version: Version = 2) -> bytes:
     """An actuator with its load as an FMU, in double: the file's content.
 
     It does what `clutchid.simulation.simulate` does with a sample at every communication point. A step longer than the
@@ -129,6 +164,8 @@ def model_fmu(actuator: Actuator, name: str = "actuator") -> bytes:
     ----------
     name
         A C identifier: prefix of every name in C, and the FMU's model identifier.
+    version
+        Of FMI: 2 for 2.0; 3 for 3.0, where the weights of the load are an array.
 
     Raises
     ------
@@ -157,17 +194,28 @@ def model_fmu(actuator: Actuator, name: str = "actuator") -> bytes:
         "longest": 0.0,
         "failure": "states are not finite, or the parameters need too many integration steps.",
     }
-    return _fmu("model", style.name, _of_model(actuator), actuator.equipment, {f"{name}_model": model}, values)
+    return _fmu("model", version, style.name, _of_model(actuator), actuator.equipment, {f"{name}_model": model}, values)
 
 
 def platforms(fmu: bytes) -> tuple[str, ...]:
-    """Platforms for which an FMU has a binary, such as ``linux64``; without one an importer compiles its sources."""
+    """Platforms for which an FMU has a binary, such as ``linux64``; without its own an importer compiles sources."""
     with zipfile.ZipFile(io.BytesIO(fmu)) as archive:
         return tuple(sorted({name.split("/")[1] for name in archive.namelist() if name.startswith("binaries/")}))
 
 
-def _of_observer(observer: Observer, state: ObserverState) -> list[Variable]:
+def missing_binaries(file: str, fmu: bytes) -> tuple[str, ...]:
+    """A sentence for each platform of which an FMU, written to a file, lacks the binary that it could have."""
+    present = set(platforms(fmu))
+    reasons = (
+        (LINUX, "for 64-bit Linux: there is no C compiler for it on this machine"),
+        (WINDOWS, 'for 64-bit Windows: ziglang, which compiles it, is not installed; pip install "clutchid[export]"'),
+    )
+    return tuple(f"{file} has no binary {reason}." for names, reason in reasons if present.isdisjoint(names.values()))
+
+
+def _of_observer(observer: Observer, state: ObserverState, version: Version) -> list[Variable]:
     adapting = _adapting(observer, state)
+    before = Array(f"start.{WEIGHTS.name}", f"{WEIGHTS.description}, at the start")
     outputs = [
         Variable(name, output.meaning, "output", output.unit or "1", variability="discrete",
                  kind="Real" if output.unit else "Integer")
@@ -178,17 +226,40 @@ def _of_observer(observer: Observer, state: ObserverState) -> list[Variable]:
         *_duties(observer.actuator.equipment),
         Variable("supply_pressure", "supply pressure, absolute; 0 for none", "input", "Pa", 0.0),
         Variable("load_position", "position of the load that is given", "parameter", "m", LOAD_POSITION, "tunable"),
-        *(replace(v, name=f"start.{v.name}", description=f"{v.description}, at the start") for v in adapting),
-        *(Variable(v.name, v.description, "local", v.unit, variability="discrete") for v in adapting),
+        *(
+            replace(v, name=f"start.{v.name}", description=f"{v.description}, at the start", array=v.array and before)
+            for v in adapting
+        ),
+        *(
+            Variable(v.name, v.description, "local", v.unit, variability="discrete", array=v.array, usual=v.start)
+            for v in adapting
+        ),
         Variable("load", "load of the clutch at load_position", "output", "N", variability="discrete"),
         Variable("load_low", "lower end of its 95 % interval", "output", "N", variability="discrete"),
         Variable("load_high", "upper end of its 95 % interval", "output", "N", variability="discrete"),
+        *(_curves(observer) if version == 3 else ()),
         *outputs,
         *(
             Variable(f"flag.{name}", meaning, "output", variability="discrete", kind="Boolean")
             for name, meaning in FLAGS.items()
         ),
     ]
+
+
+def _curves(observer: Observer) -> Iterator[Variable]:
+    """Arrays of the load over the stroke: positions, which an importer may change, load and ends of its interval."""
+    grid = positions(observer).tolist()
+    where = Array("curve.position", "positions of the load curve")
+    for i, position in enumerate(grid, 1):
+        yield Variable(f"curve.position.{i}", "", "parameter", "m", position, "tunable", array=where)
+    for part, meaning in (
+        ("load", "load of the clutch at curve.position"),
+        ("load_low", "lower ends of its 95 % interval"),
+        ("load_high", "upper ends of its 95 % interval"),
+    ):
+        array = Array(f"curve.{part}", meaning)
+        for i in range(1, len(grid) + 1):
+            yield Variable(f"curve.{part}.{i}", "", "output", "N", variability="discrete", array=array)
 
 
 def _adapting(observer: Observer, state: ObserverState) -> list[Variable]:
@@ -199,7 +270,8 @@ def _adapting(observer: Observer, state: ObserverState) -> list[Variable]:
         name = coordinate.base
         start, low, high = (value_in_si(row, at) for at in (theta, row[LEAST], row[MOST]))
         meaning, unit = _meaning(actuator, name), actuator.unit(name)
-        variables.append(Variable(name, meaning, "parameter", unit, start, "fixed", low, high))
+        array = WEIGHTS if name in actuator.load.names else None
+        variables.append(Variable(name, meaning, "parameter", unit, start, "fixed", low, high, array=array))
     return variables
 
 
@@ -220,7 +292,7 @@ def _of_model(actuator: Actuator) -> list[Variable]:
             for name in _parameters_of(actuator)
         ),
         *(
-            Variable(name, _meaning(actuator, name), "parameter", actuator.load.unit, value, "tunable")
+            Variable(name, _meaning(actuator, name), "parameter", actuator.load.unit, value, "tunable", array=WEIGHTS)
             for name, value in zip(actuator.load.names, actuator.load.theta, strict=True)
         ),
         *(
@@ -274,6 +346,7 @@ def _duties_in_c(equipment: Equipment) -> list[str]:
 
 def _fmu(
     part: str,
+    version: Version,
     name: str,
     variables: Sequence[Variable],
     equipment: Equipment,
@@ -281,7 +354,9 @@ def _fmu(
     values: Mapping[str, Any],
 ) -> bytes:
     """The content of an FMU of variables and the C modules that its wrapper calls."""
-    kinds: tuple[Kind, ...] = ("Real", "Integer", "Boolean", "String")
+    if version == 3:
+        variables = [Variable("time", "time of the last communication point", "independent", "s"), *variables]
+    kinds: tuple[Kind, ...] = ("Real", "Integer", "Boolean")
     by_kind = {kind: [v for v in variables if v.kind == kind] for kind in kinds}
     in_order = [v for rows in by_kind.values() for v in rows]
     sources = source_files(modules)
@@ -289,23 +364,30 @@ def _fmu(
     units = sorted({v.unit for v in variables} - {"1"})
     filled = {
         **values,
+        "version": version,
         "name": name,
         "number": C_DOUBLE.print,
         "variables": by_kind,
+        "arrays": [
+            list(rows) for _, rows in groupby(in_order, lambda v: (v.array if version == 3 else None) or v.name)
+        ],
         "duties": _duties_in_c(equipment),
-        "outputs": [i for i, v in enumerate(in_order, 1) if v.causality == "output"],
         "units": {unit: _base_units(unit) for unit in units},
         "files": [wrapper, *(file for file in sources if file.endswith(".c"))],
     }
+    described = {
+        "modelDescription.xml": f"modelDescription{version}.xml.j2",
+        f"sources/{wrapper}": f"fmu_{part}.c.j2",
+        **({"sources/buildDescription.xml": "buildDescription.xml.j2"} if version == 3 else {}),
+    }
 
     def texts(guid: str) -> dict[str, str]:
-        rendered = {"modelDescription.xml": "modelDescription.xml.j2", f"sources/{wrapper}": f"fmu_{part}.c.j2"}
-        made = {file: template(of, "clutchid.exports").render(filled, guid=guid) for file, of in rendered.items()}
+        made = {file: template(of, "clutchid.exports").render(filled, guid=guid) for file, of in described.items()}
         return made | {f"sources/{file}": text for file, text in sources.items()}
 
     files = {file: text.encode() for file, text in texts(_guid(texts("").values())).items()}
-    binary = _linux_binary({Path(file).name: text for file, text in files.items() if file.startswith("sources/")})
-    return _zipped(files | ({f"binaries/linux64/{name}.so": binary} if binary else {}))
+    in_c = {Path(file).name: text for file, text in files.items() if file.endswith((".c", ".h"))}
+    return _zipped(files | _binaries(name, version, in_c))
 
 
 def _base_units(unit: str) -> dict[str, int]:
@@ -330,26 +412,36 @@ def _zipped(files: Mapping[str, bytes]) -> bytes:
     return content.getvalue()
 
 
-def _linux_binary(sources: Mapping[str, bytes]) -> bytes | None:
-    """The shared library of sources by name; None where this machine is another platform, or has no compiler.
+def _binaries(name: str, version: Version, sources: Mapping[str, bytes]) -> dict[str, bytes]:
+    """Shared libraries of sources by name: for Linux where this machine can compile them, for Windows by ziglang.
 
     Raises
     ------
     ExportError
-        If the compiler fails.
+        If a compiler fails.
     """
+    commands: dict[str, list[str]] = {}
     cc = compiler()
-    if cc is None or not is_linux64():
-        return None
-    header = template("fmi2Functions.h.j2", "clutchid.exports").render()
+    if cc is not None and is_linux64():
+        commands[f"binaries/{LINUX[version]}/{name}.so"] = [cc]
+    if find_spec("ziglang"):
+        zig = [sys.executable, "-m", "ziglang", "cc", "-target", "x86_64-windows-gnu"]
+        commands[f"binaries/{WINDOWS[version]}/{name}.dll"] = zig
+    header = f"fmi{version}Functions.h"
+    texts = {**sources, header: template(f"{header}.j2", "clutchid.exports").render().encode()}
+    return {file: _compiled(command, texts, Path(file).name, version) for file, command in commands.items()}
+
+
+def _compiled(command: Sequence[str], texts: Mapping[str, bytes], library: str, version: Version) -> bytes:
     with TemporaryDirectory() as folder:
-        for name, text in {**sources, "fmi2Functions.h": header.encode()}.items():
-            (Path(folder) / name).write_bytes(text)
-        names = sorted(name for name in sources if name.endswith(".c"))
-        command = [cc, *FLAGS_OF_COMPILER, "-o", "fmu.so", *names, "-lm"]
+        for file, text in texts.items():
+            (Path(folder) / file).write_bytes(text)
+        names = sorted(file for file in texts if file.endswith(".c"))
+        flags = (*FLAGS_OF_COMPILER, f"-DFMI{version}_OVERRIDE_FUNCTION_PREFIX")
         compiled = subprocess.run(
-            command, cwd=folder, capture_output=True, encoding="utf-8", errors="replace", check=False
-        )
+            [*command, *flags, "-o", library, *names, "-lm"],
+            cwd=folder, capture_output=True, encoding="utf-8", errors="replace", check=False,
+        )  # fmt: skip
         if compiled.returncode:
-            raise ExportError(f"{cc} cannot compile the FMU:\n{compiled.stderr.strip()}")
-        return (Path(folder) / "fmu.so").read_bytes()
+            raise ExportError(f"{command[0]} cannot compile the FMU:\n{compiled.stderr.strip()}")
+        return (Path(folder) / library).read_bytes()

@@ -45,7 +45,7 @@ def export(
         The calibration: the result of `clutchid.calibrate`, or a file with it.
     out
         Folder to write; it is made.
-    to : 'c', 'fmu2', 'matlab', 'a2l', 'dbc'
+    to : 'c', 'fmu2', 'fmu3', 'matlab', 'a2l', 'dbc'
         What is written: several as a sequence, or as text, comma-separated.
     method, modes
         Method of the observer, and how many modes of the load adapt in place of its weights.
