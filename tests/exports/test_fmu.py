@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import ctypes
 import io
+import os
 import re
 import shutil
 import subprocess
+import sys
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -572,3 +575,26 @@ def test_fmpy_finds_nothing_wrong_and_simulates_the_same(runs, inputs, tmp_path)
     rows = runs.instance().begin().follow(used, names, 0, n)
     recorded = np.column_stack([result[name][1:].reshape(n, -1) for name in names])
     np.testing.assert_allclose(recorded, rows, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.skipif(
+    not (find_spec("ziglang") and shutil.which("wine64")), reason="ziglang and wine64 are not installed"
+)
+def test_the_library_for_windows_gives_the_numbers_of_that_for_linux(runs, inputs, tmp_path):
+    loader, zig = tmp_path / "loader.exe", (sys.executable, "-m", "ziglang", "cc", "-target", "x86_64-windows-gnu")
+    subprocess.run([*zig, "-std=c99", "-O1", "-o", loader, Path(__file__).with_name("loader.c")], check=True)
+    library = next((runs.folder / "binaries").glob(f"win64/{runs.name}.dll" if runs.version == 2 else "*windows/*.dll"))
+    used, n = given(runs, inputs), 2000
+    names = ["position", "velocity", "pressure_a", "load"]
+    numbers = [str(runs.variables[name].place) for name in (*used, *names)]
+    samples = "\n".join(" ".join(float(values[k]).hex() for values in used.values()) for k in range(n))
+    done = subprocess.run(
+        ["wine64", loader, library, str(runs.version), runs.token, str(len(used)), *numbers],
+        input=samples, capture_output=True, text=True, check=False, env={**os.environ, "WINEDEBUG": "-all"},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    on_windows = np.array([[float.fromhex(value) for value in line.split()] for line in done.stdout.splitlines()])
+    on_linux = runs.instance().begin().follow(used, names, 0, n)
+    assert on_windows.shape == on_linux.shape
+    for value, expected in zip(on_windows.T, on_linux.T, strict=True):  # the C libraries differ in the last bit
+        np.testing.assert_allclose(value, expected, rtol=0, atol=1e-12 * np.nanmax(np.abs(expected)))
