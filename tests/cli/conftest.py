@@ -32,6 +32,11 @@ def folder(tmp_path_factory, plant, recorded_by):
     return made
 
 
+@pytest.fixture(autouse=True)
+def _blank(blank):
+    """Leave figures empty: no test of a command looks at them."""
+
+
 @pytest.fixture
 def command(capsys, monkeypatch):
     """Call a command in this process, in a folder; its exit code and what it printed, as of a process of its own."""

@@ -77,7 +77,6 @@ def test_a_saved_fit_starts_a_fit_and_a_simulation(command: Command, recording: 
     assert rms == pytest.approx(3e-5, rel=0.05)
 
 
-@pytest.mark.usefixtures("blank")
 def test_verify_report_and_partition_work_together(command: Command, recording: Path, tmp_path: Path) -> None:
     page = tmp_path / "page.html"
     done = command("fit", recording, "--parts", "4", "--carry", "q", "--verify", recording, "--report", page, "--json")
@@ -86,7 +85,6 @@ def test_verify_report_and_partition_work_together(command: Command, recording: 
     assert page.read_text(encoding="utf-8").lstrip().lower().startswith("<!doctype html>")
 
 
-@pytest.mark.usefixtures("blank")
 def test_what_a_verdict_rests_on_is_computed_once(
     recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

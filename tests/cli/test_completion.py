@@ -7,18 +7,19 @@ import sys
 
 import pytest
 
-from fixtures.commands import called, process
+from fixtures.commands import called
 
 pytestmark = pytest.mark.slow
 
 
 @pytest.fixture
-def install(tmp_path, monkeypatch):
+def install(tmp_path, monkeypatch, command):
     """Install completion into a home folder of its own."""
     for name in ("SHELL", "ZSH_CUSTOM", "XDG_DATA_HOME", "BASH_VERSION"):
         monkeypatch.delenv(name, raising=False)
-    home = {"HOME": str(tmp_path), "USERPROFILE": str(tmp_path)}
-    return lambda *arguments: process("--install-completion", *arguments, env=home)
+    for name in ("HOME", "USERPROFILE"):
+        monkeypatch.setenv(name, str(tmp_path))
+    return lambda *arguments: command("--install-completion", *arguments)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="bash")

@@ -202,7 +202,7 @@ def test_rows_are_as_wide_as_a_narrow_terminal(fitted, on_a_terminal):
     assert max(len(line) for line in lines if line.startswith(("trust", "load", "since", "errors"))) <= 50
 
 
-def test_each_next_command_runs_as_it_is_printed(blank, truck, command):
+def test_each_next_command_runs_as_it_is_printed(truck, command):
     calibrated = (truck / "calibrated.txt").read_text(encoding="utf-8")
     assert max(map(len, rows(calibrated))) <= 80
     assert len(rows(calibrated)) <= 14

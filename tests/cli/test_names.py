@@ -13,7 +13,6 @@ from clutchid.measurements.look import look
 from clutchid.parameters import Parameters
 from clutchid.truck import drive, truck
 from fixtures.commands import called
-from fixtures.pages import blank_figures
 
 ESCAPE, TURN = "\x1b[31m", "\u202e"
 
@@ -68,7 +67,6 @@ def test_control_characters_of_headings_units_and_file_names_are_not_printed(tmp
 HOSTILE = f'<script>alert(1)</script> & "x" {TURN}gpj'
 
 
-@blank_figures()
 def reported(capsys, tmp_path, *arguments):
     """Fit with a page, in which as on the terminal nothing from a file is markup or a control character."""
     code, said = ran(capsys, "fit", *arguments, "--report", tmp_path / "page.html")

@@ -186,7 +186,7 @@ def test_the_samples_may_be_text(call, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_page_has_the_command_and_needs_no_other_file(blank, call, tmp_path, monkeypatch):
+def test_the_page_has_the_command_and_needs_no_other_file(call, tmp_path, monkeypatch):
     assert call("worn.parquet", "--report", "page.html")[0] == 0
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "Load and pressure of worn, on line" in page

@@ -310,7 +310,7 @@ def test_a_fault_is_survived_and_flagged(call, folder, lines, name):
 
 
 @pytest.mark.slow
-def test_a_clock_that_is_set_back_ends_the_recording_and_what_came_before_is_written(blank, call, lines, tmp_path):
+def test_a_clock_that_is_set_back_ends_the_recording_and_what_came_before_is_written(call, lines, tmp_path):
     text = [*lines[:4001], *lines[1:]]
     code, said, errors = call(text, "--save", "state.toml", "--report", "page.html")
     assert code == 2

@@ -24,6 +24,8 @@ from clutchid.verbs.reading import REFUSED
 from clutchid.verbs.wear_reading import ReadingOptions, read_recording
 from fixtures.commands import called
 
+pytestmark = pytest.mark.usefixtures("blank")  # no door is asked what it draws
+
 Change = Callable[[Log], Log]
 
 
