@@ -8,8 +8,8 @@ import matplotlib.pyplot as plt
 
 import clutchid
 
-new = clutchid.drive(7, seconds=10, seed=1)
-worn = clutchid.drive(7, seconds=10, seed=2, wear=1.5e-3, pressure=False)
+new = clutchid.drive(7, seconds=6, seed=1)
+worn = clutchid.drive(7, seconds=6, seed=2, wear=1.5e-3, pressure=False)
 calibration = clutchid.calibrate(new.log)
 reading = clutchid.estimate(worn.log, calibration)
 

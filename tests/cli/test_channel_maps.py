@@ -49,7 +49,7 @@ def log() -> Log:
 @pytest.fixture(scope="module")
 def worn() -> Log:
     """The same truck when its facing has lost 1.5 mm, without pressure."""
-    return virtual.drive(virtual.truck(7), seconds=10, seed=1, wear=1.5e-3, pressure=False, name="worn").log
+    return virtual.drive(virtual.truck(7), seconds=4, seed=1, wear=1.5e-3, pressure=False, name="worn").log
 
 
 @pytest.mark.slow
