@@ -69,7 +69,7 @@ def test_without_a_compiler_the_files_are_there_and_parity_was_not_run(folder, t
 def test_the_dbc_beside_it_is_that_of_published_results(folder, tmp_path):
     assert exported(folder, tmp_path, "--to", "c,dbc") == 0
     database = cantools.database.load_file(tmp_path / "observer" / "dbc" / "clutch.dbc")
-    assert database.as_dbc_string() == cantools.database.load_string(results_dbc(), "dbc").as_dbc_string()
+    assert database.as_dbc_string() == cantools.database.load_string(results_dbc(of_c=True), "dbc").as_dbc_string()
 
 
 @pytest.mark.parametrize(

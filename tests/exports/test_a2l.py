@@ -7,16 +7,18 @@ import shutil
 import subprocess
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
-from clutchid.exports.a2l import a2l, unit_of
+from clutchid.exports.a2l import a2l, unit_of, xcp_template
 from clutchid.exports.c99 import CStyle
 from clutchid.model import Actuator
 from clutchid.observer import observer
 from clutchid.observer.health import FLAGS
 from clutchid.observer.observer import Observer
+from clutchid.observer.state_file import fingerprint
 from fixtures.export_c import compiled, write_sources
 
 pytestmark = pytest.mark.slow
@@ -130,6 +132,24 @@ def test_every_value_is_that_of_the_parameter_that_it_names(exported: Exported, 
         assert float(value) == pytest.approx(actuator.value(parameter), rel=1e-6, abs=1e-12), name
 
 
+def test_generator_version_and_hash_stand_in_headers_memory_and_file(exported: Exported, tmp_path: Path) -> None:
+    number, calibration = version("clutchid"), fingerprint(exported.observer)
+    printed = "release_nvram_t block; (void)release_store(&release_data, &release_observer, &block);"
+    printed += r' printf("%s\n%06x %08x", release_data.epk, (unsigned)block.generator, (unsigned)block.calibration);'
+    start = "(void)release_start(&release_data, &release_observer, NULL, 0u);"
+    main = exported.application(f"{start} {printed}", tmp_path)
+    others = [f for f in exported.folder.glob("*.c") if f.stem != "release_data"]
+    program = compiled([main, *others], tmp_path / "application", f"-I{exported.folder}")
+    epk, words = subprocess.run([program], capture_output=True, text=True, check=True).stdout.splitlines()
+    assert epk == f"release {calibration[:16]} clutchid {number}"
+    parts = [int(part) for part in re.findall(r"\d+", number)[:3]]
+    assert words == f"{parts[0]:02x}{parts[1]:02x}{parts[2]:02x} {calibration[:8]}"
+    assert f'EPK "{epk}"' in exported.text
+    assert f'VERSION "clutchid {number}, calibration {calibration[:16]}"' in exported.text
+    for header in exported.folder.glob("*.h"):
+        assert header.read_text().startswith(f"/* clutchid {number}, calibration {calibration} */\n"), header
+
+
 def test_the_mask_of_a_flag_has_the_bit_that_it_has_in_c(exported: Exported) -> None:
     header = (exported.folder / "release.h").read_text()
     masks = re.findall(r"MEASUREMENT release\.flag\.(\w+) .*?BIT_MASK 0x([0-9A-F]+)", exported.text, re.DOTALL)
@@ -194,6 +214,25 @@ def test_a2ltool_finds_no_problem(exported: Exported, tmp_path: Path) -> None:
     done = run_a2ltool("--strict", "--check", file)
     assert done.returncode == 0
     assert "No problems found" in done.stdout
+
+
+@a2ltool
+def test_the_template_of_the_connection_is_accepted_where_it_is_included(exported: Exported, tmp_path: Path) -> None:
+    template = xcp_template(exported.observer, exported.style)
+    events = re.findall(r'/begin EVENT\s+"release_(\w+)" "\1"\s+(0x0\d+) DAQ 0xFF\s+(0x\w+) (0x\w+)', template)
+    tasks = [("fast", "0x0000", "0x01", "0x06"), ("slow", "0x0001", "0x00", "0x06")]
+    assert events == tasks[: 1 + (exported.style.rates == "two")]
+    (tmp_path / "release_xcp.a2l").write_text(template)
+    file = tmp_path / "release.a2l"
+    include = '/include "release_xcp.a2l"'
+    assert f"/* {include} */" in exported.text
+    file.write_text(exported.text.replace(f"/* {include} */", include))
+    checked = run_a2ltool("--strict", "--check", file)
+    assert checked.returncode == 0
+    assert "No problems found" in checked.stdout
+    merged = run_a2ltool("--strict", "--merge-includes", "--output", tmp_path / "merged.a2l", file)
+    assert merged.returncode == 0
+    assert "/begin EVENT" in (tmp_path / "merged.a2l").read_text()
 
 
 SPOILERS: dict[str, Callable[[str], str]] = {

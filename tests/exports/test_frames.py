@@ -44,3 +44,14 @@ def test_no_two_signals_share_a_bit():
         bits = [bit for signal in message.signals for bit in range(signal.begin, signal.begin + signal.length)]
         assert len(bits) == len(set(bits))
         assert max(bits) < 8 * LENGTH
+
+
+def test_a_message_has_its_cycle_time_and_c_the_signals_that_it_sets():
+    cantools = pytest.importorskip("cantools")
+    for every, of_c in ((0.01, True), (0.05, False), (0.0, False)):
+        database = cantools.database.load_string(results_dbc(every, of_c=of_c), "dbc")
+        assert [message.cycle_time or 0 for message in database.messages] == [round(1e3 * every)] * len(MESSAGES)
+        signals = {signal.name for message in database.messages for signal in message.signals}
+        assert set(FLAGS) <= signals
+        assert not of_c or not {"sample_time", "used", *LIVE_FLAGS} & signals
+        assert of_c or {"sample_time", "used", *LIVE_FLAGS} <= signals

@@ -70,41 +70,100 @@ def test_the_outputs_are_the_fields_in_c_in_their_order(exported: Exported) -> N
     assert re.findall(r"^ +\w+ (\w+);", body, re.MULTILINE) == list(OUTPUTS)
 
 
-def test_the_functions_for_simulink_have_the_numbers_of_the_replay_bit_for_bit(exported: Exported) -> None:
-    matlab, inputs = exported.folder / "matlab", f"-I{exported.folder / 'src'}"
-    subprocess.run(["gcc", *STRICT, "-fsyntax-only", inputs, str(matlab / "release_simulink.c")], check=True)
-    file = exported.folder / "simulink.so"
-    compiled([matlab / "release_simulink.c", *exported.sources], file, "-shared", "-fPIC", inputs)
-    library = ctypes.CDLL(str(file))
-    results, load = np.full((len(exported.samples), len(OUTPUTS)), np.nan), np.full((POSITIONS.size, 3), np.nan)
-    for _ in range(2):  # it begins anew
-        library.release_simulink_init(ctypes.c_double(BEGINS * 1e-6))
-        for sample, result in zip(exported.samples, results, strict=True):
-            library.release_simulink_step(pointer(sample), ctypes.c_double(sample[4]), pointer(result))
-        for position, band in zip(POSITIONS, load, strict=True):
-            library.release_simulink_load(ctypes.c_double(position), pointer(band))
-        np.testing.assert_array_equal(results, exported.results)
-        np.testing.assert_array_equal(load, exported.load)
-    assert np.isfinite(results[-1, 0])
+#: What an S-function of one sample time and one work vector asks of Simulink, with a block for each `SimStruct`.
+SIMSTRUC = """
+#include <stdlib.h>
+typedef double real_T;
+typedef int int_T;
+typedef struct { double value; } mxArray;
+typedef struct {
+    int parameters, widths[2], outputs[2], work;
+    mxArray given[2];
+    double sample_time, *memory, *in[2], *out[2];
+} SimStruct;
+enum { SS_DOUBLE, SS_OPTION_EXCEPTION_FREE_CODE };
+#define mxGetScalar(a) ((a)->value)
+#define ssGetSFcnParam(S, i) (&(S)->given[i])
+#define ssSetNumSFcnParams(S, n) ((S)->parameters = (n))
+#define ssGetNumSFcnParams(S) ((S)->parameters)
+#define ssGetSFcnParamsCount(S) 2
+#define ssSetSFcnParamTunable(S, i, on) ((void)(S))
+#define ssSetNumContStates(S, n) ((void)(S))
+#define ssSetNumDiscStates(S, n) ((void)(S))
+#define ssSetNumInputPorts(S, n) ((n) == 2)
+#define ssSetNumOutputPorts(S, n) ((n) == 2)
+#define ssSetInputPortWidth(S, i, n) ((S)->widths[i] = (n))
+#define ssSetInputPortRequiredContiguous(S, i, on) ((void)(S))
+#define ssSetInputPortDirectFeedThrough(S, i, on) ((void)(S))
+#define ssSetOutputPortWidth(S, i, n) ((S)->outputs[i] = (n))
+#define ssSetNumSampleTimes(S, n) ((void)(S))
+#define ssSetNumDWork(S, n) ((void)(S))
+#define ssSetDWorkWidth(S, i, n) ((S)->work = (n))
+#define ssSetDWorkDataType(S, i, type) ((void)(S))
+#define ssSetOptions(S, options) ((void)(S))
+#define ssSetSampleTime(S, i, t) ((S)->sample_time = (t))
+#define ssSetOffsetTime(S, i, t) ((void)(S))
+#define ssGetDWork(S, i) ((void *)(S)->memory)
+#define ssGetInputPortSignal(S, i) ((const void *)(S)->in[i])
+#define ssGetOutputPortSignal(S, i) ((void *)(S)->out[i])
+"""
+
+SIMULINK = """
+SimStruct *block(double sample_time, double begins);
+void step(SimStruct *S, double *u, double *position, double *y, double *load);
+SimStruct *block(double sample_time, double begins)
+{
+    SimStruct *S = calloc(1u, sizeof(*S));
+    S->given[0].value = sample_time;
+    S->given[1].value = begins;
+    mdlInitializeSizes(S);
+    mdlInitializeSampleTimes(S);
+    S->memory = calloc((size_t)S->work, sizeof(double));
+    mdlStart(S);
+    mdlTerminate(S);
+    return S;
+}
+void step(SimStruct *S, double *u, double *position, double *y, double *load)
+{
+    S->in[0] = u; S->in[1] = position; S->out[0] = y; S->out[1] = load;
+    mdlOutputs(S, 0);
+}
+"""
+
+
+def test_two_blocks_of_simulink_have_the_numbers_of_two_programs_bit_for_bit(
+    exported: Exported, tmp_path: Path
+) -> None:
+    """In turn, in one model: the second one begins 500 samples later in the recording."""
+    for file, text in {"simstruc.h": SIMSTRUC, "simulink.c": SIMULINK}.items():
+        (tmp_path / file).write_text(text)
+    matlab = exported.folder / "matlab"
+    options = ("-DMATLAB_MEX_FILE", f"-I{tmp_path}", f"-I{exported.folder / 'src'}", *STRICT, "-shared", "-fPIC")
+    sources = [matlab / "release_sfun.c", matlab / "release_simulink.c", *exported.sources]
+    library = ctypes.CDLL(str(compiled(sources, tmp_path / "simulink.so", *options)))
+    library.block.restype = ctypes.c_void_p
+    begins = ctypes.c_double(BEGINS * 1e-6)
+    blocks = [ctypes.c_void_p(library.block(ctypes.c_double(1e-3), begins)) for _ in range(2)]
+    recordings = [exported.samples, exported.samples[500:]]
+    results, load = np.full((2, len(exported.samples), len(OUTPUTS)), np.nan), np.zeros((2, 3))
+    for i in range(len(recordings[0])):
+        for number in (number for number in range(2) if i < len(recordings[number])):
+            position = POSITIONS[i % POSITIONS.size : i % POSITIONS.size + 1]
+            sample = np.ascontiguousarray(recordings[number][i])
+            arrays = (sample, position, results[number, i], load[number])
+            library.step(blocks[number], *map(pointer, arrays))
+    np.testing.assert_array_equal(results[0], exported.results)
+    steps = np.append(0.0, np.full(len(recordings[1]) - 1, 1000.0))
+    program, samples = exported.folder / "src" / "replay", np.column_stack([recordings[1][:, :4], steps])
+    alone = np.frombuffer(subprocess.run([program], input=samples.tobytes(), stdout=-1, check=True).stdout)
+    alone = alone[: len(samples) * len(OUTPUTS)].reshape(len(samples), -1)
+    np.testing.assert_array_equal(results[1, : len(samples)], alone)
+    np.testing.assert_array_equal(load[0], exported.load[(len(exported.samples) - 1) % POSITIONS.size])
+    assert np.isfinite(results[0, -1, 0])
 
 
 def pointer(values: FloatArray) -> ctypes.c_void_p:
     return ctypes.c_void_p(values.ctypes.data)
-
-
-def test_the_specification_of_the_s_function_calls_what_the_header_declares(exported: Exported, tmp_path: Path) -> None:
-    text = (exported.folder / "matlab" / "make_sfunction.m").read_text().replace("' ...\n    '", "")
-    calls = re.findall(r"FcnSpec = \[?'void (\w+)\((.*)\)'\]?;", text)
-    assert [name for name, _ in calls] == ["release_simulink_init", "release_simulink_sample"]
-    wrapped = [
-        f"void wrapped_{name}({arguments});\nvoid wrapped_{name}({arguments})\n"
-        f"{{ {name}({', '.join(re.findall(r'[uyp][0-9]', arguments))}); }}"
-        for name, arguments in calls
-    ]
-    source = tmp_path / "wrapped.c"
-    source.write_text("\n".join(['#include "release_simulink.h"', *wrapped]))
-    options = ("-O2", *STRICT, f"-I{exported.folder / 'matlab'}", "-c", "-o", "/dev/null")
-    subprocess.run(["gcc", *options, str(source)], check=True)
 
 
 def run_octave(folder: Path, statements: str) -> None:
@@ -144,16 +203,18 @@ def test_the_mex_function_has_the_numbers_of_the_replay_bit_for_bit(exported: Ex
 
 @octave
 def test_the_build_of_the_s_function_names_files_that_are_there(exported: Exported, tmp_path: Path) -> None:
-    (tmp_path / "legacy_code.m").write_text(
-        "function def = legacy_code(action, def)\n"
-        "if strcmp(action, 'initialize'), def = struct(); return; end\n"
-        "for file = [def.SourceFiles, def.HeaderFiles]\n"
-        "  assert(any(cellfun(@(folder) exist(fullfile(folder, file{1}), 'file') == 2, def.SrcPaths)));\n"
-        "end\n"
-        "assert(def.SampleTime == 2e-3);\n"
-        "f = fopen('actions', 'a'); fprintf(f, '%s\\n', action); fclose(f);\n"
+    """In the folder of the script, wherever it is called."""
+    (tmp_path / "mex.m").write_text(
+        "function mex(varargin)\n"
+        "for file = varargin(5:end), assert(exist(fullfile(pwd, file{1}), 'file') == 2); end\n"
+        "assert(strcmp(varargin(1:3), {'-I.', '-I../src', '-output'}));\n"
         "end\n"
     )
-    run_octave(tmp_path, f"addpath('{exported.folder / 'matlab'}'); make_sfunction(2e-3);")
-    actions = ["sfcn_cmex_generate", "compile", "sfcn_tlc_generate", "rtwmakecfg_generate", "slblock_generate"]
-    assert (tmp_path / "actions").read_text().split() == actions
+    for name, result in (("new_system", "m = 1"), ("open_system", ""), ("get_param", "m = 'model'"), ("set_param", "")):
+        head = f"function {'m = ' if result else ''}{name}(varargin)\n{result};\nend\n"
+        (tmp_path / f"{name}.m").write_text(head)
+    (tmp_path / "add_block.m").write_text(
+        "function add_block(varargin)\nassert(isequal(str2num(varargin{end}), [2e-3, 0]));\n"
+        "assert(strcmp(varargin{4}, 'release_sfun'));\nend\n"
+    )
+    run_octave(tmp_path, f"addpath('{exported.folder / 'matlab'}', pwd); make_sfunction(2e-3);")

@@ -10,6 +10,7 @@ import numpy as np
 
 from clutchid.codegen.templates import template
 from clutchid.exports.c99 import CStyle
+from clutchid.exports.data import provenance
 from clutchid.exports.outputs import OUTPUTS
 from clutchid.inference.filter.joint_filter import JointFilter
 from clutchid.inference.filter.setup import PARAMETER, WEIGHT
@@ -89,6 +90,7 @@ def a2l(observer: Observer, style: CStyle, title: str) -> str:
         real=style.real,
         type=real,
         number=lambda value: f"{value:.10g}",
+        provenance=provenance(observer),
         measurements=measured,
         values=values,
         axis=axis,
@@ -96,6 +98,18 @@ def a2l(observer: Observer, style: CStyle, title: str) -> str:
         units=[unit for unit in units if unit not in (COUNT, FLAG, TRUST)],
     )
     return _ascii(text)
+
+
+def xcp_template(observer: Observer, style: CStyle) -> str:
+    """IF_DATA XCP for the A2L of an export, with the events of its tasks; transport and layer are the project's."""
+    cycle, unit = round(observer.spacing * 1e6), 3
+    while unit < 6 and cycle % 10 == 0:
+        cycle, unit = cycle // 10, unit + 1
+    events = [{"name": f"{style.name}_fast", "short": "fast", "cycle": cycle, "unit": unit}]
+    if style.rates == "two":
+        events.append({"name": f"{style.name}_slow", "short": "slow", "cycle": 0, "unit": unit})
+    values = {"name": style.name, "provenance": provenance(observer), "events": events}
+    return _ascii(template("xcp.a2l.j2", "clutchid.exports").render(values))
 
 
 def _ascii(text: str) -> str:

@@ -18,7 +18,7 @@ from clutchid.codegen.templates import template
 from clutchid.errors import ParameterError
 from clutchid.estimation.assess.comparison import ENGAGING
 from clutchid.estimation.assess.observed import HALF_WIDTH, MISMATCH, STROKES
-from clutchid.exports.data import carrier_us, data_of, size_of
+from clutchid.exports.data import carrier_us, data_of, provenance, size_of
 from clutchid.exports.filter import correction_shares, filter_c99
 from clutchid.log import HOLE
 from clutchid.model.actuator import Actuator
@@ -139,6 +139,8 @@ def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title:
         "number": c_number(style.real),
         "title": comment(title),
         "size": size_of(joint),
+        "provenance": provenance(observer),
+        "crc_table": [_crc_of_nibble(nibble) for nibble in range(16)],
         "trust": {
             "step": STEP,
             "engaging": ENGAGING,
@@ -200,7 +202,9 @@ def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title:
         f"{style.name}_filter": filter_c99(size_of(joint), style.real, f"{style.name}_filter"),
     }
     values["code"] = _code(modules, values)
-    return modules | {f"{style.name}_data": _both("data", values), style.name: _both("observer", values)}
+    modules |= {f"{style.name}_data": _both("data", values), style.name: _both("observer", values)}
+    head = provenance(observer).head
+    return {stem: replace(part, header=head + part.header) for stem, part in modules.items()}
 
 
 def _code(modules: Mapping[str, CSource], values: dict[str, Any]) -> int:
@@ -209,6 +213,13 @@ def _code(modules: Mapping[str, CSource], values: dict[str, Any]) -> int:
     parts = [*modules.values(), _both("observer", blank)]
     texts = [_both("data", blank).header, *(part.header + part.source for part in parts)]
     return zlib.crc32("".join(texts).encode())
+
+
+def _crc_of_nibble(nibble: int) -> int:
+    """CRC-32 (0xEDB88320, reflected) of four bits."""
+    for _ in range(4):
+        nibble = nibble >> 1 ^ (0xEDB88320 if nibble & 1 else 0)
+    return nibble
 
 
 def _both(part: str, values: dict[str, Any]) -> CSource:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+import re
+from importlib.metadata import version
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,6 +27,38 @@ from clutchid.observer.state_file import fingerprint
 from clutchid.simulation.noise import state_deviations
 from clutchid.strokes.values import limits
 from clutchid.strokes.vented_rest import LEVEL
+
+
+class Provenance(NamedTuple):
+    """Generator of an export with its version, and the hash of its calibration, SHA-256 in hexadecimal digits."""
+
+    version: str
+    calibration: str
+
+    @property
+    def generator(self) -> str:
+        """Generator with its version."""
+        return f"clutchid {self.version}"
+
+    @property
+    def number(self) -> int:
+        """The version as a number, a byte each for its first three parts."""
+        parts = [*map(int, re.findall(r"\d+", self.version)[:3]), 0, 0, 0]
+        return sum(min(part, 255) << shift for part, shift in zip(parts, (16, 8, 0), strict=False))
+
+    @property
+    def head(self) -> str:
+        """First line of a header."""
+        return f"/* {self.generator}, calibration {self.calibration} */\n"
+
+    def epk(self, name: str) -> str:
+        """Identification in the memory of a control unit, at most 79 letters."""
+        return f"{name} {self.calibration[:16]} {self.generator}"[:79]
+
+
+def provenance(observer: Observer) -> Provenance:
+    """The generator of an export, and the hash of its calibration."""
+    return Provenance(version("clutchid"), fingerprint(observer))
 
 
 def size_of(joint: JointFilter) -> FilterSize:
@@ -83,7 +117,6 @@ def data_of(observer: Observer, state: ObserverState) -> dict[str, Any]:
         "flagged": [FLAGGED.get(flag, (np.inf, np.inf)) for flag in FLAGS],
         "flags": FLAGS,
         "most_trust": TRUSTS.index(most_trust(observer)),
-        "fingerprint": int(fingerprint(observer)[:8], 16),
         "pace": dict(zip(("positions", "speeds", "rates"), (part.tolist() for part in joint.pace), strict=True)),
     }
 

@@ -9,8 +9,9 @@ from typing import Literal
 
 from clutchid.codegen.templates import template
 from clutchid.errors import DataError, ParameterError
-from clutchid.exports.a2l import a2l
+from clutchid.exports.a2l import a2l, xcp_template
 from clutchid.exports.c99 import CStyle, compiler, observer_c99, source_files
+from clutchid.exports.data import provenance
 from clutchid.exports.fmu import FMUS, missing_binaries, model_fmu, observer_fmu
 from clutchid.exports.frames import results_dbc
 from clutchid.exports.matlab import matlab_files
@@ -159,8 +160,13 @@ def write_export(
         files |= {f"matlab/{name}": text for name, text in matlab_files(style).items()}
     if "a2l" in to:
         files[f"a2l/{style.name}.a2l"] = a2l(observer, style, title)
+        files[f"a2l/{style.name}_xcp.a2l"] = xcp_template(observer, style)
     if "dbc" in to:
-        files[f"dbc/{style.name}.dbc"] = results_dbc()
+        files[f"dbc/{style.name}.dbc"] = results_dbc(of_c=True)
+    head = provenance(observer).head
+    for name, text in files.items():
+        if name.endswith(".h") and isinstance(text, str) and not text.startswith(head):
+            files[name] = head + text
     _write(folder, files)
     values = {
         "name": style.name, "style": style, "title": title, "to": to, "model": model, "observer": observer,

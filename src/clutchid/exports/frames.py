@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from importlib.metadata import version
 from typing import NamedTuple
 
 import numpy as np
@@ -121,24 +122,42 @@ def packed(signals: Sequence[Signal], values: Sequence[FloatArray]) -> list[byte
     return [row.tobytes() for row in words.astype("<u8")]
 
 
-def results_dbc() -> str:
-    """The DBC of all messages."""
-    return "\n".join(_dbc_lines()) + "\n"
+def results_dbc(every: float = PERIOD, *, of_c: bool = False) -> str:
+    """The DBC of all messages.
+
+    Parameters
+    ----------
+    every : s
+        Time from one published sample to the next, which is the cycle time of each message; 0 for each sample.
+    of_c
+        Whether an exported observer sends them: it knows neither time nor what a computer drops, so that the signals
+        of these are left out.
+    """
+    left_out = {"sample_time", "used", *LIVE_FLAGS} if of_c else set()
+    messages = [
+        message._replace(signals=tuple(signal for signal in message.signals if signal.name not in left_out))
+        for message in MESSAGES
+    ]
+    return "\n".join(_dbc_lines(messages, round(every * 1e3))) + "\n"
 
 
-def _dbc_lines() -> Iterator[str]:
-    yield from ('VERSION ""', "", "NS_ :", "", "BS_:", "", "BU_: clutchid", "")
-    for message in MESSAGES:
+def _dbc_lines(messages: Sequence[ResultMessage], cycle: int) -> Iterator[str]:
+    yield from (f'VERSION "clutchid {version("clutchid")}"', "", "NS_ :", "", "BS_:", "", "BU_: clutchid", "")
+    for message in messages:
         yield f"BO_ {message.identifier} {message.name}: {LENGTH} clutchid"
         for signal in message.signals:
             most = signal.offset + signal.scale * ((1 << signal.length) - (2 if signal.length > 1 else 1))
             place, number = f"{signal.begin}|{signal.length}@1+", f"({signal.scale:g},{signal.offset:g})"
             yield f' SG_ {signal.name} : {place} {number} [{signal.offset:g}|{most:.10g}] "{signal.unit}" Vector__XXX'
         yield ""
-    for message in MESSAGES:
+    for message in messages:
         for signal in message.signals:
             yield f'CM_ SG_ {message.identifier} {signal.name} "{signal.comment}";'
-    for message in MESSAGES:
+    yield 'BA_DEF_ BO_ "GenMsgCycleTime" INT 0 65535;'
+    yield 'BA_DEF_DEF_ "GenMsgCycleTime" 0;'
+    for message in messages:
+        yield f'BA_ "GenMsgCycleTime" BO_ {message.identifier} {cycle};'
+    for message in messages:
         for signal in message.signals:
             if signal.length > 1:
                 unknown = f'{(1 << signal.length) - 1} "unknown"'

@@ -19,6 +19,7 @@ def matlab_files(style: CStyle) -> dict[str, str]:
     files = {
         f"{name}_simulink.h": "simulink.h",
         f"{name}_simulink.c": "simulink.c",
+        f"{name}_sfun.c": "sfun.c",
         f"{name}_mex.c": "mex.c",
         "make_mex.m": "make_mex.m",
         "make_sfunction.m": "make_sfunction.m",

@@ -98,13 +98,13 @@ def published_frames(name: BusName, every: float | None, dbc: Path, stopped: Sto
     from clutchid.files import write_text
     from clutchid.measurements.live.bus import sender
 
-    sent, failed = 0, False
+    sent, failed, cycle = 0, False, PERIOD if every is None else every
     with sender(name, stopped) as send:
-        write_text(results_dbc(), dbc)
+        write_text(results_dbc(cycle), dbc)
 
         def publish(before: LiveRun, after: LiveRun, part: ObservedRecording) -> None:
             nonlocal sent, failed
-            frames = observe_frames(before, after, part, PERIOD if every is None else every, sent)
+            frames = observe_frames(before, after, part, cycle, sent)
             sent += len(frames) // len(MESSAGES)
             for begin in range(0, len(frames), len(MESSAGES)):
                 if (reason := send(frames[begin : begin + len(MESSAGES)])) and not failed:
