@@ -40,10 +40,10 @@ LAG, DECAY, TRAVEL, ON_OFF_DELAY = 1.5e-3, 0.1, 0.1, 0.5
 CLOSED_STD = 100.0
 
 #: Standard deviation in Pa of the lowest of all mean pressures over a tenth of a second.
-LOWEST_STD = 1e3
+_LOWEST_STD = 1e3
 
 #: Range in Pa of the ambient pressure on land, and how far the lowest pressure of a recording may lie above it.
-ON_LAND, VENTED = (0.5e5, 1.2e5), 2e4
+_ON_LAND, VENTED = (0.5e5, 1.2e5), 2e4
 
 
 def automatic(
@@ -95,7 +95,7 @@ def ambient_priors(logs: Sequence[Log], *, shared: bool = False) -> dict[str, Pr
     mean, std = float(weights @ [rest.mean for rest in best] / weights.sum()), float(weights.sum() ** -0.5)
     apart = [abs(rest.mean - mean) > SIGNIFICANT * float(np.hypot(rest.std, std)) for rest in settled]
     unseen = [low for low, rest in zip(lowest, rests, strict=True) if rest is None]
-    below = [low for low in unseen if low < mean - SIGNIFICANT * LOWEST_STD]
+    below = [low for low in unseen if low < mean - SIGNIFICANT * _LOWEST_STD]
     if not any(apart) and not below:
         return {"P_0": _at_rest(VentedPressure(mean, std, best[0].closed))}
     if shared:
@@ -156,7 +156,7 @@ def _check(logs: Sequence[Log], actuator: Actuator) -> None:
             problems.append(f"{log.name}: no pressure_a; 'auto' needs a recording with pressure. {FROM_POSITION_ALONE}")
             continue
         lowest = float(np.nanpercentile(log["pressure_a"], 1.0))
-        if not ON_LAND[0] < lowest < min(ON_LAND[1] + VENTED, actuator.parameters.P_S):
+        if not _ON_LAND[0] < lowest < min(_ON_LAND[1] + VENTED, actuator.parameters.P_S):
             unit = pressure_unit(InspectedRecording(log, actuator))
             never = (
                 f"the chamber never vents, its lowest pressure is {lowest / 1e5:.2f} bar; a calibration "

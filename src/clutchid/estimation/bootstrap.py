@@ -20,11 +20,11 @@ from clutchid.numerics.least_squares import triangular
 from clutchid.simulation.windows import Track
 
 #: The piston is at rest below this fraction of its travel.
-REST_SHARE = 0.1
+_REST_SHARE = 0.1
 
 #: Fewest excursions for a bootstrap over them: 8 give a standard deviation with a relative error of 1/sqrt(2 x 7), a
 #: quarter. A recording with fewer is cut into pieces of this length in s.
-FEWEST, PIECE_LENGTH = 8, 1.0
+FEWEST, _PIECE_LENGTH = 8, 1.0
 
 ExcursionNumbers: TypeAlias = tuple[NDArray[np.int64], ...]
 
@@ -36,7 +36,7 @@ def excursions(problem: Problem) -> ExcursionNumbers:
     The chamber is vented there, so that excursions are nearly independent. A rest after the last one belongs to it.
 
     A recording with fewer than `FEWEST` excursions, or one that never returns to rest, is cut into equal pieces of
-    about `PIECE_LENGTH`. The blocks of a bootstrap must be longer than the correlation time of the residuals; a second
+    about `_PIECE_LENGTH`. The blocks of a bootstrap must be longer than the correlation time of the residuals; a second
     is longer than the lags of sensors and valves and the stick-slip that cause it.
 
     Parameters
@@ -53,7 +53,7 @@ def excursions(problem: Problem) -> ExcursionNumbers:
     first = 0
     for log in dict.fromkeys(track.log for track in problem.tracks):
         mine = [track for track in problem.tracks if track.log == log]
-        cut = [_by_returns(track, REST_SHARE * problem.actuator.parameters.y_max) for track in mine]
+        cut = [_by_returns(track, _REST_SHARE * problem.actuator.parameters.y_max) for track in mine]
         if sum(int(numbers[-1]) + 1 for numbers in cut) < FEWEST:
             cut = [_equal_pieces(track) for track in mine]
         for numbers in cut:
@@ -81,9 +81,9 @@ def _by_returns(track: Track, rest: float) -> NDArray[np.int64]:
 
 
 def _equal_pieces(track: Track) -> NDArray[np.int64]:
-    """Numbers of equal pieces of a track, of about `PIECE_LENGTH`."""
+    """Numbers of equal pieces of a track, of about `_PIECE_LENGTH`."""
     windows = len(track.windows)
-    pieces = min(windows, max(1, round(float(track.segment.dt.sum()) / PIECE_LENGTH)))
+    pieces = min(windows, max(1, round(float(track.segment.dt.sum()) / _PIECE_LENGTH)))
     return np.arange(windows, dtype=np.int64) * pieces // windows
 
 

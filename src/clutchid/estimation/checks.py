@@ -30,7 +30,7 @@ from clutchid.numerics.least_squares import Solution
 MAX_EVALUATIONS, ROOT_TOLERANCE, MAX_HALF_WIDTHS = 5, 0.03, 4.0
 
 #: Largest factor of an outward step, and least relative distance of an interpolated point from the ends of its bracket.
-MAX_GROWTH, MIN_INSET = 2.0, 0.1
+_MAX_GROWTH, _MIN_INSET = 2.0, 0.1
 
 #: Most repeated searches at the estimate.
 MAX_RESTARTS = 3
@@ -199,21 +199,21 @@ def _interval_end(root: Callable[[float], float | Failure], first: float, limit:
 def _interpolated(inside: tuple[float, float], outside: tuple[float, float]) -> float:
     """Point of a bracket where the secant equals `QUANTILE`; its middle if the outer point has no value."""
     share = (QUANTILE - inside[1]) / (outside[1] - inside[1]) if np.isfinite(outside[1]) else 0.5
-    return inside[0] + min(max(share, MIN_INSET), 1.0 - MIN_INSET) * (outside[0] - inside[0])
+    return inside[0] + min(max(share, _MIN_INSET), 1.0 - _MIN_INSET) * (outside[0] - inside[0])
 
 
 def _extrapolated(earlier: tuple[float, float], last: tuple[float, float]) -> float:
-    """Point beyond two others where the secant equals `QUANTILE`, limited by `MAX_GROWTH`."""
+    """Point beyond two others where the secant equals `QUANTILE`, limited by `_MAX_GROWTH`."""
     rise = last[1] - earlier[1]
     step = (QUANTILE - last[1]) * (last[0] - earlier[0]) / rise if rise > 0.0 else np.inf
-    return float(min(last[0] + step, MAX_GROWTH * last[0]))
+    return float(min(last[0] + step, _MAX_GROWTH * last[0]))
 
 
 #: Interval of one free parameter, as `profile_interval` searches for it.
 ProfileInterval = Callable[[Problem, ShootingSolution, Posterior, str], tuple[float, float] | Failure]
 
 #: Intervals are too narrow if the bootstrap scatters by this factor more: 8 strokes give a deviation to a quarter only.
-TOO_NARROW = 1.5
+_TOO_NARROW = 1.5
 
 
 def checked(
@@ -283,7 +283,7 @@ def _bootstrapped(result: Fit, problem: Problem, solution: ShootingSolution, unc
     count = 1 + max(int(track.max()) for track in excursions(problem))
     note = f"bootstrap over {count} strokes: the load's standard deviation is {times:.2f} times that of its interval."
     result = replace(result, notes=(*result.notes, note))
-    if times < TOO_NARROW:
+    if times < _TOO_NARROW:
         return result
     warning = (
         f"the intervals are too narrow: in a bootstrap over {count} strokes the standard deviation of the load is "

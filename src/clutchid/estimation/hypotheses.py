@@ -32,7 +32,7 @@ from clutchid.numerics.least_squares import Solution
 from clutchid.parameters import GROUPS, Row
 
 #: A hypothesis is searched if its probability may be above this.
-LEAST_PROBABILITY = 0.05
+_LEAST_PROBABILITY = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,7 +105,7 @@ def _candidate(
     scores = [score(known[best].under(h), h, calibration) for h in others]
     scores += [score(one.under(h), h, calibration) for h, one in known.items()]
     probability = softmax(scores)[: len(others)]
-    if not others or probability.max() < LEAST_PROBABILITY:
+    if not others or probability.max() < _LEAST_PROBABILITY:
         return None
     return others[int(np.argmax(probability))]
 
@@ -159,7 +159,7 @@ def errors_in_x(coordinates: Sequence[Coordinate], hypothesis: Hypothesis, calib
 ERRORS_REPEAT = 0.5
 
 #: A viscous friction below this share of the calibrated one counts as this share.
-LEAST_RATIO = 0.1
+_LEAST_RATIO = 0.1
 
 
 #: Least position in m at which a constant error of the load is required: at rest the load of the paper's basis is 0.
@@ -235,7 +235,7 @@ def _log_friction(problem: Problem, x: FloatArray) -> float:
     """Logarithm of the viscous friction over the calibrated one, rms over the recordings."""
     calibrated = problem.actuator.value("D_v")
     frictions = [c.si(value) for c, value in zip(problem.coordinates, x.tolist(), strict=True) if c.base == "D_v"]
-    logarithms = [np.log(max(value / calibrated, LEAST_RATIO)) for value in frictions if calibrated > 0.0]
+    logarithms = [np.log(max(value / calibrated, _LEAST_RATIO)) for value in frictions if calibrated > 0.0]
     return float(np.sqrt(np.mean(np.square(logarithms)))) if logarithms else 0.0
 
 

@@ -33,14 +33,14 @@ PHASES, STEPS, DURATION = 10, 2, 10.0
 
 #: Length in s for a slow recording: over 10 s of 100 Hz another phase costs as little (truck A3). The best phase and
 #: those around it, in tenths: where a sample falls into another period the cost jumps, and no parabola fits (truck B2).
-DURATION_SLOW, NEAR = 30.0, (0.0, -0.7, -0.35, 0.35, 0.7)
+_DURATION_SLOW, NEAR = 30.0, (0.0, -0.7, -0.35, 0.35, 0.7)
 
 #: Cost after the first step, as a multiple of the least, beyond which a phase of a slow recording is no candidate: the
 #: second step takes at most a quarter of it (truck A7, docs/derivations.md).
-MOST_COST = 1.5
+_MOST_COST = 1.5
 
 #: Largest step of a parameter in standard deviations of its prior.
-LARGEST_STEP = 2.0
+_LARGEST_STEP = 2.0
 
 
 def phase_finder(actuator: Actuator, free: FreeParameters, calibration: Calibration | None) -> FindPhase:
@@ -76,7 +76,7 @@ def filtered_phase(log: Log, actuator: Actuator, calibration: Calibration) -> fl
     """
     step = sample_interval(log.time)
     slow = duties_in(log, actuator) is not Duties.RECORDED
-    part = log.slice(0, min(len(log), round((DURATION_SLOW if slow else DURATION) / step)))
+    part = log.slice(0, min(len(log), round((_DURATION_SLOW if slow else DURATION) / step)))
     once = _problem(part, actuator, calibration)
     if slow:
         return _slow_phase(once, part, actuator)
@@ -127,7 +127,7 @@ def _stepped(reference: _Reference, problem: Problem, x: FloatArray) -> Adapted:
     P, of_prior = prior[:, :-1], prior[:, -1]
     gradient = P.T @ of_prior + reference.J.T @ (-r * np.sqrt(np.minimum(1.0, outlier / np.maximum(size, 1e-300))))
     normal = P.T @ P + reference.normal
-    step = np.clip(-np.linalg.solve(normal, gradient), -LARGEST_STEP, LARGEST_STEP)
+    step = np.clip(-np.linalg.solve(normal, gradient), -_LARGEST_STEP, _LARGEST_STEP)
     cost = of_prior @ of_prior + np.sum(np.where(size > outlier, (2.0 * size - outlier) * outlier, size**2))
     return Adapted(float(cost + 2.0 * gradient @ step + step @ normal @ step), np.clip(x + step, low, high))
 
@@ -161,7 +161,7 @@ def _slow_phase(once: Problem, part: Log, actuator: Actuator) -> float:
     problems = [on_grid(centred(at / PHASES)) for at in range(PHASES)]
     first = stepped(problems, [_start(once)] * PHASES)
     least = min(of_phase.cost for of_phase in first)
-    worth = [at for at in range(PHASES) if first[at].cost <= MOST_COST * least]
+    worth = [at for at in range(PHASES) if first[at].cost <= _MOST_COST * least]
     second = stepped([problems[at] for at in worth], [first[at].x for at in worth])
     chosen = int(np.argmin([of_phase.cost for of_phase in second]))
     near = [centred((worth[chosen] + away) / PHASES) for away in NEAR]
@@ -208,6 +208,6 @@ def _adapted(problem: Problem, x: FloatArray) -> Adapted:
     if isinstance(prediction, Failure):
         return Adapted(np.inf, x)
     at = prediction.linearisation()
-    step = np.clip(np.linalg.lstsq(at.R, -at.q, rcond=None)[0], -LARGEST_STEP, LARGEST_STEP)
+    step = np.clip(np.linalg.lstsq(at.R, -at.q, rcond=None)[0], -_LARGEST_STEP, _LARGEST_STEP)
     after = at.R @ step + at.q
     return Adapted(prediction.cost - float(at.q @ at.q - after @ after), np.clip(x + step, *problem.bounds()))

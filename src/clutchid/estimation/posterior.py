@@ -30,7 +30,7 @@ from clutchid.numerics.least_squares import Solution
 from clutchid.simulation.windows import units
 
 #: A parameter is not identifiable if its standard deviation exceeds this fraction of that of its prior.
-PRIOR_DOMINATES = 0.9
+_PRIOR_DOMINATES = 0.9
 
 
 def fit_of(
@@ -130,7 +130,7 @@ def _identifiable(problem: Problem, matrix: FloatArray) -> tuple[str, ...]:
     from_prior = [
         c.name
         for i, c in enumerate(problem.coordinates)
-        if not unnamed & {c.base, c.name} and np.sqrt(matrix[i, i]) > PRIOR_DOMINATES
+        if not unnamed & {c.base, c.name} and np.sqrt(matrix[i, i]) > _PRIOR_DOMINATES
     ]
     determined = [c.name for c in problem.coordinates if not unnamed & {c.base, c.name} and c.name not in from_prior]
     notes = []

@@ -70,7 +70,7 @@ FilterSolution = Solution[Prediction]
 
 
 #: Largest lag of the autocorrelation in samples.
-MAX_LAG = 200
+_MAX_LAG = 200
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +105,7 @@ def innovations(prediction: Prediction, name: str) -> Innovations:
     nu = errors[:, 0] / np.sqrt(errors[:, 1])
     nu = nu[np.isfinite(nu)]
     power = float(np.mean(nu**2)) if nu.size else float("nan")
-    correlation = np.array([np.mean(nu[lag:] * nu[:-lag]) / power for lag in range(1, min(MAX_LAG, nu.size // 10))])
+    correlation = np.array([np.mean(nu[lag:] * nu[:-lag]) / power for lag in range(1, min(_MAX_LAG, nu.size // 10))])
     lag_1 = float(correlation[0]) if correlation.size else float("nan")
     return Innovations(power, lag_1, _correlated_samples(correlation))
 

@@ -113,11 +113,11 @@ TOLERANCE = 1e-5
 #: The search has converged if the step of a round is below this many standard deviations. If the step reverses that of
 #: the round before, as stiction can cause, the step size is halved, down to the given fraction; otherwise it is
 #: doubled.
-CONVERGED_MOVE, MIN_STEP_SHARE = 0.5, 0.1
+CONVERGED_MOVE, _MIN_STEP_SHARE = 0.5, 0.1
 
 #: Most rounds before and after the re-estimation of the sensor noise; most evaluations of a round, and of one in which
 #: all steps of the first evaluations were rejected: within ten the damping grows from 1e-3 beyond its limit of 1e12.
-COARSE_ROUNDS, FINE_ROUNDS, MAX_EVALUATIONS, MAX_REJECTED = 1, 40, 6, 12
+_COARSE_ROUNDS, _FINE_ROUNDS, MAX_EVALUATIONS, _MAX_REJECTED = 1, 40, 6, 12
 
 
 def predict(
@@ -137,12 +137,12 @@ def predict(
     problem = problem_of(logs, actuator, free, calibration)
     x = start_point(problem, free)
     if free.start is not None:
-        return SearchResult(problem, search(problem, x, FINE_ROUNDS, progress, 1))
-    coarse = search(problem, x, COARSE_ROUNDS, progress)
+        return SearchResult(problem, search(problem, x, _FINE_ROUNDS, progress, 1))
+    coarse = search(problem, x, _COARSE_ROUNDS, progress)
     if isinstance(coarse, Failure):
         return SearchResult(problem, coarse)
     problem = replace(problem, noise=replace(problem.noise, measured=noise_scales(problem, coarse.at)))
-    return SearchResult(problem, search(problem, coarse.x, FINE_ROUNDS, progress, coarse.evaluations))
+    return SearchResult(problem, search(problem, coarse.x, _FINE_ROUNDS, progress, coarse.evaluations))
 
 
 def problem_of(
@@ -192,7 +192,7 @@ def search(
         if minimum.status != "converged" and not move.any():
             return Solution(x, current, "stalled", count)
         reverses = float((R @ move) @ (R @ previous_move)) < 0.0
-        step_share = max(0.5 * step_share, MIN_STEP_SHARE) if reverses else min(2.0 * step_share, 1.0)
+        step_share = max(0.5 * step_share, _MIN_STEP_SHARE) if reverses else min(2.0 * step_share, 1.0)
         candidate = evaluate(x + step_share * move)
         if isinstance(candidate, Failure):
             return Solution(x, current, "stalled", count)
@@ -215,7 +215,7 @@ def minimise_round(
         return prediction if isinstance(prediction, Failure) else prediction.linearisation()
 
     start = x, current.linearisation()
-    for evaluations in (MAX_EVALUATIONS, MAX_REJECTED):
+    for evaluations in (MAX_EVALUATIONS, _MAX_REJECTED):
         minimum = minimise(linearise, start, *problem.bounds(), tolerance=TOLERANCE, max_evaluations=evaluations)
         if minimum.status != "limit" or not np.array_equal(minimum.x, x):
             break

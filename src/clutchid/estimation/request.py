@@ -20,7 +20,7 @@ from clutchid.strokes.vented_rest import VentedRest, Zero
 
 #: Default bounds of a magnitude and of an own parameter: this factor below and above the start value. The others have
 #: their whole range; where its lower end does not belong to it, the distance to that end may shrink by this factor.
-DEFAULT_RANGE = 3.0
+_DEFAULT_RANGE = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,8 +121,8 @@ def _default_bounds(name: str, actuator: Actuator) -> tuple[float, float]:
     if value <= 0.0:
         return row.low, row.high
     if row.magnitude or actuator.own_row(base) is not None:
-        return max(row.low, value / DEFAULT_RANGE), min(row.high, value * DEFAULT_RANGE)
-    low = row.low if row.low_included else row.low + (value - row.low) / DEFAULT_RANGE
+        return max(row.low, value / _DEFAULT_RANGE), min(row.high, value * _DEFAULT_RANGE)
+    low = row.low if row.low_included else row.low + (value - row.low) / _DEFAULT_RANGE
     return low, row.high
 
 
@@ -196,11 +196,11 @@ def ended(status: SearchStatus, evaluations: int) -> str:
 
 
 #: Fewest draws of a bootstrap for a standard deviation.
-FEWEST_DRAWS = 10
+_FEWEST_DRAWS = 10
 
 
 #: Measured columns and free parameters of a request that names none: those of the verb.
-OF_THE_VERB = ("default",)
+_OF_THE_VERB = ("default",)
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,8 +252,8 @@ class FitRequest:
     ('auto',)
     """
 
-    measure: tuple[str, ...] = OF_THE_VERB
-    free: tuple[str, ...] = OF_THE_VERB
+    measure: tuple[str, ...] = _OF_THE_VERB
+    free: tuple[str, ...] = _OF_THE_VERB
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     partition: Partition | None = None
     method: str | None = None
@@ -272,21 +272,21 @@ class FitRequest:
         unknown = [
             unknown_name(name, MEASURED, "measured column")
             for name in self.measure
-            if name not in MEASURED and self.measure != OF_THE_VERB
+            if name not in MEASURED and self.measure != _OF_THE_VERB
         ]
         if unknown or not self.measure:
             raise ParameterError(
                 "\n".join(unknown) or "measure: nothing to compare with; give position, pressure_a or both."
             )
-        if self.bootstrap < 0 or 0 < self.bootstrap < FEWEST_DRAWS:
+        if self.bootstrap < 0 or 0 < self.bootstrap < _FEWEST_DRAWS:
             raise ParameterError(
-                f"bootstrap = {self.bootstrap}: 0 for none, or at least {FEWEST_DRAWS} draws; 200 are usual."
+                f"bootstrap = {self.bootstrap}: 0 for none, or at least {_FEWEST_DRAWS} draws; 200 are usual."
             )
 
     def completed(self, measure: tuple[str, ...] = ("position",), free: tuple[str, ...] = ("load",)) -> FitRequest:
         """The request with `measure` and `free` where it names none; by default those of `clutchid.fit`."""
         measured, names = (
-            usual if own == OF_THE_VERB else own for own, usual in ((self.measure, measure), (self.free, free))
+            usual if own == _OF_THE_VERB else own for own, usual in ((self.measure, measure), (self.free, free))
         )
         return replace(self, measure=measured, free=names)
 

@@ -80,7 +80,7 @@ def _half_width(problem: Problem, log: int, deviations: list[FloatArray], sample
 MEMORY = 0.01
 
 #: Most restarts of a search that stalls, and the share of the cost within which two of them have arrived at the same.
-MAX_RESTARTS, SAME_COST = 4, 3e-3
+MAX_RESTARTS, _SAME_COST = 4, 3e-3
 
 #: Most evaluations of each search of a reading. The search without a change ends after `PATIENCE` if its cost is above
 #: `HOPELESS` times that of the calibration recordings; those with a change go on from there. Of changed trucks none
@@ -169,7 +169,7 @@ def _fine(
         if isinstance(further, Failure):
             return best
         gain, better = best.at.cost - further.at.cost, min(best, further, key=_cost)
-        same = abs(gain) <= SAME_COST * best.at.cost
+        same = abs(gain) <= _SAME_COST * best.at.cost
         best = replace(better, evaluations=further.evaluations, status="converged" if same else better.status)
         if gain <= 0.0:
             return best

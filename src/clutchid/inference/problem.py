@@ -22,7 +22,7 @@ from clutchid.simulation.plan import Plan
 from clutchid.simulation.windows import Track
 
 #: Cache size for state-independent terms.
-CACHE_SIZE = 4
+_CACHE_SIZE = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +118,7 @@ class Problem:
 
     @cached_property
     def _parameter_maps_at(self) -> Callable[[bytes], dict[str, ParameterMap] | Failure]:
-        return lru_cache(maxsize=CACHE_SIZE)(self._parameter_maps)
+        return lru_cache(maxsize=_CACHE_SIZE)(self._parameter_maps)
 
     def _parameter_maps(self, x: bytes) -> dict[str, ParameterMap] | Failure:
         try:
@@ -130,7 +130,7 @@ class Problem:
     def prior_at(self) -> Callable[[bytes], FloatArray]:
         """Cached `prior_rows`, by the bytes of x; it does not keep the problem, and so its recordings, alive."""
         own = weakref.proxy(self)
-        return lru_cache(maxsize=CACHE_SIZE)(lambda x: _prior(own, np.frombuffer(x)))
+        return lru_cache(maxsize=_CACHE_SIZE)(lambda x: _prior(own, np.frombuffer(x)))
 
 
 def prior_rows(problem: Problem, x: FloatArray) -> FloatArray:

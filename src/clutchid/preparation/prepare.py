@@ -27,10 +27,10 @@ MARGIN, CALIBRATED_MARGIN = 1.3, 1.05
 MAX_STEP = 5e-4
 
 #: Number of parts of the stroke, and classes of speed in m/s, for which the stiffness is computed.
-STROKE_PARTS, SPEED_CLASSES = 4, (0.05, 0.15, TOP_SPEED)
+_STROKE_PARTS, _SPEED_CLASSES = 4, (0.05, 0.15, TOP_SPEED)
 
 #: Margins on measured position in m and speed in m/s, and the time in s over which the speed is averaged.
-POSITION_MARGIN, SPEED_MARGIN, SPEED_WINDOW = 3e-4, 0.03, 8e-3
+_POSITION_MARGIN, SPEED_MARGIN, _SPEED_WINDOW = 3e-4, 0.03, 8e-3
 
 #: Two positions of a slow recording that are this many intervals apart have others missing between them.
 MISSING = 1.5
@@ -157,7 +157,7 @@ def tracks_with_steps(plans: Sequence[Plan], margin: float) -> tuple[Track, ...]
 
 def with_steps(track: Track, actuator: Actuator, margin: float) -> Track:
     """One track of `tracks_with_steps`."""
-    edges = np.linspace(0.0, actuator.parameters.y_max, STROKE_PARTS + 1)
+    edges = np.linspace(0.0, actuator.parameters.y_max, _STROKE_PARTS + 1)
     edges[0], edges[-1] = -np.inf, np.inf
 
     @cache
@@ -172,7 +172,7 @@ def _between_samples(track: Track) -> FloatArray:
     """Measured position; that of a slow recording interpolated on its time grid, but not where samples are missing."""
     time, position = track.measured.time, track.measured["position"]
     recorded = np.flatnonzero(np.isfinite(position))
-    if track.spacing <= SPEED_WINDOW or recorded.size < 2:
+    if track.spacing <= _SPEED_WINDOW or recorded.size < 2:
         return position
     between: FloatArray = np.interp(time, time[recorded], position[recorded], np.nan, np.nan)
     after = np.searchsorted(recorded, np.arange(time.size)).clip(1, recorded.size - 1)
@@ -184,16 +184,16 @@ def _window_with_steps(
     of_track: FloatArray, window: Segment, edges: FloatArray, rate: Callable[[int, float], float]
 ) -> Segment:
     position = of_track[window.start : window.stop]
-    far = samples(window, SPEED_WINDOW) - 1
+    far = samples(window, _SPEED_WINDOW) - 1
     travel = np.abs(position[far:] - position[:-far])
     if not np.isfinite(travel).all() or travel.size == 0:
         return window
-    fastest = float(travel.max()) / SPEED_WINDOW + SPEED_MARGIN
-    speed = next((limit for limit in SPEED_CLASSES if fastest <= limit), None)
+    fastest = float(travel.max()) / _SPEED_WINDOW + SPEED_MARGIN
+    speed = next((limit for limit in _SPEED_CLASSES if fastest <= limit), None)
     if speed is None:
         return window
-    reach = np.array([position.min() - POSITION_MARGIN, position.max() + POSITION_MARGIN])
-    first, last = np.searchsorted(edges, reach).clip(1, STROKE_PARTS) - 1
+    reach = np.array([position.min() - _POSITION_MARGIN, position.max() + _POSITION_MARGIN])
+    first, last = np.searchsorted(edges, reach).clip(1, _STROKE_PARTS) - 1
     stiffest = max(rate(part, speed) for part in range(first, last + 1))
     steps = np.maximum(substeps(window.dt, stiffest), np.ceil(window.dt / MAX_STEP * (1 - 1e-9)).astype(np.int32))
     return replace(window, substeps=np.minimum(window.substeps, steps))

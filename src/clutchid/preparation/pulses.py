@@ -38,15 +38,15 @@ PERIODS = (0.005, 0.008, 0.01, 0.0125, 0.016, 0.02, 0.025, 0.0333, 0.04, 0.05)
 
 #: Number of phases that are tried, and the least contrast: explained variance of the fast part of the pressure rate by
 #: the best phase beyond that by the median one, which is due to the changing duty cycle and not to the carrier.
-PHASES, CONTRAST = 20, 0.01
+PHASES, _CONTRAST = 20, 0.01
 
 #: A period that is not that of the duty cycles must have this factor more contrast than periods that differ from it by
 #: these shares: pulses out of step explain a carrier no more, but what a valve lags behind its duty cycles as well.
 #: Chosen on hybrids 0 to 23 (benchmarks/results/carrier.md).
-IN_STEP, OUT_OF_STEP = 4.0, (-0.07, -0.03, 0.03, 0.07)
+IN_STEP, _OUT_OF_STEP = 4.0, (-0.07, -0.03, 0.03, 0.07)
 
 #: Least contrast for a period that is known from the duty cycles, with a single trial.
-CONTRAST_ON_GRID = 0.001
+_CONTRAST_ON_GRID = 0.001
 
 #: Least response of the pressure to the pulses, over that to the mean duty cycle, if the contrast alone is not enough:
 #: a spool that lags behind duty cycles on a grid has some contrast, but no response; valves that a carrier switches
@@ -55,13 +55,13 @@ RESPONSE = 0.2
 
 #: Another period must explain the variance of that of the grid by this factor: with the same duty cycles, half or twice
 #: the true period explains up to the same variance.
-GRID_ADVANTAGE = 2.0
+_GRID_ADVANTAGE = 2.0
 
 #: Assumed travel time of a valve in carrier periods.
-SHORT_TRAVEL = 0.01
+_SHORT_TRAVEL = 0.01
 
 #: Longest part of a recording that is used for the phase, in s.
-MAX_DURATION = 15.0
+_MAX_DURATION = 15.0
 
 
 def find_carrier(log: Log, actuator: Actuator, periods: Sequence[float] = PERIODS) -> tuple[float, float]:
@@ -71,7 +71,7 @@ def find_carrier(log: Log, actuator: Actuator, periods: Sequence[float] = PERIOD
     every period and phase, the rate is regressed on the predicted opening, both without their moving average. Detected
     periods are compared by the variance that they explain of the same part of the rate, because a longer period
     contains more of it. The period of the grid of the duty cycles needs less evidence, and is chosen unless another
-    explains `GRID_ADVANTAGE` times its variance. An on/off unit has no carrier: its edges are those of its commands.
+    explains `_GRID_ADVANTAGE` times its variance. An on/off unit has no carrier: its edges are those of its commands.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def find_carrier(log: Log, actuator: Actuator, periods: Sequence[float] = PERIOD
         If the recording has no pressure.
     """
     step = sample_interval(log.time)
-    log = log.slice(0, min(len(log), round(MAX_DURATION / step)))
+    log = log.slice(0, min(len(log), round(_MAX_DURATION / step)))
     if on_off(log):
         return 0.0, 0.0
     valves, grid = _Valves.of(log, actuator), duty_grid(log).period
@@ -91,18 +91,18 @@ def find_carrier(log: Log, actuator: Actuator, periods: Sequence[float] = PERIOD
         length = max(1, round(period / step))
         contrast, phase = _contrast(valves, period, length)
         if _same(period, grid):
-            detected = contrast > CONTRAST or (
-                contrast > CONTRAST_ON_GRID and _response(valves, period, phase, length) > RESPONSE
+            detected = contrast > _CONTRAST or (
+                contrast > _CONTRAST_ON_GRID and _response(valves, period, phase, length) > RESPONSE
             )
         else:
-            detected = contrast > CONTRAST and contrast > IN_STEP * _out_of_step(valves, period, length)
+            detected = contrast > _CONTRAST and contrast > IN_STEP * _out_of_step(valves, period, length)
         if detected:
             candidates[period] = (contrast if len(periods) == 1 else _contrast(valves, period, common)[0], phase)
     if not candidates:
         return 0.0, 0.0
     best = max(candidates, key=lambda period: candidates[period][0])
     on_grid = next((period for period in candidates if _same(period, grid)), best)
-    chosen = best if candidates[best][0] > GRID_ADVANTAGE * candidates[on_grid][0] else on_grid
+    chosen = best if candidates[best][0] > _GRID_ADVANTAGE * candidates[on_grid][0] else on_grid
     return chosen, candidates[chosen][1]
 
 
@@ -141,7 +141,7 @@ class _Valves(NamedTuple):
         """
         passed_pulses = kernels(self.actuator.model).passed_pulses
         return [
-            passed_pulses(share, share, *clock, (phase + low) % 1.0, SHORT_TRAVEL)[:-1] * pressure
+            passed_pulses(share, share, *clock, (phase + low) % 1.0, _SHORT_TRAVEL)[:-1] * pressure
             for share, pressure, low in zip(self.shares, self.pressures, self.lows, strict=True)
         ]
 
@@ -167,7 +167,7 @@ def _contrast(valves: _Valves, period: float, length: int) -> tuple[float, float
 
 def _out_of_step(valves: _Valves, period: float, length: int) -> float:
     """Largest contrast of periods near `period`, with which pulses do not stay in step."""
-    return max(_contrast(valves, period * (1.0 + share), length)[0] for share in OUT_OF_STEP)
+    return max(_contrast(valves, period * (1.0 + share), length)[0] for share in _OUT_OF_STEP)
 
 
 def _response(valves: _Valves, period: float, phase: float, length: int) -> float:
@@ -213,16 +213,16 @@ def centred(phase: float) -> float:
 
 #: Shortest period in samples with duty cycles of its own: in a sample of 10 ms the middle of a period of 2 ms is known
 #: to 1 ms, as are the time stamps.
-MIN_PERIOD = 0.4
+_MIN_PERIOD = 0.4
 
 #: Shortest period in samples whose duty cycles are all recorded: clocks differ.
-EACH_PERIOD = 0.95
+_EACH_PERIOD = 0.95
 
 #: Time grid in s of a slow recording: that of a calibration at 1 kHz, in whose intervals pulses count as their means.
 GRID_STEP = 1e-3
 
 #: Interval in s for which a control unit holds duty cycles that change continuously.
-CONTROL_STEP = 1e-3
+_CONTROL_STEP = 1e-3
 
 #: Standard deviation in s of the time stamps of a slow recording: messages on the bus wait for each other.
 STAMP_STD = 1e-3
@@ -269,7 +269,7 @@ def find_phase(log: Log, actuator: Actuator) -> float:
         If the recording lacks a duty cycle.
     """
     p, step, period = actuator.parameters, sample_interval(log.time), _period(actuator)
-    part, rate = log.slice(0, min(len(log), round(MAX_DURATION / step))), stiffness(actuator)
+    part, rate = log.slice(0, min(len(log), round(_MAX_DURATION / step))), stiffness(actuator)
     slow = duties_in(log, actuator) is not Duties.RECORDED
     part = part.with_columns(position=part["position"] - p.e_y) if slow else without_sensors(part, p)
     resets = frequent_resets(GRID_STEP if slow else step)
@@ -307,7 +307,7 @@ def duties_in(log: Log, actuator: Actuator) -> Duties:
     if on_off(log):
         return Duties.UNKNOWN
     renewed = actuator.duty_period != 0.0  # by default once in each period of the carrier
-    return Duties.LATCHED if renewed and period >= MIN_PERIOD * step else Duties.INTERPOLATED
+    return Duties.LATCHED if renewed and period >= _MIN_PERIOD * step else Duties.INTERPOLATED
 
 
 def lacks_changes(log: Log, actuator: Actuator) -> bool:
@@ -320,7 +320,7 @@ def lacks_changes(log: Log, actuator: Actuator) -> bool:
     """
     duties = duties_in(log, actuator)
     return duties is Duties.INTERPOLATED or (
-        duties is Duties.LATCHED and _period(actuator) < EACH_PERIOD * sample_interval(log.time)
+        duties is Duties.LATCHED and _period(actuator) < _EACH_PERIOD * sample_interval(log.time)
     )
 
 
@@ -383,7 +383,7 @@ def on_time_grid(log: Log, actuator: Actuator, delay: float = 0.0) -> tuple[Log,
     if duties is Duties.LATCHED:
         return latched(log, in_clock(_period(actuator), log.time), p.s_pwm, GRID_STEP, closed, delay)
     if duties is Duties.INTERPOLATED:
-        return interpolated(log, actuator.duty_period or CONTROL_STEP, GRID_STEP, closed, delay)
+        return interpolated(log, actuator.duty_period or _CONTROL_STEP, GRID_STEP, closed, delay)
     return log, None
 
 

@@ -13,14 +13,14 @@ from clutchid.log import INPUTS, FloatArray, Log, holes
 IntArray: TypeAlias = NDArray[np.intp]
 
 #: Shortest interval of a grid in s: a period that starts this close to a sample starts with it.
-SHORTEST_STEP = 2e-5
+_SHORTEST_STEP = 2e-5
 
 #: An interval may be longer than the step by this part of it, as stamps are rounded and jitter.
-GRID_ROUNDING = 0.1
+_GRID_ROUNDING = 0.1
 
 #: Messages and periods are in step if an interval is a multiple of a quarter of the period, up to the drift of two
 #: quartzes; largest jitter of messages at equal intervals, in intervals.
-PARTS, MAX_DRIFT, MAX_JITTER = 4, 3e-4, 0.2
+PARTS, _MAX_DRIFT, _MAX_JITTER = 4, 3e-4, 0.2
 
 
 def latched(
@@ -118,7 +118,7 @@ def in_clock(period: float, time: FloatArray) -> float:
     """
     ratio = PARTS * _regular(time)[1] / period
     away = ratio / max(1, round(ratio)) - 1.0
-    return period * (1.0 + away) if abs(away) < MAX_DRIFT else period
+    return period * (1.0 + away) if abs(away) < _MAX_DRIFT else period
 
 
 def _regular(time: FloatArray) -> tuple[FloatArray, float]:
@@ -127,7 +127,7 @@ def _regular(time: FloatArray) -> tuple[FloatArray, float]:
     numbers = np.concatenate([[0.0], np.cumsum(np.round(gaps / np.median(gaps)))])
     interval, start = np.polyfit(numbers, time, 1)
     even: FloatArray = start + interval * numbers
-    jitters = float(np.percentile(np.abs(time - even), 99.0)) < MAX_JITTER * interval
+    jitters = float(np.percentile(np.abs(time - even), 99.0)) < _MAX_JITTER * interval
     return (even, float(interval)) if jitters else (time, float(np.median(gaps)))
 
 
@@ -160,7 +160,7 @@ class _Grid:
         points = np.sort(np.concatenate([log.time, added]))
         gaps, at = np.diff(points), np.searchsorted(points, log.time)
         hole = np.repeat(holes(log.time), np.diff(at))
-        parts: IntArray = np.where(hole, 1, np.ceil(gaps / step * (1.0 - GRID_ROUNDING))).astype(np.intp)
+        parts: IntArray = np.where(hole, 1, np.ceil(gaps / step * (1.0 - _GRID_ROUNDING))).astype(np.intp)
         start = np.concatenate([[0], np.cumsum(parts)])
         of = np.repeat(np.arange(gaps.size), parts)
         inside = (np.arange(start[-1]) - start[of]) / parts[of]
@@ -188,9 +188,9 @@ def _starts(time: FloatArray, period: float, first: float) -> FloatArray:
 
 
 def _apart(breaks: FloatArray, time: FloatArray) -> NDArray[np.bool_]:
-    """Mask of the `breaks` within `time`, no closer to its stamps than `SHORTEST_STEP`, nor in a hole."""
+    """Mask of the `breaks` within `time`, no closer to its stamps than `_SHORTEST_STEP`, nor in a hole."""
     after = np.searchsorted(time, breaks).clip(1, time.size - 1)
-    inside = (breaks - time[after - 1] > SHORTEST_STEP) & (time[after] - breaks > SHORTEST_STEP)
+    inside = (breaks - time[after - 1] > _SHORTEST_STEP) & (time[after] - breaks > _SHORTEST_STEP)
     usable: NDArray[np.bool_] = inside & ~holes(time)[after - 1]
     return usable
 

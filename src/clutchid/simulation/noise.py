@@ -17,7 +17,7 @@ from clutchid.simulation.plan import Segment
 
 #: Limits of a re-estimated noise scale, as multiples of the usual one: a sensor may be better than usual, but the model
 #: error within a window is not.
-MIN_SCALE, MAX_SCALE = 1.0, 10.0
+_MIN_SCALE, _MAX_SCALE = 1.0, 10.0
 
 _STATE_NOISE: Mapping[str, float] = MappingProxyType({name: state.noise for name, state in STATES.items()})
 
@@ -29,7 +29,7 @@ def noise_scale(errors: FloatArray, usual: float, state_variance: float = 0.0) -
     """
     size = np.abs(errors[np.isfinite(errors)])
     square = (1.4826 * float(np.median(size))) ** 2 - state_variance if size.size else 0.0
-    return float(np.clip(np.sqrt(max(0.0, square)), MIN_SCALE * usual, MAX_SCALE * usual))
+    return float(np.clip(np.sqrt(max(0.0, square)), _MIN_SCALE * usual, _MAX_SCALE * usual))
 
 
 @dataclass(frozen=True, slots=True)

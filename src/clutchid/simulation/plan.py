@@ -24,11 +24,12 @@ SHORTEST = 10
 OUTSIDE = 2e-4
 
 #: Further outside than this part of the stroke, a position has another unit, sign or zero.
-ALIEN = 0.2
+_ALIEN = 0.2
 
-#: A recording starts vented and at rest when it stays within `VENTED_POSITION` of zero, and this still, for `REST_TIME`
-#: s or until the supply valve opens. The rest before that, up to `REST_WINDOW` s, gives the position at the start.
-REST_RANGE, REST_TIME, REST_WINDOW = 3e-4, 0.02, 0.5
+#: A recording starts vented and at rest when it stays within `VENTED_POSITION` of zero, and this still, for
+#: `_REST_TIME` s or until the supply valve opens. The rest before that, up to `REST_WINDOW` s, gives the position at
+#: the start.
+REST_RANGE, _REST_TIME, REST_WINDOW = 3e-4, 0.02, 0.5
 
 
 _JUMPS = {("p", False): 1, ("q", False): 2, ("p", True): 3, ("q", True): 4}
@@ -147,7 +148,7 @@ def outside_stroke(log: Log, y_max: float) -> OutsideStroke:
         f"{log.name}: the position runs from {position.min() * 1e3:.4g} to {position.max() * 1e3:.4g} mm, outside the "
         f"stroke of 0 to {y_max * 1e3:g} mm; check its unit, its sign and its zero."
     )
-    return OutsideStroke((sentence,), low < -ALIEN * y_max or high > (1 + ALIEN) * y_max)
+    return OutsideStroke((sentence,), low < -_ALIEN * y_max or high > (1 + _ALIEN) * y_max)
 
 
 def _stretches(time: FloatArray, has_inputs: NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -194,7 +195,7 @@ def _segment(
     position = log["position"][start:stop] if "position" in log else np.full(stop - start, np.nan)
     pressure = log["pressure_a"][start:stop] if use_pressure else np.full(stop - start, np.nan)
     rest = _rest(log.time[start:stop], position, inputs[:, 0] <= actuator.parameters.R_0vs)
-    vented = begins and _vented(rest[: max(2, int(REST_TIME / dt[0]))], position)
+    vented = begins and _vented(rest[: max(2, int(_REST_TIME / dt[0]))], position)
     first = float(np.median(rest)) if vented and rest.size else _first_finite(position, 0.0)
     jump = jump.copy()
     jump[0] = 0
@@ -208,7 +209,7 @@ def _segment(
         jump=jump,
         measured=np.ascontiguousarray(measured),
         position_start=float(np.clip(first, -OUTSIDE, actuator.parameters.y_max + OUTSIDE)),
-        pressure_start=_first_finite(pressure[: max(2, int(REST_TIME / dt[0]))], np.nan),
+        pressure_start=_first_finite(pressure[: max(2, int(_REST_TIME / dt[0]))], np.nan),
         vented=vented,
         rest=rest.size if vented else 0,
     )

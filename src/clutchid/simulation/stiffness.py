@@ -29,18 +29,18 @@ MOST_SUBSTEPS = 1000
 TOP_SPEED = 0.3
 
 #: Fastest motion in m/s after resets that conserve the masses of air: the pressure jumps, by bars at large errors.
-RESET_SPEED = 0.9
+_RESET_SPEED = 0.9
 
 
 #: Number and length in s of the steps in which own states settle: longer than a stroke; overshoot is halved each time.
-SETTLING_STEPS, SETTLING_STEP = 20, 1e-2
+_SETTLING_STEPS, _SETTLING_STEP = 20, 1e-2
 
 
 def top_speed(partition: Partition | None) -> float:
     """Fastest motion in m/s for which the integration must be stable."""
     if partition is None or partition.parts == 1 or partition.carry == "p":
         return TOP_SPEED
-    return RESET_SPEED
+    return _RESET_SPEED
 
 
 def stiffness(actuator: Actuator, speed: float = TOP_SPEED) -> float:
@@ -129,9 +129,9 @@ def _with_own_states(x: FloatArray, actuator: Actuator, duties: FloatArray) -> t
         return x, duties
     x[:, own] = [actuator.value(row.starts_at) if row.starts_at else 0.0 for row in list(rows.values())[own[0] :]]
     settled = x.copy()
-    for _ in range(SETTLING_STEPS):
+    for _ in range(_SETTLING_STEPS):
         rates, jacobian = _linearised(actuator, settled, duties)
-        matrix = np.eye(len(own)) / SETTLING_STEP - jacobian[:, own][:, :, own]
+        matrix = np.eye(len(own)) / _SETTLING_STEP - jacobian[:, own][:, :, own]
         good = np.all(np.isfinite(matrix), axis=(1, 2)) & np.all(np.isfinite(rates), axis=1)
         good[good] = np.abs(np.linalg.det(matrix[good])) > 0.0
         step = np.linalg.solve(matrix[good], rates[good][:, own, None])[:, :, 0]
@@ -177,7 +177,7 @@ def substeps(dt: FloatArray, rate: float) -> NDArray[np.int32]:
 NEAR_REST, SHARES, REACH = 2e-3, (0.6, 0.9), 1e-3
 
 #: Speeds in m/s that separate ranges of different stiffness, and how much faster the piston may become in an interval.
-SPEEDS, GAIN = (0.02, 0.05, 0.1, 0.2), 0.05
+SPEEDS, _GAIN = (0.02, 0.05, 0.1, 0.2), 0.05
 
 #: Positions in m and speeds in m/s that separate ranges, and the integration steps a second in each; see `pace`.
 Pace = tuple[FloatArray, FloatArray, FloatArray]
@@ -194,6 +194,6 @@ def pace(actuator: Actuator, margin: float) -> Pace:
     y_max = actuator.parameters.y_max
     positions = np.array([NEAR_REST, *(share * y_max for share in SHARES)])
     reaches = zip([-np.inf, *positions - REACH], [*positions + REACH, np.inf], strict=True)
-    speeds = [min(speed + GAIN, TOP_SPEED) for speed in (*SPEEDS, TOP_SPEED)]
+    speeds = [min(speed + _GAIN, TOP_SPEED) for speed in (*SPEEDS, TOP_SPEED)]
     rates = [[local_stiffness(actuator, speed, reach) for speed in speeds] for reach in reaches]
     return positions, np.array(SPEEDS), margin / STABLE_STEP * np.array(rates)

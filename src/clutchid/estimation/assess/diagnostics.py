@@ -17,7 +17,7 @@ from clutchid.strokes.residual_colour import FEWEST, LAGS, Colour, block_means, 
 from clutchid.strokes.sampled import velocity
 
 #: Interval in s at which the slow autocorrelation is evaluated: the lags then reach half a second.
-SLOW_INTERVAL = 0.02
+_SLOW_INTERVAL = 0.02
 
 Direction = Literal["opening", "closing", "hold", "all"]
 _DIRECTIONS: tuple[Direction, ...] = ("opening", "closing", "hold")
@@ -33,10 +33,10 @@ BEYOND = 3.724 / 2.576
 LEAST_CORRELATION = 0.1
 
 #: The number of effective samples is reported if autocorrelation reduces it by at least a tenth.
-FEWER = 0.9
+_FEWER = 0.9
 
 #: A region is reported if its error is this multiple of the overall error, over at least this fraction of the samples.
-WORSE, LEAST_SHARE = 1.5, 0.01
+_WORSE, _LEAST_SHARE = 1.5, 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +182,7 @@ def _evenly(
     time = log.time[known]
     steps = np.diff(time)
     interval = float(np.median(steps)) if steps.size else 1.0
-    block = max(1, round(SLOW_INTERVAL / interval))
+    block = max(1, round(_SLOW_INTERVAL / interval))
     longest = min((LAGS + 1) * block, 1 + 4 * time.size // max(1, int(np.sum(steps > HOLE * interval))))
     place = np.concatenate([[0], np.cumsum(np.clip(np.rint(steps / interval), 1, longest).astype(np.int64))])
 
@@ -230,7 +230,7 @@ def _of_colour(column: ColumnDiagnosis, who: str) -> list[str]:
         return []
     text = f"{who} is coloured: {100 * worst.share_outside:.0f} % of the lags up to {worst.lag[-1] * 1e3:.0f} ms lie "
     text += "outside the 99 % bounds"
-    if column.effective_samples < FEWER * column.samples:
+    if column.effective_samples < _FEWER * column.samples:
         text += f"; its {column.samples} samples are equivalent to {column.effective_samples:.0f} independent ones"
     return [f"{text}."]
 
@@ -257,10 +257,10 @@ def _of_inputs(column: ColumnDiagnosis, who: str) -> list[str]:
 
 
 def _of_regions(column: ColumnDiagnosis, name: str, who: str) -> list[str]:
-    least = max(FEWEST, LEAST_SHARE * column.samples)
+    least = max(FEWEST, _LEAST_SHARE * column.samples)
     candidates = [region for region in column.regions if region.direction != "all" and region.samples >= least]
     worst = max(candidates, key=lambda region: region.rms, default=None)
-    if worst is None or worst.rms < WORSE * column.rms:
+    if worst is None or worst.rms < _WORSE * column.rms:
         return []
     unit, factor = MEASURED[name].shown
     ends = (

@@ -47,7 +47,7 @@ def once_a_fit(function: Callable[[Fit], Value]) -> Callable[[Fit], Value]:
 
 
 #: Horizon in s of the simulations that a verdict uses, and greatest number of them from the start of a recording.
-HORIZON, MOST_HORIZONS = 1.0, 120
+HORIZON, _MOST_HORIZONS = 1.0, 120
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,7 +109,7 @@ def predicted_fit(fit: Fit, name: str) -> float:
     """
     measured = fit.recordings[name].measured
     every = max(1, round(HORIZON / sample_interval(measured.time)))
-    part = measured.slice(0, min(len(measured), every * MOST_HORIZONS + 1))
+    part = measured.slice(0, min(len(measured), every * _MOST_HORIZONS + 1))
     if not np.isfinite(part["position"]).any():
         return float("nan")
     simulation = simulate(

@@ -22,10 +22,10 @@ from clutchid.strokes.stroke import FULL
 from clutchid.strokes.vented_pressure import RECORD_REST, UNSETTLED
 
 #: A load weight acts where its basis function has more than this fraction of its largest value.
-ACTS = 0.01
+_ACTS = 0.01
 
 #: Largest number of correlated pairs that are reported.
-MOST_PAIRS = 3
+_MOST_PAIRS = 3
 
 
 def missing(found: Excitation, actuator: Actuator, information: Information | None = None) -> list[str]:
@@ -96,7 +96,7 @@ def _span(name: str, actuator: Actuator) -> tuple[float, float]:
     y = np.linspace(0.0, actuator.parameters.y_max, 501)
     phi = np.abs(load.phi(y)[:, load.names.index(name)])
     top = int(np.argmax(phi))
-    return float(y[np.argmax(phi > ACTS * phi[top])]), min(float(y[top]), load.knots[-1])
+    return float(y[np.argmax(phi > _ACTS * phi[top])]), min(float(y[top]), load.knots[-1])
 
 
 def _correlated_weights(information: Information, actuator: Actuator, found: Excitation, reaching: str) -> list[str]:
@@ -120,7 +120,7 @@ def _correlated_weights(information: Information, actuator: Actuator, found: Exc
                 f"{reaching}; the correlation of {one} and {other} is {correlation:+.2f}: reach {needed * 1e3:.1f} mm "
                 "or more."
             )
-    return sentences[:MOST_PAIRS]
+    return sentences[:_MOST_PAIRS]
 
 
 def _other_parameters(information: Information, actuator: Actuator, found: Excitation, who: str) -> list[str]:
@@ -192,7 +192,7 @@ RESET_SAMPLES = 200
 MEMORY = 0.1
 
 #: A recording is useful if it reduces the worst standard error to less than this fraction.
-USEFUL_REDUCTION = 0.9
+_USEFUL_REDUCTION = 0.9
 
 _FRACTIONS = ((1 / 2, "half"), (1 / 3, "a third"), (1 / 4, "a quarter"), (1 / 5, "a fifth"), (1 / 10, "a tenth"))
 
@@ -355,7 +355,7 @@ def _message(gains: Sequence[Gain], worst: str, seconds: float, known: bool) -> 
     if not known:
         over = f", {best.nats - gains[-1].nats:.1f} nats more than '{gains[-1].manoeuvre}'" if len(gains) > 1 else ""
         return f"{drive}: the most informative of {len(gains)} manoeuvres{over}."
-    if best.shrinks_to > USEFUL_REDUCTION:
+    if best.shrinks_to > _USEFUL_REDUCTION:
         return (
             f"no manoeuvre of {seconds:g} s determines {worst}: with the best, '{best.manoeuvre}', its standard error "
             f"is still {100 * best.shrinks_to:.0f} % of the present one."

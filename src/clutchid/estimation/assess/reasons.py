@@ -90,14 +90,14 @@ SHARES_OFF = ((1.7, 6.0), (2.5, 12.0), (3.3, 24.0), (np.inf, 45.0))
 #: Probability that a change moves a truck less far from its calibration, by the prior of changes: beyond the first the
 #: inputs may be wrong, beyond the second the calibration is of another truck. Provenance: `benchmarks/pairs.py`,
 #: benchmarks/results/verdicts.md.
-FAR, ANOTHER = 0.90, 0.99
+_FAR, ANOTHER = 0.90, 0.99
 
 #: Cost for each second in motion over that of the calibration: beyond the first the model misses part of the recording.
-MISFIT, POOR_MISFIT = 1.5, 2.2
+_MISFIT, _POOR_MISFIT = 1.5, 2.2
 
 #: Leak of chamber A in m³/(Pa·s): beyond the first few trucks were tried, and one was 9.5 % off; the second is the end
 #: of what a search admits. Provenance: `benchmarks/pairs.py`, benchmarks/results/changes.md.
-LEAKS, LEAKS_TOO_MUCH = 3e-10, 5e-10
+LEAKS, _LEAKS_TOO_MUCH = 3e-10, 5e-10
 
 #: Position in m from which the error counts: before, the load is small.
 FROM = 5e-4
@@ -137,7 +137,7 @@ def share_off(fit: Fit) -> float:
 def departs(fit: Fit) -> bool:
     """Whether the truck is farther from its calibration, or the recording costs more, than any change explains."""
     departure = fit.departure
-    return departure is not None and (_nearer(departure) > ANOTHER or departure.misfit > POOR_MISFIT)
+    return departure is not None and (_nearer(departure) > ANOTHER or departure.misfit > _POOR_MISFIT)
 
 
 def _nearer(departure: Departure) -> float:
@@ -150,7 +150,7 @@ def _nearer(departure: Departure) -> float:
 def _another_truck(fit: Fit, departure: Departure, name: str) -> list[Reason]:
     """Parameters farther from the calibration than a change explains, with those that have moved farthest."""
     nearer = _nearer(departure)
-    if not nearer > FAR:
+    if not nearer > _FAR:
         return []
     measure = f"(squared distance {departure.distance:.0f}, that of a change is {departure.expected:.0f})"
     why = f"{listed([_move(fit, one) for one in departure.moved])} {measure}"
@@ -170,7 +170,7 @@ def _leaks(fit: Fit) -> list[Reason]:
     leaks = []
     for change in fit.changes:
         if change.name == "C_A0" and change.after > LEAKS:
-            too_much = change.after > LEAKS_TOO_MUCH
+            too_much = change.after > _LEAKS_TOO_MUCH
             what = "too much for its load to be read" if too_much else "so much that its load may be wrong"
             text = f"{change.recording}: chamber A, or what is connected to it, leaks {what} ({change.after:.1e} "
             leaks.append(Reason(f"{text}m³/(Pa·s), more than {LEAKS:g}): mend the leak, then record again.", too_much))
@@ -179,11 +179,11 @@ def _leaks(fit: Fit) -> list[Reason]:
 
 def _poor_fit(ratio: float) -> list[Reason]:
     """A cost that the calibration recordings did not have."""
-    if not ratio > MISFIT:
+    if not ratio > _MISFIT:
         return []
     text = f"the recording costs {ratio:.1f} times as much for each second in motion as those of the calibration: the "
     text += "model misses something that has changed, and the load may have errors that its interval does not include."
-    return [Reason(text, ratio > POOR_MISFIT)]
+    return [Reason(text, ratio > _POOR_MISFIT)]
 
 
 def _expected_error(fit: Fit) -> list[Reason]:
@@ -274,11 +274,11 @@ def _correlates_with_valve(residual: ColumnDiagnosis, least: float) -> bool:
 
 
 #: Fits in %: below the first a tenth of the motion is not reproduced, below the second half of it.
-GOOD_FIT, POOR_FIT = 90.0, 50.0
+_GOOD_FIT, _POOR_FIT = 90.0, 50.0
 
-#: The interval of a load is wide if its half width exceeds this fraction of the peak, over more than `WIDE_SHARE` of
+#: The interval of a load is wide if its half width exceeds this fraction of the peak, over more than `_WIDE_SHARE` of
 #: the reach: near the end of the reach it always does.
-WIDE, WIDE_SHARE = 0.1, 0.1
+WIDE, _WIDE_SHARE = 0.1, 0.1
 
 
 @once_a_fit
@@ -399,11 +399,12 @@ def _motion_fit(found: Evidence) -> list[Reason]:
     return [
         Reason(
             f"{name}: simulated for {HORIZON:g} s at a time, the position fits to {share:.1f} %, less than "
-            f"{GOOD_FIT:.0f} %: the model does not reproduce part of the motion, and the load may have similar errors.",
-            share < POOR_FIT,
+            f"{_GOOD_FIT:.0f} %: the model does not reproduce part of the motion, and the load may have similar "
+            "errors.",
+            share < _POOR_FIT,
         )
         for name, share in found.predictions.items()
-        if share < GOOD_FIT
+        if share < _GOOD_FIT
     ]
 
 
@@ -418,7 +419,7 @@ def _wide_interval(fit: Fit) -> list[Reason]:
     if not known.any() or peak <= 0.0:
         return [Reason("the data do not determine the load: its interval is infinite.", True)]
     broad = ~(half <= WIDE * peak)
-    if known.all() and np.mean(broad) <= WIDE_SHARE:
+    if known.all() and np.mean(broad) <= _WIDE_SHARE:
         return []
     at = curve.position[inside][broad] * 1e3
     widest = f"up to ± {100 * np.max(half) / peak:.0f} % of the peak" if known.all() else "infinite in part"

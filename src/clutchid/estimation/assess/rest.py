@@ -16,7 +16,7 @@ from clutchid.strokes.vented_rest import RestShift
 Cause = Literal["sensor", "wear", "unknown"]
 
 #: A travel to the far stop decides where its standard deviation is below this share of the shift of the rest.
-DECISIVE = 0.25
+_DECISIVE = 0.25
 
 
 class MovedRest(NamedTuple):
@@ -68,7 +68,7 @@ def rest_cause(shift: RestShift, stop: Stop | None = None, *, less_worn: bool = 
     >>> rest_cause(up), rest_cause(down), rest_cause(down, Stop(3e-4, 2e-5)), rest_cause(down, Stop(0.0, 2e-5))
     ('sensor', 'unknown', 'wear', 'sensor')
     """
-    if stop is not None and stop.std <= DECISIVE * abs(shift.value):
+    if stop is not None and stop.std <= _DECISIVE * abs(shift.value):
         half = QUANTILE * float(np.hypot(stop.std, shift.std))
         if abs(stop.growth) <= half < abs(stop.growth + shift.value):
             return "sensor"

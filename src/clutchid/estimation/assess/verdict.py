@@ -163,7 +163,7 @@ PAPER_OFF, PAPER_HELD = 18, 37
 NOISE_ONLY = "± is noise only"
 
 #: What each trust means.
-MEANING: Mapping[Trust, str] = {
+_MEANING: Mapping[Trust, str] = {
     "good": "no reason against the results was found; use them within their intervals.",
     "with care": "the load or its interval may be wrong, for these reasons.",
     "none": "do not use these results.",
@@ -214,7 +214,7 @@ class Verdict:
         """Meaning of the trust, in a sentence."""
         if self.noise_only and self.trust == "good":
             return f"no reason against the results was found, if what is not fitted is right: {NOISE_ONLY}."
-        return MEANING[self.trust]
+        return _MEANING[self.trust]
 
 
 @checked

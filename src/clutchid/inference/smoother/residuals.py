@@ -60,7 +60,7 @@ BLOCKS = 10
 LOAD_FACTOR = 3.0
 
 #: Least information about a direction of the parameters, in that of the prior, for it to count.
-LEAST_INFORMATION = 1.0
+_LEAST_INFORMATION = 1.0
 
 
 def dispersion(problem: Problem, linear: LinearisedProblem) -> float:
@@ -79,7 +79,7 @@ def dispersion(problem: Problem, linear: LinearisedProblem) -> float:
     rows = [block for chain in linear.chains for block in _block_factors(problem, chain)]
     scores = np.array([block[:, :-1].T @ block[:, -1] for block in rows])
     values, vectors = np.linalg.eigh(sum((block[:, :-1].T @ block[:, :-1] for block in rows), np.zeros(())))
-    informed = values > LEAST_INFORMATION
+    informed = values > _LEAST_INFORMATION
     if len(rows) < 2 or not informed.any():
         return 1.0
     whitened = (scores - scores.mean(axis=0)) @ vectors[:, informed] / np.sqrt(values[informed])

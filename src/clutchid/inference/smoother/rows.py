@@ -84,14 +84,14 @@ def recover(chain: Eliminated, theta: FloatArray, noise: FloatArray | None = Non
 
 
 #: States whose sensitivities are stored at every sample: up to the last measured one.
-OUTPUT_STATES = np.arange(3)
+_OUTPUT_STATES = np.arange(3)
 
 #: Within an integration step the position exceeds the stored samples by less than this, in m.
-STEP_OVERSHOOT = 1e-4
+_STEP_OVERSHOOT = 1e-4
 
 #: Expected deviation of the simulated from the measured position in m; a window that exceeds it is simulated again with
 #: all load weights that it needs.
-EXPECTED_DEVIATION = 3e-4
+_EXPECTED_DEVIATION = 3e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,12 +120,12 @@ def window_rows(
     while True:
         active = mapped.active_columns(pieces)
         out, sens, end, failed = run_with_sensitivities(
-            window, mapped.arrays, (start, active.start), active.sensitivities, OUTPUT_STATES
+            window, mapped.arrays, (start, active.start), active.sensitivities, _OUTPUT_STATES
         )
         if failed >= 0 or not np.isfinite(end).all():
             return _failure(track, window, out, failed, mapped)
         low, high = compiled.value_range(out[:, 0], start[0])
-        needed = mapped.load_pieces(low - STEP_OVERSHOOT, high + STEP_OVERSHOOT)
+        needed = mapped.load_pieces(low - _STEP_OVERSHOOT, high + _STEP_OVERSHOOT)
         if not mapped.bases or pieces.contains(needed):
             break
         pieces = pieces.joined(needed)
@@ -165,7 +165,7 @@ def _expected_pieces(track: Track, window: Segment, start: FloatArray, mapped: P
     if not mapped.bases:
         return LoadPieces(0, 0)
     low, high = _kernels().value_range(track.measured["position"][window.start : window.stop], start[0])
-    return mapped.load_pieces(low - EXPECTED_DEVIATION, high + EXPECTED_DEVIATION)
+    return mapped.load_pieces(low - _EXPECTED_DEVIATION, high + _EXPECTED_DEVIATION)
 
 
 def _compared_samples(track: Track, window: Segment) -> int:

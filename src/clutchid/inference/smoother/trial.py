@@ -38,7 +38,7 @@ RESIMULATION_DISTANCE = 0.1
 
 #: A window keeps its derivatives while its cost, and its final state in standard deviations of the process noise, are
 #: this close to the linear prediction.
-COST_TOLERANCE, END_TOLERANCE = 0.05, 0.5
+COST_TOLERANCE, _END_TOLERANCE = 0.05, 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -139,7 +139,7 @@ def accept(problem: Problem, trial: Trial, free: bool = True) -> LinearisedProbl
     for number, (track, windows, excess) in enumerate(zip(problem.tracks, trial.simulated, trial.excess, strict=True)):
         linearised = windows.linearised if free else windows.linearised.states_only()
         end_error = np.linalg.norm((windows.ends - linearised.end) / problem.sigmas[number], axis=1)
-        places = np.flatnonzero((np.abs(excess) > COST_TOLERANCE) | (end_error > END_TOLERANCE))
+        places = np.flatnonzero((np.abs(excess) > COST_TOLERANCE) | (end_error > _END_TOLERANCE))
         if places.size:
             new = linearise_windows(problem, track, parameter_maps, trial.X[number], places.tolist())
             if isinstance(new, Failure):
@@ -181,10 +181,10 @@ def with_theta_free(
 MAX_STEPS, MAX_TRIALS, CONVERGED_GAIN = 12, 6, 0.3
 
 #: Damping of a window: initial, least value after a failed prediction, least value, and factor of a change.
-INITIAL_DAMPING, REJECTED_DAMPING, MIN_DAMPING, DAMPING_FACTOR = 1e-3, 1.0, 1e-6, 10.0
+INITIAL_DAMPING, REJECTED_DAMPING, _MIN_DAMPING, _DAMPING_FACTOR = 1e-3, 1.0, 1e-6, 10.0
 
 #: The prediction failed in a window whose cost exceeds it by more than this fraction of the total predicted gain.
-REJECTED_EXCESS = 0.05
+_REJECTED_EXCESS = 0.05
 
 States = tuple[FloatArray, ...]
 Damping = list[FloatArray]
@@ -233,7 +233,7 @@ def _step(problem: Problem, current: LinearisedProblem, damping: Damping) -> Lin
         X = stepped_states(problem, current.X, chains, np.zeros(0))
         candidate = evaluate_step(problem, current, current.x, X, trial)
         if isinstance(candidate, Failure):
-            damping[:] = [DAMPING_FACTOR * windows for windows in damping]
+            damping[:] = [_DAMPING_FACTOR * windows for windows in damping]
             continue
         trial = candidate
         predicted = _update_damping(current, trial, damping)
@@ -253,10 +253,10 @@ def _update_damping(current: LinearisedProblem, trial: Trial, damping: Damping) 
     gain = current.cost - trial.cost
     predicted = gain + sum(float(more.sum()) for more in excess)
     for windows, more in zip(damping, excess, strict=True):
-        failed = more > REJECTED_EXCESS * max(predicted, CONVERGED_GAIN)
-        windows[failed] = np.maximum(windows[failed] * DAMPING_FACTOR, REJECTED_DAMPING)
+        failed = more > _REJECTED_EXCESS * max(predicted, CONVERGED_GAIN)
+        windows[failed] = np.maximum(windows[failed] * _DAMPING_FACTOR, REJECTED_DAMPING)
         if gain > 0.0:
-            windows[~failed] = np.maximum(windows[~failed] / DAMPING_FACTOR, MIN_DAMPING)
+            windows[~failed] = np.maximum(windows[~failed] / _DAMPING_FACTOR, _MIN_DAMPING)
     return predicted
 
 

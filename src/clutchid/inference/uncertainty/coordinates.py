@@ -17,7 +17,7 @@ from clutchid.model.actuator import Actuator
 CURVATURE = 3e8
 
 #: Prior standard deviation of a load weight by its unit: N/m for the paper's splines, N for B-splines.
-WEIGHT_WIDTHS = {"N/m": 5e5, "N": 2e3}
+_WEIGHT_WIDTHS = {"N/m": 5e5, "N": 2e3}
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +132,7 @@ def _coordinate(actuator: Actuator, name: str, limits: tuple[float, float] | Non
     if prior is not None:
         width = prior.std / mean if positive else prior.std
     elif row is None:
-        width = WEIGHT_WIDTHS[actuator.load.unit]
+        width = _WEIGHT_WIDTHS[actuator.load.unit]
     elif row.spread and not row.spread.share:
         width = row.spread.std / mean if positive else row.spread.std
     elif row.spread and positive:

@@ -9,7 +9,7 @@ import numpy as np
 from clutchid.log import FloatArray
 
 #: An interval is shown by its ends where its shorter side is less than this share of its longer one.
-SYMMETRIC = 0.9
+_SYMMETRIC = 0.9
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ class Estimate:
         unit = "" if self.unit == "1" else f" {self.unit}"
         if not np.isfinite(self.half):
             return "not determined"
-        if min(self.high - self.value, self.value - self.low) < SYMMETRIC * self.half:
+        if min(self.high - self.value, self.value - self.low) < _SYMMETRIC * self.half:
             return f"{self.value:.4g} ({self.low:.4g} to {self.high:.4g}){unit}"
         return f"{self.value:.4g} ± {self.half:.2g}{unit}"
 

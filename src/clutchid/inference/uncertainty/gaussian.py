@@ -153,7 +153,7 @@ def spectrum(covariance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray
 
 
 #: Scores are summed in blocks, so that at most this many enter the lag sums.
-MAX_BLOCKS = 4096
+_MAX_BLOCKS = 4096
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -218,7 +218,7 @@ def sandwich(
         np.fill_diagonal(matrix, np.inf)
         return Covariance(matrix, 1.0)
     inverse = _pseudo_inverse(R[:, known] / norms[known])
-    size = max(1, -(-total // MAX_BLOCKS))
+    size = max(1, -(-total // _MAX_BLOCKS))
     blocks = [_block_sums(s[:, known] / norms[known], size) for s in scores]
     influence = np.concatenate(blocks) @ inverse
     leading = influence[:, : max(1, int(known[:common].sum()))]

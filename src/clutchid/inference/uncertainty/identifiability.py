@@ -14,11 +14,11 @@ from clutchid.model.actuator import Actuator
 CORRELATION = 0.98
 
 #: A singular value of the Jacobian with unit columns below this is a direction that is not identifiable.
-SINGULAR = 1e-3
+_SINGULAR = 1e-3
 
 #: A parameter is not identifiable if a change by its natural scale changes the norm of the residuals by less than this
 #: many noise scales: even alone, its standard error would exceed that scale.
-LEAST_NORM = 1.0
+_LEAST_NORM = 1.0
 
 
 def identifiability_warnings(
@@ -65,13 +65,13 @@ def _combinations(R: FloatArray, names: Sequence[str]) -> list[str]:
 def collinear(R: FloatArray) -> list[int]:
     """Parameters that are identifiable in combination only, from the factor R of the Jacobian without zero columns."""
     _, s, Vt = np.linalg.svd(R / np.sqrt(np.sum(R**2, axis=0)))
-    members = {int(i) for row in np.flatnonzero(s < SINGULAR) for i in np.flatnonzero(np.abs(Vt[row]) > 0.1)}
+    members = {int(i) for row in np.flatnonzero(s < _SINGULAR) for i in np.flatnonzero(np.abs(Vt[row]) > 0.1)}
     return sorted(members)
 
 
 def identifiable(R: FloatArray) -> NDArray[np.bool_]:
     """Mask of the identifiable dimensionless parameters, shape (k,), from the factor R of the Jacobian."""
-    result: NDArray[np.bool_] = np.sqrt(np.sum(R**2, axis=0)) >= LEAST_NORM
+    result: NDArray[np.bool_] = np.sqrt(np.sum(R**2, axis=0)) >= _LEAST_NORM
     return result
 
 

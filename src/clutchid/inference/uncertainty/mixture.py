@@ -11,7 +11,7 @@ from clutchid.inference.uncertainty.change_prior import Hypothesis
 from clutchid.log import FloatArray
 
 #: Bisections of a quantile, whose error then is a millionth of a standard deviation.
-BISECTIONS = 24
+_BISECTIONS = 24
 
 #: Standard deviations beyond all means between which a quantile is searched.
 BEYOND = 8.0
@@ -87,7 +87,7 @@ class Mixture:
         from scipy.special import ndtr
 
         low, high = np.min(mean - BEYOND * std, axis=1), np.max(mean + BEYOND * std, axis=1)
-        for _ in range(BISECTIONS):
+        for _ in range(_BISECTIONS):
             middle = 0.5 * (low + high)
             below = ndtr((middle[:, None] - mean) / std) @ self.weights < level
             low, high = np.where(below, middle, low), np.where(below, high, middle)

@@ -16,7 +16,7 @@ from clutchid.log import INPUTS, FloatArray, Log
 SINCE = (0.003, 0.006, 0.01, 0.02, 0.03, 0.05, 0.1)
 
 #: A duty cycle of an on/off valve is this close to 0 or 1, in at least this fraction of the samples.
-ON_OFF_TOLERANCE, ON_OFF_SHARE = 0.02, 0.95
+_ON_OFF_TOLERANCE, _ON_OFF_SHARE = 0.02, 0.95
 
 
 def switching_band(simulated: Log, known: Sequence[tuple[Log, Log]], level: float = 0.95) -> Log:
@@ -106,8 +106,8 @@ def _group(log: Log) -> NDArray[np.int64]:
 def _check_switched(log: Log) -> None:
     for name in INPUTS:
         duty = log[name][np.isfinite(log[name])]
-        switched = (duty < ON_OFF_TOLERANCE) | (duty > 1.0 - ON_OFF_TOLERANCE)
-        if duty.size and float(np.mean(switched)) < ON_OFF_SHARE:
+        switched = (duty < _ON_OFF_TOLERANCE) | (duty > 1.0 - _ON_OFF_TOLERANCE)
+        if duty.size and float(np.mean(switched)) < _ON_OFF_SHARE:
             raise DataError(
                 f"{log.name}: {name} is neither 0 nor 1 in {100 * (1 - np.mean(switched)):.0f} % of its samples; this "
                 "interval is for on/off valves. For others use that of a fit by shooting."

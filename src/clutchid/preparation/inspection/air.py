@@ -15,14 +15,14 @@ from clutchid.preparation.inspection.reading import Check, Grade, InspectedRecor
 from clutchid.strokes.sampled import run_ends
 from clutchid.strokes.vented_pressure import UNSETTLED, remedy, vented_pressure, vented_prior
 
-PRESSURE_UNIT = "unit of pressure_a"
+_PRESSURE_UNIT = "unit of pressure_a"
 
 #: Lower bound of the lowest pressure as a fraction of the ambient pressure: at 5000 m altitude it is one half; in a
 #: chamber that is never vented it is higher.
-LOWEST = 0.5
+_LOWEST = 0.5
 
 #: Upper bound of the pressure as a multiple of the supply pressure: air supplies of vehicles reach at most 13 bar.
-HIGHEST = 2.0
+_HIGHEST = 2.0
 
 #: A vented chamber's pressure is ambient within this factor: altitude, weather and the sensor's offset.
 NEAR = 1.5
@@ -41,33 +41,33 @@ def pressure_unit(reading: InspectedRecording) -> Check:
             f"pressure_a is {low:.4g} Pa in every sample, so its sensor was not connected or the channel is another "
             "one; leave the column out, or take the right channel."
         )
-        return Check(PRESSURE_UNIT, f"{low:.4g} Pa throughout", "bad", sentence)
+        return Check(_PRESSURE_UNIT, f"{low:.4g} Pa throughout", "bad", sentence)
     written = UNITS.get(reading.log.metadata.get(UNIT_KEY, "Pa"), UNITS["Pa"])
     base = float(reading.log.metadata.get("ambient_Pa", p.P_0)) if written.gauge else 0.0
     if written.gauge and low > NEAR * p.P_0 and 1 / NEAR < (low - base) / p.P_0 < NEAR:
-        return Check(PRESSURE_UNIT, f"{value} Pa", "suspect", _absolute(reading.log.metadata[UNIT_KEY], low, base))
+        return Check(_PRESSURE_UNIT, f"{value} Pa", "suspect", _absolute(reading.log.metadata[UNIT_KEY], low, base))
     stroke = STROKE * (p.P_S - p.P_0)
     flat = reading.travels and high - low < stroke
     if _plausible(low, high, p.P_0, p.P_S) and not flat:
         return Check(
-            PRESSURE_UNIT,
+            _PRESSURE_UNIT,
             f"{value} Pa",
             "good",
             f"pressure_a ranges from {value} Pa, plausible for an absolute pressure.",
         )
     fitting = _fitting((low - base) / written.scale, (high - base) / written.scale, p.P_0, p.P_S)
-    grade: Grade = "bad" if high < p.P_0 or high > HIGHEST * p.P_S or fitting or flat else "suspect"
+    grade: Grade = "bad" if high < p.P_0 or high > _HIGHEST * p.P_S or fitting or flat else "suspect"
     guess = f"it looks like {' or '.join(fitting)}: give that unit" if fitting else "check its unit and its zero"
     what = (
         "too little to move the piston as the position says"
-        if flat and low > LOWEST * p.P_0
+        if flat and low > _LOWEST * p.P_0
         else f"which is not an absolute pressure between ambient ({p.P_0:.4g} Pa) and supply ({p.P_S:.4g} Pa)"
     )
     sentence = (
         f"pressure_a ranges from {value} Pa, {what}; a fit that uses it is wrong; {guess} in the column heading or in "
         "the channel map."
     )
-    return Check(PRESSURE_UNIT, f"{value} Pa", grade, sentence)
+    return Check(_PRESSURE_UNIT, f"{value} Pa", grade, sentence)
 
 
 def _absolute(unit: str, low: float, ambient: float) -> str:
@@ -96,7 +96,7 @@ def _fitting(low: float, high: float, ambient: float, supply: float) -> list[str
 
 
 def _plausible(low: float, high: float, ambient: float, supply: float) -> bool:
-    return LOWEST * ambient < low and ambient < 1.5 * high and high < HIGHEST * supply
+    return _LOWEST * ambient < low and ambient < 1.5 * high and high < _HIGHEST * supply
 
 
 VENTED_PRESSURE = "vented pressure"
@@ -116,7 +116,7 @@ def _with_std(mean: float, std: float) -> str:
     return f"{mean * 1e-5:.3f} bar (std {std * 1e-3:.1f} kPa)"
 
 
-SUPPLY_PRESSURE = "supply pressure"
+_SUPPLY_PRESSURE = "supply pressure"
 
 #: Opening from which the supply valve counts as fully open.
 OPEN = 0.9
@@ -125,7 +125,7 @@ OPEN = 0.9
 END, FEWEST = 0.03, 4
 
 #: Largest remaining flow, as a fraction of the choked flow, of a full chamber: within 1 % of the supply pressure.
-TRICKLE = 0.05
+_TRICKLE = 0.05
 
 #: Relative difference between the supply pressure of the vehicle and of the actuator that a fit tolerates.
 TOLERANCE = 0.02
@@ -136,12 +136,12 @@ def supply_pressure(reading: InspectedRecording) -> Check:
     if "pressure_a" not in reading.measured or not reading.driven:
         lacking = "both duty cycles" if "pressure_a" in reading.measured else "the chamber pressure"
         sentence = f"without {lacking} the supply pressure cannot be checked; a fit keeps its start value."
-        return Check(SUPPLY_PRESSURE, "-", "undetermined", sentence)
+        return Check(_SUPPLY_PRESSURE, "-", "undetermined", sentence)
     if pressure_unit(reading).grade != "good" or direction(reading).grade == "bad":
         sentence = (
             "the unit of the pressure or the sign of the position is wrong, so the supply pressure cannot be checked."
         )
-        return Check(SUPPLY_PRESSURE, "-", "undetermined", sentence)
+        return Check(_SUPPLY_PRESSURE, "-", "undetermined", sentence)
     plateaus, nominal = _plateaus(reading), reading.actuator.parameters.P_S
     if plateaus.size:
         return _compared(float(np.median(plateaus)), plateaus.size, nominal)
@@ -155,25 +155,25 @@ def supply_pressure(reading: InspectedRecording) -> Check:
             f"{nominal * 1e-5:.3g} bar: a fit would underestimate the air flow; set P_S in the start file, or "
             "free it."
         )
-        return Check(SUPPLY_PRESSURE, value, "bad", sentence)
+        return Check(_SUPPLY_PRESSURE, value, "bad", sentence)
     sentence = (
         "the supply valve is never open long enough to fill the chamber, so the recording only shows that the supply "
         f"pressure is above {least * 1e-5:.3g} bar; hold the supply valve open for a second at the end of the stroke."
     )
-    return Check(SUPPLY_PRESSURE, value, "undetermined", sentence)
+    return Check(_SUPPLY_PRESSURE, value, "undetermined", sentence)
 
 
 def _compared(implied: float, count: int, nominal: float) -> Check:
     value = f"{implied * 1e-5:.3g} bar ({count} plateau{'' if count == 1 else 's'})"
     facts = f"an open supply valve fills the chamber to {implied * 1e-5:.3g} bar"
     if abs(implied - nominal) <= TOLERANCE * nominal:
-        return Check(SUPPLY_PRESSURE, value, "good", f"{facts}, the actuator has {nominal * 1e-5:.3g} bar.")
+        return Check(_SUPPLY_PRESSURE, value, "good", f"{facts}, the actuator has {nominal * 1e-5:.3g} bar.")
     grade: Grade = "suspect"
     sentence = (
         f"{facts}, but the actuator has P_S = {nominal * 1e-5:.3g} bar: a fit with this value attributes the "
         f"difference to the load; set P_S = {implied:.4g} Pa in the start file, or free it."
     )
-    return Check(SUPPLY_PRESSURE, value, grade, sentence)
+    return Check(_SUPPLY_PRESSURE, value, grade, sentence)
 
 
 def _plateaus(reading: InspectedRecording) -> FloatArray:
@@ -195,7 +195,7 @@ def _plateaus(reading: InspectedRecording) -> FloatArray:
         if finite.sum() < FEWEST:
             continue
         flow = float(np.polyfit(log.time[end][finite] - log.time[begin], content[finite], 1)[0])
-        if abs(flow) < TRICKLE * choked:
+        if abs(flow) < _TRICKLE * choked:
             plateaus.append(float(np.mean(pressure[finite])))
     return np.array(plateaus)
 

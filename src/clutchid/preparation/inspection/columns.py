@@ -14,7 +14,7 @@ from clutchid.strokes.values import Fault
 from clutchid.strokes.vented_rest import ZeroedLog
 
 #: A constant run counts as saturation above this multiple of the longest usual run, and above this number of samples.
-LONGER, SHORTEST = 5, 5
+_LONGER, SHORTEST = 5, 5
 
 
 def saturation(reading: InspectedRecording, name: str) -> Check:
@@ -31,8 +31,8 @@ def saturation(reading: InspectedRecording, name: str) -> Check:
         at = runs.value == level
         usual = runs.longest((runs.value != low) & (runs.value != high), LEFT_OUT)
         longest = runs.longest(at)
-        if longest > max(LONGER * usual, SHORTEST):
-            cut.append((level, side, _total(runs, level, LONGER * usual) * reading.step, longest))
+        if longest > max(_LONGER * usual, SHORTEST):
+            cut.append((level, side, _total(runs, level, _LONGER * usual) * reading.step, longest))
     if not cut:
         value = f"{shown(low, name)} to {shown(high, name)}"
         return Check(title, value, "good", f"{name} has noise at both ends of its range, so it is not saturated.")
@@ -68,7 +68,7 @@ def _longest(reading: InspectedRecording, name: str, level: float) -> tuple[floa
 LEAST = 0.05
 
 #: Fraction of the reach next to each end in which the piston may stand still.
-NEAR_END = 0.2
+_NEAR_END = 0.2
 
 #: Factor by which supply pressure, dead volume and load may lengthen the time until the piston moves.
 PATIENCE = 2.0
@@ -105,7 +105,7 @@ def _frozen(reading: InspectedRecording, name: str) -> list[tuple[float, float]]
     runs, ends, time = reading.runs[name], reading.ends[name], reading.log.time
     inner = (runs.value != ends.low) & (runs.value != ends.high)
     usual = runs.longest(inner, LEFT_OUT)
-    long = inner & (runs.length > LONGER * usual) & (runs.length * reading.step > LEAST)
+    long = inner & (runs.length > _LONGER * usual) & (runs.length * reading.step > LEAST)
     return [(float(time[a]), float(time[a + n - 1])) for a, n in zip(runs.start[long], runs.length[long], strict=True)]
 
 
@@ -122,7 +122,7 @@ def _unmoved(reading: InspectedRecording) -> tuple[list[tuple[float, float]], in
     """Start and end times of openings without motion although the piston was not at that end; number of tested ones."""
     y, time = reading.log["position"], reading.log.time
     low, high = reading.extent
-    blur, margin = reading.blur("position"), NEAR_END * (high - low)
+    blur, margin = reading.blur("position"), _NEAR_END * (high - low)
     stretches, tested = [], 0
     for supply, needed in zip((True, False), reading.quick, strict=True):
         opened = np.concatenate([[0.0], np.cumsum(reading.supply if supply else reading.exhaust)]) * reading.step
@@ -155,13 +155,13 @@ def _joined(spans: list[tuple[float, float]]) -> list[tuple[float, float]]:
 
 
 #: Noise of half a step randomises the rounding error (dither): its mean is then below 1 % of the step.
-DITHER = 2.0
+_DITHER = 2.0
 
 #: A step below this fraction of the friction does not matter, with or without noise.
 SMALL = 0.1
 
 #: Least number of steps in the narrowest knot interval of the load curve, and from ambient to supply pressure.
-PER_INTERVAL, PER_RANGE = 4, 40
+PER_INTERVAL, _PER_RANGE = 4, 40
 
 
 def quantisation(reading: InspectedRecording, name: str) -> Check:
@@ -179,8 +179,8 @@ def quantisation(reading: InspectedRecording, name: str) -> Check:
     narrowest = float(np.diff(reading.actuator.load.knots).min())
     of_position = name == "position"
     friction = p.F_C / (p.K_z if of_position else p.A_A)
-    most = narrowest / PER_INTERVAL if of_position else (p.P_S - p.P_0) / PER_RANGE
-    undithered = not (math.isfinite(noise) and step <= DITHER * noise)
+    most = narrowest / PER_INTERVAL if of_position else (p.P_S - p.P_0) / _PER_RANGE
+    undithered = not (math.isfinite(noise) and step <= _DITHER * noise)
     grade: Grade = "good"
     if undithered and step > SMALL * friction:
         grade = "bad" if step > most else "suspect"
@@ -254,7 +254,7 @@ def _is_constant(values: FloatArray) -> bool:
 
 #: Reach below this share of the stroke that an open valve contradicts, and how many times longer half a stroke takes
 #: than its first tenth: virtual trucks of both families do 0.60 to 0.85 of it in 3.5 to 5 such times.
-SHORT, HALF_A_STROKE = 0.15, 3.0
+SHORT, _HALF_A_STROKE = 0.15, 3.0
 
 
 def position_range(reading: InspectedRecording) -> Check:
@@ -281,7 +281,7 @@ def _passes_half_a_stroke(reading: InspectedRecording) -> bool:
         return False
     starts, stops = reading.open_alone(supply=True)
     opened = np.concatenate([[0.0], np.cumsum(reading.supply)]) * reading.step
-    return bool(np.any(opened[stops] - opened[starts] > HALF_A_STROKE * reading.quick[0]))
+    return bool(np.any(opened[stops] - opened[starts] > _HALF_A_STROKE * reading.quick[0]))
 
 
 SIGN = "sign of position"
@@ -290,7 +290,7 @@ SIGN = "sign of position"
 AFTER = 0.02
 
 #: The sign is right if the net fraction of the motion in the expected direction is above this, wrong if below minus it.
-CLEAR = 0.5
+_CLEAR = 0.5
 
 
 def direction(reading: InspectedRecording) -> Check:
@@ -303,7 +303,7 @@ def direction(reading: InspectedRecording) -> Check:
         sentence = "the piston does not move while only one valve is open, so the sign cannot be determined."
         return Check(SIGN, "-", "undetermined", sentence)
     share = float((up.sum() - down.sum()) / (np.abs(up).sum() + np.abs(down).sum()))
-    grade: Grade = "good" if share > CLEAR else "bad" if share < -CLEAR else "suspect"
+    grade: Grade = "good" if share > _CLEAR else "bad" if share < -_CLEAR else "suspect"
     value = f"{(1 + share) / 2:.0%} of the motion in the expected direction"
     facts = (
         f"the open supply valve changes the position by {up.sum() * 1e3:+.3g} mm in total, the open exhaust valve "

@@ -113,10 +113,10 @@ COMPUTED = 1e-5
 FAST, FEWEST = 0.1, 50
 
 #: Least travel over the load, as a share of the stroke.
-TRAVELS = 0.3
+_TRAVELS = 0.3
 
 #: Longest pause in s between two pulses that count as one opening: the longest period of a carrier, 20 Hz.
-PAUSE = 0.05
+_PAUSE = 0.05
 
 
 class Extremes(NamedTuple):
@@ -179,7 +179,7 @@ class InspectedRecording:
         """Whether the piston is known to move over a good part of its stroke, against the load."""
         if "position" not in self.measured:
             return False
-        return self.extent.high - self.extent.low > TRAVELS * self.actuator.parameters.y_max
+        return self.extent.high - self.extent.low > _TRAVELS * self.actuator.parameters.y_max
 
     @cached_property
     def duty_period(self) -> float:
@@ -235,7 +235,7 @@ class InspectedRecording:
             return starts, stops
         passed = np.concatenate([[0], np.cumsum(other > 0)])
         pause = self.log.time[starts[1:]] - self.log.time[stops[:-1] - 1]
-        apart = (pause > PAUSE) | (passed[starts[1:]] > passed[stops[:-1]])
+        apart = (pause > _PAUSE) | (passed[starts[1:]] > passed[stops[:-1]])
         return starts[np.concatenate([[True], apart])], stops[np.concatenate([apart, [True]])]
 
     def blur(self, name: str) -> float:

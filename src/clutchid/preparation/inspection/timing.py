@@ -13,14 +13,14 @@ from clutchid.simulation.stiffness import MOST_SUBSTEPS, STABLE_STEP, TOP_SPEED
 from clutchid.strokes.duty_cycle import CONTINUOUS_STEP
 from clutchid.strokes.sampled import IntArray, run_ends
 
-SAMPLE_RATE = "sample rate"
+_SAMPLE_RATE = "sample rate"
 
 #: Least number of samples per stroke, and in the narrowest knot interval of the load curve.
-PER_STROKE, PER_INTERVAL = 4, 1
+_PER_STROKE, PER_INTERVAL = 4, 1
 
 #: Sample rate in Hz at which all changes of duty cycles are recorded, see
 #: `clutchid.strokes.duty_cycle.is_slow`.
-LEAST_RATE = 1000.0
+_LEAST_RATE = 1000.0
 
 #: Interval in s from which milliseconds were probably read as seconds, and below which seconds as something smaller.
 _SLOW, _FASTEST = 0.5, 5e-6
@@ -34,14 +34,14 @@ def sample_rate(reading: InspectedRecording) -> Check:
     """
     step, p = reading.update_interval, reading.actuator.parameters
     if not math.isfinite(step):
-        return Check(SAMPLE_RATE, "-", "undetermined", "a sample rate needs at least two samples.")
+        return Check(_SAMPLE_RATE, "-", "undetermined", "a sample rate needs at least two samples.")
     steps = max(1, math.ceil(step * reading.rate / STABLE_STEP * (1 - 1e-9)))
     travel = TOP_SPEED * step
     narrowest = float(np.diff(reading.actuator.load.knots).min())
-    if reason := _implausible(reading, steps, slow=PER_STROKE * travel > p.y_max):
-        return Check(SAMPLE_RATE, f"{1 / step:.4g} Hz", "bad", f"at {1 / step:.4g} Hz {reason}")
+    if reason := _implausible(reading, steps, slow=_PER_STROKE * travel > p.y_max):
+        return Check(_SAMPLE_RATE, f"{1 / step:.4g} Hz", "bad", f"at {1 / step:.4g} Hz {reason}")
     grade: Grade = "good"
-    if PER_STROKE * travel > p.y_max:
+    if _PER_STROKE * travel > p.y_max:
         grade = "bad"
     elif PER_INTERVAL * travel > narrowest or step > CONTINUOUS_STEP:
         grade = "suspect"
@@ -51,7 +51,7 @@ def sample_rate(reading: InspectedRecording) -> Check:
         f"the fastest mode of the model is {reading.rate:.3g} 1/s ({steps} integration step{'' if steps == 1 else 's'} "
         f"per sample), and at {TOP_SPEED:g} m/s the piston travels {travel * 1e3:.3g} mm between two samples"
     )
-    needed = max(TOP_SPEED * PER_INTERVAL / narrowest, LEAST_RATE)
+    needed = max(TOP_SPEED * PER_INTERVAL / narrowest, _LEAST_RATE)
     unit = ", or write the unit of the time as ms if the stamps count milliseconds" if step >= _SLOW else ""
     knots = f", more than the narrowest knot interval of the load curve ({narrowest * 1e3:.3g} mm)"
     advice = {
@@ -62,7 +62,7 @@ def sample_rate(reading: InspectedRecording) -> Check:
         "bad": f" of a stroke of {p.y_max * 1e3:.3g} mm: fast strokes have too few samples and a fit would be wrong; "
         f"record at {needed:.4g} Hz or more{unit}.",
     }
-    return Check(SAMPLE_RATE, rate + repeated, grade, f"at {rate}{repeated} {facts}{advice.get(grade) or '.'}")
+    return Check(_SAMPLE_RATE, rate + repeated, grade, f"at {rate}{repeated} {facts}{advice.get(grade) or '.'}")
 
 
 def _implausible(reading: InspectedRecording, steps: int, *, slow: bool) -> str:
@@ -80,23 +80,23 @@ def _implausible(reading: InspectedRecording, steps: int, *, slow: bool) -> str:
     return ""
 
 
-TIME_SHIFT = "time shift"
+_TIME_SHIFT = "time shift"
 
 #: Least number of strokes for a standard deviation.
-FEWEST_STROKES = 3
+_FEWEST_STROKES = 3
 
 #: Largest lag of a position sensor in s.
 LAG = 2e-3
 
 #: Largest delay of a switched valve until it is half open, as a fraction of its period; usual period in s, 100 Hz.
-VALVE, PERIOD = 0.2, 0.01
+_VALVE, PERIOD = 0.2, 0.01
 
 #: Relative change of the start delay if supply pressure, dead volume, mass and valve together differ by 30 % from the
 #: model: it depends on their third root.
-ALIKE = 0.1
+_ALIKE = 0.1
 
 #: Longest usable interval between values in s: a stroke that starts within 20 ms has one sample then.
-LONGEST_INTERVAL = 0.02
+_LONGEST_INTERVAL = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,31 +110,31 @@ class Allowed:
 def time_shift(reading: InspectedRecording) -> Check:
     """Delay of the measured motion relative to the simulated one over all strokes, with its standard deviation."""
     if not reading.driven or "position" not in reading.measured:
-        return Check(TIME_SHIFT, "-", "undetermined", "the time shift check needs a position and both duty cycles.")
+        return Check(_TIME_SHIFT, "-", "undetermined", "the time shift check needs a position and both duty cycles.")
     moves = starts(reading)
     moved = np.isfinite(moves.measured)
     count, total = int(moved.sum()), moves.measured.size
-    if total >= FEWEST_STROKES and 2 * count < total:
+    if total >= _FEWEST_STROKES and 2 * count < total:
         sentence = (
             f"in {total - count} of {total} strokes the piston does not move within {AFTER * 1e3:g} ms after the "
             "supply valve opens fully: the time axes, the sign or the unit of the position are wrong, so a fit cannot "
             "estimate the load; check that the channels belong together."
         )
-        return Check(TIME_SHIFT, f"no motion in {total - count} of {total} strokes", "bad", sentence)
-    if count < FEWEST_STROKES:
+        return Check(_TIME_SHIFT, f"no motion in {total - count} of {total} strokes", "bad", sentence)
+    if count < _FEWEST_STROKES:
         sentence = (
             f"{count or 'no'} stroke{'' if count == 1 else 's'} from rest with a fully opened supply valve and motion: "
-            f"{FEWEST_STROKES} are needed."
+            f"{_FEWEST_STROKES} are needed."
         )
-        return Check(TIME_SHIFT, "-", "undetermined", sentence)
+        return Check(_TIME_SHIFT, "-", "undetermined", sentence)
     late = moves.measured[moved] - moves.simulated[moved] - reading.actuator.parameters.tau_y
     usual = float(np.median(moves.simulated[moved]))
-    if reading.update_interval > LONGEST_INTERVAL:
+    if reading.update_interval > _LONGEST_INTERVAL:
         sentence = (
             f"the interval of {reading.update_interval * 1e3:.3g} ms between samples is too long: in the model a "
             f"stroke starts within {usual * 1e3:.2g} ms of its command."
         )
-        return Check(TIME_SHIFT, "-", "undetermined", sentence)
+        return Check(_TIME_SHIFT, "-", "undetermined", sentence)
     return _compared(reading, late, _allowed(reading, float(np.std(late, ddof=1)), usual))
 
 
@@ -151,13 +151,13 @@ def _compared(reading: InspectedRecording, late: FloatArray, allowed: Allowed) -
         f"the same command (standard deviation {spread * 1e3:.1f} ms over {count} strokes)"
     )
     if grade == "good":
-        return Check(TIME_SHIFT, value, grade, f"{facts}; valve and sensor explain that.")
+        return Check(_TIME_SHIFT, value, grade, f"{facts}; valve and sensor explain that.")
     why = f"valve and sensor explain {allowed.late * 1e3:.1f} ms" if shift > 0 else "no valve opens before its command"
     sentence = (
         f"{facts}; {why}: the channels do not share one clock, and a fit attributes the shift to friction and load; "
         f"move the position by {-shift * 1e3:+.1f} ms, or give its channel that delay in the channel map."
     )
-    return Check(TIME_SHIFT, value, grade, sentence)
+    return Check(_TIME_SHIFT, value, grade, sentence)
 
 
 def _allowed(reading: InspectedRecording, spread: float, usual: float) -> Allowed:
@@ -170,8 +170,8 @@ def _allowed(reading: InspectedRecording, spread: float, usual: float) -> Allowe
     # half a step in the rest and half a step in motion; a motion that grows with the third power of time is at three
     # times its mean speed there
     rounding = reading.quanta["position"] / (3 * least_travel(reading) / usual)
-    either = math.hypot(force, reading.update_interval, rounding, ALIKE * usual)
-    valve = 0.0 if p.T_pwm > 0 else VALVE * (reading.carrier_period or PERIOD) / 2
+    either = math.hypot(force, reading.update_interval, rounding, _ALIKE * usual)
+    valve = 0.0 if p.T_pwm > 0 else _VALVE * (reading.carrier_period or PERIOD) / 2
     lag = 0.0 if p.tau_y else LAG / 2
     # a change off the time grid takes effect with the next period of the carrier, after up to one period
     wait = 0.0 if reading.duty_period > 0.0 else math.sqrt(3 * max(0.0, spread**2 - reading.update_interval**2 / 12))
@@ -186,7 +186,7 @@ CLOSED, BEFORE = 0.25, 0.1
 AFTER = 0.2
 
 #: Least number of samples for the rest level.
-FEWEST_SAMPLES = 3
+_FEWEST_SAMPLES = 3
 
 #: Least mean opening of the valve until the simulated piston moves; in a slower start the delay is not well defined.
 WIDE = 0.7
@@ -214,7 +214,7 @@ def starts(reading: InspectedRecording) -> Starts:
         begin, end = (int(i) for i in np.searchsorted(log.time, (now - BEFORE, now + AFTER)))
         rest = log["position"][int(np.searchsorted(log.time, now - CLOSED)) : begin]
         rest = rest[np.isfinite(rest)]
-        if rest.size < FEWEST_SAMPLES or not _resting(rest, reading.extent.low, least, reading.noisy("position")):
+        if rest.size < _FEWEST_SAMPLES or not _resting(rest, reading.extent.low, least, reading.noisy("position")):
             continue
         # the model of a switched valve needs one period of past inputs, so the simulation begins in the rest
         window = log.slice(begin, end)
