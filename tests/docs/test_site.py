@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from html.parser import HTMLParser
+from os.path import normpath
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -105,15 +106,15 @@ def test_no_two_files_have_names_that_differ_in_case_only(site):
 
 
 def test_every_link_of_the_site_leads_to_a_page_and_its_section(site, pages):
-    broken = []
+    broken, files = [], {path.relative_to(site).as_posix() for path in site.rglob("*") if path.is_file()}
     for path, page in pages.items():
         for link in page.links:
             if re.match(r"[a-z]+:", link):
                 continue
             target, _, section = link.partition("#")
-            file = ((site / path).parent / unquote(target)).resolve() if target else site / path
-            inside = pages.get(file.relative_to(site)) if file.suffix == ".html" and file.is_file() else None
-            if not file.is_file() or (section and inside and unquote(section) not in inside.ids):
+            file = normpath(path.parent / unquote(target)) if target else str(path)
+            inside = pages.get(Path(file))
+            if Path(file).as_posix() not in files or (section and inside and unquote(section) not in inside.ids):
                 broken.append(f"{path}: {link}")
     assert len(pages) > 120
     assert broken == []

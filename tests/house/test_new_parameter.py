@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from fixtures.commands import keep_machine_code
+
 pytestmark = pytest.mark.slow  # a variant is compiled anew
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -41,7 +43,7 @@ from clutchid.inference.uncertainty.change_prior import change_covariance, chang
 from clutchid.inference.uncertainty.calibration import consider_parameters
 from clutchid.inference.uncertainty.coordinates import coordinates
 
-actuator = Actuator(model="energy-balance-stribeck-proportional")
+actuator = Actuator(model="energy-balance")
 names = ("T_0", "D_q")
 adapting = METHODS["joint"].adapting(actuator)
 changed = change_covariance(actuator, names, ("temperature and grease",))
@@ -76,6 +78,7 @@ def answers(tmp_path_factory):
         text = path.read_text(encoding="utf-8")
         assert text.count(before) == 1
         path.write_text(text.replace(before, after), encoding="utf-8")
+    keep_machine_code(folder / "cache")
     done = subprocess.run(
         [sys.executable, "-c", QUESTIONS, str(ROOT / "docs" / "make_equations.py")],
         env={**os.environ, "PYTHONPATH": str(folder), "CLUTCHID_CACHE": str(folder / "cache")},
