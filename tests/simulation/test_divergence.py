@@ -107,6 +107,4 @@ def test_to_name_the_term_sympy_is_not_needed():
         "assert 'sympy' not in sys.modules"
     )
     # on a new machine the first process makes the kernels, which takes SymPy
-    for _ in range(2):
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300, check=False)
-    assert done.returncode == 0, done.stderr
+    assert any(subprocess.run([sys.executable, "-c", code], check=False).returncode == 0 for _ in range(2))

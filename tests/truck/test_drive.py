@@ -191,10 +191,8 @@ def test_a_warm_process_drives_without_the_library_of_formulas():
         "drive(truck(0), seconds=1)\n"
         "sys.exit('sympy' in sys.modules or any(name.startswith('clutchid.model') for name in sys.modules))"
     )
-    # the first process makes what the cache lacks, as other tests may be doing at the same time
-    for _ in range(2):
-        done = subprocess.run([sys.executable, "-c", script], check=False)
-    assert done.returncode == 0
+    # a first process may have to make what the cache lacks, as other tests may be doing at the same time
+    assert any(subprocess.run([sys.executable, "-c", script], check=False).returncode == 0 for _ in range(2))
 
 
 @pytest.mark.parametrize(
