@@ -245,13 +245,6 @@ def test_starts_are_used_for_the_very_recording_that_they_were_estimated_from(
     assert clutchid.read(out)["position"][0] == pytest.approx(content.starts["moving"][0][0], abs=1e-4)
 
 
-def test_a_failed_save_leaves_the_old_file_as_it_was(command: Command, recording: Path, tmp_path: Path) -> None:
-    kept = tmp_path / "fit.toml"
-    kept.write_text("# mine\n")
-    assert command("fit", recording, "--save", kept, "--free", "C_sv").returncode == 2
-    assert kept.read_text() == "# mine\n"
-
-
 def test_the_files_model_wins_over_another_one(command: Command, recording: Path, tmp_path: Path) -> None:
     path = tmp_path / "start.toml"
     path.write_text("[model]\nvariant = 'isothermal'\n")

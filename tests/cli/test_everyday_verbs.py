@@ -53,13 +53,6 @@ def test_an_estimate_without_a_calibration_says_what_to_do(call, recordings):
     assert (code, json.loads(out)["status"]) == (2, "bad_input")
 
 
-def test_a_calibration_without_pressure_says_what_to_do(call, recordings):
-    code, out, err = call("calibrate", recordings[1])
-    assert (code, out) == (2, "")
-    assert "no column 'pressure_a'" in err
-    assert "clutchid estimate LOG --start CAL.toml" in err
-
-
 @pytest.mark.parametrize("verb", ["calibrate", "estimate", "fit"])
 def test_a_verb_without_a_recording_names_itself(call, verb):
     start = () if verb != "estimate" else ("--start", "CAL.toml")

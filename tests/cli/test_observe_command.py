@@ -108,28 +108,13 @@ def test_a_spoiled_recording_is_bad_input_and_nothing_is_written(call, tmp_path,
     assert [path.name for path in tmp_path.iterdir()] == ["bad.parquet"]
 
 
-def test_time_that_goes_back_is_bad_input(call, tmp_path, folder):
-    frame = pl.read_parquet(folder / "first.parquet")
-    frame.reverse().write_parquet(tmp_path / "back.parquet")
-    code, _, errors = call(tmp_path / "back.parquet")
-    assert code == 2
-    assert "time must increase from sample to sample" in errors
+def test_a_recording_before_the_state_that_it_is_to_go_on_from_is_bad_input(call, tmp_path):
     assert call("first.parquet", "--save", "state.toml")[0] == 0
     kept = (tmp_path / "state.toml").read_text()
     code, _, errors = call("worn.parquet", "--resume", "state.toml", "--save", "state.toml")
     assert code == 2
     assert "begins at 0 s, but the observer is at 2.344 s; give the recording that follows." in errors
     assert (tmp_path / "state.toml").read_text() == kept
-
-
-def test_a_bad_check_of_look_is_bad_input_unless_forced(call, tmp_path, recorded_by, plant):
-    log = recorded_by(plant, seconds=6.0)
-    swapped = log.with_columns(duty_supply=log["duty_exhaust"], duty_exhaust=log["duty_supply"])
-    write(swapped, tmp_path / "swapped.parquet")
-    code, _, errors = call(tmp_path / "swapped.parquet")
-    assert code == 2
-    assert errors.rstrip().endswith("or go on with --force (in Python force=True).")
-    assert call(tmp_path / "swapped.parquet", "--force")[0] == 0
 
 
 def test_a_recording_too_slow_for_its_duty_cycles_is_refused_unless_forced(call, tmp_path, plant, recorded_by):
@@ -170,14 +155,6 @@ def test_a_calibration_without_a_load_says_how_to_make_one(call, tmp_path):
     code, _, errors = call("worn.parquet", start=tmp_path / "cal.toml")
     assert code == 2
     assert "has no load weights (theta_1, ...) in [parameters]" in errors
-
-
-def test_a_state_of_another_calibration_is_refused(call, tmp_path, plant):
-    assert call("first.parquet", "--save", "state.toml")[0] == 0
-    write_parameters(ParameterFile(plant.replace({"F_C": 150.0})), tmp_path / "other.toml")
-    code, _, errors = call("rest.parquet", "--resume", "state.toml", start=tmp_path / "other.toml")
-    assert code == 2
-    assert "of another calibration or method" in errors
 
 
 def test_the_samples_may_be_text(call, tmp_path):

@@ -12,7 +12,7 @@ from clutchid.measurements.formats.can import file as can_file
 from clutchid.measurements.formats.can import mf4
 from clutchid.measurements.formats.can.file import frame_log, open_file
 from clutchid.measurements.formats.can.frames import Frames, as_payload, merged
-from fixtures.sources import numbers_of, spoiled
+from fixtures.sources import numbers_of
 
 can = pytest.importorskip("can", reason="python-can, of the extra can, writes the logs")
 cantools = pytest.importorskip("cantools", reason="cantools, of the extra can, is the oracle")
@@ -389,19 +389,6 @@ def test_a_damaged_block_ends_the_reading_with_a_warning(logged, dbc):
     (warning,) = [text for text in open_file(path, [dbc]).warnings if "damaged" in text]
     assert warning.startswith("is damaged before byte ")
     assert warning.endswith(" frames before it are used.")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("suffix", WRITERS)
-def test_spoiled_logs_give_numbers_or_a_sentence(logged, dbc, suffix, tmp_path):
-    good, path = logged(suffix, mixture(100)).read_bytes(), tmp_path / "spoiled"
-    for seed in range(150):
-        path.write_bytes(spoiled(good, seed))
-        source = open_file(path, [dbc])
-        assert bool(source.rasters) != bool(source.problems)
-        assert all("\n" not in text for text in (*source.problems, *source.warnings))
-        for index, raster in enumerate(source.rasters):
-            assert all(column.shape == (raster.size,) for column in numbers_of(source, index, 16).values())
 
 
 @pytest.mark.parametrize("compression", [0, 1, 2])
