@@ -5,8 +5,8 @@ are named as absent; ``pip install -r benchmarks/peers/requirements.txt`` brings
 
 (a) one simulation, (b) with exact sensitivities, (c) an estimation of three load weights from many starts, (d) that of
 each of a thousand recordings, (e) one step of the observer, (f) a fit from the start of a process, (g) reading of
-files. ``--from FILE`` writes the page of a run that ``--json FILE`` kept. ``--only e,f`` takes about five minutes, with
-``--rounds 1`` two; ``--only d`` five, with ``--recordings 100`` two.
+files, (h) ten thousand simulations. ``--from FILE`` writes the page of a run that ``--json FILE`` kept. ``--only e,f``
+takes about five minutes, with ``--rounds 1`` two; ``--only d`` five, with ``--recordings 100`` two.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import batch
 import cold
 import observers
 import recordings
@@ -171,6 +172,10 @@ checks time and values, foreign formats in a guarded process of their own; the p
 columns and return arrays."""
 
 
+BATCH = """The positions of simulations of one recording, whose three load weights differ: of one call, or of a loop
+over all of them. A thread a processor where the row says so; JAX uses those that it likes."""
+
+
 def wanted(peers: Sequence[Peer], options: argparse.Namespace) -> list[Peer]:
     """Peers whose names do not begin with one that is left out."""
     left_out = tuple(name for name in options.without.split(",") if name)
@@ -213,6 +218,22 @@ def read(options: argparse.Namespace) -> list[Row]:
     return files.rows(rounds=options.rounds)
 
 
+def of_batches(options: argparse.Namespace) -> list[Row]:
+    """Rows of part (h)."""
+    return batch.rows(options.simulations, wanted(batch.PEERS, options), min(options.rounds, 5))
+
+
+def batch_targets(rows: Sequence[Row], options: argparse.Namespace) -> list[str]:
+    """`simulate_many` against C on one thread, and the wanted time."""
+    if not rows or options.simulations != batch.COUNT:
+        return []
+    below = compared(rows, rows[0].case, batch.IN_C)
+    return [
+        judged("ten thousand simulations in s", rows[0].median, 0.5),
+        judged("C on one thread over `simulate_many`", below, 1.0, least=True),
+    ]
+
+
 def no_targets(_rows: Sequence[Row], _options: argparse.Namespace) -> list[str]:
     """For a part without targets."""
     return []
@@ -226,6 +247,7 @@ PARTS = {
     "e": Part("One step of the observer", OBSERVER, observed, observer_targets, ("p99", "p99.9")),
     "f": Part("From a cold machine and a warm one", COLD, started, no_targets, ("processor",)),
     "g": Part("Reading of files", FILES, read, no_targets),
+    "h": Part("Ten thousand simulations", BATCH, of_batches, batch_targets),
 }
 
 
@@ -359,6 +381,7 @@ def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument(
         "--recordings", type=int, default=1000, help="most recordings that are estimated: 10, 100, 1000"
     )
+    parser.add_argument("--simulations", type=int, default=batch.COUNT, help="at once, of part h")
     parser.add_argument("--json", type=Path, help="file for all rows; parts that it has already stay")
     parser.add_argument("--from", dest="kept", type=Path, help="such a file, whose page is written without a run")
     parser.add_argument("--out", type=Path, help="file for the page; else it is printed")
@@ -368,7 +391,10 @@ def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
 def measured(options: argparse.Namespace) -> dict[str, Found]:
     """Run the parts; after each, what is there is kept in the file for rows, beside the other parts in it."""
     versions, defaults = machine(), parsed([])
-    given = {name: getattr(options, name) for name in ("only", "without", "rounds", "starts", "seeds", "recordings")}
+    given = {
+        name: getattr(options, name)
+        for name in ("only", "without", "rounds", "starts", "seeds", "recordings", "simulations")
+    }
     chosen = [f"--{name} {value}" for name, value in given.items() if value != getattr(defaults, name)]
     command = " ".join(["python benchmarks/peers/run.py", *chosen])
     found = kept(options.json) if options.json and options.json.exists() else {}
