@@ -144,18 +144,8 @@ def run(calibration, worn):
 
 def test_two_runs_at_the_same_time_in_one_folder_end_with_the_same_whole_results(tmp_path):
     (tmp_path / "quick_workflow.py").write_text(QUICK)
-    command = [
-        sys.executable,
-        "-m",
-        "clutchid",
-        "prove",
-        "--out",
-        "both",
-        "--workflow",
-        "quick_workflow:run",
-        "--workers",
-        "1",
-    ]
+    words = "-m clutchid prove --out both --workflow quick_workflow:run --workers 1"
+    command = [sys.executable, *words.split()]
     paths = os.pathsep.join(filter(None, [str(tmp_path), os.environ.get("PYTHONPATH")]))
     runs = [
         subprocess.Popen(
