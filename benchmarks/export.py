@@ -28,7 +28,7 @@ import numpy as np
 import clutchid
 from clutchid.exports.c99 import CStyle, compiler, observer_c99, source_files
 from clutchid.exports.parity import begins_us, begun, parity, replay, samples_of
-from clutchid.exports.target import FAST, example_files
+from clutchid.exports.target import FAST, SMALL, example_files
 from clutchid.log import FloatArray, Log
 from clutchid.observer import observer, start
 from clutchid.observer.methods import METHODS
@@ -116,7 +116,8 @@ def target_costs(observed: Observer, style: CStyle, log: Log, flags: Sequence[st
         (folder / "samples.bin").write_bytes(_binary(samples_of(log)[:COSTED], style))
         objects = [f"{stem}.o" for stem in modules]
         for stem, target in zip(modules, objects, strict=True):
-            _run([*_COMPILER, "-std=c99", *flags, *_LINK[:2], "-c", "-o", target, f"{stem}.c"], folder)
+            own = (*flags, SMALL) if stem == style.name else flags
+            _run([*_COMPILER, "-std=c99", *own, *_LINK[:2], "-c", "-o", target, f"{stem}.c"], folder)
         link = [*_COMPILER, "-std=gnu99", "-O2", *_LINK, "-T", "linker.ld", "-Wl,-Map=costs.map", "-o", "costs.elf"]
         _run([*link, "costs.c", "startup.c", "samples.S", *objects, "-lm"], folder)
         printed = _run([*_EMULATOR, "-kernel", "costs.elf"], folder)

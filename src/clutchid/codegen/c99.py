@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
+
+import sympy as sp
 
 from clutchid.codegen.differentiation import DifferentiatedProgram, Entry, differentiated
 from clutchid.codegen.language import C_DOUBLE, C_FLOAT, C_WORDS, Language, apart
 from clutchid.codegen.program import Assign, Branch, Lookup, Statement, live, targets
-from clutchid.codegen.staging import ProgramParts, positions, read
+from clutchid.codegen.staging import ProgramParts, assigned, positions, read
 from clutchid.codegen.system import Expr, System
 from clutchid.codegen.templates import template
 
@@ -141,14 +143,10 @@ _LANGUAGES = {language.real: language for language in (C_DOUBLE, C_FLOAT)}
 
 @dataclass(frozen=True, slots=True)
 class CSource:
-    """A C module: the text of ``NAME.h`` and of ``NAME.c``, which includes it.
-
-    `held` are the fields of ``NAME_held_t``, which ``NAME_hold`` computes.
-    """
+    """A C module: the text of ``NAME.h`` and of ``NAME.c``, which includes it."""
 
     header: str
     source: str
-    held: tuple[str, ...] = ()
 
 
 def comment(text: str) -> str:
@@ -168,6 +166,7 @@ def c99_source(
     real: str = "double",
     notes: Mapping[str, str] | None = None,
     derivatives: Sequence[str] | None = None,
+    idle: Mapping[str, Sequence[int]] | None = None,
 ) -> CSource:
     """C99 of `system`: ``NAME_constants``, ``NAME_hold``, ``NAME_rhs``, ``NAME_step`` and ``NAME_run``.
 
@@ -182,6 +181,9 @@ def c99_source(
     derivatives : names of parameters, optional
         Adds ``NAME_step_columns``, which does what the Numba kernel ``step`` does: it moves the states together with
         columns of derivatives to these parameters, to weights of the table, and to whatever the states started with.
+
+    idle : places of inputs by a quantity of ``NAME_held_t``, optional
+        Where none of these inputs is above 0, the quantity and its derivatives are 0, and nothing is computed for it.
 
     Raises
     ------
@@ -202,6 +204,8 @@ def c99_source(
     places = None if derivatives is None else [system.parameter_names().index(name) for name in derivatives]
     columns = None if places is None else ColumnCode.of(plan, places, language)
     parts = columns.parts if columns else ProgramParts.of(plan.system, plan.plain, plan.rates)
+    for name, inputs in (idle or {}).items():
+        parts = _idle(parts, name, [plan.system.inputs[place] for place in inputs])
     values = _values(system, plan, parts, language)
     values |= {
         "real": real,
@@ -209,8 +213,23 @@ def c99_source(
         "columns": columns,
         "free": list(derivatives or ()),
     }
-    held = (*map(str, parts.held), *map(str, parts.inputs))
-    return CSource(template("c99.h.j2").render(values), template("c99.c.j2").render(values), held)
+    return CSource(template("c99.h.j2").render(values), template("c99.c.j2").render(values))
+
+
+def _idle(parts: ProgramParts, name: str, inputs: Sequence[Expr]) -> ProgramParts:
+    """Parts whose held quantity, if there is one, is 0 with its derivatives where no input is above 0."""
+    program = parts.program
+    family = {t for t in assigned(program.held) if str(t) == name or str(t).startswith(f"{name}__")}
+    if not family & set(parts.held):
+        return parts
+    part = live(program.held, family)
+    others = [statement for statement in program.held if not set(targets(statement)) & set(assigned(part))]
+    needed = read(others) | set(parts.held)
+    shared = live(part, needed - family)
+    own = tuple(statement for statement in part if not set(targets(statement)) & set(assigned(shared)))
+    zeros = tuple(Assign(t, sp.Float(0.0)) for t in assigned(own) if t in family & needed)
+    branch = Branch(((sp.And(*(value <= 0 for value in inputs)), zeros), (sp.true, own)))
+    return replace(parts, program=replace(program, held=[*shared, branch, *others]))
 
 
 def _values(system: System, plan: DifferentiatedProgram, parts: ProgramParts, language: Language) -> dict[str, Any]:

@@ -45,7 +45,8 @@ Rates = Literal["one", "two"]
 #: Microseconds after which the clock of the watch for values begins anew: in float it has few digits.
 CLOCK = 16_000_000
 
-#: Mean openings of the valves over a step, with their duty cycles in this period of the carrier and in the last one.
+#: Mean openings of the valves over a step, with their duty cycles in this period of the carrier and in the last one. A
+#: valve without a pulse in either is closed: rounding would leave the sum of its pulses above 0.
 OPENINGS = {"y_vs": ("supply", "supply_before"), "y_ve": ("exhaust", "exhaust_before")}
 
 
@@ -191,12 +192,9 @@ def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title:
         "every": joint.settings.every,
         "shares": correction_shares(size_of(joint), joint.settings.every),
     }
-    equations = c99_source(model, real=style.real, notes=state_notes(actuator), derivatives=derivatives)
-    values["openings"] = {
-        name: [values["inputs"][duty] for duty in duties]
-        for name, duties in OPENINGS.items()
-        if values["carrier"] and name in equations.held
-    }
+    places = values["inputs"]
+    idle = {name: [places[duty] for duty in duties] for name, duties in OPENINGS.items() if values["carrier"]}
+    equations = c99_source(model, real=style.real, notes=state_notes(actuator), derivatives=derivatives, idle=idle)
     modules = {
         f"{style.name}_model": equations,
         f"{style.name}_filter": filter_c99(size_of(joint), style.real, f"{style.name}_filter"),
