@@ -12,6 +12,7 @@ import pytest
 from clutchid.codegen.templates import template
 from clutchid.exports.c99 import CStyle
 from clutchid.exports.parity import samples_of
+from clutchid.exports.requirements import requirement_files
 from clutchid.exports.target import OUTPUTS, example_files, vectors
 from clutchid.log import FloatArray, Log
 from clutchid.model import Actuator
@@ -34,7 +35,7 @@ STRICT = ("CFLAGS=-O1 -Werror",)
 def written(folder: Path, observed: Observer, style: CStyle) -> Path:
     """The export with its example in a folder."""
     write_sources(observed, style, folder / "src")
-    for path, text in example_files(style).items():
+    for path, text in (example_files(style) | requirement_files(observed, style)).items():
         (folder / path).parent.mkdir(exist_ok=True)
         (folder / path).write_text(text)
     return folder

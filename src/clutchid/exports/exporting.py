@@ -25,6 +25,7 @@ from clutchid.exports.parity import (
     samples_of,
     trial_drive,
 )
+from clutchid.exports.requirements import requirement_files
 from clutchid.exports.target import example_files, vectors
 from clutchid.files import not_an_address, write_bytes
 from clutchid.log import Log, sample_interval
@@ -144,7 +145,8 @@ def write_export(
     if observer.calibration is None or observer.calibration.position_only is None:
         notes = (*notes, NO_POSITION_ONLY)
     files: dict[str, str | bytes] = {f"src/{file}": text for file, text in source_files(modules).items()}
-    files |= example_files(style) | {"test/replay.c": replay_source(observer, style, begins_us(log))}
+    files |= example_files(style) | requirement_files(observer, style)
+    files |= {"test/replay.c": replay_source(observer, style, begins_us(log))}
     if in_c is not None:
         files["test/vectors.h"] = vectors(samples[:VECTORS], in_c.outputs[:VECTORS], style, begins)
     fmus: dict[str, bytes] = {}

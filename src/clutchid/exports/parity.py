@@ -116,17 +116,20 @@ def begun(observer: Observer, saved: ObserverState) -> ObserverState:
     return replace(fresh, leaking=observer.leaks(fresh))
 
 
-def trial_drive(observer: Observer) -> Log:
-    """Duty cycles and position of a drive of 4 s with three strokes, as the calibrated actuator makes it, in SI."""
+def trial_drive(observer: Observer, period: float = 1.3, vents: float = 0.5) -> Log:
+    """Duty cycles and position of a drive of 4 s with strokes, as the calibrated actuator makes it, in SI.
+
+    A stroke takes a period in s; the exhaust valve is open for the time `vents` in s.
+    """
     from clutchid.simulation import simulate
     from clutchid.simulation.sensors import lagged
 
     actuator, spacing = observer.actuator, observer.spacing
     time: FloatArray = spacing * np.arange(round(4.0 / spacing), dtype=np.float64)
-    within = time % 1.3
+    within = time % period
     duties = {
         "duty_supply": np.where((within > 0.1) & (within < 0.35), 1.0, 0.0),
-        "duty_exhaust": np.where((within > 0.6) & (within < 1.1), 1.0, 0.0),
+        "duty_exhaust": np.where((within > 0.6) & (within < 0.6 + vents), 1.0, 0.0),
     }
     log = Log(time, duties, "trial drive")
     position = lagged(simulate(actuator, log).log["position"], actuator.parameters.tau_y, spacing)

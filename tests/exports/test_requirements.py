@@ -1,0 +1,70 @@
+"""What the observer promises: each number of docs/control_unit.md has its checks in the test of an export."""
+
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from clutchid.exports.c99 import CStyle, compiler
+from clutchid.exports.requirements import requirement_files
+from clutchid.model import Actuator
+from clutchid.observer import observer
+from fixtures.export_c import write_sources
+
+PAGE = Path(__file__).parents[2] / "docs" / "control_unit.md"
+
+
+def promised(page: str) -> list[tuple[str, str]]:
+    return re.findall(r"^\| (R\d+) \| (.*) \|$", page, re.MULTILINE)
+
+
+def test_every_requirement_has_its_checks_and_no_check_is_without_one():
+    source = requirement_files(observer(Actuator()), CStyle(rates="two"))["test/requirements.c"]
+    rows = promised(PAGE.read_text())
+    assert rows
+    assert rows == re.findall(r"/\* (R\d+): (.*?) \*/", source)
+    called = re.search(r"checks\[\]\)\(void\) = \{(.*?)\}", source)
+    assert called
+    assert [number.lower() for number, _ in rows] == called[1].replace(" ", "").split(",")
+
+
+def program(folder: Path, style: CStyle, change=lambda path, text: text, method="joint") -> subprocess.CompletedProcess:
+    """The checks of an export, some of whose files may be changed."""
+    observed = observer(Actuator(model="isothermal") if method == "paper" else Actuator(), method)
+    write_sources(observed, style, folder / "src")
+    (folder / "test").mkdir()
+    for path, text in requirement_files(observed, style).items():
+        (folder / path).write_text(text)
+    for file in (folder / "src").iterdir():
+        file.write_text(change(file.name, file.read_text()))
+    sources = [folder / "test" / "requirements.c", *sorted((folder / "src").glob("*.c"))]
+    command = [compiler(), "-std=c99", "-O1", f"-I{folder / 'src'}", "-o", folder / "checks", *sources, "-lm"]
+    subprocess.run(command, check=True)
+    return subprocess.run([folder / "checks"], capture_output=True, text=True, check=False)
+
+
+needs_cc = pytest.mark.skipif(compiler() is None, reason="no C compiler")
+
+
+@needs_cc
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["joint-reduced", "states", "paper"])
+def test_every_method_keeps_them(method, tmp_path):
+    run = program(tmp_path, CStyle("unit", "float", "two"), method=method)
+    assert run.stdout.startswith("requirements: ok")
+    assert run.returncode == 0
+
+
+@needs_cc
+@pytest.mark.slow
+def test_a_promise_that_is_broken_is_named_by_its_number(tmp_path):
+    held = "self->unknown_us <= 20000u)"
+
+    def forgetful(name: str, text: str) -> str:
+        assert name != "unit.c" or held in text
+        return text.replace(held, "self->unknown_us <= 2000u)") if name == "unit.c" else text
+
+    run = program(tmp_path, CStyle("unit", "double"), forgetful)
+    assert run.stdout.startswith("R3: failed\n")
+    assert run.returncode == 1
