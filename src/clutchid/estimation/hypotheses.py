@@ -90,29 +90,31 @@ def explained(result: SearchResult, method: ChangeFunctions, calibration: Calibr
             explanations[candidate] = explanation(again, method, dispersion)
 
 
-def explanation(found: SearchResult, method: ChangeFunctions, dispersion: float) -> Explanation:
+def explanation(search_result: SearchResult, method: ChangeFunctions, dispersion: float) -> Explanation:
     """The explanation of a search with a solution; `dispersion` is that of the data."""
-    assert not isinstance(found.solution, Failure), "a failed search explains nothing"
-    data = method.data_factor(found.problem, found.solution)
-    return Explanation(found, found.solution, data / np.sqrt(max(1.0, dispersion)), min(1.0, dispersion))
+    assert not isinstance(search_result.solution, Failure), "a failed search explains nothing"
+    data = method.data_factor(search_result.problem, search_result.solution)
+    return Explanation(
+        search_result, search_result.solution, data / np.sqrt(max(1.0, dispersion)), min(1.0, dispersion)
+    )
 
 
 def _candidate(
-    known: Explanations, best: Hypothesis, failed: set[Hypothesis], calibration: Calibration
+    searched: Explanations, best: Hypothesis, failed: set[Hypothesis], calibration: Calibration
 ) -> Hypothesis | None:
     """The most probable hypothesis without a search, by the linearisation of the best; None if none may matter."""
-    others = [h for h in HYPOTHESES if h not in known and h not in failed]
-    scores = [score(known[best].under(h), h, calibration) for h in others]
-    scores += [score(one.under(h), h, calibration) for h, one in known.items()]
+    others = [h for h in HYPOTHESES if h not in searched and h not in failed]
+    scores = [score(searched[best].under(h), h, calibration) for h in others]
+    scores += [score(one.under(h), h, calibration) for h, one in searched.items()]
     probability = softmax(scores)[: len(others)]
     if not others or probability.max() < _LEAST_PROBABILITY:
         return None
     return others[int(np.argmax(probability))]
 
 
-def probabilities(known: Explanations, calibration: Calibration) -> FloatArray:
-    """Probability of each hypothesis, in the order of `known`."""
-    return softmax([score(one.under(h), h, calibration) for h, one in known.items()])
+def probabilities(searched: Explanations, calibration: Calibration) -> FloatArray:
+    """Probability of each hypothesis, in the order of `searched`."""
+    return softmax([score(one.under(h), h, calibration) for h, one in searched.items()])
 
 
 def flattened(scores: FloatArray, part: float) -> FloatArray:
@@ -185,9 +187,9 @@ BAND = IntervalSettings()
 
 
 def mixture(
-    known: Explanations, calibration: Calibration, misfit: float = 1.0, band: IntervalSettings = BAND
+    searched: Explanations, calibration: Calibration, misfit: float = 1.0, band: IntervalSettings = BAND
 ) -> Mixture:
-    """Posterior over the hypotheses: mean over those `known`, spread over all of them.
+    """Posterior over the hypotheses: mean over those `searched`, spread over all of them.
 
     Those without a search are judged by the linearisation at the best one. The errors that the calibration has found of
     fits to position alone are subtracted; part of them counts as uncertain.
@@ -200,8 +202,8 @@ def mixture(
     band : IntervalSettings
         Settings of the interval of the load.
     """
-    best = most_probable(known, calibration)
-    explanations = {hypothesis: known.get(hypothesis, known[best]) for hypothesis in HYPOTHESES}
+    best = most_probable(searched, calibration)
+    explanations = {hypothesis: searched.get(hypothesis, searched[best]) for hypothesis in HYPOTHESES}
     scores, means, covariances = [], [], []
     for hypothesis, one in explanations.items():
         problem, posterior = one.result.problem, one.under(hypothesis)
@@ -216,7 +218,7 @@ def mixture(
             * (posterior.covariance + ERRORS_REPEAT**2 * np.outer(shift, shift) + np.outer(missed, missed))
             + np.outer(least, least)
         )
-    probability = dict(zip(known, probabilities(known, calibration).tolist(), strict=True))
+    probability = dict(zip(searched, probabilities(searched, calibration).tolist(), strict=True))
     return Mixture(
         tuple(explanations),
         np.array([probability.get(hypothesis, 0.0) for hypothesis in explanations]),
@@ -226,9 +228,11 @@ def mixture(
     )
 
 
-def most_probable(known: Explanations, calibration: Calibration) -> Hypothesis:
+def most_probable(searched: Explanations, calibration: Calibration) -> Hypothesis:
     """The most probable of the hypotheses with a search."""
-    return max(known, key=dict(zip(known, probabilities(known, calibration).tolist(), strict=True)).__getitem__)
+    return max(
+        searched, key=dict(zip(searched, probabilities(searched, calibration).tolist(), strict=True)).__getitem__
+    )
 
 
 def _log_friction(problem: Problem, x: FloatArray) -> float:
@@ -257,25 +261,25 @@ def _constant_load(problem: Problem, x: FloatArray) -> FloatArray:
     return direction
 
 
-def changes(problem: Problem, found: Mixture) -> tuple[Change, ...]:
+def changes(problem: Problem, posterior: Mixture) -> tuple[Change, ...]:
     """Changes, certain or suspected, by recording.
 
     A group is listed if the data at least double the odds of its change; of its parameters those that have
     moved by more than their standard deviation, but at least the one that has moved most.
     """
     before = prior_probability()
-    std = np.sqrt(np.diag(found.covariance))
+    std = np.sqrt(np.diag(posterior.covariance))
     result = []
     for stem in problem.stems:
         own = [i for i, c in enumerate(problem.coordinates) if c.stem == stem and c.name in problem.changing]
         for group in GROUPS:
             at = [i for i in own if _of_group(problem.actuator.rows[problem.coordinates[i].base], group)]
-            if at and _odds(found.of_group(group)) >= 2.0 * _odds(before[group]):
-                moved = np.abs(found.x[at]) / std[at]
+            if at and _odds(posterior.of_group(group)) >= 2.0 * _odds(before[group]):
+                moved = np.abs(posterior.x[at]) / std[at]
                 shown = [
                     i for i, far in zip(at, moved.tolist(), strict=True) if far > min(1.0, float(moved.max()) - 1e-9)
                 ]
-                result += [_change(problem, found, i, stem, group, float(std[i])) for i in shown]
+                result += [_change(problem, posterior, i, stem, group, float(std[i])) for i in shown]
     return tuple(result)
 
 
@@ -287,9 +291,9 @@ def _odds(probability: float) -> float:
     return probability / max(1.0 - probability, np.finfo(float).tiny)
 
 
-def _change(problem: Problem, found: Mixture, at: int, stem: str, group: str, std: float) -> Change:
-    c, x = problem.coordinates[at], float(found.x[at])
+def _change(problem: Problem, posterior: Mixture, at: int, stem: str, group: str, std: float) -> Change:
+    c, x = problem.coordinates[at], float(posterior.x[at])
     before, after = problem.actuator.value(c.base), c.si(x)
     return Change(
-        stem, c.base, before, after, std * c.slope(x), problem.actuator.unit(c.base), found.of_group(group), group
+        stem, c.base, before, after, std * c.slope(x), problem.actuator.unit(c.base), posterior.of_group(group), group
     )

@@ -75,9 +75,11 @@ class Method:
     partition: str = ""
 
 
-def fit_at(method: Method, found: SearchResult, calibration: Calibration | None = None) -> Fit:
+def fit_at(method: Method, search_result: SearchResult, calibration: Calibration | None = None) -> Fit:
     """The `Fit` at the end of a search by `method`; status "failed" if it could not start."""
-    result = method.result(found, calibration)
+    result = method.result(search_result, calibration)
     if isinstance(result, Failure):
-        return failed_fit(found.problem, method.name, result.message, plan_warnings(found.problem.plans))
+        return failed_fit(
+            search_result.problem, method.name, result.message, plan_warnings(search_result.problem.plans)
+        )
     return result

@@ -266,13 +266,13 @@ def search_in(section: object) -> SearchState:
     return read(SearchState, section, "[fit.search]", _RULES)
 
 
-def calibration_section(kept: Calibration, baseline: Calibration | None = None) -> dict[str, Any]:
+def calibration_section(calibration: Calibration, baseline: Calibration | None = None) -> dict[str, Any]:
     """Entries of a calibration in the file of a fit that started from `baseline`.
 
     If it is that one, the new file is not its origin.
     """
-    origin = Origin() if kept.origin is None and kept is baseline else kept.origin
-    return table(replace(kept, origin=origin), _CALIBRATED)
+    origin = Origin() if calibration.origin is None and calibration is baseline else calibration.origin
+    return table(replace(calibration, origin=origin), _CALIBRATED)
 
 
 def calibration_in(section: object, load_names: Sequence[str], method: str, file: Origin) -> Calibration:

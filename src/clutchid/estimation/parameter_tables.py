@@ -100,7 +100,7 @@ def model_entries(model: Model) -> dict[str, Any]:
     return {"variant": model.base, "own": str(model), "sha256": model.sha256}
 
 
-def actuator_in(document: Mapping[str, Any], given: OwnModel | None, problems: list[str]) -> Actuator | None:
+def actuator_in(document: Mapping[str, Any], own_model: OwnModel | None, problems: list[str]) -> Actuator | None:
     """The actuator of a file, which has the `given` model if the file was saved with it; None with any problem.
 
     Parameters
@@ -121,42 +121,42 @@ def actuator_in(document: Mapping[str, Any], given: OwnModel | None, problems: l
     equipment = _equipment(document, problems)
     load, period = None, None
     if section is not None:
-        _check_model(section, given)
+        _check_model(section, own_model)
         constant = document.get("actuator", {}).get(_GRAVITY)
         section, values = collected(problems, _with_gravity, section, values, constant) or (section, values)
         load = _load(section, values, "actuator" not in document, problems)
         period = _duty_period(section, problems)
-    own = _own(values, given, problems)
+    own = _own(values, own_model, problems)
     parameters = _parameters(values | equipment.fixed, load, tuple(own), problems)
     if len(problems) > before or section is None or load is None or parameters is None:
         return None
-    model = given or section.variant or "isothermal"
+    model = own_model or section.variant or "isothermal"
     return collected(problems, Actuator, parameters, load, model, equipment, tuple(own.values()), period)
 
 
-def _check_model(section: _ModelSection, given: OwnModel | None) -> None:
+def _check_model(section: _ModelSection, own_model: OwnModel | None) -> None:
     """Refuse a file that is not one of the model `given`."""
     variant, saved, sha256 = section[:3]
-    if given is None and saved is not None:
+    if own_model is None and saved is not None:
         raise ParameterError(
             f"[model] own = '{saved}': the file is for a model of your own, and a parameter file never loads code; "
             f"name the model too: --model {saved}, or read_parameters(path, own_model(FILE, NAME))."
         )
-    if given is not None and saved is None and variant is not None:
+    if own_model is not None and saved is None and variant is not None:
         raise ParameterError(
-            f"[model] variant = '{variant}': the file is for this variant, not for the model {given}; leave --model "
-            "out, or take variant out of the file to start the model from its values."
+            f"[model] variant = '{variant}': the file is for this variant, not for the model {own_model}; leave "
+            "--model out, or take variant out of the file to start the model from its values."
         )
-    if given is not None and saved is not None and sha256 is None:
+    if own_model is not None and saved is not None and sha256 is None:
         raise ParameterError(
-            f"[model] sha256: missing; a file with own = '{saved}' needs the hash of its model. That of {given} is "
-            f"'{given.sha256}'; write it if the values belong to this model."
+            f"[model] sha256: missing; a file with own = '{saved}' needs the hash of its model. That of {own_model} is "
+            f"'{own_model.sha256}'; write it if the values belong to this model."
         )
-    if given is not None and saved is not None and sha256 not in (None, given.sha256):
+    if own_model is not None and saved is not None and sha256 not in (None, own_model.sha256):
         raise ParameterError(
-            f"[model] sha256 = '{_short(sha256)}': {given} has '{_short(given.sha256)}'. It is another model than "
-            f"'{saved}' was when this file was saved, or its equations, parameters or states have changed since; take "
-            "that model, or calibrate again with this one."
+            f"[model] sha256 = '{_short(sha256)}': {own_model} has '{_short(own_model.sha256)}'. It is another model "
+            f"than '{saved}' was when this file was saved, or its equations, parameters or states have changed since; "
+            "take that model, or calibrate again with this one."
         )
 
 

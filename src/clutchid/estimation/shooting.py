@@ -187,11 +187,11 @@ def _states(problem: Problem, actuators: Sequence[Actuator]) -> States | Failure
     return tuple(X)
 
 
-def refine(found: SearchResult, problem: Problem, x: FloatArray) -> SearchResult:
+def refine(search_result: SearchResult, problem: Problem, x: FloatArray) -> SearchResult:
     """The search of `found` continued from x with the prior of `problem`."""
-    X = () if isinstance(found.solution, Failure) else found.solution.at.X
-    fine = _fine(problem, x, X, found.effort._replace(patience=np.inf), None)
-    return replace(found, problem=problem, solution=_ended(problem, fine))
+    X = () if isinstance(search_result.solution, Failure) else search_result.solution.at.X
+    fine = _fine(problem, x, X, search_result.effort._replace(patience=np.inf), None)
+    return replace(search_result, problem=problem, solution=_ended(problem, fine))
 
 
 def _settled(problem: Problem, solution: ShootingSolution, x: FloatArray) -> ShootingSolution | Failure:

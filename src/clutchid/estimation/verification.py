@@ -79,10 +79,10 @@ def with_slow_logs(fit: Fit, logs: Sequence[Log]) -> Fit:
 
 def verified(result: Fit, logs: Sequence[Log], request: FitRequest) -> Fit:
     """`result` with the simulations of other recordings, and warnings about them."""
-    done, warnings = verification(result.actuator, logs, request.partition, request.measure, result.follows)
+    simulated, warnings = verification(result.actuator, logs, request.partition, request.measure, result.follows)
     all_warnings = (*result.warnings, *(f"verification: {warning}" for warning in warnings))
     status = "warning" if all_warnings and result.status == "ok" else result.status
-    return replace(result, verification=done, warnings=all_warnings, status=status)
+    return replace(result, verification=simulated, warnings=all_warnings, status=status)
 
 
 def verification(
@@ -103,7 +103,7 @@ def verification(
     DataError
         If a recording lacks a column.
     """
-    done: dict[str, Recording] = {}
+    recordings: dict[str, Recording] = {}
     warnings: list[str] = []
     for recording in driven(logs, actuator.equipment):
         log = with_inputs(recording)
@@ -112,10 +112,10 @@ def verification(
         result = _with_starts(own.log, own.actuator, partition, used)
         for name, one in result.recordings.items():
             compared = compared_at_sensors(one, log, own.actuator.parameters) if through_sensors else one
-            done[name] = on_samples(compared, recording)
+            recordings[name] = on_samples(compared, recording)
         warnings += [own.warning] if own.warning else []
         warnings += result.warnings if result.status != "failed" else [result.message]
-    return done, warnings
+    return recordings, warnings
 
 
 def starts_of(log: Log, actuator: Actuator, partition: Partition | None = None) -> tuple[tuple[float, float], ...]:
@@ -142,14 +142,14 @@ def _with_starts(log: Log, actuator: Actuator, partition: Partition | None, meas
     return fit_at(SIMULATION, SIMULATION.search([log], actuator, free, None, None))
 
 
-def on_samples(one: Recording, log: Log) -> Recording:
+def on_samples(recording: Recording, log: Log) -> Recording:
     """A result of a recording at all samples of `log`, if only those with inputs, or a finer grid, were simulated."""
-    if len(one.measured) == len(log):
-        return one
-    return replace(one, measured=log, simulated=at_samples(one.simulated, log))
+    if len(recording.measured) == len(log):
+        return recording
+    return replace(recording, measured=log, simulated=at_samples(recording.simulated, log))
 
 
-def compared_at_sensors(one: Recording, log: Log, p: Parameters) -> Recording:
+def compared_at_sensors(recording: Recording, log: Log, p: Parameters) -> Recording:
     """A simulation of a recording without sensors, compared with `log` through the sensor models."""
-    shown = on_samples(replace(one, simulated=with_sensors(one.simulated, p)), log).simulated
-    return replace(on_samples(one, log), measured=log, errors=errors_over([(log, shown)]))
+    shown = on_samples(replace(recording, simulated=with_sensors(recording.simulated, p)), log).simulated
+    return replace(on_samples(recording, log), measured=log, errors=errors_over([(log, shown)]))

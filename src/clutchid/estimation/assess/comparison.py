@@ -213,13 +213,13 @@ def measured(fit: Fit, log: Log) -> Measurement | None:
     return Measurement(*values, float(np.nanmean(ambient)) if recorded and ambient is not None else float("nan"))
 
 
-def change_of(found: Comparison) -> tuple[float, float, float, float] | None:
+def change_of(compared: Comparison) -> tuple[float, float, float, float] | None:
     """Shift and relative change of the load with their standard deviations; None if they are not determined."""
-    y, (first, last) = found.present.position, ENGAGING
+    y, (first, last) = compared.present.position, ENGAGING
     inside = (y >= first) & (y <= last)
-    new = float(np.mean(found.calibrated.force[inside]))
-    load = float(np.mean(found.difference.force[inside])) / new
-    load_std = float(np.mean((found.present.high - found.present.low)[inside])) / (2 * QUANTILE * new)
-    shift_std = (found.half_now.high - found.half_now.low) / (2 * QUANTILE)
-    values = (found.shift.position, shift_std, load, load_std)
+    new = float(np.mean(compared.calibrated.force[inside]))
+    load = float(np.mean(compared.difference.force[inside])) / new
+    load_std = float(np.mean((compared.present.high - compared.present.low)[inside])) / (2 * QUANTILE * new)
+    shift_std = (compared.half_now.high - compared.half_now.low) / (2 * QUANTILE)
+    values = (compared.shift.position, shift_std, load, load_std)
     return values if np.all(np.isfinite(values)) and min(shift_std, load_std) > 0.0 else None

@@ -172,14 +172,14 @@ def _diagnosed(log: Log, residual: FloatArray, name: str) -> ColumnDiagnosis:
 
 
 def _evenly(
-    log: Log, residual: FloatArray, known: NDArray[np.bool_]
+    log: Log, residual: FloatArray, finite: NDArray[np.bool_]
 ) -> tuple[int, float, FloatArray, dict[str, FloatArray]]:
     """Samples per slow interval, the interval in s, and residual and inputs on a uniform time grid of that interval.
 
     The interval is the usual one of the samples that can be compared, so a column with a lower rate keeps its rate. A
     hole is filled with NaN up to a limited length, which bounds the memory.
     """
-    time = log.time[known]
+    time = log.time[finite]
     steps = np.diff(time)
     interval = float(np.median(steps)) if steps.size else 1.0
     block = max(1, round(_SLOW_INTERVAL / interval))
@@ -188,7 +188,7 @@ def _evenly(
 
     def spread(values: FloatArray) -> FloatArray:
         even = np.full(int(place[-1]) + 1, np.nan)
-        even[place] = values[known]
+        even[place] = values[finite]
         return even
 
     return block, interval, spread(residual), {key: spread(log[key]) for key in INPUTS if key in log}

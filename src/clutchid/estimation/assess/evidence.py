@@ -126,10 +126,10 @@ def information(fit: Fit) -> Information | None:
     return shared if shared.known else None
 
 
-def _identifiable_if_known(found: Information) -> Information:
-    """`found` scaled so that every parameter with a finite variance counts as identifiable."""
-    smallest = min(float(np.linalg.norm(column)) for column in found.columns(found.known).T)
-    return Information(found.names, found.R * (10.0 / smallest))
+def _identifiable_if_known(shared: Information) -> Information:
+    """`shared` scaled so that every parameter with a finite variance counts as identifiable."""
+    smallest = min(float(np.linalg.norm(column)) for column in shared.columns(shared.known).T)
+    return Information(shared.names, shared.R * (10.0 / smallest))
 
 
 def reach(fit: Fit) -> float:

@@ -28,7 +28,7 @@ _ACTS = 0.01
 _MOST_PAIRS = 3
 
 
-def missing(found: Excitation, actuator: Actuator, information: Information | None = None) -> list[str]:
+def missing(excitation: Excitation, actuator: Actuator, information: Information | None = None) -> list[str]:
     """Excitation that a recording lacks to identify load and parameters, a sentence each; empty if none is missing.
 
     Parameters
@@ -53,32 +53,34 @@ def missing(found: Excitation, actuator: Actuator, information: Information | No
     >>> missing(excitation(Log(t, {"position": y})), Actuator())[0]
     'this log reaches 8.0 mm of 25.0 mm and contains no information about the load beyond: reach 20.0 mm or more.'
     """
-    who = "this log" if found.recordings == 1 else f"these {found.recordings} logs"
-    verb = ("reaches", "passes", "contains") if found.recordings == 1 else ("reach", "pass", "contain")
-    reaching = f"{who} {verb[0]} {found.reach * 1e3:.1f} mm"
+    who = "this log" if excitation.recordings == 1 else f"these {excitation.recordings} logs"
+    verb = ("reaches", "passes", "contains") if excitation.recordings == 1 else ("reach", "pass", "contain")
+    reaching = f"{who} {verb[0]} {excitation.reach * 1e3:.1f} mm"
     sentences: list[str] = []
     if information is not None:
-        sentences += _weights_beyond_reach(information, actuator, found, reaching)
-        sentences += _correlated_weights(information, actuator, found, reaching)
-        sentences += _other_parameters(information, actuator, found, who)
+        sentences += _weights_beyond_reach(information, actuator, excitation, reaching)
+        sentences += _correlated_weights(information, actuator, excitation, reaching)
+        sentences += _other_parameters(information, actuator, excitation, who)
     y_max = actuator.parameters.y_max
-    if found.reach < FULL * y_max and not any(reaching in sentence for sentence in sentences):
+    if excitation.reach < FULL * y_max and not any(reaching in sentence for sentence in sentences):
         sentences.append(
             f"{reaching} of {y_max * 1e3:.1f} mm and {verb[2]} no information about the load beyond: "
             f"reach {FULL * y_max * 1e3:.1f} mm or more."
         )
-    return sentences + _one_way(found, f"{who} {verb[1]}") + _never_vents(found, who)
+    return sentences + _one_way(excitation, f"{who} {verb[1]}") + _never_vents(excitation, who)
 
 
-def _weights_beyond_reach(information: Information, actuator: Actuator, found: Excitation, reaching: str) -> list[str]:
+def _weights_beyond_reach(
+    information: Information, actuator: Actuator, excitation: Excitation, reaching: str
+) -> list[str]:
     """Load weights that are not identifiable because they act beyond the reach."""
     unknown = [name for name in _not_identifiable(information) if name in actuator.load.names]
     spans = {name: _span(name, actuator) for name in unknown}
-    beyond = {name: span for name, span in spans.items() if span[1] > found.reach}
+    beyond = {name: span for name, span in spans.items() if span[1] > excitation.reach}
     if not beyond:
         return []
     begin, needed = min(span[0] for span in beyond.values()), max(span[1] for span in beyond.values())
-    contains, act = "contains" if found.recordings == 1 else "contain", "acts" if len(beyond) == 1 else "act"
+    contains, act = "contains" if excitation.recordings == 1 else "contain", "acts" if len(beyond) == 1 else "act"
     return [
         f"{reaching} and {contains} no information about {listed(list(beyond))}, which {act} from {begin * 1e3:.1f} mm "
         f"on: reach {needed * 1e3:.1f} mm or more."
@@ -99,7 +101,9 @@ def _span(name: str, actuator: Actuator) -> tuple[float, float]:
     return float(y[np.argmax(phi > _ACTS * phi[top])]), min(float(y[top]), load.knots[-1])
 
 
-def _correlated_weights(information: Information, actuator: Actuator, found: Excitation, reaching: str) -> list[str]:
+def _correlated_weights(
+    information: Information, actuator: Actuator, excitation: Excitation, reaching: str
+) -> list[str]:
     """Pairs of load weights that correlate because the reach ends before the maximum of the further one."""
     determined = [name for name in information.names if name not in _not_identifiable(information)]
     if len(determined) < 2:
@@ -115,7 +119,7 @@ def _correlated_weights(information: Information, actuator: Actuator, found: Exc
     sentences = []
     for correlation, one, other in sorted(pairs, key=lambda pair: -abs(pair[0])):
         needed = max(_span(one, actuator)[1], _span(other, actuator)[1])
-        if found.reach < needed:
+        if excitation.reach < needed:
             sentences.append(
                 f"{reaching}; the correlation of {one} and {other} is {correlation:+.2f}: reach {needed * 1e3:.1f} mm "
                 "or more."
@@ -123,19 +127,23 @@ def _correlated_weights(information: Information, actuator: Actuator, found: Exc
     return sentences[:_MOST_PAIRS]
 
 
-def _other_parameters(information: Information, actuator: Actuator, found: Excitation, who: str) -> list[str]:
+def _other_parameters(information: Information, actuator: Actuator, excitation: Excitation, who: str) -> list[str]:
     """Parameters that are not identifiable for a reason that the motion shows."""
     p = actuator.parameters
     unknown = _not_identifiable(information)
-    contains = "contains" if found.recordings == 1 else "contain"
+    contains = "contains" if excitation.recordings == 1 else "contain"
     reasons = (
-        ("full supply", found.highest_supply < p.R_1vs, _stays("duty_supply", found.highest_supply, p.R_1vs)),
-        ("full exhaust", found.highest_exhaust < p.R_1ve, _stays("duty_exhaust", found.highest_exhaust, p.R_1ve)),
+        ("full supply", excitation.highest_supply < p.R_1vs, _stays("duty_supply", excitation.highest_supply, p.R_1vs)),
+        (
+            "full exhaust",
+            excitation.highest_exhaust < p.R_1ve,
+            _stays("duty_exhaust", excitation.highest_exhaust, p.R_1ve),
+        ),
         (
             "far stop",
-            found.reach < p.y_max,
-            f"the piston reaches {found.reach * 1e3:.1f} mm, {(p.y_max - found.reach) * 1e3:.1f} mm short of its "
-            "stroke; move it closer to the end stop.",
+            excitation.reach < p.y_max,
+            f"the piston reaches {excitation.reach * 1e3:.1f} mm, {(p.y_max - excitation.reach) * 1e3:.1f} mm short "
+            "of its stroke; move it closer to the end stop.",
         ),
     )
     sentences = []
@@ -151,10 +159,10 @@ def _stays(duty: str, highest: float, full: float) -> str:
     return f"{duty} never exceeds {highest:.2f}, but the valve is fully open from {full:.2f} on; open it further."
 
 
-def _one_way(found: Excitation, passing: str) -> list[str]:
+def _one_way(excitation: Excitation, passing: str) -> list[str]:
     """Regions passed in one direction only, where friction and load cannot be separated."""
     sentences = []
-    for visit in found.regions:
+    for visit in excitation.regions:
         ways = (("opening", visit.opening, "closing"), ("closing", visit.closing, "opening"))
         times = [(way, number, other) for way, number, other in ways if number]
         if len(times) == 1:
@@ -171,17 +179,17 @@ def _between(low: float, high: float) -> str:
     return f"{low * 1e3:.0f} to {high * 1e3:.0f} mm"
 
 
-def _never_vents(found: Excitation, who: str) -> list[str]:
-    if found.vented_rests:
-        return [f"{who}: {UNSETTLED}; {RECORD_REST}."] if found.unsettled == found.recordings else []
+def _never_vents(excitation: Excitation, who: str) -> list[str]:
+    if excitation.vented_rests:
+        return [f"{who}: {UNSETTLED}; {RECORD_REST}."] if excitation.unsettled == excitation.recordings else []
     rest = (
-        f"vented rest (lowest position {found.lowest * 1e3:.1f} mm)"
-        if found.lowest > VENTED_POSITION
+        f"vented rest (lowest position {excitation.lowest * 1e3:.1f} mm)"
+        if excitation.lowest > VENTED_POSITION
         else f"vented rest of {SHORTEST_REST:g} s or more at the engaged end"
     )
     return [
-        f"{who} {'has' if found.recordings == 1 else 'have'} no {rest}, so the pressure is unknown without a sensor; "
-        "add a rest of one second with the clutch engaged."
+        f"{who} {'has' if excitation.recordings == 1 else 'have'} no {rest}, so the pressure is unknown without a "
+        "sensor; add a rest of one second with the clutch engaged."
     ]
 
 
@@ -332,27 +340,27 @@ def _check(
 
 
 def _whitened(
-    done: Simulation, actuator: Actuator, sizes: FloatArray, noise: Mapping[str, float], memory: float
+    simulation: Simulation, actuator: Actuator, sizes: FloatArray, noise: Mapping[str, float], memory: float
 ) -> Iterator[FloatArray]:
     """Triangular factor of the whitened sensitivities for each measured column, in natural sizes."""
-    log: Log = done.log
+    log: Log = simulation.log
     stride = sample_interval(log.time)
     rho = np.exp(-stride / memory) if memory > 0.0 else 0.0
     begins = np.zeros(len(log), dtype=bool)
     begins[[0, *Partition(every=RESET_SAMPLES).resets(len(log))]] = True
     for name, scale in noise.items():
         state = actuator.states.index(MEASURED[name].state)
-        J = np.column_stack([s[:, state] for s in done.sensitivities.values()]) * sizes / scale
+        J = np.column_stack([s[:, state] for s in simulation.sensitivities.values()]) * sizes / scale
         white = np.empty_like(J)
         white[1:] = (J[1:] - rho * J[:-1]) / np.sqrt(1 - rho**2)
         white[begins] = J[begins]
         yield triangular(white[np.all(np.isfinite(white), axis=1)])
 
 
-def _message(gains: Sequence[Gain], worst: str, seconds: float, known: bool) -> str:
+def _message(gains: Sequence[Gain], worst: str, seconds: float, measured: bool) -> str:
     best = gains[0]
     drive = f"drive '{best.manoeuvre}' for {seconds:g} s"
-    if not known:
+    if not measured:
         over = f", {best.nats - gains[-1].nats:.1f} nats more than '{gains[-1].manoeuvre}'" if len(gains) > 1 else ""
         return f"{drive}: the most informative of {len(gains)} manoeuvres{over}."
     if best.shrinks_to > _USEFUL_REDUCTION:

@@ -142,7 +142,7 @@ def _zero(run: ObservedRecording | LiveRun) -> ZeroKnown:
     return "shown" if run.observer.zero == "subtract" else "kept"
 
 
-def observed_verdict(found: Indicators) -> Verdict:
+def observed_verdict(indicators: Indicators) -> Verdict:
     """Whether the load of an observer can be trusted, with the reasons that lower the trust.
 
     Examples
@@ -153,76 +153,76 @@ def observed_verdict(found: Indicators) -> Verdict:
     'good'
     """
     reasons = [
-        *_of_strokes(found), *_of_band(found), *_of_mismatch(found), *_of_flags(found), *_of_supply(found),
-        *kept_rest(found.kept), *_of_jumps(found), *found.unvented,
+        *_of_strokes(indicators), *_of_band(indicators), *_of_mismatch(indicators), *_of_flags(indicators),
+        *_of_supply(indicators), *kept_rest(indicators.kept), *_of_jumps(indicators), *indicators.unvented,
     ]  # fmt: skip
     trust: Trust = "none" if any(reason.grave for reason in reasons) else "with care" if reasons else "good"
     return Verdict(trust, tuple(reason.text for reason in reasons), flawed=any(reason.grave for reason in reasons))
 
 
-def _of_strokes(found: Indicators) -> list[Reason]:
-    if not found.adapts:
+def _of_strokes(indicators: Indicators) -> list[Reason]:
+    if not indicators.adapts:
         return [Reason("the load does not adapt with this method: it is that of the calibration.", True)]
-    if found.strokes >= STROKES.care:
+    if indicators.strokes >= STROKES.care:
         return []
-    ended = "no stroke has" if found.strokes == 0 else f"{found.strokes:d} stroke has"
+    ended = "no stroke has" if indicators.strokes == 0 else f"{indicators.strokes:d} stroke has"
     return [
         Reason(
             f"{ended} ended, fewer than {STROKES.care:d}: the load is still that of the calibration, with what may "
             "have changed since; record more strokes.",
-            found.strokes < STROKES.none,
+            indicators.strokes < STROKES.none,
         )
     ]
 
 
-def _of_band(found: Indicators) -> list[Reason]:
-    if found.half_width <= HALF_WIDTH.care:
+def _of_band(indicators: Indicators) -> list[Reason]:
+    if indicators.half_width <= HALF_WIDTH.care:
         return []
     first, last = ENGAGING
-    width = f"± {100 * found.half_width:.0f} % of the peak" if np.isfinite(found.half_width) else "infinite"
+    width = f"± {100 * indicators.half_width:.0f} % of the peak" if np.isfinite(indicators.half_width) else "infinite"
     return [
         Reason(
             f"the band of the load between {first * 1e3:.0f} and {last * 1e3:.0f} mm is {width}, wider than "
             f"the limit of ± {100 * HALF_WIDTH.care:.0f} %; record more strokes.",
-            not found.half_width <= HALF_WIDTH.none,
+            not indicators.half_width <= HALF_WIDTH.none,
         )
     ]
 
 
-def _of_mismatch(found: Indicators) -> list[Reason]:
-    if not found.mismatch > MISMATCH.care:
+def _of_mismatch(indicators: Indicators) -> list[Reason]:
+    if not indicators.mismatch > MISMATCH.care:
         return []
     text = (
-        f"the innovations (NIS in motion) are {found.mismatch:.1f} times those of the calibration recordings, more "
-        f"than {MISMATCH.care:g}: the model may not hold any more; look for a fault, or calibrate again."
+        f"the innovations (NIS in motion) are {indicators.mismatch:.1f} times those of the calibration recordings, "
+        f"more than {MISMATCH.care:g}: the model may not hold any more; look for a fault, or calibrate again."
     )
-    return [Reason(text, found.mismatch > MISMATCH.none)]
+    return [Reason(text, indicators.mismatch > MISMATCH.none)]
 
 
 _MEANINGS = FLAGS
 
 
-def _of_flags(found: Indicators) -> list[Reason]:
+def _of_flags(indicators: Indicators) -> list[Reason]:
     reasons = []
     for name, limit in FLAGGED.items():
-        share = found.flagged.get(name, 0.0)
+        share = indicators.flagged.get(name, 0.0)
         if share > limit.care:
             reasons.append(Reason(f"{_MEANINGS[name]} ({100 * share:.2g} % of the time).", share > limit.none))
     return reasons
 
 
-def _of_jumps(found: Indicators) -> list[Reason]:
-    if found.zero == "no jump":
+def _of_jumps(indicators: Indicators) -> list[Reason]:
+    if indicators.zero == "no jump":
         return []
     text = (
         "the position jumped as no piston moves, and stayed: its sensor was set to zero anew, or two recordings are "
-        f"joined; {_ZEROS[found.zero]}"
+        f"joined; {_ZEROS[indicators.zero]}"
     )
-    return [Reason(text, found.zero != "shown")]
+    return [Reason(text, indicators.zero != "shown")]
 
 
-def _of_supply(found: Indicators) -> list[Reason]:
-    if not found.supply_assumed:
+def _of_supply(indicators: Indicators) -> list[Reason]:
+    if not indicators.supply_assumed:
         return []
     return [
         Reason(

@@ -204,7 +204,7 @@ class _Residual(NamedTuple):
     load: float
 
 
-def valve_reasons(fit: Fit, found: Evidence) -> list[Reason]:
+def valve_reasons(fit: Fit, evidence: Evidence) -> list[Reason]:
     """Residuals that correspond to a load larger than the width of the interval."""
     width = _width(fit)
     return [
@@ -213,15 +213,15 @@ def valve_reasons(fit: Fit, found: Evidence) -> list[Reason]:
             f"corresponds to a load of {residual.load:.0f} N, more than the width of the interval, {width:.0f} N: the "
             "interval is too narrow."
         )
-        for residual in _residuals(fit, found, 0.0)
+        for residual in _residuals(fit, evidence, 0.0)
         if residual.load > width
     ]
 
 
-def valve_notes(fit: Fit, found: Evidence) -> list[str]:
+def valve_notes(fit: Fit, evidence: Evidence) -> list[str]:
     """The others that `clutchid.estimation.assess.diagnostics.remarks` names: the load does not suffer."""
     width, notes = _width(fit), []
-    for residual in _residuals(fit, found, LEAST_CORRELATION):
+    for residual in _residuals(fit, evidence, LEAST_CORRELATION):
         what = f"{residual.recording}: the residual of {residual.column} correlates with a valve"
         if residual.column == "position" and fit.follows:
             notes.append(f"{what}: no reason against the load, because the position follows the measurement.")
@@ -246,7 +246,7 @@ def _width(fit: Fit) -> float:
     return float(np.median(width)) if width.size > 1 else float("nan")
 
 
-def _residuals(fit: Fit, found: Evidence, least: float) -> list[_Residual]:
+def _residuals(fit: Fit, evidence: Evidence, least: float) -> list[_Residual]:
     """Residuals with a certain correlation of at least `least` with a valve; none without a load with an interval."""
     curve, inside = fit.load_curve, _inside(fit)
     if inside.sum() < 2:
@@ -255,7 +255,7 @@ def _residuals(fit: Fit, found: Evidence, least: float) -> list[_Residual]:
     force = {"position": 0.0 if fit.follows else slope, "pressure_a": fit.actuator.parameters.A_A}
     return [
         _Residual(name, column, force[column] * _autocorrelated(residual))
-        for name, diagnosis in found.diagnoses.items()
+        for name, diagnosis in evidence.diagnoses.items()
         for column, residual in diagnosis.columns.items()
         if _correlates_with_valve(residual, least)
     ]
@@ -395,7 +395,7 @@ def _combinations(fit: Fit) -> list[Reason]:
     return [Reason(f"{text}fix some, or calibrate with pressure and start from that.")]
 
 
-def _motion_fit(found: Evidence) -> list[Reason]:
+def _motion_fit(evidence: Evidence) -> list[Reason]:
     return [
         Reason(
             f"{name}: simulated for {HORIZON:g} s at a time, the position fits to {share:.1f} %, less than "
@@ -403,7 +403,7 @@ def _motion_fit(found: Evidence) -> list[Reason]:
             "errors.",
             share < _POOR_FIT,
         )
-        for name, share in found.predictions.items()
+        for name, share in evidence.predictions.items()
         if share < _GOOD_FIT
     ]
 
@@ -413,22 +413,22 @@ def _wide_interval(fit: Fit) -> list[Reason]:
     curve, furthest = fit.load_curve, reach(fit)
     inside = curve.position <= furthest
     half = ((curve.high - curve.low) / 2)[inside]
-    known, peak = np.isfinite(half), float(curve.force[curve.peak(furthest)])
+    finite, peak = np.isfinite(half), float(curve.force[curve.peak(furthest)])
     if not fit.load_is_fitted:
         return []
-    if not known.any() or peak <= 0.0:
+    if not finite.any() or peak <= 0.0:
         return [Reason("the data do not determine the load: its interval is infinite.", True)]
     broad = ~(half <= WIDE * peak)
-    if known.all() and np.mean(broad) <= _WIDE_SHARE:
+    if finite.all() and np.mean(broad) <= _WIDE_SHARE:
         return []
     at = curve.position[inside][broad] * 1e3
-    widest = f"up to ± {100 * np.max(half) / peak:.0f} % of the peak" if known.all() else "infinite in part"
+    widest = f"up to ± {100 * np.max(half) / peak:.0f} % of the peak" if finite.all() else "infinite in part"
     return [
         Reason(
             f"the interval of the load is {widest} between {at[0]:.1f} and {at[-1]:.1f} mm, wider than the limit of ± "
             f"{100 * WIDE:.0f} %; record longer, or with more strokes.",
             bool(np.median(half) > peak),
-            banded=bool(known.all()),
+            banded=bool(finite.all()),
         )
     ]
 

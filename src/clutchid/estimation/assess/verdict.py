@@ -279,7 +279,7 @@ def _as_in_the_paper(fit: Fit) -> bool:
     return load_alone and by_position and fit.actuator.model == Actuator().model and of_the_paper(fit)
 
 
-def _experience(fit: Fit, found: Sequence[Reason]) -> str:
+def _experience(fit: Fit, reasons: Sequence[Reason]) -> str:
     """How far off the loads of such fits were on virtual trucks, in a sentence.
 
     For a reading that is how often, if no reason is there that the readings of the virtual trucks did not have.
@@ -292,7 +292,7 @@ def _experience(fit: Fit, found: Sequence[Reason]) -> str:
             f"band contained {PAPER_HELD} % of the points."
         )
     share = share_off(fit)
-    if not np.isfinite(share) or not all(reason.banded for reason in found):
+    if not np.isfinite(share) or not all(reason.banded for reason in reasons):
         return ""
     return f"on virtual trucks {share:.0f} % of such readings had a load error above {BAD_ERROR:g} %."
 

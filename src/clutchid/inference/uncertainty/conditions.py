@@ -114,33 +114,33 @@ def with_estimated_supply(
 
 def condition_problems(log: Log, actuator: Actuator) -> dict[str, str]:
     """A sentence for each column of a condition that cannot be right."""
-    found: dict[str, str] = {}
+    problems: dict[str, str] = {}
     temperature, supply = _measured(log, "temperature_ambient"), _measured(log, "pressure_supply")
     if temperature.size:
         low, high, seconds = temperature.min(), temperature.max(), log.time[-1] - log.time[0]
         if low < _COLDEST or high > _WARMEST:
-            found["temperature_ambient"] = (
+            problems["temperature_ambient"] = (
                 f"temperature_ambient is {low - 273.15:.4g} to {high - 273.15:.4g} degC, outside "
                 f"{_COLDEST - 273.15:g} to {_WARMEST - 273.15:g} degC; correct the unit in the heading (K or degC), or "
                 "remove the column."
             )
         elif high - low > SWING + RATE * seconds:
-            found["temperature_ambient"] = (
+            problems["temperature_ambient"] = (
                 f"temperature_ambient changes by {high - low:.3g} K in {seconds:.3g} s, where at most "
                 f"{SWING + RATE * seconds:.3g} K are possible; remove what is not the temperature of the air."
             )
     ambient = actuator.parameters.P_0
     if supply.size and supply.min() < ambient:
-        found["pressure_supply"] = (
+        problems["pressure_supply"] = (
             f"pressure_supply falls to {supply.min() * 1e-5:.3g} bar, below the ambient pressure of "
             f"{ambient * 1e-5:.3g} bar; correct the unit in the heading (bar is absolute, bar(g) gauge), or remove the "
             "column."
         )
-    return found
+    return problems
 
 
 def known_conditions(
-    log: Log, actuator: Actuator, calibrated: RecordedConditions, given: Mapping[str, Prior]
+    log: Log, actuator: Actuator, calibrated: RecordedConditions, priors: Mapping[str, Prior]
 ) -> dict[str, Prior]:
     """Measurements of T_0 and P_S in a recording, by how its conditions differ from the `calibrated` ones.
 
@@ -152,7 +152,7 @@ def known_conditions(
         As calibrated.
     calibrated : RecordedConditions
         Of the calibration recordings.
-    given : {name: Prior}
+    priors : {name: Prior}
         From the user, in place of a column; compared to the value of `actuator` where the calibration has none.
 
     Raises
@@ -161,38 +161,38 @@ def known_conditions(
         As `conditions_of`.
     """
     now = conditions_of([log], actuator)
-    known: dict[str, Prior] = {}
+    measured: dict[str, Prior] = {}
     for name in CONDITIONS:
         before, own, value = calibrated.value(name), now.value(name), actuator.value(name)
-        here = given.get(name) or (Prior(own, ACCURACY[name]) if own is not None and before is not None else None)
+        here = priors.get(name) or (Prior(own, ACCURACY[name]) if own is not None and before is not None else None)
         if here is None:
             continue
         std = here.std if before is None else hypot(here.std, ACCURACY[name])
         at = value if before is None else before
         # both act by their ratio: the calibrated values may be some percent beside the recorded ones
-        known[name] = Prior(value / at * here.mean, value / at * std)
-    return known
+        measured[name] = Prior(value / at * here.mean, value / at * std)
+    return measured
 
 
-def condition_warnings(logs: Sequence[Log], calibrated: RecordedConditions, given: Mapping[str, Prior]) -> list[str]:
+def condition_warnings(logs: Sequence[Log], calibrated: RecordedConditions, priors: Mapping[str, Prior]) -> list[str]:
     """A sentence for each condition that a recording has and its calibration lacks."""
     return [
         f"{log.name}: {column} is not used, because the calibration does not have it; record it in the calibration "
         "recording too, and save the calibration again."
         for log in logs
         for name, column in CONDITIONS.items()
-        if name not in given and calibrated.value(name) is None and _measured(log, column).size
+        if name not in priors and calibrated.value(name) is None and _measured(log, column).size
     ]
 
 
-def assumed_conditions(logs: Sequence[Log], known: Collection[str], actuator: Actuator) -> tuple[Assumption, ...]:
+def assumed_conditions(logs: Sequence[Log], measured: Collection[str], actuator: Actuator) -> tuple[Assumption, ...]:
     """Assumptions on unknown conditions that may have changed, for a load that is read from `logs`.
 
-    `known` are the parameters that are measured or fitted, NAME or NAME@RECORDING; `actuator` is as calibrated.
+    `measured` are the parameters that are measured or fitted, NAME or NAME@RECORDING; `actuator` is as calibrated.
     """
     assumptions = []
     for name in [name for name in ("P_S", "T_0") if name in changeable(actuator)]:
-        lacking = [log for log in logs if name not in known and f"{name}@{log.name}" not in known]
+        lacking = [log for log in logs if name not in measured and f"{name}@{log.name}" not in measured]
         recorded = all(_measured(log, CONDITIONS[name]).size for log in lacking)
         value = actuator.value(name)
         assumption = Assumption(name, tuple(log.name for log in lacking), value, assumed_change(name) * value, recorded)

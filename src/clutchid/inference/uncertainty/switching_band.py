@@ -19,7 +19,7 @@ SINCE = (0.003, 0.006, 0.01, 0.02, 0.03, 0.05, 0.1)
 _ON_OFF_TOLERANCE, _ON_OFF_SHARE = 0.02, 0.95
 
 
-def switching_band(simulated: Log, known: Sequence[tuple[Log, Log]], level: float = 0.95) -> Log:
+def switching_band(simulated: Log, pairs: Sequence[tuple[Log, Log]], level: float = 0.95) -> Log:
     r"""`simulated` with an interval of its pressure that contains the fraction `level` of the samples of others.
 
     .. math:: |p_A - \hat p_A| \le q_g, \quad q_g \text{ the } \lceil (n_g + 1) \, level \rceil \text{-th smallest of }
@@ -64,11 +64,11 @@ def switching_band(simulated: Log, known: Sequence[tuple[Log, Log]], level: floa
     >>> float(banded["pressure_a high"].max()), float(banded["pressure_a low"].min())
     (201000.0, 199000.0)
     """
-    for log in (simulated, *(run for _, run in known)):
+    for log in (simulated, *(run for _, run in pairs)):
         _check_switched(log)
-    groups = np.concatenate([_group(run) for _, run in known]) if known else np.zeros(0, dtype=np.int64)
-    errors = [np.abs(measured["pressure_a"] - run["pressure_a"]) for measured, run in known if "pressure_a" in measured]
-    error = np.concatenate(errors) if len(errors) == len(known) and errors else np.zeros(0)
+    groups = np.concatenate([_group(run) for _, run in pairs]) if pairs else np.zeros(0, dtype=np.int64)
+    errors = [np.abs(measured["pressure_a"] - run["pressure_a"]) for measured, run in pairs if "pressure_a" in measured]
+    error = np.concatenate(errors) if len(errors) == len(pairs) and errors else np.zeros(0)
     finite = np.isfinite(error)
     if not finite.any():
         raise DataError(f"{simulated.name}: no recording with a measured pressure to determine the interval from.")
