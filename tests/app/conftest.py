@@ -18,6 +18,7 @@ from clutchid.app.tasks import TASKS
 from clutchid.app.worker import run
 from clutchid.documents.json_text import json_text
 from clutchid.truck import Truck, drive
+from clutchid.verbs.progress import when_compiling
 from fixtures.commands import wait_for
 from fixtures.pages import blank_figures
 
@@ -189,6 +190,7 @@ def working(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patched, blank_figures(), serving(tmp_path_factory.mktemp("app")) as served:
         patched.setattr("clutchid.app.jobs.asyncio.create_subprocess_exec", started)
         yield served
+        when_compiling(lambda _: None)  # the jobs have no process of their own, with which their callbacks would end
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -16,6 +17,7 @@ from clutchid.cli.common import (
     guarded,
     print_json,
     print_written,
+    progress_bar,
 )
 from clutchid.documents.console import put, say
 from clutchid.verbs.options import USUAL_FILES
@@ -78,10 +80,12 @@ def export(
     from clutchid.verbs.start import start_file
 
     log = files.reading([check]).read(start_file(calibration).actuator)[0] if check else None
-    export = exporting.export(
-        calibration, out, to=to, method=method, modes=modes, real=real, rates=rates, name=name, resume=resume,
-        check=log, model=model,
-    )  # fmt: skip
+    slow = "fmu" in to and find_spec("ziglang")
+    with progress_bar("export: the first FMU for Windows takes some minutes" if slow else "export"):
+        export = exporting.export(
+            calibration, out, to=to, method=method, modes=modes, real=real, rates=rates, name=name, resume=resume,
+            check=log, model=model,
+        )  # fmt: skip
     _answer(export, json)
     return DONE
 

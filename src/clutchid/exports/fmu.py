@@ -22,7 +22,7 @@ import numpy as np
 from clutchid.codegen.c99 import CSource, c99_source
 from clutchid.codegen.language import C_DOUBLE
 from clutchid.codegen.templates import template
-from clutchid.errors import ExportError
+from clutchid.errors import ExportError, install_command
 from clutchid.exports.c99 import CStyle, compiler, source_files, state_notes
 from clutchid.exports.data import carrier_us
 from clutchid.exports.outputs import OUTPUTS
@@ -208,7 +208,7 @@ def missing_binaries(file: str, fmu: bytes) -> tuple[str, ...]:
     present = set(platforms(fmu))
     reasons = (
         (LINUX, "for 64-bit Linux: there is no C compiler for it on this machine"),
-        (WINDOWS, 'for 64-bit Windows: ziglang, which compiles it, is not installed; pip install "clutchid[export]"'),
+        (WINDOWS, f"for 64-bit Windows: ziglang, which compiles it, is not installed: {install_command('export')}"),
     )
     return tuple(f"{file} has no binary {reason}." for names, reason in reasons if present.isdisjoint(names.values()))
 
