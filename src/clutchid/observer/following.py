@@ -174,15 +174,18 @@ def _values(observer: Observer, state: ObserverState, block: Log, repeated: Mask
     """
     taken = np.flatnonzero(~repeated)
     names = ("position", *INPUTS, "pressure_supply")
-    judged = Log(block.time[taken], {name: block[name][taken] for name in names if name in block})
+    judged = block
+    if taken.size < len(block):
+        judged = Log(block.time[taken], {name: block[name][taken] for name in names if name in block})
     bounds = limits(observer.actuator, "position", observer.spacing)
     of_taken, since, watch = watched(state.values, bounds, judged, "position")
     verdicts, jumps = np.full(len(block), rule.VALUE, dtype=np.uint8), np.zeros(len(block), dtype=bool)
     verdicts[taken] = of_taken
     # what counted for less time before a step was the outlier itself
     jumps[taken] = (of_taken == rule.SEAM) & (since[:, 0] - since[:, 1] >= BELIEVED)
-    ends = np.isin(verdicts, (rule.SEAM, rule.REPEATED))
-    columns = {"position": np.where(np.isin(verdicts, (rule.VALUE, rule.EXPLAINED)), block["position"], np.nan)}
+    ends = (verdicts == rule.SEAM) | (verdicts == rule.REPEATED)  # np.isin takes 20 times as long for a sample
+    right = (verdicts == rule.VALUE) | (verdicts == rule.EXPLAINED)
+    columns = {"position": np.where(right, block["position"], np.nan)}
     unlike, supply_watch = np.zeros(len(block), dtype=bool), state.supply
     if "pressure_supply" in block and observer.supply is not None:
         unlike[taken], supply_watch = supply_differs(state.supply, observer.supply.recorded, judged)

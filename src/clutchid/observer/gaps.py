@@ -107,6 +107,8 @@ def _held(
     state: ObserverState, time: FloatArray, duties: FloatArray, ends: Mask, spacing: float
 ) -> tuple[FloatArray, FloatArray, float]:
     """Duty cycles held where they are missing for a short time, the `open_std` of `Tail`, and `known` of `Bridged`."""
+    if time.size and not (np.isnan(duties).any() or ends.any()):
+        return duties, np.zeros(time.size), float(time[-1])
     before = state.known if _driven(state) and state.tail.time.size else np.nan
     first = state.tail.duties[-1:] if np.isfinite(before) else np.full((1, 2), np.nan)
     both, stamps = np.vstack([first, duties]), np.append(before, time)
