@@ -20,8 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid.exports.c99 import CStyle, compiler, observer_c99, source_files
-from clutchid.exports.parity import trial_drive
-from clutchid.exports.requirements import DRIVE, requirement_files
+from clutchid.exports.requirements import requirement_drive, requirement_files
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import RecordedConditions
 from clutchid.model import Actuator, Load
@@ -83,10 +82,10 @@ def calibrated() -> Observer:
     """An observer with everything that a calibration can know."""
     load = Load.on_b_splines(Load((9.0e5, -0.3e5, 0.6e5)))
     actuator = Actuator(Parameters(tau_y=1e-3, T_pwm=5e-3, s_pwm=0.3e-3), load, "energy-balance-stribeck")
-    rest = vented_rest(trial_drive(observer(actuator), **DRIVE))
+    rest = vented_rest(requirement_drive(observer(actuator)))
     conditions = RecordedConditions(supply=9.5e5, supply_estimated=actuator.value("P_S"))
-    known = Calibration((), np.zeros((0, 0)), conditions=conditions, nis=0.05, rest=rest)
-    return observer(actuator, calibration=known)
+    calibration = Calibration((), np.zeros((0, 0)), conditions=conditions, nis=0.05, rest=rest)
+    return observer(actuator, calibration=calibration)
 
 
 def branches(observed: Observer, style: CStyle, folder: Path) -> dict[Branch, bool]:

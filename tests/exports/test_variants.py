@@ -92,12 +92,12 @@ def run(program, samples):
 
 @pytest.mark.parametrize("style", STYLES, ids=lambda style: f"{style.real}-{style.rates}")
 def test_two_calibrations_share_the_code_and_have_the_outputs_of_two_exports(calibrations, samples, tmp_path, style):
-    found = run(built(calibrations, style, BOTH, tmp_path), np.stack(samples, axis=1)).reshape(-1, 2, len(OUTPUTS))
+    outputs = run(built(calibrations, style, BOTH, tmp_path), np.stack(samples, axis=1)).reshape(-1, 2, len(OUTPUTS))
     for i, one in enumerate(calibrations):
         program = replay(style, write_sources(one, style, tmp_path / f"alone{i}"), np.zeros(1), 0)
         alone = run(program, samples[i])[: len(samples[i]) * len(OUTPUTS)].reshape(-1, len(OUTPUTS))
-        np.testing.assert_array_equal(found[:, i], alone)
-    assert found[-1, 0, 8] > 0
+        np.testing.assert_array_equal(outputs[:, i], alone)
+    assert outputs[-1, 0, 8] > 0
 
 
 REFUSED = """
@@ -120,13 +120,13 @@ REFUSED = """
 
 
 def test_a_state_of_another_calibration_is_refused_and_left_as_it_is(calibrations, samples, tmp_path):
-    found = run(built(calibrations, CStyle(), REFUSED, tmp_path), samples[0][:1])
-    np.testing.assert_array_equal(found[:8], [0, 0, 1, 0, 0, np.nan, 1, 1])
-    output = dict(zip(OUTPUTS, found[8:-1], strict=True))
+    printed = run(built(calibrations, CStyle(), REFUSED, tmp_path), samples[0][:1])
+    np.testing.assert_array_equal(printed[:8], [0, 0, 1, 0, 0, np.nan, 1, 1])
+    output = dict(zip(OUTPUTS, printed[8:-1], strict=True))
     assert output.pop("flags") == 2.0**31
     assert (output.pop("trust"), output.pop("strokes")) == (0.0, 0.0)
     assert np.isnan(list(output.values())).all()
-    assert found[-1] == 0.0
+    assert printed[-1] == 0.0
 
 
 CHANGED = """

@@ -7,16 +7,19 @@ import numpy as np
 from clutchid.codegen.templates import template
 from clutchid.exports.c99 import CLOCK, CStyle, c_number
 from clutchid.exports.parity import trial_drive
+from clutchid.log import Log
 from clutchid.observer.observer import Observer
 from clutchid.strokes.stroke import BEGINS
 
-#: Its strokes in s: the valve vents long enough for the piston to come to rest.
-DRIVE = {"period": 2.0, "vents": 1.2}
+
+def requirement_drive(observer: Observer) -> Log:
+    """The drive of the checks: the valve vents long enough for the piston to come to rest."""
+    return trial_drive(observer, period=2.0, vents=1.2)
 
 
 def requirement_files(observer: Observer, style: CStyle) -> dict[str, str]:
     """The program that checks each requirement (docs/control_unit.md) by its number, and its drive, by their paths."""
-    drive, number = trial_drive(observer, **DRIVE), c_number(style.real)
+    drive, number = requirement_drive(observer), c_number(style.real)
     columns = [drive[name].tolist() for name in ("position", "duty_supply", "duty_exhaust")]
     values = {
         "name": style.name,

@@ -42,7 +42,7 @@ from clutchid.observer.state import (
 )
 from clutchid.strokes import rule
 from clutchid.strokes.stroke import Strokes, count_strokes
-from clutchid.strokes.values import BELIEVED, Verdicts, limits, outside, supply_differs, watched
+from clutchid.strokes.values import BELIEVED, Verdicts, ends_stretch, is_value, limits, outside, supply_differs, watched
 
 #: Shares of ambient and supply pressure beyond which the pressure in a chamber is that of a filter that has diverged.
 PRESSURES = 0.01, 10.0
@@ -183,9 +183,8 @@ def _values(observer: Observer, state: ObserverState, block: Log, repeated: Mask
     verdicts[taken] = of_taken
     # what counted for less time before a step was the outlier itself
     jumps[taken] = (of_taken == rule.SEAM) & (since[:, 0] - since[:, 1] >= BELIEVED)
-    ends = (verdicts == rule.SEAM) | (verdicts == rule.REPEATED)  # np.isin takes 20 times as long for a sample
-    right = (verdicts == rule.VALUE) | (verdicts == rule.EXPLAINED)
-    columns = {"position": np.where(right, block["position"], np.nan)}
+    ends = ends_stretch(verdicts)
+    columns = {"position": np.where(is_value(verdicts), block["position"], np.nan)}
     unlike, supply_watch = np.zeros(len(block), dtype=bool), state.supply
     if "pressure_supply" in block and observer.supply is not None:
         unlike[taken], supply_watch = supply_differs(state.supply, observer.supply.recorded, judged)

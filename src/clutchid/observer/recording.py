@@ -22,8 +22,7 @@ from clutchid.observer.mismatch import normalised
 from clutchid.observer.observer import Observer, observer, start
 from clutchid.observer.state import ObserverState
 from clutchid.preparation.pulses import Duties, duties_in
-from clutchid.strokes import rule
-from clutchid.strokes.values import outside, with_inputs_in_range
+from clutchid.strokes.values import ends_stretch, is_value, outside, with_inputs_in_range
 
 #: As many intervals at the start of a recording give the time from one sample to the next, rounded to so many digits:
 #: what is known before the recording has ended, and the same for its parts.
@@ -248,8 +247,7 @@ def follow_block(
 def _values(log: Log, samples: Observed) -> Log:
     """A part of a recording in which what is no value is missing; the same object where all are values."""
     verdicts = samples.verdicts
-    ends = np.isin(verdicts, (rule.SEAM, rule.REPEATED))
-    wrong = {"position": ~np.isin(verdicts, (rule.VALUE, rule.EXPLAINED)), **dict.fromkeys(INPUTS, ends)}
+    wrong = {"position": ~is_value(verdicts), **dict.fromkeys(INPUTS, ends_stretch(verdicts))}
     if "pressure_supply" in log:
         wrong["pressure_supply"] = samples.supply_unlike | outside("pressure_supply", log["pressure_supply"])
     columns = {name: np.where(mask, np.nan, log[name]) for name, mask in wrong.items() if mask.any()}
