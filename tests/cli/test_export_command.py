@@ -52,7 +52,7 @@ def test_it_goes_on_from_a_saved_state(folder, tmp_path, capsys, observe):
 
 
 def test_without_a_compiler_the_files_are_there_and_parity_was_not_run(folder, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("clutchid.exports.c99.shutil.which", lambda _: None)
+    monkeypatch.setattr("clutchid.exports.c99.shutil.which", lambda *_, **__: None)
     monkeypatch.setattr("clutchid.exports.fmu.find_spec", lambda _: None)
     assert exported(folder, tmp_path, "--to", "c,fmu2,fmu3", "--model") == 0
     said, errors = capsys.readouterr()

@@ -19,6 +19,7 @@ from clutchid.observer import observer
 from clutchid.observer.health import FLAGS
 from clutchid.observer.observer import Observer
 from clutchid.observer.state_file import fingerprint
+from fixtures.a2l import addresses
 from fixtures.export_c import compiled, write_sources
 
 pytestmark = pytest.mark.slow
@@ -71,8 +72,9 @@ def exported(request: pytest.FixtureRequest, plant: Actuator, tmp_path_factory: 
 def reading(exported: Exported, symbols: Iterator[str]) -> str:
     """Statements that take the first number of each symbol as one of the type in the A2L."""
     real = exported.style.real
-    array = re.compile(r"(breakpoints|_load_\w+|weights)$")
-    types = {s: "uint32_t" if re.search(r"strokes$|flags$|trust$|health", s) else real for s in symbols}
+    array = re.compile(r"(breakpoints|_load_\w+|weights|epk)$")
+    whole = {"epk": "uint8_t", **dict.fromkeys(("strokes", "flags", "trust", "health"), "uint32_t")}
+    types = {s: whole.get(re.sub(r".*\.|\[.*", "", s), real) for s in symbols}
     return " ".join(
         f"{{ const {t} *at = &{s}{'[0]' if array.search(s) else ''}; (void)*at; }}" for s, t in types.items()
     )
@@ -111,6 +113,7 @@ def test_every_output_is_measured_and_every_acting_parameter_stands_once(exporte
     actuator = joint.mapped.actuator
     adapting = {c.base for c in joint.coordinates}
     calibrated = [n.removeprefix("release.") for n, s in items.items() if s.startswith("release_data.")]
+    calibrated.remove("epk")
     assert len(calibrated) == len(set(calibrated))
     free = {f"load.{name}" if name in actuator.load.names else name for name in adapting}
     assert free <= set(calibrated)
@@ -120,6 +123,7 @@ def test_every_output_is_measured_and_every_acting_parameter_stands_once(exporte
 
 def test_every_value_is_that_of_the_parameter_that_it_names(exported: Exported, tmp_path: Path) -> None:
     shown = {n: s for n, s in exported.items.items() if "_data." in s or ".derived[0].p[" in s}
+    assert shown.pop("release.epk") == "release_data.epk"
     printed = " ".join(f'printf("{n} %.9g\\n", (double){s});' for n, s in shown.items())
     main = exported.application(f"release_start(&release_data, &release_observer, NULL, 0u); {printed}", tmp_path)
     others = [f for f in exported.folder.glob("*.c") if f.stem != "release_data"]
@@ -277,10 +281,3 @@ def test_addresses_from_an_elf_file_are_those_of_the_program(exported: Exported,
     assert addresses(text)[f"{name}.pressure_a"] == symbols[f"{name}_output"]
     file.write_text(exported.text.replace("_output.pressure_a_std", "_output.pressure_a_sd"))
     assert run_a2ltool(*strict, "--output", filled, file).returncode != 0
-
-
-def addresses(text: str) -> dict[str, int]:
-    """Addresses in an A2L by name."""
-    measured = re.findall(r"/begin MEASUREMENT (\S+) .*?ECU_ADDRESS (0x[0-9A-F]+)", text, re.DOTALL)
-    others = re.findall(r'/begin (?:CHARACTERISTIC|AXIS_PTS) (\S+) "(?:\\.|[^"\\])*" (?:[A-Z]+ )?(0x[0-9A-F]+)', text)
-    return {name: int(at, 16) for name, at in (*measured, *others)}

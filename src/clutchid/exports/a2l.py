@@ -66,7 +66,7 @@ UNITS = {
 }
 
 
-def a2l(observer: Observer, style: CStyle, title: str) -> str:
+def a2l(observer: Observer, style: CStyle, title: str, *, fmu: bool = False) -> str:
     """ASAP2 1.71 of an observer in C, in ASCII, with addresses of 0 and symbols that a tool finds in an ELF file.
 
     Measured are the variables ``NAME_observer``, ``NAME_output``, ``NAME_load_force``, ``NAME_load_low`` and
@@ -78,6 +78,8 @@ def a2l(observer: Observer, style: CStyle, title: str) -> str:
     ----------
     title
         What the observer was made from.
+    fmu
+        Whether these are the elements of ``NAME_xcp`` in an FMU, in place of variables of an application.
     """
     joint, real = observer.joint, {"float": "FLOAT32_IEEE", "double": "FLOAT64_IEEE"}[style.real]
     measured = [*_outputs(observer, real), *_flags(), *_adapted(joint, real)]
@@ -87,6 +89,7 @@ def a2l(observer: Observer, style: CStyle, title: str) -> str:
     text: str = template("asap2.a2l.j2", "clutchid.exports").render(
         name=style.name,
         title=" ".join(title.split()),
+        fmu=fmu,
         real=style.real,
         type=real,
         number=lambda value: f"{value:.10g}",

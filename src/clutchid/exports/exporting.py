@@ -12,7 +12,7 @@ from clutchid.errors import DataError, ParameterError
 from clutchid.exports.a2l import a2l, xcp_template
 from clutchid.exports.c99 import CStyle, compiler, observer_c99, source_files
 from clutchid.exports.data import provenance
-from clutchid.exports.fmu import FMUS, missing_binaries, model_fmu, observer_fmu
+from clutchid.exports.fmu import FMUS, missing_parts, model_fmu, observer_fmu
 from clutchid.exports.frames import results_dbc
 from clutchid.exports.matlab import matlab_files
 from clutchid.exports.misra import CHECKER, DEVIATIONS
@@ -152,12 +152,12 @@ def write_export(
     fmus: dict[str, bytes] = {}
     for version, suffix in FMUS.items():
         if f"fmu{version}" in to:
-            fmus[f"{style.name}{suffix}"] = observer_fmu(observer, state, style, modules, version)
+            fmus[f"{style.name}{suffix}"] = observer_fmu(observer, state, style, modules, title, version)
             if model:
                 name = f"{style.name}_model"
                 fmus[f"{name}{suffix}"] = model_fmu(observer.actuator, name, version)
     files |= {f"fmu/{name}.fmu": fmu for name, fmu in fmus.items()}
-    notes = (*notes, *(note for name, fmu in fmus.items() for note in missing_binaries(f"fmu/{name}.fmu", fmu)))
+    notes = (*notes, *(note for name, fmu in fmus.items() for note in missing_parts(f"fmu/{name}.fmu", fmu)))
     if "matlab" in to:
         files |= {f"matlab/{name}": text for name, text in matlab_files(style).items()}
     if "a2l" in to:
