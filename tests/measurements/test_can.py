@@ -341,6 +341,20 @@ def test_a_trc_log_counts_from_its_first_frame_and_passes_over_lines_that_cannot
     np.testing.assert_allclose(found["time"], [0.0, 0.2002], rtol=0, atol=1e-12)
 
 
+def test_a_trc_log_of_two_buses_has_its_frames_by_bus_as_it_numbers_them(save, dbc):
+    buses = """;$FILEVERSION=2.1
+;$STARTTIME=45000.5
+;$COLUMNS=N,O,T,B,I,d,R,L,D
+      1       100.100 DT 1 0CF00400 Rx -  8    00 00 00 20 1C 00 00 00
+      2       100.200 DT 2 0CF00400 Rx -  8    00 00 00 40 1C 00 00 00
+      3       200.100 DT 1 0CF00400 Rx -  8    00 00 00 22 1C 00 00 00
+"""
+    source = open_file(save(buses, "run.trc"), [dbc])
+    speeds = {raster.name: numbers_of(source, i)["EngineSpeed"].tolist() for i, raster in enumerate(source.rasters)}
+    assert list(speeds.values()) == [[900.0, 900.25], [904.0]]
+    assert [name.partition("CAN")[2][0] for name in speeds] == ["1", "2"]
+
+
 def test_a_trc_log_without_columns_ends_with_a_sentence(save, dbc):
     source = open_file(save(TRC.replace("=1.1", "=2.1"), "run.trc"), [dbc])
     assert source.problems == ("holds no data frames of a CAN bus; record it again.",)

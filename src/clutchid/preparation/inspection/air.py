@@ -226,8 +226,6 @@ def _supply_change(log: Log) -> tuple[float, float, float] | None:
     values = log["pressure_supply"]
     finite = np.isfinite(values)
     blocks = np.floor((log.time[finite] - log.time[0]) / _LEVEL).astype(np.int64)
-    if not blocks.size:
-        return None
     numbers = np.unique(blocks)
     levels = np.array([np.median(values[finite][blocks == number]) for number in numbers])
     if levels.size < _LEVELS:
