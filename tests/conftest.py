@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import gc
 import os
+import shutil
 import signal
-from collections.abc import Callable
+import tempfile
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -23,6 +25,8 @@ from clutchid.model import Actuator, Load
 from clutchid.model.compiled import compile_ahead, kernels, system
 from clutchid.model.variants import VARIANTS
 from fixtures.commands import without_workers
+from fixtures.compilers import compilers
+from fixtures.export_c import equations_once
 from fixtures.model_recordings import (  # noqa: F401, fixtures of several packages
     adapted,
     calibrated,
@@ -107,10 +111,18 @@ def pytest_collection_finish() -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Compile the kernels once, before workers start that would all do it; no test compiles for itself.
 
+    The workers share the objects of C compilers too.
+
     A worker, and what it starts, has one thread: there is a worker for each processor, and a fit on two threads takes
     an eighth more of its time.
     """
-    if config.getoption("numprocesses", None) and not hasattr(config, "workerinput"):
+    if hasattr(config, "workerinput"):
+        return
+    objects = tempfile.mkdtemp(prefix="clutchid-objects-")
+    config.add_cleanup(lambda: shutil.rmtree(objects))
+    compilers(Path(objects))
+    os.environ["PATH"] = f"{objects}{os.pathsep}{os.environ['PATH']}"
+    if config.getoption("numprocesses", None):
         for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS"):
             os.environ.setdefault(name, "1")
         with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
@@ -133,6 +145,13 @@ def _compiled() -> None:
     """Load the kernels of every variant from the user's cache once."""
     for variant in VARIANTS:
         kernels(variant)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _equations_once() -> Iterator[None]:
+    """Print the equations of a model in C once."""
+    with equations_once():
+        yield
 
 
 @pytest.fixture(scope="session")
