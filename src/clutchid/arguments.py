@@ -218,7 +218,11 @@ def _parts(value: Any, origin: Any, arguments: tuple[Any, ...], place: str) -> I
             yield item, arguments[-1], f"{place}[{key!r}]"
     elif isinstance(value, list | tuple):
         kinds = arguments if origin is tuple and arguments[-1] is not Ellipsis else (arguments[0],) * len(value)
-        yield from ((item, kind, f"{place}[{i}]") for i, (item, kind) in enumerate(zip(value, kinds, strict=True)))
+        yield from (
+            (item, kind, f"{place}[{i}]")
+            for i, (item, kind) in enumerate(zip(value, kinds, strict=True))
+            if type(item) is not kind
+        )
 
 
 #: Kinds in words.

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from clutchid import Load, Partition, simulate, simulate_many
+from clutchid.codegen.kernels import kernels_in
 from clutchid.errors import DataError, ParameterError, SolveError
 from clutchid.log import Log
 from clutchid.measurements import write
@@ -33,7 +34,8 @@ def assert_as_simulated(simulations, actuators, logs, **options):
         )  # fmt: skip
         assert simulation.log.columns.keys() == alone.log.columns.keys()
         for name, values in alone.log.columns.items():
-            assert np.array_equal(simulation.log[name], values, equal_nan=True), name
+            tolerance = 1e-12 * np.ptp(values[np.isfinite(values)])
+            np.testing.assert_allclose(simulation.log[name], values, rtol=0, atol=tolerance, err_msg=name)
 
 
 @pytest.mark.parametrize("carrier", [0.0, 0.01])
@@ -75,6 +77,17 @@ def test_a_recording_is_planned_once_for_all_actuators_that_prepare_it_alike(mon
     simulate(actuator, replace(log, name="longer than any that keeps its plan"))
     simulate(actuator, replace(log, name="longer than any that keeps its plan"))
     assert len(planned) == 4
+
+
+def test_actuators_that_differ_in_their_load_have_one_stiffness(monkeypatch):
+    names, usual = [], kernels_in
+    monkeypatch.setattr("clutchid.simulation.stiffness.kernels_in", lambda name: names.append(name) or usual(name))
+    actuator = Actuator().replace({"M": 7.5})  # of no other test
+    actuators = [actuator.replace({"theta_1": 5e5 + 4e3 * i}) for i in range(100)]
+    assert_as_simulated(simulate_many(actuators, recorded()), actuators, [recorded()] * 100)
+    assert len(names) == 2  # of a load that falls and of one that rises
+    simulate(actuator.replace({"theta_1": 1e7}), recorded())
+    assert len(names) == 4
 
 
 def test_one_actuator_on_many_recordings_and_pairs_of_both():

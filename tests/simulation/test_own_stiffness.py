@@ -1,16 +1,21 @@
 """Stiffness is that of the operating range, and for models of one's own that of own states where they settle."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis.extra.numpy import arrays
+from hypothesis.strategies import floats
 from sympy import Piecewise, symbols
 
 from clutchid.log import Log
-from clutchid.model import Actuator, OwnModel, OwnParameter, OwnState
+from clutchid.model import Actuator, Load, OwnModel, OwnParameter, OwnState
 from clutchid.model.compiled import kernels
+from clutchid.model.weighted_load import DEFAULT_KNOTS
 from clutchid.simulation import simulate
-from clutchid.simulation.stiffness import TOP_SPEED, stiffness
+from clutchid.simulation.stiffness import TOP_SPEED, steepest_slopes, stiffness, stiffness_by_slope
 
 v, z_2, f_f, K_2, F_2 = symbols("v z_2 f_f K_2 F_2")
 ELEMENT = OwnModel(
@@ -40,6 +45,27 @@ def test_a_stiff_element_is_integrated_with_as_many_steps_as_it_needs():
     assert slipping.sum() > 50
     # what is stable settles at F / K = 5 µm; a change of v by a tenth within a sample moves it by less
     np.testing.assert_allclose(log["z_2 [m]"][slipping], 5e-6, rtol=0.01)
+
+
+@settings(max_examples=30)
+@given(weights=arrays(float, (2, len(DEFAULT_KNOTS) + 2), elements=floats(-1e12, 1e12)))
+def test_no_slope_of_a_load_is_steeper_than_its_bound(weights):
+    load = Load.on_b_splines()
+    y = np.linspace(load.knots[0] - 0.01, load.knots[-1] + 0.01, 500)
+    bounds = steepest_slopes(load.breakpoints, load.combined(weights))
+    for theta, bound in zip(weights, bounds, strict=True):
+        force = replace(load, theta=tuple(theta)).force(y)
+        assert np.abs(np.diff(force) / np.diff(y)).max() <= bound * (1 + 1e-9)
+        assert np.log2(bound).is_integer()
+
+
+def test_the_stiffness_by_slope_is_that_of_the_stiffest_load_of_these_slopes():
+    actuator = Actuator()
+    for weight in (9e5, 1e8, -1e8):
+        steep = actuator.replace({"theta_1": weight})
+        slope = float(steepest_slopes(steep.load.breakpoints, steep.load.combined()))
+        # slopes of a class differ by up to 2
+        assert stiffness(steep) * (1 - 1e-3) <= stiffness_by_slope(steep, slope) <= 2**0.5 * stiffness(steep)
 
 
 #: Values of states that take more than one in the operating range; the other states start at 0 or at rest.

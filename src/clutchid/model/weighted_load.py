@@ -235,10 +235,11 @@ class Load:
         return self._table[1]
 
     def combined(self, theta: FloatArray | None = None) -> FloatArray:
-        """Coefficients of the load itself, shape (s, 4), with the weights `theta` in place of the own ones."""
+        """Coefficients of the load itself, shape (..., s, 4), with the weights `theta` (..., n) in place of its own."""
         weights = np.asarray(self.theta if theta is None else theta, dtype=np.float64)
         table = self.coefficients
-        result: FloatArray = (weights @ table.reshape(len(table), -1)).reshape(table.shape[1:])
+        combined = weights @ table.reshape(len(table), -1)
+        result: FloatArray = combined.reshape(*weights.shape[:-1], *table.shape[1:])
         return result
 
     def phi(self, y: FloatArray) -> FloatArray:

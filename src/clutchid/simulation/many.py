@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Hashable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cache
 from os import PathLike
 from typing import Literal, TypeAlias, overload
 
@@ -14,18 +14,18 @@ from clutchid.arguments import checked
 from clutchid.errors import DataError, ParameterError
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
+from clutchid.model.compiled import Model, state_rows
 from clutchid.numerics.threads import map_pairs
 from clutchid.parameters import known_ambient
+from clutchid.simulation.divergence import failure_message
 from clutchid.simulation.partition import Partition
-from clutchid.simulation.simulation import (
-    PreparedLog,
-    Simulation,
-    prepared_log,
-    read_log,
-    simulation_of,
-    states_of,
-    stepped,
-)
+from clutchid.simulation.plan import Segment
+from clutchid.simulation.run import KernelArrays, run_into, start_states
+from clutchid.simulation.simulation import PreparedLog, Simulation, prepared_log, read_log, simulation_of
+from clutchid.simulation.stiffness import steepest_slopes, stiffness_by_slope, top_speed
+
+#: Simulations that a thread is given at once.
+_TOGETHER = 64
 
 #: A recording: read, or the path of its file.
 Recording: TypeAlias = Log | str | PathLike[str]
@@ -99,13 +99,18 @@ class Simulations(Sequence[Simulation]):
         if len(lengths) > 1:
             most = max(lengths)
             raise DataError(f"recordings of {min(lengths)} to {most} samples: take the column of each simulation.")
-        values = []
-        for simulation in self._runs:
-            columns = [row.column for row in simulation.actuator.state_rows.values()]
-            if name not in columns:
-                raise DataError(f"no simulated column '{name}'; there are {', '.join(columns)}.")
-            values.append(simulation.states[:, columns.index(name)])
-        return np.array(values)
+        values = np.empty((len(self), *lengths))
+        for row, simulation in zip(values, self._runs, strict=True):
+            row[:] = simulation.states[:, _place(simulation.actuator.model, name)]
+        return values
+
+
+@cache
+def _place(model: Model, name: str) -> int:
+    columns = [row.column for row in state_rows(model).values()]
+    if name not in columns:
+        raise DataError(f"no simulated column '{name}'; there are {', '.join(columns)}.")
+    return columns.index(name)
 
 
 @checked
@@ -132,7 +137,7 @@ def simulate_many(
     Returns
     -------
     simulations : Simulations
-        A sequence of `Simulation`, with the numbers of `clutchid.simulate` bit by bit;
+        A sequence of `Simulation`, with the numbers of `clutchid.simulate` to 1e-12 of each column's range;
         ``simulations.column("position")`` has a column of all as one array. The environment variable OMP_NUM_THREADS
         sets the number of threads.
 
@@ -166,7 +171,13 @@ def simulate_many(
     several = several * count if len(several) == 1 else several
     recordings = recordings * count if len(recordings) == 1 else recordings
     prepared = _prepared(several, recordings, partition)
-    simulations = Simulations(tuple(map_pairs(partial(_run, partition), several, prepared)))
+    groups = _groups(several, prepared)
+    speeds = [top_speed(partition)] * len(groups)
+    runs: list[_Run | None] = [None] * count
+    for group, simulated in zip(groups, map_pairs(_simulated, groups, speeds, smallest=1), strict=True):
+        for place, result in zip(group.places, simulated, strict=True):
+            runs[place] = result
+    simulations = Simulations(tuple(result for result in runs if result is not None))
     if on_failure == "raise" and simulations.failed:
         simulations[simulations.failed[0]].raised()
     return simulations
@@ -186,7 +197,55 @@ def _prepared(
         yield prepared_log(actuator, log, partition)
 
 
-def _run(partition: Partition | None, actuator: Actuator, prepared: PreparedLog) -> _Run:
-    """Simulate a recording that was prepared for an actuator like this one, with the steps for its own stiffness."""
-    actuator = prepared.fitted(actuator)
-    return _Run(prepared, actuator, *states_of(prepared, actuator, stepped(prepared, actuator, partition)))
+@dataclass(frozen=True, slots=True, eq=False)
+class _Group:
+    """Simulations of one recording by actuators of one model, whose loads are on one basis; places among all."""
+
+    prepared: PreparedLog
+    actuators: list[Actuator] = field(default_factory=list)
+    places: list[int] = field(default_factory=list)
+
+
+def _groups(actuators: Sequence[Actuator], prepared: Iterable[PreparedLog]) -> list[_Group]:
+    """All simulations, at most `_TOGETHER` in a group."""
+    groups: dict[Hashable, list[_Group]] = {}
+    for place, (actuator, log) in enumerate(zip(actuators, prepared, strict=True)):
+        load = actuator.load
+        basis = load.basis, load.knots, load.phi2_slope, load.functions
+        alike = groups.setdefault((id(log), basis), [_Group(log)])
+        if len(alike[-1].places) == _TOGETHER:
+            alike.append(_Group(log))
+        alike[-1].actuators.append(log.fitted(actuator))
+        alike[-1].places.append(place)
+    return [group for alike in groups.values() for group in alike]
+
+
+def _simulated(group: _Group, speed: float) -> list[_Run]:
+    """The simulations of a group, each with the steps for its own stiffness, up to `speed`."""
+    prepared, actuators = group.prepared, group.actuators
+    first, names = actuators[0], actuators[0].states
+    parameters = np.array([actuator.array() for actuator in actuators])
+    breakpoints, basis = first.load.breakpoints, first.load.coefficients
+    loads = first.load.combined(np.array([actuator.load.theta for actuator in actuators]))
+    steps: dict[Hashable, tuple[Segment, ...]] = {}
+    segments = []
+    for actuator, row, slope in zip(actuators, parameters, steepest_slopes(breakpoints, loads).tolist(), strict=True):
+        key = row.tobytes(), slope
+        if key not in steps:
+            steps[key] = prepared.stepped(stiffness_by_slope(actuator, slope, speed))
+        segments.append(steps[key])
+    starts = [start_states(segment, actuators, parameters) for segment in segments[0]]
+    states = np.empty((len(actuators), len(prepared.values.log), len(names)))
+    inside = states[:, prepared.span]
+    if sum(map(len, segments[0])) < states.shape[1]:
+        states[:] = np.nan
+    runs = []
+    for i, actuator in enumerate(actuators):
+        arrays, message = KernelArrays(parameters[i], breakpoints, basis, loads[i], first.model), ""
+        for segment, start in zip(segments[i], starts, strict=True):
+            out = inside[i, segment.start : segment.stop]
+            failed = run_into(out, segment, arrays, start[i])
+            if failed >= 0 and not message:
+                message = failure_message(prepared.plan.log, segment, out, failed, names, actuator)
+        runs.append(_Run(prepared, actuator, states[i], message))
+    return runs

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import Model, kernels, parameter_names
+from clutchid.model.compiled import Model, kernels, parameter_names, state_rows
 from clutchid.model.weighted_load import Load
 from clutchid.simulation.plan import Segment
 
@@ -82,14 +82,27 @@ def start_state(segment: Segment, actuator: Actuator, start: tuple[float, float]
     start : (m, Pa), optional
         Position and pressure in chamber A, if they have been estimated.
     """
+    state: FloatArray = start_states(segment, [actuator], actuator.array()[None])[0]
     if start is not None:
-        y, p_A = start
-    else:
-        y = segment.position_start
-        p_A = guessed_pressure(segment, actuator)
-    rest = {name: actuator.value(row.starts_at) for name, row in actuator.state_rows.items() if row.starts_at}
-    values = {**rest, "y": y, "p_A": p_A}
-    return np.array([values.get(name, 0.0) for name in actuator.states])
+        state[[actuator.states.index("y"), actuator.states.index("p_A")]] = start
+    return state
+
+
+def start_states(segment: Segment, actuators: Sequence[Actuator], parameters: FloatArray) -> FloatArray:
+    """`start_state` of several actuators of one model, shape (n, n_states), whose parameters have the shape (n, q)."""
+    model = actuators[0].model
+    x = np.append(parameters, np.zeros((len(parameters), 1)), axis=1)[:, _start_places(model)]
+    states = [*state_rows(model)]
+    x[:, states.index("y")] = segment.position_start
+    x[:, states.index("p_A")] = [guessed_pressure(segment, actuator) for actuator in actuators]
+    return x
+
+
+@lru_cache(maxsize=64)
+def _start_places(model: Model) -> IntArray:
+    """Places of the parameters that the states start at, -1 where they start at 0."""
+    names = parameter_names(model)
+    return np.array([names.index(row.starts_at) if row.starts_at else -1 for row in state_rows(model).values()])
 
 
 def guessed_pressure(segment: Segment, actuator: Actuator) -> float:
@@ -117,13 +130,18 @@ def run(segment: Segment, arrays: KernelArrays, x0: FloatArray) -> tuple[FloatAr
         If the segment was planned for a model with other inputs.
     """
     out = np.empty((len(segment), x0.size))
-    failed = kernels(arrays.model).run(
+    return out, run_into(out, segment, arrays, x0)
+
+
+def run_into(out: FloatArray, segment: Segment, arrays: KernelArrays, x0: FloatArray) -> int:
+    """`run` with the states written to `out`."""
+    failed: int = kernels(arrays.model).run(
         x0.copy(), inputs_of(segment, arrays.model), arrays.parameters, segment.dt, segment.substeps, segment.jump,
         segment.measured, arrays.breakpoints, arrays.load, out,
     )  # fmt: skip
     if failed >= 0:
         out[failed + 1 :] = np.nan
-    return out, int(failed)
+    return failed
 
 
 def run_with_sensitivities(

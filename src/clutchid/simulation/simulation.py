@@ -29,7 +29,7 @@ from clutchid.simulation.run import (
     start_sensitivities,
     start_state,
 )
-from clutchid.simulation.stiffness import STABLE_STEP, stiffness, substeps, top_speed
+from clutchid.simulation.stiffness import STABLE_STEP, steepest_slopes, stiffness_by_slope, substeps, top_speed
 from clutchid.strokes.values import Values, values_of
 from clutchid.strokes.vented_pressure import with_ambient
 
@@ -150,7 +150,8 @@ def simulate(
     log = log if isinstance(log, Log) else read_log(log, actuator)
     prepared = prepared_log(actuator, log, partition)
     actuator = prepared.fitted(actuator)
-    segments = stepped(prepared, actuator, partition)
+    steepest = float(steepest_slopes(actuator.load.breakpoints, actuator.load.combined()))
+    segments = prepared.stepped(stiffness_by_slope(actuator, steepest, top_speed(partition)))
     if starts is not None and len(starts) != len(segments):
         raise ParameterError(f"starts: {len(starts)} given, the recording has {len(segments)} segments.")
     if names := _known(sensitivities, actuator):
@@ -177,7 +178,7 @@ KEPT, LONGEST = 64, 200_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PreparedLog:
-    """A recording that is ready to be simulated, with one integration step an interval: see `stepped`.
+    """A recording that is ready to be simulated, with one integration step an interval.
 
     What counts as a value, the span of its inputs, the plan, notes on the ambient pressure, all warnings, and the
     longest interval between samples in s.
@@ -193,6 +194,19 @@ class PreparedLog:
     def fitted(self, actuator: Actuator) -> Actuator:
         """An actuator with the ambient pressure that the recording has."""
         return actuator.replace({"P_0": self.plan.actuator.parameters.P_0}) if self.notes else actuator
+
+    def stepped(self, rate: float) -> tuple[Segment, ...]:
+        """The segments with integration steps for a stiffness in 1/s.
+
+        Raises
+        ------
+        ParameterError
+            If it is too stiff for the recording.
+        """
+        segments = self.plan.segments
+        if self.longest * rate <= STABLE_STEP:
+            return segments
+        return tuple(replace(segment, substeps=substeps(segment.dt, rate)) for segment in segments)
 
 
 def prepared_log(actuator: Actuator, log: Log, partition: Partition | None) -> PreparedLog:
@@ -223,20 +237,6 @@ def _prepared(actuator: Actuator, log: Log, partition: Partition | None) -> Prep
     warnings = (*notes, *values.warnings, *cut_warnings(values.log, span), *planned.warnings)
     longest = max(float(segment.dt.max(initial=0.0)) for segment in planned.segments)
     return PreparedLog(values, span, planned, notes, warnings, longest)
-
-
-def stepped(prepared: PreparedLog, actuator: Actuator, partition: Partition | None) -> tuple[Segment, ...]:
-    """The segments of a recording with integration steps for the stiffness of an actuator.
-
-    Raises
-    ------
-    ParameterError
-        If it is too stiff for the recording.
-    """
-    rate, segments = stiffness(actuator, top_speed(partition)), prepared.plan.segments
-    if prepared.longest * rate <= STABLE_STEP:
-        return segments
-    return tuple(replace(segment, substeps=substeps(segment.dt, rate)) for segment in segments)
 
 
 def states_of(

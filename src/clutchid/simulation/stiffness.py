@@ -14,8 +14,11 @@ from clutchid.codegen.kernels import kernels_in
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import kernels
+from clutchid.model.compiled import Model, kernels
+from clutchid.model.equipment import Equipment
 from clutchid.model.own import OwnModel
+from clutchid.model.weighted_load import Load
+from clutchid.parameters import Parameters
 from clutchid.simulation.partition import Partition
 from clutchid.strokes.stroke import QUICKEST
 
@@ -31,6 +34,9 @@ TOP_SPEED = 0.3
 #: Fastest motion in m/s after resets that conserve the masses of air: the pressure jumps, by bars at large errors.
 _RESET_SPEED = 0.9
 
+
+#: Slope of a load in N/m up to which loads count as one: somewhat more than that of the paper.
+USUAL_SLOPE = 2.0**20
 
 #: Number and length in s of the steps in which own states settle: longer than a stroke; overshoot is halved each time.
 _SETTLING_STEPS, _SETTLING_STEP = 20, 1e-2
@@ -57,6 +63,40 @@ def stiffness(actuator: Actuator, speed: float = TOP_SPEED) -> float:
     True
     """
     return local_stiffness(actuator, max(speed, actuator.parameters.y_max / QUICKEST), (-np.inf, np.inf))
+
+
+def stiffness_by_slope(actuator: Actuator, steepest: float, speed: float = TOP_SPEED) -> float:
+    """`stiffness` with a load that rises or falls by `steepest`: the same for all loads that are no steeper.
+
+    Examples
+    --------
+    The load of a clutch has no influence on it:
+
+    >>> f"{stiffness_by_slope(Actuator(), USUAL_SLOPE) / stiffness(Actuator()):.3f}"
+    '1.000'
+    """
+    return _by_slope(actuator.model, actuator.parameters, actuator.equipment, actuator.own, steepest, speed)
+
+
+@lru_cache(maxsize=1024)
+def _by_slope(
+    model: Model, parameters: Parameters, equipment: Equipment, own: tuple[float, ...], steepest: float, speed: float
+) -> float:
+    y_max = parameters.y_max
+    lines = [tuple(sign * steepest * y_max * i / 3 for i in range(4)) for sign in (-1, 1)]
+    loads = [Load(line, (0.0, y_max), basis="b-spline") for line in lines]
+    return max(stiffness(Actuator(parameters, load, model, equipment, own), speed) for load in loads)
+
+
+def steepest_slopes(breakpoints: FloatArray, load: FloatArray) -> FloatArray:
+    """Powers of two in N/m that no slope of a load exceeds, at least `USUAL_SLOPE`; shape (...) for `load` (..., s, 4).
+
+    A slope, a parabola in each piece, lies between its Bézier points.
+    """
+    width = np.concatenate([[0.0], np.diff(breakpoints), [0.0]])
+    first, half = load[..., 1], width * load[..., 2]
+    controls = np.abs([first, first + half, first + 2.0 * half + 3.0 * width**2 * load[..., 3]])
+    return np.asarray(np.exp2(np.ceil(np.log2(np.maximum(controls.max(axis=(0, -1)), USUAL_SLOPE)))))
 
 
 @lru_cache(maxsize=1024)
