@@ -9,6 +9,7 @@ import pytest
 
 import clutchid
 from clutchid.codegen import cache
+from clutchid.codegen.kernels import LANES
 from clutchid.model import compiled
 from clutchid.model.variants import VARIANTS
 from fixtures.commands import keep_machine_code
@@ -19,6 +20,7 @@ FIT = """
 import sys
 from pathlib import Path
 from clutchid.codegen import cache
+from clutchid.codegen.kernels import LANES
 
 cache.TEXTS = Path(sys.argv[1])
 sys.argv = ["clutchid", "fit", sys.argv[2]]
@@ -49,6 +51,7 @@ def test_the_first_fit_with_the_texts_of_the_wheel_imports_no_sympy(tmp_path):
 def test_the_wheel_has_the_text_of_every_variant_and_of_the_functions(tmp_path, monkeypatch):
     monkeypatch.setattr(compiled, "_kernels_text", lambda model: f"# {model}\n")
     monkeypatch.setattr(compiled, "_functions_text", lambda: "# functions\n")
+    monkeypatch.setattr(compiled, "_lanes_text", lambda model, count: f"# {model}, {count} lanes\n")
     paths = compiled.write_texts(tmp_path / "texts")
     monkeypatch.setattr(cache, "TEXTS", tmp_path / "texts")
     monkeypatch.setenv("CLUTCHID_CACHE", str(tmp_path / "cache"))
@@ -56,8 +59,9 @@ def test_the_wheel_has_the_text_of_every_variant_and_of_the_functions(tmp_path, 
         name = variant.replace("-", "_")
         module = cache.load_module(name, compiled._sources(), lambda: pytest.fail("built"))
         assert Path(module.__file__).read_text().endswith(f"# {variant}\n")
+    names = [variant.replace("-", "_") for variant in VARIANTS]
     assert {path.name.rpartition("-")[0] for path in paths} == {
-        "functions", *(variant.replace("-", "_") for variant in VARIANTS)
+        "functions", *names, *(f"{name}_{count}_lanes" for name in names for count in LANES)
     }  # fmt: skip
 
 

@@ -1,5 +1,9 @@
 """`simulate_many` has the numbers of `simulate`, whatever is shared between the simulations."""
 
+import os
+import platform
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -11,9 +15,10 @@ from clutchid.errors import DataError, ParameterError, SolveError
 from clutchid.log import Log
 from clutchid.measurements import write
 from clutchid.model import Actuator
+from clutchid.model.variants import VARIANTS
 from clutchid.parameters import Parameters
 from clutchid.simulation.plan import plan
-from clutchid.simulation.simulation import MOTION_BY, PREPARED_BY, prepared_log
+from clutchid.simulation.simulation import MOTION_BY, PREPARED_BY, prepared_log, states_of
 
 T = 1e-3 * np.arange(400)
 STROKE = {"duty_supply": 0.8 * (T > 0.02) * (T < 0.12), "duty_exhaust": 0.9 * (T > 0.2)}
@@ -80,13 +85,14 @@ def test_a_recording_is_planned_once_for_all_actuators_that_prepare_it_alike(mon
 
 
 def test_actuators_that_differ_in_their_load_have_one_stiffness(monkeypatch):
-    names, usual = [], kernels_in
+    log, names, usual = recorded(), [], kernels_in
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
     monkeypatch.setattr("clutchid.simulation.stiffness.kernels_in", lambda name: names.append(name) or usual(name))
     actuator = Actuator().replace({"M": 7.5})  # of no other test
     actuators = [actuator.replace({"theta_1": 5e5 + 4e3 * i}) for i in range(100)]
-    assert_as_simulated(simulate_many(actuators, recorded()), actuators, [recorded()] * 100)
+    assert_as_simulated(simulate_many(actuators, log), actuators, [log] * 100)
     assert len(names) == 2  # of a load that falls and of one that rises
-    simulate(actuator.replace({"theta_1": 1e7}), recorded())
+    simulate(actuator.replace({"theta_1": 1e7}), log)
     assert len(names) == 4
 
 
@@ -97,6 +103,85 @@ def test_one_actuator_on_many_recordings_and_pairs_of_both():
     assert_as_simulated(many, actuators, logs)
     assert many.column("position").shape == (3, T.size)
     assert np.array_equal(many[1:].column("pressure_a")[0], many[1].log["pressure_a"])
+
+
+@pytest.fixture
+def side_by_side(monkeypatch):
+    """Few simulations are run in lanes too; whether one was run alone."""
+    alone = []
+    monkeypatch.setattr("clutchid.simulation.many._MANY_SAMPLES", 1)
+    monkeypatch.setattr("clutchid.simulation.many._PARTS", 1)
+    monkeypatch.setattr("clutchid.simulation.many.states_of", lambda *run: alone.append(run) or states_of(*run))
+    return alone
+
+
+def drawn(random: np.random.Generator, model: str) -> Actuator:
+    """An actuator within some ten percent of the usual one, with a load on either basis."""
+    actuator = Actuator(model=model)
+    names = ("C_vs", "C_ve", "D_v", "F_C", "M", "K_z", "V_0A", "R_0vs", "B_vs")
+    values = {name: actuator.value(name) * random.uniform(0.9, 1.1) for name in names}
+    load = Load((random.uniform(7e5, 11e5), random.uniform(-1e5, 0.0), random.uniform(0.0, 1e5)))
+    return replace(actuator.replace(values), load=load)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", VARIANTS)
+@pytest.mark.parametrize("partition", [None, Partition(every=50), Partition(parts=3, carry="q")])
+def test_lanes_have_the_numbers_of_single_simulations(side_by_side, model, partition):
+    random, log = np.random.default_rng(1), recorded()
+    hole = np.where((T > 0.15) & (T < 0.17), np.nan, log["duty_supply"])
+    logs = [log, replace(log, columns={**log.columns, "duty_supply": hole}), recorded(7)]
+    pairs = [(drawn(random, model), logs[i // 4 % 3]) for i in range(24)]
+    pairs += [(replace(a, load=Load.on_b_splines(a.load)), log) for a, log in pairs]
+    actuators, logs = zip(*pairs, strict=True)
+    many = simulate_many(actuators, logs, partition=partition)
+    assert len(side_by_side) < len(pairs) / 2
+    assert_as_simulated(many, actuators, logs, partition=partition)
+
+
+def test_recordings_at_other_times_share_lanes_and_those_with_other_samples_do_not(side_by_side):
+    later = [replace(log, time=log.time + 0.1 * i) for i, log in enumerate([recorded()] * 8)]
+    short = [log.slice(0, 300) for log in later]
+    logs = [log for pair in zip(later, short, strict=True) for log in pair]
+    assert_as_simulated(simulate_many(Actuator(), logs), [Actuator()] * 16, logs)
+    assert not side_by_side
+    assert_as_simulated(simulate_many(Actuator(), logs[:3]), [Actuator()] * 3, logs[:3])
+    assert side_by_side
+
+
+def test_a_simulation_that_diverges_leaves_the_others_of_its_lanes_as_they_are(side_by_side):
+    actuators = [Actuator(load=Load((8e5 + 1e4 * i, 0.0, 0.0))) for i in range(8)]
+    well = simulate_many(actuators, recorded())
+    actuators[2] = Actuator(load=Load((1e300, 0.0, 0.0)))
+    many = simulate_many(actuators, recorded())
+    assert many.failed == (2,)
+    assert len(side_by_side) == 1
+    assert_as_simulated(many[2:3], actuators[2:3], [recorded()])
+    for i in {*range(8)} - {2}:
+        np.testing.assert_array_equal(many[i].log["pressure_a"], well[i].log["pressure_a"])
+
+
+ELSEWHERE = """
+import numpy as np
+from clutchid import Actuator, Load, Log, simulate, simulate_many
+from clutchid.simulation import many
+
+many._MANY_SAMPLES = 1
+t = 1e-3 * np.arange(400)
+log = Log(t, {"duty_supply": 0.8 * (t > 0.02) * (t < 0.12), "duty_exhaust": 0.9 * (t > 0.2)})
+actuators = [Actuator(load=Load((7e5 + 1e4 * i, 0.0, 1e4 * i))) for i in range(64)]
+alone = np.array([simulate(actuator, log).log["pressure_a"] for actuator in actuators])
+print(abs(simulate_many(actuators, log).column("pressure_a") / alone - 1.0).max())
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("processor", ["x86-64-v2", "x86-64-v3"])
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="levels of another processor")
+def test_lanes_have_the_numbers_of_single_simulations_on_another_processor(processor):
+    environment = os.environ | {"NUMBA_CPU_NAME": processor}
+    printed = subprocess.run([sys.executable, "-c", ELSEWHERE], env=environment, check=True, capture_output=True)
+    assert float(printed.stdout) < 1e-12
 
 
 def test_a_file_with_gauge_pressures_counts_from_the_ambient_of_each_actuator(tmp_path):

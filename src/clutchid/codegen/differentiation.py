@@ -165,7 +165,8 @@ def differentiated(system: System) -> DifferentiatedProgram:
     extended, by = differentiate(statements, seeds)
     jacobian = _entries(by, rates, system.states)
     table_entries = _entries(by, rates, system.tabulated)
-    jumped, outputs, jump_by = _jumps(system)
+    jump, outputs = jump_program(system)
+    jumped, jump_by = differentiate([jump], [*system.states, *system.parameters])
     slots = {(e.row, e.column) for e in _entries(by, rates, system.parameters)}
     slots |= {(e.row, e.column) for e in _entries(jump_by, outputs, system.parameters)}
     ordered = tuple(sorted(slots))
@@ -212,8 +213,8 @@ def _slot_values(
     return tuple(by.get(rows[i], {}).get(system.parameters[j], sp.Integer(0)) for i, j in slots)
 
 
-def _jumps(system: System) -> tuple[list[Statement], tuple[Expr, ...], Derivatives]:
-    """The program of all jumps, the symbols of the new states, and their derivatives."""
+def jump_program(system: System) -> tuple[Statement, tuple[Expr, ...]]:
+    """The program of all jumps, and the symbols of the new states."""
     outputs = tuple(sp.Symbol(f"new_{state}", real=True) for state in system.states)
     taken = {str(symbol) for symbol in (*system.states, *system.parameters, *system.measured, *outputs)}
     arms: list[tuple[Expr, tuple[Statement, ...]]] = []
@@ -221,5 +222,4 @@ def _jumps(system: System) -> tuple[list[Statement], tuple[Expr, ...], Derivativ
         pairs = zip(outputs, jump.states, strict=True)
         arms.append((sp.Eq(JUMP, number), tuple(new for pair in pairs for new in lower(*pair, taken))))
     arms.append((sp.true, tuple(Assign(*pair) for pair in zip(outputs, system.states, strict=True))))
-    extended, by = differentiate([Branch(tuple(arms))], [*system.states, *system.parameters])
-    return extended, outputs, by
+    return Branch(tuple(arms)), outputs

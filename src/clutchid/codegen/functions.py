@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from clutchid.codegen.differentiation import JUMP, DifferentiatedProgram, Entry
+from clutchid.codegen.differentiation import JUMP, DifferentiatedProgram, Entry, jump_program
 from clutchid.codegen.llvm import ArrayElement, Function, Interface, function
-from clutchid.codegen.program import live, right_hand_side
+from clutchid.codegen.program import Statement, live, right_hand_side
 from clutchid.codegen.staging import ProgramParts, Staged, staged
 from clutchid.codegen.stepping import Rows, Work, map_columns, move_columns, step_function
 from clutchid.codegen.system import Expr, System, symbols_in
@@ -55,8 +55,8 @@ def functions(plan: DifferentiatedProgram) -> tuple[Work, dict[str, Function]]:
     return work, out | _columns(plan, work) | (_jumps(plan, work) if plan.system.jumps else {})
 
 
-def plain_functions(system: System) -> tuple[Work, dict[str, Function]]:
-    """The functions ``constants_plain``, ``hold_plain`` and ``step_plain`` of `functions`, without any derivative.
+def plain_functions(system: System, lanes: int = 1) -> tuple[Work, dict[str, Function]]:
+    """The functions of `functions` for states alone, without any derivative, in so many lanes.
 
     Raises
     ------
@@ -68,7 +68,12 @@ def plain_functions(system: System) -> tuple[Work, dict[str, Function]]:
     statements, rates = right_hand_side(system)
     parts = ProgramParts.of(system, staged(statements, system.parameters, system.inputs), rates)
     work = Work.of(len(system.states), [parts])
-    return work, _program(system, rates, work, "plain", parts, [])
+    out = _program(system, rates, work, "plain", parts, [], lanes)
+    if system.jumps:
+        jump, outputs = jump_program(system)
+        states = _stores("work", outputs, work.stages + work.rates)
+        out["jump_plain"] = _jump(system, "jump_plain", [jump], states, lanes)
+    return work, out
 
 
 def _results(
@@ -87,7 +92,7 @@ def _results(
 
 def _program(
     system: System, rates: Sequence[Expr], work: Work, name: str, parts: ProgramParts,
-    results: Sequence[tuple[ArrayElement, Expr]],
+    results: Sequence[tuple[ArrayElement, Expr]], lanes: int = 1,
 ) -> dict[str, Function]:  # fmt: skip
     """Functions of one staged program; the results of each are read by the next from the work array."""
     inline, program = name == "plain", parts.program
@@ -99,10 +104,10 @@ def _program(
     of_inputs = of_sample | _loads(_stores("u", system.inputs))
     once, hold = Interface(("p", "work"), inline=inline), Interface(("u", "p", "work"), ("u",), inline=inline)
     return {
-        f"constants_{name}": function(f"constants_{name}", once, program.constants, of_run, constants),
-        f"hold_{name}": function(f"hold_{name}", hold, program.held, of_inputs, held),
+        f"constants_{name}": function(f"constants_{name}", once, program.constants, of_run, constants, lanes),
+        f"hold_{name}": function(f"hold_{name}", hold, program.held, of_inputs, held, lanes),
         f"step_{name}": step_function(
-            f"step_{name}", system, rates, work, program.stage, (of_stage, results), inline, name == "jacobian"
+            f"step_{name}", system, rates, work, program.stage, (of_stage, results), inline, name == "jacobian", lanes
         ),
     }
 
@@ -113,18 +118,21 @@ def _jumps(plan: DifferentiatedProgram, work: Work) -> dict[str, Function]:
     after = _stores("work", _values(plan.jump.jacobian), work.stages + work.jacobian)
     after += _stores("work", plan.jump.slots, work.stages + work.slots)
     return {
-        "jump_plain": _jump(plan, "jump_plain", states),
-        "jump_all": _jump(plan, "jump_all", [*states, *after]),
+        "jump_plain": _jump(plan.system, "jump_plain", plan.jump.statements, states),
+        "jump_all": _jump(plan.system, "jump_all", plan.jump.statements, [*states, *after]),
     }
 
 
-def _jump(plan: DifferentiatedProgram, name: str, stores: Sequence[tuple[ArrayElement, Expr]]) -> Function:
-    system, number = plan.system, (("number", JUMP),)
+def _jump(
+    system: System, name: str, statements: Sequence[Statement], stores: Sequence[tuple[ArrayElement, Expr]],
+    lanes: int = 1,
+) -> Function:  # fmt: skip
+    number = (("number", JUMP),)
     interface = Interface(("x", "measured", "p", "work"), ("measured",), number, inline=name == "jump_plain")
-    statements = live(plan.jump.statements, symbols_in(value for _, value in stores))
+    statements = live(statements, symbols_in(value for _, value in stores))
     read = {"x": system.states, "p": system.parameters, "measured": system.measured}
     loads = _loads([place for array, symbols in read.items() for place in _stores(array, symbols)])
-    return function(name, interface, statements, loads, stores)
+    return function(name, interface, statements, loads, stores, lanes)
 
 
 def _columns(plan: DifferentiatedProgram, work: Work) -> dict[str, Function]:

@@ -18,7 +18,19 @@ from clutchid.codegen.cache import load_module, meaning
 #: that leaves the finite numbers must be seen.
 FAST = "reassoc nsz arcp contract afn"
 
+#: Doubles in a vector: of AVX2 and below, and of AVX-512.
+LANES = (4, 8)
+
 _Function = TypeVar("_Function", bound=Callable[..., object])
+
+
+@cache
+def vector_lanes() -> int:
+    """Doubles that are computed side by side: those of a vector of AVX-512 or AVX2, by the processor compiled for."""
+    from numba.core.registry import cpu_target
+
+    _, name, features = cpu_target.target_context.codegen().magic_tuple()
+    return LANES["+avx512f" in features or name == "x86-64-v4"]
 
 
 def kernel(function: _Function) -> _Function:

@@ -17,6 +17,9 @@ from numba.np.arrayobj import populate_array
 
 _NUMBERS = {"double": types.float64, "i64": types.int64}
 
+#: Bytes to which rooms on the stack are aligned: those of the widest vectors.
+_ALIGNMENT = 64
+
 #: Functions that each library of machine code has been given.
 _given: WeakKeyDictionary[Any, set[str]] = WeakKeyDictionary()
 
@@ -82,6 +85,7 @@ def room(_typing: Any, size: Any) -> Any:
 
     def place(context: Any, builder: Any, _signature: Any, _values: Sequence[Any]) -> Any:
         numbers = cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), count))
+        numbers.align = _ALIGNMENT
         array = context.make_array(kind)(context, builder)
         extent, step = context.get_constant(types.intp, count), context.get_constant(types.intp, 8)
         first = builder.bitcast(numbers, ir.DoubleType().as_pointer())

@@ -3,6 +3,9 @@
 Numba spends nine tenths of the time of a compilation on typing and rewriting what is only arithmetic of doubles. So the
 straight-line part of a kernel is printed as LLVM's own text, which is optimised and assembled in tenths of a second,
 and only the loops around it are Python.
+
+With several lanes every number is a vector, of one number a simulation. Then all arms of a branch are computed, and of
+each lane the right one is selected; an arm that takes long is jumped over where no lane needs it.
 """
 
 from __future__ import annotations
@@ -14,13 +17,21 @@ from dataclasses import dataclass, field
 
 import sympy as sp
 
-from clutchid.codegen.kernels import FAST
+from clutchid.codegen import mathematics
+from clutchid.codegen.kernels import FAST, LANES
 from clutchid.codegen.language import FUNCTIONS
 from clutchid.codegen.program import Assign, Branch, Lookup, Statement, targets
 from clutchid.codegen.system import Expr
 
 _RELATIONS = {sp.Gt: "ogt", sp.Ge: "oge", sp.Lt: "olt", sp.Le: "ole", sp.Eq: "oeq", sp.Ne: "une"}
 _INTRINSIC = {"sqrt", "pow", "exp", "log", "sin", "cos"}
+
+#: Functions of vectors that are instructions.
+_OF_VECTORS = ("sqrt", "fabs")
+
+#: Effort, in sums and products, of an arm that is jumped over where no lane needs it, and of a quotient or a root.
+#: Measured with AVX2 by `python benchmarks/many.py`: efforts of 10 to 45 are within 10 %.
+_LONG, _SLOW = 30, 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,13 +51,29 @@ class Writer:
     """
 
     places: dict[Expr, ArrayElement] = field(default_factory=dict)
+    lanes: int = 1
     lines: list[str] = field(default_factory=list)
     values: dict[Expr, str] = field(default_factory=dict)
     bases: dict[str, str] = field(default_factory=dict)
     written: list[dict[str, str]] = field(default_factory=lambda: [{}])
     lookup: Callable[[Lookup], None] | None = None
     block: str = "entry"
+    mask: str = ""
     count: int = 0
+
+    @property
+    def real(self) -> str:
+        """Type of a number."""
+        return real(self.lanes)
+
+    @property
+    def truth(self) -> str:
+        """Type of a condition."""
+        return "i1" if self.lanes == 1 else f"<{self.lanes} x i1>"
+
+    def constant(self, value: Expr) -> str:
+        """A number, the same in all lanes."""
+        return constant(value, self.lanes)
 
     def new(self, instruction: str) -> str:
         """The result of an instruction, written unless it has been before."""
@@ -60,15 +87,22 @@ class Writer:
 
     def address(self, place: ArrayElement) -> str:
         """Address of `place`."""
-        return self.new(f"getelementptr double, ptr {self.bases[place.array]}, i64 {place.index}")
+        return self.new(f"getelementptr {self.real}, ptr {self.bases[place.array]}, i64 {place.index}")
 
     def load(self, place: ArrayElement) -> str:
         """The number at `place`."""
-        return self.new(f"load double, ptr {self.address(place)}")
+        return self.new(f"load {self.real}, ptr {self.address(place)}, align 8")
 
     def store(self, place: ArrayElement, value: str) -> None:
         """Write a number to `place`."""
-        self.lines.append(f"  store double {value}, ptr {self.address(place)}")
+        self.lines.append(f"  store {self.real} {value}, ptr {self.address(place)}, align 8")
+
+    def spread(self, number: str) -> str:
+        """A double in all lanes."""
+        if self.lanes == 1:
+            return number
+        first = self.new(f"insertelement {self.real} poison, double {number}, i64 0")
+        return self.new(f"shufflevector {self.real} {first}, {self.real} poison, <{self.lanes} x i32> zeroinitializer")
 
     def run(self, statements: Iterable[Statement]) -> None:
         """Write `statements`; a table is looked up by `lookup`."""
@@ -85,7 +119,7 @@ class Writer:
         if value.is_Symbol:
             return self.values[value] if value in self.values else self.load(self.places[value])
         if value.is_number:
-            return constant(value)
+            return self.constant(value)
         if value.is_Add or value.is_Mul:
             return self._sum(value) if value.is_Add else self._product(value)
         if value.is_Pow:
@@ -96,10 +130,11 @@ class Writer:
         self.count += 1
         return f".{self.count}"
 
-    def _chain(self, operation: str, values: Sequence[str]) -> str:
+    def chain(self, operation: str, values: Sequence[str]) -> str:
+        """An operation on the first two numbers, on its result and the third one, and so on."""
         result, *others = values
         for other in others:
-            result = self.new(f"{operation} {FAST} double {result}, {other}")
+            result = self.new(f"{operation} {FAST} {self.real} {result}, {other}")
         return result
 
     def _sum(self, value: Expr) -> str:
@@ -108,75 +143,135 @@ class Writer:
             negative = term.could_extract_minus_sign()
             part = self.number(-term if negative else term)
             if result:
-                result = self._chain("fsub" if negative else "fadd", [result, part])
+                result = self.chain("fsub" if negative else "fadd", [result, part])
             else:
-                result = self.new(f"fneg {FAST} double {part}") if negative else part
+                result = self.new(f"fneg {FAST} {self.real} {part}") if negative else part
         return result
 
     def _product(self, value: Expr) -> str:
         coefficient, rest = value.as_coeff_Mul()
         if coefficient == -1:
-            return self.new(f"fneg {FAST} double {self.number(rest)}")
-        return self._chain("fmul", [self.number(factor) for factor in value.as_ordered_factors()])
+            return self.new(f"fneg {FAST} {self.real} {self.number(rest)}")
+        return self.chain("fmul", [self.number(factor) for factor in value.as_ordered_factors()])
 
     def _power(self, base: Expr, exponent: Expr) -> str:
-        unit = constant(sp.Integer(1))
+        unit = self.constant(sp.Integer(1))
         if exponent.is_Integer and abs(exponent) <= 6:
             factor = self.number(base)
             if exponent < 0:
-                factor = self._chain("fdiv", [unit, factor])
-            return self._chain("fmul", [factor] * abs(int(exponent)))
+                factor = self.chain("fdiv", [unit, factor])
+            return self.chain("fmul", [factor] * abs(int(exponent)))
         if abs(exponent) == sp.Rational(1, 2):
             root = self._call("sqrt", base)
-            return root if exponent > 0 else self._chain("fdiv", [unit, root])
+            return root if exponent > 0 else self.chain("fdiv", [unit, root])
         return self._general_power(self.number(base), self.number(exponent))
 
     def _general_power(self, base: str, exponent: str) -> str:
         """A power; ``pow``, as costly as all the rest of a stage, is not called for a base of 1: in choked flow."""
-        unit, key = constant(sp.Integer(1)), f"pow {base}, {exponent}"
+        unit, key = self.constant(sp.Integer(1)), f"pow {base}, {exponent} {self.mask}"
         for names in self.written:
             if key in names:
                 return names[key]
-        trivial = self.new(f"fcmp {FAST} oeq double {base}, {unit}")
-        before, full, after = self.block, self._unused(), self._unused()
-        self.lines.append(f"  br i1 {trivial}, label %{after}, label %{full}")
-        self._begin(full)
-        name = f"%{self._unused()}"
-        self.lines.append(f"  {name} = call {FAST} double @llvm.pow.f64(double {base}, double {exponent})")
-        self.lines.append(f"  br label %{after}")
-        self._begin(after)
-        self.written[-1][key] = self.new(f"phi double [ {unit}, %{before} ], [ {name}, %{full} ]")
+        needed = self.any(self.masked(self.mask, self.compared("une", base, unit)))
+        self.written[-1][key] = self.where(needed, [unit], lambda: [self._function("pow", base, exponent)])[0]
         return self.written[-1][key]
 
     def _call(self, name: str, *arguments: Expr) -> str:
         if name not in FUNCTIONS:
             raise NotImplementedError(f"no {name}() in this language; known are {', '.join(FUNCTIONS)}.")
-        printed = ", ".join(f"double {self.number(argument)}" for argument in arguments)
-        return self.new(f"call {FAST} double {called(name)[0]}({printed})")
+        return self._function(name, *(self.number(argument) for argument in arguments))
+
+    def _function(self, name: str, *values: str) -> str:
+        return self.called(name, *values) if self.lanes == 1 else mathematics.function(self, name, *values)
+
+    def called(self, name: str, *values: str) -> str:
+        """A function of numbers, in one lane."""
+        return self.new(f"call {FAST} double {called(name)[0]}({', '.join(f'double {value}' for value in values)})")
 
     def _condition(self, value: Expr) -> str:
         if value is sp.true or value is sp.false:
-            return "true" if value is sp.true else "false"
+            word = "true" if value is sp.true else "false"
+            return word if self.lanes == 1 else f"splat (i1 {word})"
         if type(value) in _RELATIONS:
-            left, right = self.number(value.lhs), self.number(value.rhs)
-            return self.new(f"fcmp {FAST} {_RELATIONS[type(value)]} double {left}, {right}")
+            return self.compared(_RELATIONS[type(value)], self.number(value.lhs), self.number(value.rhs))
         if isinstance(value, (sp.And, sp.Or)):
             word = "and" if isinstance(value, sp.And) else "or"
             first, *others = (self._condition(argument) for argument in sorted(value.args, key=str))
             for other in others:
-                first = self.new(f"{word} i1 {first}, {other}")
+                first = self.new(f"{word} {self.truth} {first}, {other}")
             return first
         if isinstance(value, sp.Not):
-            return self.new(f"xor i1 {self._condition(value.args[0])}, true")
+            return self._not(self._condition(value.args[0]))
         if isinstance(value, sp.ITE):
             condition, yes, no = (self._condition(argument) for argument in value.args)
-            return self.new(f"select i1 {condition}, i1 {yes}, i1 {no}")
+            return self.new(f"select {self.truth} {condition}, {self.truth} {yes}, {self.truth} {no}")
         raise NotImplementedError(
             f"no {value.func.__name__} in this language; known are relations, And, Or, Not and ITE."
         )
 
+    def compared(self, relation: str, left: str, right: str) -> str:
+        """Whether a relation of numbers, an ordered or unordered one, holds."""
+        return self.new(f"fcmp {FAST} {relation} {self.real} {left}, {right}")
+
+    def _not(self, condition: str) -> str:
+        return self.new(f"xor {self.truth} {condition}, {self._condition(sp.true)}")
+
+    def masked(self, mask: str, condition: str) -> str:
+        """The lanes of a mask, all where it is empty, in which a condition holds."""
+        return self.new(f"and {self.truth} {mask}, {condition}") if mask else condition
+
+    def any(self, condition: str) -> str:
+        """Whether a condition holds in a lane."""
+        if self.lanes == 1:
+            return condition
+        return self.new(f"call i1 @llvm.vector.reduce.or.v{self.lanes}i1({self.truth} {condition})")
+
+    def where(self, needed: str, otherwise: Sequence[str], compute: Callable[[], Sequence[str]]) -> list[str]:
+        """Values that `compute` writes, in a block that is jumped over unless it is `needed`, or else the others."""
+        before, full, after = self.block, self._unused(), self._unused()
+        self.lines.append(f"  br i1 {needed}, label %{full}, label %{after}")
+        self._begin(full)
+        self.written.append({})
+        values = compute()
+        self.written.pop()
+        last = self.block
+        self.lines.append(f"  br label %{after}")
+        self._begin(after)
+        pairs = zip(values, otherwise, strict=True)
+        return [self.new(f"phi {self.real} [ {value}, %{last} ], [ {other}, %{before} ]") for value, other in pairs]
+
+    def _selected(self, branch: Branch) -> None:
+        """All arms one after the other, and of each symbol that all of them set the value that a lane takes."""
+        outputs, before, mask = targets(branch), dict(self.values), self.mask
+        arms: list[tuple[str, list[str]]] = []
+        for condition, arm in branch.arms:
+            self.values = dict(before)
+            tested = "" if condition is sp.true else self._condition(condition)
+            rest, self.mask = self.mask, self.masked(self.mask, tested) if tested else self.mask
+
+            def compute(arm: Sequence[Statement] = arm) -> list[str]:
+                self.run(arm)
+                return [self.values[output] for output in outputs]
+
+            if self.mask and effort(arm) > _LONG:
+                values = self.where(self.any(self.mask), [self.constant(sp.Integer(0))] * len(outputs), compute)
+            else:
+                values = compute()
+            arms.append((tested, values))
+            self.mask = self.masked(rest, self._not(tested)) if tested else rest
+        self.values, self.mask = before, mask
+        for number, output in enumerate(outputs):
+            value = arms[-1][1][number]
+            for tested, values in reversed(arms[:-1]):
+                if values[number] != value:
+                    value = self.new(f"select {self.truth} {tested}, {self.real} {values[number]}, {self.real} {value}")
+            self.values[output] = value
+
     def _branch(self, branch: Branch) -> None:
         """The arms as blocks of their own; where they meet, each symbol that all of them set has one value again."""
+        if self.lanes > 1:
+            self._selected(branch)
+            return
         outputs, after, before, depth = targets(branch), self._unused(), dict(self.values), len(self.written)
         ends: list[tuple[str, list[str]]] = []
         for condition, arm in branch.arms:
@@ -207,8 +302,32 @@ class Writer:
         self.block = block
 
 
-def constant(value: Expr) -> str:
-    """A number as LLVM reads it: the bits of a double.
+def real(lanes: int) -> str:
+    """Type of a number in each of so many lanes."""
+    return "double" if lanes == 1 else f"<{lanes} x double>"
+
+
+def effort(statements: Iterable[Statement]) -> int:
+    """Effort of all statements, in sums and products."""
+    total = 0
+    for statement in statements:
+        if isinstance(statement, Assign):
+            total += _effort(sp.sympify(statement.value))
+        elif isinstance(statement, Branch):
+            total += sum(_effort(condition) + effort(arm) for condition, arm in statement.arms)
+    return total
+
+
+def _effort(value: Expr) -> int:
+    """Effort of an expression; a quotient, a root or another function counts as `_SLOW` sums."""
+    slow = [
+        part for part in value.atoms(sp.Pow, sp.Function) if not (part.is_Pow and part.exp.is_Integer and part.exp > 0)
+    ]
+    return int(sp.count_ops(value)) + _SLOW * len(slow)
+
+
+def constant(value: Expr, lanes: int = 1) -> str:
+    """A number as LLVM reads it: the bits of a double, in each lane.
 
     Raises
     ------
@@ -218,7 +337,8 @@ def constant(value: Expr) -> str:
     number = float(value)
     if number - number != 0.0:
         raise NotImplementedError(f"no number {value} in this language; numbers are finite.")
-    return f"0x{struct.unpack('<Q', struct.pack('<d', number))[0]:016X}"
+    bits = f"0x{struct.unpack('<Q', struct.pack('<d', number))[0]:016X}"
+    return bits if lanes == 1 else f"splat (double {bits})"
 
 
 def called(name: str) -> tuple[str, int]:
@@ -265,16 +385,19 @@ def function(
     statements: Sequence[Statement],
     loads: Mapping[Expr, ArrayElement],
     stores: Sequence[tuple[ArrayElement, Expr]],
+    lanes: int = 1,
 ) -> Function:
     """The function that reads `loads`, runs `statements` and writes `stores`.
+
+    With several lanes elements of arrays are vectors; an argument that is a number is the same in all lanes.
 
     Raises
     ------
     NotImplementedError
         If an expression uses a function or a relation that is not printed.
     """
-    writer = Writer(places=dict(loads))
-    writer.values |= {symbol: f"%{name}" for name, symbol in interface.numbers}
+    writer = Writer(places=dict(loads), lanes=lanes)
+    writer.values |= {symbol: writer.spread(f"%{name}") for name, symbol in interface.numbers}
     for array in interface.arrays:
         moved = f"getelementptr double, ptr %{array}, i64 %{array}_at"
         writer.bases[array] = writer.new(moved) if array in interface.moving else f"%{array}"
@@ -296,9 +419,12 @@ def finished(name: str, interface: Interface, lines: Iterable[str], helpers: str
 
 
 def _declarations(body: str) -> str:
-    symbols = [called(name) for name in FUNCTIONS]
-    return "".join(
-        f"declare double {symbol}({', '.join(['double'] * count)})\n"
-        for symbol, count in symbols
-        if f"double {symbol}(" in body
-    )
+    symbols = [(*called(name), 1) for name in FUNCTIONS]
+    symbols += [(f"@llvm.{name}.v{n}f64", 1, n) for name in _OF_VECTORS for n in LANES]
+    declared = [
+        f"declare {real(lanes)} {symbol}({', '.join([real(lanes)] * count)})\n"
+        for symbol, count, lanes in symbols
+        if f" {symbol}(" in body
+    ]
+    reduced = [(f"@llvm.vector.reduce.or.v{n}i1", n) for n in LANES]
+    return "".join(declared + [f"declare i1 {symbol}(<{n} x i1>)\n" for symbol, n in reduced if symbol in body])

@@ -8,11 +8,11 @@ from typing import Any
 import sympy as sp
 
 from clutchid.codegen.differentiation import differentiated
-from clutchid.codegen.functions import functions
+from clutchid.codegen.functions import functions, plain_functions
 from clutchid.codegen.language import PYTHON, PYTHON_WORDS, apart
 from clutchid.codegen.llvm import ArrayElement, Interface, function
 from clutchid.codegen.program import Assign, Lookup, Statement, lower
-from clutchid.codegen.stepping import WIDTH
+from clutchid.codegen.stepping import TABLE_PIECE, WIDTH
 from clutchid.codegen.system import Expr, System, symbols_in
 from clutchid.codegen.templates import template
 
@@ -58,6 +58,23 @@ def numba_source(system: System) -> str:
         work=work,
         width=WIDTH,
     )
+    return text
+
+
+def lanes_source(system: System, lanes: int) -> str:
+    """Source of a Python module with the kernel ``run_lanes``: `lanes` runs of `numba_source` side by side.
+
+    Raises
+    ------
+    NotImplementedError
+        If an expression uses a function that is not printed, see `clutchid.codegen.language`.
+    """
+    inside = apart(system, ())
+    work, printed = plain_functions(inside, lanes)
+    text: str = template("lanes.py.j2").render(
+        name=system.name, n=len(system.states), lanes=lanes, jumps=bool(system.jumps), functions=printed, work=work,
+        piece=TABLE_PIECE if system.table else 0,
+    )  # fmt: skip
     return text
 
 

@@ -7,6 +7,7 @@ parameter: the sources.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count
@@ -15,7 +16,7 @@ import sympy as sp
 
 from clutchid.codegen.differentiation import Entry
 from clutchid.codegen.kernels import FAST
-from clutchid.codegen.llvm import ArrayElement, Function, Interface, Writer, constant, finished
+from clutchid.codegen.llvm import ArrayElement, Function, Interface, Writer, constant, finished, real
 from clutchid.codegen.program import Lookup, Statement
 from clutchid.codegen.staging import ProgramParts
 from clutchid.codegen.system import Expr, System
@@ -23,7 +24,10 @@ from clutchid.codegen.system import Expr, System
 #: Columns that are computed at once.
 WIDTH = 4
 
-_VECTOR = f"<{WIDTH} x double>"
+_VECTOR = real(WIDTH)
+
+#: Numbers a lane of a piece of the table.
+TABLE_PIECE = 7
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +129,7 @@ class _Writer:
 
 
 def _number(value: object) -> str:
-    return f"<{', '.join([f'double {constant(value)}'] * WIDTH)}>"
+    return constant(value, WIDTH)
 
 
 @dataclass(frozen=True, slots=True)
@@ -275,12 +279,14 @@ def step_function(
     places: tuple[Mapping[Expr, ArrayElement], Sequence[tuple[ArrayElement, Expr]]],
     inline: bool,
     early: bool = False,
+    lanes: int = 1,
 ) -> Function:
     """The function ``NAME(x, x_at, p, work, h)`` that moves the states x by h seconds.
 
     A system with a table has three arguments more: ``breakpoints, count, load``. With `early` there is a last one, the
-    number of stages: 4 of a step. `rates` are the symbols of its derivatives. `places` are where the symbols of
-    `statements` are read, and what each stage writes to its part ``stage`` of the work array.
+    number of stages: 4 of a step. With several lanes h is an array, and the breakpoints end with infinity. `rates` are
+    the symbols of its derivatives. `places` are where the symbols of `statements` are read, and what each stage writes
+    to its part ``stage`` of the work array.
 
     Raises
     ------
@@ -288,7 +294,8 @@ def step_function(
         If an expression uses a function or a relation that is not printed.
     """
     loads, stores = places
-    step = _Step(Writer(places=dict(loads)), system.states, rates, work, keep=bool(stores), early=early)
+    writer = Writer(places=dict(loads), lanes=lanes)
+    step = _Step(writer, system.states, rates, work, keep=bool(stores), early=early)
     step.begin()
     step.writer.run(statements)
     for place, value in stores:
@@ -296,8 +303,11 @@ def step_function(
     step.end()
     table = (("breakpoints", "ptr noalias"), ("count", "i64"), ("load", "ptr noalias")) if system.table else ()
     others = (*table, *([("evaluations", "i64")] if early else []))
-    interface = Interface(("x", "p", "work"), ("x",), (("h", sp.Dummy()),), others, inline)
-    return finished(name, interface, step.writer.lines, _LOOK_UP if system.table else "")
+    if lanes == 1:
+        interface = Interface(("x", "p", "work"), ("x",), (("h", sp.Dummy()),), others, inline)
+    else:
+        interface = Interface(("x", "p", "work", "h"), ("x",), (), others, inline)
+    return finished(name, interface, step.writer.lines, _LOOK_UP if system.table and lanes == 1 else "")
 
 
 @dataclass(slots=True)
@@ -313,18 +323,23 @@ class _Step:
     start: list[str] = field(default_factory=list)
     opened: int = 0
     looked_up: bool = False
+    h: str = "%h"
 
     def begin(self) -> None:
         """Read the states, and enter the loop."""
         writer, states = self.writer, self.states
-        writer.bases |= {"p": "%p", "work": "%work", "stage": "%stage"}
+        writer.bases |= {"p": "%p", "work": "%work", "stage": "%stage", "h": "%h"}
         writer.bases["x"] = writer.new("getelementptr double, ptr %x, i64 %x_at")
         self.start = [writer.load(ArrayElement("x", i)) for i, _ in enumerate(states)]
-        writer.lines.append("  %last = load double, ptr %work")
-        writer.lines += ["  %segment = fptosi double %last to i64", "  br label %stages", "stages:"]
+        if writer.lanes == 1:
+            writer.lines.append("  %last = load double, ptr %work")
+            writer.lines.append("  %segment = fptosi double %last to i64")
+        else:
+            self.h = writer.load(ArrayElement("h", 0))
+        writer.lines += ["  br label %stages", "stages:"]
         self.opened, writer.block = len(writer.lines), "stages"
         writer.values |= {state: f"%at.{i}" for i, state in enumerate(states)}
-        writer.lookup = self.look_up
+        writer.lookup = self.look_up if writer.lanes == 1 else self.look_up_by_lane
 
     def look_up(self, lookup: Lookup) -> None:
         """The table at an argument."""
@@ -338,26 +353,81 @@ class _Step:
             writer.store(ArrayElement("stage", self.work.segment), writer.new("sitofp i64 %reached to double"))
             writer.store(ArrayElement("stage", self.work.offset), writer.new(f"extractvalue {_FOUND} %found, 3"))
 
+    def look_up_by_lane(self, lookup: Lookup) -> None:
+        """The table at an argument in each lane, whose piece stays in the work array until a lane leaves its own.
+
+        A piece: its left and right end, the breakpoint that its polynomial is about, and four coefficients.
+        """
+        writer, lanes, real = self.writer, self.writer.lanes, self.writer.real
+        places = [ArrayElement("work", self.work.head + i) for i in range(TABLE_PIECE)]
+        last, argument = [writer.load(place) for place in places], writer.number(lookup.argument)
+        below, above = (writer.compared(way, argument, end) for way, end in zip(("olt", "oge"), last, strict=False))
+
+        def search() -> list[str]:
+            def row(array: str, columns: int, at: str) -> list[str]:
+                address = f"getelementptr [{columns * lanes} x double], ptr %{array}, i64 {at}"
+                first = writer.new(address)
+                places = (writer.new(f"getelementptr {real}, ptr {first}, i64 {c}") for c in range(columns))
+                return [writer.new(f"load {real}, ptr {place}, align 8") for place in places]
+
+            start, (end,) = writer.constant(-sys.float_info.max), row("breakpoints", 1, "0")
+            before, piece = writer.block, [start, end, end, *row("load", 4, "0")]
+            writer.lines += ["  br label %pieces", "pieces:"]
+            opened, writer.block = len(writer.lines), "pieces"
+            (left,), (right,) = row("breakpoints", 1, "%piece"), row("breakpoints", 1, "%piece.next")
+            inside = writer.compared("oge", argument, left)
+            now = [left, right, left, *row("load", 4, "%piece.next")]
+            pieces = [
+                writer.new(f"select {writer.truth} {inside}, {real} {new}, {real} %was.{i}")
+                for i, new in enumerate(now)
+            ]
+            writer.lines[opened:opened] = [
+                f"  %piece = phi i64 [ 0, %{before} ], [ %piece.next, %pieces ]",
+                *(
+                    f"  %was.{i} = phi {real} [ {first}, %{before} ], [ {new}, %pieces ]"
+                    for i, (first, new) in enumerate(zip(piece, pieces, strict=True))
+                ),
+                "  %piece.next = add i64 %piece, 1",
+            ]
+            writer.lines += [
+                "  %piece.more = icmp slt i64 %piece.next, %count",
+                "  br i1 %piece.more, label %pieces, label %found",
+                "found:",
+            ]
+            writer.block = "found"
+            for place, value in zip(places, pieces, strict=True):
+                writer.store(place, value)
+            return pieces
+
+        left = writer.new(f"or {writer.truth} {below}, {above}")
+        _, _, start, *c = writer.where(writer.any(left), last, search)
+        offset, zero = writer.chain("fsub", [argument, start]), writer.constant(0.0)
+        value, slope = c[3], zero
+        for coefficient in c[2::-1]:
+            slope = writer.chain("fadd", [value, writer.chain("fmul", [offset, slope])])
+            value = writer.chain("fadd", [coefficient, writer.chain("fmul", [offset, value])])
+        writer.values |= {lookup.value: value, lookup.slope: slope}
+
     def end(self) -> None:
         """Close the loop, and write the states."""
-        writer = self.writer
+        writer, real = self.writer, self.writer.real
         writer.lines[self.opened : self.opened] = self._entered(writer.block)
         rates = [writer.number(rate) for rate in self.rates]
         writer.lines += [
-            f"  %half = fmul {FAST} double %h, {constant(0.5)}",
+            f"  %half = fmul {FAST} {real} {self.h}, {writer.constant(0.5)}",
             "  %early = icmp slt i64 %number, 2",
-            "  %reach = select i1 %early, double %half, double %h",
+            f"  %reach = select i1 %early, {real} %half, {real} {self.h}",
             "  %next = add i64 %number, 1",
             "  %inner = and i64 %next, 2",
             "  %twice = icmp ne i64 %inner, 0",
-            f"  %weight = select i1 %twice, double {constant(2.0)}, double {constant(1.0)}",
+            f"  %weight = select i1 %twice, {real} {writer.constant(2.0)}, {real} {writer.constant(1.0)}",
         ]
         for i, (x, rate) in enumerate(zip(self.start, rates, strict=True)):
             writer.lines += [
-                f"  %part.{i} = fmul {FAST} double %weight, {rate}",
-                f"  %total.{i} = fadd {FAST} double %sum.{i}, %part.{i}",
-                f"  %way.{i} = fmul {FAST} double %reach, {rate}",
-                f"  %moved.{i} = fadd {FAST} double {x}, %way.{i}",
+                f"  %part.{i} = fmul {FAST} {real} %weight, {rate}",
+                f"  %total.{i} = fadd {FAST} {real} %sum.{i}, %part.{i}",
+                f"  %way.{i} = fmul {FAST} {real} %reach, {rate}",
+                f"  %moved.{i} = fadd {FAST} {real} {x}, %way.{i}",
             ]
         last = "%evaluations" if self.early else "4"
         writer.lines += [
@@ -365,12 +435,12 @@ class _Step:
             "  br i1 %again, label %stages, label %done",
             "done:",
         ]
-        writer.lines.append(f"  %sixth = fmul {FAST} double %h, {constant(1.0 / 6.0)}")
+        writer.lines.append(f"  %sixth = fmul {FAST} {real} {self.h}, {writer.constant(1.0 / 6.0)}")
         if self.looked_up:
             writer.lines += ["  %left = sitofp i64 %reached to double", "  store double %left, ptr %work"]
         for i, x in enumerate(self.start):
-            writer.lines.append(f"  %all.{i} = fmul {FAST} double %sixth, %total.{i}")
-            writer.lines.append(f"  %end.{i} = fadd {FAST} double {x}, %all.{i}")
+            writer.lines.append(f"  %all.{i} = fmul {FAST} {real} %sixth, %total.{i}")
+            writer.lines.append(f"  %end.{i} = fadd {FAST} {real} {x}, %all.{i}")
             writer.store(ArrayElement("x", i), f"%end.{i}")
 
     def _entered(self, last: str) -> list[str]:
@@ -379,8 +449,9 @@ class _Step:
         if self.looked_up:
             lines.append(f"  %seg = phi i64 [ %segment, %entry ], [ %reached, %{last} ]")
         for i, x in enumerate(self.start):
-            lines.append(f"  %at.{i} = phi double [ {x}, %entry ], [ %moved.{i}, %{last} ]")
-            lines.append(f"  %sum.{i} = phi double [ {constant(0.0)}, %entry ], [ %total.{i}, %{last} ]")
+            zero = self.writer.constant(0.0)
+            lines.append(f"  %at.{i} = phi {self.writer.real} [ {x}, %entry ], [ %moved.{i}, %{last} ]")
+            lines.append(f"  %sum.{i} = phi {self.writer.real} [ {zero}, %entry ], [ %total.{i}, %{last} ]")
         return [
             *lines,
             f"  %stage.at = mul i64 %number, {self.work.stride}",

@@ -9,6 +9,7 @@ from types import MappingProxyType, ModuleType
 from typing import Any, TypeAlias
 
 from clutchid.codegen.cache import generator_files, keep_text, load_module
+from clutchid.codegen.kernels import LANES, vector_lanes
 from clutchid.codegen.system import System
 from clutchid.log.states import STATES, State
 from clutchid.model.own.model import OwnModel
@@ -86,6 +87,20 @@ def kernels(model: Model) -> ModuleType:
     for name in ("opening", "passed_pulses"):
         setattr(module, name, getattr(functions(), name))
     return module
+
+
+@cache
+def lanes(model: Model) -> ModuleType:
+    """The kernel ``run_lanes`` of `model`: as many runs side by side as its ``LANES`` says.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such variant.
+    """
+    check_model(model)
+    count = vector_lanes()
+    return load_module(_lanes_name(model, count), _sources(), lambda: _lanes_text(model, count))
 
 
 def few_suffice(model: Model, slots: Collection[int]) -> bool:
@@ -175,6 +190,7 @@ def compile_ahead(models: Iterable[Model] = tuple(VARIANTS)) -> None:
 def write_texts(folder: Path) -> list[Path]:
     """The texts of `kernels` for all variants and of `functions`, as files in `folder` that a wheel brings along."""
     texts = {_module_name(variant): _kernels_text(variant) for variant in VARIANTS} | {"functions": _functions_text()}
+    texts |= {_lanes_name(variant, count): _lanes_text(variant, count) for variant in VARIANTS for count in LANES}
     return [keep_text(folder, name, _sources(), text) for name, text in texts.items()]
 
 
@@ -192,6 +208,16 @@ def _kernels_text(model: Model) -> str:
 
     text = system(model)
     return numba_source(text) + terms_source(text)
+
+
+def _lanes_name(model: Model, count: int) -> str:
+    return f"{_module_name(model)}_{count}_lanes"
+
+
+def _lanes_text(model: Model, count: int) -> str:
+    from clutchid.codegen.numba_source import lanes_source
+
+    return lanes_source(system(model), count)
 
 
 def _functions_text() -> str:

@@ -9,23 +9,34 @@ from os import PathLike
 from typing import Literal, TypeAlias, overload
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchid.arguments import checked
+from clutchid.codegen.kernels import vector_lanes
 from clutchid.errors import DataError, ParameterError
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import Model, state_rows
 from clutchid.numerics.threads import map_pairs
 from clutchid.parameters import known_ambient
-from clutchid.simulation.divergence import failure_message
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.plan import Segment
-from clutchid.simulation.run import KernelArrays, run_into, start_states
-from clutchid.simulation.simulation import PreparedLog, Simulation, prepared_log, read_log, simulation_of
+from clutchid.simulation.run import KernelArrays, run_side_by_side, start_states
+from clutchid.simulation.simulation import (
+    PreparedLog,
+    Simulation,
+    prepared_log,
+    read_log,
+    simulation_of,
+    states_of,
+)
 from clutchid.simulation.stiffness import steepest_slopes, stiffness_by_slope, top_speed
 
-#: Simulations that a thread is given at once.
-_TOGETHER = 64
+#: Simulations that a thread is given at once, and into how many parts a few are divided.
+_TOGETHER, _PARTS = 128, 8
+
+#: Samples of all simulations from which on they are worth kernels that run several side by side.
+_MANY_SAMPLES = 1_000_000
 
 #: A recording: read, or the path of its file.
 Recording: TypeAlias = Log | str | PathLike[str]
@@ -137,7 +148,8 @@ def simulate_many(
     Returns
     -------
     simulations : Simulations
-        A sequence of `Simulation`, with the numbers of `clutchid.simulate` to 1e-12 of each column's range;
+        A sequence of `Simulation`, with the numbers of `clutchid.simulate` to 1e-12 of each column's range: many are
+        computed several at a time, in vector registers, by kernels that are compiled when they are first needed;
         ``simulations.column("position")`` has a column of all as one array. The environment variable OMP_NUM_THREADS
         sets the number of threads.
 
@@ -172,9 +184,11 @@ def simulate_many(
     recordings = recordings * count if len(recordings) == 1 else recordings
     prepared = _prepared(several, recordings, partition)
     groups = _groups(several, prepared)
-    speeds = [top_speed(partition)] * len(groups)
+    samples = sum(len(log.values.log) for group in groups for log in group.prepared)
+    side_by_side = vector_lanes() if samples >= _MANY_SAMPLES else 0
+    options = [(top_speed(partition), side_by_side)] * len(groups)
     runs: list[_Run | None] = [None] * count
-    for group, simulated in zip(groups, map_pairs(_simulated, groups, speeds, smallest=1), strict=True):
+    for group, simulated in zip(groups, map_pairs(_simulated, groups, options, smallest=1), strict=True):
         for place, result in zip(group.places, simulated, strict=True):
             runs[place] = result
     simulations = Simulations(tuple(result for result in runs if result is not None))
@@ -199,53 +213,86 @@ def _prepared(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Group:
-    """Simulations of one recording by actuators of one model, whose loads are on one basis; places among all."""
+    """Simulations by actuators of one model with loads on one basis, of recordings with plans alike."""
 
-    prepared: PreparedLog
+    prepared: list[PreparedLog] = field(default_factory=list)
     actuators: list[Actuator] = field(default_factory=list)
     places: list[int] = field(default_factory=list)
 
 
 def _groups(actuators: Sequence[Actuator], prepared: Iterable[PreparedLog]) -> list[_Group]:
     """All simulations, at most `_TOGETHER` in a group."""
+    most = min(_TOGETHER, -(-len(actuators) // _PARTS))
     groups: dict[Hashable, list[_Group]] = {}
     for place, (actuator, log) in enumerate(zip(actuators, prepared, strict=True)):
         load = actuator.load
-        basis = load.basis, load.knots, load.phi2_slope, load.functions
-        alike = groups.setdefault((id(log), basis), [_Group(log)])
-        if len(alike[-1].places) == _TOGETHER:
-            alike.append(_Group(log))
+        key = actuator.model, log.form, load.basis, load.knots, load.phi2_slope, load.functions
+        alike = groups.setdefault(key, [_Group()])
+        if len(alike[-1].places) == most:
+            alike.append(_Group())
+        alike[-1].prepared.append(log)
         alike[-1].actuators.append(log.fitted(actuator))
         alike[-1].places.append(place)
     return [group for alike in groups.values() for group in alike]
 
 
-def _simulated(group: _Group, speed: float) -> list[_Run]:
-    """The simulations of a group, each with the steps for its own stiffness, up to `speed`."""
-    prepared, actuators = group.prepared, group.actuators
-    first, names = actuators[0], actuators[0].states
-    parameters = np.array([actuator.array() for actuator in actuators])
-    breakpoints, basis = first.load.breakpoints, first.load.coefficients
-    loads = first.load.combined(np.array([actuator.load.theta for actuator in actuators]))
+def _simulated(group: _Group, options: tuple[float, int]) -> list[_Run]:
+    """The simulations of a group, each with the steps for its own stiffness up to a speed, in so many lanes or none."""
+    (speed, lanes), load = options, group.actuators[0].load
+    parameters = np.array([actuator.array() for actuator in group.actuators])
+    loads = load.combined(np.array([actuator.load.theta for actuator in group.actuators]))
     steps: dict[Hashable, tuple[Segment, ...]] = {}
     segments = []
-    for actuator, row, slope in zip(actuators, parameters, steepest_slopes(breakpoints, loads).tolist(), strict=True):
-        key = row.tobytes(), slope
+    slopes = steepest_slopes(load.breakpoints, loads).tolist()
+    for log, actuator, row, slope in zip(group.prepared, group.actuators, parameters, slopes, strict=True):
+        key = log, row.tobytes(), slope
         if key not in steps:
-            steps[key] = prepared.stepped(stiffness_by_slope(actuator, slope, speed))
+            steps[key] = log.stepped(stiffness_by_slope(actuator, slope, speed))
         segments.append(steps[key])
-    starts = [start_states(segment, actuators, parameters) for segment in segments[0]]
-    states = np.empty((len(actuators), len(prepared.values.log), len(names)))
-    inside = states[:, prepared.span]
-    if sum(map(len, segments[0])) < states.shape[1]:
+    starts = [start_states(parts, group.actuators, parameters) for parts in zip(*segments, strict=True)]
+    runs = dict[int, _Run]()
+    for batches in _batches(segments, lanes) if lanes else ():
+        runs |= _side_by_side(group, batches, segments, (parameters, loads), starts)
+    for i, (log, actuator) in enumerate(zip(group.prepared, group.actuators, strict=True)):
+        if i not in runs:
+            arrays = KernelArrays(parameters[i], load.breakpoints, load.coefficients, loads[i], actuator.model)
+            x0 = [start[i] for start in starts]
+            runs[i] = _Run(log, actuator, *states_of(log, actuator, segments[i], arrays, x0))
+    return [runs[i] for i in range(len(segments))]
+
+
+def _batches(segments: Sequence[tuple[Segment, ...]], lanes: int) -> Iterator[NDArray[np.intp]]:
+    """Numbers of simulations with the same steps, shape (batches, lanes); lanes that are left over repeat the last one.
+
+    Those that would fill less than half of a batch are left out.
+    """
+    alike: dict[Hashable, list[int]] = {}
+    for i, parts in enumerate(segments):
+        alike.setdefault(tuple(part.substeps.tobytes() for part in parts), []).append(i)
+    for numbers in alike.values():
+        batches = (len(numbers) + lanes // 2) // lanes
+        if batches > 0:
+            places = np.minimum(np.arange(batches * lanes), len(numbers) - 1)
+            yield np.array(numbers)[places].reshape(batches, lanes)
+
+
+def _side_by_side(
+    group: _Group, batches: NDArray[np.intp], segments: Sequence[tuple[Segment, ...]],
+    tables: tuple[FloatArray, FloatArray], starts: Sequence[FloatArray],
+) -> dict[int, _Run]:  # fmt: skip
+    """The simulations of some batches, without those that diverge."""
+    numbers = batches.ravel().tolist()
+    actuator, first, (parameters, loads) = group.actuators[0], group.prepared[numbers[0]], tables
+    arrays = parameters[numbers], actuator.load.breakpoints, loads[numbers]
+    samples, failed = len(first.values.log), np.zeros(batches.shape, dtype=np.bool_)
+    states = np.empty((batches.shape[0], len(actuator.states), samples, batches.shape[1]))
+    if sum(map(len, segments[numbers[0]])) < samples:
         states[:] = np.nan
-    runs = []
-    for i, actuator in enumerate(actuators):
-        arrays, message = KernelArrays(parameters[i], breakpoints, basis, loads[i], first.model), ""
-        for segment, start in zip(segments[i], starts, strict=True):
-            out = inside[i, segment.start : segment.stop]
-            failed = run_into(out, segment, arrays, start[i])
-            if failed >= 0 and not message:
-                message = failure_message(prepared.plan.log, segment, out, failed, names, actuator)
-        runs.append(_Run(prepared, actuator, states[i], message))
-    return runs
+    for x0, parts in zip(starts, zip(*(segments[i] for i in numbers), strict=True), strict=True):
+        at = first.span.start + parts[0].start
+        failed |= run_side_by_side(parts, actuator.model, arrays, x0[numbers], states, at)
+    return {
+        int(i): _Run(group.prepared[i], group.actuators[i], states[batch, :, :, lane].T, "")
+        for (batch, lane), i in np.ndenumerate(batches)
+        if not failed[batch, lane]
+    }

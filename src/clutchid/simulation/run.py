@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import Model, kernels, parameter_names, state_rows
+from clutchid.model.compiled import Model, kernels, lanes, parameter_names, state_rows
 from clutchid.model.weighted_load import Load
 from clutchid.simulation.plan import Segment
 
@@ -82,19 +82,19 @@ def start_state(segment: Segment, actuator: Actuator, start: tuple[float, float]
     start : (m, Pa), optional
         Position and pressure in chamber A, if they have been estimated.
     """
-    state: FloatArray = start_states(segment, [actuator], actuator.array()[None])[0]
+    state: FloatArray = start_states([segment], [actuator], actuator.array()[None])[0]
     if start is not None:
         state[[actuator.states.index("y"), actuator.states.index("p_A")]] = start
     return state
 
 
-def start_states(segment: Segment, actuators: Sequence[Actuator], parameters: FloatArray) -> FloatArray:
+def start_states(segments: Sequence[Segment], actuators: Sequence[Actuator], parameters: FloatArray) -> FloatArray:
     """`start_state` of several actuators of one model, shape (n, n_states), whose parameters have the shape (n, q)."""
     model = actuators[0].model
     x = np.append(parameters, np.zeros((len(parameters), 1)), axis=1)[:, _start_places(model)]
     states = [*state_rows(model)]
-    x[:, states.index("y")] = segment.position_start
-    x[:, states.index("p_A")] = [guessed_pressure(segment, actuator) for actuator in actuators]
+    x[:, states.index("y")] = [segment.position_start for segment in segments]
+    x[:, states.index("p_A")] = list(map(guessed_pressure, segments, actuators))
     return x
 
 
@@ -130,17 +130,52 @@ def run(segment: Segment, arrays: KernelArrays, x0: FloatArray) -> tuple[FloatAr
         If the segment was planned for a model with other inputs.
     """
     out = np.empty((len(segment), x0.size))
-    return out, run_into(out, segment, arrays, x0)
-
-
-def run_into(out: FloatArray, segment: Segment, arrays: KernelArrays, x0: FloatArray) -> int:
-    """`run` with the states written to `out`."""
-    failed: int = kernels(arrays.model).run(
+    failed = kernels(arrays.model).run(
         x0.copy(), inputs_of(segment, arrays.model), arrays.parameters, segment.dt, segment.substeps, segment.jump,
         segment.measured, arrays.breakpoints, arrays.load, out,
     )  # fmt: skip
     if failed >= 0:
         out[failed + 1 :] = np.nan
+    return out, int(failed)
+
+
+def run_side_by_side(
+    segments: Sequence[Segment], model: Model, tables: tuple[FloatArray, FloatArray, FloatArray], x0: FloatArray,
+    out: FloatArray, at: int,
+) -> NDArray[np.bool_]:  # fmt: skip
+    """`run` of segments with the same numbers of samples, steps and jumps: as many as fill all lanes of some batches.
+
+    Parameters
+    ----------
+    tables
+        Parameters (r, q), breakpoints (b,) and loads (r, s, 4).
+    x0 : (r, n_states)
+        Start states.
+    out : (batches, n_states, n, lanes)
+        The states at every sample of each run, (batches, lanes) of them in their order, from sample `at` on.
+
+    Returns
+    -------
+    failed : (batches, lanes)
+        Whether a state is not finite.
+    """
+    shape, failed = (out.shape[0], out.shape[-1]), np.zeros((out.shape[0], out.shape[-1]), dtype=np.bool_)
+
+    def by_lane(arrays: Sequence[FloatArray] | FloatArray, shape: tuple[int, int] = shape) -> FloatArray:
+        values = np.asarray(arrays)
+        return np.ascontiguousarray(np.moveaxis(values.reshape(*shape, *values.shape[1:]), 1, -1))
+
+    (p, breakpoints, loads), first = tables, segments[0]
+    ends = np.broadcast_to(np.append(breakpoints, np.inf), (len(p), len(breakpoints) + 1))
+    # a recording that all have is there once
+    recorded = segments[: shape[1]] if len(set(segments)) == 1 else segments
+    few = len(recorded) // shape[1], shape[1]
+    measured = [segment.measured if first.jump.any() else segment.measured[:1] for segment in recorded]
+    lanes(model).run_lanes(
+        by_lane(x0), by_lane([inputs_of(segment, model) for segment in recorded], few), by_lane(p),
+        by_lane([segment.dt for segment in recorded], few), first.substeps, first.jump, by_lane(measured, few),
+        by_lane(ends), by_lane(loads), out, at, failed,
+    )  # fmt: skip
     return failed
 
 

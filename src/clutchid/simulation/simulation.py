@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from os import PathLike
@@ -154,14 +154,18 @@ def simulate(
     segments = prepared.stepped(stiffness_by_slope(actuator, steepest, top_speed(partition)))
     if starts is not None and len(starts) != len(segments):
         raise ParameterError(f"starts: {len(starts)} given, the recording has {len(segments)} segments.")
+    places = [None] * len(segments) if starts is None else starts
+    x0 = [start_state(segment, actuator, place) for segment, place in zip(segments, places, strict=True)]
+    arrays = KernelArrays.of(actuator)
     if names := _known(sensitivities, actuator):
         which = columns(actuator, names)
+        S = [start_sensitivities(segment, actuator, which, starts is not None) for segment in segments]
         by_name = np.full((len(prepared.values.log), len(actuator.states), len(which.names)), np.nan)
-        states, message = states_of(prepared, actuator, segments, starts, (which, by_name[prepared.span]))
+        states, message = states_of(prepared, actuator, segments, arrays, x0, (which, S, by_name[prepared.span]))
         result = simulation_of(prepared, actuator, states, message)
         result = replace(result, sensitivities={name: by_name[:, :, c] for c, name in enumerate(which.names)})
     else:
-        result = simulation_of(prepared, actuator, *states_of(prepared, actuator, segments, starts))
+        result = simulation_of(prepared, actuator, *states_of(prepared, actuator, segments, arrays, x0))
     return result.raised() if on_failure == "raise" else result
 
 
@@ -180,8 +184,8 @@ KEPT, LONGEST = 64, 200_000
 class PreparedLog:
     """A recording that is ready to be simulated, with one integration step an interval.
 
-    What counts as a value, the span of its inputs, the plan, notes on the ambient pressure, all warnings, and the
-    longest interval between samples in s.
+    What counts as a value, the span of its inputs, the plan, notes on the ambient pressure, all warnings, the longest
+    interval between samples in s, and what the plans of recordings that can be simulated side by side have in common.
     """
 
     values: Values
@@ -190,6 +194,7 @@ class PreparedLog:
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
     longest: float
+    form: Hashable
 
     def fitted(self, actuator: Actuator) -> Actuator:
         """An actuator with the ambient pressure that the recording has."""
@@ -236,34 +241,38 @@ def _prepared(actuator: Actuator, log: Log, partition: Partition | None) -> Prep
     planned = plan(with_inputs(values.log, span), actuator, 0.0, partition)
     warnings = (*notes, *values.warnings, *cut_warnings(values.log, span), *planned.warnings)
     longest = max(float(segment.dt.max(initial=0.0)) for segment in planned.segments)
-    return PreparedLog(values, span, planned, notes, warnings, longest)
+    form = len(values.log), span.start, *((s.start, s.stop, s.jump.tobytes()) for s in planned.segments)
+    return PreparedLog(values, span, planned, notes, warnings, longest, form)
 
 
 def states_of(
     prepared: PreparedLog,
     actuator: Actuator,
     segments: Sequence[Segment],
-    starts: Sequence[tuple[float, float]] | None = None,
-    sensitivities: tuple[Columns, FloatArray] | None = None,
+    arrays: KernelArrays,
+    starts: Sequence[FloatArray],
+    sensitivities: tuple[Columns, Sequence[FloatArray], FloatArray] | None = None,
 ) -> tuple[FloatArray, str]:
     """States at all samples of a recording, (n, n_states), and why they diverged, if they did.
 
     Parameters
     ----------
+    starts : (n_states,) each
+        States at the start of each segment.
     sensitivities
-        Columns, and the array (samples of the span, n_states, n_columns) that they are written to.
+        Columns, their values at the start of each segment, and the array (samples of the span, n_states, n_columns)
+        that they are written to.
     """
-    arrays, names, message = KernelArrays.of(actuator), actuator.states, ""
+    names, message = actuator.states, ""
     everywhere = np.full((len(prepared.values.log), len(names)), np.nan)
     states = everywhere[prepared.span]
     for number, segment in enumerate(segments):
-        x0 = start_state(segment, actuator, None if starts is None else starts[number])
         at = slice(segment.start, segment.stop)
         if sensitivities is None:
-            states[at], failed = run(segment, arrays, x0)
+            states[at], failed = run(segment, arrays, starts[number])
         else:
-            which, sens = sensitivities
-            start = x0, start_sensitivities(segment, actuator, which, starts is not None)
+            which, S, sens = sensitivities
+            start = starts[number], S[number]
             states[at], sens[at], _, failed = run_with_sensitivities(segment, arrays, start, which, range(len(names)))
         if failed >= 0 and not message:
             message = failure_message(prepared.plan.log, segment, states[at], failed, names, actuator)
