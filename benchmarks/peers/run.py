@@ -326,8 +326,6 @@ NOT_AHEAD = """## Where clutchid is not ahead
 - **Estimation.** A search by `least_squares` on compiled CasADi is nearer than the target of ten times, where the
   compiling of CasADi (first run) is left out. A recording without a rest before its first stroke starts at its first
   sample, whose noise makes theta_2 and theta_3 less certain than the bound; the intervals say so.
-- **Many simulations.** `clutchid.simulate_many` bounds the stiffness of each actuator and makes a log of all states;
-  JAX computes several side by side in vector registers, and a loop in C does nothing else.
 - **Many recordings.** `clutchid fleet` starts processes, checks every recording and keeps results as it goes: for ten
   recordings a loop over `clutchid.fit` is four times as fast, for a thousand one over CasADi's C is as fast.
 - **Files.** Reading takes longer than by the package of the format alone, for what `clutchid.read` does beside it.
