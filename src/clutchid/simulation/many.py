@@ -16,7 +16,7 @@ from clutchid.codegen.kernels import vector_lanes
 from clutchid.errors import DataError, ParameterError
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import Model, state_rows
+from clutchid.model.compiled import Model, lanes, state_rows
 from clutchid.numerics.threads import map_pairs
 from clutchid.parameters import known_ambient
 from clutchid.simulation.partition import Partition
@@ -186,6 +186,8 @@ def simulate_many(
     groups = _groups(several, prepared)
     samples = sum(len(log.values.log) for group in groups for log in group.prepared)
     side_by_side = vector_lanes() if samples >= _MANY_SAMPLES else 0
+    for model in {group.actuators[0].model for group in groups} if side_by_side else ():
+        lanes(model)  # its text is made once, before the threads ask for it
     options = [(top_speed(partition), side_by_side)] * len(groups)
     runs: list[_Run | None] = [None] * count
     for group, simulated in zip(groups, map_pairs(_simulated, groups, options, smallest=1), strict=True):
