@@ -29,7 +29,7 @@ from clutchid.simulation.run import (
     start_sensitivities,
     start_state,
 )
-from clutchid.simulation.stiffness import STABLE_STEP, steepest_slopes, stiffness_by_slope, substeps, top_speed
+from clutchid.simulation.stiffness import STABLE_STEP, steepest_slope, stiffness_by_slope, substeps, top_speed
 from clutchid.strokes.values import Values, values_of
 from clutchid.strokes.vented_pressure import with_ambient
 
@@ -150,8 +150,8 @@ def simulate(
     log = log if isinstance(log, Log) else read_log(log, actuator)
     prepared = prepared_log(actuator, log, partition)
     actuator = prepared.fitted(actuator)
-    steepest = float(steepest_slopes(actuator.load.breakpoints, actuator.load.combined()))
-    segments = prepared.stepped(stiffness_by_slope(actuator, steepest, top_speed(partition)))
+    rate = stiffness_by_slope(actuator, steepest_slope(actuator.load), top_speed(partition))
+    segments = prepared.stepped(rate)
     if starts is not None and len(starts) != len(segments):
         raise ParameterError(f"starts: {len(starts)} given, the recording has {len(segments)} segments.")
     places = [None] * len(segments) if starts is None else starts

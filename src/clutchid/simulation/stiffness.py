@@ -82,10 +82,21 @@ def stiffness_by_slope(actuator: Actuator, steepest: float, speed: float = TOP_S
 def _by_slope(
     model: Model, parameters: Parameters, equipment: Equipment, own: tuple[float, ...], steepest: float, speed: float
 ) -> float:
-    y_max = parameters.y_max
-    lines = [tuple(sign * steepest * y_max * i / 3 for i in range(4)) for sign in (-1, 1)]
-    loads = [Load(line, (0.0, y_max), basis="b-spline") for line in lines]
+    # a rising load adds to the stops: that of a usual one is a thirtieth of theirs
+    slopes = (-steepest,) if steepest == USUAL_SLOPE else (-steepest, steepest)
+    loads = [_line(slope, parameters.y_max) for slope in slopes]
     return max(stiffness(Actuator(parameters, load, model, equipment, own), speed) for load in loads)
+
+
+@lru_cache(maxsize=64)
+def _line(slope: float, y_max: float) -> Load:
+    return Load(tuple(slope * y_max * i / 3 for i in range(4)), (0.0, y_max), basis="b-spline")
+
+
+@lru_cache(maxsize=1024)
+def steepest_slope(load: Load) -> float:
+    """One of the `steepest_slopes`: that of a load."""
+    return float(steepest_slopes(load.breakpoints, load.combined()))
 
 
 def steepest_slopes(breakpoints: FloatArray, load: FloatArray) -> FloatArray:
