@@ -9,7 +9,6 @@ from clutchid.model import Actuator
 from clutchid.observer import observe, observe_recording, observer, read_state, start, write_state
 from clutchid.observer.methods import METHODS
 from fixtures.changed_logs import spoiled
-from fixtures.observing import assert_same, in_blocks
 
 STROKE = np.linspace(2e-3, 9e-3, 30)
 
@@ -40,26 +39,6 @@ def test_a_load_that_has_grown_is_followed(plant, worn, log, method, share, pres
     late = slice(len(log) // 2, None)
     error = found.states[late, plant.states.index("p_A")] - log["pressure_a"][late]
     assert np.sqrt(np.mean(error**2)) < pressure
-
-
-@pytest.mark.parametrize("lengths", [[1] * 40 + [700, 3, 757], [1499, 1], [305, 695, 500]])
-def test_blocks_of_any_length_give_the_same_numbers(any_one, log, lengths):
-    part = log.slice(0, 1500)
-    (state, found), (other, whole) = in_blocks(any_one, part, lengths), observe(any_one, start(any_one), part)
-    np.testing.assert_equal(found, whole)
-    assert_same(state, other)
-
-
-@pytest.mark.parametrize("cut", [0, 1, 330, 1234])
-def test_a_run_that_is_resumed_from_its_file_gives_the_same_numbers(any_one, log, tmp_path, cut):
-    first, _ = observe(any_one, start(any_one), log.slice(0, cut)) if cut else (start(any_one), None)
-    write_state(any_one, first, tmp_path / "state.toml")
-    again = read_state(any_one, tmp_path / "state.toml")
-    assert_same(again, first)
-    rest = log.slice(cut, 2500)
-    (state, found), (other, resumed) = observe(any_one, first, rest), observe(any_one, again, rest)
-    np.testing.assert_equal(found, resumed)
-    assert_same(state, other)
 
 
 def test_a_state_of_one_rule_is_not_that_of_another(plant, log, tmp_path):

@@ -10,7 +10,7 @@ from clutchid.documents.observe_rows import observe_json
 from clutchid.inference.filter.joint_filter import Diverged
 from clutchid.inference.uncertainty.calibration import Calibration, Origin
 from clutchid.model import Actuator
-from clutchid.observer import known, observe, observe_recording, observer, read_state, start, write_state
+from clutchid.observer import known, observe, observe_recording, observer, start
 from clutchid.observer.health import health
 from clutchid.observer.mismatch import MEMORY, UNLIKE, normalised
 from clutchid.observer.recording import usual_nis
@@ -105,12 +105,11 @@ def test_a_leak_is_flagged_with_its_size_and_the_load_stays_right(calibrated, le
     assert error < without + 0.02 * worn.load.force(at).max()
 
 
-def test_a_leak_is_flagged_from_the_end_of_a_stroke_on_in_blocks_of_any_length(calibrated, leaking):
+def test_a_leak_is_flagged_from_the_end_of_a_stroke_on(leaking):
     whole = leaking.samples.leaking
     first = int(np.argmax(whole))
     assert leaking.log.time[first - 1] in [row.time for row in leaking.strokes]
     assert whole[first:].all()
-    assert np.array_equal(in_blocks(calibrated, leaking.log, [20] * 400)[1].leaking, whole)
 
 
 def test_a_leak_is_not_below_0_and_only_a_model_with_the_energy_balance_has_one(calibrated, sound):
@@ -188,16 +187,6 @@ def test_blocks_of_any_length_give_the_same_numbers_also_where_the_filter_diverg
         other, blocks = in_blocks(joint, log, lengths)
         np.testing.assert_equal(blocks, found)
         assert_same(other, state)
-
-
-def test_the_running_mean_is_the_same_in_blocks_and_from_a_file(calibrated, sound, log, tmp_path):
-    state, found = in_blocks(calibrated, log, [700] * 8 + [400])
-    np.testing.assert_equal(found.mismatch, sound.samples.mismatch)
-    first, _ = observe(calibrated, start(calibrated), log.slice(0, 2500))
-    write_state(calibrated, first, tmp_path / "state.toml")
-    again = read_state(calibrated, tmp_path / "state.toml")
-    assert_same(again, first)
-    assert observe(calibrated, again, log.slice(2500, len(log)))[0].mismatch == state.mismatch
 
 
 def test_states_that_no_actuator_has_are_divergence_although_they_are_finite(joint, log, monkeypatch):

@@ -5,8 +5,7 @@ import pytest
 
 from clutchid.inference.filter.rules import counted_from
 from clutchid.inference.uncertainty.calibration import Calibration
-from clutchid.observer import observe_recording, observer, read_state, write_state
-from clutchid.observer.recording import follow_block
+from clutchid.observer import observe_recording, observer
 from clutchid.observer.rest import new_stretch, rest_pace, watch_rest
 from clutchid.observer.state import NOTHING, RestWatch
 from clutchid.strokes.vented_rest import VentedRest, vented_rest
@@ -77,23 +76,6 @@ def test_the_average_position_of_the_adaptive_observer_counts_from_the_zero_too(
     state = observe_recording(observer(plant, "adaptive"), log.slice(0, 500)).after.filter
     after = counted_from(state, OFFSET, (0,))
     assert after.x[0] - after.average[0] == pytest.approx(state.x[0] - state.average[0], abs=1e-15)
-
-
-def test_blocks_of_any_length_and_a_resumed_state_give_the_same_bits(plant, log, calibration, tmp_path):
-    one, both = observer(plant, calibration=calibration), moved(log)
-    whole = follow_block(one, observe_recording(one, both.slice(0, 2)).before, both)
-    assert np.unique(whole.samples.rest).size > 1, "the zero changes within the recording"
-    state, parts, at = whole.before, [], 0
-    for length in (1, 7, 150, 333, 1200, len(both)):
-        part = follow_block(one, state, both.slice(at, min(at + length, len(both))))
-        write_state(one, part.after, tmp_path / "state.toml")
-        state, at = read_state(one, tmp_path / "state.toml"), at + length
-        parts.append(part)
-    for name in ("states", "rest", "innovations"):
-        together = np.concatenate([getattr(part.samples, name) for part in parts])
-        assert np.array_equal(together, getattr(whole.samples, name), equal_nan=True), name
-    assert state.rest.shift == whole.after.rest.shift
-    assert state.zero == whole.after.zero
 
 
 def test_a_hole_keeps_the_shift_until_a_rest_says_else():

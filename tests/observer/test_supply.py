@@ -5,7 +5,7 @@ import pytest
 
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import ACCURACY, RecordedConditions
-from clutchid.observer import observe, observer, read_state, start, write_state
+from clutchid.observer import observe, observer, start
 from clutchid.observer.health import LIVE_FLAGS
 from clutchid.observer.live import after_block, checked, live_run
 from clutchid.observer.prior import load_deviation, supply_of, unused_supply
@@ -89,15 +89,6 @@ def test_only_calibrations_that_estimate_what_was_recorded_are_used(plant):
     assert supply_of(plant, calibration(9e5, None)) is None
     assert observer(plant, "rls", calibration=calibration(9e5, 9e5)).supply is None
     assert observer(plant, "states", calibration=calibration(9e5, 9e5)).supply is not None
-
-
-def test_blocks_and_saved_states_give_the_same_numbers_with_a_supply(plant, kept, lower, tmp_path):
-    one, part = observer(plant, calibration=kept), lower.slice(0, 2000)
-    _, whole = observe(one, start(one), part)
-    state, first = observe(one, start(one), part.slice(0, 777))
-    write_state(one, state, tmp_path / "state.toml")
-    _, second = observe(one, read_state(one, tmp_path / "state.toml"), part.slice(777, 2000))
-    assert np.array_equal(np.vstack([first.states, second.states]), whole.states)
 
 
 def test_samples_with_an_open_valve_or_without_a_value_do_not_count(plant, kept, lower):

@@ -199,7 +199,7 @@ def _values(observer: Observer, state: ObserverState, block: Log, repeated: Mask
 
 def _of_rows(observed: Observed, rows: NDArray[np.int64], values: _Values, block: Log, repeated: Mask) -> Observed:
     """Results of the samples of a block, in which nothing is estimated at those that are repeated."""
-    if rows.size != observed.time.size:
+    if repeated.any() or rows.size != observed.time.size:  # as many may be bridged as are repeated
         ended = np.flatnonzero(np.isfinite(observed.innovations[:, 0]))
         late = {name: getattr(observed, name)[ended] for name in ("deviations", "innovations", "mismatch")}
         observed = Observed._make(array[rows] for array in observed)
