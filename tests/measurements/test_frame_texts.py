@@ -2,6 +2,7 @@
 
 import base64
 import contextlib
+from datetime import datetime, timedelta
 
 import numpy as np
 import pytest
@@ -17,6 +18,21 @@ FRAMES = [
     (stamp, 0x100 + i % 2, bytes([i % 256, i // 256, 0xAA, 255, 4, 5, 6, 7])) for i, stamp in enumerate(STAMPS.tolist())
 ]
 EPOCH = 1714564800
+
+
+BUSMASTER = """***BUSMASTER Ver 3.2.2***
+***PROTOCOL CAN***
+***[START LOGGING SESSION]***
+***START DATE AND TIME 1:5:2024 12:0:0:250***
+***HEX***
+***SYSTEM MODE***
+***<Time><Tx/Rx><Channel><CAN ID><Type><DLC><DataBytes>***"""
+
+
+def clock(seconds):
+    """As BUSMASTER writes it: hours, minutes, seconds and tenths of a millisecond."""
+    minutes, rest = divmod(round(seconds * 1e4), 600_000)
+    return f"{minutes // 60:02d}:{minutes % 60:02d}:{rest // 10_000:02d}:{rest % 10_000:04d}"
 
 
 def spaced(data):
@@ -51,11 +67,19 @@ def lines(form):
             "Time,Channel,ID,Flags,DLC,Data0,Data1,Data2,Data3,Data4,Data5,Data6,Data7",
             lambda t, i, d, _: f"{t:.6f},1,{i},,8,{','.join(map(str, d))}",
         ),
+        "busmaster": (BUSMASTER, lambda t, i, d, _: f"{clock(43200 + t)} Rx 1 0x{i:03X} s 8 {spaced(d)} "),
+        "busmaster decimal": (
+            BUSMASTER.replace("HEX", "DEC").replace("SYSTEM", "RELATIVE"),
+            lambda _, i, d, g: f"{clock(g)} Rx 1 {i:03d} s 8 {' '.join(f'{b:03d}' for b in d)}",
+        ),
     }[form]
     return [head, *(line(*row) for row in rows)][not head :]
 
 
-FORMS = ["-L", "-L fd", "-L way", "-ta", "-tA", "-tz", "-td", "gvret", "css", "python-can", "decimal"]
+FORMS = [
+    "-L", "-L fd", "-L way", "-ta", "-tA", "-tz", "-td", "gvret", "css", "python-can", "decimal", "busmaster",
+    "busmaster decimal",
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -109,3 +133,18 @@ def test_a_number_of_a_bus_may_be_any(save):
     text[3] = text[3].replace(",Rx,0,", f",Rx,{'9' * 30},")
     (block,) = frame_log(save("\n".join(text) + "\n", "run.csv")).blocks()
     assert block.bus.tolist()[:4] == [1, 1, 0xFFFF, 1]
+
+
+def test_a_log_of_busmaster_says_when_it_began_and_passes_over_what_is_no_frame(save):
+    text = lines("busmaster")
+    text[10:12] = ["oops", "12:00:00:2650 Rx 1 0x100 sr 8 "]
+    text += ["***[STOP LOGGING SESSION]***"]
+    log = frame_log(save("\n".join(text) + "\n", "run.log"))
+    (block,) = log.blocks()
+    assert dict(block.left_out) == {"unreadable line": 1, "remote frame": 1}
+    assert log.start + timedelta(seconds=block.stamp[0]) == datetime(2024, 5, 1, 12, 0, 0, 250_000)
+    absolute = [line.replace("SYSTEM", "ABSOLUTE") for line in lines("busmaster")]
+    assert frame_log(save("\n".join(absolute) + "\n", "absolute.log")).start == datetime(2024, 5, 1, 12)
+    other = [line.replace("PROTOCOL CAN", "PROTOCOL J1939") for line in text]
+    with pytest.raises(DataError, match="is a log of J1939; record the frames of the CAN bus"):
+        read(save("\n".join(other) + "\n", "other.log"))

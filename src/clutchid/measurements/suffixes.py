@@ -37,6 +37,7 @@ FORMATS = (
     Format("asc", (".asc",), sign="can.logs.is_asc", frames="can.logs.asc_log"),
     Format("trc", (".trc",), sign="can.logs.is_trc", frames="can.logs.trc_log"),
     Format("candump", (".log",), sign="can.texts.is_candump", frames="can.texts.candump_log"),
+    Format("busmaster", (".log",), sign="can.busmaster.is_busmaster", frames="can.busmaster.busmaster_log"),
     Format("jsonl", (".jsonl", ".ndjson"), sign="json_lines.is_json_lines", opener="json_lines.open_file"),
 )  # fmt: skip
 
