@@ -8,25 +8,31 @@ alone by Python and by the C: in double, in float, and in float with two rates, 
 sample. Theta is in prior standard deviations, the load in % of its peak, the pressure in Pa rms.
 
 Costs are those in float of truck 0 of family A over 10 s of the worn clutch, or of a calibration and a recording:
-counted by an emulator (`arm-none-eabi-gcc`, `qemu-system-arm -icount`), in instructions, not cycles, not on hardware.
+counted by an emulator (`arm-none-eabi-gcc`, `qemu-system-arm -icount`), in instructions, not cycles, not on hardware;
+beside them a bound by the loops of the C, see `instructions.py`.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import re
 import subprocess
 import tempfile
 import time
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
 import jinja2
 import numpy as np
+from instructions import program
 
 import clutchid
 from clutchid.exports.c99 import CStyle, compiler, observer_c99, source_files
+from clutchid.exports.data import size_of
+from clutchid.exports.filter import correction_shares
 from clutchid.exports.parity import begins_us, begun, parity, replay, samples_of
 from clutchid.exports.target import FAST, SMALL, example_files
 from clutchid.log import FloatArray, Log
@@ -125,6 +131,67 @@ def target_costs(observed: Observer, style: CStyle, log: Log, flags: Sequence[st
         return _costs(numbers, (folder / "costs.map").read_text(encoding="utf-8"), objects)
 
 
+class Bound(NamedTuple):
+    """Bounds of the instructions of a sample in time, of one 5 ms late, of a slow task and a load; steps a sample."""
+
+    usual: float
+    late: float
+    slow: float
+    load: float
+    steps: int
+
+
+#: Interval in us of a sample that is late.
+LATE = 5000
+
+
+def bounds(observed: Observer, style: CStyle) -> Bound:
+    """Bounds by the loops of an export; without what a new calibration or a divergence adds to one sample."""
+    n, joint, size = style.name, observed.joint, size_of(observed.joint)
+    pieces = observed.joint.free.pieces
+    known = {
+        "memory->segment": 0, "table->n": size.pieces - 1, "basis->n": size.window, "reach[0]": 0,
+        "reach[1]": int((pieces[:, 1] - pieces[:, 0]).max()), "self->refresh_due": 0, "self->reset_due": 0,
+        "work->of->drift": 0, "data->leak": size.parameters - 1, "rest->n_returned": 8,
+    }  # fmt: skip
+    kinds = {"belief": "filter_belief", "derived": "filter_derived", "constants": "model_constants"}
+    copied = {f"self->{name}[]": f"{n}_{kind}_t" for name, kind in kinds.items()}
+    copied |= {
+        "of->at": f"{n}_filter_motion_t",
+        "self->sound": f"{n}_filter_belief_t",
+        "*derived": f"{n}_filter_derived_t",
+    }
+    c = program(source_files(observer_c99(observed, start(observed), style, "bound")), known, copied)
+    most, spacing, every = float(joint.pace[2].max()), joint.settings.spacing, joint.settings.every
+    steps, late = math.ceil(spacing * most), math.ceil(1e-6 * LATE * most)
+    c = c.with_values(known={"self->n_past": c.constants[f"{n}_n_past"]}, turns={"verdict_on": 1, "correct": 0})
+    items = [
+        c.with_values(known={"self->item": i, "of->item": i - 1}).call("work").cost
+        for i in range(c.constants["n_items"])
+    ]
+    ends = [0, *correction_shares(size, every)]
+    slices = [sum(items[a:b]) for a, b in pairwise(ends)] if style.rates == "one" else [0.0]
+
+    def sample(since_us: int, of_move: int, alone: int) -> float:
+        follows = c.with_values(
+            turns={"move": of_move, "move_alone": alone}, known={"self->pending_us": 0, "self->sampled": 1}
+        )
+        return follows.call(f"{n}_fast", (None, None, None, since_us, None)).cost + max(slices)
+
+    usual = sample(round(1e6 * spacing), steps, 0)
+    return Bound(usual, sample(LATE, 1, late), sum(items), c.call(f"{n}_load").cost, steps)
+
+
+def with_late(log: Log, lost: int = LATE // 1000 - 1, every: int = 40) -> Log:
+    """A recording of which, once in `every` samples, at a drawn place, so many are lost."""
+    draws, there = np.random.default_rng(0), np.ones(len(log), dtype=bool)
+    for begin in range(50, len(log) - 60, every):
+        at = begin + int(draws.integers(0, every - 25))
+        there[at : at + lost] = False
+    rows = np.flatnonzero(there)
+    return Log(log.time[rows], {name: values[rows] for name, values in log.columns.items()}, log.name, log.metadata)
+
+
 def _binary(samples: FloatArray, style: CStyle) -> bytes:
     real = np.dtype("<f4" if style.real == "float" else "<f8")
     record = np.dtype([("values", real, 4), ("since_us", "<u4")], align=True)
@@ -179,6 +246,13 @@ def print_costs(methods: Sequence[str], calibration: str | None, recording: str 
             counts = [f"{name} {c.mean:,.0f}; {c.most:,}" for name, c in costs.counts.items() if c.calls]
             print(f"{method}, {rates}: {costs.millisecond:,.0f} instructions a millisecond | {' | '.join(counts)}")
             print("    " + ", ".join(f"{name} {size:,} B" for name, size in costs.memory.items()), flush=True)
+            late = target_costs(observed, CStyle(rates=rates), with_late(log)).counts["fast"].most
+            print(f"    with samples 5 ms late: fast at most {late:,}")
+            of = bounds(observed, CStyle(rates=rates))
+            print(
+                f"    bound: fast {of.usual:,.0f} ({of.steps} steps), late {of.late:,.0f}, "
+                f"slow {of.slow:,.0f}, load {of.load:,.0f}"
+            )
 
 
 def main() -> None:

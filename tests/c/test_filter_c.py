@@ -207,8 +207,10 @@ def predicted_in_python(a):
 
 
 def predicted_in_c(c):
-    c.call("begin_interval", c.motion, c.fixed, c.derived, c.sigma, DT, c.room)
-    c.call("end_interval", c.motion, c.fixed, c.room)
+    moving = len(c.motion.moved)
+    c.call("add_noise", c.motion, c.sigma)
+    c.call("begin_interval", c.motion, c.fixed, c.derived, DT, moving, c.room)
+    c.call("end_interval", c.motion, c.fixed, moving, c.room)
 
 
 def corrected_in_python(a):

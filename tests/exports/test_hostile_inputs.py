@@ -212,6 +212,37 @@ int main(void)
 }
 """
 
+COLUMNS_MOVED = """
+#include <stdio.h>
+#include "clutch.h"
+static clutch_t self;
+static unsigned steps, columns_moved;
+void __real_clutch_model_step_columns(double *, double *, double *, int, int, const double *, const void *,
+    const void *, const void *, const void *, void *, double);
+void __wrap_clutch_model_step_columns(double *x, double *carry, double *S, int columns, int rows, const double *p,
+    const void *c, const void *held, const void *table, const void *basis, void *memory, double h)
+{
+    steps += 1u;
+    columns_moved += (unsigned)columns;
+    __real_clutch_model_step_columns(x, carry, S, columns, rows, p, c, held, table, basis, memory, h);
+}
+int main(void)
+{
+    static const unsigned since[] = { 1000u, 5000u, 1000u, 20000u };
+    clutch_start(&clutch_data, &self, NULL, 0u);
+    for (int i = 0; i < 240; i++) {
+        const clutch_input_t input = { 1e-5 * (i % 7), (i > 100) ? 0.6 : 0.0, 0.0, 0.0 };
+        const unsigned dt = (i % 30 == 20) ? since[(i / 30) % 4] : 1000u;
+        clutch_output_t output;
+        steps = 0u;
+        columns_moved = 0u;
+        clutch_fast(&clutch_data, &self, &input, dt, &output);
+        if (i % 30 == 20) { printf("%u %u %u\\n", dt, steps, columns_moved); }
+    }
+    return 0;
+}
+"""
+
 
 CALIBRATED = """
 #include <stdio.h>
@@ -231,12 +262,12 @@ int main(void)
 """
 
 
-def words_of(one, style, main, folder):
+def words_of(one, style, main, folder, *linking):
     """Words that a program in C prints that calls an observer."""
     sources = write_sources(one, style, folder / "src")
     (folder / "main.c").write_text(main)
     options = ("-I", str(folder / "src"), "-fsanitize=undefined,address", "-fno-sanitize-recover=all")
-    program = compiled([folder / "main.c", *sources], folder / "main", *options)
+    program = compiled([folder / "main.c", *sources], folder / "main", *options, *linking)
     return subprocess.run([program], capture_output=True, check=True, text=True).stdout.split()
 
 
@@ -269,3 +300,13 @@ def test_a_block_is_of_the_values_that_a_tool_has_changed(one, tmp_path):
     mean = re.search(r"/\* F_C \*/\s*([0-9.e+-]+),", data.read_text())
     data.write_text(data.read_text().replace(mean.group(1), repr(1.1 * float(mean.group(1)))))
     assert run(stored)[1] == "0"
+
+
+@pytest.mark.slow
+def test_a_late_sample_moves_no_more_columns_than_one_in_time(one, tmp_path):
+    """Columns are two thirds of a step: a late sample that moves them step by step takes the time of several."""
+    words = words_of(one, DOUBLE, COLUMNS_MOVED, tmp_path, "-Wl,--wrap=clutch_model_step_columns")
+    usual, five, _, twenty = np.array(words, dtype=int).reshape(2, 4, 3).transpose(1, 0, 2)
+    assert np.all(usual[:, 1] < five[:, 1])
+    assert np.all(five[:, 1] < twenty[:, 1])
+    assert max(five[:, 2].max(), twenty[:, 2].max()) <= usual[:, 2].min()

@@ -10,8 +10,8 @@ from clutchid.errors import DataError, ParameterError
 from clutchid.observer import observe, observer, read_state, start, write_state
 from clutchid.observer.gaps import BRIDGED
 from clutchid.observer.state import FROZEN
-from fixtures.changed_logs import spoiled
-from fixtures.observing import in_blocks
+from fixtures.changed_logs import picked, spoiled
+from fixtures.observing import assert_same, in_blocks
 
 STROKE = np.linspace(2e-3, 9e-3, 30)
 
@@ -60,6 +60,28 @@ def test_a_hole_ends_a_stretch_and_what_is_known_of_the_load_stays(joint, plant,
     assert np.isfinite(found.states[:bridged]).all(), "for a short time the duty cycles are held"
     assert np.isfinite(found.states[2700:]).all()
     assert apart(joint, plant, state, worn) < 0.3
+
+
+def test_parts_of_a_correction_are_counted_in_samples_also_where_some_are_late(joint, plant, worn, log):
+    """A late sample has one part of a correction, so those of the missing ones do not come at once."""
+    lost = np.arange(len(log)) % 100
+    late = picked(log, (lost < 40) | (lost >= 44))
+    state, found = observe(joint, start(joint), late)
+    corrected = np.isfinite(found.deviations[:, 0])
+    assert np.array_equal(corrected, np.arange(1, len(late) + 1) % joint.joint.settings.every == 0)
+    assert apart(joint, plant, state, worn) < 0.3
+    _, undisturbed = observe(joint, start(joint), log)
+    at, since = plant.states.index("p_A"), slice(200, None)
+    there = np.searchsorted(log.time, late.time)
+    assert np.abs(found.states[since, at] - undisturbed.states[there[since], at]).max() < 30e3
+
+
+def test_late_samples_in_blocks_have_the_same_numbers(joint, log):
+    lost = np.arange(1500) % 50
+    late = picked(log.slice(0, 1500), (lost < 30) | (lost >= 34))
+    whole, parts = observe(joint, start(joint), late), in_blocks(joint, late, [7] * 200)
+    assert_same(whole[0], parts[0])
+    np.testing.assert_array_equal(whole[1].states, parts[1].states)
 
 
 def test_the_samples_of_a_frozen_sensor_are_left_out(joint, plant, worn, log):

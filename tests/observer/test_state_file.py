@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from clutchid.errors import ParameterError
+from clutchid.inference.filter.setup import ADAPTS, WEARS
 from clutchid.observer import observe, read_state, start, write_state
 
 
@@ -57,7 +58,11 @@ def test_other_blanks_comments_and_line_ends_are_no_change(joint, state, tmp_pat
         (lambda s: {"T": s.T.T, "filter": s.filter._replace(T=s.T.T)}, "a root is not lower triangular"),
         (lambda _: {"wear": np.array([-1])}, "what the parameters have still to gain is below 0"),
         (lambda _: {"wear": np.array([5])}, "a correction that is under way"),
-        (lambda s: {"filter": s.filter._replace(due=np.array([9]))}, "a correction that is under way"),
+        (lambda s: {"sound": s.sound._replace(wear=np.array([-1]))}, "have still to gain is below 0"),
+        *(
+            (lambda s, due=due: {"filter": s.filter._replace(due=np.array([due]))}, "a correction that is under way")
+            for due in (-1, 2, 4, 6, 8)
+        ),
         (lambda s: {"T": 0.0 * s.T, "filter": s.filter._replace(T=0.0 * s.T)}, "a root has a row of zeros"),
         (lambda s: {"theta": s.theta + 1.0}, "the parameters are not those of filter"),
         (lambda s: {"sound": s.sound._replace(theta=s.theta + np.inf)}, "sound has a value that is not finite"),
@@ -93,3 +98,10 @@ def test_a_value_that_no_observer_has_is_refused_whatever_the_checksum(joint, st
         read_state(joint, tmp_path / "state.toml")
     assert reason in str(caught.value)
     assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_correction_of_any_kind_that_is_under_way_is_read(joint, state, tmp_path):
+    for due in (0, 1, 1 + ADAPTS, 1 + WEARS, 1 + ADAPTS + WEARS):
+        saved = replace(state, filter=state.filter._replace(due=np.array([due])))
+        write_state(joint, saved, tmp_path / "state.toml")
+        assert read_state(joint, tmp_path / "state.toml").filter.due == due

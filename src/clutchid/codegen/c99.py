@@ -11,7 +11,7 @@ import sympy as sp
 
 from clutchid.codegen.differentiation import DifferentiatedProgram, Entry, differentiated
 from clutchid.codegen.language import C_DOUBLE, C_FLOAT, C_WORDS, Language, apart
-from clutchid.codegen.program import Assign, Branch, Lookup, Statement, live, targets
+from clutchid.codegen.program import Assign, Branch, Lookup, Statement, live, reads, targets
 from clutchid.codegen.staging import ProgramParts, assigned, positions, read
 from clutchid.codegen.system import Expr, System
 from clutchid.codegen.templates import template
@@ -81,12 +81,14 @@ def unpacked(system: System, parts: ProgramParts, needed: Collection[Expr]) -> d
 class ColumnCode:
     """The text around ``NAME_step_columns``.
 
-    `jacobian`, `table` and `slots` are the results of a stage, as text. A slot is the derivative of the rate of a row
+    `code` are the statements that the rates need, `more` the others, which nothing needs without columns. `jacobian`,
+    `table` and `slots` are the results of a stage, as text. A slot is the derivative of the rate of a row
     to the parameter of a column: (row, column, text). `rows` are the rates of a column, J z, a row each.
     """
 
     parts: ProgramParts
     code: str
+    more: str
     unpacked: dict[str, list[Any]]
     jacobian: tuple[str, ...]
     table: tuple[tuple[int, str], ...]
@@ -117,9 +119,16 @@ class ColumnCode:
         parts = ProgramParts.of(plan.system, program, [*plan.rates, *derivatives])
         stage = parts.program.stage
         slopes = any(isinstance(part, Lookup) and part.slope in read(stage) for part in stage)
+        wanted, needed = set(plan.rates), list[Statement]()
+        for statement in reversed(stage):
+            if wanted & set(targets(statement)):
+                wanted |= reads(statement)
+                needed.insert(0, statement)
+        more = [statement for statement in stage if statement not in needed]
         return cls(
             parts=parts,
-            code="\n".join(c_lines(stage, language, slopes=slopes)),
+            code="\n".join(c_lines(needed, language, slopes=slopes)),
+            more="\n".join(c_lines(more, language, "        ")),
             unpacked=unpacked(plan.system, parts, parts.in_stage),
             jacobian=tuple(language.print(entry.value) for entry in entries),
             table=tuple((entry.row, language.print(entry.value)) for entry in plan.table_entries),

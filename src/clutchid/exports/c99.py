@@ -20,6 +20,7 @@ from clutchid.estimation.assess.comparison import ENGAGING
 from clutchid.estimation.assess.observed import HALF_WIDTH, MISMATCH, STROKES
 from clutchid.exports.data import carrier_us, data_of, provenance, size_of
 from clutchid.exports.filter import correction_shares, filter_c99
+from clutchid.inference.filter.setup import LONG
 from clutchid.log import HOLE
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels, system
@@ -28,7 +29,7 @@ from clutchid.observer import contradiction, rest
 from clutchid.observer.by_stroke import STEP
 from clutchid.observer.contradiction import CONTRADICTED
 from clutchid.observer.following import HELD
-from clutchid.observer.gaps import BRIDGED, LONG, RESOLUTION, SHORT
+from clutchid.observer.gaps import BRIDGED, RESOLUTION, SHORT, longest
 from clutchid.observer.health import BEYOND
 from clutchid.observer.mismatch import MEMORY, UNLIKE
 from clutchid.observer.observer import LEAK_FOUND, Observer
@@ -232,6 +233,7 @@ def _times(observer: Observer) -> dict[str, Any]:
         "spacing_us": spacing,
         "hole_us": int(HOLE * spacing),
         "long_us": int(LONG * spacing),
+        "longest_us": int(longest(observer.spacing) / RESOLUTION),
         "shortest_us": round(SHORT * spacing),
         "bridged_us": round(BRIDGED / RESOLUTION),
         "past": period // spacing + 3,

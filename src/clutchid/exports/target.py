@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,6 +29,25 @@ FAST = ("-ffp-contract=fast", "-fno-math-errno")
 #: Flag of NAME.c, whose own work is little: it saves 2 kB of flash and adds 20 instructions a sample
 #: (``python benchmarks/export.py --costs``).
 SMALL = "-Os"
+
+
+class SampleCosts(NamedTuple):
+    """Instructions of `NAME_fast`: in the mean and at most, of a sample 5 ms late, and bounds of both by the loops."""
+
+    rates: str
+    mean: int
+    most: int
+    late: int
+    bound: int
+    bound_late: int
+
+
+#: Of truck 0 of family A (`joint`, 29 parameters, float), 10 s of a worn clutch on an emulated Cortex-M4F with an FPU.
+#: Provenance: ``python benchmarks/export.py --costs``, arm-none-eabi-gcc 12.2, qemu 7.2.
+SAMPLE_COSTS = (
+    SampleCosts("one", 32_200, 50_400, 68_800, 170_800, 260_300),
+    SampleCosts("two", 24_600, 41_100, 60_700, 125_700, 215_300),
+)
 
 
 def example_files(style: CStyle) -> dict[str, str]:

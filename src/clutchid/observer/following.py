@@ -23,8 +23,8 @@ from clutchid.inference.filter.joint_filter import (
 )
 from clutchid.inference.filter.rules import RuleState
 from clutchid.inference.filter.setup import FilterState, intervals
-from clutchid.log import HOLE, INPUTS, FloatArray, Log
-from clutchid.observer.gaps import RESOLUTION, bridged, latest_driven, repeats
+from clutchid.log import INPUTS, FloatArray, Log
+from clutchid.observer.gaps import RESOLUTION, bridged, latest_driven, longest, repeats
 from clutchid.observer.mismatch import mismatches
 from clutchid.observer.observer import Observer, unknown
 from clutchid.observer.rest import counted_from, new_stretch, rest_pace, watch_rest
@@ -132,7 +132,8 @@ def observe_strokes(
     _check(state, block)
     repeated = repeats(block.time, state.latest, observer.spacing)
     values, state = _values(observer, state, block, repeated)
-    samples, rows, known = bridged(state, values.log, repeated, values.ends, observer.spacing)
+    fills = not observer.joint.rule.columns
+    samples, rows, known = bridged(state, values.log, repeated, values.ends, observer.spacing, fills)
     observed, stretches = _nothing(observer, samples.time), _stretches(observer, samples)
     rest, unzeroed, moves = _rests(observer, state, samples, stretches, observed)
     counted = subtracted(observer, observed.rest)
@@ -258,7 +259,7 @@ def _rests(
     pace = rest_pace(observer.spacing, observer.actuator.parameters.y_max)
     time, duties = samples.time, samples.duties
     for begin, end in stretches:
-        if begin > 0 or not time[begin] - latest_driven(state) <= HOLE * observer.spacing:
+        if begin > 0 or not time[begin] - latest_driven(state) <= longest(observer.spacing):
             watch = new_stretch(watch)
         observed.rest[begin:end] = watch.shift
         observed.no_zero[begin:end] = bool(unzeroed) and unzeroed[0] <= time[begin]  # a jump begins a stretch
@@ -356,7 +357,7 @@ def _check(state: ObserverState, block: Log) -> None:
 def _stretches(observer: Observer, samples: Tail) -> list[tuple[int, int]]:
     """Ranges of samples with known inputs and without holes, and single samples without inputs."""
     known: Mask = np.all(np.isfinite(samples.duties), axis=1)
-    hole = np.diff(samples.time) > HOLE * observer.spacing
+    hole = np.diff(samples.time) > longest(observer.spacing)
     cuts = np.flatnonzero(hole | ~known[1:] | ~known[:-1]) + 1
     return [(a, b) for a, b in pairwise([0, *cuts.tolist(), samples.time.size]) if b > a]
 
@@ -364,7 +365,7 @@ def _stretches(observer: Observer, samples: Tail) -> list[tuple[int, int]]:
 def _continues(observer: Observer, state: ObserverState, time: float, duties: FloatArray) -> bool:
     """Whether a sample goes on from the last one."""
     tail = state.tail.time
-    return bool(tail.size and time - tail[-1] <= HOLE * observer.spacing and np.isfinite(duties).all())
+    return bool(tail.size and time - tail[-1] <= longest(observer.spacing) and np.isfinite(duties).all())
 
 
 def _ended(observer: Observer, state: ObserverState) -> ObserverState:

@@ -1,7 +1,8 @@
 """Samples that are missing, repeated or rounded: what an observer follows in their place.
 
-Short gaps are bridged: samples without a position are put where they are missing, the duty cycles are held, and the
-flow through the valves is as uncertain as that. The exported C does the same, sample by sample.
+Short gaps are bridged: the duty cycles are held, and the flow through the valves is as uncertain as that. A rule with
+columns follows a gap as one interval, see `recursion.move_alone`; for the others samples without a position are put
+where they are missing. The exported C does the same, sample by sample.
 """
 
 from __future__ import annotations
@@ -11,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchid.log import INPUTS, FloatArray, Log
+from clutchid.inference.filter.setup import LONG
+from clutchid.log import HOLE, INPUTS, FloatArray, Log
 from clutchid.observer.state import Mask, ObserverState, Tail
 from clutchid.strokes.values import within_rounding
 
@@ -23,9 +25,9 @@ BRIDGED = 0.02
 #: Provenance: docs/derivations_online.md.
 UNKNOWN = 0.3
 
-#: Shares of the usual interval: samples are missing in a longer one than the first; in a shorter one than the second
-#: a sample repeats the last one, as of a clock too coarse or a task that is called twice.
-LONG, SHORT = 1.5, 0.1
+#: Share of the usual interval: in a shorter one a sample repeats the last one, as of a clock too coarse or a task that
+#: is called twice.
+SHORT = 0.1
 
 #: Resolution in s of the clock of a control unit, half of which decides nothing.
 RESOLUTION = 1e-6
@@ -43,8 +45,13 @@ class Bridged(NamedTuple):
     known: float
 
 
-def bridged(state: ObserverState, block: Log, repeated: Mask, ends: Mask, spacing: float) -> Bridged:
-    """The samples of a block with short gaps filled, in SI; their positions as in the block.
+def longest(spacing: float) -> float:
+    """Longest time in s from one sample to the next in a stretch; beyond it is a hole."""
+    return max(HOLE * spacing, BRIDGED + spacing + 0.5 * RESOLUTION)
+
+
+def bridged(state: ObserverState, block: Log, repeated: Mask, ends: Mask, spacing: float, fills: bool) -> Bridged:
+    """The samples of a block with short gaps bridged, in SI; their positions as in the block.
 
     Parameters
     ----------
@@ -54,13 +61,16 @@ def bridged(state: ObserverState, block: Log, repeated: Mask, ends: Mask, spacin
         Samples that repeat the one before, and those at which a stretch ends.
     spacing : s
         Usual time from one sample to the next.
+    fills
+        Whether samples are put where they are missing.
     """
     at, taken = np.flatnonzero(~repeated), ~repeated
     time = block.time[taken]
     before = np.append(state.latest if _driven(state) else np.nan, time[:-1])[: time.size]
     gap = time - before
-    short = (gap > LONG * spacing) & (gap <= BRIDGED + spacing + 0.5 * RESOLUTION)
-    missing = np.where(short, np.round(np.where(short, gap, 0.0) / spacing) - 1.0, 0.0).astype(np.int64)
+    short = (gap > LONG * spacing) & (gap <= longest(spacing))
+    lost = np.where(short, np.round(np.where(short, gap, 0.0) / spacing) - 1.0, 0.0).astype(np.int64)
+    missing = lost if fills else np.zeros_like(lost)
     places = np.arange(time.size) + np.cumsum(missing)
     m = time.size + int(missing.sum())
     stamps, own = np.full(m, np.nan), np.zeros(m, dtype=bool)
@@ -76,7 +86,10 @@ def bridged(state: ObserverState, block: Log, repeated: Mask, ends: Mask, spacin
     barriers = np.zeros(m, dtype=bool)
     barriers[own] = ends[taken]
     duties = np.where(barriers[:, None], np.nan, np.column_stack(columns[:2]))
-    duties, open_std, known = _held(state, stamps, duties, barriers, spacing)
+    duties, held, known = _held(state, stamps, duties, barriers)
+    unknown = np.append(_driven(state) and state.known < state.latest, held[:-1])[: held.size].astype(np.float64)
+    unknown[own] += lost - missing
+    open_std = UNKNOWN * spacing * np.sqrt(unknown)
     rows = np.full(len(block), -1)
     rows[at] = places
     return Bridged(Tail(stamps, duties, columns[2], columns[3], open_std), np.maximum.accumulate(rows), known)
@@ -103,12 +116,10 @@ def repeats(time: FloatArray, latest: float, spacing: float) -> Mask:
     return repeated
 
 
-def _held(
-    state: ObserverState, time: FloatArray, duties: FloatArray, ends: Mask, spacing: float
-) -> tuple[FloatArray, FloatArray, float]:
-    """Duty cycles held where they are missing for a short time, the `open_std` of `Tail`, and `known` of `Bridged`."""
+def _held(state: ObserverState, time: FloatArray, duties: FloatArray, ends: Mask) -> tuple[FloatArray, Mask, float]:
+    """Duty cycles held where they are missing for a short time, and where that is; `known` of `Bridged`."""
     if time.size and not (np.isnan(duties).any() or ends.any()):
-        return duties, np.zeros(time.size), float(time[-1])
+        return duties, np.zeros(time.size, dtype=bool), float(time[-1])
     before = state.known if _driven(state) and state.tail.time.size else np.nan
     first = state.tail.duties[-1:] if np.isfinite(before) else np.full((1, 2), np.nan)
     both, stamps = np.vstack([first, duties]), np.append(before, time)
@@ -123,4 +134,4 @@ def _held(
         index = np.maximum.accumulate(np.where(np.isnan(both), 0, place[:, None]), axis=0)
         both = np.where(held[:, None], np.take_along_axis(both, index, axis=0), both)
     driven = float(since[-1]) if np.isfinite(since[-1]) else float("nan")
-    return both[1:], np.where(held[1:], UNKNOWN * spacing, 0.0), driven
+    return both[1:], held[1:], driven

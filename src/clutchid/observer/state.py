@@ -28,7 +28,7 @@ class Tail(NamedTuple):
     """The last samples of a stretch without holes: what the next one needs of them, and how many equal positions.
 
     `supply` is the recorded supply pressure in Pa, NaN where there is none; `open_std` how long in s a valve may have
-    been open besides its duty cycle in the interval that begins at a sample: 0 where that is known, see `gaps`.
+    been open besides its duty cycle in the interval that ends at a sample: 0 where that is known, see `gaps`.
     """
 
     time: FloatArray
@@ -53,7 +53,7 @@ def segment_of(samples: Tail, actuator: Actuator) -> Segment:
         stop=m,
         inputs=held_inputs(log, actuator, 0, m) if m > 1 else np.zeros((1, 2)),
         dt=dt,
-        open_std=samples.open_std[:-1],
+        open_std=samples.open_std[1:],
         substeps=np.zeros(dt.size, dtype=np.int32),
         jump=np.zeros(m, dtype=np.uint8),
         measured=np.zeros((m, 2)),

@@ -162,7 +162,7 @@ def carrier_clock(time: FloatArray, p: Parameters, begins: float | None = None) 
     phase = (time / p.T_pwm - (begins or 0.0)) % 1.0
     phase[phase > 1.0 - ROUNDING] = 0.0
     step = np.diff(time, append=2 * time[-1] - time[-2]) / p.T_pwm
-    step = np.where(step < 1.0, step, 0.0)
+    step = np.where(step < 1.0 - ROUNDING, step, 0.0)
     if begins is not None:
         phase = np.where(phase + step > 1.0 + ROUNDING, phase - 1.0, phase) + begins
     return [phase, step]

@@ -426,6 +426,7 @@ def _arrays(joint: JointFilter, state: RuleState) -> FilterArrays:
         _source(joint, state.x.size),
         joint.drifts,
         0.5 * s.every * s.spacing,
+        s.spacing,
     )
     width = state.S.shape[1] if isinstance(state, FilterState) else 0
     room = scratch(state.x.size, width, state.T, n, len(joint.measure))

@@ -13,6 +13,9 @@ just before the next one is due, moved on by Phi and Gamma (`begin_correction`, 
 gain in a stroke is added to T a column at each of the next corrections. Nothing else is known in between, so a filter
 that starts anew, or a state that is stored, never sees half of a correction.
 
+A control unit must not need the time of several samples for one that is late. So in what is missing before it x moves
+alone, and the parts of a correction are counted in samples, not in time.
+
 References
 ----------
 Carlson, N. A., Fast triangular formulation of the square root filter, AIAA Journal 11 (1973) 1259-1265.
@@ -40,6 +43,7 @@ from clutchid.inference.filter.joint_parameters import (
 from clutchid.inference.filter.setup import (
     ADAPTS,
     LAG,
+    LONG,
     OFFSET,
     OUTPUT,
     STATE,
@@ -182,6 +186,62 @@ def move_columns(
         waiting[sigma.size + m] = coefficients[m, 2]
     before, moved = arrays.scratch.before, (u, length[0], substeps)
     return move(step, state.x, columns, arrays.model, moved, sensors, coefficients, before)
+
+
+@kernel
+def move_alone(
+    step: Callable[..., bool],
+    state: FilterState,
+    columns: FloatArray,
+    interval: tuple[FloatArray, float, FloatArray],
+    arrays: FilterArrays,
+    rest: FloatArray,
+) -> None:
+    """Move x alone over the part of a long interval that is late.
+
+    Where the piston moves, the positions in columns (size, c) move by their speeds: that is most of what the model does
+    to columns in some milliseconds, and costs a control unit next to nothing.
+
+    Parameters
+    ----------
+    interval
+        Inputs, length in s, coefficients of the sensors' lags: receives those of the rest.
+    rest : (1,)
+        Receives what is left in s of the interval, for one step of the pace.
+    """
+    u, length, coefficients = interval
+    x, sensors, model, pace, scratch = state.x, arrays.sensors, arrays.model, arrays.pace, arrays.scratch
+    at_speed, at_position, spacing = arrays.settings.at_speed, arrays.settings.at_position, arrays.settings.spacing
+    before, lags, kept, width = scratch.before, arrays.derived.lags, scratch.S, columns.shape[1]
+    own = spacing / steps_at(pace, x[at_position], x[at_speed], spacing, 1)
+    late = length - own
+    rest[0] = late
+    for m in range(sensors.shape[0]):
+        lag_coefficients(lags[m], rest, coefficients[m : m + 1])
+        copy(before[m, 1 : 1 + width], columns[sensors[m, STATE]])
+        before[m, 0] = x[sensors[m, STATE]]
+    for i in range(x.size):
+        copy(kept[i, :width], columns[i])
+    left = late
+    while left > 0.0:
+        steps = steps_at(pace, x[at_position], x[at_speed], left, 1)
+        step_model(step, x, columns, u, left / steps, 1, model)
+        left -= left / steps
+    move_sensors(x, columns, before, sensors, coefficients)
+    for i in range(x.size):
+        copy(columns[i], kept[i])
+    moves = (
+        abs(x[at_speed]) > arrays.settings.least_speed
+    )  # at a stop, speeds times milliseconds would grow without end
+    for j in range(width if moves else 0):
+        by_speed = late * columns[at_speed, j]
+        columns[at_position, j] += by_speed
+        for m in range(sensors.shape[0]):
+            if sensors[m, STATE] == at_position:
+                columns[sensors[m, OUTPUT], j] += by_speed
+    rest[0] = own
+    for m in range(sensors.shape[0]):
+        lag_coefficients(lags[m], rest, coefficients[m : m + 1])
 
 
 @kernel
@@ -580,8 +640,12 @@ def follow(
     for i in range(begin, end):
         row, turn = i - begin, (number + i) % settings.every
         if i > 0:
-            steps = steps_at(arrays.pace, x[at_position], x[at_speed], length[i - 1], int(substeps[i - 1]))
-            interval = u[i - 1], length[i - 1 : i], steps, sigma[i - 1], lags[i - 1]
+            own = length[i - 1 : i]
+            if packed and own[0] > LONG * settings.spacing:
+                late, own = (u[i - 1], own[0], lags[i - 1]), arrays.scratch.x[:1]
+                move_alone(step, state, columns, late, arrays, own)
+            steps = steps_at(arrays.pace, x[at_position], x[at_speed], own[0], int(substeps[i - 1]))
+            interval = u[i - 1], own, steps, sigma[i - 1], lags[i - 1]
             if not move_columns(step, state, columns, interval, arrays):
                 return i
         errors[row] = np.nan

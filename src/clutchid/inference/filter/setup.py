@@ -67,6 +67,9 @@ class Intervals(NamedTuple):
 #: its lag and its offset, -1 if they are fixed.
 OUTPUT, STATE, LAG, OFFSET = 0, 1, 2, 3
 
+#: Share of the usual interval, up to rounding: in a longer one samples are missing.
+LONG = 1.5 * (1 + 1e-6)
+
 #: Free load weights whose columns move beside those that act at one position, see `transition`. With cubic B-splines,
 #: of which four act, eight are those of 6 mm with knots at 1.25 mm, which the piston passes in the 10 ms between
 #: corrections at 0.5 m/s.
@@ -188,7 +191,8 @@ class SettingsArrays(NamedTuple):
     Samples between corrections; standard deviations beyond which an innovation is an outlier; speed in m/s above which
     parameters adapt; rows of speed and position in x, and of the state that is watched; numbers of the rule, see
     `rules`; what E gains from one correction to the next (size, c); root of what T gains in a stroke (k, d); time in s
-    from a correction to the middle between it and the next, around which the window of load weights is placed.
+    from a correction to the middle between it and the next, around which the window of load weights is placed; usual
+    time in s from one sample to the next.
     """
 
     every: int
@@ -201,6 +205,7 @@ class SettingsArrays(NamedTuple):
     source: FloatArray = np.zeros((0, 0))
     drifts: FloatArray = np.zeros((0, 0))
     ahead: float = 0.0
+    spacing: float = np.inf
 
 
 class FilterArrays(NamedTuple):

@@ -504,7 +504,7 @@ typedef struct {
 } stage_t;
 
 static void rhs_columns(const float x[], const float p[], const isothermal_constants_t *c,
-    const isothermal_held_t *held, const isothermal_table_t *table, isothermal_memory_t *memory, stage_t *stage)
+    const isothermal_held_t *held, const isothermal_table_t *table, isothermal_memory_t *memory, int columns, stage_t *stage)
 {
     const float y = x[0];
     const float v = x[1];
@@ -666,7 +666,6 @@ static void rhs_columns(const float x[], const float p[], const isothermal_const
         w_ve__p_A = 0.0F;
     }
     const float w_v = -w_ve + w_vs;
-    const float w_v__p_A = -w_ve__p_A + w_vs__p_A;
     float w_r;
     float w_r__p_B;
     if (P_0 > p_B) {
@@ -741,13 +740,7 @@ static void rhs_columns(const float x[], const float p[], const isothermal_const
         z_dot_1__v = 1.0F;
     }
     const float z_dot = -(const_51*z*z_dot_1) + v;
-    const float z_dot__F_C = const_52*z*z_dot_1;
-    const float z_dot__v = -(const_51*z*z_dot_1__v) + 1.0F;
-    const float z_dot__z = -const_51*z_dot_1;
     const float f_f = (D_v*v) + (D_zdot*z_dot) + (K_z*z);
-    const float f_f__v = D_v + (D_zdot*z_dot__v);
-    const float f_f__z = (D_zdot*z_dot__z) + K_z;
-    const float f_f__F_C = D_zdot*z_dot__F_C;
     float f_s_1;
     float f_s_1__v;
     float f_s_1__y;
@@ -805,56 +798,65 @@ static void rhs_columns(const float x[], const float p[], const isothermal_const
         }
     }
     const float f_s = -f_s_1 + f_s_2;
-    const float f_s__v = -f_s_1__v + f_s_2__v;
-    const float f_s__y = -f_s_1__y + f_s_2__y;
     const float f_l = lookup(table, memory, y);
     const float f_l_slope = table_slope(table, memory);
     const float d_y = v;
     const float d_v = const_64*((A_A*p_A) - (A_B*p_B) + const_65 - f_f - f_l - f_s);
-    const float d_v__v = (d_v__by__f_f*f_f__v) + (d_v__by__f_s*f_s__v);
-    const float d_v__z = d_v__by__f_f*f_f__z;
-    const float d_v__F_C = d_v__by__f_f*f_f__F_C;
-    const float d_v__y = (d_v__by__f_l*f_l_slope) + (d_v__by__f_s*f_s__y);
     const float d_p_A = -(A_A*(1.0F/V_A)*p_A*v) + ((1.0F/V_A)*const_67*w_v);
-    const float d_p_A__by__V_A = (A_A*(1.0F/V_A)*(1.0F/V_A)*p_A*v) - ((1.0F/V_A)*(1.0F/V_A)*const_67*w_v);
-    const float d_p_A__by__w_v = (1.0F/V_A)*const_67;
-    const float d_p_A__y = A_A*d_p_A__by__V_A;
-    const float d_p_A__p_A = -(A_A*(1.0F/V_A)*v) + (d_p_A__by__w_v*w_v__p_A);
-    const float d_p_A__v = -A_A*(1.0F/V_A)*p_A;
-    const float d_p_A__C_vs = d_p_A__by__w_v*w_vs__C_vs;
-    const float d_p_A__P_S = d_p_A__by__w_v*w_vs__P_S;
     const float d_p_B = (A_B*(1.0F/V_B)*p_B*v) + ((1.0F/V_B)*const_67*w_r);
-    const float d_p_B__by__V_B = -(A_B*(1.0F/V_B)*(1.0F/V_B)*p_B*v) - ((1.0F/V_B)*(1.0F/V_B)*const_67*w_r);
-    const float d_p_B__by__w_r = (1.0F/V_B)*const_67;
-    const float d_p_B__y = V_B__y*d_p_B__by__V_B;
-    const float d_p_B__p_B = (A_B*(1.0F/V_B)*v) + (d_p_B__by__w_r*w_r__p_B);
-    const float d_p_B__v = A_B*(1.0F/V_B)*p_B;
     const float d_z = z_dot;
     stage->rates[0] = d_y;
     stage->rates[1] = d_v;
     stage->rates[2] = d_p_A;
     stage->rates[3] = d_p_B;
     stage->rates[4] = d_z;
-    stage->jacobian[0] = d_v__y;
-    stage->jacobian[1] = d_v__v;
-    stage->jacobian[2] = d_v__p_A;
-    stage->jacobian[3] = d_v__p_B;
-    stage->jacobian[4] = d_v__z;
-    stage->jacobian[5] = d_p_A__y;
-    stage->jacobian[6] = d_p_A__v;
-    stage->jacobian[7] = d_p_A__p_A;
-    stage->jacobian[8] = d_p_B__y;
-    stage->jacobian[9] = d_p_B__v;
-    stage->jacobian[10] = d_p_B__p_B;
-    stage->jacobian[11] = z_dot__v;
-    stage->jacobian[12] = z_dot__z;
-    stage->table[0] = d_v__by__f_l;
-    stage->slots[0] = d_v__F_C;
-    stage->slots[1] = d_p_A__P_S;
-    stage->slots[2] = d_p_A__C_vs;
-    stage->slots[3] = z_dot__F_C;
-    stage->segment = memory->segment;
-    stage->offset = memory->offset;
+    if (columns > 0) {
+        const float w_v__p_A = -w_ve__p_A + w_vs__p_A;
+        const float z_dot__F_C = const_52*z*z_dot_1;
+        const float z_dot__v = -(const_51*z*z_dot_1__v) + 1.0F;
+        const float z_dot__z = -const_51*z_dot_1;
+        const float f_f__v = D_v + (D_zdot*z_dot__v);
+        const float f_f__z = (D_zdot*z_dot__z) + K_z;
+        const float f_f__F_C = D_zdot*z_dot__F_C;
+        const float f_s__v = -f_s_1__v + f_s_2__v;
+        const float f_s__y = -f_s_1__y + f_s_2__y;
+        const float d_v__v = (d_v__by__f_f*f_f__v) + (d_v__by__f_s*f_s__v);
+        const float d_v__z = d_v__by__f_f*f_f__z;
+        const float d_v__F_C = d_v__by__f_f*f_f__F_C;
+        const float d_v__y = (d_v__by__f_l*f_l_slope) + (d_v__by__f_s*f_s__y);
+        const float d_p_A__by__V_A = (A_A*(1.0F/V_A)*(1.0F/V_A)*p_A*v) - ((1.0F/V_A)*(1.0F/V_A)*const_67*w_v);
+        const float d_p_A__by__w_v = (1.0F/V_A)*const_67;
+        const float d_p_A__y = A_A*d_p_A__by__V_A;
+        const float d_p_A__p_A = -(A_A*(1.0F/V_A)*v) + (d_p_A__by__w_v*w_v__p_A);
+        const float d_p_A__v = -A_A*(1.0F/V_A)*p_A;
+        const float d_p_A__C_vs = d_p_A__by__w_v*w_vs__C_vs;
+        const float d_p_A__P_S = d_p_A__by__w_v*w_vs__P_S;
+        const float d_p_B__by__V_B = -(A_B*(1.0F/V_B)*(1.0F/V_B)*p_B*v) - ((1.0F/V_B)*(1.0F/V_B)*const_67*w_r);
+        const float d_p_B__by__w_r = (1.0F/V_B)*const_67;
+        const float d_p_B__y = V_B__y*d_p_B__by__V_B;
+        const float d_p_B__p_B = (A_B*(1.0F/V_B)*v) + (d_p_B__by__w_r*w_r__p_B);
+        const float d_p_B__v = A_B*(1.0F/V_B)*p_B;
+        stage->jacobian[0] = d_v__y;
+        stage->jacobian[1] = d_v__v;
+        stage->jacobian[2] = d_v__p_A;
+        stage->jacobian[3] = d_v__p_B;
+        stage->jacobian[4] = d_v__z;
+        stage->jacobian[5] = d_p_A__y;
+        stage->jacobian[6] = d_p_A__v;
+        stage->jacobian[7] = d_p_A__p_A;
+        stage->jacobian[8] = d_p_B__y;
+        stage->jacobian[9] = d_p_B__v;
+        stage->jacobian[10] = d_p_B__p_B;
+        stage->jacobian[11] = z_dot__v;
+        stage->jacobian[12] = z_dot__z;
+        stage->table[0] = d_v__by__f_l;
+        stage->slots[0] = d_v__F_C;
+        stage->slots[1] = d_p_A__P_S;
+        stage->slots[2] = d_p_A__C_vs;
+        stage->slots[3] = z_dot__F_C;
+        stage->segment = memory->segment;
+        stage->offset = memory->offset;
+    }
 }
 
 /*
@@ -1031,7 +1033,7 @@ void isothermal_step_columns(float x[], float carry[], float S[], int columns, i
         sum[i] = 0.0F;
     }
     for (int k = 0; k < 4; k++) {
-        rhs_columns(at, p, c, held, table, memory, &stages[k]);
+        rhs_columns(at, p, c, held, table, memory, columns, &stages[k]);
         sum[0] += weights[k] * stages[k].rates[0];
         at[0] = x[0] + (reaches[k] * stages[k].rates[0]);
         sum[1] += weights[k] * stages[k].rates[1];

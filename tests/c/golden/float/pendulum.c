@@ -118,7 +118,7 @@ typedef struct {
 } stage_t;
 
 static void rhs_columns(const float x[], const float p[], const pendulum_constants_t *c,
-    const pendulum_held_t *held, const pendulum_table_t *table, pendulum_memory_t *memory, stage_t *stage)
+    const pendulum_held_t *held, const pendulum_table_t *table, pendulum_memory_t *memory, int columns, stage_t *stage)
 {
     const float phi = x[0];
     const float omega = x[1];
@@ -136,25 +136,27 @@ static void rhs_columns(const float x[], const float p[], const pendulum_constan
         drag_1__omega = 1.0F;
     }
     const float drag = d*drag_1*omega;
-    const float drag__d = drag_1*omega;
-    const float drag__omega = (d*drag_1) + (d*drag_1__omega*omega);
     const float f = lookup(table, memory, phi);
     const float f_slope = table_slope(table, memory);
     const float d_phi = omega;
     const float d_omega = -drag - f - (g_l*sinf(phi)) + m;
-    const float d_omega__d = -drag__d;
-    const float d_omega__omega = -drag__omega;
-    const float d_omega__phi = -f_slope - (g_l*cosf(phi));
-    const float d_omega__g_l = -sinf(phi);
     stage->rates[0] = d_phi;
     stage->rates[1] = d_omega;
-    stage->jacobian[0] = d_omega__phi;
-    stage->jacobian[1] = d_omega__omega;
-    stage->table[0] = -1.0F;
-    stage->slots[0] = d_omega__g_l;
-    stage->slots[1] = d_omega__d;
-    stage->segment = memory->segment;
-    stage->offset = memory->offset;
+    if (columns > 0) {
+        const float drag__d = drag_1*omega;
+        const float drag__omega = (d*drag_1) + (d*drag_1__omega*omega);
+        const float d_omega__d = -drag__d;
+        const float d_omega__omega = -drag__omega;
+        const float d_omega__phi = -f_slope - (g_l*cosf(phi));
+        const float d_omega__g_l = -sinf(phi);
+        stage->jacobian[0] = d_omega__phi;
+        stage->jacobian[1] = d_omega__omega;
+        stage->table[0] = -1.0F;
+        stage->slots[0] = d_omega__g_l;
+        stage->slots[1] = d_omega__d;
+        stage->segment = memory->segment;
+        stage->offset = memory->offset;
+    }
 }
 
 /*
@@ -279,7 +281,7 @@ void pendulum_step_columns(float x[], float carry[], float S[], int columns, int
         sum[i] = 0.0F;
     }
     for (int k = 0; k < 4; k++) {
-        rhs_columns(at, p, c, held, table, memory, &stages[k]);
+        rhs_columns(at, p, c, held, table, memory, columns, &stages[k]);
         sum[0] += weights[k] * stages[k].rates[0];
         at[0] = x[0] + (reaches[k] * stages[k].rates[0]);
         sum[1] += weights[k] * stages[k].rates[1];
