@@ -37,12 +37,14 @@ FORMATS = (
     Format("asc", (".asc",), sign="can.logs.is_asc", frames="can.logs.asc_log"),
     Format("trc", (".trc",), sign="can.logs.is_trc", frames="can.logs.trc_log"),
     Format("candump", (".log",), sign="can.texts.is_candump", frames="can.texts.candump_log"),
-    Format("busmaster", (".log",), sign="can.busmaster.is_busmaster", frames="can.busmaster.busmaster_log"),
     Format("jsonl", (".jsonl", ".ndjson"), sign="json_lines.is_json_lines", opener="json_lines.open_file"),
 )  # fmt: skip
 
-#: A table whose columns are those of frames; its suffixes are those of any table.
-FRAME_TABLE = Format("frames", (), sign="can.texts.is_frame_table", frames="can.texts.frame_table_log")
+#: Formats whose files have suffixes of others: tables whose columns are those of frames, and logs `.log`.
+WITHOUT_SUFFIX = (
+    Format("frames", (), sign="can.texts.is_frame_table", frames="can.texts.frame_table_log"),
+    Format("busmaster", (), sign="can.busmaster.is_busmaster", frames="can.busmaster.busmaster_log"),
+)
 
 #: Suffixes after that of the format: a packed file, or Parquet that says how it is packed inside.
 PACKED = (".gz", ".gzip")
