@@ -253,11 +253,13 @@ def test_the_files_model_wins_over_another_one(command: Command, recording: Path
     assert "leave --model out" in done.stderr
 
 
-def test_a_warm_fit_neither_imports_sympy_nor_matplotlib(recording: Path) -> None:
+def test_warm_commands_import_neither_sympy_nor_matplotlib_and_a_look_no_linear_algebra(recording: Path) -> None:
     code = (
         "import sys; from clutchid.cli import main\n"
-        "try: main(['fit', sys.argv[1]])\n"
-        "except SystemExit as end: assert end.code == 0\n"
+        "for command in ('look', 'fit'):\n"
+        "    try: main([command, sys.argv[1]])\n"
+        "    except SystemExit as end: assert end.code == 0\n"
+        "    assert command == 'fit' or {'numba', 'scipy.linalg'} & set(sys.modules) == {'numba'}\n"
         "heavy = {'sympy', 'matplotlib', 'jinja2', 'polars'} & set(sys.modules); assert not heavy, heavy"
     )
     command = [sys.executable, "-c", code, str(recording)]

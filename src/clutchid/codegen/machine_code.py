@@ -6,7 +6,10 @@ from __future__ import annotations
 
 import hashlib
 import pickle
+import sys
 import warnings
+from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +45,8 @@ class MachineCode(FunctionCache):
 
     def load_overload(self, signature: Any, context: Any) -> Any:
         """Machine code of a signature, or None: then Numba compiles it next."""
+        if "clutchid.cli" in sys.modules:  # the process is a command, and nobody else compiles in it
+            _skip_blas()
         code = super().load_overload(signature, context)
         if code is None:
             announce()
@@ -54,6 +59,24 @@ class MachineCode(FunctionCache):
         except OSError as problem:
             warnings.warn(f"{self._cache_path} cannot keep machine code: {problem}.", RuntimeWarning, stacklevel=2)
             self.disable()
+
+
+@cache
+def _skip_blas() -> None:
+    """Load what Numba knows of NumPy without SciPy's linear algebra, a tenth of the start of a command.
+
+    It is imported for products of matrices, which no kernel has.
+    """
+    from numba.np import linalg
+
+    def absent() -> None:
+        raise ImportError
+
+    ensure, linalg.ensure_blas = linalg.ensure_blas, absent
+    try:
+        import_module("numba.np.arraymath")
+    finally:
+        linalg.ensure_blas = ensure
 
 
 def is_kept(kernel: Any) -> bool:
