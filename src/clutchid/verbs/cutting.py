@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, NamedTuple
 from clutchid.arguments import checked
 from clutchid.errors import DataError
 from clutchid.log import Log
-from clutchid.verbs.fitting import LogOrPath
 from clutchid.verbs.options import ReadingText, pressure
+from clutchid.verbs.reading import LogOrPath
 
 if TYPE_CHECKING:
     from clutchid.measurements.map.channel_map import ChannelMap

@@ -11,8 +11,7 @@ from clutchid.arguments import checked
 from clutchid.estimation.parameter_file import ParameterFile
 from clutchid.estimation.result import Fit
 from clutchid.exports.exporting import Export
-from clutchid.verbs.fitting import LogOrPath
-from clutchid.verbs.reading import reading_of
+from clutchid.verbs.reading import LogOrPath, reading_of
 from clutchid.verbs.start import Start, content_of
 
 if TYPE_CHECKING:

@@ -13,20 +13,16 @@ from clutchid.estimation.parameter_file import ParameterFile, started
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import Fit
 from clutchid.inference.filter.ahead import compile_filter_beside
-from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.progress import Progress
 from clutchid.numerics.progress import report as reported
 from clutchid.strokes.vented_rest import Zero
 from clutchid.verbs.options import requested
-from clutchid.verbs.reading import Reading, inspected, reading_of
+from clutchid.verbs.reading import LogOrPath, Reading, inspected, reading_of
 from clutchid.verbs.start import Start, content_of
 
 if TYPE_CHECKING:
     from clutchid.measurements.map.channel_map import ChannelMap
-
-#: A recording, or the path of its file.
-LogOrPath = Log | str | PathLike[str]
 
 
 @checked

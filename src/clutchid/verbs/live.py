@@ -14,7 +14,7 @@ import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.log import INPUTS, Log
-from clutchid.measurements.live.bus import bus_name
+from clutchid.measurements.live.bus_name import bus_name
 from clutchid.names import printable
 from clutchid.verbs.options import ReadingText, pressure
 

@@ -12,8 +12,7 @@ from clutchid.arguments import checked
 from clutchid.errors import DataError
 from clutchid.log import Log
 from clutchid.strokes.vented_rest import Zero
-from clutchid.verbs.fitting import LogOrPath
-from clutchid.verbs.reading import Reading, reading_of
+from clutchid.verbs.reading import LogOrPath, Reading, reading_of
 from clutchid.verbs.start import Start, calibration_file, content_of
 
 # imported on use: a command that only reads files starts faster

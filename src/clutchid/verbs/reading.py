@@ -21,7 +21,17 @@ if TYPE_CHECKING:
     from clutchid.model.actuator import Actuator
     from clutchid.preparation.inspection import Inspection
 
-__all__ = ["REFUSED", "Reading", "RecordingFile", "Source", "by_suffix", "inspected", "reading_of", "split_name"]
+__all__ = [
+    "REFUSED",
+    "LogOrPath",
+    "Reading",
+    "RecordingFile",
+    "Source",
+    "by_suffix",
+    "inspected",
+    "reading_of",
+    "split_name",
+]
 
 #: The last line of what refuses a recording for a check that is bad.
 REFUSED = "Correct the recording or its channel map, or go on with --force (in Python force=True)."
@@ -35,8 +45,11 @@ class RecordingFile(NamedTuple):
     dbc: tuple[str | PathLike[str], ...] = ()
 
 
-#: A recording: read, the path of its file, or a file with a channel map of its own.
-Source = Log | str | PathLike[str] | RecordingFile
+#: A recording: read, or the path of its file.
+LogOrPath = Log | str | PathLike[str]
+
+#: The same, or a file with a channel map of its own.
+Source = LogOrPath | RecordingFile
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 from clutchid.arguments import checked
 from clutchid.measurements import AMBIENT
-from clutchid.verbs.fitting import LogOrPath
-from clutchid.verbs.reading import Reading, reading_of
+from clutchid.verbs.reading import LogOrPath, Reading, reading_of
 
 if TYPE_CHECKING:
     from clutchid.documents import RigFriction

@@ -10,7 +10,8 @@ import pytest
 from clutchid.errors import DataError
 from clutchid.log import Log
 from clutchid.measurements.live import bus as module
-from clutchid.measurements.live.bus import BusName, bus_blocks, from_bus, opened_bus, sender
+from clutchid.measurements.live.bus import bus_blocks, from_bus, opened_bus, sender
+from clutchid.measurements.live.bus_name import BusName
 from clutchid.measurements.map.channel_map import Channel, ChannelMap
 from fixtures.bus import CLUTCH, DBC, VALVES, frames_of, message, sending
 from fixtures.commands import wait_for

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from queue import Empty, Full, Queue
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from clutchid.measurements.formats.can.streams import (
     values_of,
 )
 from clutchid.measurements.live.arrival import ArrivedBatch, LiveBlock, live_blocks
+from clutchid.measurements.live.bus_name import BusName
 from clutchid.measurements.live.feed import PACE, PATIENCE
 from clutchid.measurements.live.order import ArrivedSamples, arrived, picked_streams
 from clutchid.measurements.map.channel_map import PickedChannels
@@ -48,37 +49,7 @@ MOST_TO_SEND, STALL = 512, 2.0
 #: Identifier of 11 bits and bytes of a frame.
 Payload = tuple[int, bytes]
 
-_PREFIX = "can:"
-
 Stopped = Callable[[], bool]
-
-
-class BusName(NamedTuple):
-    """A bus: python-can's interface, such as ``socketcan`` or ``virtual``, and the channel of it."""
-
-    interface: str
-    channel: str
-
-    def __str__(self) -> str:
-        return f"{_PREFIX}{self.interface}:{self.channel}"
-
-
-def bus_name(text: str) -> BusName | None:
-    """The bus that ``can:CHANNEL`` (SocketCAN) or ``can:INTERFACE:CHANNEL`` names; None for any other text.
-
-    Examples
-    --------
-    >>> bus_name("can:can0")
-    BusName(interface='socketcan', channel='can0')
-    >>> str(bus_name("can:virtual:truck"))
-    'can:virtual:truck'
-    >>> bus_name("can.csv") is bus_name("can:") is None
-    True
-    """
-    if not text.startswith(_PREFIX):
-        return None
-    interface, _, channel = text.removeprefix(_PREFIX).rpartition(":")
-    return BusName(interface or "socketcan", channel) if channel else None
 
 
 @contextmanager

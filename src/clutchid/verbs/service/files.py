@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from clutchid.errors import ExportError, ParameterError
-from clutchid.measurements.live.bus import BusName, bus_name
+from clutchid.measurements.live.bus_name import BusName, bus_name
 from clutchid.systems import command_line
 from clutchid.verbs.options import ReadingText
 from clutchid.verbs.saving import check_outputs

@@ -23,7 +23,7 @@ from clutchid.verbs.service.streams import (
 )
 
 if TYPE_CHECKING:
-    from clutchid.measurements.live.bus import BusName
+    from clutchid.measurements.live.bus_name import BusName
     from clutchid.observer.live import LiveRun
     from clutchid.observer.recording import ObservedRecording
     from clutchid.verbs.service.files import Outputs

@@ -53,7 +53,7 @@ def busmaster_log(path: Path) -> FrameLog:
     if protocol and protocol["name"] != "CAN":
         raise DataError(f"is a log of {protocol['name']}; record the frames of the CAN bus in BUSMASTER.")
     base, between = 10 if "***DEC***" in header else 16, "***RELATIVE MODE***" in header
-    start, said = _start(header), ()
+    start, said = _start(header), tuple[str, ...]()
     if start and not between and "***ABSOLUTE MODE***" not in header:
         start = start.replace(hour=0, minute=0, second=0)
     if start is None:
