@@ -30,7 +30,7 @@ LIBRARY = {
 
 _HEADERS = {
     "math.h": "#define NAN 0.0f\n#define HUGE_VALF 0.0f\n#define HUGE_VAL 0.0",
-    "stdint.h": "typedef int uint8_t; typedef int uint32_t; typedef int uint64_t; typedef int size_t;\n#define UINT32_MAX 4294967295",
+    "stdint.h": "typedef int uint8_t, uint32_t, uint64_t, size_t;\n#define UINT32_MAX 4294967295",
     "stddef.h": "#define NULL 0",
     "string.h": "",
 }
