@@ -62,6 +62,7 @@ REASONS = {
     "believed": "rests that contradict each other; tests/observer has them in Python",
     "forget_rests": "as `believed`",
     "begin_stretch": "a state that starts at a parameter that does not adapt, and a load below 0",
+    "move_alone": "a late sample after held duty cycles; the random sequences of tests/exports have it",
     "forget": "with two rates, a motion that ends while a correction is under way",
     "follow": "as `forget`",
     "correct": "a correction that is complete before its samples are over",
