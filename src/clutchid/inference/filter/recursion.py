@@ -230,9 +230,8 @@ def move_alone(
     move_sensors(x, columns, before, sensors, coefficients)
     for i in range(x.size):
         copy(columns[i], kept[i])
-    moves = (
-        abs(x[at_speed]) > arrays.settings.least_speed
-    )  # at a stop, speeds times milliseconds would grow without end
+    # at a stop, speeds times milliseconds would grow without end
+    moves = abs(x[at_speed]) > arrays.settings.least_speed
     for j in range(width if moves else 0):
         by_speed = late * columns[at_speed, j]
         columns[at_position, j] += by_speed
