@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clutchid.inference.filter.rules import counted_from
+from clutchid.inference.filter.references import counted_from
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.observer import observe_recording, observer
 from clutchid.observer.rest import new_stretch, rest_pace, watch_rest

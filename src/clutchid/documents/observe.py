@@ -124,7 +124,7 @@ def samples_figure(run: ObservedRecording) -> Figure:
     draw_duties(duty, log)
     label(position, y="position [mm]")
     label(pressure, y="pressure A,\nabsolute [bar]")
-    label(innovation, y=f"innovation\n[{_INNOVATION[run.observer.joint.rule.compares][0]}]")
+    label(innovation, y=f"innovation\n[{_INNOVATION[run.observer.joint.compares][0]}]")
     for axis in axes:
         legend(axis, 4)
     figure.align_ylabels()
@@ -136,7 +136,7 @@ def _innovations(axis: Axes, run: ObservedRecording) -> None:
     innovations, variance = run.samples.innovations.T
     corrected = np.isfinite(innovations)
     every = run.observer.joint.settings.every * run.observer.spacing
-    compares = run.observer.joint.rule.compares
+    compares = run.observer.joint.compares
     _, unit = _INNOVATION[compares]
     columns = [innovations[corrected] / unit, QUANTILE * np.sqrt(variance[corrected]) / unit]
     t, (innovation, bound) = with_gaps(run.log.time[corrected], columns, every)

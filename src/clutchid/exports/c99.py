@@ -124,7 +124,7 @@ def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title:
         If the method corrects by another rule than that of Kalman, or the load has no order.
     """
     joint, actuator = observer.joint, observer.joint.mapped.actuator
-    if not joint.rule.columns:
+    if joint.reference is not None:
         raise ParameterError(
             f"--method {observer.method} has no covariance to export; joint, joint-reduced, states and paper are "
             "exported."

@@ -21,7 +21,7 @@ from clutchid.inference.filter.joint_filter import (
     follow,
     init,
 )
-from clutchid.inference.filter.rules import RuleState
+from clutchid.inference.filter.references import MethodState
 from clutchid.inference.filter.setup import FilterState, intervals
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.observer.gaps import RESOLUTION, bridged, latest_driven, longest, repeats
@@ -132,7 +132,7 @@ def observe_strokes(
     _check(state, block)
     repeated = repeats(block.time, state.latest, observer.spacing)
     values, state = _values(observer, state, block, repeated)
-    fills = not observer.joint.rule.columns
+    fills = observer.joint.reference is not None
     samples, rows, known = bridged(state, values.log, repeated, values.ends, observer.spacing, fills)
     observed, stretches = _nothing(observer, samples.time), _stretches(observer, samples)
     rest, unzeroed, moves = _rests(observer, state, samples, stretches, observed)
@@ -217,12 +217,12 @@ def _of_rows(observed: Observed, rows: NDArray[np.int64], values: _Values, block
 def _stroke_ended(observer: Observer, state: ObserverState) -> ObserverState:
     """The state after a stroke: what is known of the parameters is kept, and gains what the clutch has worn since then.
 
-    The recursion adds that column by column at the corrections that follow, a rule without columns at once.
+    The recursion adds that column by column at the corrections that follow, a reference observer at once.
     """
     joint, T, wear = observer.joint, state.T, state.wear + observer.joint.drifts.shape[1]
     if isinstance(state.filter, FilterState):
         state = replace(state, filter=state.filter._replace(wear=wear))
-    elif not joint.rule.columns:
+    elif joint.reference is not None:
         T, wear = drifted(joint, T, wear), state.wear
         state = replace(state, filter=state.filter and state.filter._replace(T=T))
     return replace(
@@ -418,7 +418,7 @@ def _followed(
 
 
 def _until(
-    observer: Observer, at: RuleState, inputs: JointInputs, span: tuple[int, int], number: int
+    observer: Observer, at: MethodState, inputs: JointInputs, span: tuple[int, int], number: int
 ) -> JointPass | None:
     """Follow samples of which it is known that the filter does not diverge; None without any."""
     passed = follow(observer.joint, at, inputs, span, number) if span[1] > span[0] else None
@@ -432,7 +432,7 @@ def _contradiction(
 
     Also the sum of their excess at the end; `excess` is that before. An observer without a covariance has none.
     """
-    if passed is None or not observer.joint.rule.columns:
+    if passed is None or observer.joint.reference is not None:
         return 0 if passed is None else len(passed.states), 0.0
     settings, innovations = observer.joint.settings, passed.errors[:, 0]
     corrected = np.flatnonzero(np.isfinite(innovations[:, 0]))
@@ -445,7 +445,7 @@ def _contradiction(
 
 
 def _until_diverged(
-    observer: Observer, at: RuleState, inputs: JointInputs, span: tuple[int, int], number: int
+    observer: Observer, at: MethodState, inputs: JointInputs, span: tuple[int, int], number: int
 ) -> tuple[JointPass | None, int]:
     """Follow samples up to the first at which the filter diverges; what was found, None if nothing, and that sample."""
     first, end = span
@@ -466,7 +466,7 @@ def _impossible(observer: Observer, states: FloatArray) -> int:
 
     An observer without a covariance takes a spike of its sensor at its word, and recovers by itself.
     """
-    if not observer.joint.rule.columns:
+    if observer.joint.reference is not None:
         return len(states)
     p, p_A = observer.actuator.parameters, states[:, observer.actuator.states.index("p_A")]
     low, high = PRESSURES

@@ -1,4 +1,4 @@
-"""The methods of an observer by name: which parameters adapt, and by which rule."""
+"""The methods of an observer by name: which parameters adapt, and how."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from clutchid.errors import ParameterError
-from clutchid.inference.filter.rules import KALMAN, AdaptiveGains, CorrectionRule, adaptive_rule, balance_rule
+from clutchid.inference.filter.references import Reference, adaptive_numbers, balance_numbers
 from clutchid.inference.uncertainty.coordinates import Coordinate
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
@@ -21,32 +21,20 @@ MODES = 12
 EVERY = 10
 
 
-def by_covariance(
-    _actuator: Actuator, _free: Sequence[Coordinate], _root: FloatArray, _spacing: float
-) -> CorrectionRule:
-    """The rule of the joint filter."""
-    return KALMAN
-
-
 class ObserverMethod(NamedTuple):
-    """Parameters that adapt, and the rule of their correction.
+    """Parameters that adapt, and how.
 
     `modes` is how many modes of the load adapt in place of its weights, None for the weights; `refused` says in a
     sentence why a method does not take an actuator; `every` are samples from one correction to the next at 1 kHz;
-    `rule` makes the rule of correction for an actuator, its free coordinates, a root of their prior, and the time
-    between samples in s.
+    `reference` makes the numbers of a reference observer for an actuator, its free coordinates, a root of their prior,
+    and the time between samples in s, where it is none of the Kalman filter.
     """
 
     adapting: Callable[[Actuator], tuple[str, ...]]
     modes: int | None = None
     refused: Callable[[Actuator], str | None] = lambda _: None
     every: int = EVERY
-    rule: Callable[[Actuator, Sequence[Coordinate], FloatArray, float], CorrectionRule] = by_covariance
-
-    @property
-    def corrects_supply(self) -> bool:
-        """Whether it corrects the supply pressure where the vehicle records it."""
-        return self.rule is by_covariance
+    reference: Callable[[Actuator, Sequence[Coordinate], FloatArray, float], Reference] | None = None
 
 
 def joint(actuator: Actuator) -> tuple[str, ...]:
@@ -70,11 +58,6 @@ def load(actuator: Actuator) -> tuple[str, ...]:
     return actuator.load.names
 
 
-def adaptive(actuator: Actuator, free: Sequence[Coordinate], root: FloatArray, spacing: float) -> CorrectionRule:
-    """The rule of the adaptive observer."""
-    return adaptive_rule(actuator, free, root, spacing, AdaptiveGains())
-
-
 def _not_of_the_paper(actuator: Actuator) -> str | None:
     if actuator.model == "isothermal" and actuator.load.basis == "paper":
         return None
@@ -85,16 +68,11 @@ def _not_of_the_paper(actuator: Actuator) -> str | None:
     )
 
 
-def rls(actuator: Actuator, _free: Sequence[Coordinate], _root: FloatArray, spacing: float) -> CorrectionRule:
-    """The rule of least squares on the balance of forces."""
-    return balance_rule(actuator, spacing)
-
-
 #: Methods by name.
 METHODS: Mapping[str, ObserverMethod] = MappingProxyType({
     "joint": ObserverMethod(joint), "joint-reduced": ObserverMethod(joint, MODES), "states": ObserverMethod(states),
-    "paper": ObserverMethod(load, refused=_not_of_the_paper), "rls": ObserverMethod(load, rule=rls),
-    "adaptive": ObserverMethod(load, every=1, rule=adaptive),
+    "paper": ObserverMethod(load, refused=_not_of_the_paper), "rls": ObserverMethod(load, reference=balance_numbers),
+    "adaptive": ObserverMethod(load, every=1, reference=adaptive_numbers),
 })  # fmt: skip
 
 

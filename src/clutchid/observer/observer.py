@@ -9,7 +9,7 @@ import numpy as np
 
 from clutchid.errors import ParameterError
 from clutchid.inference.filter.joint_filter import JointFilter, JointSettings, init, joint_filter
-from clutchid.inference.filter.rules import RuleState
+from clutchid.inference.filter.references import AdaptiveNumbers, MethodState
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import FloatArray
 from clutchid.log.states import SENSORS
@@ -107,7 +107,7 @@ class Observer:
     @property
     def compares(self) -> bool:
         """Whether innovations are compared with the usual ones."""
-        return bool(np.isfinite(self.usual)) and self.joint.rule.columns
+        return bool(np.isfinite(self.usual)) and self.joint.reference is None
 
     def leaks(self, state: ObserverState) -> bool:
         """Whether a leak of chamber A that adapts is beyond `LEAK_FOUND` of its standard deviations."""
@@ -187,11 +187,11 @@ def observer(
             f"supply_std = {supply_std:g}: the standard deviation of the supply pressure is a share of it from 0 to "
             f"0.5; {SUPPLY_STD:g} is the default."
         )
-    supply = supply_of(actuator, calibration) if chosen.corrects_supply else None
+    supply = supply_of(actuator, calibration) if chosen.reference is None else None
     measure = ("position",) if supply is None else ("position", "pressure_supply")
     adapting = chosen.adapting(actuator)
     prior = online_prior(actuator, adapting, chosen.modes if modes is None else modes)
-    rule = chosen.rule(actuator, prior.free, prior.root, spacing)
+    reference = chosen.reference(actuator, prior.free, prior.root, spacing) if chosen.reference else None
     settings = JointSettings(every=max(1, round(chosen.every * 1e-3 / spacing)), spacing=spacing)
     noise = Noise(
         measured={name: SENSORS[name].noise for name in measure},
@@ -210,10 +210,10 @@ def observer(
             measure,
             noise,
             settings,
-            np.sqrt(DRIFT) * prior.root,
+            None if isinstance(reference, AdaptiveNumbers) else np.sqrt(DRIFT) * prior.root,
             pace(actuator, MARGIN),
-            rule,
-            considered_supply(actuator, supply_std) if rule.columns else None,
+            reference,
+            considered_supply(actuator, supply_std) if reference is None else None,
         ),
         prior=prior,
         adapting=adapting,
@@ -243,7 +243,7 @@ def start(observer: Observer) -> ObserverState:
     return ObserverState(None, theta, T, G, none, EMPTY, unknown(observer), Sound(theta, T, G, none))
 
 
-def blank(observer: Observer) -> RuleState:
+def blank(observer: Observer) -> MethodState:
     """A state of the filter with the shapes that all of its states have."""
     at_rest = Tail(np.zeros(1), np.zeros((1, 2)), *np.zeros((3, 1)))
     segment = segment_of(at_rest, observer.joint.mapped.actuator)

@@ -105,7 +105,7 @@ class ObservedRecording:
             for name, values in self.log.columns.items()
         }
         pressure, half = states["pressure_a"], QUANTILE * self.deviation("p_A")
-        innovation, deviation = INNOVATION[self.observer.joint.rule.compares]
+        innovation, deviation = INNOVATION[self.observer.joint.compares]
         added = {
             "pressure_a low": pressure - half,
             "pressure_a high": pressure + half,

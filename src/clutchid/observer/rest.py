@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from clutchid.inference.filter import rules
+from clutchid.inference.filter import references
 from clutchid.log import FloatArray
 from clutchid.observer.state import ObserverState, RestWatch
 from clutchid.strokes.rest_level import BIN, CLOSED, CREEP, STILL, BoolArray
@@ -152,4 +152,4 @@ def counted_from(state: ObserverState, zero: float, position: int, sensor: int) 
     if state.filter is None:
         return replace(state, zero=zero)
     tail = state.tail._replace(position=state.tail.position - by)
-    return replace(state, filter=rules.counted_from(state.filter, by, (position, sensor)), tail=tail, zero=zero)
+    return replace(state, filter=references.counted_from(state.filter, by, (position, sensor)), tail=tail, zero=zero)

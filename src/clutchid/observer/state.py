@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchid.inference.filter.rules import RuleState
+from clutchid.inference.filter.references import MethodState
 from clutchid.inference.filter.setup import IntArray
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
@@ -148,7 +148,7 @@ class ObserverState:
     the inputs, NaN if they have not; `supply` watches for supply pressures that cannot be right.
     """
 
-    filter: RuleState | None
+    filter: MethodState | None
     theta: FloatArray
     T: FloatArray
     G: FloatArray

@@ -16,7 +16,7 @@ from clutchid.arguments import is_number
 from clutchid.errors import ParameterError
 from clutchid.files import write_text
 from clutchid.files.records import read_toml
-from clutchid.inference.filter.rules import RuleState
+from clutchid.inference.filter.references import MethodState
 from clutchid.inference.filter.setup import FilterState
 from clutchid.log import FloatArray
 from clutchid.observer.observer import Observer, blank, start
@@ -267,7 +267,7 @@ def _problems(state: ObserverState) -> Iterator[str]:
         yield from _filter_problems(state, state.filter)
 
 
-def _filter_problems(state: ObserverState, saved: RuleState) -> Iterator[str]:
+def _filter_problems(state: ObserverState, saved: MethodState) -> Iterator[str]:
     if not (np.array_equal(saved.theta, state.theta) and np.array_equal(saved.T, state.T)):
         yield "the parameters are not those of filter"
     if isinstance(saved, FilterState):
@@ -277,16 +277,16 @@ def _filter_problems(state: ObserverState, saved: RuleState) -> Iterator[str]:
             yield "a correction that is under way, or what the parameters have still to gain, is not that of filter"
 
 
-def _numbers(saved: RuleState | None) -> tuple[NDArray[Any], ...]:
+def _numbers(saved: MethodState | None) -> tuple[NDArray[Any], ...]:
     """Arrays of a filter that are finite; a measurement that is missing is not."""
     return () if saved is None else tuple(a for name, a in saved._asdict().items() if name != "at_values")
 
 
 def fingerprint(observer: Observer) -> str:
-    """SHA-256 of what the numbers of a state depend on: actuator, adapting parameters, settings, rule, usual NIS."""
+    """SHA-256 of what the numbers of a state depend on: actuator, adapting parameters, settings, method, usual NIS."""
     joint, calibration = observer.joint, observer.calibration
     told = repr((
-        observer.actuator, joint.coordinates, joint.settings, joint.noise, joint.rule.kernel, joint.rule.numbers,
+        observer.actuator, joint.coordinates, joint.settings, joint.noise, joint.kernel[1], joint.reference,
         observer.usual, observer.zero, calibration.rest if calibration else None, observer.supply_std,
     ))  # fmt: skip
     return sha256(told.encode()).hexdigest()

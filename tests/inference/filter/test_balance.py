@@ -6,7 +6,7 @@ import pytest
 from clutchid import Actuator, Load, Parameters
 from clutchid.codegen.kernels import kernels_in
 from clutchid.inference.filter.joint_filter import JointSettings, follow, init, inputs, joint_filter
-from clutchid.inference.filter.rules import FORCE, balance_rule, smoothing
+from clutchid.inference.filter.references import FORCE, balance_numbers, smoothing
 from clutchid.inference.filter.setup import scratch
 from clutchid.simulation.noise import Noise
 
@@ -37,10 +37,11 @@ def linear_problem(recorded_by, problem_of):
 
 def of(problem):
     """The filter of a problem."""
-    rule = balance_rule(problem.actuator, 1e-3)
+    numbers = balance_numbers(problem.actuator, problem.coordinates, np.eye(len(problem.coordinates)), 1e-3)
     return joint_filter(
-        problem.actuator, problem.coordinates, problem.bounds(), ("position",), Noise(), JointSettings(), rule=rule
-    )
+        problem.actuator, problem.coordinates, problem.bounds(), ("position",), Noise(), JointSettings(),
+        reference=numbers,
+    )  # fmt: skip
 
 
 def followed(joint, problem, theta, T):

@@ -15,7 +15,7 @@ import numpy as np
 from clutchid.codegen.kernels import kernel
 from clutchid.inference.filter.joint_parameters import basis_at, refresh, steps_at, within
 from clutchid.inference.filter.recursion import move
-from clutchid.inference.filter.rules import AdaptiveNumbers, AdaptiveState
+from clutchid.inference.filter.references import AdaptiveNumbers, AdaptiveState
 from clutchid.inference.filter.setup import (
     OUTPUT,
     STATE,
@@ -48,18 +48,18 @@ def adapt_weights(
 
 @kernel
 def correct_position(
-    x: FloatArray, e: float, model: ModelArrays, sensor: IntArray, rule: AdaptiveNumbers, gain: float
+    x: FloatArray, e: float, model: ModelArrays, sensor: IntArray, numbers: AdaptiveNumbers, gain: float
 ) -> None:
     """Correct position and output of its sensor by e in m, and the air q_A = p_A V_A by gain A_A / V_A e.
 
     V_A is that in the middle of the old position and the new one: at either of them it goes with the noise in e, and
     the air would drift by gain (A_A / V_A)^2 times the variance of the noise a sample.
     """
-    volume, area = model.p[rule.at_volume], model.p[rule.at_area]
+    volume, area = model.p[numbers.at_volume], model.p[numbers.at_area]
     before = volume + area * x[sensor[STATE]]
     after = before + area * e
-    q = x[rule.at_pressure] * before + gain * area / (0.5 * (before + after)) * e
-    x[rule.at_pressure] = q / after
+    q = x[numbers.at_pressure] * before + gain * area / (0.5 * (before + after)) * e
+    x[numbers.at_pressure] = q / after
     x[sensor[OUTPUT]] += e
     x[sensor[STATE]] += e
 
@@ -78,7 +78,7 @@ def correct_sample_adaptively(state: AdaptiveState, value: float, arrays: Filter
         Receives innovation and variance of the sensor, NaN for none.
     """
     x, average, known, sensor = state.x, state.average, state.known, arrays.sensors[0]
-    model, settings, scratch, rule = arrays.model, arrays.settings, arrays.scratch, arrays.settings.rule
+    model, settings, scratch, numbers = arrays.model, arrays.settings, arrays.scratch, arrays.settings.reference
     offset, sigma = arrays.derived.of_sensor[0, 0], arrays.derived.of_sensor[0, 1]
     at_speed, at_position = settings.at_speed, settings.at_position
     errors[:] = np.nan
@@ -89,19 +89,19 @@ def correct_sample_adaptively(state: AdaptiveState, value: float, arrays: Filter
     bound = settings.outlier * sigma
     errors[0], errors[1] = e, sigma * sigma
     if known[0] == 0:
-        correct_position(x, e, model, sensor, rule, 0.0)
+        correct_position(x, e, model, sensor, numbers, 0.0)
         known[0], average[0] = 1, x[at_position]
         return False
     inside, e = abs(e) <= bound, min(max(e, -bound), bound)
     middle = x[at_position] + 0.5 * e
     moves = abs(x[at_speed]) > settings.least_speed or abs(x[at_position] + e - average[0]) > bound
-    correct_position(x, e, model, sensor, rule, rule.air if moves else 0.0)
-    average[0] += rule.share * (x[at_position] - average[0])
+    correct_position(x, e, model, sensor, numbers, numbers.air if moves else 0.0)
+    average[0] += numbers.share * (x[at_position] - average[0])
     if moves:
-        x[at_speed] += rule.velocity * e
+        x[at_speed] += numbers.velocity * e
     if moves and inside:
         basis_at(middle, model, arrays.free, scratch.step)
-        slopes, gain = arrays.derived.slopes, rule.adaptation * e
+        slopes, gain = arrays.derived.slopes, numbers.adaptation * e
         adapt_weights(state.theta, state.T, arrays.free, slopes, scratch.step, gain, scratch.w)
     return bool(moves and inside)
 

@@ -17,7 +17,7 @@ import numpy as np
 from clutchid.codegen.kernels import kernel
 from clutchid.inference.filter.joint_parameters import basis_at, refresh, steps_at, within
 from clutchid.inference.filter.recursion import project_parameters, step_model, update_parameters
-from clutchid.inference.filter.rules import BalanceState
+from clutchid.inference.filter.references import BalanceState
 from clutchid.inference.filter.setup import (
     FilterArrays,
     FilterOutput,
@@ -86,7 +86,7 @@ def move_prescribed(
     """
     u, length, substeps = interval
     at_speed, at_position = settings.at_speed, settings.at_position
-    top = settings.rule.top
+    top = settings.reference.top
     speed = min(max((to - x[at_position]) / length, -top), top)
     reached = x[at_position] + speed * length
     x[at_speed] = speed
@@ -100,7 +100,7 @@ def move_prescribed(
 def close_window(state: BalanceState, arrays: FilterArrays, errors: FloatArray) -> None:
     """Correct the weights by the balance of a window, and begin the next one; `errors` (2,) are in N and N^2."""
     settings, seconds, e = arrays.settings, state.seconds[0], state.momentum[0] - state.impulse[0]
-    equation = e, settings.rule.force * seconds, settings.outlier
+    equation = e, settings.reference.force * seconds, settings.outlier
     variance = correct_balance(state, equation, state.h, arrays.free, arrays.derived.slopes, arrays.scratch)
     errors[0], errors[1] = e / seconds, variance / (seconds * seconds)
     state.in_window[0], state.momentum[0], state.impulse[0], state.seconds[0] = 0, 0.0, 0.0, 0.0
@@ -114,10 +114,10 @@ def move_late(step: Callable[..., bool], state: BalanceState, arrays: FilterArra
     What mass times velocity gained, the impulse, and its derivatives are summed. Returns whether the state is finite.
     """
     settings, h, late, oldest = arrays.settings, arrays.scratch.step, state.late, state.intervals[0]
-    rule, at_speed, at_position = settings.rule, settings.at_speed, settings.at_position
+    numbers, at_speed, at_position = settings.reference, settings.at_speed, settings.at_position
     length = oldest[oldest.size - 1]
-    speed = smoothed(rule.smoothing[LATE_SPEED], state.positions)
-    to = smoothed(rule.smoothing[LATE], state.positions)
+    speed = smoothed(numbers.smoothing[LATE_SPEED], state.positions)
+    to = smoothed(numbers.smoothing[LATE], state.positions)
     middle = 0.5 * (late[at_position] + to)
     steps = steps_at(arrays.pace, late[at_position], late[at_speed], length, 1)
     interval = oldest[: oldest.size - 1], length, steps
@@ -125,7 +125,7 @@ def move_late(step: Callable[..., bool], state: BalanceState, arrays: FilterArra
     if state.usable[0] >= state.positions.size and abs(late[at_speed]) > settings.least_speed:
         basis_at(middle, arrays.model, arrays.free, h)
         state.in_window[0] += 1
-        state.momentum[0] += rule.mass * (speed - state.speed[0])
+        state.momentum[0] += numbers.mass * (speed - state.speed[0])
         state.impulse[0] += impulse
         state.seconds[0] += length
         for j in range(h.size):
@@ -150,7 +150,7 @@ def move_both(
     if state.intervals[0, u.size] > 0.0:
         finite = move_late(step, state, arrays)
     steps = steps_at(arrays.pace, x[settings.at_position], x[settings.at_speed], length, 1)
-    to = smoothed(settings.rule.smoothing[NEWEST], state.positions)
+    to = smoothed(settings.reference.smoothing[NEWEST], state.positions)
     interval = u, length, steps
     return move_prescribed(step, x, arrays.scratch.S, arrays.model, interval, settings, to)[0] and finite
 
@@ -173,7 +173,7 @@ def follow_balance(
     x, model, settings, derived = state.x, arrays.model, arrays.settings, arrays.derived
     at_position = settings.at_position
     output.errors[:], output.deviations[:] = np.nan, np.nan
-    model.p[settings.rule.at_mass] = PRESCRIBED
+    model.p[settings.reference.at_mass] = PRESCRIBED
     prepare(model.p, model.fill_slot, model.work)
     refresh(prepare, state.theta, arrays.free, derived, model)
     for i in range(span[0], span[1]):

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from clutchid.codegen.kernels import kernels_in
-from clutchid.inference.filter.rules import KALMAN, CorrectionRule, RuleState
+from clutchid.inference.filter.references import AdaptiveNumbers, BalanceNumbers, MethodState, Reference
 from clutchid.inference.filter.setup import (
     BESIDE,
     LAG,
@@ -129,6 +129,17 @@ class Considered(NamedTuple):
     rate: FloatArray
 
 
+#: Module of the recursion of the Kalman filter.
+_RECURSION = "clutchid.inference.filter.recursion"
+
+#: Module and name of the kernel along a segment, by the type of `JointFilter.reference`; their signatures are alike.
+_KERNELS = {
+    type(None): (_RECURSION, "follow"),
+    AdaptiveNumbers: ("clutchid.inference.filter.adaptive", "follow_adaptively"),
+    BalanceNumbers: ("clutchid.inference.filter.balance", "follow_balance"),
+}
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class JointFilter:
     """The joint filter of an actuator, as `joint_filter` makes it.
@@ -151,8 +162,18 @@ class JointFilter:
     pace: Pace
     sensors: IntArray
     few: bool
-    rule: CorrectionRule
+    reference: Reference | None = None
     considered: Considered | None = None
+
+    @property
+    def kernel(self) -> tuple[str, str]:
+        """Module and name of the kernel that follows a segment."""
+        return _KERNELS[type(self.reference)]
+
+    @property
+    def compares(self) -> str:
+        """Quantity whose innovations it has: the position in m, or a force in N."""
+        return "force" if isinstance(self.reference, BalanceNumbers) else "position"
 
     def si(self, theta: FloatArray) -> dict[str, float]:
         """Values of the free parameters in SI by name."""
@@ -178,7 +199,7 @@ def joint_filter(
     settings: JointSettings,
     drifts: FloatArray | None = None,
     pace: Pace = AS_PLANNED,
-    rule: CorrectionRule = KALMAN,
+    reference: Reference | None = None,
     considered: Considered | None = None,
 ) -> JointFilter:
     """The joint filter of an actuator.
@@ -200,15 +221,15 @@ def joint_filter(
     pace
         Integration steps by position and speed, see `clutchid.simulation.stiffness.pace`; by default those of the
         segment.
-    rule
-        By which it corrects; by default that of Kalman.
+    reference
+        Numbers of a reference observer that corrects in place of the Kalman filter.
     considered : Considered, optional
         Parameters that widen what is said to be uncertain.
     """
     k, names = len(coordinates), [c.base for c in coordinates]
     mean = actuator.replace({c.base: c.si(0.0) for c in coordinates})
     mapped = parameter_map(mean, names, range(k), np.ones(k), k)
-    which, free = columns(mean, names if rule.columns else ()), _free_arrays(mean, coordinates, bounds, measure)
+    which, free = columns(mean, () if reference else names), _free_arrays(mean, coordinates, bounds, measure)
     moving, sensors = _moving_columns(which, free), sensor_rows(mapped, measure)
     few = few_suffice(mean.model, which.fill_slot.tolist())
     sensors[:, LAG] = [moving.response(j) for j in sensors[:, LAG].tolist()]
@@ -221,11 +242,11 @@ def joint_filter(
         noise=noise,
         settings=settings,
         free=free,
-        drifts=np.zeros((k, 0)) if drifts is None or not rule.drifts else np.ascontiguousarray(drifts),
+        drifts=np.zeros((k, 0)) if drifts is None else np.ascontiguousarray(drifts),
         pace=pace,
         sensors=sensors,
         few=few,
-        rule=rule,
+        reference=reference,
         considered=considered,
     )
 
@@ -271,7 +292,7 @@ class JointPass(NamedTuple):
     correction was due.
     """
 
-    state: RuleState
+    state: MethodState
     errors: FloatArray
     states: FloatArray
     deviations: FloatArray
@@ -291,8 +312,8 @@ def init(
     T: FloatArray,
     G: FloatArray | None = None,
     wear: IntArray | None = None,
-) -> RuleState:
-    """State at the start of a segment, of the rule of the filter.
+) -> MethodState:
+    """State at the start of a segment.
 
     Parameters
     ----------
@@ -305,20 +326,23 @@ def init(
     wear : (1,), optional
         Columns of drift that T has still to gain, see `FilterState`; by default none.
     """
-    k, columns, responses = theta.size, joint.rule.columns, joint.moving.responses
+    k, reference, responses = theta.size, joint.reference, joint.moving.responses
     none = np.zeros(1, dtype=np.int64)
     mapped = parameter_map(joint.actuator(theta), joint.mapped.bases, range(k), np.ones(k), k)
     L = np.diag(start_deviations(segment, mapped.actuator, "pressure_a" in joint.measure, joint.noise))
-    x, S = first_state(segment, mapped, joint.which, L if columns else L[:, :0], joint.measure)
+    x, S = first_state(segment, mapped, joint.which, L[:, :0] if reference else L, joint.measure)
+    if reference:
+        return reference.start(
+            x, theta.copy(), np.array(T, order="C"), len(kernels(joint.mapped.actuator.model).INPUTS)
+        )
     moved = np.eye(x.size, responses + x.size, responses)
     E = _with_outputs(joint, joint.considered.start) if joint.considered else np.zeros((x.size, 0))
     G = np.zeros((k, E.shape[1])) if G is None else G.copy()
-    first = FilterState(
+    return FilterState(
         x, S, theta.copy(), np.array(T, order="C"), np.zeros(x.size), moved, none, E, G, np.zeros(x.size),
         np.zeros_like(moved), np.zeros(x.size), none.copy(), np.zeros(len(joint.measure)), none.copy(),
         none.copy() if wear is None else wear.copy(),
     )  # fmt: skip
-    return joint.rule.start(first, len(kernels(joint.mapped.actuator.model).INPUTS))
 
 
 def _with_outputs(joint: JointFilter, of_states: FloatArray) -> FloatArray:
@@ -327,7 +351,7 @@ def _with_outputs(joint: JointFilter, of_states: FloatArray) -> FloatArray:
 
 
 def follow(
-    joint: JointFilter, state: RuleState, given: JointInputs, span: tuple[int, int], number: int = 0
+    joint: JointFilter, state: MethodState, given: JointInputs, span: tuple[int, int], number: int = 0
 ) -> JointPass | Diverged:
     """Filter the samples of a segment from the first of `span` to before the last, from the state before the first.
 
@@ -349,11 +373,11 @@ def drifted(joint: JointFilter, T: FloatArray, wear: IntArray) -> FloatArray:
     """
     after, left, turns = T.copy(), wear.copy(), np.empty((2, T.shape[0]))
     while left[0] > 0:
-        kernels_in(KALMAN.module).add_drift(after, joint.drifts, left, turns)
+        kernels_in(_RECURSION).add_drift(after, joint.drifts, left, turns)
     return after
 
 
-_State = TypeVar("_State", bound=RuleState)
+_State = TypeVar("_State", bound=MethodState)
 
 
 def calls(joint: JointFilter) -> tuple[Any, Any]:
@@ -371,12 +395,13 @@ def _copied(state: _State) -> _State:
 def _filtered(
     joint: JointFilter, state: _State, given: JointInputs, span: tuple[int, int, int]
 ) -> tuple[int, _State, FilterOutput]:
-    """The kernel of the rule over some samples: the first that is not finite, or -1; state and output after them."""
+    """The kernel over some samples: the first that is not finite, or -1; state and output after them."""
     after = _copied(state)
     n, sensors, count = len(joint.mapped.actuator.states), len(joint.measure), span[1] - span[0]
     one_gain, nothing = np.empty((1, sensors, n + sensors + 1)), (np.empty((0, sensors, 1)), np.empty((0, 1)))
     output = FilterOutput(np.empty((count, sensors, 2)), np.empty((count, n)), np.empty((count, n)), one_gain, *nothing)
-    failed: int = getattr(kernels_in(joint.rule.module), joint.rule.kernel)(
+    module, kernel = joint.kernel
+    failed: int = getattr(kernels_in(module), kernel)(
         *calls(joint), after, _arrays(joint, after), given.intervals, given.values, output, span
     )
     return failed, after, output
@@ -403,11 +428,11 @@ def _source(joint: JointFilter, size: int) -> FloatArray:
     return np.ascontiguousarray(np.vstack([seconds * rate, np.zeros((size - len(rate), rate.shape[1]))]))
 
 
-def _arrays(joint: JointFilter, state: RuleState) -> FilterArrays:
+def _arrays(joint: JointFilter, state: MethodState) -> FilterArrays:
     """What the recursion computes from theta, its settings, and its scratch arrays."""
     s, moving, actuator = joint.settings, joint.moving, joint.mapped.actuator
     n, names = len(actuator.states), actuator.states
-    moved = moving.responses + state.x.size if joint.rule.columns else 0
+    moved = moving.responses + state.x.size if joint.reference is None else 0
     model = model_arrays(joint.mapped, moving.columns(), moved, joint.few)
     own = model._replace(p=model.p.copy())
     deviations = [joint.noise.of_samples(name, s.spacing * s.every) for name in joint.measure]
@@ -422,7 +447,7 @@ def _arrays(joint: JointFilter, state: RuleState) -> FilterArrays:
         names.index("v"),
         names.index("y"),
         -1,
-        joint.rule.numbers,
+        joint.reference,
         _source(joint, state.x.size),
         joint.drifts,
         0.5 * s.every * s.spacing,

@@ -1,4 +1,4 @@
-"""The model at the free parameters theta, as every rule of the joint filter needs it between two samples.
+"""The model at the free parameters theta, as every recursion needs it between two samples.
 
 From theta to the arrays of the model, a step of theta, and the integration steps where the piston is.
 """

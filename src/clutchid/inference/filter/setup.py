@@ -189,8 +189,8 @@ class SettingsArrays(NamedTuple):
     """Settings of the filter.
 
     Samples between corrections; standard deviations beyond which an innovation is an outlier; speed in m/s above which
-    parameters adapt; rows of speed and position in x, and of the state that is watched; numbers of the rule, see
-    `rules`; what E gains from one correction to the next (size, c); root of what T gains in a stroke (k, d); time in s
+    parameters adapt; rows of speed and position in x, and of the state that is watched; numbers of a reference
+    observer; what E gains from one correction to the next (size, c); root of what T gains in a stroke (k, d); time in s
     from a correction to the middle between it and the next, around which the window of load weights is placed; usual
     time in s from one sample to the next.
     """
@@ -201,7 +201,7 @@ class SettingsArrays(NamedTuple):
     at_speed: int
     at_position: int
     at_watched: int
-    rule: Any
+    reference: Any
     source: FloatArray = np.zeros((0, 0))
     drifts: FloatArray = np.zeros((0, 0))
     ahead: float = 0.0
