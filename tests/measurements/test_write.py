@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import clutchid.measurements as cio
 from clutchid.errors import ExportError
 from clutchid.log import COLUMNS, Log
+from clutchid.measurements.columns import REQUIRED
 from clutchid.measurements.source import to_frame
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
@@ -29,6 +30,7 @@ def logs(draw):
 
 @settings(max_examples=60, deadline=None)
 @given(log=logs(), suffix=st.sampled_from([".csv", ".parquet", ".CSV"]))
+@example(log=Log([-1.7e308, 0.0, 1.7e308], {name: [0.0, 1.0, 1.0] for name in REQUIRED[1:]}), suffix=".csv")
 def test_what_is_written_is_read_back_exactly(tmp_path_factory, log, suffix):
     path = tmp_path_factory.mktemp("round") / f"run{suffix}"
     cio.write(log, path)

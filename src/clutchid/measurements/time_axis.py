@@ -28,9 +28,10 @@ def holes(time: FloatArray) -> NDArray[np.int64]:
     [3]
     """
     steps = intervals(time)
-    if steps.max(initial=0.0) <= HOLE * steps.min(initial=np.inf, where=steps > 0):  # none without a median
-        return np.empty(0, dtype=np.int64)
-    return np.flatnonzero(steps > HOLE * usual_interval(time))
+    with np.errstate(over="ignore"):
+        if steps.max(initial=0.0) <= HOLE * steps.min(initial=np.inf, where=steps > 0):  # none without a median
+            return np.empty(0, dtype=np.int64)
+        return np.flatnonzero(steps > HOLE * usual_interval(time))
 
 
 def intervals(time: FloatArray) -> FloatArray:
@@ -43,7 +44,8 @@ def usual_interval(time: FloatArray) -> float:
     """Median of the positive intervals; infinity if there are none."""
     steps = intervals(time)
     forward = steps[steps > 0]
-    return float(np.median(forward)) if forward.size else math.inf
+    with np.errstate(over="ignore"):  # of two longest intervals the mean is infinite
+        return float(np.median(forward)) if forward.size else math.inf
 
 
 @dataclass(frozen=True, eq=False, slots=True)

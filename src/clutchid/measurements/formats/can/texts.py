@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
+from functools import lru_cache
 from itertools import islice
 from pathlib import Path
 
@@ -117,8 +118,16 @@ def _seconds(text: str, zero: int = 0) -> float:
     number = plain_number(text)
     if number is not None:
         return number - zero
+    whole, _, fraction = text.rpartition(".")
+    stamp = _whole_second(whole) if fraction.isdigit() and len(fraction) <= 9 else None
+    if stamp is not None and stamp % 10**9 == 0:
+        return stamp // 10**9 - zero + float(f"0.{fraction}")
     stamp = nanoseconds(text)
     return math.nan if stamp is None else stamp // 10**9 - zero + stamp % 10**9 * 1e-9
+
+
+#: Nanoseconds of a date and time to the second, which all frames of a second share.
+_whole_second = lru_cache(maxsize=128)(nanoseconds)
 
 
 #: Columns of a table of frames by their names, in lower case without blanks and underscores.
