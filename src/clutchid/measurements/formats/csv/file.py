@@ -10,7 +10,7 @@ from pathlib import Path
 from clutchid.log import Log
 from clutchid.measurements.columns import Heading
 from clutchid.measurements.formats.csv.dialect import Dialect, dialect
-from clutchid.measurements.formats.csv.lines import SAMPLE, TextLines, blocks, lines_of, sample, whole_records
+from clutchid.measurements.formats.csv.lines import SAMPLE, TextLines, blocks, lines_of, sample
 from clutchid.measurements.formats.csv.rows import ParsedRows, joined, read_rows, table
 from clutchid.measurements.source import BLOCK, EXAMPLE, Raster, Source, Table, refused, to_frame
 
@@ -146,13 +146,14 @@ def _tables(
     if rows is None:
         yield table(joined(list(parts)), notation)
     else:
-        yield from (table(part, notation) for part in parts)
+        for part in parts:
+            yield from table(part, notation).parts(rows)
 
 
 def _parts(lines: TextLines, notation: Dialect, selected: Sequence[Heading], rows: int | None) -> Iterator[ParsedRows]:
     """The samples block by block, until a line cannot be split."""
     small = lines.path.stat().st_size < _SMALL
-    for block in whole_records(blocks(lines, notation.samples - 1, rows or (lines.last if small else BLOCK))):
+    for block in blocks(lines, notation.samples - 1, rows or (lines.last if small else BLOCK)):
         part = read_rows(block, notation, selected, small=small)
         yield part
         if part.broken:

@@ -12,10 +12,8 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
-
-import numpy as np
 
 from clutchid.log.units import UNITS
 from clutchid.measurements.columns import Heading, channel, channel_name, headings, quantity_named, unit_spelled
@@ -213,53 +211,37 @@ def sample(lines: TextLines) -> list[str]:
 
 
 def blocks(lines: TextLines, skip: int, rows: int) -> Iterator[LineBlock]:
-    """The lines after the first `skip`, in blocks of `rows` lines, or fewer if they are long.
+    """The lines after the first `skip`, in blocks of at least `rows` lines, or fewer if they are long.
+
+    A block goes on where it would end in a quoted cell.
 
     Raises
     ------
     OSError
         If the file cannot be read.
     """
-    number, size, lacking = 1, 0, skip or rows
+    number, lacking = skip + 1, skip + rows
     pending: list[bytes] = []
-    for piece in _pieces(lines.path, lines.encoding):
-        pending.append(piece)
-        size, lacking = size + len(piece), lacking - piece.count(b"\n")
-        if lacking > 0 and size < _MOST_BYTES:
+    for piece in chain(_pieces(lines.path, lines.encoding), [None]) if skip < lines.last else ():
+        pending.append(piece or b"")
+        lacking -= pending[-1].count(b"\n")
+        size = sum(map(len, pending))
+        if piece is not None and lacking > 0 and size < _MOST_BYTES:
             continue
-        text = b"".join(pending)
-        start = 0
-        for end, count in _cuts(text, skip, rows, number):
-            if number > skip and number <= lines.last:
-                yield _whole(lines, number, text[start:end], count)
-            start, number = end, number + count
-        pending, size = [text[start:]], len(text) - start
-        lacking = (skip + 1 - number if number <= skip else rows) - pending[0].count(b"\n")
-    if skip < number <= lines.last and size:
-        text = b"".join(pending)
-        yield _whole(lines, number, text, text.count(b"\n") + (not text.endswith(b"\n")))
-
-
-def _cuts(text: bytes, skip: int, rows: int, number: int) -> Iterator[tuple[int, int]]:
-    """Ends of the blocks in `text`, which begins with line `number`, and their numbers of lines."""
-    ends = np.flatnonzero(np.frombuffer(text, np.uint8) == 10) + 1
-    start = taken = 0
-    while True:
-        want = skip + 1 - number if number <= skip else rows
-        have = min(want, ends.size - taken)
-        if have < want and len(text) - start < _MOST_BYTES:
+        text, begin = b"".join(pending), 0
+        for _ in range(skip):
+            begin = text.find(b"\n", begin) + 1
+        skip, text = 0, text[begin:]
+        end = text.rfind(b"\n") + 1 or len(text)
+        count = text.count(b"\n")
+        if piece is None or number + count > lines.last:
+            line = text.find(b"\n", len(text) - len(_blank_end(text))) + 1 or len(text)
+            yield LineBlock(number, text[:line], lines.last - number + 1)
             return
-        taken, number = taken + have, number + have
-        start = int(ends[taken - 1]) if have else len(text)
-        yield start, have
-
-
-def _whole(lines: TextLines, number: int, text: bytes, count: int) -> LineBlock:
-    """A block without the blank lines at the end of the file."""
-    if number + count - 1 > lines.last:
-        end = text.find(b"\n", len(text) - len(_blank_end(text)))
-        text, count = text[: end + 1], lines.last - number + 1
-    return LineBlock(number, text, max(count, 1))
+        pending, lacking = [text], 1
+        if text.count(b'"', 0, end) % 2 == 0 or size >= _MOST_BYTES:
+            yield LineBlock(number, text[:end], max(count, 1))
+            number, pending, lacking = number + count, [text[end:]], rows
 
 
 def _blank_end(text: bytes) -> bytes:
@@ -339,15 +321,3 @@ def _end(lines: Sequence[str], start: int) -> int:
             if quotes % 2 == 0:
                 return end + 1
     return start + 1
-
-
-def whole_records(blocks: Iterator[LineBlock]) -> Iterator[LineBlock]:
-    """Blocks, joined where one ends in a quoted cell."""
-    held: LineBlock | None = None
-    for block in blocks:
-        whole = block if held is None else LineBlock(held.first, held.text + block.text, held.lines + block.lines)
-        held = whole if whole.text.count(b'"') % 2 and len(whole.text) < _MOST_BYTES else None
-        if held is None:
-            yield whole
-    if held is not None:
-        yield held

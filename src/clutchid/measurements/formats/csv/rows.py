@@ -10,7 +10,7 @@ import io
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
@@ -54,16 +54,6 @@ class ParsedRows:
     none: Counter[int] = field(default_factory=Counter)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _CellText:
-    """Lines that polars cuts into `width` cells, and the place of each column in them by its index."""
-
-    text: bytes
-    separator: str
-    width: int
-    places: Mapping[int, int]
-
-
 def read_rows(
     block: LineBlock, dialect: Dialect, selected: Sequence[Heading], *, small: bool = False, by_line: bool = False
 ) -> ParsedRows:
@@ -79,9 +69,9 @@ def read_rows(
         A cell ends at the end of its line, so that a quote that is left open takes no other line with it.
     """
     if (text := plain_text(block, dialect, by_line)) is not None:
-        places = {column.index: column.index for column in selected}
-        cells = _CellText(text, dialect.separator, len(dialect.headings), places)
-        part = (_by_numpy(cells, dialect, selected) if small else None) or _by_polars(cells, dialect, selected)
+        numeric = _with_points(text, dialect, selected)
+        part = _by_numpy(numeric, dialect, selected) if small and numeric is not None else None
+        part = part or _by_polars(text, numeric, dialect, selected)
         if part and part.table.size == block.lines:
             part.table = replace(part.table, places=Places("line", block.first))
             return part
@@ -108,25 +98,24 @@ def plain_text(block: LineBlock, dialect: Dialect, by_line: bool) -> bytes | Non
 
 def _cut(block: LineBlock, dialect: Dialect, selected: Sequence[Heading], by_line: bool) -> ParsedRows:
     """The samples of lines that are cut into cells one by one."""
+    import polars as pl
+
     lines: list[int] = []
+    rows: list[list[str]] = []
     ragged: list[str] = []
     count, broken = 0, ""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
     for line, cells in _rows(block, dialect.separator, by_line):
         if isinstance(cells, str):
             broken = cells
         elif len(cells) == len(dialect.headings):
-            writer.writerow([cells[column.index] for column in selected])
+            rows.append([cells[column.index] for column in selected])
             lines.append(line)
         elif len(cells) > 1 or (cells and cells[0].strip()):
             ragged += [f"line {line} has {len(cells)}"] if count < SHOWN else []
             count += 1
-    places = {column.index: i for i, column in enumerate(selected)}
-    part = ParsedRows(Table(numbers=dict.fromkeys(places, np.empty(0))))
-    if lines and selected:
-        cells_as_text = _CellText(text.getvalue().encode(), ",", len(selected), places)
-        part = _by_polars(cells_as_text, dialect, selected) or part
+    columns = zip(*rows, strict=True) if rows else [()] * len(selected)
+    texts = {str(column.index): cells for column, cells in zip(selected, columns, strict=True)}
+    part = _interpreted(pl.DataFrame(texts, schema=dict.fromkeys(texts, pl.String)), dialect, selected)
     part.table = replace(part.table, size=len(lines), places=Places("line", numbers=np.array(lines, dtype=np.int64)))
     part.ragged, part.ragged_count, part.broken = ragged, count, broken
     return part
@@ -148,43 +137,40 @@ def _rows(block: LineBlock, separator: str, by_line: bool) -> Iterator[tuple[int
         yield line, f"line {line}: cannot be split into cells ({error}); is a quotation mark left open?"
 
 
-def _with_points(cells: _CellText, dialect: Dialect, selected: Sequence[Heading]) -> _CellText | None:
-    """The cells with decimal points, if all that are selected may be numbers."""
+def _with_points(text: bytes, dialect: Dialect, selected: Sequence[Heading]) -> bytes | None:
+    """Lines with decimal points, if all cells that are selected may be numbers."""
     kinds = {dialect.forms[column.index].kind for column in selected}
-    if kinds != {"number"} or b'"' in cells.text:
+    if kinds != {"number"} or b'"' in text:
         return None
     if dialect.decimal != ",":
-        return cells
-    mixed = b"." in cells.text or cells.separator == ","
-    return None if mixed else replace(cells, text=cells.text.replace(b",", b"."))
+        return text
+    return None if b"." in text or dialect.separator == "," else text.replace(b",", b".")
 
 
-def _by_numpy(cells: _CellText, dialect: Dialect, selected: Sequence[Heading]) -> ParsedRows | None:
+def _by_numpy(numeric: bytes, dialect: Dialect, selected: Sequence[Heading]) -> ParsedRows | None:
     """The samples of cells that are numbers or empty, all of them; None where others are among them."""
-    plain = _with_points(cells, dialect, selected)
-    if plain is None:
-        return None
-    text, mark = plain.text.decode("utf-8", "replace").removesuffix("\n"), re.escape(plain.separator)
-    delimiter = None if plain.separator == " " else plain.separator
+    text, mark = numeric.decode("utf-8", "replace").removesuffix("\n"), re.escape(dialect.separator)
+    delimiter = None if dialect.separator == " " else dialect.separator
     for empty in (None, rf"(?m)(?:^|(?<={mark}))(?={mark}|$)"):
         with suppress(ValueError):
             lines = (re.sub(empty, "nan", text) if empty else text).split("\n")
             numbers = np.loadtxt(lines, delimiter=delimiter, comments=None, ndmin=2)
-            columns = {index: np.ascontiguousarray(numbers[:, place]) for index, place in plain.places.items()}
+            columns = {column.index: np.ascontiguousarray(numbers[:, column.index]) for column in selected}
             return ParsedRows(Table(numbers=columns, size=len(numbers)))
     return None
 
 
-def _by_polars(cells: _CellText, dialect: Dialect, selected: Sequence[Heading]) -> ParsedRows | None:
-    """The samples of lines that polars cuts; None where it cuts none."""
+def _by_polars(text: bytes, numeric: bytes | None, dialect: Dialect, selected: Sequence[Heading]) -> ParsedRows | None:
+    """The samples of lines that polars cuts, as numbers where they are `numeric`; None where it cuts none."""
     import polars as pl
 
     with suppress(pl.exceptions.PolarsError, pl.exceptions.PanicException):
-        if (plain := _with_points(cells, dialect, selected)) is not None:
+        if numeric is not None:
             with suppress(pl.exceptions.PolarsError):
-                frame = _frame(plain, pl.Float64(), _WORDS)
-                return ParsedRows(Table(numbers={i: frame[str(i)].to_numpy() for i in cells.places}, size=frame.height))
-        return _interpreted(_frame(cells, pl.String(), None), dialect, selected)
+                frame = _frame(numeric, dialect, selected, pl.Float64(), _WORDS)
+                columns = {column.index: frame[str(column.index)].to_numpy() for column in selected}
+                return ParsedRows(Table(numbers=columns, size=frame.height))
+        return _interpreted(_frame(text, dialect, selected, pl.String(), None), dialect, selected)
     return None
 
 
@@ -219,17 +205,19 @@ def _interpreted(frame: pl.DataFrame, dialect: Dialect, selected: Sequence[Headi
     return part
 
 
-def _frame(cells: _CellText, kind: pl.DataType, missing: Sequence[str] | None) -> pl.DataFrame:
-    """The chosen cells of each line, called by the index of their column."""
+def _frame(
+    text: bytes, dialect: Dialect, selected: Sequence[Heading], kind: pl.DataType, missing: Sequence[str] | None
+) -> pl.DataFrame:
+    """The selected cells of each line, called by the index of their column."""
     import polars as pl
 
-    names = {place: str(index) for index, place in cells.places.items()}
+    places = [column.index for column in selected]
     return pl.read_csv(
-        cells.text,
+        text,
         has_header=False,
-        separator=cells.separator,
-        schema={names.get(i, f"cell {i}"): kind if i in names else pl.String() for i in range(cells.width)},
-        columns=list(names),
+        separator=dialect.separator,
+        schema={str(i): kind if i in places else pl.String() for i in range(len(dialect.headings))},
+        columns=places,
         null_values=missing,
     )
 
