@@ -54,10 +54,14 @@ settings.load_profile("clutchid")
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """All tests of a file in one worker, so that its fixtures (a site, a fleet, a calibration) are made once."""
-    from xdist.scheduler import LoadFileScheduling
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByFixtures(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return next((folder for folder in TOGETHER if nodeid.startswith(folder)), nodeid.partition("::")[0])
 
     config.option.loadscopereorder = False  # the order of `pytest_collection_modifyitems`
-    return LoadFileScheduling(config, log)
+    return ByFixtures(config, log)
 
 
 #: A Python of another system, which no test may become.
@@ -75,6 +79,9 @@ LONG = (
     "cli/test_fit_output", "study/paper/test_paper_study", "cli/test_commands", "rig/test_lugre", "docs/test_gallery",
     "house/test_new_parameter",
 )  # fmt: skip
+
+#: Folders whose files share what takes long: a worker has all of one.
+TOGETHER = ("tests/study/paper/",)
 
 #: Public names whose examples in the docstring take longer than 0.6 s.
 SLOW_EXAMPLES = {"calibrate", "export", "fleet", "prove", "report", "track"}

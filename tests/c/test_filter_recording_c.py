@@ -89,7 +89,7 @@ def plainly_followed(case, c, count, patch):
 
 
 def test_in_double_a_recording_is_followed_bit_by_bit_as_the_text_says(case, filter_of, monkeypatch):
-    count = 2500
+    count = 1500
     state, outputs = filter_of("double").follow(tuple(case.state), case.given, count)
     expected, *others = plainly_followed(case, filter_of("double"), count, monkeypatch)
     for one, other in zip((*state, *outputs), (*expected[:7], *others), strict=True):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import re
 import shutil
 import subprocess
@@ -19,7 +20,7 @@ from clutchid.exports.parity import BAND
 from clutchid.log import FloatArray
 from clutchid.model import Actuator
 from clutchid.observer import observer
-from fixtures.export_c import STRICT, compiled, replay, write_sources
+from fixtures.export_c import OPTIMISED, STRICT, compiled, replay, write_sources
 
 pytestmark = pytest.mark.slow
 
@@ -167,9 +168,9 @@ def pointer(values: FloatArray) -> ctypes.c_void_p:
 
 
 def run_octave(folder: Path, statements: str) -> None:
-    subprocess.run(
-        ["octave-cli", "--norc", "--quiet", "--eval", statements], cwd=folder, check=True, capture_output=True
-    )
+    command = ["octave-cli", "--norc", "--quiet", "--eval", statements]
+    environment = {**os.environ, "CC": "gcc", "CFLAGS": f"{OPTIMISED} -fPIC"}  # of mkoctfile
+    subprocess.run(command, cwd=folder, check=True, capture_output=True, env=environment)
 
 
 @octave

@@ -232,8 +232,9 @@ def test_it_compiles_without_a_warning_and_float_knows_no_double(observer_of, tm
     for file, text in source_files(modules).items():
         (tmp_path / file).write_text(text)
     sources = sorted(tmp_path.glob("*.c"))
-    for cc in filter(shutil.which, ("clang", "cc")):
-        subprocess.run([cc, *STRICT, "-c", *sources], cwd=tmp_path, check=True)
+    if shutil.which("clang"):  # its warnings do not hang on what it optimises
+        subprocess.run(["clang", *STRICT, "-fsyntax-only", *sources], cwd=tmp_path, check=True)
+    subprocess.run(["cc", *STRICT, "-c", *sources], cwd=tmp_path, check=True)
     symbols = subprocess.run(["nm", "-g", *sorted(tmp_path.glob("*.o"))], capture_output=True, text=True, check=True)
     defined = {line.split()[-1] for line in symbols.stdout.splitlines() if line.split()[-2:-1] in (["T"], ["R"], ["D"])}
     assert all(name.startswith("own_name") for name in defined)
