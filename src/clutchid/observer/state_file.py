@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
+from dataclasses import fields
 from hashlib import sha256
 from os import PathLike
 from typing import Any
@@ -18,14 +19,18 @@ from clutchid.files import write_text
 from clutchid.files.records import read_toml
 from clutchid.inference.filter.references import MethodState
 from clutchid.inference.filter.setup import FilterState
-from clutchid.log import FloatArray
 from clutchid.observer.observer import Observer, blank, start
 from clutchid.observer.rest import LOW, REMEMBERED
-from clutchid.observer.state import ObserverState, RestWatch, Sound, Tail
-from clutchid.strokes.stroke import Strokes
+from clutchid.observer.state import ObserverState
 from clutchid.strokes.vented_rest import FURTHEST
 
 FORMAT = 13
+
+#: Entries of the section ``[parameters]``, and the fields of a state that they are.
+_PARAMETERS = {"theta": "theta", "root": "T", "considered": "G", "wear": "wear"}
+
+#: Records whose arrays have any length.
+_OF_ANY_LENGTH = ("tail", "rest")
 
 
 def write_state(
@@ -50,32 +55,12 @@ def write_state(
             "spacing": observer.spacing,
             "fingerprint": fingerprint(observer),
         },
-        "number": state.number,
-        "deviations": state.deviations.tolist(),
-        "strokes": {name: value for name, value in state.strokes._asdict().items() if value is not None},
-        "mismatch": state.mismatch,
-        "leaking": state.leaking,
-        "zero": state.zero,
-        "jumped": state.jumped,
-        "unzeroed": list(state.unzeroed),
-        "latest": state.latest,
-        "known": state.known,
-        "excess": state.excess,
-        "contradicted": state.contradicted,
-        "supply": state.supply.tolist(),
-        "values": state.values.tolist(),
-        "rest": {**state.rest._asdict(), "returned": list(state.rest.returned), "window": state.rest.window.tolist()},
-        "parameters": {
-            "theta": state.theta.tolist(),
-            "root": state.T.tolist(),
-            "considered": state.G.tolist(),
-            "wear": state.wear.tolist(),
-        },
-        "sound": {name: array.tolist() for name, array in state.sound._asdict().items()},
-        "tail": {name: array.tolist() for name, array in state.tail._asdict().items()},
+        "parameters": {name: _plain(getattr(state, field)) for name, field in _PARAMETERS.items()},
+    } | {
+        field.name: _plain(value)
+        for field in fields(state)
+        if field.name not in _PARAMETERS.values() and (value := getattr(state, field.name)) is not None
     }
-    if state.filter is not None:
-        content["filter"] = {name: array.tolist() for name, array in state.filter._asdict().items()}
     if origin is not None:
         content["observer"]["origin"] = float(origin)
     content["observer"]["sha256"] = _checksum(content)
@@ -160,70 +145,52 @@ def _checksum(content: Mapping[str, Any]) -> str:
     return sha256(json.dumps({**content, "observer": head}, sort_keys=True, default=str).encode()).hexdigest()
 
 
+def _plain(value: Any) -> Any:
+    """A value of a state as TOML has it."""
+    if hasattr(value, "_asdict"):
+        return {name: _plain(entry) for name, entry in value._asdict().items() if entry is not None}
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return list(value) if isinstance(value, tuple) else value
+
+
 def _state(observer: Observer, content: dict[str, Any]) -> ObserverState:
-    def array(section: str, name: str, *shape: int) -> FloatArray:
-        return np.array(content[section][name], dtype=np.float64).reshape(shape)
-
-    def alike(section: str, name: str, like: NDArray[Any]) -> NDArray[Any]:
-        return np.array(content[section][name], like.dtype).reshape(like.shape)
-
-    columns = {"time": (-1,), "duties": (-1, 2), "position": (-1,), "supply": (-1,), "open_std": (-1,)}
-    tail = Tail(**{name: array("tail", name, *shape) for name, shape in columns.items()})
-    saved = None
-    if "filter" in content:
-        like = blank(observer)
-        saved = like._replace(**{name: alike("filter", name, a) for name, a in like._asdict().items()})
-    made = start(observer)
-    theta, root, considered, wear = (
-        alike("parameters", name, like)
-        for name, like in (("theta", made.theta), ("root", made.T), ("considered", made.G), ("wear", made.wear))
-    )
-    sound = Sound(**{name: alike("sound", name, like) for name, like in made.sound._asdict().items()})
-    deviations = np.array(content["deviations"], dtype=np.float64).reshape(made.deviations.shape)
-    began = _number(content["strokes"], "began") if "began" in content["strokes"] else None
-    strokes = Strokes(_count(content["strokes"], "ended"), began)
-    number, mismatch = _count(content, "number"), _number(content, "mismatch")
-    leaking, zero, rest = _flag(content, "leaking"), _number(content, "zero"), _rest(content["rest"])
-    values = np.array(content["values"], dtype=np.float64).reshape(made.values.shape)
-    jumped, latest, known = _flag(content, "jumped"), _number(content, "latest"), _number(content, "known")
-    unzeroed = tuple(np.array(content["unzeroed"], dtype=np.float64).reshape(-1).tolist())
-    return ObserverState(
-        saved, theta, root, considered, wear, tail, deviations, sound, number, strokes, mismatch, leaking, rest, zero,
-        values, jumped, unzeroed, latest, known, _number(content, "excess"), _number(content, "contradicted"),
-        np.array(content["supply"], dtype=np.float64).reshape(2),
-    )  # fmt: skip
+    like = start(observer)
+    entries = content | {field: content["parameters"][name] for name, field in _PARAMETERS.items()}
+    values = {field.name: _alike(entries, field.name, getattr(like, field.name)) for field in fields(like)[1:]}
+    saved = _alike(content, "filter", blank(observer)) if "filter" in content else None
+    return ObserverState(saved, **values)
 
 
-def _rest(content: dict[str, Any]) -> RestWatch:
-    returned, window = (np.array(content[name], dtype=np.float64).reshape(-1) for name in ("returned", "window"))
-    return RestWatch(
-        _number(content, "shift"),
-        _number(content, "lowest"),
-        tuple(returned.tolist()),
-        window,
-        _count(content, "vents"),
-        _flag(content, "excursion"),
-        _flag(content, "taken"),
-    )
-
-
-def _number(section: Mapping[str, Any], name: str) -> float:
-    if not is_number(section[name]):
-        raise ValueError(f"{name} is no number")
-    return float(section[name])
-
-
-def _count(section: Mapping[str, Any], name: str) -> int:
+def _alike(section: Mapping[str, Any], name: str, like: Any, *, any_length: bool = False) -> Any:
+    """The entry of a section with type and shape of another value; with `any_length` of its arrays."""
+    if like is None and name not in section:
+        return None
     value = section[name]
-    if type(value) is not int or not 0 <= value < 1 << 62:
-        raise ValueError(f"{name} is no number of at least 0")
-    return value
+    if hasattr(like, "_asdict"):
+        of_any_length = name in _OF_ANY_LENGTH
+        return like._replace(**{
+            field: _alike(value, field, entry, any_length=of_any_length) for field, entry in like._asdict().items()
+        })  # fmt: skip
+    if isinstance(like, np.ndarray):
+        return np.array(value, like.dtype).reshape((-1, *like.shape[1:]) if any_length else like.shape)
+    if isinstance(like, tuple):
+        return tuple(np.array(value, dtype=np.float64).reshape(-1).tolist())
+    return _scalar(name, value, like)
 
 
-def _flag(section: Mapping[str, Any], name: str) -> bool:
-    if section[name] is not True and section[name] is not False:
-        raise ValueError(f"{name} is neither true nor false")
-    return section[name] is True
+def _scalar(name: str, value: Any, like: Any) -> Any:
+    if isinstance(like, bool):
+        if value is not True and value is not False:
+            raise ValueError(f"{name} is neither true nor false")
+        return value
+    if isinstance(like, int):
+        if type(value) is not int or not 0 <= value < 1 << 62:
+            raise ValueError(f"{name} is no number of at least 0")
+        return value
+    if not is_number(value):
+        raise ValueError(f"{name} is no number")
+    return float(value)
 
 
 def _problems(state: ObserverState) -> Iterator[str]:
