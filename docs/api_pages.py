@@ -27,7 +27,7 @@ EQUATIONS = ("motion", "friction", "chambers", "valves", "opening", "supply", "l
 
 #: Records that results hold for the machine: states, arrays and kernels of filters. They have no page.
 INTERNAL = {
-    "ActiveColumns", "Columns", "Coordinate", "CorrectionRule", "FreeArrays", "GroupChange", "JointFilter",
+    "ActiveColumns", "Columns", "Coordinate", "FreeArrays", "GroupChange", "JointFilter",
     "JointSettings", "JointState", "KernelArrays", "LoadPieces", "MovingColumns", "Noise", "ObserverState",
     "OnlinePrior", "ParameterMap", "PositionOnlyErrors", "RestWatch", "Strokes", "Supply", "Tail", "Vehicle", "_Run",
 }  # fmt: skip

@@ -18,19 +18,19 @@ import pytest
 
 from clutchid import Fit, FitRequest, fit, read_parameters, write
 from clutchid.cli.fit import MOST_WARNINGS, answer
-from clutchid.documents import document_of
 from clutchid.documents.console import OutputLost
-from clutchid.documents.next_step import Command
 from clutchid.errors import ExportError
 from clutchid.estimation.assess.verdict import States, states_of_wear
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.truck import Truck, drive
+from clutchid.verbs.commands import FitCommand
+from clutchid.verbs.next_step import fit_document
 from fixtures.baselines import with_baseline
 from fixtures.commands import called
 
 pytestmark = pytest.mark.slow
 
-COMMAND = Command(("fit", "worn.csv", "--start", "CAL.toml"), (Path("worn.csv"),), Path("CAL.toml"))
+COMMAND = FitCommand(verb="fit", logs=(Path("worn.csv"),), start=Path("CAL.toml"))
 ESCAPE = "\x1b"
 
 
@@ -59,7 +59,7 @@ def on_a_terminal(monkeypatch):
                 for name, value in {"COLUMNS": str(columns), **env}.items():
                     patched.setenv(name, value)
                 patched.setattr(sys, "stdout", terminal)
-                assert answer(document_of(fitted, COMMAND), {}, json=False, verbose=False) == 0
+                assert answer(fit_document(fitted, COMMAND), {}, json=False, verbose=False) == 0
             text = everything.result(timeout=60)
         os.close(parent)
         return text.replace("\r\n", "\n")
@@ -92,7 +92,7 @@ def truck(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def shown(fitted, capsys, *, verbose=False, command=COMMAND, writers=None):
     """Exit code, and what is printed on standard output and standard error."""
-    code = answer(document_of(fitted, command), writers or {}, json=False, verbose=verbose)
+    code = answer(fit_document(fitted, command), writers or {}, json=False, verbose=verbose)
     return code, *capsys.readouterr()
 
 
@@ -157,7 +157,7 @@ def test_the_files_are_written_though_nobody_reads_what_is_printed(fitted, capsy
         monkeypatch.setattr(sys, "stdout", closed)
         writers = {good: lambda path: path.write_text("done")}
         with pytest.raises(OutputLost):
-            answer(document_of(fitted, COMMAND), writers, json=False, verbose=False)
+            answer(fit_document(fitted, COMMAND), writers, json=False, verbose=False)
     assert good.read_text() == "done"
 
 
@@ -173,7 +173,7 @@ def test_a_file_that_cannot_be_written_does_not_cost_the_result(fitted, capsys, 
     assert f"written: {good}" in out
     assert err == "clutchid: the fit is complete, but F.toml: no space left?[31m\n"
     assert "next" not in out
-    assert answer(document_of(fitted, COMMAND), writers, json=True, verbose=False) == 1
+    assert answer(fit_document(fitted, COMMAND), writers, json=True, verbose=False) == 1
     found = json.loads(capsys.readouterr().out)
     assert found["status"] == "failed"
     assert found["message"].startswith("the fit is complete, but F.toml")

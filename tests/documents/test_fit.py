@@ -13,10 +13,11 @@ from clutchid.documents.fit import application_data, compared_columns
 from clutchid.documents.fit_json import fit_json
 from clutchid.documents.fit_sections import MAX_DRAWN, error_table, parameter_table
 from clutchid.documents.html import page_of, write_page
-from clutchid.documents.next_step import Command
 from clutchid.estimation import Estimate, LoadCurve
 from clutchid.inference.uncertainty.conditions import Assumption
 from clutchid.log import Log
+from clutchid.verbs.commands import FitCommand
+from clutchid.verbs.next_step import fit_document
 from fixtures.baselines import reaching, two_states, with_baseline
 
 pytestmark = pytest.mark.slow
@@ -222,19 +223,19 @@ def test_a_search_that_converged_with_warnings_is_not_in_a_box_of_warnings(undra
 
 
 def test_the_page_has_the_next_step_and_what_is_assumed(undrawn, fitted):
-    command = Command(("estimate", "worn.csv"), (Path("worn.csv"),), Path("CAL.toml"), report=Path("worn.html"))
-    html = flat(page_of(document_of(reading(fitted), command)))
-    assert "next keep the result: clutchid estimate worn.csv --save worn.toml" in html
+    asked = FitCommand(verb="estimate", logs=(Path("worn.csv"),), start=Path("CAL.toml"), report=Path("worn.html"))
+    html = flat(page_of(fit_document(reading(fitted), asked)))
+    assert f"next keep the result: clutchid {' '.join(asked.words)} --save worn.toml" in html
     assert "supply pressure not recorded: as calibrated, 8.90 ± 0.50 bar" in html
 
 
 def test_the_application_has_what_is_assumed_and_no_change_where_terminal_and_page_have_none(fitted):
-    command = Command(("estimate", "worn.csv"), (Path("worn.csv"),))
-    data = application_data(reading(fitted), command)
+    fit = reading(fitted)
+    data = application_data(fit, document_of(fit))
     assert sum("not recorded" in row["text"] for row in data["summary"]) == 2
     states = two_states(fitted)
     assert fit_json(states)["changes"]
-    data = application_data(states, command)
+    data = application_data(states, document_of(states))
     assert data["changes"] == []
     assert sum("that is no change" in row["text"] for row in data["summary"]) == 1
 

@@ -14,14 +14,15 @@ from clutchid.documents.document import On
 from clutchid.documents.fit_json import fit_json
 from clutchid.documents.fit_rows import other_warnings
 from clutchid.documents.html import page_of
-from clutchid.documents.next_step import Command, next_step
 from clutchid.documents.terminal import text_of
 from clutchid.estimation.assess.verdict import verdict
+from clutchid.verbs.commands import FitCommand
+from clutchid.verbs.next_step import next_step
 from fixtures.baselines import calibration_like, two_states, with_baseline
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
-COMMAND = Command(("fit", "new.csv", "worn.csv"), (Path("new.csv"), Path("worn.csv")), Path("CAL.toml"))
+COMMAND = FitCommand(verb="fit", logs=(Path("new.csv"), Path("worn.csv")), start=Path("CAL.toml"))
 
 
 def at_bound(fit, name, end):

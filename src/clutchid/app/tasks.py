@@ -17,10 +17,12 @@ from clutchid.documents.fit_json import curve_json, fit_json
 from clutchid.documents.json_text import json_text
 from clutchid.documents.look_json import look_json, map_json
 from clutchid.documents.observe import observation_data
+from clutchid.documents.results import Looked
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.numerics.progress import Step
 from clutchid.verbs import saving
 from clutchid.verbs.looking import is_map
+from clutchid.verbs.next_step import fit_document
 from clutchid.verbs.observing import observed
 from clutchid.verbs.options import pressure
 from clutchid.verbs.progress import CALIBRATION, ESTIMATE, Progressed, shared, when_compiling
@@ -61,17 +63,17 @@ def look(task: records.Look, events: Events) -> dict[str, Any]:
         **({} if recording.channels is None else {"map": map_json(recording.channels)}),
     }
     contents = recording.contents()
-    events.part({**look_json(contents, None, ""), **about, "checking": True})
+    events.part({**look_json(Looked(contents)), **about, "checking": True})
     events.progress("checks", 0.9, "checks")
     try:
         checks = recording.checked(contents)
     except DataError as error:  # the map does not fit: the file is shown nevertheless
-        return {**look_json(contents, None, ""), **about, "status": "bad_input", "message": str(error)}
+        return {**look_json(Looked(contents)), **about, "status": "bad_input", "message": str(error)}
     strokes = [
         {"kind": section.kind, "label": section.label, "begin": section.start, "end": section.end}
         for section in sections(checks.log, _MOST_SECTIONS)
     ]
-    return {**look_json(contents, checks.inspection, checks.unchecked), **about, "strokes": strokes}
+    return {**look_json(checks), **about, "strokes": strokes}
 
 
 def cut(task: records.Cut, events: Events) -> dict[str, Any]:
@@ -122,7 +124,7 @@ def _written(result: Fit, task: records.FitRecordings) -> dict[str, Any]:
     for name in ("fit.toml", "report.html", "fit.m", "fit.mat"):
         try:
             if name.endswith(".html"):
-                saving.report(result, task.asked.command, folder / name)
+                saving.report(result, task.asked, folder / name)
             elif name.endswith(".m"):
                 saving.save(result, folder / name, task.name)
             else:
@@ -137,9 +139,9 @@ def _written(result: Fit, task: records.FitRecordings) -> dict[str, Any]:
 def _shown(result: Fit, task: records.FitRecordings) -> dict[str, Any]:
     """Content of the page of a fit."""
     file = Path(records.download_name(task.name, "fit.toml"))
-    command = replace(task.asked, save=(file,), report=file.with_suffix(".html")).command
+    asked = replace(task.asked, save=(file,), report=file.with_suffix(".html"))
     return {
-        **application_data(result, command),
+        **application_data(result, fit_document(result, asked)),
         "recordings": _residuals(result, task.folder / "columns"),
         "files": [],
         "failures": [],

@@ -168,8 +168,8 @@ def fitted(asked: FitCommand, options: FitOptions) -> int:
             f"no recording given; clutchid {asked.verb} LOG.csv. Options that take several values (--verify, --bounds, "
             "--prior, --dbc) take all that follows them: put the recordings first."
         )
-    from clutchid.documents import document_of
     from clutchid.verbs import saving
+    from clutchid.verbs.next_step import fit_document
     from clutchid.verbs.progress import CALIBRATION, ESTIMATE, shared
 
     inputs: list[tuple[str, Path | None]] = [("a recording that is fitted", path) for path in asked.logs]
@@ -181,9 +181,8 @@ def fitted(asked: FitCommand, options: FitOptions) -> int:
     with progress_bar(asked.verb) as show:
         usual = CALIBRATION if asked.automatic else ESTIMATE
         fit = asked.run(shared(usual, lambda step: show(step.words, step.share))).raised()
-    command = asked.command
     writers: Writers = {
         **dict.fromkeys(asked.save, lambda path: saving.save(fit, path)),
-        asked.report: lambda path: saving.report(fit, command, path),
+        asked.report: lambda path: saving.report(fit, asked, path),
     }
-    return answer(document_of(fit, command), writers, json=options.json, verbose=options.verbose)
+    return answer(fit_document(fit, asked), writers, json=options.json, verbose=options.verbose)

@@ -8,15 +8,19 @@ from typing import TYPE_CHECKING
 from clutchid.documents.document import Document
 
 if TYPE_CHECKING:
-    from clutchid.documents.look import LookResult
-    from clutchid.documents.next_step import Command
-    from clutchid.documents.results import FleetWear, Observation, RigFriction, WornClutch
-    from clutchid.documents.simulation import Simulated
+    from clutchid.documents.results import (
+        FleetWear,
+        Looked,
+        Observation,
+        RigFriction,
+        SimulatedRecording,
+        WornClutch,
+    )
     from clutchid.estimation import Fit
     from clutchid.log import Log
     from clutchid.simulation.simulation import Simulation
 
-    Result = Fit | Observation | WornClutch | FleetWear | LookResult | RigFriction | Simulated | Log | Simulation
+    Result = Fit | Observation | WornClutch | FleetWear | Looked | RigFriction | SimulatedRecording | Log | Simulation
 
 #: Builder of each kind of result, imported where such a result comes.
 _BUILDERS = {
@@ -32,7 +36,7 @@ _BUILDERS = {
 }
 
 
-def document_of(result: Result, command: Command | str = "") -> Document:
+def document_of(result: Result, command: str = "") -> Document:
     """Document of a result, which is the same for every medium.
 
     Parameters
@@ -41,7 +45,7 @@ def document_of(result: Result, command: Command | str = "") -> Document:
         A fit, an observed recording, the wear of a clutch or a fleet, a look at a file, friction of a rig, a
         simulation, or a log.
     command
-        The command that repeats it; that of a fit may be a `Command`, from which the next step follows.
+        The command that repeats it.
     """
     module, _, builder = _BUILDERS[type(result).__name__].partition(":")
     document: Document = getattr(import_module(f"clutchid.documents.{module}"), builder)(result, command)

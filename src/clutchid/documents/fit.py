@@ -11,7 +11,6 @@ from clutchid.documents.fit_figures import load_figure
 from clutchid.documents.fit_json import fit_json
 from clutchid.documents.fit_rows import other_warnings, rows_of
 from clutchid.documents.fit_sections import fit_sections
-from clutchid.documents.next_step import Command, next_step
 from clutchid.documents.style import MM
 from clutchid.estimation import Fit
 from clutchid.estimation.assess.evidence import as_recorded
@@ -19,26 +18,23 @@ from clutchid.estimation.assess.verdict import states_of_wear, verdict
 from clutchid.log import FloatArray
 
 
-def fit_document(fit: Fit, command: Command | str = "") -> Document:
+def fit_document(fit: Fit, command: str = "") -> Document:
     """Document of a fit of any status and method, with the command that repeats it."""
-    asked = command.with_options() if isinstance(command, Command) else command
     return Document(
         f"Clutch load from {', '.join(fit.recordings) or 'no recording'}", _subtitle(fit), tuple(rows_of(fit)),
         notices=tuple(map(Notice, other_warnings(fit))),
         sections=lambda: fit_sections(fit),
         figure=(lambda: load_picture(fit)) if has_load(fit) else None,
         data=lambda: fit_json(fit),
-        next=next_step(fit, command) if isinstance(command, Command) and fit.status != "failed" else None,
-        command=asked, sources=sources_of(fit),
+        command=command, sources=sources_of(fit),
     )  # fmt: skip
 
 
-def application_data(fit: Fit, command: Command) -> dict[str, Any]:
-    """Data of a fit for the local page: its JSON, the rows for pages, and the next step.
+def application_data(fit: Fit, document: Document) -> dict[str, Any]:
+    """Data of a fit with its document for the local page: its JSON, the rows for pages, and the next step.
 
     Changes that only reflect recordings of different states of wear are left out: a row says so.
     """
-    document = fit_document(fit, command)
     data = document.data()
     return {
         **data,

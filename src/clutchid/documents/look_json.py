@@ -6,19 +6,15 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from clutchid.documents.results import Looked
     from clutchid.measurements.map.channel_map import ChannelMap
-    from clutchid.measurements.overview import FileOverview, TimeAxis, TimeGridOverview
-    from clutchid.preparation.inspection import Check, Inspection
+    from clutchid.measurements.overview import TimeAxis, TimeGridOverview
+    from clutchid.preparation.inspection import Check
 
 
-def look_json(contents: FileOverview, inspection: Inspection | None, unchecked: str) -> dict[str, Any]:
-    """The JSON object of ``clutchid look``, docs/formats.md.
-
-    Parameters
-    ----------
-    contents, inspection, unchecked
-        Channels and map of the file; the checks, or why there are none.
-    """
+def look_json(looked: Looked) -> dict[str, Any]:
+    """The JSON object of ``clutchid look``, docs/formats.md."""
+    contents, inspection, unchecked = looked.contents, looked.inspection, looked.unchecked
     checks = inspection.checks if inspection else ()
     poor = any(check.grade in ("bad", "suspect") for check in checks) or bool(contents.warnings) or bool(unchecked)
     return {

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from clutchid.documents.fleet_tables import ReasonCount, VehicleRow
-    from clutchid.estimation import LoadCurve
+    from clutchid.estimation import Errors, LoadCurve
     from clutchid.inference.uncertainty.calibration import Origin
     from clutchid.log import Log
+    from clutchid.measurements.overview import FileOverview
     from clutchid.observer import ObservedRecording
+    from clutchid.preparation.inspection import Inspection
     from clutchid.rig import CoulombFriction, LugreFit
     from clutchid.wear import Wear
 
@@ -47,3 +50,46 @@ class RigFriction(NamedTuple):
 
     logs: Sequence[Log]
     friction: CoulombFriction | list[LugreFit]
+
+
+@dataclass(frozen=True, slots=True)
+class Looked:
+    """The contents of a file, and the checks on it or, in `unchecked`, why there are none.
+
+    `how` says how it was read: nothing, or with the proposed channel map. `log` is what was checked: the recording, or
+    its first million samples.
+    """
+
+    contents: FileOverview
+    inspection: Inspection | None = None
+    unchecked: str = ""
+    how: str = ""
+    log: Log | None = None
+
+    @property
+    def checks(self) -> str:
+        """The checks as text for a terminal."""
+        return self.inspection.table(self.how) if self.inspection else self.unchecked
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SimulatedRecording:
+    """A recording and its simulation, with the interval of the pressure where there is one.
+
+    Attributes
+    ----------
+    recording
+        Its name.
+    log
+        All states.
+    message, warnings
+        Of the simulation and of the recording.
+    errors
+        Against what was measured; None without a position.
+    """
+
+    recording: str
+    log: Log
+    message: str
+    warnings: tuple[str, ...]
+    errors: Errors | None

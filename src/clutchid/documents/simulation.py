@@ -2,37 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any
 
 from clutchid.documents.document import Document, Notice, Row
 from clutchid.documents.fit_json import errors_json
 from clutchid.documents.fit_rows import errors_text
-
-if TYPE_CHECKING:
-    from clutchid.estimation import Errors
+from clutchid.documents.results import SimulatedRecording
 
 
-class Simulated(Protocol):
-    """Name of a recording, errors of its simulation, None without a measured position, message and warnings."""
-
-    @property
-    def recording(self) -> str:
-        """Name of the recording."""
-
-    @property
-    def errors(self) -> Errors | None:
-        """Errors against what was measured."""
-
-    @property
-    def message(self) -> str:
-        """Sentence of the simulation."""
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Warnings of both."""
-
-
-def simulated_document(simulated: Simulated, command: str = "") -> Document:
+def simulated_document(simulated: SimulatedRecording, command: str = "") -> Document:
     """Document of a simulation."""
     name, errors, warnings = simulated.recording, simulated.errors, simulated.warnings
     data: dict[str, Any] = {

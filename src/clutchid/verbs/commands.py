@@ -25,7 +25,6 @@ from clutchid.verbs.options import (
 )
 
 if TYPE_CHECKING:
-    from clutchid.documents.next_step import Command
     from clutchid.estimation.result import Fit
     from clutchid.numerics.progress import Progress
     from clutchid.verbs.reading import Source
@@ -99,22 +98,12 @@ class FitCommand:
     @property
     def words(self) -> tuple[str, ...]:
         """The arguments of the command that repeats it."""
-        start = () if self.start is None else ("--start", _argument(self.start))
-        files = (word for path in self.save for word in ("--save", _argument(path)))
-        report = () if self.report is None else ("--report", _argument(self.report))
-        verify = ("--verify", *map(_argument, self.verify)) if self.verify else ()
+        start = () if self.start is None else ("--start", argument(self.start))
+        files = (word for path in self.save for word in ("--save", argument(path)))
+        report = () if self.report is None else ("--report", argument(self.report))
+        verify = ("--verify", *map(argument, self.verify)) if self.verify else ()
         options = (*words_of(self.search), *words_of(self.files), *(("--force",) if self.force else ()))
-        return (self.verb, *map(_argument, self.logs), *start, *options, *verify, *files, *report)
-
-    @property
-    def command(self) -> Command:
-        """The command, for the next step after it."""
-        from clutchid.documents.next_step import Command
-
-        own_model = ("--model", self.search.model) if self.search.model and ".py:" in self.search.model else ()
-        others = tuple(path for path in self.save if path != self.saved)
-        reading = (*words_of(self.files), *own_model)
-        return Command(self.words, self.logs, self.start, self.saved, self.report, reading, self.force, others)
+        return (self.verb, *map(argument, self.logs), *start, *options, *verify, *files, *report)
 
     @property
     def python(self) -> str:
@@ -161,7 +150,7 @@ def _arguments(options: Mapping[str, object]) -> str:
     return re.sub(r"\b(Prior|Partition)\(", r"clutchid.\1(", words)
 
 
-def _argument(path: Path) -> str:
-    """A path as an argument that is not mistaken for an option."""
+def argument(path: Path) -> str:
+    """A path as an argument, also where its name begins with a dash."""
     text = str(path)
     return f"./{text}" if text.startswith("-") else text

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from clutchid.documents.results import Looked
 from clutchid.errors import DataError, ParameterError
 from clutchid.log import Log
 from clutchid.measurements import read_pieces, source_pieces
@@ -20,32 +21,11 @@ if TYPE_CHECKING:
     from clutchid.measurements.map.channel_map import ChannelMap
     from clutchid.measurements.overview import FileOverview
     from clutchid.measurements.source import Source
-    from clutchid.preparation.inspection import Inspection
 
 __all__ = ["QUANTITIES", "Looked", "checked", "contents_of", "is_map", "looked", "read_map", "save_proposed"]
 
 #: What a recording needs to be checked.
 _NEEDED = ("time", "position")
-
-
-@dataclass(frozen=True, slots=True)
-class Looked:
-    """The contents of a file, and the checks on it or, in `unchecked`, why there are none.
-
-    `how` says how it was read: nothing, or with the proposed channel map. `log` is what was checked: the recording, or
-    its first million samples.
-    """
-
-    contents: FileOverview
-    inspection: Inspection | None = None
-    unchecked: str = ""
-    how: str = ""
-    log: Log | None = None
-
-    @property
-    def checks(self) -> str:
-        """The checks as text for a terminal."""
-        return self.inspection.table(self.how) if self.inspection else self.unchecked
 
 
 def looked(

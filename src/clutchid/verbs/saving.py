@@ -12,10 +12,10 @@ from clutchid.files import check_writable
 
 # imported on use: a command that only reads files starts faster
 if TYPE_CHECKING:
-    from clutchid.documents.next_step import Command
     from clutchid.estimation import Fit
     from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.log import Log
+    from clutchid.verbs.commands import FitCommand
 
 
 def check_save(path: Path) -> None:
@@ -97,17 +97,18 @@ def file_name(path: Path) -> str:
     return f"{function_in(path)}.m"
 
 
-def report(fit: Fit, command: Command | str, path: Path) -> None:
-    """Write the page of the result, with the `command` that repeats it.
+def report(fit: Fit, asked: FitCommand, path: Path) -> None:
+    """Write the page of the result as it was asked for.
 
     Raises
     ------
     ExportError
         If the file cannot be written; an existing file is unchanged.
     """
-    from clutchid.documents import document_of, write_page
+    from clutchid.documents import write_page
+    from clutchid.verbs.next_step import fit_document
 
-    write_page(document_of(fit, command), path)
+    write_page(fit_document(fit, asked), path)
 
 
 def write_log(log: Log, path: Path) -> None:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from clutchid.estimation.result import Errors, errors_over
+from clutchid.documents.results import SimulatedRecording
+from clutchid.estimation.result import errors_over
 from clutchid.estimation.verification import starts_of
 from clutchid.log import Log
 from clutchid.simulation import Partition, Simulation, simulate
@@ -17,29 +17,6 @@ from clutchid.verbs.reading import Reading
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SimulatedRecording:
-    """A recording and its simulation, with the interval of the pressure where there is one.
-
-    Attributes
-    ----------
-    recording
-        Its name.
-    log
-        All states.
-    message, warnings
-        Of the simulation and of the recording.
-    errors
-        Against what was measured; None without a position.
-    """
-
-    recording: str
-    log: Log
-    message: str
-    warnings: tuple[str, ...]
-    errors: Errors | None
 
 
 def simulated(
