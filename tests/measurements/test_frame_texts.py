@@ -2,6 +2,7 @@
 
 import base64
 import contextlib
+import re
 from datetime import datetime, timedelta
 
 import numpy as np
@@ -90,6 +91,16 @@ def test_frames_are_the_same_in_every_text(form, save):
     assert [bytes(row) for row in block.data] == [data for _, _, data in FRAMES]
     assert np.allclose(block.stamp - block.stamp[0], STAMPS - STAMPS[0], rtol=0, atol=1e-9)
     assert not block.extended.any()
+
+
+@pytest.mark.parametrize("form", ["-td", "busmaster decimal"])
+def test_a_remote_frame_counts_in_times_since_the_line_before(form, save):
+    text, at = lines(form), len(lines(form)) - 100
+    remote = {"-td": r"[0]  remote request", "busmaster decimal": "sr 8"}[form]
+    text[at] = re.sub(r"\[8\].*|s 8 .*", remote, text[at])
+    (block,) = frame_log(save("\n".join(text) + "\n", "run.log")).blocks()
+    assert dict(block.left_out) == {"remote frame": 1}
+    assert block.stamp[-1] - block.stamp[0] == pytest.approx(STAMPS[-1] - STAMPS[0], abs=1e-9)
 
 
 def test_candump_without_stamps_is_refused_with_what_to_do(save):

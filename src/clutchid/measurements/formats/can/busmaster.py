@@ -8,13 +8,13 @@ are those of the day (``SYSTEM MODE``), since the start (``ABSOLUTE MODE``) or t
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from datetime import datetime
+from functools import partial
 from itertools import takewhile
 from pathlib import Path
 
 from clutchid.errors import DataError
-from clutchid.measurements.formats.can.frames import Frame, FrameLog, first_lines, in_blocks
+from clutchid.measurements.formats.can.frames import FrameLine, FrameLog, first_lines, text_log
 
 _LINE = re.compile(
     r"(?P<hour>\d+):(?P<minute>\d+):(?P<second>\d+):(?P<fraction>\d{1,9})\s+(?P<way>Tx|Rx)\s+(?P<bus>\d{1,9})\s+"
@@ -53,12 +53,10 @@ def busmaster_log(path: Path) -> FrameLog:
     if protocol and protocol["name"] != "CAN":
         raise DataError(f"is a log of {protocol['name']}; record the frames of the CAN bus in BUSMASTER.")
     base, between = 10 if "***DEC***" in header else 16, "***RELATIVE MODE***" in header
-    start, said = _start(header), tuple[str, ...]()
+    start = _start(header)
     if start and not between and "***ABSOLUTE MODE***" not in header:
         start = start.replace(hour=0, minute=0, second=0)
-    if start is None:
-        said = ("does not say when it was recorded: its stamps count from its first frame only.",)
-    return FrameLog("BUSMASTER", start, lambda: in_blocks(_frames(path, base, between)), said)
+    return text_log("BUSMASTER", start, path, partial(_parsed, base), between=between)
 
 
 def _start(header: str) -> datetime | None:
@@ -70,25 +68,14 @@ def _start(header: str) -> datetime | None:
         return None
 
 
-def _frames(path: Path, base: int, between: bool) -> Iterator[Frame | str]:
-    now = 0.0
-    with path.open(encoding="latin-1") as file:
-        for line in file:
-            match = _LINE.fullmatch(line)
-            if match is None:
-                if line.strip() and not line.startswith("***"):
-                    yield "unreadable line"
-                continue
-            if match["remote"]:
-                yield "remote frame"
-                continue
-            whole = 3600 * int(match["hour"]) + 60 * int(match["minute"]) + int(match["second"])
-            stamp = whole + int(match["fraction"]) / 10.0 ** len(match["fraction"])
-            now = now + stamp if between else stamp
-            try:
-                identifier, payload = int(match["id"], base), bytes(int(byte, base) for byte in match["data"].split())
-            except ValueError:
-                yield "unreadable line"
-                continue
-            sent = match["way"].lower() == "tx"
-            yield Frame(now, int(match["bus"]), identifier, match["type"].lower() == "x", payload, sent)
+def _parsed(base: int, line: str) -> FrameLine | None:
+    match = _LINE.fullmatch(line)
+    if match is None:
+        return None
+    whole = 3600 * int(match["hour"]) + 60 * int(match["minute"]) + int(match["second"])
+    stamp = whole + int(match["fraction"]) / 10.0 ** len(match["fraction"])
+    if match["remote"]:
+        return stamp, "remote frame"
+    payload = bytes(int(byte, base) for byte in match["data"].split())
+    extended, sent = match["type"].lower() == "x", match["way"].lower() == "tx"
+    return stamp, (int(match["bus"]), int(match["id"], base), extended, payload, sent)

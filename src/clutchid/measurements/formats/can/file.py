@@ -94,12 +94,13 @@ def open_file(path: Path, dbc: Sequence[Path] = (), kind: str = "", log: FrameLo
     lookup = frame_streams.catalogue(messages)
     scanned = _scan(log, lookup)
     metadata = _metadata(log, scanned.origin, dbc)
+    undated = () if log.start else ("does not say when it was recorded: its stamps count from its first frame only.",)
     if problem := _decoding_problem(scanned, dbc, messages):
-        return replace(refused(path, log.format, problem, *log.warnings), metadata=metadata)
+        return replace(refused(path, log.format, problem, *log.warnings, *undated), metadata=metadata)
     streams = frame_streams.in_order(scanned.sizes, messages)
     rasters = frame_streams.rasters_of(streams, scanned.sizes)
     tables = partial(_tables, log, lookup, scanned, streams, rasters)
-    warnings = (*log.warnings, *scanned.clock, *_scan_warnings(scanned, streams))
+    warnings = (*log.warnings, *undated, *scanned.clock, *_scan_warnings(scanned, streams))
     return Source(path, log.format, rasters, tables, (), warnings, metadata, one_clock=True)
 
 

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from datetime import datetime
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -114,6 +115,43 @@ def frame_of(message: can.Message) -> Frame | str:
     bus = message.channel + 1 if isinstance(message.channel, int) else 0
     data = bytes(message.data)
     return Frame(message.timestamp, bus, message.arbitration_id, message.is_extended_id, data, not message.is_rx)
+
+
+#: The stamp in s of a line, and the other fields of its frame; a text says what holds no payload.
+FrameLine = tuple[float, tuple[int, int, bool, bytes, bool] | str]
+
+#: What stands for a line that is no frame and cannot be read as one.
+UNREADABLE = "unreadable line"
+
+
+def text_log(
+    form: str,
+    start: datetime | None,
+    path: Path,
+    parse: Callable[[str], FrameLine | None],
+    *,
+    between: bool = False,
+    header: bool = False,
+) -> FrameLog:
+    """The log of a text with a frame a line, below a line of names (`header`); lines of stars are remarks.
+
+    Stamps count from the line before where they are times `between` lines.
+    """
+
+    def frames() -> Iterator[Frame | str]:
+        now, named = 0.0, not header
+        with path.open(encoding="utf-8-sig", errors="replace") as file:
+            for line in filter(str.strip, file):
+                try:
+                    parsed = parse(line.rstrip("\r\n")) if named else (0.0, "")
+                except (ValueError, IndexError):
+                    parsed = None
+                stamp, fields = parsed or (0.0, "" if line.startswith("***") else UNREADABLE)
+                now, named = now + stamp if between else stamp, True
+                if fields:
+                    yield fields if isinstance(fields, str) else Frame(now, *fields)
+
+    return FrameLog(form, start, lambda: in_blocks(frames()))
 
 
 def in_blocks(frames: Iterable[Frame | str], size: int = FRAMES) -> Iterator[Frames]:

@@ -6,7 +6,7 @@ import math
 import re
 import struct
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
@@ -73,8 +73,6 @@ def _blf_blocks(path: Path) -> Iterator[can_frames.Frames]:
 #: Bytes of a line; a longer one is read in parts.
 _LONGEST_LINE = 1 << 16
 
-_NOT_READ = "unreadable line"
-
 _BASE = re.compile(r"\s*base\s+(?:hex|dec)(?:\s+timestamps\s+(?P<kind>absolute|relative))?", re.IGNORECASE)
 
 #: Lines at the start of an ASC log; two kinds of them make one, as a table may have a line or a column called Date.
@@ -135,7 +133,7 @@ def asc_log(path: Path) -> can_frames.FrameLog:
         If the file cannot be read.
     """
     can_frames.check_python_can("ASC")
-    return _text_log("ASC", _asc_start(path), lambda: _asc_blocks(path))
+    return can_frames.FrameLog("ASC", _asc_start(path), lambda: _asc_blocks(path))
 
 
 def trc_log(path: Path) -> can_frames.FrameLog:
@@ -149,15 +147,7 @@ def trc_log(path: Path) -> can_frames.FrameLog:
         If the file cannot be read.
     """
     can_frames.check_python_can("TRC")
-    return _text_log("TRC", _trc_start(path), lambda: _trc_blocks(path))
-
-
-def _text_log(
-    form: str, start: datetime | None, blocks: Callable[[], Iterator[can_frames.Frames]]
-) -> can_frames.FrameLog:
-    """The log of a text of the format `form`, with a warning where it does not say when it was recorded."""
-    lost = "does not say when it was recorded: its stamps count from its first frame only."
-    return can_frames.FrameLog(form, start, blocks, () if start else (lost,))
+    return can_frames.FrameLog("TRC", _trc_start(path), lambda: _trc_blocks(path))
 
 
 def _asc_start(path: Path) -> datetime | None:
@@ -213,9 +203,9 @@ def _readable(reader: Iterable[can.Message], lines: _TextLines) -> Iterator[can_
         number = lines.number
         try:
             for message in reader:
-                yield can_frames.frame_of(message) if math.isfinite(message.timestamp) else _NOT_READ
+                yield can_frames.frame_of(message) if math.isfinite(message.timestamp) else can_frames.UNREADABLE
         except (ValueError, LookupError, OverflowError, TypeError):
-            yield _NOT_READ
+            yield can_frames.UNREADABLE
             lines.in_header = True
         else:
             return

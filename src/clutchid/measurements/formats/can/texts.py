@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import base64
-import binascii
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
-from functools import lru_cache
-from itertools import islice
+from functools import lru_cache, partial
+from itertools import count, islice
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,7 @@ import numpy as np
 from clutchid.errors import DataError
 from clutchid.log import FloatArray
 from clutchid.measurements.columns import headings
-from clutchid.measurements.formats.can.frames import FD, Frame, FrameLog, first_lines, in_blocks
+from clutchid.measurements.formats.can.frames import FD, FrameLine, FrameLog, first_lines, text_log
 from clutchid.measurements.formats.csv.cells import nanoseconds, plain_number
 
 _EPOCH = datetime(1970, 1, 1)
@@ -70,18 +70,19 @@ def candump_log(path: Path) -> FrameLog:
     half = seconds.size // 2
     grown = half > 0 and seconds[half:].mean() - seconds[:half].mean() > _GROWN * np.ptp(seconds)
     between = not grown and half > 0 and np.count_nonzero(steps > 0) < _ON * steps.size and seconds[0] < _YEAR
-    zero, start, said = _origin(float(seconds[0]))
-    return FrameLog("candump", start, lambda: in_blocks(_candump_frames(path, bool(between), zero)), said)
+    zero, start = _origin(float(seconds[0]))
+    buses = defaultdict[str, int](count(1).__next__)
+    return text_log("candump", start, path, partial(_candump_line, buses, zero), between=bool(between))
 
 
-def _origin(first: float) -> tuple[int, datetime | None, tuple[str, ...]]:
-    """Whole seconds that stamps count from, so that these keep microseconds; that time, or a warning."""
+def _origin(first: float) -> tuple[int, datetime | None]:
+    """Whole seconds that stamps count from, so that these keep microseconds; and that time, where it is known."""
     if not first > _YEAR:
-        return 0, None, ("does not say when it was recorded: its stamps count from its first frame only.",)
+        return 0, None
     try:
-        return int(first), _EPOCH + timedelta(seconds=int(first)), ()
+        return int(first), _EPOCH + timedelta(seconds=int(first))
     except OverflowError:
-        return int(first), None, ()
+        return int(first), None
 
 
 #: Lines that show what stamps are: those since the line before do not grow over the lines, by this share of their
@@ -89,25 +90,16 @@ def _origin(first: float) -> tuple[int, datetime | None, tuple[str, ...]]:
 _SHOWN, _GROWN, _ON, _YEAR = 2000, 0.1, 0.9, 3e7
 
 
-def _candump_frames(path: Path, between: bool, zero: int) -> Iterator[Frame | str]:
-    buses: dict[str, int] = {}
-    now = 0.0
-    with path.open(encoding="utf-8", errors="replace") as file:
-        for line in file:
-            match = _CANDUMP.fullmatch(line.rstrip("\r\n"))
-            if match is None or match["stamp"] is None:
-                if line.strip():
-                    yield "unreadable line"
-                continue
-            if match["remote"] or match["request"]:
-                yield "remote frame"
-                continue
-            stamp = _seconds(match["stamp"], zero)
-            now = now + stamp if between else stamp
-            bus = buses.setdefault(match["bus"], len(buses) + 1)
-            payload = bytes.fromhex(match["data"] or match["bytes"] or "")
-            sent = match["way"] == "TX" or match["sent"] == "T"
-            yield Frame(now, bus, int(match["id"], 16), len(match["id"]) == 8, payload, sent)
+def _candump_line(buses: Mapping[str, int], zero: int, line: str) -> FrameLine | None:
+    match = _CANDUMP.fullmatch(line)
+    if match is None or match["stamp"] is None:
+        return None
+    stamp, bus, way, identifier, data, remote, sent, spaced, request = match.groups()
+    if remote or request:
+        return _seconds(stamp, zero), "remote frame"
+    payload = bytes.fromhex(data or spaced or "")
+    fields = buses[bus], int(identifier, 16), len(identifier) == 8, payload, way == "TX" or sent == "T"
+    return _seconds(stamp, zero), fields
 
 
 def _seconds(text: str, zero: int = 0) -> float:
@@ -213,12 +205,9 @@ def frame_table_log(path: Path) -> FrameLog:
     if any(len(cell) > len("FF") for cell in single) and all(cell.isdigit() for cell in single if cell):
         layout = replace(layout, base=10)
     identifier = layout.base if layout.base == 10 else _base([cells[layout.columns["id"]] for cells in rows])
-    zero, start, said = _origin(float(stamps[0]) * scale if stamps.size else 0.0)
-    offset = round(zero / scale)
-    made = layout
-    return FrameLog(
-        "CSV of frames", start, lambda: in_blocks(_table_frames(path, made, scale, offset, identifier)), said
-    )
+    zero, start = _origin(float(stamps[0]) * scale if stamps.size else 0.0)
+    parse = partial(_table_line, layout, dict[str, int](), scale, round(zero / scale), identifier)
+    return text_log("CSV of frames", start, path, parse, header=True)
 
 
 _UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
@@ -240,29 +229,19 @@ def _base(cells: Sequence[str]) -> int:
     return 16 if any(not cell.isdigit() or len(cell) in (3, 8) for cell in plain) else 10
 
 
-def _table_frames(path: Path, layout: _FrameTable, scale: float, zero: int, base: int) -> Iterator[Frame | str]:
+def _table_line(layout: _FrameTable, buses: dict[str, int], scale: float, zero: int, base: int, line: str) -> FrameLine:
     columns = layout.columns
-    buses: dict[str, int] = {}
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
-        next((line for line in file if line.strip()), None)
-        for line in file:
-            cells = [cell.strip().strip('"') for cell in line.rstrip("\r\n").split(layout.separator)]
-            try:
-                if _is_true(cells, columns.get("remote")) or _is_true(cells, columns.get("error")):
-                    yield "remote frame" if _is_true(cells, columns.get("remote")) else "error frame"
-                    continue
-                stamp, written = _seconds(cells[columns["stamp"]], zero) * scale, cells[columns["id"]]
-                identifier = int(written.removesuffix("h"), base)
-                extended = identifier > 0x7FF or _is_true(cells, columns.get("extended"))
-                payload = _payload(cells, layout)
-                bus = cells[columns["bus"]] if "bus" in columns else ""
-                sent = "way" in columns and cells[columns["way"]].casefold() in ("tx", "t", "1")
-            except (ValueError, IndexError, binascii.Error):
-                if line.strip():
-                    yield "unreadable line"
-                continue
-            number = buses.setdefault(bus, int(bus) + 1 if bus.isdigit() else len(buses) + 1)
-            yield Frame(stamp, number, identifier, extended, payload, sent)
+    cells = [cell.strip().strip('"') for cell in line.split(layout.separator)]
+    for what in ("remote", "error"):
+        if _is_true(cells, columns.get(what)):
+            return 0.0, f"{what} frame"
+    identifier = int(cells[columns["id"]].removesuffix("h"), base)
+    extended = identifier > 0x7FF or _is_true(cells, columns.get("extended"))
+    bus = cells[columns["bus"]] if "bus" in columns else ""
+    sent = "way" in columns and cells[columns["way"]].casefold() in ("tx", "t", "1")
+    stamp, payload = _seconds(cells[columns["stamp"]], zero) * scale, _payload(cells, layout)
+    number = buses.setdefault(bus, int(bus) + 1 if bus.isdigit() else len(buses) + 1)
+    return stamp, (number, identifier, extended, payload, sent)
 
 
 def _is_true(cells: Sequence[str], index: int | None) -> bool:
