@@ -72,6 +72,11 @@ class Candidate:
             return "is called like a flag or a state"
         return "is 0 or 1 only" if self.span.switched else ""
 
+    @property
+    def rank(self) -> tuple[bool, bool]:
+        """Order among duty cycles, before any word: no flag, and a unit of its own."""
+        return bool(self.flag), self.heading.unit is None
+
 
 def candidates(source: Source, name: str, ranges: Ranges) -> Iterator[Candidate]:
     """Channels that are called like the quantity `name`, and have a unit of it or none."""
@@ -326,11 +331,7 @@ def _ranked(name: str, named: Sequence[Candidate]) -> list[Candidate]:
     chosen = [candidate for candidate in named if not candidate.span.constant]
     if not chosen and name in INPUTS and len(named) == 1 and named[0].span.high == 0.0:
         chosen = list(named)
-    if name in INPUTS:  # what has a unit of its own, and is no flag, before any word
-        return sorted(
-            chosen, key=lambda candidate: (bool(candidate.flag), candidate.heading.unit is None, -candidate.score)
-        )
-    return sorted(chosen, key=lambda candidate: -candidate.score)
+    return sorted(chosen, key=lambda candidate: (candidate.rank if name in INPUTS else (), -candidate.score))
 
 
 def _equal(name: str, best: Candidate, others: Sequence[Candidate]) -> list[Candidate]:
@@ -338,9 +339,7 @@ def _equal(name: str, best: Candidate, others: Sequence[Candidate]) -> list[Cand
     equal = [other for other in others if other.score == best.score]
     if name not in INPUTS:
         return equal
-    rank = (bool(best.flag), best.heading.unit is None)
-    equal = [other for other in equal if (bool(other.flag), other.heading.unit is None) == rank]
-    return [other for other in equal if not _in_another_unit(best, other)]
+    return [other for other in equal if other.rank == best.rank and not _in_another_unit(best, other)]
 
 
 def _in_another_unit(first_channel: Candidate, other: Candidate) -> bool:

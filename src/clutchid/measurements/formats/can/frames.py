@@ -9,13 +9,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from datetime import datetime
+from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchid.errors import DataError, missing
+from clutchid.errors import missing
 from clutchid.log import FloatArray
 
 if TYPE_CHECKING:
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 Bytes: TypeAlias = NDArray[np.uint8]
 Counts: TypeAlias = NDArray[np.int64]
 Rows: TypeAlias = NDArray[np.int64]
+
+Item = TypeVar("Item")
 
 #: Frames a block when a log is read piece by piece.
 FRAMES = 1 << 16
@@ -155,30 +158,29 @@ def text_log(
 
 
 def in_blocks(frames: Iterable[Frame | str], size: int = FRAMES) -> Iterator[Frames]:
-    """Frames in blocks of at most `size`; texts among them are counted as left out, in the block that follows.
+    """Frames in blocks of at most `size`; texts among them are counted as left out.
 
     Raises
     ------
     Whatever `frames` raises, after the frames before it were given.
     """
-    rows: list[Frame] = []
-    left_out: Counter[str] = Counter()
-    failure: Exception | None = None
+    failures: list[Exception] = []
+    items = _until_failure(frames, failures)
+    while part := list(islice(items, size)):
+        yield _block(
+            [frame for frame in part if isinstance(frame, Frame)],
+            Counter(text for text in part if isinstance(text, str)),
+        )
+    if failures:
+        raise failures[0]
+
+
+def _until_failure(items: Iterable[Item], failures: list[Exception]) -> Iterator[Item]:
+    """The items up to an error, which is added to `failures`."""
     try:
-        for frame in frames:
-            if isinstance(frame, str):
-                left_out[frame] += 1
-                continue
-            rows.append(frame)
-            if len(rows) == size:
-                yield _block(rows, left_out)
-                rows, left_out = [], Counter()
+        yield from items
     except Exception as error:
-        failure = error
-    if rows or left_out:
-        yield _block(rows, left_out)
-    if failure is not None:
-        raise failure
+        failures.append(error)
 
 
 def _block(rows: Sequence[Frame], left_out: Mapping[str, int]) -> Frames:
@@ -231,34 +233,22 @@ def merged(parts: Sequence[Iterator[Frames]]) -> Iterator[Frames]:
     if len(parts) == 1:
         yield from parts[0]
         return
-    waiting: list[Frames | None] = [None] * len(parts)
+    failures: list[Exception] = []
+    streams = [_until_failure(part, failures) for part in parts]
+    waiting = [next(stream, None) for stream in streams]
     latest = [-np.inf] * len(parts)
-    failure: DataError | None = None
-    open_parts = set(range(len(parts)))
-    while True:
-        for i in sorted(open_parts):
-            if waiting[i] is None:
-                try:
-                    waiting[i] = next(parts[i])
-                except StopIteration:
-                    open_parts.discard(i)
-                except DataError as error:
-                    failure = failure or error
-                    open_parts.discard(i)
-        present = [(i, block) for i, block in enumerate(waiting) if block is not None]
-        if not present:
-            break
-        keys = {i: np.fmax.accumulate(np.fmax(block.stamp, latest[i])) for i, block in present}
-        limit = min((keys[i][-1] for i, _ in present if i in open_parts), default=np.inf)
+    while blocks := {i: block for i, block in enumerate(waiting) if block is not None}:
+        keys = {i: np.fmax.accumulate(np.fmax(block.stamp, latest[i])) for i, block in blocks.items()}
+        limit = min(key[-1] for key in keys.values())
         taken = []
-        for i, block in present:
+        for i, block in blocks.items():
             count = int(np.searchsorted(keys[i], limit, side="right"))
-            taken.append((keys[i][:count], block.take(np.arange(count))))
+            taken.append((keys[i][:count], block.take(slice(count))))
             latest[i] = keys[i][count - 1] if count else latest[i]
-            waiting[i] = block.take(np.arange(count, len(block))) if count < len(block) else None
+            waiting[i] = block.take(slice(count, None)) if count < len(block) else next(streams[i], None)
         yield _together(taken)
-    if failure is not None:
-        raise failure
+    if failures:
+        raise failures[0]
 
 
 def _together(parts: Sequence[tuple[FloatArray, Frames]]) -> Frames:

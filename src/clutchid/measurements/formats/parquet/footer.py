@@ -202,11 +202,11 @@ def _pages(file: BinaryIO, size: int, chunk: dict[int, Any]) -> str:
 #: Bytes at the start and at the end of a Parquet file.
 MAGIC = b"PAR1"
 
-#: Fields of the footer: samples, row groups; of a row group: columns, its first byte, its number.
-_ROWS, _GROUPS, _COLUMNS, _GROUP_OFFSET, _ORDINAL = 3, 4, 1, 5, 7
+#: Fields of the footer: samples, row groups; of a row group its number.
+_ROWS, _GROUPS, _ORDINAL = 3, 4, 7
 
-#: Fields that are places in the file: of a column, and of its description (field 3).
-_COLUMN_OFFSETS, _DESCRIPTION, _PAGE_OFFSETS = (2, 4, 6), 3, (9, 10, 11, 14)
+#: Fields of a row group that are places in the file: its first byte, and those of a column (1) and its description (3).
+_OFFSETS = frozenset({(5,), *((1, field) for field in (2, 4, 6)), *((1, 3, field) for field in (9, 10, 11, 14))})
 
 
 class RowGroups(NamedTuple):
@@ -226,7 +226,9 @@ def appended(groups: RowGroups, whole: bytes) -> tuple[RowGroups, bytes]:
     new, shift = CompactReader(whole[cut:-8]).struct(), groups.end - len(MAGIC)
     before = [] if groups.footer is None else groups.footer[_GROUPS][1][1]
     kind, (inner, added) = new[_GROUPS]
-    moved = [encoded(_moved(group, shift, len(before) + i)) for i, group in enumerate(added)]
+    moved = [
+        encoded(_moved(ThriftKind.STRUCT, _numbered(group, len(before) + i), shift)) for i, group in enumerate(added)
+    ]
     rows = new[_ROWS][1] + (0 if groups.footer is None else groups.footer[_ROWS][1])
     footer = {**new, _ROWS: (new[_ROWS][0], rows), _GROUPS: (kind, (inner, [*before, *moved]))}
     return RowGroups(shift + cut, footer), whole[len(MAGIC) : cut]
@@ -238,22 +240,14 @@ def footer_bytes(groups: RowGroups) -> bytes:
     return content + len(content).to_bytes(4, "little") + MAGIC
 
 
-def _moved(group: Tree, shift: int, number: int) -> Tree:
-    kind, (inner, columns) = group[_COLUMNS]
-    moved = {**group, _COLUMNS: (kind, (inner, [_column(column, shift) for column in columns]))}
-    if _ORDINAL in group:
-        moved[_ORDINAL] = (group[_ORDINAL][0], number)
-    return _shifted(moved, (_GROUP_OFFSET,), shift)
+def _numbered(group: Tree, number: int) -> Tree:
+    return group if _ORDINAL not in group else {**group, _ORDINAL: (group[_ORDINAL][0], number)}
 
 
-def _column(column: Tree, shift: int) -> Tree:
-    kind, description = column[_DESCRIPTION]
-    moved = {**column, _DESCRIPTION: (kind, _shifted(description, _PAGE_OFFSETS, shift))}
-    return _shifted(moved, _COLUMN_OFFSETS, shift)
-
-
-def _shifted(tree: Tree, fields: tuple[int, ...], shift: int) -> Tree:
-    """A structure whose places in the file are moved; 0 is none."""
-    return {
-        field: (kind, value + shift if field in fields and value else value) for field, (kind, value) in tree.items()
-    }
+def _moved(kind: int, value: Any, shift: int, path: tuple[int, ...] = ()) -> Any:
+    """A value whose places in the file are moved, at this path of fields of a row group; 0 is none."""
+    if kind == ThriftKind.STRUCT:
+        return {field: (inner, _moved(inner, item, shift, (*path, field))) for field, (inner, item) in value.items()}
+    if kind == ThriftKind.LIST and value[0] == ThriftKind.STRUCT:
+        return value[0], [_moved(ThriftKind.STRUCT, item, shift, path) for item in value[1]]
+    return value + shift if value and path in _OFFSETS else value
