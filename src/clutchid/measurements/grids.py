@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -40,14 +39,25 @@ def with_own_grids(source: Source) -> Source:
         return source
     texts = dict(raster.others)
     by_index = {heading.index: heading for heading in raster.headings}
-    rasters, places = [], []
+    rasters, places, times_of = [], [], list(owned)
     for time, columns in owned.items():
         indices = sorted([time, *columns])
         headings = tuple(replace(by_index[index], index=i) for i, index in enumerate(indices))
         others = tuple((heading.text, texts[heading.text]) for heading in headings if heading.text in texts)
         rasters.append(Raster(headings, raster.size, by_index[time].text, indices.index(time), others))
         places.append(indices)
-    return replace(source, rasters=tuple(rasters), tables=partial(_tables, source, rasters, places))
+
+    def tables(raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:
+        """The tables of a time grid, without the rows behind its end, in which it holds nothing."""
+        inside = places[raster]
+        for table in source.tables(0, sorted({*(inside[i] for i in columns), times_of[raster]}), rows):
+            there = np.any(np.isfinite(np.array(list(table.numbers.values()))), axis=0, keepdims=True)[0]
+            samples = table.take(np.flatnonzero(there))
+            numbers = {i: samples.numbers[inside[i]] for i in columns}
+            unread = {inside.index(index): rows for index, rows in samples.unread.items()}
+            yield replace(samples, headings=rasters[raster].headings, numbers=numbers, unread=unread)
+
+    return replace(source, rasters=tuple(rasters), tables=tables)
 
 
 def _is_time(heading: Heading) -> bool:
@@ -97,25 +107,3 @@ def _increase(source: Source, times: Sequence[int]) -> bool:
         if not steps.size or np.mean(steps > 0) < _FORWARD or np.mean(steps < 0) > _BACK:
             return False
     return True
-
-
-def _tables(
-    source: Source,
-    rasters: Sequence[Raster],
-    places: Sequence[Sequence[int]],
-    raster: int,
-    columns: Sequence[int],
-    rows: int | None = None,
-) -> Iterator[Table]:
-    """The tables of a time grid, without the rows behind its end, in which it holds nothing.
-
-    `places` are the columns of each time grid in the file.
-    """
-    own, inside = rasters[raster], places[raster]
-    assert own.clock is not None
-    for table in source.tables(0, [inside[i] for i in sorted({*columns, own.clock})], rows):
-        there = np.any(np.isfinite(np.array(list(table.numbers.values()))), axis=0, keepdims=True)[0]
-        samples = table.take(np.flatnonzero(there))
-        numbers = {i: samples.numbers[inside[i]] for i in columns}
-        unread = {inside.index(index): rows for index, rows in samples.unread.items()}
-        yield replace(samples, headings=own.headings, numbers=numbers, unread=unread)

@@ -163,7 +163,7 @@ class Raster:
 class Tables(Protocol):
     """Function that reads channels of one time grid, block by block."""
 
-    def __call__(self, raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:
+    def __call__(self, raster: int, columns: Sequence[int], /, rows: int | None = None) -> Iterator[Table]:
         """Consecutive tables of at most `rows` samples (None: one table) with the `columns` of time grid `raster`.
 
         `Table.headings` are all headings of the time grid, `Table.numbers` the selected columns by index in the units

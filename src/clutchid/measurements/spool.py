@@ -264,7 +264,6 @@ def _as_text(data: BinaryIO, _folder: Path, path: str | PathLike[str]) -> tuple[
 def _as_parquet(data: BinaryIO, folder: Path, path: str | PathLike[str]) -> tuple[AddBlock, FileEnd]:
     """Blocks are collected to pieces, each a row group behind the ones before."""
     held: list[Log] = []
-    short: list[Log] = []
     metadata: dict[str, str] = {}
     groups, size, stopped = RowGroups(), 0, False
     _all(data, MAGIC)
@@ -280,9 +279,8 @@ def _as_parquet(data: BinaryIO, folder: Path, path: str | PathLike[str]) -> tupl
 
     def write_piece() -> None:
         nonlocal size, stopped
-        piece = concatenated([*held, *short])
+        piece = concatenated(held)
         held.clear()
-        short.clear()
         size = 0
         try:
             with _until(path):
@@ -298,12 +296,11 @@ def _as_parquet(data: BinaryIO, folder: Path, path: str | PathLike[str]) -> tupl
         nonlocal size
         if not metadata:
             metadata[KEY] = json.dumps(dict(block.metadata))
-        if len(block) or not (held or short or groups.footer):
-            short.append(block)
+        if len(block) or not (held or groups.footer):
+            held.append(block)
             size += len(block) * (1 + len(block.columns))
-        if len(short) >= BLOCKS:
-            held.append(concatenated(short))
-            short.clear()
+        if len(held) >= BLOCKS:
+            held[:] = [concatenated(held)]
         if size >= PIECE or (now and size):
             write_piece()
         if now:
@@ -314,7 +311,7 @@ def _as_parquet(data: BinaryIO, folder: Path, path: str | PathLike[str]) -> tupl
     def end() -> bytes:
         if 8 * size <= _RESERVE // 4:  # a part of what is kept free for the end; a larger piece must leave it
             _release(folder)
-        if (held or short) and not stopped:
+        if held and not stopped:
             write_piece()
         return footer_bytes(groups) if groups.footer else b""
 

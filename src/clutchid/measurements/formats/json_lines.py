@@ -6,7 +6,6 @@ import json
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 
 from clutchid.errors import DataError
 from clutchid.log import FloatArray
-from clutchid.measurements.columns import Heading, headings
+from clutchid.measurements.columns import headings
 from clutchid.measurements.source import Places, Raster, Source, Table, refused
 
 #: Types of a number in JSON, and of null; neither a string nor true is one.
@@ -132,16 +131,10 @@ def open_file(path: Path) -> Source:
     if spoiled.any():
         where = Places("line").ranges(np.flatnonzero(spoiled))
         warnings = (*warnings, f"values that are no numbers are missing in {where}.")
+
+    def tables(_raster: int, chosen: Sequence[int], rows: int | None = None) -> Iterator[Table]:
+        numbers = {index: values[index] for index in chosen}
+        yield from Table(columns, numbers, spoiled.size, Places("line")).parts(rows)
+
     raster = Raster(columns, spoiled.size, clock=clock)
-    return Source(path, "JSON lines", (raster,), partial(_tables, columns, values), (), warnings)
-
-
-def _tables(
-    columns: tuple[Heading, ...],
-    values: Sequence[FloatArray],
-    _raster: int,
-    chosen: Sequence[int],
-    rows: int | None = None,
-) -> Iterator[Table]:
-    size = values[0].size if values else 0
-    yield from Table(columns, {index: values[index] for index in chosen}, size, Places("line")).parts(rows)
+    return Source(path, "JSON lines", (raster,), tables, (), warnings)

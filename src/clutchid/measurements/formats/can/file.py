@@ -11,7 +11,6 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import timedelta
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -25,7 +24,7 @@ from clutchid.measurements.formats.can.dbc import Message, read_dbc
 from clutchid.measurements.formats.can.frames import Bytes, FrameLog, Frames, Rows, payloads
 from clutchid.measurements.formats.can.j1939 import group_number
 from clutchid.measurements.formats.kinds import format_of, function_named, head_of, kind_of
-from clutchid.measurements.source import Places, Raster, Source, Table, refused
+from clutchid.measurements.source import Places, Source, Table, refused
 from clutchid.measurements.time_axis import usual_interval
 from clutchid.messages import listed
 
@@ -99,7 +98,17 @@ def open_file(path: Path, dbc: Sequence[Path] = (), kind: str = "", log: FrameLo
         return replace(refused(path, log.format, problem, *log.warnings, *undated), metadata=metadata)
     streams = frame_streams.in_order(scanned.sizes, messages)
     rasters = frame_streams.rasters_of(streams, scanned.sizes)
-    tables = partial(_tables, log, lookup, scanned, streams, rasters)
+
+    def tables(raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:
+        """Tables of one time grid, from the frames that are kept, or else from the file."""
+        stream, first = streams[raster], 1
+        parts = iter(scanned.stored[stream]) if scanned.stored is not None else _read_again(log, lookup, stream)
+        for frames in _in_rows(_on_one_clock(parts, scanned), rows):
+            numbers = frame_streams.values_of(stream, columns, frames.stamp, frames.data, frames.length)
+            coded = tuple(sentence for column in columns if (sentence := _coded(stream, column, numbers, frames)))
+            yield Table(rasters[raster].headings, numbers, len(frames), Places("frame", first), warnings=coded)
+            first += len(frames)
+
     warnings = (*log.warnings, *undated, *scanned.clock, *_scan_warnings(scanned, streams))
     return Source(path, log.format, rasters, tables, (), warnings, metadata, one_clock=True)
 
@@ -248,27 +257,6 @@ def _count(scanned: ScannedLog, stream: frame_streams.FrameStream, frames: Strea
 def _frames_of(stream: frame_streams.FrameStream, frames: Frames, rows: Rows, run: int) -> StreamFrames:
     data = frames.data[rows, : stream.group.bytes]
     return StreamFrames(frames.stamp[rows], data, frames.length[rows].astype(np.uint8), run)
-
-
-def _tables(
-    log: FrameLog,
-    lookup: frame_streams.MessageCatalogue,
-    scanned: ScannedLog,
-    streams: Sequence[frame_streams.FrameStream],
-    rasters: Sequence[Raster],
-    raster: int,
-    columns: Sequence[int],
-    rows: int | None = None,
-) -> Iterator[Table]:
-    """Tables of one time grid, see `Tables`: from the frames that are kept, or else from the file."""
-    stream, headings = streams[raster], rasters[raster].headings
-    parts = iter(scanned.stored[stream]) if scanned.stored is not None else _read_again(log, lookup, stream)
-    first = 1
-    for frames in _in_rows(_on_one_clock(parts, scanned), rows):
-        numbers = frame_streams.values_of(stream, columns, frames.stamp, frames.data, frames.length)
-        coded = tuple(sentence for column in columns if (sentence := _coded(stream, column, numbers, frames)))
-        yield Table(headings, numbers, len(frames), Places("frame", first), warnings=coded)
-        first += len(frames)
 
 
 def _coded(

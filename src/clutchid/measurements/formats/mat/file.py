@@ -12,7 +12,6 @@ import struct
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 from clutchid.errors import DataError, ExportError
@@ -21,7 +20,7 @@ from clutchid.measurements.formats.mat import hdf5, loaded, modelica
 from clutchid.measurements.formats.mat.loaded import BrokenMat, CharArray, ReadSamples, Struct
 from clutchid.measurements.formats.mat.objects import with_objects
 from clutchid.measurements.formats.mat.rasters import ArrayChannel, ScannedChannels, rasters_of, signals_of
-from clutchid.measurements.source import BLOCK, Places, Raster, Source, Table, own_metadata, refused
+from clutchid.measurements.source import BLOCK, Places, Source, Table, own_metadata, refused
 from clutchid.messages import listed, shortened
 from clutchid.names import printable
 
@@ -180,28 +179,16 @@ def _source(path: Path, version: _Version, head: bytes) -> Source:
     header = "" if version is _V4 else printable(head[:116].decode("latin-1").strip("\0 "))
     warnings = (objects, *others) if objects else others
     metadata = own if own is not None else {"mat_header": header} if header.startswith("MATLAB") else {}
-    return Source(
-        path, version.name, rasters, partial(_tables, path, version, rasters, channels), (), warnings, metadata
-    )
 
+    def tables(raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:
+        size, signals = rasters[raster].size, channels.groups[raster][1]
+        with _named(path), version.opened(path) as read:
+            for start in range(0, max(size, 1), rows or max(size, 1)):
+                stop = min(start + (rows or size), size)
+                numbers = {i: read(signals[i].numbers, signals[i].column, start, stop) for i in columns}
+                yield Table(rasters[raster].headings, numbers, stop - start, Places("sample", start + 1))
 
-def _tables(
-    path: Path,
-    version: _Version,
-    rasters: Sequence[Raster],
-    scanned: ScannedChannels,
-    raster: int,
-    columns: Sequence[int],
-    rows: int | None = None,
-) -> Iterator[Table]:
-    """Tables of one time grid, see `Tables`."""
-    headings, size = rasters[raster].headings, rasters[raster].size
-    channels = scanned.groups[raster][1]
-    with _named(path), version.opened(path) as read:
-        for start in range(0, max(size, 1), rows or max(size, 1)):
-            stop = min(start + (rows or size), size)
-            numbers = {i: read(channels[i].numbers, channels[i].column, start, stop) for i in columns}
-            yield Table(headings, numbers, stop - start, Places("sample", start + 1))
+    return Source(path, version.name, rasters, tables, (), warnings, metadata)
 
 
 @contextmanager

@@ -315,7 +315,25 @@ def _source(path: Path, file: LibraryReader) -> Source:
         metadata["start"] = str(firsts[shown[clock]][1])
     raster = Raster(columns, file.size, clock=clock, others=others)
     origins = {name: origin for name, (origin, _) in firsts.items()}
-    tables = partial(_tables, file, raster, shown, origins)
+
+    def tables(_raster: int, chosen: Sequence[int], rows: int | None = None) -> Iterator[Table]:
+        if raster.size == 0:
+            yield Table(columns, problems=(f"there are columns, but no samples; {EXAMPLE}",))
+            return
+        read = {i: shown[i] for i in chosen if _is_read(file, shown[i], columns[i])}
+        missing = [i for i in chosen if i not in read]
+        problems = tuple(
+            f"column '{columns[i].text}' holds {_held(file, shown[i])}; write numbers (Float64) in its unit."
+            for i in missing
+        )
+        try:
+            for start, frame in _frames(file, list(read.values()), raster.size, rows or raster.size):
+                numbers = {i: _numbers(frame[name], origins.get(name, 0)) for i, name in read.items()}
+                numbers |= {i: np.full(frame.height, np.nan) for i in missing}
+                yield Table(columns, numbers, frame.height, Places(first=start + 1), problems)
+        except UnreadParquet as error:
+            yield Table(columns, problems=(_damaged(str(error)),))
+
     warnings = (f"left out columns without numbers {left}.",) if others else ()
     edges = _edges(file.metadata.get(_EDGES))
     return Source(path, "Parquet", (raster,), tables, (), warnings, metadata, edges=edges)
@@ -336,35 +354,6 @@ def _firsts(reader: LibraryReader, names: Sequence[str]) -> dict[str, tuple[int,
         if len(stamps):
             firsts[name] = (int(stamps.to_physical()[0]), stamps[0])
     return firsts
-
-
-def _tables(
-    file: LibraryReader,
-    raster: Raster,
-    names: Sequence[str],
-    origins: Mapping[str, int],
-    _raster: int,
-    columns: Sequence[int],
-    rows: int | None = None,
-) -> Iterator[Table]:
-    """The tables of the only raster, see `Tables`."""
-    if raster.size == 0:
-        yield Table(raster.headings, problems=(f"there are columns, but no samples; {EXAMPLE}",))
-        return
-    asked = [raster.headings[i] for i in columns]
-    read = {heading.index: names[heading.index] for heading in asked if _is_read(file, names[heading.index], heading)}
-    problems = tuple(
-        f"column '{heading.text}' holds {_held(file, names[heading.index])}; write numbers (Float64) in its unit."
-        for heading in asked
-        if heading.index not in read
-    )
-    try:
-        for start, frame in _frames(file, list(read.values()), raster.size, rows or raster.size):
-            numbers = {index: _numbers(frame[name], origins.get(name, 0)) for index, name in read.items()}
-            numbers |= {heading.index: np.full(frame.height, np.nan) for heading in asked if heading.index not in read}
-            yield Table(raster.headings, numbers, frame.height, Places(first=start + 1), problems)
-    except UnreadParquet as error:
-        yield Table(raster.headings, problems=(_damaged(str(error)),))
 
 
 def _frames(reader: LibraryReader, names: Sequence[str], size: int, rows: int) -> Iterator[tuple[int, pl.DataFrame]]:
