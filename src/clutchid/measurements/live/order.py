@@ -170,17 +170,26 @@ def sorted_in(waiting: WaitingSamples, arrivals: Sequence[ArrivedSamples]) -> tu
     `LOST` late samples in a row all others are left out. A sample whose stamp is more than `JUMP` ahead waits: it is
     invalid if the next stamp is `WINDOW` or more below it.
     """
-    arrivals, ahead, invalid = _confirmed(waiting, arrivals)
-    late, latest, run, end = _late(waiting, arrivals)
-    streams, repeated = list(waiting.streams), 0
-    begin = 0
-    for arrival in arrivals:
-        keep = ~late[begin : begin + arrival.place.size]
-        begin += arrival.place.size
-        streams[arrival.stream], again = _merged(streams[arrival.stream], arrival.samples, keep)
+    first = len(waiting.ahead)
+    arrivals = [*(held._replace(place=np.array([i - first])) for i, held in enumerate(waiting.ahead)), *arrivals]
+    begins = np.cumsum([0, *(arrival.place.size for arrival in arrivals)])
+    order = np.argsort(np.concatenate([np.empty(0), *(arrival.place for arrival in arrivals)]), kind="stable")
+    stamps = np.concatenate([np.empty(0), *(arrival.samples.time for arrival in arrivals)])[order]
+    wait, invalid = _far_ahead(waiting.latest, stamps)
+    taken, keep = np.ones(stamps.size, dtype=bool), np.zeros(stamps.size, dtype=bool)
+    taken[[*wait, *invalid]] = False
+    late, latest, run, end = _late(waiting, stamps[taken])
+    keep[order[taken]] = ~late
+    streams, repeated, ahead = list(waiting.streams), 0, []
+    for arrival, begin in zip(arrivals, begins.tolist(), strict=False):
+        part = keep[begin : begin + arrival.place.size]
+        streams[arrival.stream], again = _merged(streams[arrival.stream], arrival.samples, part)
         repeated += again
-    after = replace(waiting, streams=tuple(streams), latest=latest, late=run, lost=end, ahead=ahead)
-    return after, LeftOutCounts(int(late.sum()), repeated, invalid=invalid)
+    for at in order[wait].tolist():
+        i = int(np.searchsorted(begins, at, side="right")) - 1
+        ahead.append(arrivals[i].take(np.array([at - begins[i]])))
+    after = replace(waiting, streams=tuple(streams), latest=latest, late=run, lost=end, ahead=tuple(ahead))
+    return after, LeftOutCounts(int(late.sum()), repeated, invalid=len(invalid))
 
 
 def unconfirmed(waiting: WaitingSamples) -> tuple[WaitingSamples, LeftOutCounts]:
@@ -194,40 +203,7 @@ def unconfirmed(waiting: WaitingSamples) -> tuple[WaitingSamples, LeftOutCounts]
     return replace(after, streams=tuple(streams), latest=float(first.samples.time[0])), LeftOutCounts()
 
 
-def _confirmed(
-    waiting: WaitingSamples, arrivals: Sequence[ArrivedSamples]
-) -> tuple[Sequence[ArrivedSamples], tuple[ArrivedSamples, ...], int]:
-    """The samples that are taken, those that wait because they are far ahead, and the number of invalid ones."""
-    held = [arrival._replace(place=np.array([i - len(waiting.ahead)])) for i, arrival in enumerate(waiting.ahead)]
-    arrivals = [*held, *arrivals]
-    order, stamps = _in_order_of_arrival(arrivals)
-    before = np.maximum.accumulate(np.append(waiting.latest, stamps))[:-1]
-    if not held and (stamps <= before + JUMP).all():
-        return arrivals, (), 0
-    wait, invalid = _far_ahead(waiting.latest, stamps.tolist())
-    taken = np.ones(stamps.size, dtype=bool)
-    taken[order[[*wait, *invalid]]] = False
-    begins = np.cumsum([0, *(arrival.place.size for arrival in arrivals)])
-    ahead = []
-    for at in order[wait].tolist():
-        i = int(np.searchsorted(begins, at, side="right")) - 1
-        ahead.append(arrivals[i].take(np.array([at - begins[i]])))
-    rest = [
-        arrival.take(taken[begin : begin + arrival.place.size])
-        for arrival, begin in zip(arrivals, begins, strict=False)
-    ]
-    return rest, tuple(ahead), len(invalid)
-
-
-def _in_order_of_arrival(arrivals: Sequence[ArrivedSamples]) -> tuple[Rows, FloatArray]:
-    """Indices of all samples in the order in which they came, and their time stamps in that order."""
-    order = np.argsort(
-        np.concatenate([np.empty(0, dtype=np.int64), *(arrival.place for arrival in arrivals)]), kind="stable"
-    )
-    return order, np.concatenate([np.empty(0), *(arrival.samples.time for arrival in arrivals)])[order]
-
-
-def _far_ahead(latest: float, stamps: Sequence[float]) -> tuple[list[int], list[int]]:
+def _far_ahead(latest: float, arrived_stamps: FloatArray) -> tuple[list[int], list[int]]:
     """The samples that still wait for a sample that confirms them, and the invalid ones, in the order of arrival.
 
     The next stamp confirms those that wait if it is neither `WINDOW` below nor as far ahead again. Of the first ones of
@@ -235,6 +211,9 @@ def _far_ahead(latest: float, stamps: Sequence[float]) -> tuple[list[int], list[
     """
     wait: list[int] = []
     invalid: list[int] = []
+    if (arrived_stamps <= np.maximum.accumulate(np.append(latest, arrived_stamps))[:-1] + JUMP).all():
+        return wait, invalid
+    stamps = arrived_stamps.tolist()
     for i, stamp in enumerate(stamps):
         invalid += [j for j in wait if stamps[j] >= stamp + WINDOW]
         wait = [j for j in wait if stamps[j] < stamp + WINDOW]
@@ -253,9 +232,8 @@ def _far_ahead(latest: float, stamps: Sequence[float]) -> tuple[list[int], list[
     return wait, invalid
 
 
-def _late(waiting: WaitingSamples, arrivals: Sequence[ArrivedSamples]) -> tuple[NDArray[np.bool_], float, int, float]:
+def _late(waiting: WaitingSamples, stamps: FloatArray) -> tuple[NDArray[np.bool_], float, int, float]:
     """The late samples as a mask; the latest stamp, the late ones in a row, and the stamp where the clock was lost."""
-    order, stamps = _in_order_of_arrival(arrivals)
     if not stamps.size or not math.isnan(waiting.lost):
         return np.ones(stamps.size, dtype=bool), waiting.latest, waiting.late, waiting.lost
     before = np.maximum.accumulate(np.append(waiting.latest, stamps))
@@ -267,9 +245,7 @@ def _late(waiting: WaitingSamples, arrivals: Sequence[ArrivedSamples]) -> tuple[
     if lost.size:
         late[lost[0] :] = True
         latest, end = float(before[lost[0]]), float(stamps[lost[0]])
-    result = np.empty(stamps.size, dtype=bool)
-    result[order] = late
-    return result, latest, int(run[-1]), end
+    return late, latest, int(run[-1]), end
 
 
 def _merged(held: SampleBlock, new: SampleBlock, keep: NDArray[np.bool_]) -> tuple[SampleBlock, int]:

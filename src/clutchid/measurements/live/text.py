@@ -76,14 +76,14 @@ def text_feed(pieces: Iterator[bytes], name: str) -> TextFeed:
     if first.lstrip().startswith(b"{"):
         keys = keys_of(first, name)
         columns = headings(keys)
-        objects = _filled(first + rest, lines)
+        objects = filter(bytes.strip, chain([first + rest], lines))
         return TextFeed(_raster(columns), lambda chosen: (_objects(text, keys, columns, chosen) for text in objects))
     notation = dialect(first.decode().split("\n"))
     if notation is None:
         raise DataError(f"{name}: has only comments; {EXAMPLE}")
     below = _cut(first, notation.samples - 1)[1]
     unnamed = "" if notation.header else f"the first line contains numbers; {EXAMPLE}"
-    cells = _filled(below + rest, lines)
+    cells = filter(bytes.strip, chain([below + rest], lines))
     return TextFeed(
         _raster(notation.headings), lambda chosen: (_cells(text, notation, chosen) for text in cells), unnamed
     )
@@ -105,17 +105,8 @@ def _head(lines: Iterator[bytes]) -> tuple[bytes, bytes]:
 
 def _cut(text: bytes, lines: int) -> tuple[bytes, bytes]:
     """The first lines of a text, and the others."""
-    end = 0
-    for _ in range(min(lines, text.count(b"\n"))):
-        end = text.find(b"\n", end) + 1
-    return text[:end], text[end:]
-
-
-def _filled(first: bytes, others: Iterator[bytes]) -> Iterator[bytes]:
-    """Blocks of whole lines that hold more than blanks."""
-    if first.strip():
-        yield first
-    yield from (text for text in others if text.strip())
+    rest = b"".join(text.split(b"\n", lines)[lines:])
+    return text[: len(text) - len(rest)], rest
 
 
 def _whole_lines(pieces: Iterator[bytes], name: str) -> Iterator[bytes]:
