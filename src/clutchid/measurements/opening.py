@@ -13,7 +13,6 @@ import weakref
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 from os import PathLike
 from pathlib import Path
 
@@ -22,7 +21,7 @@ from clutchid.files import plain_file, reason_of
 from clutchid.measurements.formats.kinds import readable_kind
 from clutchid.measurements.formats.opening import opened_here
 from clutchid.measurements.grids import with_own_grids
-from clutchid.measurements.reader_service import Answer, Message, decoded, encoded, source_of, unpacked
+from clutchid.measurements.reader_service import Message, decoded, encoded
 from clutchid.measurements.source import BLOCK, Source, Table, joined
 from clutchid.processes import Limits, Worker, WorkerEnd
 
@@ -145,7 +144,7 @@ class ReaderProcess:
             "clutchid.measurements.reader_service:reader_service", allocations=2 * memory(), environment=environment
         )
 
-    def ask(self, question: Message, path: Path) -> Answer:
+    def ask(self, question: Message, path: Path) -> Message:
         """The answer to a question about the file at `path`.
 
         Raises
@@ -168,10 +167,10 @@ class ReaderProcess:
                 f"again, or allow more with the environment variable {_SECONDS_VARIABLE}=600.",
             }
             raise DataError(f"{path}: {reasons[parts.why]}")
-        message, arrays = decoded(parts)
+        message = decoded(parts)
         if "failed" in message:
             raise _error(message, path)
-        return message, arrays
+        return message
 
 
 def _error(message: Message, path: Path) -> DataError | MissingExtra:
@@ -212,32 +211,25 @@ def _guarded_source(path: Path, dbc: Sequence[Path], kind: str) -> Source:
     """The file, open in the reader process; errors are those of `ReaderProcess.ask`."""
     process = reader(path)
     files = {"path": str(path.absolute()), "dbc": [str(name.absolute()) for name in dbc]}
-    message, _ = process.ask({"do": "open", **files, "kind": kind}, path)
-    source = source_of(message["source"], path)
-    tables = partial(_tables, process, source, message["number"])
-    weakref.finalize(tables, process.forgotten.append, message["number"])
+    message = process.ask({"do": "open", **files, "kind": kind}, path)
+    source: Source = replace(message["source"], path=path)
+    file = message["number"]
+
+    def blocks(raster: int, columns: Sequence[int], rows: int | None) -> Iterator[Table]:
+        question = {"do": "tables", "number": file, "raster": raster, "columns": list(columns), "rows": rows}
+        number = process.ask(question, path)["number"]
+        try:
+            while (table := process.ask({"do": "next", "number": number}, path)["table"]) is not None:
+                yield replace(table, headings=source.rasters[raster].headings)
+        finally:
+            process.forgotten.append(number)
+
+    def tables(raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:
+        """Tables of one time grid, see `Tables`; the samples that are asked for as a whole still come in blocks."""
+        if rows is not None or source.format == "CSV":
+            yield from blocks(raster, columns, rows)
+        elif parts := list(blocks(raster, columns, BLOCK)):
+            yield joined(parts)
+
+    weakref.finalize(tables, process.forgotten.append, file)
     return replace(source, tables=tables)
-
-
-def _tables(
-    process: ReaderProcess, source: Source, file: int, raster: int, columns: Sequence[int], rows: int | None = None
-) -> Iterator[Table]:
-    """Tables of one time grid, see `Tables`; the samples that are asked for as a whole still come in blocks."""
-    whole = rows is None and source.format != "CSV"
-    blocks = _blocks(process, source, file, raster, columns, BLOCK if whole else rows)
-    if not whole:
-        yield from blocks
-    elif tables := list(blocks):
-        yield joined(tables)
-
-
-def _blocks(
-    process: ReaderProcess, source: Source, file: int, raster: int, columns: Sequence[int], rows: int | None
-) -> Iterator[Table]:
-    question = {"do": "tables", "number": file, "raster": raster, "columns": list(columns), "rows": rows}
-    number = process.ask(question, source.path)[0]["number"]
-    try:
-        while "end" not in (answer := process.ask({"do": "next", "number": number}, source.path))[0]:
-            yield unpacked(*answer, source.rasters[raster].headings)
-    finally:
-        process.forgotten.append(number)

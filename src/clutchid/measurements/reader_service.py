@@ -8,109 +8,81 @@ from __future__ import annotations
 
 import json
 import traceback
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchid.errors import ClutchidError, MissingExtra
 from clutchid.files import reason_of
-from clutchid.log import FloatArray
 from clutchid.measurements.columns import Heading
 from clutchid.measurements.formats.opening import opened_here
-from clutchid.measurements.source import Places, Raster, Rows, Source, Table, no_tables
+from clutchid.measurements.source import Places, Raster, Source, Table
 from clutchid.messages import shortened
-from clutchid.processes.frames import MessageParts
+from clutchid.processes.frames import MessagePart, MessageParts
 from clutchid.processes.serving import Service
 
 Message = dict[str, Any]
-Arrays = Mapping[str, FloatArray | Rows]
-Answer = tuple[Message, Arrays]
 
-_ROWS = "places"
-_TYPES = {"f": np.dtype("=f8"), "i": np.dtype("=i8")}
+#: Records that a message may hold.
+_RECORDS = {record.__name__: record for record in (Source, Raster, Heading, Table, Places)}
 
 
-def encoded(message: Message, arrays: Arrays | None = None) -> MessageParts:
-    """One message, and arrays of floats or integers by name, as parts of bytes."""
-    sent = {
-        name: np.ascontiguousarray(array, _TYPES["i" if array.dtype.kind in "iu" else "f"])
-        for name, array in (arrays or {}).items()
-    }
-    layout = [(name, array.dtype.kind) for name, array in sent.items()]
-    return [json.dumps([message, layout]).encode("ascii"), *(array.data for array in sent.values())]
+def encoded(message: Message) -> MessageParts:
+    """One message as parts of bytes: what it holds but for arrays, and these as floats or integers of 64 bits.
+
+    Paths and functions are left out.
+    """
+    arrays: list[NDArray[Any]] = []
+    return [json.dumps(_plain(message, arrays)).encode("ascii"), *(array.data for array in arrays)]
 
 
-def decoded(parts: MessageParts) -> Answer:
-    """The message, and the arrays that came with it."""
-    message, layout = json.loads(bytes(parts[0]))
-    pairs = zip(layout, parts[1:], strict=True)
-    arrays: dict[str, Any] = {name: np.frombuffer(part, _TYPES[kind]) for (name, kind), part in pairs}
-    return message, arrays
+def decoded(parts: MessageParts) -> Message:
+    """The message; its sequences are tuples."""
+    message: Message = _restored(json.loads(bytes(parts[0])), iter(parts[1:]))
+    return message
 
 
-def described(source: Source) -> Message:
-    """An opened file without its path, its edges and the function that reads it."""
-    same = ("format", "problems", "warnings", "unnamed", "one_clock")
-    rasters = [asdict(replace(raster, size=int(raster.size))) for raster in source.rasters]
-    return {name: getattr(source, name) for name in same} | {"rasters": rasters, "metadata": dict(source.metadata)}
+def _plain(value: Any, arrays: list[NDArray[Any]]) -> Any:
+    """A value as JSON has it; its arrays are added in their order."""
+    match value:
+        case np.ndarray():
+            arrays.append(np.ascontiguousarray(value, "=i8" if value.dtype.kind in "iu" else "=f8"))
+            return {"array": arrays[-1].dtype.kind}
+        case Mapping():
+            return {"pairs": [[_plain(key, arrays), _plain(item, arrays)] for key, item in value.items()]}
+        case list() | tuple():
+            return [_plain(item, arrays) for item in value]
+        case np.integer():
+            return int(value)
+    if type(value).__name__ in _RECORDS:
+        values = [_plain(getattr(value, item.name), arrays) for item in fields(value)]
+        return {"record": type(value).__name__, "values": values}
+    return None if callable(value) or isinstance(value, Path) else value
 
 
-def source_of(message: Message, path: Path) -> Source:
-    """The opened file at `path` that `described` wrote, still without the function that reads it."""
-    lists = {name: tuple(message[name]) for name in ("problems", "warnings")}
-    rasters = tuple(map(_raster, message["rasters"]))
-    return Source(path, tables=no_tables, **message | lists | {"rasters": rasters})
-
-
-def _raster(message: Message) -> Raster:
-    headings = tuple(Heading(**heading) for heading in message["headings"])
-    return Raster(**message | {"headings": headings, "others": tuple(map(tuple, message["others"]))})
-
-
-def packed(table: Table) -> Answer:
-    """A table without its headings, which both sides know: a message, and its columns."""
-    places = table.places
-    arrays: dict[str, FloatArray | Rows] = {str(index): values for index, values in table.numbers.items()}
-    if places.numbers is not None:
-        arrays[_ROWS] = places.numbers
-    message = {
-        "size": int(table.size),
-        "word": places.word,
-        "first": int(places.first),
-        "problems": table.problems,
-        "unread": {str(index): rows.tolist() for index, rows in table.unread.items()},
-        "metadata": dict(table.metadata),
-        "warnings": table.warnings,
-    }
-    return message, arrays
-
-
-def unpacked(message: Message, arrays: Arrays, headings: Sequence[Heading]) -> Table:
-    """The table that `packed` wrote."""
-    numbers: dict[str, Any] = dict(arrays)
-    rows = numbers.pop(_ROWS, None)
-    return Table(
-        tuple(headings),
-        {int(name): values for name, values in numbers.items()},
-        message["size"],
-        Places(message["word"], message["first"], rows),
-        tuple(message["problems"]),
-        {int(index): np.array(rows, dtype=np.int64) for index, rows in message["unread"].items()},
-        message["metadata"],
-        tuple(message["warnings"]),
-    )
+def _restored(value: Any, arrays: Iterator[MessagePart]) -> Any:
+    if isinstance(value, list):
+        return tuple(_restored(item, arrays) for item in value)
+    if not isinstance(value, dict):
+        return value
+    if "array" in value:
+        return np.frombuffer(next(arrays), {"i": "=i8", "f": "=f8"}[value["array"]])
+    if "pairs" in value:
+        return dict(_restored(value["pairs"], arrays))
+    return _RECORDS[value["record"]](*_restored(value["values"], arrays))
 
 
 def reader_service() -> Service:
     """Service that answers questions about files, and reads a block ahead while the other side works on the last."""
     files = _OpenFiles()
-    return Service(lambda question: encoded(*_answered(files, decoded(question)[0])), files.read_ahead)
+    return Service(lambda question: encoded(_answered(files, decoded(question))), files.read_ahead)
 
 
-def _answered(files: _OpenFiles, question: Message) -> Answer:
+def _answered(files: _OpenFiles, question: Message) -> Message:
     """The answer, or the failure."""
     try:
         return files.answer(question)
@@ -126,8 +98,8 @@ def _answered(files: _OpenFiles, question: Message) -> Answer:
         return _failure("unexpected", shortened(f"{type(error).__name__}: {error}", 200))
 
 
-def _failure(kind: str, text: str) -> Answer:
-    return {"failed": kind, "text": text, "traceback": traceback.format_exc()}, {}
+def _failure(kind: str, text: str) -> Message:
+    return {"failed": kind, "text": text, "traceback": traceback.format_exc()}
 
 
 class _OpenFiles:
@@ -139,7 +111,7 @@ class _OpenFiles:
         self._count = 0
         self._last: _TablesAhead | None = None
 
-    def answer(self, question: Message) -> Answer:
+    def answer(self, question: Message) -> Message:
         """Answer a question, and close files and tables that are not needed any more."""
         for number in question["forget"]:
             self._sources.pop(number, None)
@@ -152,22 +124,22 @@ class _OpenFiles:
         if self._last is not None:
             self._last.read_ahead()
 
-    def _open(self, question: Message) -> Answer:
+    def _open(self, question: Message) -> Message:
         source = opened_here(Path(question["path"]), [Path(name) for name in question["dbc"]], question["kind"])
         self._count += 1
         self._sources[self._count] = source
-        return {"number": self._count, "source": described(source)}, {}
+        return {"number": self._count, "source": source}
 
-    def _begin(self, question: Message) -> Answer:
+    def _begin(self, question: Message) -> Message:
         tables = self._sources[question["number"]].tables(question["raster"], question["columns"], question["rows"])
         self._count += 1
         self._tables[self._count] = _TablesAhead(tables)
-        return {"number": self._count}, {}
+        return {"number": self._count}
 
-    def _next(self, question: Message) -> Answer:
+    def _next(self, question: Message) -> Message:
         self._last = self._tables[question["number"]]
         table = self._last.next()
-        return ({"end": True}, {}) if table is None else packed(table)
+        return {"table": None if table is None else replace(table, headings=())}  # which the other side has
 
 
 class _TablesAhead:
