@@ -126,6 +126,16 @@ def test_any_number_of_columns_may_be_carried_and_the_last_derivatives_are_left_
     assert (sens[-1] == S).all()
 
 
+def test_a_derivative_that_is_zero_for_a_while_goes_on_as_one_from_there(oscillator, compiled):
+    p, rest, driven = [3.0, 0.4, 0.7], 20, 40
+    push = np.r_[np.zeros(rest), np.ones(driven + 1)][:, None]
+    kernels = compiled(oscillator)
+    _, _, whole = kernels.run([0.0, 0.0], p, [0.02] * (rest + driven), u=push, kernel="run_all")
+    _, _, later = kernels.run([0.0, 0.0], p, [0.02] * driven, u=push[rest:], kernel="run_all")
+    assert not whole[: rest + 1, :, 2:].any()
+    np.testing.assert_array_equal(whole[rest:, :, 2:], later[:, :, 2:])
+
+
 def test_a_run_that_fails_leaves_the_derivatives_of_its_last_sample_in_s(logistic, compiled):
     n = 200
     S, out, sens = np.ones((1, 1)), np.zeros((n + 1, 1)), np.zeros((n + 1, 1, 1))

@@ -82,6 +82,7 @@ def test_a_column_of_zeros_stays_one_and_the_others_keep_their_information():
     A[:, 2] = 0.0
     R = triangular(A)
     assert np.all(R[:, 2] == 0.0)
+    assert np.all(R[5] == 0.0), "five columns have five rows"
     assert np.allclose(R.T @ R, A.T @ A, rtol=0.0, atol=1e-10)
 
 

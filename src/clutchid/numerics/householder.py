@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchid.codegen.kernels import kernel
 from clutchid.log import FloatArray
@@ -70,23 +71,41 @@ def reflect(T: FloatArray, pivots: int) -> None:
 
 
 @kernel
+def columns_in_use(A: FloatArray) -> NDArray[np.int64]:
+    """Columns of A that are not zero throughout."""
+    used, count = np.empty(A.shape[1], np.int64), 0
+    for c in range(A.shape[1]):
+        for r in range(A.shape[0]):
+            if A[r, c] != 0.0:
+                used[count] = c
+                count += 1
+                break
+    return used[:count]
+
+
+@kernel
 def triangularise(A: FloatArray, R: FloatArray) -> None:
-    """Upper triangular factor of A, written to the rows of R; in blocks that fit the processor's cache."""
-    height, width = A.shape
+    """Upper triangular factor of A, written to the rows of R; in blocks that fit the processor's cache.
+
+    Columns of zeros, such as those of parameters of a valve that stays closed, are left out.
+    """
+    R[:] = 0.0
+    used = columns_in_use(A)
+    height, width = A.shape[0], used.size
     block, rows, start = max(8 * width, 256), 0, 0
-    while start < height:
+    while start < height and width > 0:
         count = min(block, height - start)
         T = np.empty((width, rows + count))
         for c in range(width):
             for r in range(rows):
-                T[c, r] = R[r, c]
+                T[c, r] = R[r, used[c]]
             for r in range(count):
-                T[c, rows + r] = A[start + r, c]
+                T[c, rows + r] = A[start + r, used[c]]
         reflect(T, width)
         rows, start = min(width, rows + count), start + count
         for c in range(width):
             for r in range(rows):
-                R[r, c] = T[c, r]
+                R[r, used[c]] = T[c, r]
 
 
 @kernel
