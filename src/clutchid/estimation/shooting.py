@@ -23,6 +23,7 @@ from clutchid.inference.smoother.search import (
     STAGES_FROM_CALIBRATION,
     STAGES_FROM_PRIOR,
     UNLIMITED,
+    Begin,
     Effort,
     ShootingSolution,
     search,
@@ -151,7 +152,7 @@ def _effort(problem: Problem, logs: Sequence[Log], calibration: Calibration | No
 
 
 def _fine(
-    problem: Problem, x: FloatArray, X: States, effort: Effort, progress: Progress | None, before: int = 0
+    problem: Problem, x: FloatArray, X: Begin, effort: Effort, progress: Progress | None, before: int = 0
 ) -> ShootingSolution | Failure:
     """The fine stage; one that stalls goes on with new states, a few times, from the best parameters so far.
 
@@ -189,8 +190,8 @@ def _states(problem: Problem, actuators: Sequence[Actuator]) -> States | Failure
 
 def refine(search_result: SearchResult, problem: Problem, x: FloatArray) -> SearchResult:
     """The search of `found` continued from x with the prior of `problem`."""
-    X = () if isinstance(search_result.solution, Failure) else search_result.solution.at.X
-    fine = _fine(problem, x, X, search_result.effort._replace(patience=np.inf), None)
+    near = () if isinstance(search_result.solution, Failure) else search_result.solution.at
+    fine = _fine(problem, x, near, search_result.effort._replace(patience=np.inf), None)
     return replace(search_result, problem=problem, solution=_ended(problem, fine))
 
 

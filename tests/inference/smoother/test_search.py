@@ -151,6 +151,14 @@ def test_a_step_that_gains_little_of_what_it_predicted_has_the_problem_linearise
     assert len(started) == 3
 
 
+def test_a_search_goes_on_from_a_point_nearby_without_linearising_all_windows_anew(problem, solution, started):
+    x = solution.x + 0.05
+    near = search(problem, x, solution.at, (1.0,))
+    assert not started
+    from_starts = search(problem, x, solution.at.X, (1.0,))
+    assert near.at.cost == pytest.approx(from_starts.at.cost, abs=2 * module.CONVERGED_GAIN)
+
+
 def test_a_start_that_cannot_be_simulated_is_a_failure_with_its_sentence(problem, start):
     broken = [X.copy() for X in start[1]]
     broken[0][5, 1] = np.nan

@@ -17,10 +17,10 @@ import numpy as np
 
 from clutchid.inference.problem import Problem
 from clutchid.inference.smoother.problem import LinearisedProblem, condense, linearise
+from clutchid.inference.smoother.rows import Eliminated
 from clutchid.inference.smoother.trial import (
     NO_GAIN,
     Damping,
-    States,
     Trial,
     accept,
     evaluate_step,
@@ -77,6 +77,10 @@ UNLIMITED = Effort()
 #: Called at each evaluation with their number and the least cost so far.
 OnEvaluation = Callable[[int, float], None]
 
+#: Window starts, one array per track; or the problem, with any prior, linearised at a point nearby, from which they and
+#: most derivatives follow.
+Begin = Sequence[FloatArray] | LinearisedProblem
+
 #: Solution of a search by multiple shooting: its parameters, and the linearised problem there.
 ShootingSolution = Solution[LinearisedProblem]
 
@@ -84,7 +88,7 @@ ShootingSolution = Solution[LinearisedProblem]
 def search(
     problem: Problem,
     x: FloatArray,
-    X: Sequence[FloatArray],
+    X: Begin,
     stages: Sequence[float],
     progress: Progress | None = None,
     before: int = 0,
@@ -103,7 +107,8 @@ def search(
         if inflation == 1.0:
             solution = project(problem, x, X, on_evaluation, effort)
         else:
-            solution = _stage(replace(problem, noise=problem.noise.inflated(inflation)), (x, X), on_evaluation)
+            starts = X.X if isinstance(X, LinearisedProblem) else X
+            solution = _stage(replace(problem, noise=problem.noise.inflated(inflation)), (x, starts), on_evaluation)
         if isinstance(solution, Failure):
             return solution
         x, X, count = solution.x, solution.at.X, count + solution.evaluations
@@ -152,20 +157,14 @@ def coarse_step(problem: Problem, current: LinearisedProblem, damping: float) ->
 
 def settled(problem: Problem, solution: ShootingSolution, x: FloatArray) -> ShootingSolution | Failure:
     """`solution` moved to x, with the states that cost least there."""
-    begin = linearise(problem, x, solution.at.X)
-    if isinstance(begin, Failure):
-        return begin
-    states = minimise_states(problem, with_theta_fixed(problem, begin), initial_damping(problem), lambda: None)
-    at = with_theta_free(problem, begin, states)
-    if isinstance(at, Failure):
-        return at
-    return replace(solution, x=x, at=at)
+    at = VariableProjection(problem, initial_damping(problem), lambda: None).moved(solution.at, x)
+    return at if isinstance(at, Failure) else replace(solution, x=x, at=at)
 
 
 def project(
     problem: Problem,
     x: FloatArray,
-    X: Sequence[FloatArray],
+    X: Begin,
     on_evaluation: OnEvaluation,
     effort: Effort = UNLIMITED,
 ) -> ShootingSolution | Failure:
@@ -176,7 +175,7 @@ def project(
     problem : Problem
         Free parameters, recordings and noise.
     x, X : 1, SI
-        Free parameters, within their bounds, and window starts, one array per track.
+        Free parameters, within their bounds, and what the search begins with.
     on_evaluation : function(evaluations, cost)
         Called at each evaluation, with the least cost before it.
     effort : Effort
@@ -195,7 +194,7 @@ def project(
     """
     counter = _Counter(on_evaluation)
     projection = VariableProjection(problem, initial_damping(problem), counter)
-    start = projection.start(x, X)
+    start = projection.moved(X, x) if isinstance(X, LinearisedProblem) else projection.start(x, X)
     if isinstance(start, Failure):
         return start
     current, radius, fresh = start, MAX_RADIUS, False
@@ -265,24 +264,29 @@ class VariableProjection:
             return current, predicted, radius
         for trial in range(1 + MAX_REDUCTIONS):
             step = bounded_step(self.problem, factor, current.x, radius=radius)
-            X = shifted_states(self.problem, current.X, chains, step)
-            candidate = self.evaluated(current, current.x + step, X)
+            candidate = self.evaluated(current, chains, step, current.cost)
             if isinstance(candidate, LinearisedProblem):
                 return candidate, predicted, min(radius / SHRINK_FACTOR, MAX_RADIUS) if trial == 0 else radius
             radius *= SHRINK_FACTOR
         return current, predicted, radius
 
-    def evaluated(self, current: LinearisedProblem, x: FloatArray, X: States) -> LinearisedProblem | Failure:
-        """The problem at `x`, minimised over the states from `X`, if its cost is below that of `current`."""
+    def moved(self, near: LinearisedProblem, x: FloatArray) -> LinearisedProblem | Failure:
+        """The problem at `x`, minimised over the states, from the problem with any prior at a point nearby."""
+        there = self.evaluated(near, condense(self.problem, near)[1], x - near.x)
+        return self.start(x, near.X) if isinstance(there, Failure) else there
+
+    def evaluated(
+        self, current: LinearisedProblem, chains: Sequence[Eliminated], step: FloatArray, most: float = math.inf
+    ) -> LinearisedProblem | Failure:
+        """The problem after a step from `current`, minimised over the states, if its cost is below `most`."""
         self.on_evaluation()
-        trial = evaluate_step(self.problem, current, x, X)
+        X = shifted_states(self.problem, current.X, chains, step)
+        trial = evaluate_step(self.problem, current, current.x + step, X)
         candidate = accept(self.problem, trial, free=False) if isinstance(trial, Trial) else trial
         if isinstance(candidate, Failure):
             return candidate
         minimised = minimise_states(self.problem, candidate, self.damping, self.on_evaluation)
-        if minimised.cost >= current.cost:
-            return NO_GAIN
-        return with_theta_free(self.problem, current, minimised)
+        return with_theta_free(self.problem, current, minimised) if minimised.cost < most else NO_GAIN
 
 
 def _predicted_gain(factor: FloatArray, step: FloatArray) -> float:
