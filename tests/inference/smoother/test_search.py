@@ -151,6 +151,21 @@ def test_a_step_that_gains_little_of_what_it_predicted_has_the_problem_linearise
     assert len(started) == 3
 
 
+@pytest.mark.parametrize(("part", "steps"), [(0.9, 3), (1.1, 6)])
+def test_two_steps_far_below_predictions_that_do_not_matter_end_a_search(problem, start, monkeypatch, part, steps):
+    predicted, gains = part * module.INSIGNIFICANT * start[0].size, iter([0.5, 0.2, 0.2, 0.2, 0.2])
+    taken = []
+
+    def gaining(_projection, current, radius):
+        share = next(gains, 0.0)
+        taken.append(share)
+        return replace(current, cost=current.cost - share * predicted), predicted if share else 0.0, radius
+
+    monkeypatch.setattr(module.VariableProjection, "step", gaining)
+    assert search(problem, *start, (1.0,)).status == "converged"
+    assert len(taken) == steps
+
+
 def test_a_search_goes_on_from_a_point_nearby_without_linearising_all_windows_anew(problem, solution, started):
     x = solution.x + 0.05
     near = search(problem, x, solution.at, (1.0,))

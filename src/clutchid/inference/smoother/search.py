@@ -37,7 +37,7 @@ from clutchid.numerics.least_squares import SearchStatus, Solution
 from clutchid.numerics.progress import Progress, Stage, Step
 
 #: Factors on all standard deviations, stage by stage, for a start at the priors and at calibrated values.
-STAGES_FROM_PRIOR, STAGES_FROM_CALIBRATION, FINE_STAGE = (30.0, 8.0, 2.0, 1.0), (8.0, 1.0), (1.0,)
+STAGES_FROM_PRIOR, STAGES_FROM_CALIBRATION, FINE_STAGE = (30.0, 8.0, 1.0), (8.0, 1.0), (1.0,)
 
 #: Most steps of a coarse stage, and the relative decrease of the cost below which it has converged.
 COARSE_STEPS, COARSE_TOLERANCE = 5, 1e-2
@@ -53,6 +53,11 @@ MAX_RADIUS, SHRINK_FACTOR = 3.0, 0.2
 #: A predicted decrease that need not be achieved for the search to have converged, and the share of a predicted one
 #: below which a step suffers from derivatives that were kept from nearby points: the problem is linearised anew.
 LITTLE_TO_GAIN, POOR_SHARE = 2.0, 0.3
+
+#: A predicted decrease of the cost per free parameter that two steps in a row need not come close to: the parameters
+#: are then off by a third of their standard errors, whose squares add up to 1 per parameter. Provenance:
+#: benchmarks/results/calibration.md, `python benchmarks/seconds.py`.
+INSIGNIFICANT = 0.1
 
 
 class Effort(NamedTuple):
@@ -197,7 +202,7 @@ def project(
     start = projection.moved(X, x) if isinstance(X, LinearisedProblem) else projection.start(x, X)
     if isinstance(start, Failure):
         return start
-    current, radius, fresh = start, MAX_RADIUS, False
+    current, radius, fresh, disappointed = start, MAX_RADIUS, False, False
     counter.cost = current.cost
 
     def solution(status: SearchStatus) -> ShootingSolution:
@@ -207,14 +212,17 @@ def project(
         candidate, predicted, radius = projection.step(current, radius)
         gain, current = current.cost - candidate.cost, candidate
         counter.cost = current.cost
-        little = gain < CONVERGED_GAIN
+        little, poor = gain < CONVERGED_GAIN, gain < POOR_SHARE * predicted
+        if poor and disappointed and predicted < INSIGNIFICANT * x.size:
+            return solution("converged")
+        disappointed = poor
         if predicted < CONVERGED_GAIN or (little and predicted < LITTLE_TO_GAIN and (fresh or gain > 0.0)):
             return solution("converged")
         if little and fresh:
             return solution("stalled")
         if effort.is_spent(counter.number, current.cost):
             break
-        if not fresh and (little or gain < POOR_SHARE * predicted):
+        if not fresh and (little or poor):
             anew = projection.start(current.x, current.X)
             if isinstance(anew, Failure):
                 return anew
