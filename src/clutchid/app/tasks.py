@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from clutchid.app import records
-from clutchid.documents import Observation
+from clutchid.documents import Observation, write_page
 from clutchid.documents.fit import application_data, compared_columns
 from clutchid.documents.fit_json import curve_json, fit_json
 from clutchid.documents.json_text import json_text
@@ -124,7 +124,7 @@ def _written(result: Fit, task: records.FitRecordings) -> dict[str, Any]:
     for name in ("fit.toml", "report.html", "fit.m", "fit.mat"):
         try:
             if name.endswith(".html"):
-                saving.report(result, task.asked, folder / name)
+                write_page(fit_document(result, task.asked), folder / name)
             elif name.endswith(".m"):
                 saving.save(result, folder / name, task.name)
             else:

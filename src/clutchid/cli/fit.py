@@ -168,6 +168,7 @@ def fitted(asked: FitCommand, options: FitOptions) -> int:
             f"no recording given; clutchid {asked.verb} LOG.csv. Options that take several values (--verify, --bounds, "
             "--prior, --dbc) take all that follows them: put the recordings first."
         )
+    from clutchid.documents import write_page
     from clutchid.verbs import saving
     from clutchid.verbs.next_step import fit_document
     from clutchid.verbs.progress import CALIBRATION, ESTIMATE, shared
@@ -181,8 +182,9 @@ def fitted(asked: FitCommand, options: FitOptions) -> int:
     with progress_bar(asked.verb) as show:
         usual = CALIBRATION if asked.automatic else ESTIMATE
         fit = asked.run(shared(usual, lambda step: show(step.words, step.share))).raised()
+    document = fit_document(fit, asked)
     writers: Writers = {
         **dict.fromkeys(asked.save, lambda path: saving.save(fit, path)),
-        asked.report: lambda path: saving.report(fit, asked, path),
+        asked.report: lambda path: write_page(document, path),
     }
-    return answer(fit_document(fit, asked), writers, json=options.json, verbose=options.verbose)
+    return answer(document, writers, json=options.json, verbose=options.verbose)

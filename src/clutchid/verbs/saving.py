@@ -1,4 +1,4 @@
-"""Results as files: parameter files, files for MATLAB, pages."""
+"""Results as files: parameter files, and files for MATLAB."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from clutchid.estimation import Fit
     from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.log import Log
-    from clutchid.verbs.commands import FitCommand
 
 
 def check_save(path: Path) -> None:
@@ -95,20 +94,6 @@ def file_name(path: Path) -> str:
     from clutchid.exports.fit_file import function_in
 
     return f"{function_in(path)}.m"
-
-
-def report(fit: Fit, asked: FitCommand, path: Path) -> None:
-    """Write the page of the result as it was asked for.
-
-    Raises
-    ------
-    ExportError
-        If the file cannot be written; an existing file is unchanged.
-    """
-    from clutchid.documents import write_page
-    from clutchid.verbs.next_step import fit_document
-
-    write_page(fit_document(fit, asked), path)
 
 
 def write_log(log: Log, path: Path) -> None:
