@@ -12,14 +12,6 @@ stamps = st.lists(st.integers(0, 400), min_size=1, max_size=60, unique=True).map
 
 
 @given(stamps, stamps, st.booleans(), st.floats(0.01, 3))
-def test_a_sample_at_the_instant_is_itself(at, time, hold, longest):
-    values = np.sin(7 * time)
-    found = align(at, time, values, longest, hold=hold)
-    same = np.isin(at, time)
-    assert np.array_equal(found[same], values[np.isin(time, at)])
-
-
-@given(stamps, stamps, st.booleans(), st.floats(0.01, 3))
 def test_nothing_is_known_further_from_a_sample_than_it_may_stand(at, time, hold, longest):
     found = align(at, time, np.ones(time.size), longest, hold=hold)
     before = np.array([at[i] - time[time <= at[i]].max() if (time <= at[i]).any() else np.inf for i in range(at.size)])

@@ -58,13 +58,6 @@ def test_repeats_late_samples_and_samples_without_a_stamp_are_reported_and_dropp
     )
 
 
-def test_a_block_of_nothing_changes_nothing():
-    first = repair(np.arange(5.0), Places())
-    empty = repair(np.empty(0), Places(), first.clock)
-    assert empty.time.size == 0
-    assert empty.clock == first.clock
-
-
 RUN = np.arange(1000) * 0.01
 
 

@@ -2,9 +2,7 @@
 
 import pytest
 
-from clutchid.log import COLUMNS
 from clutchid.measurements.columns import (
-    QUANTITIES,
     heading_problems,
     headings,
     ignored,
@@ -46,13 +44,6 @@ HEADINGS = {
 def test_a_heading_is_a_name_and_a_unit(text, expected):
     (heading,) = headings([text])
     assert (heading.name, heading.unit, heading.si) == expected
-
-
-def test_every_column_of_a_log_is_understood_as_it_is_written():
-    columns = headings(f"{name} [{si}]" for name, si in QUANTITIES.items())
-    assert [column.name for column in columns] == ["time", *COLUMNS]
-    assert heading_problems(columns) == []
-    assert ignored(columns) == []
 
 
 def test_a_unit_that_is_not_given_is_asked_for():

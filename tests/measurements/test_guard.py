@@ -55,15 +55,6 @@ def stopped() -> Worker:
     return process
 
 
-def test_a_packed_recording_is_read_as_the_plain_one(packed, tmp_path):
-    plain = tmp_path / "run.csv"
-    plain.write_text(TEXT)
-    one, other = read(packed), read(plain)
-    assert one.name == other.name == "run"
-    for column in ("position", "duty_supply", "duty_exhaust"):
-        np.testing.assert_array_equal(one[column], other[column])
-
-
 def test_no_process_is_started_for_text(tmp_path, monkeypatch):
     monkeypatch.setattr(guard, "ReaderProcess", lambda: pytest.fail("a reader process was started"))
     plain = tmp_path / "run.csv"

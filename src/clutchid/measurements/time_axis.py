@@ -92,7 +92,7 @@ def repair(stamps: FloatArray, places: Places, clock: Clock = AT_START, *, share
     if shared and time.size and (np.diff(time) < 0).any():
         order = np.argsort(time, kind="stable")
         rows, time = rows[order], time[order]
-    ahead = np.r_[clock.last, np.maximum.accumulate(np.r_[clock.last, time])[1:-1]] if time.size else time
+    ahead = np.r_[clock.last, np.maximum.accumulate(np.r_[clock.last, time])[1:-1]]
     late, same = time < ahead, time == ahead
     messages = (
         *_repeats(rows[same], places),
