@@ -81,6 +81,10 @@ class Run(NamedTuple):
         """Time in s from the first stamp to the greatest."""
         return self.last - self.first
 
+    def joined(self, other: Run) -> Run:
+        """This run and the one that goes on with it."""
+        return Run(self.row, self.size + other.size, self.first, max(self.last, other.last))
+
 
 class ClockChange(NamedTuple):
     """Change of a clock at a row: its kind, the stamp there and the stamp before it in s, and an amount.
@@ -138,10 +142,8 @@ def joined_runs(runs: Iterable[Run], tolerance: Tolerance) -> list[Run]:
     joined: list[Run] = []
     for run in runs:
         step = run.first - joined[-1].last if joined else math.inf
-        if -tolerance.behind <= step <= tolerance.ahead:
-            last = joined.pop()
-            run = Run(last.row, last.size + run.size, last.first, max(last.last, run.last))  # noqa: PLW2901
-        joined.append(run)
+        goes_on = -tolerance.behind <= step <= tolerance.ahead
+        joined.append(joined.pop().joined(run) if goes_on else run)
     return joined
 
 

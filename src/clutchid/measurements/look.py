@@ -93,8 +93,8 @@ def overview_of(
     problems += [source.unnamed] if source.unnamed else []
     for index, raster in enumerate(source.rasters):
         clock, warning = _clock(raster, proposal.channels)
-        summary = _Summary()
-        tables = _summed(source, index, summary, _Axis(clock, {}, ambient))
+        summary = _Summary(clock, {}, ambient)
+        tables = _summed(source, index, summary)
         told: list[str] = []
         if checks is None:
             for table in tables:
@@ -105,7 +105,7 @@ def overview_of(
             wrong, warned = findings(source, picks, checks, None, tables)
             problems += [*misnamed, *wrong]
             told += warned
-        rasters.append(_overview(raster, summary, _Axis(clock, {}, ambient)))
+        rasters.append(_overview(raster, summary))
         warnings += [*([warning] if warning else []), *told]
     contents = tuple(rasters), tuple(problems), tuple(dict.fromkeys(warnings))
     return FileOverview(str(source.path), source.format, *contents, proposal, needs_map=not in_contract(source))
@@ -123,10 +123,10 @@ def _mapped(source: Source, proposal: Proposal, channels: ChannelMap, ambient: f
         columns = {heading.index: (heading, entry) for pick in chosen for heading, entry in pick.columns.values()}
         time = next((pick.columns["time"][0] for pick in chosen if "time" in pick.columns), own_clock(raster)[0])
         rate = chosen[0].rate if chosen else None
-        summary, axis = _Summary(), _Axis(time, columns, ambient, rate)
-        for _ in _summed(source, index, summary, axis):
+        summary = _Summary(time, columns, ambient, rate)
+        for _ in _summed(source, index, summary):
             pass
-        rasters.append(_overview(raster, summary, axis))
+        rasters.append(_overview(raster, summary))
     problems = tuple(dict.fromkeys((*source.problems, *mismatches, *wrong)))
     warnings = tuple(dict.fromkeys((*source.warnings, *warned)))
     completed = replace(
@@ -141,19 +141,28 @@ def _mapped(source: Source, proposal: Proposal, channels: ChannelMap, ambient: f
     return FileOverview(str(source.path), source.format, tuple(rasters), problems, warnings, completed, needs_map=False)
 
 
-@dataclass(frozen=True, slots=True)
-class _Axis:
-    """Time channel of a time grid or its `rate` in Hz, its mapped columns by index, and the ambient pressure in Pa."""
+@dataclass(slots=True)
+class _Summary:
+    """Summary of the samples of a time grid so far, and what is known of it before.
+
+    `time` is its time channel, `rate` its rate in Hz where it has none, `columns` the mapped ones by index, `ambient`
+    the ambient pressure in Pa. `ranges` are the lowest and highest value, and the number of finite ones, of each column
+    that has any.
+    """
 
     time: Heading | None
     columns: Mapping[int, tuple[Heading, Channel]]
     ambient: float
     rate: float | None = None
+    ranges: dict[int, tuple[float, float, int]] = field(default_factory=dict)
+    axis: TimeAxis | None = None
+    places: Places = field(default_factory=Places)
+    samples: int = 0
 
-    def stamps(self, table: Table, count: int) -> FloatArray | None:
-        """Time stamps of a table in s, `done` samples after the first one; None if there are none."""
+    def stamps(self, table: Table) -> FloatArray | None:
+        """Time stamps of the next table in s; None if there are none."""
         if self.rate is not None:
-            return (count + np.arange(table.size)) / self.rate
+            return (self.samples + np.arange(table.size)) / self.rate
         if self.time is None or self.time.si is None or self.time.index not in table.numbers:
             return None
         return in_si(self.time, self.written(self.time.index, table.numbers[self.time.index]), self.ambient)
@@ -163,31 +172,18 @@ class _Axis:
         return scaled(values, self.columns[index][1]) if index in self.columns else values
 
 
-@dataclass(slots=True)
-class _Summary:
-    """Summary of the samples of a time grid so far.
-
-    `ranges` are the lowest and highest value, and the number of finite ones, of each column that has any.
-    """
-
-    ranges: dict[int, tuple[float, float, int]] = field(default_factory=dict)
-    time: TimeAxis | None = None
-    places: Places = field(default_factory=Places)
-    samples: int = 0
-
-
-def _summed(source: Source, index: int, summary: _Summary, axis: _Axis) -> Iterator[Table]:
+def _summed(source: Source, index: int, summary: _Summary) -> Iterator[Table]:
     """The tables of a time grid, each added to the summary as it is read."""
     raster = source.rasters[index]
     rows = None if raster.size * len(raster.headings) * 8 < WHOLE else BLOCK
     for table in source.tables(index, [heading.index for heading in raster.headings], rows):
-        _add(summary, table, axis)
+        _add(summary, table)
         yield table
 
 
-def _overview(raster: Raster, summary: _Summary, axis: _Axis) -> TimeGridOverview:
-    columns = tuple(_column(heading, summary, axis) for heading in raster.headings)
-    return TimeGridOverview(raster.name, summary.samples, columns, summary.time, summary.places.word, raster.others)
+def _overview(raster: Raster, summary: _Summary) -> TimeGridOverview:
+    columns = tuple(_column(heading, summary) for heading in raster.headings)
+    return TimeGridOverview(raster.name, summary.samples, columns, summary.axis, summary.places.word, raster.others)
 
 
 def _clock(raster: Raster, proposed: ChannelMap) -> tuple[Heading | None, str]:
@@ -199,11 +195,11 @@ def _clock(raster: Raster, proposed: ChannelMap) -> tuple[Heading | None, str]:
     return own_clock(raster)
 
 
-def _add(summary: _Summary, table: Table, axis: _Axis) -> None:
+def _add(summary: _Summary, table: Table) -> None:
     """Add a block of samples to the summary."""
-    stamps = axis.stamps(table, summary.samples)
+    stamps = summary.stamps(table)
     if stamps is not None:
-        summary.time = updated(summary.time, stamps, table.places)
+        summary.axis = updated(summary.axis, stamps, table.places)
     summary.samples += table.size
     summary.places = table.places
     for index, values in table.numbers.items():
@@ -213,12 +209,12 @@ def _add(summary: _Summary, table: Table, axis: _Axis) -> None:
             summary.ranges[index] = min(low, float(finite.min())), max(high, float(finite.max())), count + finite.size
 
 
-def _column(heading: Heading, summary: _Summary, axis: _Axis) -> ColumnOverview:
+def _column(heading: Heading, summary: _Summary) -> ColumnOverview:
     low, high, count = summary.ranges.get(heading.index, (math.nan, math.nan, 0))
-    shown = axis.columns[heading.index][0] if heading.index in axis.columns else heading
+    shown = summary.columns[heading.index][0] if heading.index in summary.columns else heading
     low_si, high_si = math.nan, math.nan
     if shown.si:
-        ends: FloatArray = in_si(shown, axis.written(heading.index, np.array([low, high])), axis.ambient)
+        ends: FloatArray = in_si(shown, summary.written(heading.index, np.array([low, high])), summary.ambient)
         low_si, high_si = sorted(ends.tolist())
     missing = summary.samples - count
     return ColumnOverview(heading.text, shown.name, shown.unit, shown.si, low, high, low_si, high_si, missing)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -79,28 +78,22 @@ def stored(folder: Path) -> Source:
         If the copy is not there.
     """
     source: Source = pickle.loads((folder / _SOURCE).read_bytes())
-    tables: list[list[Table]] = pickle.loads((folder / _TABLES).read_bytes())
-    return replace(source, tables=partial(_tables, folder, tables))
+    stored_tables: list[list[Table]] = pickle.loads((folder / _TABLES).read_bytes())
 
+    def tables(raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:
+        begin, parts = 0, list[Table]()
+        for table in stored_tables[raster]:
+            end = begin + table.size
+            held = [column for column in columns if column in table.numbers]
+            numbers = {column: column_of(folder, raster, column).read(begin, end) for column in held}
+            parts.append(replace(table, numbers=numbers))
+            begin = end
+            if rows is not None:
+                yield from parts.pop().parts(rows)
+        if rows is None and parts:
+            yield joined(parts)
 
-def _tables(
-    folder: Path, tables: Sequence[Sequence[Table]], raster: int, columns: Sequence[int], rows: int | None = None
-) -> Iterator[Table]:
-    """The tables of a time grid, as a `Source` gives them."""
-    begin = 0
-    parts = []
-    for table in tables[raster]:
-        numbers = {
-            column: column_of(folder, raster, column).read(begin, begin + table.size)
-            for column in columns
-            if column in table.numbers
-        }
-        parts.append(replace(table, numbers=numbers))
-        begin += table.size
-        if rows is not None:
-            yield from parts.pop().parts(rows)
-    if rows is None and parts:
-        yield joined(parts)
+    return replace(source, tables=tables)
 
 
 @dataclass(frozen=True, slots=True)

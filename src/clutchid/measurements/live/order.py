@@ -62,15 +62,13 @@ def picked_streams(
         If the map does not fit, or a required quantity has no channel; the text lists all problems.
     """
     source = Source(Path(name), "CSV" if len(rasters) == 1 else "CAN", tuple(rasters), no_tables)
-    problems: list[str] = []
     if channels is None:
         if len(rasters) == 1 and not in_contract(source):
             raise DataError.of(name, [*heading_problems(rasters[0].headings, required), _ADVICE])
         channels = _by_names(rasters)
-    picks, misfits = pick(source, channels, required)
-    problems += misfits
+    picks, problems = pick(source, channels, required)
     missing = [wanted for wanted in required if wanted not in channels.channels and wanted != "time"]
-    problems += [f"no channel is assigned to {', '.join(missing)}."] if missing else []
+    problems += (f"no channel is assigned to {', '.join(missing)}.",) if missing else ()
     if problems:
         raise DataError.of(name, [*problems, _ADVICE])
     return by_position(picks)

@@ -181,11 +181,7 @@ def _scan(log: FrameLog, lookup: frame_streams.MessageCatalogue) -> ScannedLog:
     for number, cut_by, frames in _in_runs(_stamped(log, scanned)):
         tolerance = cut_by
         run = Run(scanned.frames, len(frames), float(frames.stamp[0]), float(frames.stamp.max()))
-        if number == len(scanned.runs):
-            scanned.runs.append(run)
-        else:
-            row, size, first, last = scanned.runs[-1]
-            scanned.runs[-1] = Run(row, size + run.size, first, max(last, run.last))
+        scanned.runs.append(run if number == len(scanned.runs) else scanned.runs.pop().joined(run))
         scanned.frames += len(frames)
         for stream, rows in frame_streams.by_stream(frames, lookup):
             if stream == frame_streams.UNKNOWN:

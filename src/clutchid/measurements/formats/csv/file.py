@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 
 from clutchid.log import Log
-from clutchid.measurements.columns import Heading
 from clutchid.measurements.formats.csv.dialect import Dialect, dialect
 from clutchid.measurements.formats.csv.lines import SAMPLE, TextLines, blocks, lines_of, sample
 from clutchid.measurements.formats.csv.rows import ParsedRows, joined, read_rows, table
@@ -142,19 +141,13 @@ def _tables(
         problem = f"line {notation.header}: there is a header, but no samples below it."
         yield Table(notation.headings, problems=(problem,))
         return
-    parts = _parts(lines, notation, selected, rows)
-    if rows is None:
-        yield table(joined(list(parts)), notation)
-    else:
-        for part in parts:
-            yield from table(part, notation).parts(rows)
-
-
-def _parts(lines: TextLines, notation: Dialect, selected: Sequence[Heading], rows: int | None) -> Iterator[ParsedRows]:
-    """The samples block by block, until a line cannot be split."""
-    small = lines.path.stat().st_size < _SMALL
+    small, parts = lines.path.stat().st_size < _SMALL, list[ParsedRows]()
     for block in blocks(lines, notation.samples - 1, rows or (lines.last if small else BLOCK)):
-        part = read_rows(block, notation, selected, small=small)
-        yield part
-        if part.broken:
-            return
+        parts.append(read_rows(block, notation, selected, small=small))
+        broken = parts[-1].broken
+        if rows is not None:
+            yield from table(parts.pop(), notation).parts(rows)
+        if broken:
+            break
+    if rows is None:
+        yield table(joined(parts), notation)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
-from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 
 from clutchid.errors import DataError, ExportError
 from clutchid.log import FloatArray, Log, name_and_unit
-from clutchid.measurements.formats.mdf.layout import ChannelPlace, GroupLayout, comment_of, layouts, metadata_of
+from clutchid.measurements.formats.mdf.layout import ChannelPlace, comment_of, layouts, metadata_of
 from clutchid.measurements.formats.mdf.numbers import converted, has_texts
 from clutchid.measurements.formats.mdf.opening import BrokenMdf, asammdf, opened, quiet, version_of
 from clutchid.measurements.source import BLOCK, Places, Source, Table, refused
@@ -110,8 +109,28 @@ def open_file(path: Path) -> Source:
             version = str(mdf.version)
     except BrokenMdf as error:
         return refused(path, "MDF", str(error))
+
+    def tables(raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:
+        """Tables of one time grid; the file is open while they are read."""
+        headings, size = groups[raster].raster.headings, groups[raster].raster.size
+        places = {column: groups[raster].places[column] for column in columns}
+        try:
+            with opened(path) as mdf:
+                rules = {i: mdf.groups[place.group].channels[place.index].conversion for i, place in places.items()}
+                texts = [i for i, rule in rules.items() if has_texts(rule, version_of(mdf))]
+                for first in range(0, size, rows or size):
+                    count = min(rows or size, size - first)
+                    numbers = _numbers(mdf, places, rules, first, count)
+                    none = {headings[i].text: n for i in texts if (n := int(np.isnan(numbers[i]).sum()))}
+                    said = (
+                        f"{name}: {n:,} samples are texts, which are no value, and missing." for name, n in none.items()
+                    )
+                    yield Table(headings, numbers, count, Places("sample", first + 1), warnings=tuple(said))
+        except BrokenMdf as error:
+            raise DataError(f"{path}: {error}") from error
+
     rasters = tuple(layout.raster for layout in groups)
-    return Source(path, f"MDF {version}", rasters, partial(_tables, path, groups), (), warnings, metadata)
+    return Source(path, f"MDF {version}", rasters, tables, (), warnings, metadata)
 
 
 def save(log: Log, path: Path) -> None:
@@ -147,32 +166,6 @@ def save(log: Log, path: Path) -> None:
             mdf.extend(0, [(values[rows], None) for values in (log.time, *log.columns.values())])
         with path.open("wb+") as file:  # a name would be given another suffix
             mdf.save(file, compression=_TRANSPOSED)
-
-
-def _tables(
-    path: Path, layouts: Sequence[GroupLayout], raster: int, columns: Sequence[int], rows: int | None = None
-) -> Iterator[Table]:
-    """Tables of one time grid, see `Tables`; the file is open while they are read."""
-    layout = layouts[raster]
-    places = {column: layout.places[column] for column in columns}
-    size = layout.raster.size
-    try:
-        with opened(path) as mdf:
-            rules = {i: mdf.groups[place.group].channels[place.index].conversion for i, place in places.items()}
-            for first in range(0, size, rows or size):
-                count = min(rows or size, size - first)
-                numbers = _numbers(mdf, places, rules, first, count)
-                headings, version = layout.raster.headings, version_of(mdf)
-                texts = [i for i, rule in rules.items() if has_texts(rule, version)]
-                none = {headings[i].text: int(np.isnan(numbers[i]).sum()) for i in texts}
-                said = tuple(
-                    f"{name}: {n:,} samples are texts, which are no value, and missing."
-                    for name, n in none.items()
-                    if n
-                )
-                yield Table(headings, numbers, count, Places("sample", first + 1), warnings=said)
-    except BrokenMdf as error:
-        raise DataError(f"{path}: {error}") from error
 
 
 def _numbers(
