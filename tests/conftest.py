@@ -6,15 +6,20 @@ import gc
 import os
 import shutil
 import signal
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
+from compileall import compile_dir
 from concurrent.futures import ProcessPoolExecutor
+from importlib import import_module
+from importlib.util import cache_from_source, find_spec
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from _pytest.assertion import rewrite
 from _pytest.doctest import DoctestModule
 from hypothesis import settings
 
@@ -27,6 +32,7 @@ from clutchid.model.variants import VARIANTS
 from fixtures.commands import without_workers
 from fixtures.compilers import compilers
 from fixtures.export_c import equations_once
+from fixtures.fits import SHARED, fits_once
 from fixtures.model_recordings import (  # noqa: F401, fixtures of several packages
     adapted,
     calibrated,
@@ -40,7 +46,7 @@ from fixtures.model_recordings import (  # noqa: F401, fixtures of several packa
     worn,
     worn_log,
 )
-from fixtures.pages import blank, blank_figures, loads_nothing, undrawn  # noqa: F401, fixtures of several packages
+from fixtures.pages import blank, blank_figures, loads_nothing, undrawn, undriven  # noqa: F401, fixtures of several packages
 from fixtures.short_fit import fitted  # noqa: F401, a fixture of several packages
 
 HERE = Path(__file__).resolve().parent
@@ -98,13 +104,14 @@ def pytest_collect_file(file_path: Path) -> Any:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark slow examples in docstrings, which cannot say so themselves, and put long files first.
 
-    Examples give no work to other processes, and leave figures empty.
+    Examples give no work to other processes, leave figures empty, drive no manoeuvre, and share their fits.
     """
     long = tuple(f"tests/{file}.py" for file in LONG)
     items.sort(key=lambda item: not item.nodeid.startswith(long))
     for item in items:
         if isinstance(item, pytest.DoctestItem):
-            item.runtest = blank_figures()(without_workers()(item.runtest))  # type: ignore[method-assign]
+            for light in (blank_figures(), undriven(), without_workers(), fits_once()):
+                item.runtest = light(item.runtest)  # type: ignore[method-assign]
             if item.name.rpartition(".")[2] in SLOW_EXAMPLES:
                 item.add_marker(pytest.mark.slow)
 
@@ -118,7 +125,7 @@ def pytest_collection_finish() -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Compile the kernels once, before workers start that would all do it; no test compiles for itself.
 
-    The workers share the objects of C compilers too.
+    The workers share the objects of C compilers and byte code too.
 
     A worker, and what it starts, has one thread: there is a worker for each processor, and a fit on two threads takes
     an eighth more of its time.
@@ -128,15 +135,36 @@ def pytest_configure(config: pytest.Config) -> None:
     objects = tempfile.mkdtemp(prefix="clutchid-objects-")
     config.add_cleanup(lambda: shutil.rmtree(objects))
     compilers(Path(objects))
-    os.environ["PATH"] = f"{objects}{os.pathsep}{os.environ['PATH']}"
+    os.environ["PATH"], os.environ[SHARED] = f"{objects}{os.pathsep}{os.environ['PATH']}", objects
     if config.getoption("numprocesses", None):
         for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS"):
             os.environ.setdefault(name, "1")
+        import_first("numba", "sympy")
         with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
             parts = [pool.submit(compile_filter), pool.submit(clutchid.drive, 0, seconds=0.5)]
             parts += [pool.submit(compile_ahead, (variant,)) for variant in VARIANTS]
+            import_first("scipy.stats", "matplotlib.pyplot")
+            rewrite_asserts(config)
             for part in parts:
                 part.result()
+
+
+def import_first(*libraries: str) -> None:
+    """Import libraries that have no byte code yet: processes that start together would each make it."""
+    for name in libraries:
+        origin = find_spec(name).origin  # type: ignore[union-attr]
+        if not Path(cache_from_source(origin)).exists():  # type: ignore[arg-type]
+            import_module(name)
+
+
+def rewrite_asserts(config: pytest.Config) -> None:
+    """Write the byte code of tests with their asserts, as pytest does on import: workers would each do so at once."""
+    compile_dir(ROOT / "src", quiet=1)
+    for file in [] if sys.dont_write_bytecode else [*HERE.rglob("test_*.py"), *HERE.rglob("conftest.py")]:
+        kept = rewrite.get_cache_dir(file) / (file.stem + rewrite.PYC_TAIL)
+        if rewrite._read_pyc(file, kept) is None and rewrite.try_makedirs(kept.parent):
+            origin, code = rewrite._rewrite_test(file, config)
+            rewrite._write_pyc(config.stash[rewrite.assertstate_key], code, origin, kept)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -10,7 +10,7 @@ import numpy as np
 import clutchid
 from clutchid.model.friction import deflection_rate, friction_force
 
-p, dt = clutchid.Parameters(), 2e-3
+p, dt = clutchid.Parameters(), 5e-3
 t = np.arange(0.0, 3.0, dt)
 figure, axes = plt.subplots(figsize=(7, 3.6))
 for amplitude in (0.1e-3, 0.4e-3, 1.5e-3):

@@ -9,8 +9,8 @@ import matplotlib.pyplot as plt
 import clutchid
 
 log = clutchid.bundled_recording()
-calibration = clutchid.calibrate(log.slice(0, 8000))
-later = log.slice(8000, 16_000)
+calibration = clutchid.calibrate(log.slice(0, 4000))
+later = log.slice(4000, 12_000)
 found = clutchid.observe(later.without("pressure_a"), calibration).estimates()
 
 figure, axes = plt.subplots(figsize=(7, 3.6))

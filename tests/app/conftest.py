@@ -20,6 +20,7 @@ from clutchid.documents.json_text import json_text
 from clutchid.truck import Truck, drive
 from clutchid.verbs.progress import when_compiling
 from fixtures.commands import wait_for
+from fixtures.fits import fits_once
 from fixtures.pages import blank_figures
 
 PORT = 8123
@@ -187,7 +188,12 @@ def working(tmp_path_factory):
     async def started(*_, limit, **__):
         return JobInThread(limit)
 
-    with pytest.MonkeyPatch.context() as patched, blank_figures(), serving(tmp_path_factory.mktemp("app")) as served:
+    with (
+        pytest.MonkeyPatch.context() as patched,
+        blank_figures(),
+        fits_once(),
+        serving(tmp_path_factory.mktemp("app")) as served,
+    ):
         patched.setattr("clutchid.app.jobs.asyncio.create_subprocess_exec", started)
         yield served
         when_compiling(lambda _: None)  # the jobs have no process of their own, with which their callbacks would end

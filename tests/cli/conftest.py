@@ -9,6 +9,7 @@ import pytest
 from clutchid.estimation.parameter_file import ParameterFile, write_parameters
 from clutchid.measurements import write
 from fixtures.commands import called
+from fixtures.fits import fits_once
 
 #: Samples of the first part of the recording in two parts.
 CUT = 2345
@@ -30,6 +31,13 @@ def folder(tmp_path_factory, plant, recorded_by):
     outputs = ("--out", made / "file" / "est.parquet", "--save", made / "file" / "state.toml")
     assert called("observe", made / "worn.csv", "--start", made / "cal.toml", *outputs) == 0
     return made
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _fits():
+    """Compute a fit of the same recordings once: no test of a command is about its numbers."""
+    with fits_once():
+        yield
 
 
 @pytest.fixture(autouse=True)

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from fixtures.fits import fits_once
+
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -21,6 +23,7 @@ console = _console()
 PAGES = {page.relative_to(ROOT).as_posix(): page for page in console.pages()}
 
 
+@fits_once()
 @pytest.mark.parametrize("page", PAGES)
 def test_the_commands_of_a_page_print_what_it_shows(blank, page):
     found = console.differences(PAGES[page].read_text(encoding="utf-8"), long=False)

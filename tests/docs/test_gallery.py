@@ -9,6 +9,8 @@ from pathlib import Path
 import matplotlib as mpl
 import pytest
 
+from fixtures.fits import fits_once
+
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 SCRIPTS = sorted((DOCS / "gallery").glob("*.py"))
 
@@ -26,6 +28,7 @@ def made():
 
 
 @pytest.mark.slow
+@fits_once()
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
 def test_a_script_draws_a_figure_whose_axes_have_units(script, monkeypatch):
     monkeypatch.setenv("MPLBACKEND", "agg")

@@ -29,7 +29,7 @@ def test_drifted_actuators_lie_within_their_bands(calibrated, recorded_by, drift
     standardised = []
     for k in range(5):
         truth = drifted(calibrated.actuator, random)
-        log = recorded_by(truth, seconds=5.0, seed=k, name="worn", driven=k).without("pressure_a")
+        log = recorded_by(truth, seconds=4.0, seed=k, name="worn", driven=k).without("pressure_a")
         curve = fit(log, calibrated.actuator, request=FitRequest(calibration=calibrated.calibration)).load_curve
         force, low, high = (np.interp(Y, curve.position, each) for each in (curve.force, curve.low, curve.high))
         standardised.append((force - truth.load.force(Y)) / ((high - low) / (2 * 1.96)))

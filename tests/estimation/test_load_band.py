@@ -60,7 +60,7 @@ def test_where_errors_last_as_long_as_assumed_the_band_of_the_load_is_as_wide_as
         # an actuator that differs from the calibrated one as far as it may
         drifted = {n: worn.value(n) + drift(worn, n) * rng.standard_normal() for n in (*changeable(worn), *CONSIDERED)}
         true = worn.replace({**drifted, "C_A0": abs(drifted["C_A0"])})  # a leak is not below 0
-        clean = recorded_by(true, seconds=6.0, seed=None, name="w", driven=1).without("pressure_a")
+        clean = recorded_by(true, seconds=4.0, seed=None, name="w", driven=1).without("pressure_a")
         # 50 µm whose neighbours correlate at 9/11, so that (1 + 9/11) / (1 - 9/11) = 10 samples, 10 ms, tell as one
         error = lfilter([np.sqrt(1.0 - (9 / 11) ** 2)], [1.0, -9 / 11], rng.standard_normal(len(clean)))
         log = clean.with_columns(position=clean["position"] + 5e-5 * error)

@@ -13,7 +13,7 @@ from clutchid.truck import Truck, drive
 @pytest.fixture(scope="module")
 def recordings():
     """A recording with pressure, and one without."""
-    return drive(Truck(), seconds=2.5, seed=1, name="cal").log, drive(Truck(), seconds=2.5, seed=2, pressure=False).log
+    return drive(Truck(), seconds=1.5, seed=1, name="cal").log, drive(Truck(), seconds=1.5, seed=2, pressure=False).log
 
 
 def same(one, other):

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from fixtures.commands import without_workers
+from fixtures.fits import fits_once
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
@@ -47,6 +48,7 @@ def near(shown, found):
 
 
 @pytest.mark.slow
+@fits_once()
 @without_workers()
 @pytest.mark.parametrize("name", WRITTEN)
 def test_the_examples_of_a_page_print_what_it_says(blank, name, tmp_path, monkeypatch):
