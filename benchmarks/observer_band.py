@@ -3,8 +3,9 @@
 Trucks 3606 on of families A and B, and hybrids h:6 on, are calibrated once with pressure, and the supply pressure
 recorded. Their worn clutch is then observed unchanged, with 5 % less and more supply, with valves that pass 7 % less,
 cold and warm, with the supply recorded and without it. A line a family and case: error over 5 to 8 mm, rms in % of the
-peak, median / worst; share of the points from 0.5 to 20 mm in the band, and its width in % of the peak, with the supply
-considered and if it is as calibrated; trust good / with care / none.
+peak, median / worst; slope of the error over the position, in % of f + A_A P_0 at full stroke, mean and rms; share of
+the points from 0.5 to 20 mm in the band, and its width in % of the peak, with the supply considered and if it is as
+calibrated; trust good / with care / none, and of how many good ones less than 90 % of the points are in the band.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ import numpy as np
 from online import WEAR, calibrated
 
 from clutchid.estimation.assess.observed import indicators, observed_verdict
+from clutchid.inference.uncertainty.conditions import by_supply
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.observer import observer
 from clutchid.observer.recording import observe_recording
@@ -44,9 +46,10 @@ CASES: dict[str, tuple[float, tuple[str, ...]]] = {
 
 
 class Row(NamedTuple):
-    """A load at the end of a recording: error and widths in % of the peak, shares of the points in the bands."""
+    """A load at the end of a recording: error and widths in % of the peak, slope, shares of the points in the bands."""
 
     error: float
+    slope: float
     covered: float
     width: float
     covered_as_calibrated: float
@@ -74,7 +77,9 @@ def one_truck(
         truth = worn.truth.load(GRID)
         for recorded in (False, True):
             run = observe_recording(one, worn.log if recorded else worn.log.without("pressure_supply"))
-            off = one.load(run.after).force(GRID) - truth
+            force = one.load(run.after).force(GRID)
+            off, by_position = force - truth, GRID / one.actuator.parameters.y_max * by_supply(one.actuator, force)
+            slope = 100 * float(by_position @ off) / float(by_position @ by_position)
             touch, peak = (GRID >= 5e-3) & (GRID <= 8e-3), truth.max()
             deviations = [one.load_deviation(run.after, GRID, as_calibrated=as_is) for as_is in (False, True)]
             bands = [
@@ -86,18 +91,19 @@ def one_truck(
                 )
             ]
             error = 100 * float(np.sqrt(np.mean(off[touch] ** 2))) / peak
-            rows[family, case, recorded] = Row(error, *bands, observed_verdict(indicators(run)).trust)
+            rows[family, case, recorded] = Row(error, slope, *bands, observed_verdict(indicators(run)).trust)
     return rows
 
 
 def line(rows: Sequence[Row]) -> str:
     """Cells of a line of the table."""
     errors = np.array([row.error for row in rows])
-    covered, width, covered_as, width_as = (np.array([row[i] for row in rows]) for i in range(1, 5))
+    slopes, covered, width, covered_as, width_as = (np.array([row[i] for row in rows]) for i in range(1, 6))
     trusts = [sum(row.trust == grade for row in rows) for grade in ("good", "with care", "none")]
+    beside = sum(row.trust == "good" and row.covered < 90 for row in rows)
     return (
-        f"{np.median(errors):.2f} / {errors.max():.2f} | {covered.mean():.0f} | {np.median(width):.1f} | "
-        f"{covered_as.mean():.0f} | {np.median(width_as):.1f} | {' / '.join(map(str, trusts))}"
+        f"{np.median(errors):.2f} / {errors.max():.2f} | {slopes.mean():+.1f}, {np.sqrt(np.mean(slopes**2)):.1f} | "
+        f"{covered.mean():.0f} | {np.median(width):.1f} | {covered_as.mean():.0f} | {np.median(width_as):.1f} | {' / '.join(map(str, trusts))} | {beside}"
     )
 
 
@@ -121,9 +127,10 @@ def main() -> None:
         for rows in pool.map(of_a_truck, trucks):
             for key, row in rows.items():
                 found[key].append(row)
-    head = "error [%] | points in the band [%] | width [%] | as calibrated: points [%] | width [%] | trust"
+    bands = "points in the band [%] | width [%] | as calibrated: points [%] | width [%]"
+    head = f"error [%] | slope [%] | {bands} | trust | good beside"
     for recorded in (False, True):
-        print(f"\nSupply {'' if recorded else 'not '}recorded\n\n| family | case | trucks | {head} |\n|{'---|' * 9}")
+        print(f"\nSupply {'' if recorded else 'not '}recorded\n\n| family | case | trucks | {head} |\n|{'---|' * 11}")
         for family in ("A", "B", "h"):
             for case in cases:
                 rows = found.get((family, case, recorded), [])

@@ -12,7 +12,7 @@ from clutchid.log import Log
 from clutchid.observer import curve, known, observe, observe_recording, observer, start
 from clutchid.observer.by_stroke import positions
 from clutchid.observer.health import FLAGS
-from clutchid.observer.prior import ASSUMED
+from clutchid.observer.prior import AIR_STD, ASSUMED
 from clutchid.observer.recording import spacing
 from clutchid.observer.state import FROZEN
 from clutchid.strokes.sampled import velocity
@@ -93,11 +93,12 @@ def test_the_interval_of_a_weight_is_that_of_the_joint_covariance(run, joint):
         assert found[c.base].low < found[c.base].value < found[c.base].high
 
 
-def test_with_the_method_states_of_the_load_of_each_stroke_only_the_supply_is_not_known(plant, log):
+def test_with_the_method_states_of_the_load_of_each_stroke_only_supply_and_air_are_not_known(plant, log):
     found = observe_recording(observer(plant, "states"), log)
     table = found.load_by_stroke()
     assert not table["theta_3_std [N]"].any()
-    half = 1.96 * ASSUMED * (plant.load.force(np.array([5e-3])) + plant.parameters.A_A * plant.parameters.P_0)
+    share = np.hypot(ASSUMED, AIR_STD * 5e-3 / plant.parameters.y_max)
+    half = 1.96 * share * (plant.load.force(np.array([5e-3])) + plant.parameters.A_A * plant.parameters.P_0)
     found_half = table["load_05000um_high [N]"] - table["load_05000um [N]"]
     assert found_half == pytest.approx(np.full(len(table), float(half[0])))
     assert set(table["theta_3 [N]"]) == {plant.value("theta_3")}

@@ -20,7 +20,7 @@ from clutchid.observer.following import PRESSURES
 from clutchid.observer.gaps import UNKNOWN
 from clutchid.observer.health import FLAGS
 from clutchid.observer.observer import Observer
-from clutchid.observer.prior import ASSUMED, BY_FORMULA, LEAK
+from clutchid.observer.prior import AIR_STD, ASSUMED, BY_FORMULA, LEAK
 from clutchid.observer.rest import rest_pace
 from clutchid.observer.state import ObserverState
 from clutchid.observer.state_file import fingerprint
@@ -208,6 +208,7 @@ def _band_values(observer: Observer) -> dict[str, Any]:
         "usual": observer.usual if observer.compares else 0.0,
         "missed": observer.missed**2,
         "supply_share": observer.supply.share if observer.supply else ASSUMED,
+        "by_air": AIR_STD / p.y_max,
         "supply_formula": 0.0 if observer.joint.considered else BY_FORMULA * observer.supply_std,
         "ambient_force": p.A_A * p.P_0,
         "leak": names.index(LEAK) if LEAK in names else -1,

@@ -25,6 +25,7 @@ from clutchid.observer.prior import (
     OnlinePrior,
     Supply,
     considered_supply,
+    deviation_by_air,
     load_deviation,
     online_prior,
     supply_of,
@@ -126,15 +127,16 @@ class Observer:
 
         It has parts that no recording makes smaller: what the model missed on the calibration recordings, and the
         supply pressure, whether it is recorded or assumed. Where the innovations are larger than in those recordings,
-        its variance is as much larger. A supply that is not recorded may have changed since, see `considered_supply`:
-        that part is left out if the supply is `as_calibrated`.
+        its variance is as much larger. Air and grease may have another temperature than in the calibration, see
+        `deviation_by_air`. A supply that is not recorded may have changed since, see `considered_supply`: that part is
+        left out if the supply is `as_calibrated`.
         """
         load = self.load(state)
         share = self.supply.share if self.supply else ASSUMED
         by_supply = load_deviation(share, self.actuator, load, position)
         deviations = load.phi(position) @ self.prior.weights @ state.T
         squared = np.sum(deviations**2, axis=1) + self.missed**2 + by_supply**2
-        variance = max(1.0, state.mismatch) * squared
+        variance = max(1.0, state.mismatch) * squared + deviation_by_air(self.actuator, load, position) ** 2
         deviation: FloatArray = np.sqrt(variance if as_calibrated else variance + self._considered(state, position))
         return deviation
 

@@ -43,6 +43,11 @@ ASSUMED = 0.006
 #: of the load and of A_A P_0, times the second. Provenance: docs/derivations_online.md.
 SUPPLY_STD, BY_FORMULA = 0.03, 0.025 / 0.03
 
+#: Standard deviation that another temperature of the air and the grease than in the calibration leaves to a load, as a
+#: share of f + A_A P_0 at full stroke; it is in proportion to the position. Some 16 K, at 0.12 % a kelvin. Provenance:
+#: benchmarks/results/observer_band.md.
+AIR_STD = 0.02
+
 
 def considered_supply(actuator: Actuator, share: float) -> Considered | None:
     """A supply pressure that varies by a share of it, by its effect on the states; None without a governor."""
@@ -69,6 +74,11 @@ class Supply(NamedTuple):
 def load_deviation(share: float, actuator: Actuator, load: Load, position: FloatArray) -> FloatArray:
     """Standard deviation in N that a supply known to a `share` of it leaves to the load at positions in m."""
     return share * by_supply(actuator, load.force(position))
+
+
+def deviation_by_air(actuator: Actuator, load: Load, position: FloatArray) -> FloatArray:
+    """Standard deviation in N that the temperature of air and grease leaves to the load at positions in m."""
+    return AIR_STD * position / actuator.parameters.y_max * by_supply(actuator, load.force(position))
 
 
 def supply_of(actuator: Actuator, calibration: Calibration | None) -> Supply | None:
