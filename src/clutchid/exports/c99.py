@@ -48,12 +48,12 @@ CLOCK = 16_000_000
 
 #: Mean openings of the valves over a step, with their duty cycles in this period of the carrier and in the last one. A
 #: valve without a pulse in either is closed: rounding would leave the sum of its pulses above 0.
-OPENINGS = {"y_vs": ("supply", "supply_before"), "y_ve": ("exhaust", "exhaust_before")}
+_OPENINGS = {"y_vs": ("supply", "supply_before"), "y_ve": ("exhaust", "exhaust_before")}
 
 
 @dataclass(frozen=True, slots=True)
 class CStyle:
-    """How an observer is written in C.
+    """Names, type of numbers and tasks of an observer in C.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title:
         "shares": correction_shares(size_of(joint), joint.settings.every),
     }
     places = values["inputs"]
-    idle = {name: [places[duty] for duty in duties] for name, duties in OPENINGS.items() if values["carrier"]}
+    idle = {name: [places[duty] for duty in duties] for name, duties in _OPENINGS.items() if values["carrier"]}
     equations = c99_source(model, real=style.real, notes=state_notes(actuator), derivatives=derivatives, idle=idle)
     modules = {
         f"{style.name}_model": equations,

@@ -35,10 +35,10 @@ from clutchid.observer.state import ObserverState
 Target = Literal["c", "fmu2", "fmu3", "matlab", "a2l", "dbc"]
 
 #: What an export writes, in this order.
-TARGETS: tuple[Target, ...] = ("c", "fmu2", "fmu3", "matlab", "a2l", "dbc")
+_TARGETS: tuple[Target, ...] = ("c", "fmu2", "fmu3", "matlab", "a2l", "dbc")
 
 #: Pages of an export, and samples of its test.
-PAGES, VECTORS = ("parity", "readme"), 1500
+PAGES, _VECTORS = ("parity", "readme"), 1500
 
 #: A recording may be as much faster or slower than the observer, as a share of its rate.
 RATE = 0.05
@@ -94,10 +94,10 @@ def targets_of(text: str) -> tuple[Target, ...]:
         If one is not known.
     """
     names = [name.strip() for name in text.split(",") if name.strip()]
-    unknown = [name for name in names if name not in TARGETS]
+    unknown = [name for name in names if name not in _TARGETS]
     if unknown or not names:
-        raise ParameterError(f"--to {text}: {unknown[0] if unknown else 'nothing'!r} is none of {', '.join(TARGETS)}.")
-    return tuple(target for target in TARGETS if target in names)
+        raise ParameterError(f"--to {text}: {unknown[0] if unknown else 'nothing'!r} is none of {', '.join(_TARGETS)}.")
+    return tuple(target for target in _TARGETS if target in names)
 
 
 def write_export(
@@ -148,7 +148,7 @@ def write_export(
     files |= example_files(style) | requirement_files(observer, style)
     files |= {"test/replay.c": replay_source(observer, style, begins_us(log))}
     if in_c is not None:
-        files["test/vectors.h"] = vectors(samples[:VECTORS], in_c.outputs[:VECTORS], style, begins)
+        files["test/vectors.h"] = vectors(samples[:_VECTORS], in_c.outputs[:_VECTORS], style, begins)
     fmus: dict[str, bytes] = {}
     for version, suffix in FMUS.items():
         if f"fmu{version}" in to:

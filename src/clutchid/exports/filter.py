@@ -62,12 +62,12 @@ class FilterSize:
     def rows(self) -> tuple[int, ...]:
         """The first row of T in each item that changes it, with about as many entries each; last how many there are."""
         entries = list(accumulate(range(1, self.parameters + 1)))
-        most = ENTRIES * np.arange(1, 1 + -(-max([*entries, 1]) // ENTRIES))
+        most = _ENTRIES * np.arange(1, 1 + -(-max([*entries, 1]) // _ENTRIES))
         return 0, *(int(np.searchsorted(entries, count, side="right")) for count in most[:-1]), self.parameters
 
 
 #: Entries of T that an item of a correction changes, and parameters that one moves.
-ENTRIES, MOVES = 110, 10
+_ENTRIES, _MOVES = 110, 10
 
 
 class Phase(NamedTuple):
@@ -107,7 +107,7 @@ def phases(size: FilterSize) -> Iterator[Phase]:
         if k:
             yield Phase("turn_columns", (60.0 * k,), m)
             yield Phase("correct_root", tuple(9.0 * entries), m, numbered=True)
-            yield Phase("move_parameters", (MOVES * (100.0 + 6.0 * n),) * -(-k // MOVES), m, numbered=True)
+            yield Phase("move_parameters", (_MOVES * (100.0 + 6.0 * n),) * -(-k // _MOVES), m, numbered=True)
             yield Phase("refresh", (60.0 * k + 100.0 * size.weights,), m)
     if size.drifts:
         yield Phase("add_drift", tuple(9.0 * entries + 45.0 * np.diff(size.rows)), numbered=True)
@@ -116,7 +116,7 @@ def phases(size: FilterSize) -> Iterator[Phase]:
 
 
 def shares(costs: list[float], turns: int, first: float, last: float) -> list[int]:
-    """How many items in all are done after each of some samples, so that the dearest sample is as cheap as it can be.
+    """Number of items that are done after each of some samples, so that the dearest sample is as cheap as it can be.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ def _items(size: FilterSize) -> dict[str, object]:
         "phases": [{"first": at, **phase._asdict()} for at, phase in zip(first, order, strict=False)],
         "n_items": first[-1],
         "rows": size.rows,
-        "moves": MOVES,
+        "moves": _MOVES,
     }
 
 

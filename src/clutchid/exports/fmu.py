@@ -52,15 +52,15 @@ Causality = Literal["input", "output", "parameter", "local", "independent"]
 Variability = Literal["continuous", "discrete", "tunable", "fixed"]
 
 #: Longest interval with held inputs in a step of a model in s, as a control unit renews them.
-SAMPLE_TIME = 1e-3
+_SAMPLE_TIME = 1e-3
 
 #: Position in m at which an observer gives the load until another one is set: where the paper's load peaks.
-LOAD_POSITION = 8.5e-3
+_LOAD_POSITION = 8.5e-3
 
 #: Date of every file in an FMU: the same calibration gives the same bytes.
 DATE = (1980, 1, 1, 0, 0, 0)
 
-FLAGS_OF_COMPILER = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden")
+_FLAGS_OF_COMPILER = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden")
 
 #: Folder of what FMI-LS-XCP 1.0 wants: a manifest, and an A2L of the sources and of each binary.
 XCP = "extra/org.fmi-standard.fmi-ls-xcp"
@@ -69,7 +69,7 @@ XCP = "extra/org.fmi-standard.fmi-ls-xcp"
 FMUS: Mapping[Version, str] = MappingProxyType({2: "", 3: "_fmi3"})
 
 #: Folders of binaries by version: of 64-bit Linux, and of 64-bit Windows.
-LINUX, WINDOWS = {2: "linux64", 3: "x86_64-linux"}, {2: "win64", 3: "x86_64-windows"}
+_LINUX, _WINDOWS = {2: "linux64", 3: "x86_64-linux"}, {2: "win64", 3: "x86_64-windows"}
 
 
 class Array(NamedTuple):
@@ -206,7 +206,7 @@ def model_fmu(actuator: Actuator, name: str = "actuator", version: Version = 2) 
         "stable": STABLE_STEP,
         "most": MOST_SUBSTEPS,
         "rounding": ROUNDING,
-        "spacing": SAMPLE_TIME,
+        "spacing": _SAMPLE_TIME,
         "longest": 0.0,
         "failure": "states are not finite, or the parameters need too many integration steps.",
     }
@@ -223,8 +223,8 @@ def missing_parts(file: str, fmu: bytes) -> tuple[str, ...]:
     """A sentence for each binary that an FMU, written to a file, could have and lacks, and for addresses of its A2L."""
     present = set(platforms(fmu))
     reasons = (
-        (LINUX, "for 64-bit Linux: there is no C compiler for it on this machine"),
-        (WINDOWS, f"for 64-bit Windows: ziglang, which compiles it, is not installed: {install_command('export')}"),
+        (_LINUX, "for 64-bit Linux: there is no C compiler for it on this machine"),
+        (_WINDOWS, f"for 64-bit Windows: ziglang, which compiles it, is not installed: {install_command('export')}"),
     )
     notes = tuple(f"{file} has no binary {reason}." for names, reason in reasons if present.isdisjoint(names.values()))
     with zipfile.ZipFile(io.BytesIO(fmu)) as archive:
@@ -249,7 +249,7 @@ def _of_observer(observer: Observer, state: ObserverState, version: Version) -> 
         Variable("position_measured", "position as the sensor shows it; NaN for none", "input", "m", 0.0),
         *_duties(observer.actuator.equipment),
         Variable("supply_pressure", "supply pressure, absolute; 0 for none", "input", "Pa", 0.0),
-        Variable("load_position", "position of the load that is given", "parameter", "m", LOAD_POSITION, "tunable"),
+        Variable("load_position", "position of the load that is given", "parameter", "m", _LOAD_POSITION, "tunable"),
         *(
             replace(v, name=f"start.{v.name}", description=f"{v.description}, at the start", array=v.array and before)
             for v in adapting
@@ -306,7 +306,7 @@ def _of_model(actuator: Actuator) -> list[Variable]:
         Variable("start.position", "position of the piston at the start", "parameter", "m", 0.0, "fixed"),
         Variable("start.pressure_a", "pressure in chamber A at the start, absolute; 0 for P_0", "parameter", "Pa", 0.0,
                  "fixed"),
-        Variable("sample_time", "longest interval with held inputs within a step", "parameter", "s", SAMPLE_TIME,
+        Variable("sample_time", "longest interval with held inputs within a step", "parameter", "s", _SAMPLE_TIME,
                  "fixed", 1e-6),
         Variable("stiffness", "fastest mode that integration steps follow", "parameter", "1/s",
                  stiffness(actuator), "tunable", 0.0),
@@ -454,10 +454,10 @@ def _builds(name: str, version: Version) -> Iterator[_Build]:
     """For Linux where this machine can compile it, for Windows by ziglang, which would link other parts with -s."""
     cc = compiler()
     if cc is not None and is_linux64():
-        yield _Build(f"{LINUX[version]}/{name}.so", (cc,), "-s")
+        yield _Build(f"{_LINUX[version]}/{name}.so", (cc,), "-s")
     if find_spec("ziglang"):
         zig = (sys.executable, "-m", "ziglang", "cc", "-target", "x86_64-windows-gnu")
-        yield _Build(f"{WINDOWS[version]}/{name}.dll", zig, "-g0")
+        yield _Build(f"{_WINDOWS[version]}/{name}.dll", zig, "-g0")
 
 
 def _binaries(name: str, version: Version, sources: Mapping[str, bytes], xcp: str) -> dict[str, bytes]:
@@ -470,7 +470,7 @@ def _binaries(name: str, version: Version, sources: Mapping[str, bytes], xcp: st
     """
     header, tool = f"fmi{version}Functions.h", a2ltool() if xcp else None
     texts = {**sources, header: template(f"{header}.j2", "clutchid.exports").render().encode()}
-    flags = (*FLAGS_OF_COMPILER, f"-DFMI{version}_OVERRIDE_FUNCTION_PREFIX")
+    flags = (*_FLAGS_OF_COMPILER, f"-DFMI{version}_OVERRIDE_FUNCTION_PREFIX")
     files: dict[str, bytes] = {}
     for build in _builds(name, version):
         with TemporaryDirectory() as folder:

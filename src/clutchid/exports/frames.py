@@ -59,12 +59,12 @@ LOAD = ResultMessage("ClutchLoad", 0x6E1, _words(
     ("load_half", 0.2, 0.0, "N", "Half of its 95 % band."),
     ("stroke", 1.0, 0.0, "", "Strokes that have ended."),
 ))  # fmt: skip
-HEALTH = ResultMessage("ClutchHealth", 0x6E2, (
+_HEALTH = ResultMessage("ClutchHealth", 0x6E2, (
     Signal("sample_time", 0, 32, scale=0.001, unit="s", comment="Time of the sample of these three frames."),
     *(Signal(name, 32 + i, 1, comment=meaning) for i, (name, meaning) in enumerate(_BITS.items())),
     TRUST,
 ))  # fmt: skip
-MESSAGES = (STATE, LOAD, HEALTH)
+MESSAGES = (STATE, LOAD, _HEALTH)
 
 #: Identifier and payload of a frame.
 Frame = tuple[int, bytes]

@@ -27,7 +27,7 @@ from clutchid.observer.state import ObserverState, RestWatch, Sound
 from clutchid.strokes.stroke import Strokes
 
 #: Standard deviation of the position sensor's noise in the trial drive in m.
-SENSOR_NOISE = 1e-5
+_SENSOR_NOISE = 1e-5
 
 #: Columns of the results of a sample in C, see ``replay.c``.
 COLUMNS = tuple(OUTPUTS)
@@ -134,7 +134,7 @@ def trial_drive(observer: Observer, period: float = 1.3, vents: float = 0.5) -> 
     log = Log(time, duties, "trial drive")
     position = lagged(simulate(actuator, log).log["position"], actuator.parameters.tau_y, spacing)
     # without noise a piston that stands is taken for a frozen sensor, in float before it is in double
-    noise = SENSOR_NOISE * np.random.default_rng(0).standard_normal(len(log))
+    noise = _SENSOR_NOISE * np.random.default_rng(0).standard_normal(len(log))
     return log.with_columns(position=position + noise)
 
 

@@ -15,7 +15,7 @@ from clutchid.log import FloatArray
 #: float, standard deviations, innovations and speeds are less exact while the piston sticks (measured on truck A over
 #: 60 s between a Cortex-M4 and x86-64: 8e-2, 2e-3 and 1e-3). Strokes and flags are equal.
 TOLERANCE = {"float": 1e-3, "double": 1e-6}
-LESS_EXACT = {"pressure_a_std": 300.0, "velocity": 10.0, "innovation": 20.0, "innovation_std": 20.0}
+_LESS_EXACT = {"pressure_a_std": 300.0, "velocity": 10.0, "innovation": 20.0, "innovation_std": 20.0}
 
 #: Clock of the mps2-an386 in Hz.
 CLOCK = 25_000_000
@@ -113,6 +113,6 @@ def vectors(samples: FloatArray, outputs: FloatArray, style: CStyle, begins_us: 
 def _tolerances(outputs: FloatArray, style: CStyle) -> FloatArray:
     values = np.abs(np.where(np.isfinite(outputs), outputs, 0.0))
     largest = values.max(axis=0, initial=0.0)
-    shares = [LESS_EXACT.get(name, 1.0) if output.unit else 0.0 for name, output in OUTPUTS.items()]
+    shares = [_LESS_EXACT.get(name, 1.0) if output.unit else 0.0 for name, output in OUTPUTS.items()]
     tolerances: FloatArray = TOLERANCE[style.real] * np.array(shares) * largest
     return tolerances

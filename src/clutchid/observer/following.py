@@ -133,7 +133,7 @@ def observe_strokes(
     repeated = repeats(block.time, state.latest, observer.spacing)
     values, state = _values(observer, state, block, repeated)
     fills = observer.joint.reference is not None
-    samples, rows, known = bridged(state, values.log, repeated, values.ends, observer.spacing, fills)
+    samples, rows, driven = bridged(state, values.log, repeated, values.ends, observer.spacing, fills)
     observed, stretches = _nothing(observer, samples.time), _stretches(observer, samples)
     rest, unzeroed, moves = _rests(observer, state, samples, stretches, observed)
     counted = subtracted(observer, observed.rest)
@@ -154,7 +154,7 @@ def observe_strokes(
                 judged = b
     state = _judged(observer, state, observed, slice(judged, samples.time.size))
     latest = float(samples.time[-1]) if samples.time.size else state.latest
-    state = replace(state, rest=rest, unzeroed=unzeroed, strokes=strokes, latest=latest, known=known)
+    state = replace(state, rest=rest, unzeroed=unzeroed, strokes=strokes, latest=latest, known=driven)
     return state, _of_rows(observed, rows, values, block, repeated), at_ends
 
 
@@ -331,9 +331,9 @@ def _fixed(joint: JointFilter) -> JointFilter:
     return replace(joint, settings=replace(joint.settings, least_speed=np.inf))
 
 
-def _first(known: Mask) -> int:
-    """Number of the first known sample, as many as there are if none is."""
-    return int(np.argmax(np.append(known, True)))
+def _first(mask: Mask) -> int:
+    """Number of the first sample in a mask, as many as there are without one."""
+    return int(np.argmax(np.append(mask, True)))
 
 
 def _check(state: ObserverState, block: Log) -> None:
@@ -356,9 +356,9 @@ def _check(state: ObserverState, block: Log) -> None:
 
 def _stretches(observer: Observer, samples: Tail) -> list[tuple[int, int]]:
     """Ranges of samples with known inputs and without holes, and single samples without inputs."""
-    known: Mask = np.all(np.isfinite(samples.duties), axis=1)
+    inputs: Mask = np.all(np.isfinite(samples.duties), axis=1)
     hole = np.diff(samples.time) > longest(observer.spacing)
-    cuts = np.flatnonzero(hole | ~known[1:] | ~known[:-1]) + 1
+    cuts = np.flatnonzero(hole | ~inputs[1:] | ~inputs[:-1]) + 1
     return [(a, b) for a, b in pairwise([0, *cuts.tolist(), samples.time.size]) if b > a]
 
 

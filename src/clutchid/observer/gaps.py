@@ -36,13 +36,13 @@ RESOLUTION = 1e-6
 class Bridged(NamedTuple):
     """The samples that an observer follows in place of those of a block.
 
-    `rows` (n,) are the places in `samples` of those of the block, that of the sample before for one that repeats it, -1
-    where there is none; `known` is the time in s of the last sample with both duty cycles, NaN for none.
+    `rows` (n,) are the places in `samples` of those of the block; a repeated sample has the place of the one before, -1
+    without any. `driven` is the time in s of the last sample with both duty cycles, NaN for none.
     """
 
     samples: Tail
     rows: NDArray[np.int64]
-    known: float
+    driven: float
 
 
 def longest(spacing: float) -> float:
@@ -86,13 +86,13 @@ def bridged(state: ObserverState, block: Log, repeated: Mask, ends: Mask, spacin
     barriers = np.zeros(m, dtype=bool)
     barriers[own] = ends[taken]
     duties = np.where(barriers[:, None], np.nan, np.column_stack(columns[:2]))
-    duties, held, known = _held(state, stamps, duties, barriers)
+    duties, held, driven = _held(state, stamps, duties, barriers)
     unknown = np.append(_driven(state) and state.known < state.latest, held[:-1])[: held.size].astype(np.float64)
     unknown[own] += lost - missing
     open_std = UNKNOWN * spacing * np.sqrt(unknown)
     rows = np.full(len(block), -1)
     rows[at] = places
-    return Bridged(Tail(stamps, duties, columns[2], columns[3], open_std), np.maximum.accumulate(rows), known)
+    return Bridged(Tail(stamps, duties, columns[2], columns[3], open_std), np.maximum.accumulate(rows), driven)
 
 
 def _driven(state: ObserverState) -> bool:
@@ -106,7 +106,7 @@ def latest_driven(state: ObserverState) -> float:
 
 
 def repeats(time: FloatArray, latest: float, spacing: float) -> Mask:
-    """Whether each sample comes so soon after the last one that counts that it repeats it."""
+    """Whether each sample comes so soon after another that it repeats it."""
     shortest = SHORT * spacing - 0.5 * RESOLUTION
     repeated = np.zeros(time.size, dtype=bool)
     if time.size and (time[0] - latest < shortest or np.any(np.diff(time) < shortest)):
@@ -117,7 +117,7 @@ def repeats(time: FloatArray, latest: float, spacing: float) -> Mask:
 
 
 def _held(state: ObserverState, time: FloatArray, duties: FloatArray, ends: Mask) -> tuple[FloatArray, Mask, float]:
-    """Duty cycles held where they are missing for a short time, and where that is; `known` of `Bridged`."""
+    """Duty cycles held where they are missing for a short time, and where that is; `driven` of `Bridged`."""
     if time.size and not (np.isnan(duties).any() or ends.any()):
         return duties, np.zeros(time.size, dtype=bool), float(time[-1])
     before = state.known if _driven(state) and state.tail.time.size else np.nan

@@ -25,7 +25,7 @@ RECENT, STROKES = 120.0, 1000
 CHECKED = 30.0
 
 #: Part of an interval by which a stamp may be rounded below the instant that it stands for.
-ROUNDED = 1e-6
+_ROUNDED = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,7 +123,7 @@ def due(time: FloatArray, latest: float, every: float) -> NDArray[np.bool_]:
     """
     if every == 0.0:
         return np.ones(time.size, dtype=bool)
-    number = np.floor(np.append(latest if np.isfinite(latest) else -np.inf, time) / every + ROUNDED)
+    number = np.floor(np.append(latest if np.isfinite(latest) else -np.inf, time) / every + _ROUNDED)
     chosen: NDArray[np.bool_] = number[1:] > number[:-1]
     return chosen
 

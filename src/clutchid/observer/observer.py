@@ -41,7 +41,7 @@ MEMORY, DRIFT = 0.01, 2e-4
 
 #: Standard deviations in SI of states at the start of a stretch that is not vented, in place of those of their rows: a
 #: hole ends in any motion. Provenance: docs/derivations_online.md.
-UNKNOWN_START = MappingProxyType({"v": 0.3, "z": 1e-3})
+_UNKNOWN_START = MappingProxyType({"v": 0.3, "z": 1e-3})
 
 #: Factor on the stiffness of the calibrated actuator, whose parameters adapt.
 MARGIN = 1.05
@@ -199,7 +199,7 @@ def observer(
         measured={name: SENSORS[name].noise for name in measure},
         states={name: row.noise for name, row in actuator.state_rows.items()},
         memory=MEMORY,
-        unknown_start=dict(UNKNOWN_START),
+        unknown_start=dict(_UNKNOWN_START),
     )
     limits = np.array([0.0 if c.base == LEAK else -BOUND for c in prior.free]), np.full(len(prior.free), BOUND)
     return Observer(

@@ -60,7 +60,7 @@ def considered_supply(actuator: Actuator, share: float) -> Considered | None:
 
 
 class Supply(NamedTuple):
-    """How a recorded supply pressure is used.
+    """Use of a recorded supply pressure.
 
     `ratio` of the estimated to the recorded one in the calibration, its standard deviation as a `share` of it, and the
     `recorded` one in Pa.

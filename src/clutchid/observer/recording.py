@@ -26,13 +26,13 @@ from clutchid.strokes.values import ends_stretch, is_value, outside, with_inputs
 
 #: As many intervals at the start of a recording give the time from one sample to the next, rounded to so many digits:
 #: what is known before the recording has ended, and the same for its parts.
-INTERVALS, DIGITS = 100, 3
+_INTERVALS, DIGITS = 100, 3
 
 #: Part by which the time from one sample to the next may differ between the parts of a recording.
-SAME_PACE = 0.1
+_SAME_PACE = 0.1
 
 #: Columns of the innovations and their standard deviations by what they compare.
-INNOVATION = {
+_INNOVATION = {
     "position": ("innovation", "innovation std"),
     "force": ("innovation_force [N]", "innovation_force_std [N]"),
 }
@@ -48,7 +48,7 @@ class ObservedRecording:
     Attributes
     ----------
     observer
-        It.
+        The observer, a value that does not change.
     log
         The recording; what is no value is missing.
     before, after
@@ -105,7 +105,7 @@ class ObservedRecording:
             for name, values in self.log.columns.items()
         }
         pressure, half = states["pressure_a"], QUANTILE * self.deviation("p_A")
-        innovation, deviation = INNOVATION[self.observer.joint.compares]
+        innovation, deviation = _INNOVATION[self.observer.joint.compares]
         added = {
             "pressure_a low": pressure - half,
             "pressure_a high": pressure + half,
@@ -165,7 +165,7 @@ def spacing(log: Log) -> float:
     """
     if len(log) < 2:
         raise DataError(f"{log.name}: {len(log)} samples; an observer needs two at least, to know their distance.")
-    return float(f"{sample_interval(log.time[: INTERVALS + 1]):.{DIGITS}g}")
+    return float(f"{sample_interval(log.time[: _INTERVALS + 1]):.{DIGITS}g}")
 
 
 def too_slow(log: Log, actuator: Actuator) -> str:
@@ -209,7 +209,7 @@ def check_pace(observer: Observer, log: Log) -> None:
     DataError
         If it is not.
     """
-    if len(log) > 1 and abs(spacing(log) / observer.spacing - 1.0) > SAME_PACE:
+    if len(log) > 1 and abs(spacing(log) / observer.spacing - 1.0) > _SAME_PACE:
         raise DataError(
             f"{log.name}: a sample every {spacing(log) * 1e3:.3g} ms, but the observer was started with one every "
             f"{observer.spacing * 1e3:.3g} ms; go on with a recording at the same rate, or start anew."

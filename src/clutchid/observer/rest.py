@@ -87,7 +87,7 @@ def _low(
     watch: RestWatch, before: VentedRest, pace: RestPace, position: FloatArray, opened: BoolArray
 ) -> tuple[RestWatch, list[tuple[int, float, tuple[float, ...]]]]:
     """Follow low samples with the supply closed: number of the sample behind each new level, and the levels then."""
-    found: list[tuple[int, float, tuple[float, ...]]] = []
+    changes: list[tuple[int, float, tuple[float, ...]]] = []
     at = 0
     while at < position.size:
         end = min(position.size, at + pace.window - watch.window.size)
@@ -106,9 +106,9 @@ def _low(
             if moved is not None:
                 lowest, returned = moved, tuple(sorted(returned[-AGREEING:]))
             watch = watch._replace(lowest=lowest, returned=returned, taken=True)
-            found.append((at, lowest, returned))
+            changes.append((at, lowest, returned))
         watch = watch._replace(window=np.empty(0), vents=watch.vents if still else 0)
-    return watch, found
+    return watch, changes
 
 
 def _moved_stop(before: VentedRest, lowest: float, returned: tuple[float, ...]) -> float | None:

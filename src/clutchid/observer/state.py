@@ -122,7 +122,7 @@ NOTHING = RestWatch()
 
 
 class Sound(NamedTuple):
-    """What is known of the parameters at the end of a stroke: theta, T, G and wear of `ObserverState`."""
+    """The parameters as known at the end of a stroke: theta, T, G and wear of `ObserverState`."""
 
     theta: FloatArray
     T: FloatArray

@@ -205,8 +205,8 @@ def _problems(state: ObserverState) -> Iterator[str]:
         "rest": (rest.returned, rest.window),
         "unzeroed": (state.unzeroed,),
     }
-    yield from (f"{name} has a value that is not finite" for name, each in finite.items()
-                if not all(np.isfinite(values).all() for values in each))  # fmt: skip
+    yield from (f"{name} has a value that is not finite" for name, entries in finite.items()
+                if not all(np.isfinite(values).all() for values in entries))  # fmt: skip
     wrong = {
         "the columns of tail have different lengths": any(len(column) != m for column in tail),
         "the times of tail do not increase": np.any(np.diff(tail.time) <= 0.0),

@@ -30,7 +30,7 @@ def kind_of(letters: str) -> type[Vehicle]:
 
 
 def _taken_apart(truck: Vehicle) -> tuple[Any, ...]:
-    """How a truck is pickled: its type has no name in a module."""
+    """Constructor and arguments of a pickled truck, whose type has no name in a module."""
     return remade, (truck.parts.letters, {item.name: getattr(truck, item.name) for item in fields(truck)})
 
 

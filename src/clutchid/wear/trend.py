@@ -57,7 +57,7 @@ REFERENCE = 293.15
 
 
 class Occurrence(NamedTuple):
-    """How often events happen: a replaced clutch and a sudden change in a life, an outlier in a recording."""
+    """Frequencies of events: a replaced clutch and a sudden change in a life, an outlier in a recording."""
 
     replaced: float
     sudden: float

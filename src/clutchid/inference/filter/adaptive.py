@@ -77,20 +77,20 @@ def correct_sample_adaptively(state: AdaptiveState, value: float, arrays: Filter
     errors : (2,)
         Receives innovation and variance of the sensor, NaN for none.
     """
-    x, average, known, sensor = state.x, state.average, state.known, arrays.sensors[0]
+    x, average, follows, sensor = state.x, state.average, state.known, arrays.sensors[0]
     model, settings, scratch, numbers = arrays.model, arrays.settings, arrays.scratch, arrays.settings.reference
     offset, sigma = arrays.derived.of_sensor[0, 0], arrays.derived.of_sensor[0, 1]
     at_speed, at_position = settings.at_speed, settings.at_position
     errors[:] = np.nan
     if math.isnan(value):
-        known[0] = 0
+        follows[0] = 0
         return False
     e = value - (x[sensor[OUTPUT]] + offset)
     bound = settings.outlier * sigma
     errors[0], errors[1] = e, sigma * sigma
-    if known[0] == 0:
+    if follows[0] == 0:
         correct_position(x, e, model, sensor, numbers, 0.0)
-        known[0], average[0] = 1, x[at_position]
+        follows[0], average[0] = 1, x[at_position]
         return False
     inside, e = abs(e) <= bound, min(max(e, -bound), bound)
     middle = x[at_position] + 0.5 * e

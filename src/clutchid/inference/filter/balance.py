@@ -30,10 +30,10 @@ from clutchid.inference.filter.setup import (
 from clutchid.log import FloatArray
 
 #: Mass in kg whose velocity the forces do not change, but in digits that are left of it.
-PRESCRIBED = 1e9
+_PRESCRIBED = 1e9
 
 #: Rows of the smoothing weights: position and velocity late, position of the newest sample.
-LATE, LATE_SPEED, NEWEST = range(3)
+LATE, _LATE_SPEED, _NEWEST = range(3)
 
 
 @kernel
@@ -91,7 +91,7 @@ def move_prescribed(
     reached = x[at_position] + speed * length
     x[at_speed] = speed
     finite = step_model(step, x, S, u, length, substeps, model)
-    impulse = PRESCRIBED * (x[at_speed] - speed)
+    impulse = _PRESCRIBED * (x[at_speed] - speed)
     x[at_speed], x[at_position] = speed, reached
     return finite, impulse
 
@@ -116,7 +116,7 @@ def move_late(step: Callable[..., bool], state: BalanceState, arrays: FilterArra
     settings, h, late, oldest = arrays.settings, arrays.scratch.step, state.late, state.intervals[0]
     numbers, at_speed, at_position = settings.reference, settings.at_speed, settings.at_position
     length = oldest[oldest.size - 1]
-    speed = smoothed(numbers.smoothing[LATE_SPEED], state.positions)
+    speed = smoothed(numbers.smoothing[_LATE_SPEED], state.positions)
     to = smoothed(numbers.smoothing[LATE], state.positions)
     middle = 0.5 * (late[at_position] + to)
     steps = steps_at(arrays.pace, late[at_position], late[at_speed], length, 1)
@@ -150,7 +150,7 @@ def move_both(
     if state.intervals[0, u.size] > 0.0:
         finite = move_late(step, state, arrays)
     steps = steps_at(arrays.pace, x[settings.at_position], x[settings.at_speed], length, 1)
-    to = smoothed(settings.reference.smoothing[NEWEST], state.positions)
+    to = smoothed(settings.reference.smoothing[_NEWEST], state.positions)
     interval = u, length, steps
     return move_prescribed(step, x, arrays.scratch.S, arrays.model, interval, settings, to)[0] and finite
 
@@ -173,7 +173,7 @@ def follow_balance(
     x, model, settings, derived = state.x, arrays.model, arrays.settings, arrays.derived
     at_position = settings.at_position
     output.errors[:], output.deviations[:] = np.nan, np.nan
-    model.p[settings.reference.at_mass] = PRESCRIBED
+    model.p[settings.reference.at_mass] = _PRESCRIBED
     prepare(model.p, model.fill_slot, model.work)
     refresh(prepare, state.theta, arrays.free, derived, model)
     for i in range(span[0], span[1]):
@@ -198,12 +198,12 @@ REACH = 1e-3
 #: For each sample without a usable position so many with one must follow before the balance counts again: the pressure
 #: in open loop knows nothing of how the piston moved meanwhile, until the chamber is vented. Provenance:
 #: docs/derivations_online.md.
-RENEWAL = 2
+_RENEWAL = 2
 
 
 @kernel
 def take_position(state: BalanceState, value: float) -> None:
-    """Put a position behind the others; one that is missing, or that no piston can have reached, is as the last."""
+    """Put a position behind the others; where it is missing, or no piston can have reached it, the last one again."""
     positions, usable, missing = state.positions, state.usable, state.missing
     last = positions.size - 1
     newest = positions[last]
@@ -211,7 +211,7 @@ def take_position(state: BalanceState, value: float) -> None:
         positions[i] = positions[i + 1]
     usable_value = not math.isnan(value) and abs(value - newest) <= REACH * (1.0 + missing[0])
     positions[last] = value if usable_value else newest
-    usable[0] = usable[0] + 1 if usable_value else min(usable[0], 0) - RENEWAL
+    usable[0] = usable[0] + 1 if usable_value else min(usable[0], 0) - _RENEWAL
     missing[0] = 0 if usable_value else missing[0] + 1
 
 

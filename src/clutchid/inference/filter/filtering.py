@@ -106,7 +106,7 @@ def filtered(
     segment, states, k = track.segment, mapped.actuator.states, len(mapped.bases)
     inputs_of(segment, mapped.actuator.model)
     wait_for_kernels()
-    state, arrays = _start(track, mapped, measure, noise, given=fixed_gains is not None)
+    state, arrays = _start(track, mapped, measure, noise, with_gains=fixed_gains is not None)
     along = intervals(segment, mapped.actuator, noise, _SENSORS), measured_values(track, measure, _SENSORS)
     calls = step(mapped.actuator.model), prepare(mapped.actuator.model)
     length, sensors = len(segment), len(_SENSORS)
@@ -133,8 +133,8 @@ def filtered(
 
 def _measured(rows: FloatArray, sensors: int) -> NDArray[np.bool_]:
     """Rows of the samples that have a measurement; those between the samples of a slow recording have none."""
-    known: NDArray[np.bool_] = np.repeat(rows.any(axis=1).reshape(-1, sensors).any(axis=1), sensors)
-    return known
+    rows_of_samples: NDArray[np.bool_] = np.repeat(rows.any(axis=1).reshape(-1, sensors).any(axis=1), sensors)
+    return rows_of_samples
 
 
 def _loss(r: FloatArray, outlier: float) -> float:
@@ -153,13 +153,13 @@ def _spread(rows: FloatArray, mapped: ParameterMap) -> FloatArray:
 
 
 def _start(
-    track: Track, mapped: ParameterMap, measure: Sequence[str], noise: Noise, *, given: bool
+    track: Track, mapped: ParameterMap, measure: Sequence[str], noise: Noise, *, with_gains: bool
 ) -> tuple[FilterState, FilterArrays]:
     """State at the start of a segment, and arrays of a filter that corrects at every sample and adapts nothing."""
     segment, actuator, k = track.segment, mapped.actuator, len(mapped.bases)
     which, sensors, states = columns(actuator, mapped.bases), sensor_rows(mapped, _SENSORS), actuator.states
     L = np.diag(start_deviations(segment, actuator, "pressure_a" in measure, noise))
-    x, S = first_state(segment, mapped, which, L[:, :0] if given else L, _SENSORS)
+    x, S = first_state(segment, mapped, which, L[:, :0] if with_gains else L, _SENSORS)
     none, nothing = np.zeros(0, dtype=np.int64), np.zeros((x.size, 0))
     first = np.zeros(1, dtype=np.int64)
     state = FilterState(x, S, np.zeros(k), np.zeros((k, 0)), np.zeros(x.size), nothing, first)

@@ -351,14 +351,14 @@ def _with_outputs(joint: JointFilter, of_states: FloatArray) -> FloatArray:
 
 
 def follow(
-    joint: JointFilter, state: MethodState, given: JointInputs, span: tuple[int, int], number: int = 0
+    joint: JointFilter, state: MethodState, segment: JointInputs, span: tuple[int, int], number: int = 0
 ) -> JointPass | Diverged:
     """Filter the samples of a segment from the first of `span` to before the last, from the state before the first.
 
     A recording that is filtered in parts has the same result bit by bit, if `number` is that of the first sample of the
     part in the recording.
     """
-    failed, after, output = _filtered(joint, state, given, (*span, number))
+    failed, after, output = _filtered(joint, state, segment, (*span, number))
     finite = all(np.isfinite(array).all() for name, array in after._asdict().items() if name != "at_values")
     if failed >= 0 or not finite:
         at = failed if failed >= 0 else span[1] - 1
@@ -393,7 +393,7 @@ def _copied(state: _State) -> _State:
 
 
 def _filtered(
-    joint: JointFilter, state: _State, given: JointInputs, span: tuple[int, int, int]
+    joint: JointFilter, state: _State, segment: JointInputs, span: tuple[int, int, int]
 ) -> tuple[int, _State, FilterOutput]:
     """The kernel over some samples: the first that is not finite, or -1; state and output after them."""
     after = _copied(state)
@@ -402,7 +402,7 @@ def _filtered(
     output = FilterOutput(np.empty((count, sensors, 2)), np.empty((count, n)), np.empty((count, n)), one_gain, *nothing)
     module, kernel = joint.kernel
     failed: int = getattr(kernels_in(module), kernel)(
-        *calls(joint), after, _arrays(joint, after), given.intervals, given.values, output, span
+        *calls(joint), after, _arrays(joint, after), segment.intervals, segment.values, output, span
     )
     return failed, after, output
 
@@ -421,7 +421,7 @@ def covariance(joint: JointFilter, at: FilterState) -> FloatArray:
 
 
 def _source(joint: JointFilter, size: int) -> FloatArray:
-    """What E gains from one correction to the next, (size, c)."""
+    """Increase of E from one correction to the next, (size, c)."""
     if joint.considered is None:
         return np.zeros((size, 0))
     rate, seconds = joint.considered.rate, joint.settings.spacing * joint.settings.every
@@ -429,7 +429,7 @@ def _source(joint: JointFilter, size: int) -> FloatArray:
 
 
 def _arrays(joint: JointFilter, state: MethodState) -> FilterArrays:
-    """What the recursion computes from theta, its settings, and its scratch arrays."""
+    """Arrays of the recursion: derived from theta, settings, and scratch."""
     s, moving, actuator = joint.settings, joint.moving, joint.mapped.actuator
     n, names = len(actuator.states), actuator.states
     moved = moving.responses + state.x.size if joint.reference is None else 0

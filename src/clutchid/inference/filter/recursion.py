@@ -4,16 +4,16 @@ The state x has the n states of the model, then the output of each sensor, becau
 own. The filter is the two-stage one of Friedland (1969), which is the Kalman filter of states and parameters together:
 the error of x is ``D dtheta + L n``, with dtheta the error of the parameters, whose covariance is T T', and n
 independent of it. So D are derivatives with respect to the parameters, which the model moves like L, ``S = [D | L]``,
-and T changes by corrections only. Potter's update keeps L a root of a covariance, and Carlson's keeps T one that is
-lower triangular, so covariances stay positive and have twice the digits.
+and T changes by corrections only. Potter's update keeps L a root of a covariance, and Carlson's keeps T lower
+triangular, so covariances stay positive and have twice the digits.
 
 On line a correction takes the time of several samples, and a control unit cannot do all of it in one. So the recursion
-has the schedule of one that spreads it: a correction by a sample is computed from what the filter knew there, and acts
-just before the next one is due, moved on by Phi and Gamma (`begin_correction`, `end_correction`). What the parameters
-gain in a stroke is added to T a column at each of the next corrections. Nothing else is known in between, so a filter
+has the same schedule: a correction by a sample is computed from what the filter knew there, and acts just before the
+next one is due, moved on by Phi and Gamma (`begin_correction`, `end_correction`). What the parameters gain in a stroke
+is added to T a column at each of the next corrections. Nothing else is known in between, so a filter
 that starts anew, or a state that is stored, never sees half of a correction.
 
-A control unit must not need the time of several samples for one that is late. So in what is missing before it x moves
+A control unit must not need the time of several samples for a late one. So over the samples missing before it x moves
 alone, and the parts of a correction are counted in samples, not in time.
 
 References
@@ -212,7 +212,7 @@ def move_alone(
     u, length, coefficients = interval
     x, sensors, model, pace, scratch = state.x, arrays.sensors, arrays.model, arrays.pace, arrays.scratch
     at_speed, at_position, spacing = arrays.settings.at_speed, arrays.settings.at_position, arrays.settings.spacing
-    before, lags, kept, width = scratch.before, arrays.derived.lags, scratch.S, columns.shape[1]
+    before, lags, columns_before, width = scratch.before, arrays.derived.lags, scratch.S, columns.shape[1]
     own = spacing / steps_at(pace, x[at_position], x[at_speed], spacing, 1)
     late = length - own
     rest[0] = late
@@ -221,7 +221,7 @@ def move_alone(
         copy(before[m, 1 : 1 + width], columns[sensors[m, STATE]])
         before[m, 0] = x[sensors[m, STATE]]
     for i in range(x.size):
-        copy(kept[i, :width], columns[i])
+        copy(columns_before[i, :width], columns[i])
     left = late
     while left > 0.0:
         steps = steps_at(pace, x[at_position], x[at_speed], left, 1)
@@ -229,7 +229,7 @@ def move_alone(
         left -= left / steps
     move_sensors(x, columns, before, sensors, coefficients)
     for i in range(x.size):
-        copy(columns[i], kept[i])
+        copy(columns[i], columns_before[i])
     # at a stop, speeds times milliseconds would grow without end
     moves = abs(x[at_speed]) > arrays.settings.least_speed
     for j in range(width if moves else 0):
@@ -484,17 +484,17 @@ def end_correction(
     """
     window, scratch, numbers, theta = arrays.window, arrays.scratch, arrays.free.numbers, state.theta
     x, moved, responses = state.x, state.moved, window.columns.size
-    kept = FilterState(
+    earlier = FilterState(
         state.at_x, state.S, theta, state.T, state.at_waiting, state.at_moved, state.at_first, state.E, state.G,
         state.at_x, state.at_moved, state.at_waiting, state.at_first, state.at_values, state.due, state.wear,
     )  # fmt: skip
-    place_window(kept.first[0], window)
-    bring_up(kept, kept.moved, window.columns, scratch.S)
+    place_window(earlier.first[0], window)
+    bring_up(earlier, earlier.moved, window.columns, scratch.S)
     place_window(state.first[0], window)
-    copy(scratch.x, kept.x)
+    copy(scratch.x, earlier.x)
     for j in range(theta.size):
         scratch.si[j] = value_in_si(numbers[j], theta[j])
-    correct_sample(prepare, kept, arrays, kept.at_values, state.due[0] & ADAPTS > 0, output)
+    correct_sample(prepare, earlier, arrays, earlier.at_values, state.due[0] & ADAPTS > 0, output)
     if state.due[0] & WEARS > 0:
         add_drift(state.T, arrays.settings.drifts, state.wear, scratch.turns)
     for j in range(theta.size):
@@ -504,7 +504,7 @@ def end_correction(
         for c in range(responses):
             change += moved[i, c] * scratch.si[window.columns[c]]
         for q in range(x.size):
-            change += moved[i, responses + q] * (kept.x[q] - scratch.x[q])
+            change += moved[i, responses + q] * (earlier.x[q] - scratch.x[q])
         x[i] += change
     state.due[0] = 0
 

@@ -85,7 +85,7 @@ WEIGHT, PARAMETER, LAG_OF, OFFSET_OF = range(4)
 
 
 class FreeArrays(NamedTuple):
-    """What is fixed about k free parameters: `numbers` (k, 7), `places` (k, 4).
+    """Constants of k free parameters: `numbers` (k, 7), `places` (k, 4).
 
     `pieces` are the first and last piece of each load weight's basis function (weights, 2).
     """
@@ -96,7 +96,7 @@ class FreeArrays(NamedTuple):
 
 
 class Derived(NamedTuple):
-    """What follows from theta.
+    """Values that follow from theta.
 
     Load weights (weights,); lag of each sensor (sensors,), its offset and standard deviation (sensors, 2); derivatives
     of the free parameters in SI with respect to theta (k,).
@@ -209,7 +209,7 @@ class SettingsArrays(NamedTuple):
 
 
 class FilterArrays(NamedTuple):
-    """What a filter is besides its state: arrays that its caller makes once.
+    """Arrays of a filter besides its state, which its caller makes once.
 
     `sensors` are rows of `OUTPUT` to `OFFSET`; `pace` has the integration steps by position and speed, see
     `joint_parameters.steps_at`.
@@ -226,7 +226,7 @@ class FilterArrays(NamedTuple):
 
 
 class FilterOutput(NamedTuple):
-    """What a filter writes by sample; an array without samples is not written.
+    """Output of a filter by sample; an array without samples is not written.
 
     Innovations and their variances (samples, sensors, 2), NaN for none; the states of the model after each sample
     (samples, n), and their standard deviations (samples, n), NaN between corrections. For a fit: gains (samples,
