@@ -222,14 +222,12 @@ def _channel(name: str, values: Any, problems: list[str]) -> Channel | None:
     if not isinstance(values, dict):
         problems.append(f"[{name}]: write a table, for example [{name}] with channel = 'NAME' below it.")
         return None
-    entries = {item.name: item for item in fields(Channel)}
+    entries = {item.name: "str" in str(item.type) for item in fields(Channel)}
     problems += [f"[{name}]: {unknown_name(key, entries, 'entry')}" for key in values if key not in entries]
-    for key in ("channel", "group", "unit"):
-        if key in values and not isinstance(values[key], str):
-            problems.append(f"[{name}] {key} = {values[key]!r}: a string is needed.")
-    for key in ("sign", "factor", "offset", "delay", "longest"):
-        if key in values and not _number(values[key]):
-            problems.append(f"[{name}] {key} = {values[key]!r}: a finite number is needed.")
+    for key, text in entries.items():
+        if key in values and not (isinstance(values[key], str) if text else _number(values[key])):
+            needed = "a string" if text else "a finite number"
+            problems.append(f"[{name}] {key} = {values[key]!r}: {needed} is needed.")
     if "channel" not in values:
         problems.append(f"[{name}]: has no channel; write channel = 'NAME' as listed by `clutchid look`.")
     if len(problems) > before:

@@ -43,14 +43,7 @@ def with_objects(path: Path, root: loaded.Struct) -> loaded.Struct:
 
 
 def _has_object(item: loaded.Node) -> bool:
-    match item:
-        case loaded.NoChannel():
-            return bool(item.class_name)
-        case loaded.Struct():
-            return any(map(_has_object, item.fields.values()))
-        case loaded.NodeArray():
-            return any(map(_has_object, item.items))
-    return False
+    return (isinstance(item, loaded.NoChannel) and bool(item.class_name)) or any(map(_has_object, _children(item)))
 
 
 def _children(parent: loaded.Node) -> Iterable[loaded.Node]:
