@@ -11,7 +11,7 @@ import pytest
 from clutchid.errors import DataError
 from clutchid.measurements import read
 from clutchid.measurements.formats.can.file import frame_log
-from clutchid.measurements.formats.kinds import kind_of
+from clutchid.measurements.formats.kinds import is_recording, kind_of
 from fixtures.sources import spoiled
 
 STAMPS = np.round(np.arange(200) * 0.005 + 0.25, 6)
@@ -86,6 +86,7 @@ FORMS = [
 @pytest.mark.parametrize("form", FORMS)
 def test_frames_are_the_same_in_every_text(form, save):
     path = save("\n".join(lines(form)) + "\n", "run.log")
+    assert is_recording(path), "also one that is found in a folder"
     (block,) = frame_log(path).blocks()
     assert block.identifier.tolist() == [identifier for _, identifier, _ in FRAMES]
     assert [bytes(row) for row in block.data] == [data for _, _, data in FRAMES]

@@ -100,7 +100,7 @@ def test_fleet_and_track_read_all_of_them(forms, tmp_path, cal):
     read = clutchid.track(vehicle, cal, dbc=[forms[1]]).wear.readings
     for sentences in (said, [one.message for one in read]):
         ends = Counter(sentence.partition(": ")[2] for sentence in sentences)
-        assert len(sentences) == len(names) == 2 * len(FORMATS)
+        assert len(sentences) == len(names) == 2 * sum(bool(row.suffixes) for row in FORMATS)
         assert len(ends) == 1, "every one is refused for the same reason, which stands in its samples"
     assert (run.vehicles, run.warnings) == (1, ()), "without a trend times do not matter"
 

@@ -24,7 +24,8 @@ class Format(NamedTuple):
     frames: str = ""
 
 
-#: Every format that is read. Files are told apart by content; the suffixes are what folders are searched for.
+#: Every format that is read. Files are told apart by content; the suffixes are what folders are searched for. The last
+#: two have suffixes of others: tables whose columns are those of frames, and logs `.log`.
 FORMATS = (
     Format("parquet", (".parquet", ".pq"), (b"PAR1", b"PARE"), opener="parquet.file.open_file"),
     Format("csv", (".csv", ".tsv", ".tab", ".txt"), opener="csv.file.open_file"),
@@ -38,13 +39,9 @@ FORMATS = (
     Format("trc", (".trc",), sign="can.logs.is_trc", frames="can.logs.trc_log"),
     Format("candump", (".log",), sign="can.texts.is_candump", frames="can.texts.candump_log"),
     Format("jsonl", (".jsonl", ".ndjson"), sign="json_lines.is_json_lines", opener="json_lines.open_file"),
-)  # fmt: skip
-
-#: Formats whose files have suffixes of others: tables whose columns are those of frames, and logs `.log`.
-WITHOUT_SUFFIX = (
     Format("frames", (), sign="can.texts.is_frame_table", frames="can.texts.frame_table_log"),
     Format("busmaster", (), sign="can.busmaster.is_busmaster", frames="can.busmaster.busmaster_log"),
-)
+)  # fmt: skip
 
 #: Suffixes after that of the format: a packed file, or Parquet that says how it is packed inside.
 PACKED = (".gz", ".gzip")

@@ -11,7 +11,7 @@ from typing import Any
 
 from clutchid.errors import DataError
 from clutchid.files import reading
-from clutchid.measurements.suffixes import FORMATS, WITHOUT_SUFFIX, Format, split_name
+from clutchid.measurements.suffixes import FORMATS, Format, split_name
 
 #: Bytes at the start of a file that determine its kind.
 ENOUGH = 4096
@@ -81,7 +81,7 @@ def is_recording(path: Path) -> bool:
     except DataError:
         return True
     if suffix == ".log":
-        return kind_of(head) == "candump"
+        return any(row.frames for row in FORMATS if row.kind == kind_of(head))
     return b"\0" in head or _NUMBERS.search(head) is not None  # UTF-16 has zeros
 
 
@@ -127,13 +127,13 @@ def kind_of(head: bytes) -> str:
         if head.startswith(row.marks) and not _is_text(head):
             return row.kind
     binary = b"\0" in head  # UTF-16 has zeros as well, and is a table
-    signed = [row for row in (*FORMATS, *WITHOUT_SUFFIX) if row.sign and (row.kind == "mat") == binary]
+    signed = [row for row in FORMATS if row.sign and (row.kind == "mat") == binary]
     return next((row.kind for row in signed if function_named(row.sign)(head)), "csv")
 
 
 def format_of(kind: str) -> Format:
     """The row of a format of `kind_of`."""
-    return next(row for row in (*FORMATS, *WITHOUT_SUFFIX) if row.kind == kind)
+    return next(row for row in FORMATS if row.kind == kind)
 
 
 def function_named(name: str) -> Callable[..., Any]:
