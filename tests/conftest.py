@@ -32,7 +32,6 @@ from clutchid.model.variants import VARIANTS
 from fixtures.commands import without_workers
 from fixtures.compilers import compilers
 from fixtures.export_c import equations_once
-from fixtures.fits import SHARED, fits_once
 from fixtures.model_recordings import (  # noqa: F401, fixtures of several packages
     adapted,
     calibrated,
@@ -46,6 +45,7 @@ from fixtures.model_recordings import (  # noqa: F401, fixtures of several packa
     worn,
     worn_log,
 )
+from fixtures.once import SHARED, fits_once
 from fixtures.pages import blank, blank_figures, loads_nothing, undrawn, undriven  # noqa: F401, fixtures of several packages
 from fixtures.short_fit import fitted  # noqa: F401, a fixture of several packages
 

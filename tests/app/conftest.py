@@ -20,7 +20,7 @@ from clutchid.documents.json_text import json_text
 from clutchid.truck import Truck, drive
 from clutchid.verbs.progress import when_compiling
 from fixtures.commands import wait_for
-from fixtures.fits import fits_once
+from fixtures.once import fits_once
 from fixtures.pages import blank_figures
 
 PORT = 8123

@@ -9,7 +9,7 @@ import pytest
 from clutchid.estimation.parameter_file import ParameterFile, write_parameters
 from clutchid.measurements import write
 from fixtures.commands import called
-from fixtures.fits import fits_once
+from fixtures.once import fits_once
 
 #: Samples of the first part of the recording in two parts.
 CUT = 2345

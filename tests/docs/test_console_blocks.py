@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from fixtures.fits import fits_once
+from fixtures.once import fits_once
 
 pytestmark = pytest.mark.slow
 

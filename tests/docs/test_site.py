@@ -5,7 +5,6 @@ import re
 import shutil
 import subprocess
 import sys
-import time
 from html.parser import HTMLParser
 from os.path import normpath
 from pathlib import Path
@@ -32,10 +31,6 @@ LOADED = {
 }
 
 
-#: End of the log of a build that is over.
-DONE = ": built\n"
-
-
 class Page(HTMLParser):
     """Targets, links and loaded files of a page."""
 
@@ -59,31 +54,15 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory, request):
-    """The folder of the built site; workers of one run share it, and the first that comes builds it."""
+def site(tmp_path_factory):
+    """The folder of the built site."""
     pytest.importorskip("sphinx", reason="the extra docs is not installed: no Sphinx to build the site with")
     pytest.importorskip("furo", reason="the extra docs is not installed: no furo to build the site with")
-    base = tmp_path_factory.getbasetemp()
-    shared = base.parent if hasattr(request.config, "workerinput") else base
-    out, log = shared / "site", shared / "site.log"
-    try:
-        log.touch(exist_ok=False)
-    except FileExistsError:
-        wait_until(lambda: log.read_text(encoding="utf-8").endswith(DONE), seconds=600)
-    else:
-        command = [sys.executable, DOCS / "make_site.py", out, "--jobs", "1"]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        log.write_text(f"{done.stdout}{done.stderr}{done.returncode}{DONE}", encoding="utf-8")
-    assert log.read_text(encoding="utf-8") == f"written: {out}/index.html\n0{DONE}"
+    out = tmp_path_factory.mktemp("site")
+    command = [sys.executable, DOCS / "make_site.py", out, "--jobs", "1"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.stdout, done.stderr, done.returncode) == (f"written: {out}/index.html\n", "", 0)
     return out
-
-
-def wait_until(ready, seconds):
-    """Ask twice a second whether another worker is ready."""
-    end = time.monotonic() + seconds
-    while not ready():
-        assert time.monotonic() < end, f"another worker has not built the site within {seconds} s"
-        time.sleep(0.5)
 
 
 @pytest.fixture(scope="module")

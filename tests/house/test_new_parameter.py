@@ -43,7 +43,7 @@ from clutchid.inference.uncertainty.change_prior import change_covariance, chang
 from clutchid.inference.uncertainty.calibration import consider_parameters
 from clutchid.inference.uncertainty.coordinates import coordinates
 
-actuator = Actuator(model="energy-balance")
+actuator = Actuator(model="isothermal")
 names = ("T_0", "D_q")
 adapting = METHODS["joint"].adapting(actuator)
 changed = change_covariance(actuator, names, ("temperature and grease",))

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from fixtures.commands import without_workers
-from fixtures.fits import fits_once
+from fixtures.once import fits_once
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 

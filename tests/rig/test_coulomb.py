@@ -52,7 +52,7 @@ def test_a_force_with_the_wrong_sign_is_refused_for_every_recording_at_once(cyli
 
 
 def test_intervals_cover_and_a_constant_friction_is_rejected_as_often_as_its_level_says(cylinder):
-    generator, trials, rejected = np.random.default_rng(6), 120, 0
+    generator, trials, rejected = np.random.default_rng(6), 60, 0
     sigma = (0.05, 0.2, 0.1, 0.3)
     inside, slopes = np.zeros(4), 0
     for _ in range(trials):

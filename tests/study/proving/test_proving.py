@@ -112,7 +112,7 @@ def test_a_workflow_that_ends_its_process_fails_for_that_truck_only(tmp_path, mo
     )
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setenv("DEADLY", proving.proof(6).calibration.log.metadata["seed"])
-    found = proving.prove("deadly_workflow:run", [5, 6, 7], tmp_path / "out", place=Workers(2))
+    found = proving.prove("deadly_workflow:run", [5, 6, 7], tmp_path / "out")
     assert ["SIGKILL" in result["failed"] for result in found] == [False, True, False]
     assert [result["truck"] for result in found] == [5, 6, 7]
     assert proving.prove("deadly_workflow:run", [5, 6, 7], tmp_path / "out") == found
