@@ -103,7 +103,8 @@ def line(rows: Sequence[Row]) -> str:
     beside = sum(row.trust == "good" and row.covered < 90 for row in rows)
     return (
         f"{np.median(errors):.2f} / {errors.max():.2f} | {slopes.mean():+.1f}, {np.sqrt(np.mean(slopes**2)):.1f} | "
-        f"{covered.mean():.0f} | {np.median(width):.1f} | {covered_as.mean():.0f} | {np.median(width_as):.1f} | {' / '.join(map(str, trusts))} | {beside}"
+        f"{covered.mean():.0f} | {np.median(width):.1f} | {covered_as.mean():.0f} | {np.median(width_as):.1f} | "
+        f"{' / '.join(map(str, trusts))} | {beside}"
     )
 
 
