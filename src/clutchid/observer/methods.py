@@ -48,13 +48,7 @@ def joint(actuator: Actuator) -> tuple[str, ...]:
     return (*actuator.load.names, *(n for n in in_order(actuator.rows, lambda row: row.adapts) if n in acting))
 
 
-def states(_actuator: Actuator) -> tuple[str, ...]:
-    """Nothing: the load stays as calibrated, and only the states follow the position."""
-    return ()
-
-
-def load(actuator: Actuator) -> tuple[str, ...]:
-    """All load weights and nothing else."""
+def _load(actuator: Actuator) -> tuple[str, ...]:
     return actuator.load.names
 
 
@@ -68,11 +62,12 @@ def _not_of_the_paper(actuator: Actuator) -> str | None:
     )
 
 
-#: Methods by name.
+#: Methods by name: what adapts is the load and more, modes of the load and more, nothing, or the load alone.
 METHODS: Mapping[str, ObserverMethod] = MappingProxyType({
-    "joint": ObserverMethod(joint), "joint-reduced": ObserverMethod(joint, MODES), "states": ObserverMethod(states),
-    "paper": ObserverMethod(load, refused=_not_of_the_paper), "rls": ObserverMethod(load, reference=balance_numbers),
-    "adaptive": ObserverMethod(load, every=1, reference=adaptive_numbers),
+    "joint": ObserverMethod(joint), "joint-reduced": ObserverMethod(joint, MODES),
+    "states": ObserverMethod(lambda _: ()),
+    "paper": ObserverMethod(_load, refused=_not_of_the_paper), "rls": ObserverMethod(_load, reference=balance_numbers),
+    "adaptive": ObserverMethod(_load, every=1, reference=adaptive_numbers),
 })  # fmt: skip
 
 

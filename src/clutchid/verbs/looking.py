@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 from clutchid.documents.results import Looked
 from clutchid.errors import DataError, ParameterError
 from clutchid.log import Log
-from clutchid.measurements import read_pieces, source_pieces
+from clutchid.measurements import read_pieces
 from clutchid.measurements.columns import QUANTITIES
-from clutchid.measurements.look import look, overview_of
+from clutchid.measurements.look import look
 from clutchid.measurements.map.channel_map import read_map, write_map
 from clutchid.parameters import known_ambient
 
@@ -20,12 +20,11 @@ if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.measurements.map.channel_map import ChannelMap
     from clutchid.measurements.overview import FileOverview
-    from clutchid.measurements.source import Source
 
-__all__ = ["QUANTITIES", "Looked", "checked", "contents_of", "is_map", "looked", "read_map", "save_proposed"]
+__all__ = ["NEEDED", "QUANTITIES", "Looked", "checked", "is_map", "looked", "read_map", "save_proposed"]
 
 #: What a recording needs to be checked.
-_NEEDED = ("time", "position")
+NEEDED = ("time", "position")
 
 
 def looked(
@@ -47,9 +46,9 @@ def looked(
     contents = look(file, added if ambient is None else ambient, dbc, channel_map)
 
     def read(channels: ChannelMap | None) -> Log:
-        return next(read_pieces(file, ambient=ambient, added=added, channels=channels, required=_NEEDED))
+        return next(read_pieces(file, ambient=ambient, added=added, channels=channels, required=NEEDED))
 
-    return _checked(contents, channel_map, content, read)
+    return checked(contents, channel_map, content, read)
 
 
 def is_map(path: Path) -> bool:
@@ -74,39 +73,24 @@ def save_proposed(contents: FileOverview, path: Path) -> ChannelMap:
     return proposed
 
 
-def contents_of(source: Source, ambient: float | None, channel_map: ChannelMap | None) -> FileOverview:
-    """The contents of an opened file, such as one of stored columns."""
-    return overview_of(source, ambient, channel_map.dbc if channel_map else (), channel_map)
-
-
 def checked(
-    source: Source,
     contents: FileOverview,
-    ambient: float | None,
     channel_map: ChannelMap | None,
-    content: ParameterFile | None = None,
+    content: ParameterFile | None,
+    read: Callable[[ChannelMap | None], Log],
 ) -> Looked:
-    """Checks on an opened file with these contents.
+    """Checks on the recording; a file that needs a channel map and has none is read with the proposed one.
+
+    Parameters
+    ----------
+    read
+        Reads the recording, or its first million samples, with a channel map.
 
     Raises
     ------
     DataError
         If a channel map does not fit it.
     """
-
-    def read(channels: ChannelMap | None) -> Log:
-        return next(source_pieces(source, channels, ambient, _NEEDED))
-
-    return _checked(contents, channel_map, content, read)
-
-
-def _checked(
-    contents: FileOverview,
-    channel_map: ChannelMap | None,
-    content: ParameterFile | None,
-    read: Callable[[ChannelMap | None], Log],
-) -> Looked:
-    """Checks on the recording; a file that needs a channel map and has none is read with the proposed one."""
     from clutchid.preparation.inspection import inspect
 
     if contents.problems:

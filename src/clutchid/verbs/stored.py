@@ -18,13 +18,15 @@ import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.log import INPUTS, FloatArray, Log
+from clutchid.measurements import source_pieces
 from clutchid.measurements.checks import AMBIENT, in_si
 from clutchid.measurements.columns import Heading
+from clutchid.measurements.look import overview_of
 from clutchid.measurements.map.channel_map import read_map
 from clutchid.measurements.opening import open_source
 from clutchid.measurements.source import BLOCK, Source
 from clutchid.measurements.stored import BIN, StoredColumn, column_of, extremes_of, store, stored, write_column
-from clutchid.verbs.looking import Looked, checked, contents_of
+from clutchid.verbs.looking import NEEDED, Looked, checked
 
 if TYPE_CHECKING:
     from clutchid.measurements.map.channel_map import ChannelMap
@@ -68,7 +70,7 @@ class StoredRecording:
 
     def contents(self) -> FileOverview:
         """Contents of the file."""
-        return contents_of(self.source, self.ambient, self.channels)
+        return overview_of(self.source, self.ambient, self.channels.dbc if self.channels else (), self.channels)
 
     def checked(self, contents: FileOverview) -> Looked:
         """Checks of the recording.
@@ -78,7 +80,11 @@ class StoredRecording:
         DataError
             If its map does not fit it.
         """
-        return checked(self.source, contents, self.ambient, self.channels)
+
+        def read(channels: ChannelMap | None) -> Log:
+            return next(source_pieces(self.source, channels, self.ambient, NEEDED))
+
+        return checked(contents, self.channels, None, read)
 
     def cut(self, begins: Iterable[float], out: Path) -> None:
         """Write the strokes that begin at these times in s as a recording.
@@ -88,7 +94,7 @@ class StoredRecording:
         DataError
             If there is none.
         """
-        from clutchid.measurements import source_pieces, write
+        from clutchid.measurements import write
         from clutchid.strokes import cut, joined
 
         chosen = {round(float(begin), 6) for begin in begins}

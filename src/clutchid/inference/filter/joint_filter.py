@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -358,7 +358,14 @@ def follow(
     A recording that is filtered in parts has the same result bit by bit, if `number` is that of the first sample of the
     part in the recording.
     """
-    failed, after, output = _filtered(joint, state, segment, (*span, number))
+    after = state._replace(**{name: array.copy() for name, array in state._asdict().items()})
+    n, sensors, count = len(joint.mapped.actuator.states), len(joint.measure), span[1] - span[0]
+    one_gain, nothing = np.empty((1, sensors, n + sensors + 1)), (np.empty((0, sensors, 1)), np.empty((0, 1)))
+    output = FilterOutput(np.empty((count, sensors, 2)), np.empty((count, n)), np.empty((count, n)), one_gain, *nothing)
+    module, kernel = joint.kernel
+    failed: int = getattr(kernels_in(module), kernel)(
+        *calls(joint), after, _arrays(joint, after), segment.intervals, segment.values, output, (*span, number)
+    )
     finite = all(np.isfinite(array).all() for name, array in after._asdict().items() if name != "at_values")
     if failed >= 0 or not finite:
         at = failed if failed >= 0 else span[1] - 1
@@ -377,34 +384,10 @@ def drifted(joint: JointFilter, T: FloatArray, wear: IntArray) -> FloatArray:
     return after
 
 
-_State = TypeVar("_State", bound=MethodState)
-
-
 def calls(joint: JointFilter) -> tuple[Any, Any]:
     """The generated step of the model, and what computes its constants."""
     model = joint.mapped.actuator.model
     return step(model, joint.few), prepare(model, joint.few)
-
-
-def _copied(state: _State) -> _State:
-    made: Any = type(state)
-    copy: _State = made(*(array.copy() for array in state))
-    return copy
-
-
-def _filtered(
-    joint: JointFilter, state: _State, segment: JointInputs, span: tuple[int, int, int]
-) -> tuple[int, _State, FilterOutput]:
-    """The kernel over some samples: the first that is not finite, or -1; state and output after them."""
-    after = _copied(state)
-    n, sensors, count = len(joint.mapped.actuator.states), len(joint.measure), span[1] - span[0]
-    one_gain, nothing = np.empty((1, sensors, n + sensors + 1)), (np.empty((0, sensors, 1)), np.empty((0, 1)))
-    output = FilterOutput(np.empty((count, sensors, 2)), np.empty((count, n)), np.empty((count, n)), one_gain, *nothing)
-    module, kernel = joint.kernel
-    failed: int = getattr(kernels_in(module), kernel)(
-        *calls(joint), after, _arrays(joint, after), segment.intervals, segment.values, output, span
-    )
-    return failed, after, output
 
 
 def covariance(joint: JointFilter, at: FilterState) -> FloatArray:

@@ -18,11 +18,6 @@ LIFE = 1e6
 GUESS = "guess"
 
 
-def scaled_by(factor: float, *names: str) -> dict[str, float]:
-    """The same factor for several parameters."""
-    return dict.fromkeys(names, factor)
-
-
 @dataclass(frozen=True, kw_only=True)
 class NoRows:
     """No parameters."""

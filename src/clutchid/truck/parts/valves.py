@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from clutchid.log import FloatArray
-from clutchid.truck.parts.part import GUESS, Numbers, Valves, scaled_by
+from clutchid.truck.parts.part import GUESS, Numbers, Valves
 from clutchid.truck.rows import choice, number
 from clutchid.truck.settings import MAGNETS, SOLENOIDS, SPOOL
 
@@ -73,10 +73,11 @@ def _late(drawn: Mapping[str, Any]) -> tuple[float, float]:
 
 ON_OFF = Valves(
     name="magnets", rows=MagnetRows, numbers=_magnets,
-    factors={"valves": scaled_by(1.2, *(f"t_{part}{valve}" for valve in "se" for part in (1, 2, 3, 4)))}, true=lifts,
+    factors={"valves": dict.fromkeys((f"t_{part}{valve}" for valve in "se" for part in (1, 2, 3, 4)), 1.2)}, true=lifts,
     lead=lambda _: (0.007, 0.0),
 )  # fmt: skip
 SERVO = Valves(
     name="spool or solenoids", rows=ServoRows, numbers=_servo,
-    factors={"valves": scaled_by(1.2, "tau_x", "t_n", "tau_is", "tau_ie", "t_xs", "t_xe")}, true=lifts, lead=_late,
+    factors={"valves": dict.fromkeys(("tau_x", "t_n", "tau_is", "tau_ie", "t_xs", "t_xe"), 1.2)}, true=lifts,
+    lead=_late,
 )  # fmt: skip
