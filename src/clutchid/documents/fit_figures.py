@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clutchid.documents.figures import (
     BINS,
@@ -24,7 +23,7 @@ from clutchid.estimation import Fit, Recording
 from clutchid.estimation.assess.comparison import ENGAGING, half_load_band
 from clutchid.estimation.assess.evidence import reach
 from clutchid.estimation.assess.verdict import noise_only
-from clutchid.log import FloatArray, Log
+from clutchid.log import BoolArray, FloatArray, Log
 from clutchid.parameters import Parameters
 from clutchid.strokes.excitation import HOLD_SPEED, SHORTEST_REST, SLOW_WINDOW, VENTED_POSITION
 from clutchid.strokes.sampled import runs, velocity
@@ -56,7 +55,7 @@ def vented_rests(measured: Log, p: Parameters) -> list[tuple[int, int]]:
     return [(a, b) for a, b in spans if time[b - 1] - time[a] >= SHORTEST_REST]
 
 
-def reliable(measured: Log, p: Parameters, reach: float) -> NDArray[np.bool_]:
+def reliable(measured: Log, p: Parameters, reach: float) -> BoolArray:
     """Samples between the first and the last vented rest and within `reach` in m, where the load is known.
 
     At a vented rest the pressure is known without a sensor. Before the first and after the last one the pressure is
@@ -68,7 +67,7 @@ def reliable(measured: Log, p: Parameters, reach: float) -> NDArray[np.bool_]:
         return np.zeros(len(measured), dtype=bool)
     position = measured["position"]
     within = ~(position > reach)
-    result: NDArray[np.bool_] = (number >= rests[0][0]) & (number < rests[-1][1]) & within
+    result: BoolArray = (number >= rests[0][0]) & (number < rests[-1][1]) & within
     return result
 
 
@@ -122,7 +121,7 @@ def _limits(force: FloatArray, band: FloatArray) -> tuple[float, float]:
     return low - 0.05 * (high - low), high + 0.08 * (high - low)
 
 
-def recording_figure(recording: Recording, reliable: NDArray[np.bool_] | None = None) -> Figure:
+def recording_figure(recording: Recording, reliable: BoolArray | None = None) -> Figure:
     """Measured and simulated position and pressure, their differences, and the duty cycles, over time.
 
     `reliable` is given if the pressure was not used in the fit: a grey background marks where it is unreliable.
@@ -154,7 +153,7 @@ def _difference(axis: Axes, t: FloatArray, residual: FloatArray) -> None:
     axis.axhline(0.0, color=STYLE.ink, linewidth=0.7)
 
 
-def _pressure(axis: Axes, measured: Log, simulated: Log, reliable: NDArray[np.bool_] | None) -> None:
+def _pressure(axis: Axes, measured: Log, simulated: Log, reliable: BoolArray | None) -> None:
     """Simulated pressure with its band, measured pressure, and a grey background where it is unreliable."""
     t, name = measured.time, "simulated" if reliable is None else "from the position"
     if reliable is not None and not reliable.all():

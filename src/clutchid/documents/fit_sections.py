@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clutchid.documents.comparison import comparison_sections
 from clutchid.documents.diagnosis import diagnosis_table, information_blocks, limit_blocks, residual_blocks, worst_first
@@ -19,6 +18,7 @@ from clutchid.estimation import Errors, Fit, Recording
 from clutchid.estimation.assess.evidence import Evidence, as_recorded, evidence, reach
 from clutchid.estimation.assess.innovations import calibration_innovations
 from clutchid.estimation.assess.verdict import verdict
+from clutchid.log import BoolArray
 from clutchid.numerics.interval import QUANTILE
 
 
@@ -187,7 +187,7 @@ def _section(fit: Fit, name: str, recording: Recording, use: str, basis: Evidenc
     return Section(f"{name} ({use})", (*pictures, start, *residuals))
 
 
-def _detail(recording: Recording, span: NDArray[np.bool_] | None, alt: str) -> list[Picture]:
+def _detail(recording: Recording, span: BoolArray | None, alt: str) -> list[Picture]:
     """For a long recording, the part with the largest error of the position."""
     time = recording.measured.time
     if time[-1] - time[0] <= _LONG_RECORDING:

@@ -23,14 +23,13 @@ from clutchid.inference.filter.joint_filter import (
 )
 from clutchid.inference.filter.references import MethodState
 from clutchid.inference.filter.setup import FilterState, intervals
-from clutchid.log import INPUTS, FloatArray, Log
+from clutchid.log import INPUTS, BoolArray, FloatArray, Log
 from clutchid.observer.gaps import RESOLUTION, bridged, latest_driven, longest, repeats
 from clutchid.observer.mismatch import mismatches
 from clutchid.observer.observer import Observer, unknown
 from clutchid.observer.rest import counted_from, new_stretch, rest_pace, watch_rest
 from clutchid.observer.state import (
     EMPTY,
-    Mask,
     ObserverState,
     RestWatch,
     Sound,
@@ -92,15 +91,15 @@ class Observed(NamedTuple):
     states: FloatArray
     deviations: FloatArray
     innovations: FloatArray
-    used: Mask
+    used: BoolArray
     mismatch: FloatArray
-    leaking: Mask
+    leaking: BoolArray
     rest: FloatArray
-    no_zero: Mask
+    no_zero: BoolArray
     verdicts: Verdicts
-    contradicted: Mask
-    supply_unlike: Mask
-    repeated: Mask
+    contradicted: BoolArray
+    supply_unlike: BoolArray
+    repeated: BoolArray
 
 
 def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[ObserverState, Observed]:
@@ -163,11 +162,11 @@ class _Values(NamedTuple):
 
     log: Log
     verdicts: Verdicts
-    supply_unlike: Mask
-    ends: Mask
+    supply_unlike: BoolArray
+    ends: BoolArray
 
 
-def _values(observer: Observer, state: ObserverState, block: Log, repeated: Mask) -> tuple[_Values, ObserverState]:
+def _values(observer: Observer, state: ObserverState, block: Log, repeated: BoolArray) -> tuple[_Values, ObserverState]:
     """The values of a block, and the state after it.
 
     As `clutchid.strokes.values.values_of`, but for a jump of the position, which is believed a second later: there a
@@ -198,7 +197,7 @@ def _values(observer: Observer, state: ObserverState, block: Log, repeated: Mask
     return _Values(replace(block, columns={**block.columns, **columns}), verdicts, unlike, ends), after
 
 
-def _of_rows(observed: Observed, rows: NDArray[np.int64], values: _Values, block: Log, repeated: Mask) -> Observed:
+def _of_rows(observed: Observed, rows: NDArray[np.int64], values: _Values, block: Log, repeated: BoolArray) -> Observed:
     """Results of the samples of a block, in which nothing is estimated at those that are repeated."""
     if repeated.any() or rows.size != observed.time.size:  # as many may be bridged as are repeated
         ended = np.flatnonzero(np.isfinite(observed.innovations[:, 0]))
@@ -331,7 +330,7 @@ def _fixed(joint: JointFilter) -> JointFilter:
     return replace(joint, settings=replace(joint.settings, least_speed=np.inf))
 
 
-def _first(mask: Mask) -> int:
+def _first(mask: BoolArray) -> int:
     """Number of the first sample in a mask, as many as there are without one."""
     return int(np.argmax(np.append(mask, True)))
 
@@ -356,7 +355,7 @@ def _check(state: ObserverState, block: Log) -> None:
 
 def _stretches(observer: Observer, samples: Tail) -> list[tuple[int, int]]:
     """Ranges of samples with known inputs and without holes, and single samples without inputs."""
-    inputs: Mask = np.all(np.isfinite(samples.duties), axis=1)
+    inputs: BoolArray = np.all(np.isfinite(samples.duties), axis=1)
     hole = np.diff(samples.time) > longest(observer.spacing)
     cuts = np.flatnonzero(hole | ~inputs[1:] | ~inputs[:-1]) + 1
     return [(a, b) for a, b in pairwise([0, *cuts.tolist(), samples.time.size]) if b > a]
@@ -375,7 +374,7 @@ def _ended(observer: Observer, state: ObserverState) -> ObserverState:
 
 def _followed(
     observer: Observer, state: ObserverState, new: Tail, least_speed: float
-) -> tuple[ObserverState, JointPass | None, Mask, int]:
+) -> tuple[ObserverState, JointPass | None, BoolArray, int]:
     """Follow new samples of a stretch, up to where the filter diverges or innovations contradict the inputs.
 
     Parameters

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.inference.filter.setup import LONG
-from clutchid.log import HOLE, INPUTS, FloatArray, Log
-from clutchid.observer.state import Mask, ObserverState, Tail
+from clutchid.log import HOLE, INPUTS, BoolArray, FloatArray, Log
+from clutchid.observer.state import ObserverState, Tail
 from clutchid.strokes.values import within_rounding
 
 #: Longest time in s for which duty cycles are held where they are missing; beyond it a stretch ends. Provenance:
@@ -50,7 +50,9 @@ def longest(spacing: float) -> float:
     return max(HOLE * spacing, BRIDGED + spacing + 0.5 * RESOLUTION)
 
 
-def bridged(state: ObserverState, block: Log, repeated: Mask, ends: Mask, spacing: float, fills: bool) -> Bridged:
+def bridged(
+    state: ObserverState, block: Log, repeated: BoolArray, ends: BoolArray, spacing: float, fills: bool
+) -> Bridged:
     """The samples of a block with short gaps bridged, in SI; their positions as in the block.
 
     Parameters
@@ -105,7 +107,7 @@ def latest_driven(state: ObserverState) -> float:
     return state.latest if _driven(state) else float("nan")
 
 
-def repeats(time: FloatArray, latest: float, spacing: float) -> Mask:
+def repeats(time: FloatArray, latest: float, spacing: float) -> BoolArray:
     """Whether each sample comes so soon after another that it repeats it."""
     shortest = SHORT * spacing - 0.5 * RESOLUTION
     repeated = np.zeros(time.size, dtype=bool)
@@ -116,7 +118,9 @@ def repeats(time: FloatArray, latest: float, spacing: float) -> Mask:
     return repeated
 
 
-def _held(state: ObserverState, time: FloatArray, duties: FloatArray, ends: Mask) -> tuple[FloatArray, Mask, float]:
+def _held(
+    state: ObserverState, time: FloatArray, duties: FloatArray, ends: BoolArray
+) -> tuple[FloatArray, BoolArray, float]:
     """Duty cycles held where they are missing for a short time, and where that is; `driven` of `Bridged`."""
     if time.size and not (np.isnan(duties).any() or ends.any()):
         return duties, np.zeros(time.size, dtype=bool), float(time[-1])

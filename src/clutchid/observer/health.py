@@ -7,11 +7,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from clutchid.log import HOLE, INPUTS, FloatArray, Log
+from clutchid.log import HOLE, INPUTS, BoolArray, FloatArray, Log
 from clutchid.observer.following import Observed, subtracted
 from clutchid.observer.mismatch import UNLIKE
 from clutchid.observer.observer import Observer
-from clutchid.observer.state import Mask
 from clutchid.strokes import rule
 
 #: A position further outside of the stroke than this in m is beyond the stops.
@@ -61,7 +60,7 @@ def health(observer: Observer, earlier: FloatArray, log: Log, samples: Observed)
     """
     spacing, y_max = observer.spacing, observer.actuator.parameters.y_max
     position = np.where(samples.repeated, 0.0, log["position"] - subtracted(observer, samples.rest))
-    driven: Mask = np.all([np.isfinite(log[name]) for name in INPUTS], axis=0) | samples.repeated
+    driven: BoolArray = np.all([np.isfinite(log[name]) for name in INPUTS], axis=0) | samples.repeated
     recorded = np.isfinite(position)
     followed = np.isfinite(samples.states[:, 0])
     steps = np.diff(np.append(earlier[-1:], log.time))

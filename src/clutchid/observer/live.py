@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from clutchid.log import FloatArray, Log, concatenated
+from clutchid.log import BoolArray, FloatArray, Log, concatenated
 from clutchid.observer.by_stroke import StrokeRow
 from clutchid.observer.following import Observed
 from clutchid.observer.health import FLAGS, LIVE_FLAGS, live_health
@@ -106,8 +105,8 @@ def after_block(run: LiveRun, block: Log, left_out: Mapping[str, int]) -> tuple[
     return (checked(after) if last - after.begin >= CHECKED else after), part
 
 
-def due(time: FloatArray, latest: float, every: float) -> NDArray[np.bool_]:
-    """Mask of the samples that are published: the first in each interval of `every` seconds; all of them with 0.
+def due(time: FloatArray, latest: float, every: float) -> BoolArray:
+    """BoolArray of the samples that are published: the first in each interval of `every` seconds; all of them with 0.
 
     It depends on the stamps only, not on how a recording is cut into blocks.
 
@@ -124,7 +123,7 @@ def due(time: FloatArray, latest: float, every: float) -> NDArray[np.bool_]:
     if every == 0.0:
         return np.ones(time.size, dtype=bool)
     number = np.floor(np.append(latest if np.isfinite(latest) else -np.inf, time) / every + _ROUNDED)
-    chosen: NDArray[np.bool_] = number[1:] > number[:-1]
+    chosen: BoolArray = number[1:] > number[:-1]
     return chosen
 
 

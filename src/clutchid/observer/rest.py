@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid.inference.filter import references
-from clutchid.log import FloatArray
+from clutchid.log import BoolArray, FloatArray
 from clutchid.observer.state import ObserverState, RestWatch
-from clutchid.strokes.rest_level import BIN, CLOSED, CREEP, STILL, BoolArray
+from clutchid.strokes.rest_level import BIN, CLOSED, CREEP, STILL
 from clutchid.strokes.sampled import runs
 from clutchid.strokes.vented_rest import VENTS, VentedRest, rest_shift, unlike
 

@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clutchid.inference.filter.references import MethodState
 from clutchid.inference.filter.setup import IntArray
-from clutchid.log import INPUTS, FloatArray, Log
+from clutchid.log import INPUTS, BoolArray, FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.simulation.inputs import held_inputs
 from clutchid.simulation.plan import OUTSIDE, Segment
 from clutchid.strokes.excitation import VENTED_POSITION
 from clutchid.strokes.stroke import NO_STROKES, Strokes
 from clutchid.strokes.values import NO_SUPPLY, new_watch
-
-Mask: TypeAlias = NDArray[np.bool_]
 
 #: As many equal samples of the position in a row are a frozen sensor, and the later ones are left out.
 FROZEN = 15
@@ -63,15 +60,15 @@ def segment_of(samples: Tail, actuator: Actuator) -> Segment:
     )
 
 
-def usable_positions(position: FloatArray) -> Mask:
+def usable_positions(position: FloatArray) -> BoolArray:
     """Whether each position is finite and not that of a frozen sensor."""
     index = np.arange(position.size)
     changed = np.append(True, position[1:] != position[:-1])
-    usable: Mask = np.isfinite(position) & (index - np.maximum.accumulate(np.where(changed, index, 0)) < FROZEN)
+    usable: BoolArray = np.isfinite(position) & (index - np.maximum.accumulate(np.where(changed, index, 0)) < FROZEN)
     return usable
 
 
-def measured_values(samples: Tail, usable: Mask, supply: float | None) -> FloatArray:
+def measured_values(samples: Tail, usable: BoolArray, supply: float | None) -> FloatArray:
     """Measured values of the filter, NaN for none: the position, and the supply pressure if a ratio of it is given.
 
     It counts while no valve is open, when it is the same in the vehicle's reservoir and before the valve.

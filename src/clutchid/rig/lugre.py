@@ -7,14 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.estimation.assess.diagnostics import fit_percent
 from clutchid.estimation.request import ended
 from clutchid.inference.uncertainty.estimates import Estimate
 from clutchid.inference.uncertainty.gaussian import Covariance, sandwich
-from clutchid.log import FloatArray, Log, sample_interval
+from clutchid.log import BoolArray, FloatArray, Log, sample_interval
 from clutchid.names import check_names
 from clutchid.numerics.least_squares import Linearisation, Solution, compress, minimise
 from clutchid.parameters import Parameters
@@ -58,7 +57,7 @@ class LugreProblem:
     unit: FloatArray
     low: FloatArray
     high: FloatArray
-    free: NDArray[np.bool_]
+    free: BoolArray
     base: FloatArray
 
     def all(self, x: FloatArray) -> FloatArray:

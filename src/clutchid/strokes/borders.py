@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from clutchid.log import FloatArray
+from clutchid.log import BoolArray, FloatArray
 from clutchid.parameters import DEFAULTS
-from clutchid.strokes.rest_level import STILL, Bins, BoolArray
+from clutchid.strokes.rest_level import STILL, Bins
 from clutchid.strokes.sampled import runs
 from clutchid.strokes.section import Kind
 from clutchid.strokes.stream import Samples

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchid.log import FloatArray
+from clutchid.log import BoolArray, FloatArray
 from clutchid.strokes.stream import Samples
 from clutchid.strokes.stroke import QUICKEST
-
-BoolArray: TypeAlias = NDArray[np.bool_]
 
 #: Time in s over which a position counts as still, and shortest rest.
 STILL = 0.15

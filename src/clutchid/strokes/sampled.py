@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchid.log import FloatArray, sample_interval
+from clutchid.log import BoolArray, FloatArray, sample_interval
 
 IntArray: TypeAlias = NDArray[np.intp]
 
@@ -22,7 +22,7 @@ ENOUGH = 200_000
 LEFT_OUT = 3
 
 
-def runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def runs(mask: BoolArray) -> list[tuple[int, int]]:
     """Sample ranges (start, stop) in which `mask` is true throughout."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8))).tolist()
     return list(zip(edges[::2], edges[1::2], strict=True))
@@ -63,7 +63,7 @@ class Runs:
     length: IntArray
     value: FloatArray
 
-    def longest(self, among: NDArray[np.bool_], left_out: int = 0) -> int:
+    def longest(self, among: BoolArray, left_out: int = 0) -> int:
         """Length of the longest run `among` those selected, without the `left_out` longest; 1 if there is none."""
         lengths = np.sort(self.length[among])
         return int(lengths[-1 - left_out]) if lengths.size > left_out else 1
@@ -100,7 +100,7 @@ def constant_runs(values: FloatArray) -> Runs:
     return Runs(starts, stops - starts + 1, values[starts])
 
 
-def run_ends(mask: NDArray[np.bool_]) -> tuple[IntArray, IntArray]:
+def run_ends(mask: BoolArray) -> tuple[IntArray, IntArray]:
     """First samples, and first samples after, of the runs in which `mask` is true.
 
     Examples

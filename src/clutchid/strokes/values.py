@@ -14,13 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.codegen.kernels import kernels_in
-from clutchid.log import HOLE, INPUTS, FloatArray, Log, sample_interval
+from clutchid.log import HOLE, INPUTS, BoolArray, FloatArray, Log, sample_interval
 from clutchid.log.states import SENSORS
 from clutchid.model.actuator import Actuator
 from clutchid.strokes import rule
 from clutchid.strokes.sampled import runs
 
-Mask: TypeAlias = NDArray[np.bool_]
 Verdicts: TypeAlias = NDArray[np.uint8]
 
 #: A position is none further beyond the stops than this in m: a vented rest may have moved by 5 mm since the
@@ -119,19 +118,19 @@ def watched(watch: FloatArray, bounds: FloatArray, log: Log, column: str) -> Wat
     return Watched(verdicts, since, after)
 
 
-def is_value(verdicts: NDArray[np.uint8]) -> Mask:
+def is_value(verdicts: NDArray[np.uint8]) -> BoolArray:
     """Whether each sample is a value; `np.isin` takes 20 times as long for a single one."""
-    values: Mask = (verdicts == rule.VALUE) | (verdicts == rule.EXPLAINED)
+    values: BoolArray = (verdicts == rule.VALUE) | (verdicts == rule.EXPLAINED)
     return values
 
 
-def ends_stretch(verdicts: NDArray[np.uint8]) -> Mask:
+def ends_stretch(verdicts: NDArray[np.uint8]) -> BoolArray:
     """Whether a stretch without holes ends at each sample: a jump that stays, or channels that are repeated."""
-    ends: Mask = (verdicts == rule.SEAM) | (verdicts == rule.REPEATED)
+    ends: BoolArray = (verdicts == rule.SEAM) | (verdicts == rule.REPEATED)
     return ends
 
 
-def supply_differs(watch: FloatArray, recorded: float, log: Log) -> tuple[NDArray[np.bool_], FloatArray]:
+def supply_differs(watch: FloatArray, recorded: float, log: Log) -> tuple[BoolArray, FloatArray]:
     """Whether each recorded supply pressure cannot be right, and the watch after them.
 
     Parameters
@@ -217,7 +216,7 @@ def values_of(log: Log, actuator: Actuator) -> Values:
     >>> values.faults[0].sentence
     'position: 2 samples beyond the stops, the first at 0.501 s (65.53 mm): they count as missing.'
     """
-    missing, faults = dict[str, Mask](), list[Fault]()
+    missing, faults = dict[str, BoolArray](), list[Fault]()
     for name in (*INPUTS, "pressure_supply"):
         if name in log:
             faults += _out_of_range(log, name, missing)
@@ -237,7 +236,7 @@ def values_of(log: Log, actuator: Actuator) -> Values:
 
 def with_inputs_in_range(log: Log) -> Log:
     """A recording with duty cycles outside 0 to 1 missing, unless they are many; else the same object."""
-    missing: dict[str, Mask] = {}
+    missing: dict[str, BoolArray] = {}
     for name in INPUTS:
         if name in log:
             _out_of_range(log, name, missing)
@@ -259,7 +258,7 @@ def within_rounding(duty: FloatArray) -> FloatArray:
     return np.where(inside, np.clip(duty, 0.0, 1.0), np.nan)
 
 
-def outside(name: str, values: FloatArray) -> Mask:
+def outside(name: str, values: FloatArray) -> BoolArray:
     """Whether each of the values is no duty cycle, or no pressure of an air supply; False where it is missing."""
     low, high = _RANGES[name]
     return (values < low) | (values > high)
@@ -274,7 +273,7 @@ _BEYOND = {
 _STEP = {"position": "than a piston moves", "pressure_a": "than a valve fills"}
 
 
-def _out_of_range(log: Log, name: str, missing: dict[str, Mask]) -> list[Fault]:
+def _out_of_range(log: Log, name: str, missing: dict[str, BoolArray]) -> list[Fault]:
     low, high = _RANGES[name]
     if low <= np.fmin.reduce(log[name]) and np.fmax.reduce(log[name]) <= high:
         return []
@@ -288,11 +287,11 @@ def _out_of_range(log: Log, name: str, missing: dict[str, Mask]) -> list[Fault]:
     return [fault]
 
 
-def _too_many(log: Log, name: str, wrong: Mask) -> bool:
+def _too_many(log: Log, name: str, wrong: BoolArray) -> bool:
     return bool(np.sum(wrong) > MOST * np.sum(np.isfinite(log[name])))
 
 
-def _judge(log: Log, name: str, bounds: FloatArray, missing: dict[str, Mask], faults: list[Fault]) -> None:
+def _judge(log: Log, name: str, bounds: FloatArray, missing: dict[str, BoolArray], faults: list[Fault]) -> None:
     """Add what is no value of a measured column to `missing` and `faults`."""
     verdicts, since, _ = watched(new_watch(), bounds, log, name)
     seams = _settled(log, name, verdicts, since)
@@ -342,7 +341,7 @@ def _settled(log: Log, name: str, verdicts: Verdicts, since: FloatArray) -> list
     return seams
 
 
-def _repeated(log: Log, name: str, verdicts: Verdicts, since: FloatArray) -> Mask:
+def _repeated(log: Log, name: str, verdicts: Verdicts, since: FloatArray) -> BoolArray:
     """Samples that a logger repeated in all channels; a column at its own limit is saturated, not repeated."""
     repeated, values = np.zeros(len(log), dtype=bool), log[name]
     others = [log[other] for other in ("position", "pressure_a", "pressure_supply", *INPUTS) if other in log]
@@ -363,7 +362,7 @@ def _shown(name: str, value: float, sign: str = "") -> str:
     return f"{value * factor:{sign}.4g} {unit}".strip()
 
 
-def _fault(log: Log, name: str, kind: str, wrong: Mask, words: str) -> Fault:
+def _fault(log: Log, name: str, kind: str, wrong: BoolArray, words: str) -> Fault:
     """A fault of samples that become missing."""
     count, first = int(wrong.sum()), int(np.argmax(wrong))
     shown = f" ({_shown(name, float(log[name][first]))})" if name in log else ""
@@ -376,7 +375,7 @@ def _fault(log: Log, name: str, kind: str, wrong: Mask, words: str) -> Fault:
     return Fault(name, kind, count, float(log.time[first]), sentence)
 
 
-def _seam(log: Log, name: str, i: int, missing: Mask) -> Fault:
+def _seam(log: Log, name: str, i: int, missing: BoolArray) -> Fault:
     """A fault of a column that jumps to sample `i` and stays."""
     values = log[name]
     before = np.flatnonzero(np.isfinite(values[:i]) & ~missing[:i])[-1]

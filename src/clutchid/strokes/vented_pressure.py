@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from clutchid.log import INPUTS, FloatArray, Log, sample_interval
+from clutchid.log import INPUTS, BoolArray, FloatArray, Log, sample_interval
 from clutchid.log.units import UNITS
 from clutchid.measurements.source import UNIT_KEY, VENTED_KEY
 from clutchid.parameters import known_ambient
+from clutchid.strokes.rest_level import CLOSED, LOW_END
 from clutchid.strokes.sampled import runs
 
 if TYPE_CHECKING:
     from clutchid.model.actuator import Actuator
-
-BoolArray: TypeAlias = NDArray[np.bool_]
 
 
 class VentedPrior(NamedTuple):
@@ -38,9 +36,9 @@ OFFSET = VentedPrior(0.0, 2e3, "half a bar of range to one per cent; that of the
 #: Length in s of a bin, of which the mean is taken, longer than noise of sensors is correlated; fewest bins of a rest.
 BIN, FEWEST = 0.02, 4
 
-#: Up to the first duty cycle a valve stays closed, from the second on it is open whatever its dead zone. Between them a
-#: chamber may look vented: those of trucks 2 and 3 of `../shared/data/trucks` stay 0.07 and 0.14 bar above it at 0.16.
-CLOSED, OPEN = 0.02, 0.5
+#: From this duty cycle on a valve is open whatever its dead zone. Between `CLOSED` and it a chamber may look vented:
+#: those of trucks 2 and 3 of `../shared/data/trucks` stay 0.07 and 0.14 bar above it at 0.16.
+OPEN = 0.5
 
 #: Last parts of a rest in which the pressure may be level: of the one at the start, and of one after a stroke.
 AT_START, _AFTER_STROKE = (1.0, 0.5, 0.25), (1 / 2, 1 / 3, 1 / 4)
@@ -49,9 +47,6 @@ AT_START, _AFTER_STROKE = (1.0, 0.5, 0.25), (1 / 2, 1 / 3, 1 / 4)
 #: elsewhere, such as at the start, it may go on with this time constant in s. Those of trucks 0 to 5 of both families
 #: are below 0.17 s.
 _DECAYED, SLOWEST = 2.0, 0.5
-
-#: A vented rest lies below this share of the travel.
-LOW_END = 0.15
 
 #: Smallest standard deviation in Pa of the pressure of a rest, and drift over a rest that counts as none.
 LEAST = 100.0

@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from clutchid.log import Log, sample_interval
+from clutchid.log import BoolArray, Log, sample_interval
 from clutchid.numerics.interval import QUANTILE
 from clutchid.strokes.excitation import VENTED_POSITION
 from clutchid.strokes.rest_level import (
@@ -18,7 +18,6 @@ from clutchid.strokes.rest_level import (
     CREEP,
     LOW_END,
     STILL,
-    BoolArray,
     RawBins,
     quantum_of,
     ranges,
