@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from clutchid.codegen.c99 import CSource, c99_source
 from clutchid.codegen.system import System
+from fixtures.once import once
 
 STRICT = ("-Wall", "-Wextra", "-Werror", "-Wdouble-promotion", "-std=c99", "-pedantic")
 
@@ -107,7 +108,7 @@ def compiler() -> str:
 def compiled(compiler: str, tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
     """Compiles ``name.h`` and ``name.c`` strictly: compiled(code, name, flags), the file of the library."""
 
-    def make(code: CSource, name: str, flags: tuple[str, ...] = ("-O2",)) -> Path:
+    def make(code: CSource, name: str, flags: tuple[str, ...] = ("-O1",)) -> Path:
         folder = tmp_path_factory.mktemp(name)
         (folder / f"{name}.h").write_text(code.header)
         (folder / f"{name}.c").write_text(code.source)
@@ -129,10 +130,11 @@ def build(compiled: Callable[..., Path]) -> Callable[..., Compiled]:
     def make(
         system: System,
         real: str = "double",
-        flags: tuple[str, ...] = ("-O2",),
+        flags: tuple[str, ...] = ("-O1",),
         derivatives: tuple[str, ...] | None = None,
     ) -> Compiled:
-        code = c99_source(system, real=real, derivatives=derivatives)
+        options = {"real": real, "derivatives": derivatives}
+        code = once((system, options), lambda: c99_source(system, **options))
         file = compiled(code, system.name, flags)
         return Compiled(code, file, system.name, np.float64 if real == "double" else np.float32)
 
