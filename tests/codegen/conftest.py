@@ -1,7 +1,8 @@
-"""Textbook systems with known answers, and their compiled kernels (each compiled once a session)."""
+"""Textbook systems with known answers, and their compiled kernels (each compiled once a run)."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from clutchid.codegen.cache import load_module
 from clutchid.codegen.numba_source import numba_source
 from clutchid.codegen.system import Jump, System, TabulatedFunction
+from fixtures.once import SHARED
 
 FloatArray = NDArray[np.float64]
 
@@ -129,10 +131,10 @@ class Kernels:
 
 
 @pytest.fixture(scope="session")
-def compiled(tmp_path_factory: pytest.TempPathFactory) -> Callable[[System], Kernels]:
-    """Builds kernels of a system in a folder of this session."""
+def compiled() -> Callable[[System], Kernels]:
+    """Builds kernels of a system in the folder of this run."""
     done: dict[str, Kernels] = {}
-    folder = tmp_path_factory.mktemp("kernels")
+    folder = Path(os.environ[SHARED], "kernels")
 
     def build(system: System) -> Kernels:
         if system.name not in done:
