@@ -210,17 +210,26 @@ def two_stages(
     low, high = problem.bounds()
     coarse = minimise(lambda x: evaluate(x, "coarse search"), begin, low, high, tolerance=1e-3)
     report("fine search")
-    problem, again = _rescaled(problem, coarse.x)
+    problem, again = _rescaled(problem, coarse)
     assert isinstance(again, Linearisation)
     fine = minimise(lambda x: evaluate(x, "fine search"), (coarse.x, again), low, high, tolerance=1e-9)
     return problem, replace(fine, evaluations=count)
 
 
-def _rescaled(problem: Problem, x: FloatArray) -> tuple[Problem, Linearisation | Failure]:
-    """The problem with its rms residuals at x as noise scales, and its linearisation there."""
-    segments = [segment for segment in _simulated(problem, x) if not isinstance(segment, Failure)]
+def _rescaled(problem: Problem, end: Solution[Linearisation]) -> tuple[Problem, Linearisation | Failure]:
+    """The problem with its rms residuals at the end of a search as noise scales, and its linearisation there.
+
+    Where a single column is measured, all rows are divided by the same number; otherwise they are simulated again.
+    """
+    if len(problem.measure) == 1:
+        ((name, scale),), at = problem.noise.measured.items(), end.at
+        rms = max(scale * float(np.sqrt(2.0 * at.cost / at.count)), _least_scale(name))
+        factor = scale / rms
+        again = Linearisation(factor * at.R, factor * at.q, factor**2 * at.cost, at.count)
+        return replace(problem, noise=Noise(measured={name: rms})), again
+    segments = [segment for segment in _simulated(problem, end.x) if not isinstance(segment, Failure)]
     problem = replace(problem, noise=Noise(measured=_rms_residuals(problem, segments)))
-    return problem, _linearised((_compared(problem, segment) for segment in segments), x.size)
+    return problem, _linearised((_compared(problem, segment) for segment in segments), end.x.size)
 
 
 def _best_start(
@@ -258,15 +267,20 @@ def _cost(problem: Problem, x: FloatArray) -> float:
 
 
 def _rms_residuals(problem: Problem, segments: Sequence[SimulatedSegment]) -> dict[str, float]:
-    """Rms residual of every measured column, at least a thousandth of the first scale."""
+    """Rms residual of every measured column, or its least scale."""
     rms = {}
     for name, scale in problem.noise.measured.items():
         at = problem.actuator.states.index(MEASURED[name].state)
         pieces = [s.states[:, at] - s.plan.log[name][s.segment.start : s.segment.stop] for s in segments]
         total = sum(float(np.nansum((piece / scale) ** 2)) * scale**2 for piece in pieces)
         count = sum(int(np.isfinite(piece).sum()) for piece in pieces)
-        rms[name] = max(float(np.sqrt(total / max(1, count))), 1e-3 * MEASURED[name].first_scale)
+        rms[name] = max(float(np.sqrt(total / max(1, count))), _least_scale(name))
     return rms
+
+
+def _least_scale(name: str) -> float:
+    """Least noise scale of a measured column: a thousandth of the first."""
+    return 1e-3 * MEASURED[name].first_scale
 
 
 class SimulatedSegment(NamedTuple):

@@ -101,7 +101,14 @@ class Problem:
 
     def actuator_of(self, x: FloatArray, stem: str) -> Actuator:
         """Actuator of the recording `stem` at x; ParameterError if values contradict each other."""
-        value = self.si(x)
+        return self._actuator_at(x.tobytes(), stem)
+
+    @cached_property
+    def _actuator_at(self) -> Callable[[bytes, str], Actuator]:
+        return lru_cache(maxsize=_CACHE_SIZE)(self._actuator)
+
+    def _actuator(self, x: bytes, stem: str) -> Actuator:
+        value = self.si(np.frombuffer(x))
         return self.actuator.replace({self.coordinates[i].base: float(value[i]) for i in self.places(stem)})
 
     def parameter_map(self, x: FloatArray, stem: str) -> ParameterMap:
