@@ -107,14 +107,13 @@ def test_a_part_of_any_length_has_the_same_verdicts(log):
     bad, _ = corrupted(log, "position", 0.0, 30, 3)
     bad = bad.with_columns(position=bad["position"] + 1e-3 * (np.arange(len(log)) >= 5000))
     bounds = limits(ACTUATOR, "position", 1e-3)
-    whole = watched(new_watch(), bounds, bad, "position")
+    whole, _, last = watched(new_watch(), bounds, bad, "position")
     watch, parts = new_watch(), []
     for part in np.array_split(np.arange(len(log)), [1, 2, 700, 4999, 5000, 5003, 5700]):
-        found = watched(watch, bounds, bad.slice(part[0], part[-1] + 1), "position")
-        parts.append(found.verdicts)
-        watch = found.watch
-    assert np.array_equal(np.concatenate(parts), whole.verdicts)
-    np.testing.assert_array_equal(watch, whole.watch)
+        verdicts, _, watch = watched(watch, bounds, bad.slice(part[0], part[-1] + 1), "position")
+        parts.append(verdicts)
+    assert np.array_equal(np.concatenate(parts), whole)
+    np.testing.assert_array_equal(watch, last)
 
 
 def thinned(log, step):

@@ -170,13 +170,12 @@ def check_calibration(task: records.ReadCalibration, events: Events) -> dict[str
     """
     events.progress("reading", None, "reading")
     try:
-        calibration = read_calibration(task.path)
+        origin, curve = read_calibration(task.path)
     except ParameterError as error:
         if is_map(task.path):
             advice = "give it to a recording with “Use a map” in its table of channels"
             raise ParameterError(f"{task.name}: is a channel map; {advice}.") from None
         raise ParameterError(str(error).replace(str(task.path), task.name)) from None
-    origin, curve = calibration.origin, calibration.curve
     return {
         "status": "ok", "load_curve": None if curve is None else curve_json(curve), "is_calibration": True,
         "trust": origin.trust or "",

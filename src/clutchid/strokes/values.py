@@ -93,14 +93,6 @@ def limits(actuator: Actuator, column: str, interval: float) -> FloatArray:
     return np.array([low, high, *rates, noise, REPEATS * interval, max(BELIEVED, 2.0 * gap), gap, interval])
 
 
-class Watched(NamedTuple):
-    """Verdicts of `plausible` on samples, times `since` in s that belong to them, and the watch after them."""
-
-    verdicts: Verdicts
-    since: FloatArray
-    watch: FloatArray
-
-
 def new_watch() -> FloatArray:
     """The watch of a column before its first sample."""
     watch = np.zeros(rule.OTHERS_SINCE + 1)
@@ -109,13 +101,19 @@ def new_watch() -> FloatArray:
     return watch
 
 
-def watched(watch: FloatArray, bounds: FloatArray, log: Log, column: str) -> Watched:
-    """Verdicts on a column of a recording, or on the next part of one; parts of any length give the same."""
+def watched(watch: FloatArray, bounds: FloatArray, log: Log, column: str) -> tuple[Verdicts, FloatArray, FloatArray]:
+    """Verdicts on a column of a recording, or on the next part of one; parts of any length give the same.
+
+    Returns
+    -------
+    verdicts, since, watch
+        Of `plausible`, times in s that belong to them, and the watch after them.
+    """
     verdicts, since, after = np.zeros(len(log), dtype=np.uint8), np.full((len(log), 2), np.nan), watch.copy()
     others = np.column_stack([log[name] for name in INPUTS])
     follow = kernels_in("clutchid.strokes.plausible").follow_values
     follow(after, bounds, log.time, log[column], others, verdicts, since)
-    return Watched(verdicts, since, after)
+    return verdicts, since, after
 
 
 def is_value(verdicts: NDArray[np.uint8]) -> BoolArray:

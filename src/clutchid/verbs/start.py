@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from clutchid.errors import ClutchidError, ParameterError
 from clutchid.estimation.parameter_file import ParameterFile, read_parameters, started
@@ -82,15 +82,8 @@ def compile_models(calibrations: Iterable[Path]) -> None:
     compile_filter()
 
 
-class CalibrationFile(NamedTuple):
-    """Origin of a calibration, and its load, None if the file has none."""
-
-    origin: Origin
-    curve: LoadCurve | None
-
-
-def read_calibration(path: Path) -> CalibrationFile:
-    """The calibration in a parameter file.
+def read_calibration(path: Path) -> tuple[Origin, LoadCurve | None]:
+    """Origin of the calibration in a parameter file, and its load, None if the file has none.
 
     Raises
     ------
@@ -105,7 +98,7 @@ def read_calibration(path: Path) -> CalibrationFile:
             f"{path}: is a parameter file without a calibration; a calibration is written by "
             "`clutchid calibrate --save CAL.toml`."
         )
-    return CalibrationFile(content.origin, calibrated_curve(content.actuator, content.calibration))
+    return content.origin, calibrated_curve(content.actuator, content.calibration)
 
 
 def calibration_file(path: Path) -> ParameterFile:
