@@ -159,8 +159,10 @@ def import_first(*libraries: str) -> None:
 
 def rewrite_asserts(config: pytest.Config) -> None:
     """Write the byte code of tests with their asserts, as pytest does on import: workers would each do so at once."""
+    if sys.dont_write_bytecode:
+        return
     compile_dir(ROOT / "src", quiet=1)
-    for file in [] if sys.dont_write_bytecode else [*HERE.rglob("test_*.py"), *HERE.rglob("conftest.py")]:
+    for file in (*HERE.rglob("test_*.py"), *HERE.rglob("conftest.py")):
         kept = rewrite.get_cache_dir(file) / (file.stem + rewrite.PYC_TAIL)
         if rewrite._read_pyc(file, kept) is None and rewrite.try_makedirs(kept.parent):
             origin, code = rewrite._rewrite_test(file, config)

@@ -5,6 +5,7 @@ import shutil
 import subprocess
 from dataclasses import replace
 from functools import cache
+from itertools import product
 
 import numpy as np
 import pytest
@@ -38,6 +39,7 @@ STRICT = (
     "-pedantic", "-Werror",
 )  # fmt: skip
 METHODS = ("joint", "joint-reduced", "states")
+STYLES = [*product(("float", "double"), ("one", "two"))]
 
 
 @pytest.fixture(scope="module")
@@ -223,9 +225,10 @@ def test_a_restart_goes_on_from_memory_and_a_damaged_one_from_the_calibration(ob
         assert (again, strokes_again) == (pytest.approx(calibrated), 0.0), at
 
 
-@pytest.mark.parametrize("rates", ["one", "two"])
-@pytest.mark.parametrize("real", ["float", "double"])
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    ("method", "real", "rates"),
+    [(method, *style) for method in METHODS for style in (STYLES if method == "joint" else STYLES[::3])],
+)
 def test_it_compiles_without_a_warning_and_float_knows_no_double(observer_of, tmp_path, method, real, rates):
     one = observer_of(method)
     modules = observer_c99(one, start(one), CStyle("own_name", real, rates), "test")
