@@ -135,8 +135,7 @@ def test_sensitivities_of_every_variant_are_exact_through_valves_stop_and_both_k
     assert moving == used_by(rich.model)
 
 
-@pytest.mark.parametrize("carry", ["p", "q"])
-@pytest.mark.parametrize("size", [{"every": 50}, {"parts": 7}], ids=["every", "parts"])
+@pytest.mark.parametrize(("size", "carry"), [({"every": 50}, "q"), ({"parts": 7}, "p")], ids=["every-q", "parts-p"])
 def test_partitioned_sensitivities_of_every_variant_are_exact(every, off, size, carry):
     # what acts on no equation of the variant stays without effect: the sensitivities above are those of all names
     worst = mistaken(every, off, partition=Partition(**size, carry=carry), names=acting(every))
