@@ -159,7 +159,7 @@ def import_first(*libraries: str) -> None:
 
 def rewrite_asserts(config: pytest.Config) -> None:
     """Write the byte code of tests with their asserts, as pytest does on import: workers would each do so at once."""
-    if sys.dont_write_bytecode:
+    if sys.dont_write_bytecode or rewrite.assertstate_key not in config.stash:
         return
     compile_dir(ROOT / "src", quiet=1)
     for file in (*HERE.rglob("test_*.py"), *HERE.rglob("conftest.py")):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -133,15 +134,11 @@ class Kernels:
 @pytest.fixture(scope="session")
 def compiled() -> Callable[[System], Kernels]:
     """Builds kernels of a system in the folder of this run."""
-    done: dict[str, Kernels] = {}
-    folder = Path(os.environ[SHARED], "kernels")
 
+    @cache
     def build(system: System) -> Kernels:
-        if system.name not in done:
-            with pytest.MonkeyPatch.context() as patch:  # no longer: later tests would compile all models anew
-                patch.setenv("CLUTCHID_CACHE", str(folder))
-                module = load_module(system.name, [Path(__file__)], lambda: numba_source(system))
-            done[system.name] = Kernels(system, module)
-        return done[system.name]
+        with pytest.MonkeyPatch.context() as patch:  # no longer: later tests would compile all models anew
+            patch.setenv("CLUTCHID_CACHE", str(Path(os.environ[SHARED], "kernels")))
+            return Kernels(system, load_module(system.name, [Path(__file__)], lambda: numba_source(system)))
 
     return build
