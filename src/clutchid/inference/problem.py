@@ -105,11 +105,8 @@ class Problem:
 
     @cached_property
     def _actuator_at(self) -> Callable[[bytes, str], Actuator]:
-        return lru_cache(maxsize=_CACHE_SIZE)(self._actuator)
-
-    def _actuator(self, x: bytes, stem: str) -> Actuator:
-        value = self.si(np.frombuffer(x))
-        return self.actuator.replace({self.coordinates[i].base: float(value[i]) for i in self.places(stem)})
+        own = weakref.proxy(self)
+        return lru_cache(maxsize=_CACHE_SIZE)(lambda x, stem: _actuator(own, np.frombuffer(x), stem))
 
     def parameter_map(self, x: FloatArray, stem: str) -> ParameterMap:
         """Parameter map of the recording `stem` at x."""
@@ -138,6 +135,11 @@ class Problem:
         """Cached `prior_rows`, by the bytes of x; it does not keep the problem, and so its recordings, alive."""
         own = weakref.proxy(self)
         return lru_cache(maxsize=_CACHE_SIZE)(lambda x: _prior(own, np.frombuffer(x)))
+
+
+def _actuator(problem: Problem, x: FloatArray, stem: str) -> Actuator:
+    value = problem.si(x)
+    return problem.actuator.replace({problem.coordinates[i].base: float(value[i]) for i in problem.places(stem)})
 
 
 def prior_rows(problem: Problem, x: FloatArray) -> FloatArray:
