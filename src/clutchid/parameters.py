@@ -561,7 +561,7 @@ class Parameters:
         """
         changes = {**(changes or {}), **by_name}
         check_names(changes, self.names())
-        return replace(self, **changes)
+        return replace(self, **changes) if changes else self
 
 
 def _shown(name: str, value: float, row: Row) -> str:
