@@ -1,11 +1,14 @@
 """What a live recording gives while it goes on: a growing file, published lines, and a view on the terminal."""
 
+import fcntl
 import io
 import json
 import os
 import pty
 import re
 import signal
+import sys
+import termios
 import time
 from contextlib import suppress
 
@@ -13,7 +16,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from fixtures.commands import meanwhile
+from fixtures.commands import meanwhile, wait_for
 
 
 @pytest.fixture
@@ -28,6 +31,11 @@ def ready(number, before):
     """Wait until the command listens to the signal."""
     while signal.getsignal(number) is before:
         time.sleep(0.01)
+
+
+def unread(pipe):
+    """Bytes that wait in a pipe."""
+    return int.from_bytes(fcntl.ioctl(pipe, termios.FIONREAD, bytes(4)), sys.byteorder)
 
 
 @pytest.mark.slow
@@ -139,11 +147,10 @@ def test_a_reader_that_stalls_costs_its_lines_and_the_first_signal_writes_the_fi
     monkeypatch.setattr("clutchid.verbs.service.streams.STALL", stall)
     (tmp_path / "worn.csv").write_bytes((folder / "worn.csv").read_bytes())
     reading, writing = os.pipe()
-    before = signal.getsignal(signal.SIGTERM)
 
     def stop():
-        ready(signal.SIGTERM, before)
-        time.sleep(1.5)
+        wait_for(lambda: unread(reading) > 32_000)
+        time.sleep(0.5)  # the pipe is full, and has been for a while
         os.kill(os.getpid(), signal.SIGTERM)
 
     with meanwhile(stop), os.fdopen(writing, "w") as stream:
@@ -164,11 +171,11 @@ def test_lines_go_on_whole_once_they_are_read_again(observe, folder, same, tmp_p
     text = (folder / "worn.csv").read_bytes()
     (tmp_path / "worn.csv").write_bytes(text[:200_000])
     reading, writing = os.pipe()
-    before, said = signal.getsignal(signal.SIGTERM), []
+    said = []
 
     def read():
-        ready(signal.SIGTERM, before)
-        time.sleep(1.0)
+        wait_for(lambda: unread(reading) > 32_000)
+        time.sleep(0.5)
         with os.fdopen(reading, "rb") as lines, meanwhile(grow):
             said.append(lines.read())
 
