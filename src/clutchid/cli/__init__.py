@@ -7,9 +7,16 @@ import traceback
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from io import TextIOWrapper
+from typing import Any
 
 from cyclopts import App, Parameter
-from cyclopts.exceptions import CycloptsError
+from cyclopts.exceptions import (
+    CoercionError,
+    CycloptsError,
+    MissingArgumentError,
+    RepeatArgumentError,
+    UnusedCliTokensError,
+)
 
 from clutchid.cli.app import app as page
 from clutchid.cli.calibrate import calibrate
@@ -57,6 +64,9 @@ _COMMANDS: tuple[tuple[Callable[..., int], str], ...] = (
     (paper, "--out FOLDER [OPTIONS]"),
 )
 
+#: Types of options that are numbers.
+_NUMBERS: dict[Any, str] = {int: "a whole number", float: "a number"}
+
 
 def app() -> App:
     """The application with all commands."""
@@ -100,9 +110,26 @@ def _run(tokens: list[str]) -> int:
     except CycloptsError as error:
         if "--debug" in tokens:
             traceback.print_exc()
-        message = " ".join(str(error).split())
-        return complain(f"{message} Try 'clutchid --help'.", as_json="--json" in tokens, status="bad_input")
+        usages = {command.__name__: f"clutchid {command.__name__} {usage}" for command, usage in _COMMANDS}
+        usage = usages.get(next(iter(error.command_chain or ()), ""))
+        ending = f"Usage: {usage}" if usage else "Try 'clutchid --help'."
+        return complain(f"{_sentence(error)} {ending}", as_json="--json" in tokens, status="bad_input")
     return code if isinstance(code, int) else DONE
+
+
+def _sentence(error: CycloptsError) -> str:
+    """The words of a command that cannot be understood."""
+    name = error.argument.name if error.argument else ""
+    match error:
+        case MissingArgumentError():
+            return f"{name} has no value." if error.keyword else f"{name} is missing."
+        case RepeatArgumentError(token=token):
+            return f"{token.keyword} is given more than once."
+        case UnusedCliTokensError(unused_tokens=tokens):
+            return f"{' '.join(tokens or ())}: not expected here."
+        case CoercionError(target_type=wanted, token=token) if token and wanted in _NUMBERS:
+            return f"{name} {token.value}: {_NUMBERS[wanted]} is expected."
+    return " ".join(str(error).split())
 
 
 if __name__ == "__main__":
