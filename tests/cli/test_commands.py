@@ -132,6 +132,11 @@ def test_pressure_and_named_parameters_can_be_fitted(command: Command) -> None:
         (["look", "LOG", "more.csv"], ["more.csv: not expected here"]),
         (["drive", "--out", "a.csv", "--out", "b.csv"], ["--out is given more than once"]),
         (["drive", "--out", "a.csv", "--truck", "one"], ["--truck one: a whole number is expected"]),
+        (
+            ["drive", "--out", "a.csv", "--seed", "1.5"],
+            ["--seed 1.5: a whole number is expected. Usage: clutchid drive"],
+        ),
+        (["fit", "LOG", "--every=0.5"], ["--every 0.5: a whole number is expected"]),
         (["drive", "--out", "a.csv", "--seconds", "ten"], ["--seconds ten: a number is expected"]),
         (["fit", "--verify", "LOG", "LOG"], ["no recording", "put the recordings first"]),
         (["fit", "--bounds", "theta_1=0:1e6", "LOG"], ["no recording", "put the recordings first"]),

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import traceback
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from io import TextIOWrapper
+from itertools import pairwise
 from typing import Any
 
 from cyclopts import App, Parameter
@@ -64,6 +66,9 @@ _COMMANDS: tuple[tuple[Callable[..., int], str], ...] = (
     (paper, "--out FOLDER [OPTIONS]"),
 )
 
+#: A number with decimals.
+_FRACTION = re.compile(r"[+-]?\d*\.\d+")
+
 #: Types of options that are numbers.
 _NUMBERS: dict[Any, str] = {int: "a whole number", float: "a number"}
 
@@ -102,19 +107,37 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _run(tokens: list[str]) -> int:
+    application = app()
     try:
-        code = app()(tokens, exit_on_error=False, print_error=False)
+        if fraction := _fraction(application, tokens):
+            return complain(fraction, as_json="--json" in tokens, status="bad_input")
+        code = application(tokens, exit_on_error=False, print_error=False)
     except KeyboardInterrupt:  # before the command took over
         complain("stopped.", as_json="--json" in tokens, status="failed")
         return INTERRUPTED
     except CycloptsError as error:
         if "--debug" in tokens:
             traceback.print_exc()
-        usages = {command.__name__: f"clutchid {command.__name__} {usage}" for command, usage in _COMMANDS}
-        usage = usages.get(next(iter(error.command_chain or ()), ""))
-        ending = f"Usage: {usage}" if usage else "Try 'clutchid --help'."
-        return complain(f"{_sentence(error)} {ending}", as_json="--json" in tokens, status="bad_input")
+        sentence = f"{_sentence(error)} {_usage(next(iter(error.command_chain or ()), ''))}"
+        return complain(sentence, as_json="--json" in tokens, status="bad_input")
     return code if isinstance(code, int) else DONE
+
+
+def _usage(name: str) -> str:
+    usages = {command.__name__: usage for command, usage in _COMMANDS}
+    return f"Usage: clutchid {name} {usages[name]}" if name in usages else "Try 'clutchid --help'."
+
+
+def _fraction(application: App, tokens: Sequence[str]) -> str:
+    """A sentence where a whole number is given as a fraction, which the parser would round; else nothing."""
+    words = [word for token in tokens for word in token.split("=", 1)]
+    given = {name: value for name, value in pairwise(words) if _FRACTION.fullmatch(value) and float(value) % 1.0}
+    if not given or not any(command.__name__ == tokens[0] for command, _ in _COMMANDS):
+        return ""
+    for argument in application[tokens[0]].assemble_argument_collection():
+        for name in given.keys() & {*argument.names} if argument.hint in (int, int | None) else ():
+            return f"{name} {given[name]}: {_NUMBERS[int]} is expected. {_usage(tokens[0])}"
+    return ""
 
 
 def _sentence(error: CycloptsError) -> str:
