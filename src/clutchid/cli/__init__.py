@@ -131,12 +131,12 @@ def _usage(name: str) -> str:
 def _fraction(application: App, tokens: Sequence[str]) -> str:
     """A sentence where a whole number is given as a fraction, which the parser would round; else nothing."""
     words = [word for token in tokens for word in token.split("=", 1)]
-    given = {name: value for name, value in pairwise(words) if _FRACTION.fullmatch(value) and float(value) % 1.0}
-    if not given or not any(command.__name__ == tokens[0] for command, _ in _COMMANDS):
+    fractions = {name: value for name, value in pairwise(words) if _FRACTION.fullmatch(value) and float(value) % 1.0}
+    if not fractions or not any(command.__name__ == tokens[0] for command, _ in _COMMANDS):
         return ""
     for argument in application[tokens[0]].assemble_argument_collection():
-        for name in given.keys() & {*argument.names} if argument.hint in (int, int | None) else ():
-            return f"{name} {given[name]}: {_NUMBERS[int]} is expected. {_usage(tokens[0])}"
+        for name in fractions.keys() & {*argument.names} if argument.hint in (int, int | None) else ():
+            return f"{name} {fractions[name]}: {_NUMBERS[int]} is expected. {_usage(tokens[0])}"
     return ""
 
 
