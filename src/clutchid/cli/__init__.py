@@ -66,6 +66,9 @@ _COMMANDS: tuple[tuple[Callable[..., int], str], ...] = (
     (paper, "--out FOLDER [OPTIONS]"),
 )
 
+#: Arguments by the name of the command.
+_USAGES = {command.__name__: usage for command, usage in _COMMANDS}
+
 #: A number with decimals.
 _FRACTION = re.compile(r"[+-]?\d*\.\d+")
 
@@ -83,9 +86,9 @@ def app() -> App:
         group_parameters=COMMON,
     )
     lists = Parameter(negative_iterable=())  # no --empty-NAME
-    for place, (command, usage) in enumerate(_COMMANDS):
-        line = f"Usage: clutchid {command.__name__} {usage}"
-        application.command(command, usage=line, sort_key=place, default_parameter=lists)
+    for place, (command, _) in enumerate(_COMMANDS):
+        usage = _usage(command.__name__)
+        application.command(command, usage=usage, sort_key=place, default_parameter=lists)
     register_completion(application)
     return application
 
@@ -124,15 +127,14 @@ def _run(tokens: list[str]) -> int:
 
 
 def _usage(name: str) -> str:
-    usages = {command.__name__: usage for command, usage in _COMMANDS}
-    return f"Usage: clutchid {name} {usages[name]}" if name in usages else "Try 'clutchid --help'."
+    return f"Usage: clutchid {name} {_USAGES[name]}" if name in _USAGES else "Try 'clutchid --help'."
 
 
 def _fraction(application: App, tokens: Sequence[str]) -> str:
     """A sentence where a whole number is given as a fraction, which the parser would round; else nothing."""
     words = [word for token in tokens for word in token.split("=", 1)]
     fractions = {name: value for name, value in pairwise(words) if _FRACTION.fullmatch(value) and float(value) % 1.0}
-    if not fractions or not any(command.__name__ == tokens[0] for command, _ in _COMMANDS):
+    if not fractions or tokens[0] not in _USAGES:
         return ""
     for argument in application[tokens[0]].assemble_argument_collection():
         for name in fractions.keys() & {*argument.names} if argument.hint in (int, int | None) else ():

@@ -106,7 +106,7 @@ def after_block(run: LiveRun, block: Log, left_out: Mapping[str, int]) -> tuple[
 
 
 def due(time: FloatArray, latest: float, every: float) -> BoolArray:
-    """BoolArray of the samples that are published: the first in each interval of `every` seconds; all of them with 0.
+    """Mask of the samples that are published: the first in each interval of `every` seconds; all of them with 0.
 
     It depends on the stamps only, not on how a recording is cut into blocks.
 
