@@ -175,11 +175,14 @@ def test_a_standard_output_that_is_lost_is_at_most_one_sentence(tmp_path, comman
     assert done.stderr.splitlines() == sentence
 
 
-def _rests(pid: int) -> bool:
-    """Whether a process that has done something takes no processor time for a second."""
-    used = sum(psutil.Process(pid).cpu_times()[:2])
-    time.sleep(1.0)
-    return used > 0.5 and sum(psutil.Process(pid).cpu_times()[:2]) == used
+#: The command, which says on standard error that it is about to print.
+ABOUT_TO_PRINT = """
+import builtins, sys
+from clutchid.__main__ import main
+write = builtins.print
+builtins.print = lambda *lines, **options: (write("prints", file=sys.stderr, flush=True), write(*lines, **options))
+main()
+"""
 
 
 @posix
@@ -191,14 +194,15 @@ def test_one_signal_ends_a_command_that_waits_for_a_reader_that_has_stalled(tmp_
         while True:
             os.write(writer, bytes(4096))
     os.set_blocking(writer, True)
-    command = [*COMMAND, "look", tmp_path / "log.csv"]
+    command = [sys.executable, "-c", ABOUT_TO_PRINT, "look", tmp_path / "log.csv"]
     waiting = [subprocess.Popen(command, stdout=writer, stderr=subprocess.PIPE, text=True) for _ in range(2)]
-    wait_for(lambda: all(_rests(process.pid) for process in waiting))  # they have loaded, and wait
-    for done, number in zip(waiting, (signal.SIGINT, signal.SIGTERM), strict=True):
-        done.send_signal(number)
-        _, said = done.communicate(timeout=20)
-        assert done.returncode == 130, number
-        assert " ".join(said.split()).startswith("clutchid: stopped: no file is left half-written;")
+    for process, number in zip(waiting, (signal.SIGINT, signal.SIGTERM), strict=True):
+        assert process.stderr.readline() == "prints\n"
+        time.sleep(0.3)  # from there to the pipe
+        process.send_signal(number)
+        _, said = process.communicate(timeout=20)
+        assert process.returncode == 130, number
+        assert "clutchid: stopped: no file is left half-written;" in said
     os.close(reader)
     os.close(writer)
 
