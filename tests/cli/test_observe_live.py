@@ -309,20 +309,35 @@ def test_a_fault_is_survived_and_flagged(call, folder, lines, name):
     assert answer["strokes"] == pl.read_parquet(folder / "file" / "est.load.parquet").height
 
 
+def with_times(lines, time_of):
+    """The lines with other times in ms, whole numbers, in place of the whole numbers of ms that they have."""
+    cells = [line.split(b",", 1) for line in lines[1:]]
+    return [lines[0], *(f"{time_of(i) / 1e3:.3f},".encode() + rest for i, (_, rest) in enumerate(cells))]
+
+
 @pytest.mark.slow
-def test_a_clock_that_is_set_back_ends_the_recording_and_what_came_before_is_written(call, lines, tmp_path):
+def test_a_counter_that_wraps_gives_the_numbers_of_one_that_does_not(call, lines, tmp_path):
+    assert call(with_times(lines, lambda i: i + 62536), out="plain.parquet")[0] == 0
+    code, _, errors = call(with_times(lines, lambda i: (i + 62536) % 65536))
+    assert code == 0
+    assert "its counter of 16 bits wraps at sample 3001 (0 s after 65.535 s); 65.536 s are made good" in errors
+    plain, wrapped = (pl.read_parquet(tmp_path / f"{name}.parquet") for name in ("plain", "est"))
+    for name in ("time [s]", "position [m]", "pressure_a [Pa]"):  # the period is added to stamps that were rounded
+        assert wrapped[name].to_list() == pytest.approx(plain[name].to_list(), rel=1e-9)
+
+
+@pytest.mark.slow
+def test_a_clock_that_is_set_back_goes_on_behind_a_hole_and_is_a_warning(call, lines, tmp_path):
     text = [*lines[:4001], *lines[1:]]
     code, said, errors = call(text, "--save", "state.toml", "--report", "page.html")
-    assert code == 2
-    assert "stdin: the time goes back from 3.999 to" in errors
+    assert code == 0
+    assert "the clock restarts at sample 4001 (0 s after 3.999 s); each run becomes a separate segment" in errors
     assert {path.name for path in tmp_path.iterdir()} == {*OUTPUTS, "page.html"}
-    assert pl.read_parquet(tmp_path / "est.parquet").height == 4000
-    assert "flags: late" in said
-    code, said, _ = call(text, "--json", out="json.parquet")
-    answer = json.loads(said)
-    assert (code, answer["status"]) == (2, "bad_input")
-    assert "the time goes back" in answer["message"]
-    assert len(answer["load_curve"]["force_N"]) == 101
+    assert pl.read_parquet(tmp_path / "est.parquet").height == 4000 + len(lines) - 1
+    assert "flags: time_missing" in said
+    answer = json.loads(call(text, "--json", out="json.parquet")[1])
+    assert answer["status"] == "warning"
+    assert any("the clock restarts" in sentence for sentence in answer["warnings"])
 
 
 @pytest.mark.parametrize(

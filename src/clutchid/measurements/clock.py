@@ -34,6 +34,9 @@ LONE = 2
 #: Runs among which the one is looked for that goes on where the clock was before a jump.
 _AHEAD = 16
 
+#: Samples on line that wait at most for what shows whether a clock that has jumped goes on as before.
+_HELD = 1000
+
 #: Share of its length by which the runs of several groups may differ where they are matched by number.
 _NEAR = 0.1
 
@@ -61,11 +64,18 @@ class Tolerance:
     apart: float
 
     @classmethod
-    def of(cls, usual: float, *, shared: bool = False) -> Tolerance:
-        """Tolerance of a clock with this usual interval; several messages that share one may be disordered."""
+    def of(cls, usual: float, *, shared: bool = False, late: float = 0.0) -> Tolerance:
+        """Tolerance of a clock with this usual interval; several messages that share one may be disordered.
+
+        `late` is the time in s by which samples may come late that are sorted.
+        """
         hole = HOLE * usual
-        behind, apart = (max(WINDOW, hole), max(_APART_SHARED, _APART * usual)) if shared else (hole, _APART * usual)
+        behind, apart = max(WINDOW if shared else late, hole), max(_APART_SHARED if shared else 0.0, _APART * usual)
         return cls(usual, behind, max(JUMP, hole), apart)
+
+    def goes_on(self, step: float) -> bool:
+        """Whether a step in s from the greatest stamp before does not cut the clock."""
+        return -self.behind <= step <= self.ahead
 
 
 class Run(NamedTuple):
@@ -141,16 +151,18 @@ def joined_runs(runs: Iterable[Run], tolerance: Tolerance) -> list[Run]:
     """Runs of consecutive blocks, where one goes on with the one before it as one."""
     joined: list[Run] = []
     for run in runs:
-        step = run.first - joined[-1].last if joined else math.inf
-        goes_on = -tolerance.behind <= step <= tolerance.ahead
+        goes_on = bool(joined) and tolerance.goes_on(run.first - joined[-1].last)
         joined.append(joined.pop().joined(run) if goes_on else run)
     return joined
 
 
 def shifts_of(
-    runs: Sequence[Run], tolerance: Tolerance, clock: Clock = AT_START
+    runs: Sequence[Run], tolerance: Tolerance, clock: Clock = AT_START, *, whole: bool = True
 ) -> tuple[list[float], list[ClockChange], Clock]:
     """The shift in s of each run, NaN where its stamps are left out; the changes; and the clock after them.
+
+    Unless these are the runs of the `whole` recording, the last ones have no shift yet where stamps that come later may
+    still show that the clock goes on as before: for `JUMP` s after it has jumped.
 
     Examples
     --------
@@ -167,7 +179,9 @@ def shifts_of(
     change: ClockChange | None
     i = 0
     while i < len(runs):
-        back = _return(runs, i, clock.written, tolerance)
+        back = _return(runs, i, clock.written, tolerance, whole=whole)
+        if back is None:
+            break
         if back > i:
             moved, change = _passing(runs[i:back], runs[back].first, clock)
         else:
@@ -182,12 +196,14 @@ def shifts_of(
 def _followed(run: Run, clock: Clock, tolerance: Tolerance) -> tuple[Clock, ClockChange | None]:
     """The clock after a run with which it goes on, or begins again after a period or at a restart."""
     step, shift, change = run.first - clock.written, clock.shift, None
+    written = max(clock.written, run.last)
     if step < -tolerance.behind:
+        written = run.last
         period = _period(step, tolerance.usual)
         kind, amount = (_PERIODS[period], period) if period else ("restart", tolerance.apart)
         shift += period or tolerance.apart - step
         change = ClockChange(kind, run.row, run.first, clock.written, amount)
-    return replace(clock, written=run.last, last=max(clock.last, run.last + shift), shift=shift), change
+    return replace(clock, written=written, last=max(clock.last, run.last + shift), shift=shift), change
 
 
 def _passing(runs: Sequence[Run], back: float, clock: Clock) -> tuple[list[float], ClockChange]:
@@ -208,24 +224,34 @@ def _passing(runs: Sequence[Run], back: float, clock: Clock) -> tuple[list[float
     return shifts, ClockChange("excursion", runs[0].row, runs[0].first, clock.written, amount)
 
 
-def _return(runs: Sequence[Run], i: int, written: float, tolerance: Tolerance) -> int:
-    """The run with which the clock goes on as before, where run `i` is a jump that ends in front of it; else `i`."""
+def _return(runs: Sequence[Run], i: int, written: float, tolerance: Tolerance, *, whole: bool) -> int | None:
+    """The run with which the clock goes on as before, where run `i` is a jump that ends in front of it; else `i`.
+
+    None where the recording is not `whole` and such a run may still come.
+    """
     if written == -math.inf:
         lone = len(runs) > i + 1 and runs[i].size <= LONE < runs[i + 1].size
         step = runs[i + 1].first - runs[i].last if lone else 0.0
         return i + 1 if step < -tolerance.behind else i
-    if -tolerance.behind <= runs[i].first - written <= tolerance.ahead:
+    if tolerance.goes_on(runs[i].first - written):
         return i
     disordered = runs[i].first < written - tolerance.behind
     for m in range(i + 1, min(len(runs), i + 1 + _AHEAD)):
         disordered |= runs[m].first < runs[m - 1].last - tolerance.behind
         between = runs[i:m]
+        if not whole and not _short(between):
+            return i
         span, step = _span(between, tolerance.usual), runs[m].first - written
         lone = sum(run.size for run in between) <= LONE
         least = -tolerance.behind if lone else span - tolerance.ahead
         if disordered and least <= step <= span + tolerance.ahead and step >= -tolerance.behind:
             return m
-    return i
+    return i if whole or not _short(runs[i:]) else None
+
+
+def _short(runs: Sequence[Run]) -> bool:
+    """Whether a jump is so short that it is waited for its end."""
+    return len(runs) <= _AHEAD and sum(run.size for run in runs) <= _HELD and sum(run.length for run in runs) < JUMP
 
 
 def _span(runs: Sequence[Run], usual: float) -> float:

@@ -23,6 +23,9 @@ RECENT, STROKES = 120.0, 1000
 #: Time in s of the first samples that the checks of a recording look at.
 CHECKED = 30.0
 
+#: Sentences about the clock of the recording that are kept.
+SENTENCES = 20
+
 #: Part of an interval by which a stamp may be rounded below the instant that it stands for.
 _ROUNDED = 1e-6
 
@@ -33,7 +36,7 @@ class LiveRun:
 
     `health` are the seconds of each fault so far; `begin` and `latest` are the times in s of the first and of the last
     sample, NaN before them; `checked` are the sentences of the checks of its first samples, None before there were
-    enough; `assumes_supply` as in `ObservedRecording`.
+    enough; `clock` are the last sentences about repairs of its clock; `assumes_supply` as in `ObservedRecording`.
     """
 
     observer: Observer
@@ -46,6 +49,7 @@ class LiveRun:
     latest: float = np.nan
     usable: bool = False
     checked: tuple[str, ...] | None = None
+    clock: tuple[str, ...] = ()
     assumes_supply: bool = True
 
     @property
@@ -55,7 +59,7 @@ class LiveRun:
 
     def recent(self) -> ObservedRecording:
         """The last `RECENT` seconds and `STROKES` strokes with the states before and after the whole recording."""
-        log = replace(concatenated([part.log for part in self.parts]), warnings=self.checked or ())
+        log = replace(concatenated([part.log for part in self.parts]), warnings=(*(self.checked or ()), *self.clock))
         columns = zip(*(part.samples for part in self.parts), strict=True)
         samples = Observed(*(np.concatenate(arrays) for arrays in columns))
         return ObservedRecording(
@@ -100,6 +104,7 @@ def after_block(run: LiveRun, block: Log, left_out: Mapping[str, int]) -> tuple[
         begin=float(block.time[0]) if len(block) and np.isnan(run.begin) else run.begin,
         latest=float(block.time[-1]) if len(block) else run.latest,
         usable=run.usable or usable(block),
+        clock=(*run.clock, *block.warnings)[-SENTENCES:],
         assumes_supply=run.assumes_supply and part.assumes_supply,
     )
     return (checked(after) if last - after.begin >= CHECKED else after), part

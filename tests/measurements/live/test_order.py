@@ -4,15 +4,7 @@ import numpy as np
 import pytest
 
 from clutchid.measurements.clock import JUMP, WINDOW
-from clutchid.measurements.live.order import (
-    LOST,
-    ArrivedSamples,
-    LeftOutCounts,
-    final,
-    none_waiting,
-    sorted_in,
-    unconfirmed,
-)
+from clutchid.measurements.live.order import ArrivedSamples, final, none_waiting, sorted_in
 from clutchid.measurements.time_axis import SampleBlock
 
 
@@ -28,9 +20,7 @@ def fed(stamps, cuts, streams=None):
             rows = piece[stream[piece] == i]
             place = rows - (piece[0] if piece.size else 0)
             each.append(ArrivedSamples(i, place, SampleBlock(stamps[rows], {"x": number[rows]})))
-        waiting, out = sorted_in(waiting, each)
-        counts += out
-        waiting, out = (waiting, LeftOutCounts()) if piece.size else unconfirmed(waiting)
+        waiting, out, _ = sorted_in(waiting, each, ended=not piece.size)
         counts += out
         waiting, ready = final(waiting, ended=not piece.size)
         for have, new in zip(found, ready, strict=True):
@@ -64,7 +54,7 @@ def test_the_order_and_what_is_left_out_do_not_depend_on_how_the_samples_come(cu
         ([0.0, 0.001, 0.001, 0.001, 0.002], [2], [0, 3, 4], [0, 2, 0]),  # of equal stamps the last counts
         ([0.0, 0.1, 0.1 - 0.9 * WINDOW, 0.1 - WINDOW, 0.2], [], [0, 2, 1, 4], [1, 0, 0]),  # too late for the window
         ([0.0, 0.001, 9.0, 9.001, 9.002, 4000.0, 4000.001], [3, 6], range(7), [0, 0, 0]),  # two confirm a pause
-        (np.arange(20) * 2.0 * JUMP, range(1, 20), range(19), [0, 0, 1]),  # a slow stream goes on
+        (np.arange(20) * 2.0 * JUMP, range(1, 20), range(20), [0, 0, 0]),  # a slow stream goes on
         ([1e9], [], [0], [0, 0, 0]),
     ],
 )
@@ -89,26 +79,30 @@ def test_a_spoiled_stamp_far_ahead_costs_one_sample_wherever_it_stands(cuts, str
 
 
 @pytest.mark.parametrize("cuts", [[], [1], [1, 2, 3, 10]])
-def test_a_first_stamp_far_below_the_others_costs_one_sample(cuts):
+def test_a_first_stamp_far_below_the_others_is_followed_by_a_hole(cuts):
     stamps = np.arange(2000) * 1e-3
     stamps[0] = -5.0
     found, counts, _ = fed(stamps, cuts)
-    assert [t for t, _ in found[0]] == stamps[1:].tolist()
-    assert counts == [0, 0, 1]
+    assert [t for t, _ in found[0]] == stamps.tolist()
+    assert counts == [0, 0, 0]
+
+
+RESTARTED = np.concatenate([3.0 + np.arange(200) * 1e-3, np.arange(1100) * 1e-3])
 
 
 @pytest.mark.parametrize("cuts", [[], list(range(1, 1300)), [150, 260]])
-def test_a_clock_that_goes_back_for_good_is_lost_after_so_many_samples(cuts):
-    stamps = np.concatenate([3.0 + np.arange(200) * 1e-3, np.arange(LOST + 100) * 1e-3])
-    found, counts, waiting = fed(stamps, cuts)
-    assert len(found[0]) == 200
-    assert waiting.latest == stamps[199]
-    assert waiting.lost == stamps[200 + LOST - 1]
-    assert counts[0] == LOST + 100
+def test_a_clock_that_begins_again_goes_on_behind_once_that_is_sure(cuts):
+    found, counts, waiting = fed(RESTARTED, cuts)
+    assert counts == [0, 0, 0]
+    stamps = np.array([t for t, _ in found[0]])
+    assert stamps.size == 1300
+    assert stamps[200] - stamps[199] == pytest.approx(1.0)
+    assert waiting.clock.shift == pytest.approx(4.199)
 
 
-def test_a_few_samples_from_before_do_not_lose_the_clock():
-    stamps = np.concatenate([3.0 + np.arange(200) * 1e-3, np.arange(LOST - 1) * 1e-3, 3.3 + np.arange(9) * 1e-3])
-    _, counts, waiting = fed(stamps, [210])
-    assert np.isnan(waiting.lost)
-    assert counts == [LOST - 1, 0, 0]
+@pytest.mark.parametrize("cuts", [[], list(range(1, 400)), [201, 260]])
+def test_a_few_samples_from_before_stay_between_those_around_them(cuts):
+    stamps = np.concatenate([3.0 + np.arange(200) * 1e-3, np.arange(150) * 1e-3, 3.35 + np.arange(50) * 1e-3])
+    found, counts, _ = fed(stamps, cuts)
+    assert counts == [0, 0, 0]
+    assert [t for t, _ in found[0]] == pytest.approx((3.0 + np.arange(400) * 1e-3).tolist(), abs=1e-3)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -11,12 +10,9 @@ import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.log import FloatArray, Log
-from clutchid.measurements.live.order import ArrivedSamples, LeftOutCounts, final, none_waiting, sorted_in, unconfirmed
+from clutchid.measurements.live.order import FIRST, ArrivedSamples, LeftOutCounts, final, none_waiting, sorted_in
 from clutchid.measurements.map.channel_map import PickedChannels
 from clutchid.measurements.time_axis import SampleBlock, align, usual_interval
-
-#: Samples of the first block at least: as many give the time from one sample to the next.
-FIRST = 101
 
 
 class ArrivedBatch(NamedTuple):
@@ -28,10 +24,14 @@ class ArrivedBatch(NamedTuple):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LiveBlock:
-    """A block of a recording, and the counts of samples left out since the block before."""
+    """A block of a recording, and the counts of samples left out since the block before.
+
+    `log.warnings` say what was done with the clock since the block before, `shift` is by how much it is moved in s.
+    """
 
     log: Log
     left_out: LeftOutCounts
+    shift: float = 0.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -63,10 +63,10 @@ def live_blocks(
     Raises
     ------
     DataError
-        If there is no sample; if the time goes back for good, after the block before it was given; or as `batches`.
+        If there is no sample; or as `batches`.
     """
     waiting = none_waiting([[column for column in chosen.columns if column != "time"] for chosen in picks])
-    unused, left = _UnusedSamples(waiting.streams[0], waiting.streams[1:]), LeftOutCounts()
+    unused, left, said = _UnusedSamples(waiting.streams[0], waiting.streams[1:]), LeftOutCounts(), tuple[str, ...]()
     trouble: DataError | None = None
     begun = ended = False
     while not ended:
@@ -74,26 +74,16 @@ def live_blocks(
             batch = next(batches, None)
         except DataError as error:
             batch, trouble = None, error
-        if batch is not None:
-            waiting, out = sorted_in(waiting, batch.arrived)
-            left = left.plus(LeftOutCounts(0, 0, batch.unreadable, sum(samples.invalid for samples in batch.arrived)))
-        else:
-            waiting, out = unconfirmed(waiting)
-        left = left.plus(out)
-        lost = not math.isnan(waiting.lost)
-        ended = batch is None or lost
+        ended = batch is None
+        arrived = batch.arrived if batch is not None else ()
+        waiting, out, sentences = sorted_in(waiting, arrived, ended=ended)
+        invalid, unreadable = sum(samples.invalid for samples in arrived), batch.unreadable if batch is not None else 0
+        left, said = left.plus(out).plus(LeftOutCounts(0, 0, unreadable, invalid)), (*said, *sentences)
         waiting, ready = final(waiting, ended=ended)
         unused, block = _joined(unused, ready, picks, ended=ended)
-        if block.time.size:
-            yield LiveBlock(Log(block.time, block.columns, name, metadata), left)
-            begun, left = True, LeftOutCounts()
-        if lost:
-            trouble = DataError(
-                f"{name}: the time goes back from {waiting.latest:.6g} to {waiting.lost:.6g} s and stays there: the "
-                "clock of the source was set, or had jumped; start again."
-            )
-    if begun and any(left):
-        yield LiveBlock(Log(np.empty(0), block.columns, name, metadata), left)
+        if block.time.size or (ended and begun and any((*left, *said))):
+            yield LiveBlock(Log(block.time, block.columns, name, metadata, said), left, waiting.clock.shift)
+            begun, left, said = True, LeftOutCounts(), ()
     if trouble is None and not begun:
         trouble = DataError(f"{name}: ended before the first sample with a time; nothing can be observed.")
     if trouble is not None:

@@ -238,7 +238,8 @@ def bus_blocks(
     """Blocks of a recording from the frames of a bus, see `clutchid.measurements.live.arrival.live_blocks`.
 
     The first second shows which messages there are; its samples count. Stamps are in s from the origin, which the
-    metadata have as `ORIGIN`. Columns of other messages than the position's are held until its stamps.
+    metadata have as `ORIGIN`, moved where the clock of the bus begins again. Columns of other messages than the
+    position's are held until its stamps.
 
     Parameters
     ----------
@@ -258,8 +259,7 @@ def bus_blocks(
     Raises
     ------
     DataError
-        If there is no DBC, a DBC is missing or cannot be read, the signals do not come, there is no sample, or the time
-        goes back for good.
+        If there is no DBC, a DBC is missing or cannot be read, the signals do not come, or there is no sample.
     MissingExtra
         If cantools is not installed.
     """
@@ -271,7 +271,9 @@ def bus_blocks(
     metadata = {"source": name, "ambient_Pa": repr(float(ambient)), "dbc": ", ".join(file.name for file in dbc)}
     metadata[ORIGIN] = repr(layout.origin)
     batches = (_batch(block, layout, ambient) for block in chain(first, frames))
-    yield from live_blocks(batches, layout.picks, name, metadata)
+    for block in live_blocks(batches, layout.picks, name, metadata):
+        moved = {**metadata, ORIGIN: repr(layout.origin - block.shift)} if block.shift else metadata
+        yield replace(block, log=replace(block.log, metadata=moved))
 
 
 def _learnt(

@@ -1,6 +1,7 @@
-"""Streams of channels with common stamps while they arrive, sorted by their stamps.
+"""Streams of channels with common stamps while they arrive, on one clock as in a file, sorted by their stamps.
 
-A stamp far ahead waits until the next one confirms it, so that one spoiled stamp costs one sample.
+What follows a jump waits until `clutchid.measurements.clock.JUMP` seconds of it show that it is none of a few spoiled
+stamps.
 """
 
 from __future__ import annotations
@@ -17,13 +18,23 @@ from numpy.typing import NDArray
 from clutchid.errors import DataError
 from clutchid.log import INPUTS, FloatArray
 from clutchid.measurements.checks import in_si, outside_duty
-from clutchid.measurements.clock import JUMP, WINDOW
+from clutchid.measurements.clock import (
+    AT_START,
+    LONE,
+    WINDOW,
+    Clock,
+    Run,
+    Tolerance,
+    joined_runs,
+    sentences,
+    shifts_of,
+)
 from clutchid.measurements.columns import heading_problems
 from clutchid.measurements.map.channel_map import Channel, ChannelMap, PickedChannels
 from clutchid.measurements.map.picking import pick
 from clutchid.measurements.recording import picked_values
-from clutchid.measurements.source import Raster, Rows, Source, Table, in_contract, no_tables
-from clutchid.measurements.time_axis import SampleBlock, no_samples
+from clutchid.measurements.source import Places, Raster, Rows, Source, Table, in_contract, no_tables
+from clutchid.measurements.time_axis import SampleBlock, no_samples, usual_interval
 
 _ADVICE = (
     "Name the channels as in `time [s],position [m],duty_supply [1],duty_exhaust [1]`, or give a channel map with "
@@ -120,23 +131,23 @@ def arrived(
     return arrived_samples if valid.all() else arrived_samples.take(valid)
 
 
-#: As many late samples in a row mean that the clock of the source has gone back, or has jumped ahead before.
-LOST = 1000
+#: Samples that show the usual interval of the clock.
+FIRST = 101
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class WaitingSamples:
-    """Samples by stream that others may still precede; the latest stamp in s; late samples in a row.
+    """Samples by stream that others may still precede, and the clock that all streams share.
 
-    `lost` is the stamp in s at which the clock was found to have gone back, NaN before. `ahead` are samples, one each,
-    whose stamps are more than `JUMP` ahead of the latest and wait for the next one.
+    `undecided` are samples in the order of arrival whose stamps wait for later ones: the first ones of all, and those
+    behind a jump. `count` is the number of the others.
     """
 
     streams: tuple[SampleBlock, ...]
-    latest: float = -math.inf
-    late: int = 0
-    lost: float = math.nan
-    ahead: tuple[ArrivedSamples, ...] = ()
+    clock: Clock = AT_START
+    tolerance: Tolerance | None = None
+    undecided: tuple[ArrivedSamples, ...] = ()
+    count: int = 0
 
 
 class LeftOutCounts(NamedTuple):
@@ -161,89 +172,79 @@ def none_waiting(names: Sequence[Sequence[str]]) -> WaitingSamples:
     return WaitingSamples(tuple(map(no_samples, names)))
 
 
-def sorted_in(waiting: WaitingSamples, arrivals: Sequence[ArrivedSamples]) -> tuple[WaitingSamples, LeftOutCounts]:
-    """Waiting samples after some more came; those that came together may be cut in any way.
+def sorted_in(
+    waiting: WaitingSamples, arrivals: Sequence[ArrivedSamples], *, ended: bool = False
+) -> tuple[WaitingSamples, LeftOutCounts, tuple[str, ...]]:
+    """Waiting samples after some more came, and sentences about their clock; what came together may be cut in any way.
 
-    A sample whose stamp is `WINDOW` or more below an earlier stamp is late. Of equal stamps the last counts. After
-    `LOST` late samples in a row all others are left out. A sample whose stamp is more than `JUMP` ahead waits: it is
-    invalid if the next stamp is `WINDOW` or more below it.
+    Stamps are moved as `clutchid.measurements.clock` says. A sample whose stamp is `WINDOW` or more below an earlier
+    one is late. Of equal stamps the last counts. A stamp far ahead that none has confirmed at the end is invalid.
     """
-    first = len(waiting.ahead)
-    arrivals = [*(held._replace(place=np.array([i - first])) for i, held in enumerate(waiting.ahead)), *arrivals]
-    begins = np.cumsum([0, *(arrival.place.size for arrival in arrivals)])
+    arrivals = [*waiting.undecided, *arrivals]
     order = np.argsort(np.concatenate([np.empty(0), *(arrival.place for arrival in arrivals)]), kind="stable")
-    stamps = np.concatenate([np.empty(0), *(arrival.samples.time for arrival in arrivals)])[order]
-    wait, invalid = _far_ahead(waiting.latest, stamps)
-    taken, keep = np.ones(stamps.size, dtype=bool), np.zeros(stamps.size, dtype=bool)
-    taken[[*wait, *invalid]] = False
-    late, latest, run, end = _late(waiting, stamps[taken])
-    keep[order[taken]] = ~late
-    streams, repeated, ahead = list(waiting.streams), 0, []
-    for arrival, begin in zip(arrivals, begins.tolist(), strict=False):
-        part = keep[begin : begin + arrival.place.size]
-        streams[arrival.stream], again = _merged(streams[arrival.stream], arrival.samples, part)
-        repeated += again
-    for at in order[wait].tolist():
-        i = int(np.searchsorted(begins, at, side="right")) - 1
-        ahead.append(arrivals[i].take(np.array([at - begins[i]])))
-    after = replace(waiting, streams=tuple(streams), latest=latest, late=run, lost=end, ahead=tuple(ahead))
-    return after, LeftOutCounts(int(late.sum()), repeated, invalid=len(invalid))
+    rank = np.empty(order.size, dtype=np.int64)
+    rank[order] = np.arange(order.size)
+    written = np.concatenate([np.empty(0), *(arrival.samples.time for arrival in arrivals)])[order]
+    stamps, clock, tolerance, left, said = _decided(waiting, written, ended=ended)
+    streams, undecided = list(waiting.streams), []
+    ends = np.cumsum([arrival.place.size for arrival in arrivals], dtype=np.int64)
+    for arrival, own in zip(arrivals, np.split(rank, ends[:-1]), strict=bool(arrivals)):
+        waits = own >= stamps.size
+        if waits.any():
+            undecided.append(arrival.take(waits)._replace(place=own[waits] - order.size))
+        moved = stamps[own[~waits]]
+        samples = arrival.samples.take(~waits) if waits.any() else arrival.samples
+        streams[arrival.stream], again = _merged(
+            streams[arrival.stream], samples._replace(time=moved), np.isfinite(moved)
+        )
+        left = left.plus(LeftOutCounts(repeated=again))
+    after = WaitingSamples(tuple(streams), clock, tolerance, tuple(undecided), waiting.count + stamps.size)
+    return after, left, said
 
 
-def unconfirmed(waiting: WaitingSamples) -> tuple[WaitingSamples, LeftOutCounts]:
-    """Waiting samples at the end: a sample far ahead is invalid, unless it is the only one."""
-    after = replace(waiting, ahead=())
-    if waiting.latest > -math.inf or not waiting.ahead:
-        return after, LeftOutCounts(invalid=len(waiting.ahead))
-    first = waiting.ahead[0]
-    streams = list(waiting.streams)
-    streams[first.stream] = streams[first.stream].followed_by(first.samples)
-    return replace(after, streams=tuple(streams), latest=float(first.samples.time[0])), LeftOutCounts()
+class _DecidedStamps(NamedTuple):
+    """The stamps in s that no later one can change, NaN where they are left out; the clock after them."""
+
+    stamps: FloatArray
+    clock: Clock
+    tolerance: Tolerance | None
+    left_out: LeftOutCounts = LeftOutCounts()
+    sentences: tuple[str, ...] = ()
 
 
-def _far_ahead(latest: float, arrived_stamps: FloatArray) -> tuple[list[int], list[int]]:
-    """The samples that still wait for a sample that confirms them, and the invalid ones, in the order of arrival.
-
-    The next stamp confirms those that wait if it is neither `WINDOW` below nor as far ahead again. Of the first ones of
-    all, those far below the ones that are confirmed are invalid.
-    """
-    wait: list[int] = []
-    invalid: list[int] = []
-    if (arrived_stamps <= np.maximum.accumulate(np.append(latest, arrived_stamps))[:-1] + JUMP).all():
-        return wait, invalid
-    stamps = arrived_stamps.tolist()
-    for i, stamp in enumerate(stamps):
-        invalid += [j for j in wait if stamps[j] >= stamp + WINDOW]
-        wait = [j for j in wait if stamps[j] < stamp + WINDOW]
-        if wait:
-            last = stamps[wait[-1]]
-            earlier = stamps[wait[-2]] if len(wait) > 1 else latest
-            step = stamp - last
-            if step <= max(JUMP, 2.0 * (last - earlier) if earlier > -math.inf else 0.0):
-                while latest == -math.inf and len(wait) > 1 and last - stamps[wait[0]] > max(JUMP, 2.0 * step):
-                    invalid.append(wait.pop(0))
-                latest, wait = last, []
-        if stamp > latest + JUMP:
-            wait.append(i)
-        else:
-            latest = max(latest, stamp)
-    return wait, invalid
+def _decided(waiting: WaitingSamples, written: FloatArray, *, ended: bool) -> _DecidedStamps:
+    """Stamps in the order of arrival on one clock."""
+    clock, tolerance = waiting.clock, waiting.tolerance
+    if tolerance is None:
+        if written.size < FIRST and not ended:
+            return _DecidedStamps(np.empty(0), clock, None)
+        usual = usual_interval(written[:FIRST])
+        tolerance = Tolerance.of(usual, shared=len(waiting.streams) > 1, late=WINDOW)
+    runs = _runs(written, waiting.count, clock.written, tolerance)
+    shifts, changes, after = shifts_of(runs, tolerance, clock, whole=False)
+    if ended and sum(run.size for run in runs[len(shifts) :]) > (LONE if math.isfinite(after.written) else 0):
+        shifts, changes, after = shifts_of(runs, tolerance, clock)
+    if ended:  # nothing confirms these any more
+        shifts += [math.nan] * (len(runs) - len(shifts))
+    moves = np.repeat(shifts, [run.size for run in runs[: len(shifts)]])
+    stamps = written[: moves.size] + moves
+    greatest = np.fmax.accumulate(np.append(clock.last, stamps))
+    late = stamps <= greatest[:-1] - WINDOW
+    stamps[late] = math.nan
+    lone = [change for change in changes if change.kind == "lone"]
+    behind = int(sum(change.amount for change in lone if change.stamp < change.before) + np.count_nonzero(late))
+    left = LeftOutCounts(behind, invalid=int(np.count_nonzero(np.isnan(stamps))) - behind)
+    said = tuple(sentences([change for change in changes if change not in lone], Places("sample"), tolerance.apart))
+    return _DecidedStamps(stamps, replace(after, last=float(greatest[-1])), tolerance, left, said)
 
 
-def _late(waiting: WaitingSamples, stamps: FloatArray) -> tuple[NDArray[np.bool_], float, int, float]:
-    """The late samples as a mask; the latest stamp, the late ones in a row, and the stamp where the clock was lost."""
-    if not stamps.size or not math.isnan(waiting.lost):
-        return np.ones(stamps.size, dtype=bool), waiting.latest, waiting.late, waiting.lost
-    before = np.maximum.accumulate(np.append(waiting.latest, stamps))
-    late = stamps <= before[:-1] - WINDOW
-    last_good = np.maximum.accumulate(np.where(late, -1 - waiting.late, np.arange(stamps.size)))
-    run = np.arange(stamps.size) - last_good
-    lost = np.flatnonzero(run >= LOST)
-    latest, end = float(before[-1]), math.nan
-    if lost.size:
-        late[lost[0] :] = True
-        latest, end = float(before[lost[0]]), float(stamps[lost[0]])
-    return late, latest, int(run[-1]), end
+def _runs(written: FloatArray, count: int, before: float, tolerance: Tolerance) -> list[Run]:
+    """The runs of stamps, of which the first is sample number `count`, whatever they come with."""
+    greatest = np.maximum.accumulate(np.append(before, written))
+    steps = written - greatest[:-1]
+    if written.size and -tolerance.behind <= steps.min() <= steps.max() <= tolerance.ahead:
+        return [Run(count, written.size, float(written[0]), float(greatest[-1]))]
+    return joined_runs((Run(count + i, 1, stamp, stamp) for i, stamp in enumerate(written.tolist())), tolerance)
 
 
 def _merged(held: SampleBlock, new: SampleBlock, keep: NDArray[np.bool_]) -> tuple[SampleBlock, int]:
@@ -260,6 +261,6 @@ def _merged(held: SampleBlock, new: SampleBlock, keep: NDArray[np.bool_]) -> tup
 
 def final(waiting: WaitingSamples, *, ended: bool) -> tuple[WaitingSamples, tuple[SampleBlock, ...]]:
     """Samples that go on waiting, and those that none can precede any more; all of them at the end."""
-    until = math.inf if ended else waiting.latest - WINDOW
+    until = math.inf if ended else waiting.clock.last - WINDOW
     parts = [stream.split(until) for stream in waiting.streams]
     return replace(waiting, streams=tuple(rest for _, rest in parts)), tuple(ready for ready, _ in parts)

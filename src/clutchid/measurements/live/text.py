@@ -180,7 +180,7 @@ def text_blocks(
     Raises
     ------
     DataError
-        If it is no text, its columns do not fit, it has no sample, or its time goes back for good.
+        If it is no text, its columns do not fit, or it has no sample.
     """
     feed = text_feed(pieces, name)
     if channels is None and feed.unnamed:

@@ -128,8 +128,8 @@ def _observed(
             if now:
                 saved = time.monotonic()
                 files.save(outputs.save, run)
-            if before.checked is None and run.checked and say_checks:
-                say_unhurried(run.checked)
+            if say_checks and (new := (*(run.checked or () if before.checked is None else ()), *part.log.warnings)):
+                say_unhurried(new)
             for sink in sinks:
                 sink(before, run, part)
     return checked(run), fault
