@@ -141,6 +141,33 @@ def test_dates_and_times_become_seconds_from_the_first(parquet, unit):
     assert source.metadata["start"] == "2024-05-01 12:00:00"
 
 
+@pytest.mark.parametrize("library", ["polars", "pyarrow"])
+@pytest.mark.parametrize("stored", ["int96", "s", "ms", "us", "ns"])
+@pytest.mark.parametrize("year", [1, 1600, 1969, 2024, 2300, 9999])
+def test_stamps_of_any_year_are_read_in_any_unit(tmp_path, monkeypatch, library, stored, year):
+    arrow, arrow_parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    if stored == "ns" and not 1677 < year < 2262:
+        return  # 64 bits do not hold them
+    unit = "us" if stored == "int96" else stored
+    step = {"s": 1.0, "ms": 2e-3, "us": 2e-3, "ns": 2e-3}[unit]
+    count = np.arange(200) * round(step * {"s": 1, "ms": 1e3, "us": 1e6, "ns": 1e9}[unit])
+    stamps = (np.datetime64(f"{year:04d}-06-01", unit) + count).astype(f"datetime64[{unit}]")
+    columns = {
+        "time": arrow.array(stamps),
+        **{f"{name} [1]": np.zeros(200) for name in ("duty_supply", "duty_exhaust")},
+    }
+    columns["position [m]"] = np.arange(200) * 1e-5
+    path = tmp_path / "run.parquet"
+    arrow_parquet.write_table(
+        arrow.table(columns), path, store_schema=False, use_deprecated_int96_timestamps=stored == "int96"
+    )
+    if library == "pyarrow":
+        monkeypatch.setattr(parquet_file, "with_polars", parquet_file.with_arrow)
+    log = cio.read(path)
+    assert log.time == pytest.approx(np.arange(200) * step, abs=1e-9)
+    assert log.metadata["start"] == f"{year:04d}-06-01 00:00:00"
+
+
 def test_truth_values_of_a_valve_are_one_and_zero(parquet):
     log = cio.read(parquet(GOOD | {"duty_exhaust [1]": [True, False, None]}))
     np.testing.assert_array_equal(log["duty_exhaust"], [1, 0, np.nan])

@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 #: Keys of a log's metadata and edges in the footer.
 KEY, _EDGES = "clutchid", "clutchid edges"
 
+#: What polars makes of an INT96 stamp in ns that 64 bits do not hold: before 1677, after 2262.
+_BEYOND = 2**63 - 1
+
 #: Rows in which the first stamp is looked for, and columns without numbers that a warning names.
 _TELLING = 1000
 _SHOWN = 3
@@ -80,21 +83,33 @@ def with_polars(path: Path) -> LibraryReader:
         metadata = pl.read_parquet_metadata(file)
         file.seek(0)
         size = int(_scan(file).select(pl.len()).collect().item()) if kinds else 0
-    return LibraryReader(kinds, size, metadata, partial(_polars_frames, path, size))
+        dates = [name for name, kind in kinds.items() if kind == pl.Datetime("ns")]
+        first = _scan(file).select(dates).head(_TELLING).collect() if dates else pl.DataFrame()
+    beyond = [name for name in dates if (first[name].to_physical() == _BEYOND).any()]
+    kinds |= dict.fromkeys(beyond, pl.Datetime("us"))
+    return LibraryReader(kinds, size, metadata, partial(_polars_frames, path, size, kinds if beyond else None))
 
 
-def _polars_frames(path: Path, size: int, columns: Sequence[str], rows: int) -> Iterator[pl.DataFrame]:
+def _polars_frames(
+    path: Path, size: int, kinds: Mapping[str, pl.DataType] | None, columns: Sequence[str], rows: int
+) -> Iterator[pl.DataFrame]:
     for start in range(0, size, rows):
         with _sound(), path.open("rb") as file:
-            frame = _scan(file).select(columns).slice(start, rows).collect()
+            frame = _scan(file, kinds).select(columns).slice(start, rows).collect()
         yield frame
 
 
-def _scan(file: BinaryIO) -> pl.LazyFrame:
-    """The file as polars reads it piece by piece; its name may be no text, which polars does not take."""
+def _scan(file: BinaryIO, kinds: Mapping[str, pl.DataType] | None = None) -> pl.LazyFrame:
+    """The file as polars reads it piece by piece; its name may be no text, which polars does not take.
+
+    `kinds` are its types where stamps are read in a coarser unit than polars takes by itself.
+    """
     import polars as pl
 
-    return pl.scan_parquet(file, hive_partitioning=False)
+    if kinds is None:
+        return pl.scan_parquet(file, hive_partitioning=False)
+    coarser = pl.ScanCastOptions(datetime_cast="nanosecond-downcast")
+    return pl.scan_parquet(file, hive_partitioning=False, schema=dict(kinds), cast_options=coarser)
 
 
 def with_arrow(path: Path) -> LibraryReader:
@@ -109,7 +124,7 @@ def with_arrow(path: Path) -> LibraryReader:
     """
     parquet = import_module("pyarrow.parquet")
     with _sound(), path.open("rb") as stream:  # PyArrow takes no name that is no text either
-        file = parquet.ParquetFile(stream)
+        file = parquet.ParquetFile(stream, coerce_int96_timestamp_unit="us")
         schema, footer = file.schema_arrow, file.metadata
         kinds = dict(zip(_apart(schema.names), map(_kind, schema.types), strict=True))
         size = sum(footer.row_group(i).num_rows for i in range(footer.num_row_groups))
@@ -123,7 +138,7 @@ def _arrow_frames(path: Path, columns: Sequence[str], rows: int) -> Iterator[pl.
     arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
     with path.open("rb") as stream:
         with _sound():
-            file = parquet.ParquetFile(stream)
+            file = parquet.ParquetFile(stream, coerce_int96_timestamp_unit="us")  # in ns it wraps before 1677
             names = dict(zip(_apart(file.schema_arrow.names), file.schema_arrow.names, strict=True))
             batches = file.iter_batches(batch_size=rows, columns=list({names[name] for name in columns}))
         while True:
