@@ -270,7 +270,7 @@ def test_formats_are_told_by_content(logged, tmp_path):
     assert open_file(other).problems == ("is no CAN log; BLF, ASC, TRC and MF4 bus logging are read.",)
 
 
-@pytest.mark.parametrize(("suffix", "module"), [("blf", "can"), ("asc", "can"), ("blf", "cantools.database")])
+@pytest.mark.parametrize(("suffix", "module"), [("blf", "can"), ("asc", "cantools.database")])
 def test_a_missing_library_is_named_with_the_command_that_installs_it(logged, dbc, monkeypatch, suffix, module):
     path = logged(suffix, mixture(3))
     monkeypatch.setitem(sys.modules, module, None)
@@ -330,6 +330,33 @@ TRC = """;$FILEVERSION=1.1
      3)       300.3  Rx     0CF00400  8  00 00 00 40 1C 00 00 00
      4)       300.4  Rx         0100  2  01 00
 """
+
+
+def test_lines_of_an_asc_log_that_hold_no_payload_are_told_apart(save, dbc):
+    lines = """   0.5 1  ErrorFrame Flags = 0x2
+   0.6 1  123             Rx   r
+   0.7 CANFD   1 Rx        123  0 0 0  0
+   0.8 CANFD   1 Tx   18F00400x  EEC1   1 0 8 8 00 00 00 22 1C 00 00 00
+   0.9 1  18F00400x       Rx   d 4 00 00 00 20
+  -1.0 CANFD   1 Rx  ErrorFrame 0 0
+"""
+    source = open_file(save(ASC.format(kind="absolute") + lines, "run.asc"), [dbc])
+    counts = {"2 error frames are left out.", "2 remote frames are left out.", "1 unreadable line is left out."}
+    assert counts <= set(source.warnings)
+    np.testing.assert_array_equal(numbers_of(source, 0)["EngineSpeed"], [900.0, 904.0, 900.25, np.nan])
+
+
+@pytest.mark.parametrize(
+    ("version", "line"),
+    [
+        ("1.0", "1)  100.1  0CF00400  8  00 00 00 20 1C 00 00 00"),
+        ("1.2", "1)  100.1  1  Rx  0CF00400  8  00 00 00 20 1C 00 00 00"),
+        ("1.3", "1)  100.1  1  Rx  0CF00400  -  8  00 00 00 20 1C 00 00 00"),
+    ],
+)
+def test_a_trc_log_of_any_version_has_its_columns(save, dbc, version, line):
+    source = open_file(save(f";$FILEVERSION={version}\n;$STARTTIME=45000.5\n{line}\n", "run.trc"), [dbc])
+    assert numbers_of(source, 0)["EngineSpeed"].tolist() == [900.0]
 
 
 def test_a_trc_log_counts_from_its_first_frame_and_passes_over_lines_that_cannot_be_read(save, dbc):

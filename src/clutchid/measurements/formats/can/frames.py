@@ -120,8 +120,11 @@ def frame_of(message: can.Message) -> Frame | str:
     return Frame(message.timestamp, bus, message.arbitration_id, message.is_extended_id, data, not message.is_rx)
 
 
-#: The stamp in s of a line, and the other fields of its frame; a text says what holds no payload.
-FrameLine = tuple[float, tuple[int, int, bool, bytes, bool] | str]
+#: The fields of a frame besides its stamp.
+FrameFields = tuple[int, int, bool, bytes, bool]
+
+#: The stamp in s of a line, and the other fields of its frame; a text says what holds no payload, if anything.
+FrameLine = tuple[float, FrameFields | str]
 
 #: What stands for a line that is no frame and cannot be read as one.
 UNREADABLE = "unreadable line"
@@ -147,7 +150,7 @@ def text_log(
             for line in filter(str.strip, file):
                 try:
                     parsed = parse(line.rstrip("\r\n")) if named else (0.0, "")
-                except (ValueError, IndexError):
+                except (ValueError, LookupError):
                     parsed = None
                 stamp, fields = parsed or (0.0, "" if line.startswith("***") else UNREADABLE)
                 now, named = now + stamp if between else stamp, True
