@@ -215,6 +215,20 @@ def test_error_and_remote_frames_and_short_ones_are_told(logged, dbc, tmp_path):
     np.testing.assert_array_equal(numbers_of(source, 0)["EngineSpeed"], [np.nan, 0.0])
 
 
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_frames_that_are_in_a_log_as_sent_and_as_received_count_once(tmp_path, dbc, suffix):
+    writer = WRITERS[suffix](tmp_path / f"log.{suffix}")
+    for i in range(100):
+        for received in (False, True):
+            sent = message(i * 0.01, 0x0CF00400)
+            sent.is_rx = received
+            writer(sent)
+    writer.stop()
+    source = open_file(tmp_path / f"log.{suffix}", [dbc])
+    assert source.rasters[0].size == 100
+    assert "100 frames are in the log twice, as sent and as received; one of each two is used." in source.warnings
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", WRITERS)
 def test_blocks_of_any_size_and_frames_that_are_not_kept_give_the_same_numbers(logged, dbc, suffix, monkeypatch):

@@ -70,7 +70,6 @@ class Table:
     places: Places = field(default_factory=Places)
     problems: tuple[str, ...] = ()
     unread: Mapping[int, Rows] = field(default_factory=dict)
-    metadata: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
 
     def take(self, rows: Rows) -> Table:
@@ -98,7 +97,7 @@ class Table:
 
 
 def joined(tables: Sequence[Table]) -> Table:
-    """Consecutive tables as one, with the headings and the metadata of the first."""
+    """Consecutive tables as one, with the headings of the first."""
     first = tables[0]
     if len(tables) == 1:
         return first

@@ -205,7 +205,6 @@ class Message:
     length: int
     j1939: bool
     groups: tuple[SignalGroup, ...]
-    comment: str = ""
     undecodable: tuple[str, ...] = ()
 
 
@@ -314,7 +313,6 @@ def _message(message: CantoolsMessage, named: bool) -> Message:
         int(message.length),
         j1939,
         _groups(usable, j1939),
-        message.comment or "",
         tuple(signal.name for signal in message.signals if signal not in usable),
     )
 

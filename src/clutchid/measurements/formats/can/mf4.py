@@ -27,7 +27,7 @@ _LENGTHS = np.array([*range(9), 12, 16, 20, 24, 32, 48, 64], dtype=np.int64)
 _FRAMES = 1 << 18
 
 _FRAME = "CAN_DataFrame"
-_FIELDS = ("ID", "IDE", "BusChannel", "DLC", "DataLength")
+_FIELDS = ("ID", "IDE", "BusChannel", "DLC", "DataLength", "Dir")
 _TIME = 1
 _LOCAL = 1
 _WHOLE = float(1 << 62)
@@ -92,7 +92,8 @@ def _frames(mdf: Any, number: int, fields: Mapping[str, int]) -> Iterator[Frames
     """The frames of a group."""
     group = mdf.groups[number]
     names = [name for name in ("stamp", *_FIELDS) if name in fields]
-    rules = {name: group.channels[fields[name]].conversion if name != "Dir" else None for name in names}
+    rules = {name: group.channels[fields[name]].conversion for name in names}
+    rules |= {"Dir": None}  # whose texts are words for 0 and 1
     # else asammdf loads all payloads of the file to find the longest: 40 million frames do not fit into 1.5 GB then
     mdf._mdf.vlsd_max_length[number, group.channels[fields["DataBytes"]].name] = CLASSIC
     written = re.search(r"\d{1,4}", group.channel_group.acq_name or "")
@@ -119,9 +120,9 @@ def _block(values: Mapping[str, NDArray[np.float64]], payload: NDArray[Any], bus
     else:
         length = np.full(len(data), width)
     buses = _whole(values["BusChannel"]) if "BusChannel" in values else np.full(len(data), bus)
-    sent = values["Dir"] == 1 if "Dir" in values else None
+    sent = values.get("Dir", np.zeros(0)) == 1
     numbers = (np.clip(buses, 0, LARGEST_BUS), identifier, extended, np.clip(length, 0, width))
-    return Frames(values["stamp"], *numbers, data, sent=sent if sent is not None and sent.any() else None)
+    return Frames(values["stamp"], *numbers, data, sent=sent if sent.any() else None)
 
 
 def _whole(values: NDArray[np.float64]) -> Counts:

@@ -256,12 +256,11 @@ def table(part: ParsedRows, dialect: Dialect) -> Table:
             f"{listed(shown, total=len(rows))}; {_advice(texts, dialect, index)}, or leave the cell empty "
             "where the sample is missing."
         )
-    metadata = {"start": dialect.start} if dialect.start else {}
     none = tuple(
         f"column '{columns[index].text}': {count:,} cells say that there is no value; these samples are missing."
         for index, count in sorted(part.none.items())
     )
-    return replace(part.table, headings=columns, problems=tuple(problems), metadata=metadata, warnings=none)
+    return replace(part.table, headings=columns, problems=tuple(problems), warnings=none)
 
 
 def _advice(texts: Sequence[str], dialect: Dialect, index: int) -> str:
