@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from clutchid.errors import ParameterError, SolveError
+from clutchid.errors import SolveError
 from clutchid.inference.uncertainty.gaussian import Information, natural_sizes
 from clutchid.inference.uncertainty.identifiability import CORRELATION, correlations, identifiable, listed
 from clutchid.log import FloatArray, Log, sample_interval
 from clutchid.log.states import MEASURED
 from clutchid.model.actuator import Actuator
-from clutchid.names import unknown_name
+from clutchid.names import check_names
 from clutchid.numerics.least_squares import triangular
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.simulation import Simulation, simulate
@@ -167,16 +167,13 @@ def _one_way(excitation: Excitation, passing: str) -> list[str]:
         times = [(way, number, other) for way, number, other in ways if number]
         if len(times) == 1:
             way, number, other = times[0]
-            ends = f"from {visit.low * 1e3:.0f} mm on" if np.isinf(visit.high) else _between(visit.low, visit.high)
+            low, high = visit.low * 1e3, visit.high * 1e3
+            ends = f"from {low:.0f} mm on" if np.isinf(high) else f"{low:.0f} to {high:.0f} mm"
             sentences.append(
                 f"{passing} {ends} {number} {'time' if number == 1 else 'times'}, only while {way}: friction and "
                 f"load cannot be separated there; pass it while {other}, too."
             )
     return sentences
-
-
-def _between(low: float, high: float) -> str:
-    return f"{low * 1e3:.0f} to {high * 1e3:.0f} mm"
 
 
 def _never_vents(excitation: Excitation, who: str) -> list[str]:
@@ -205,48 +202,25 @@ _USEFUL_REDUCTION = 0.9
 _FRACTIONS = ((1 / 2, "half"), (1 / 3, "a third"), (1 / 4, "a quarter"), (1 / 5, "a fifth"), (1 / 10, "a tenth"))
 
 
-@dataclass(frozen=True, slots=True)
-class Gain:
-    """Gain by a manoeuvre: information in nats, and standard errors in SI after it.
-
-    `shrinks_to` is the worst standard error after it, relative to the present one; `reach` in m.
-    """
+class Gain(NamedTuple):
+    """Gain by a manoeuvre: information in nats, and the worst standard error after it over the present one."""
 
     manoeuvre: str
     nats: float
     shrinks_to: float
-    errors: Mapping[str, float]
-    reach: float
 
 
-@dataclass(frozen=True, slots=True)
-class ManoeuvreProposal:
-    """The recommended manoeuvre, the reason in words, and the gains of all, the best first.
+class ManoeuvreProposal(NamedTuple):
+    """The recommendation in words, and the gains of all manoeuvres that can be simulated, the best first."""
 
-    `errors` are the present standard errors in SI; `worst` names the largest relative to the natural size of its
-    parameter. `warnings` name manoeuvres that could not be simulated.
-    """
-
-    manoeuvre: str
-    seconds: float
     message: str
-    worst: str
-    errors: Mapping[str, float]
     gains: tuple[Gain, ...]
-    warnings: tuple[str, ...] = ()
 
 
 def best_manoeuvre(
-    actuator: Actuator,
-    names: Sequence[str],
-    information: Information | None = None,
-    seconds: float = 10.0,
-    *,
-    measure: Sequence[str] = ("position",),
-    scales: Mapping[str, float] | None = None,
-    memory: float = MEMORY,
+    actuator: Actuator, names: Sequence[str], information: Information | None = None, seconds: float = 10.0
 ) -> ManoeuvreProposal:
-    r"""The manoeuvre that adds most information about `names`.
+    r"""The manoeuvre whose position adds most information about `names`.
 
     .. math:: \max_m \; \tfrac12 \log \det \big(R^T R + R_m^T R_m + I\big)
 
@@ -257,26 +231,18 @@ def best_manoeuvre(
     names : names
         Free parameters and load weights.
     information : Information, optional
-        Present information; parameters other than `names` are marginalised. A factor for white residuals is to be
-        multiplied by the square root of effective over actual number of samples, see
-        `clutchid.estimation.assess.diagnostics`.
+        Present information; parameters other than `names` are marginalised.
     seconds : s
         Length of each manoeuvre.
-    measure : 'position', 'pressure_a'
-        Measured columns.
-    scales : {name: m or Pa}, optional
-        Noise scales of the residuals, by default those of the first stage of a fit.
-    memory : s
-        Correlation time of the residuals; 0 for white ones.
 
     Returns
     -------
-    proposal : Proposal
+    proposal : ManoeuvreProposal
 
     Raises
     ------
     ParameterError
-        For an unknown name, none at all, an `R` of the wrong shape, or an impossible length.
+        For an unknown name, or an impossible length.
     SolveError
         If no manoeuvre can be simulated.
 
@@ -294,67 +260,39 @@ def best_manoeuvre(
     """
     from clutchid.truck import MANOEUVRES, Truck, drive
 
-    _check(actuator, names, information, measure, memory)
-    sizes = natural_sizes(actuator, names)
-    noise = {name: float(scales[name]) if scales else MEASURED[name].first_scale for name in measure}
-    prior = Information(tuple(names), np.eye(len(names)))
+    check_names(names, actuator.names)
+    sizes, prior = natural_sizes(actuator, names), Information(tuple(names), np.eye(len(names)))
     present = prior if information is None else prior.plus(information.marginal(names).R)
     now = present.standard_errors()
     worst = int(np.argmax(now))
-    gains, warnings = [], []
+    gains, failures = [], []
     for manoeuvre in MANOEUVRES:
         log = drive(Truck(), manoeuvre=manoeuvre, seconds=seconds, name=manoeuvre).log
         simulation = simulate(
             actuator, log, partition=Partition(every=RESET_SAMPLES), sensitivities=tuple(names), on_failure="return"
         )
         if simulation.status == "failed":
-            warnings.append(f"'{manoeuvre}' is left out: {simulation.message}")
+            failures.append(f"'{manoeuvre}' is left out: {simulation.message}")
             continue
-        after = present.plus(np.vstack(list(_whitened(simulation, actuator, sizes, noise, memory))))
-        then, reach = after.standard_errors(), float(np.nanmax(log["position"]))
-        errors = dict(zip(names, (then * sizes).tolist(), strict=True))
-        gains.append(Gain(manoeuvre, after.nats() - present.nats(), float(then[worst] / now[worst]), errors, reach))
+        after = present.plus(_whitened(simulation, sizes))
+        gains.append(Gain(manoeuvre, after.nats() - present.nats(), float(after.standard_errors()[worst] / now[worst])))
     if not gains:
-        raise SolveError("no manoeuvre can be simulated with this actuator. " + " ".join(warnings))
+        raise SolveError("no manoeuvre can be simulated with this actuator. " + " ".join(failures))
     gains.sort(key=lambda gain: -gain.nats)
-    message = _message(gains, names[worst], seconds, information is not None)
-    return ManoeuvreProposal(
-        gains[0].manoeuvre, seconds, message, names[worst], dict(zip(names, (now * sizes).tolist(), strict=True)),
-        tuple(gains), tuple(warnings),
-    )  # fmt: skip
+    return ManoeuvreProposal(_message(gains, names[worst], seconds, information is not None), tuple(gains))
 
 
-def _check(
-    actuator: Actuator, names: Sequence[str], information: Information | None, measure: Sequence[str], memory: float
-) -> None:
-    problems = [unknown_name(name, actuator.names) for name in names if name not in actuator.names]
-    problems += [unknown_name(name, MEASURED, "measured column") for name in measure if name not in MEASURED]
-    if not names or not measure:
-        problems.append("names and measure: at least one free parameter and one measured column are needed.")
-    if information is not None and not set(names) <= set(information.names):
-        problems.append(f"the information is about {listed(information.names)}: all of {listed(names)} are needed.")
-    if not memory >= 0.0:
-        problems.append(f"memory = {memory:g} s: at least 0 is needed.")
-    if problems:
-        raise ParameterError("\n".join(problems))
-
-
-def _whitened(
-    simulation: Simulation, actuator: Actuator, sizes: FloatArray, noise: Mapping[str, float], memory: float
-) -> Iterator[FloatArray]:
-    """Triangular factor of the whitened sensitivities for each measured column, in natural sizes."""
+def _whitened(simulation: Simulation, sizes: FloatArray) -> FloatArray:
+    """Triangular factor of the whitened sensitivities of the position, in natural sizes."""
     log: Log = simulation.log
-    stride = sample_interval(log.time)
-    rho = np.exp(-stride / memory) if memory > 0.0 else 0.0
+    rho = np.exp(-sample_interval(log.time) / MEMORY)
     begins = np.zeros(len(log), dtype=bool)
     begins[[0, *Partition(every=RESET_SAMPLES).resets(len(log))]] = True
-    for name, scale in noise.items():
-        state = actuator.states.index(MEASURED[name].state)
-        J = np.column_stack([s[:, state] for s in simulation.sensitivities.values()]) * sizes / scale
-        white = np.empty_like(J)
-        white[1:] = (J[1:] - rho * J[:-1]) / np.sqrt(1 - rho**2)
-        white[begins] = J[begins]
-        yield triangular(white[np.all(np.isfinite(white), axis=1)])
+    J = np.column_stack([s[:, 0] for s in simulation.sensitivities.values()]) * sizes / MEASURED["position"].first_scale
+    white = np.empty_like(J)
+    white[1:] = (J[1:] - rho * J[:-1]) / np.sqrt(1 - rho**2)
+    white[begins] = J[begins]
+    return triangular(white[np.all(np.isfinite(white), axis=1)])
 
 
 def _message(gains: Sequence[Gain], worst: str, seconds: float, measured: bool) -> str:
