@@ -7,6 +7,7 @@ import shutil
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 from typing import Any, Literal
 
 import numpy as np
@@ -16,8 +17,7 @@ from clutchid.codegen.kernel_c99 import kernel_c99
 from clutchid.codegen.language import C_WORDS
 from clutchid.codegen.templates import template
 from clutchid.errors import ParameterError
-from clutchid.estimation.assess.comparison import ENGAGING
-from clutchid.estimation.assess.observed import HALF_WIDTH, MISMATCH, STROKES
+from clutchid.estimation.assess import comparison, observed
 from clutchid.exports.data import carrier_us, data_of, provenance, size_of
 from clutchid.exports.filter import correction_shares, filter_c99
 from clutchid.inference.filter.setup import LONG
@@ -25,26 +25,28 @@ from clutchid.log import HOLE
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels, system
 from clutchid.numerics.interval import QUANTILE
-from clutchid.observer import contradiction, rest
-from clutchid.observer.by_stroke import STEP
-from clutchid.observer.contradiction import CONTRADICTED
+from clutchid.observer import by_stroke, contradiction, health, mismatch, rest
 from clutchid.observer.following import HELD
 from clutchid.observer.gaps import BRIDGED, RESOLUTION, SHORT, longest
-from clutchid.observer.health import BEYOND
-from clutchid.observer.mismatch import MEMORY, UNLIKE
 from clutchid.observer.observer import LEAK_FOUND, Observer
-from clutchid.observer.rest import rest_pace
 from clutchid.observer.state import FROZEN, ObserverState
-from clutchid.simulation.plan import OUTSIDE
-from clutchid.strokes import plausible, rest_level, rule, stroke, vented_rest
-from clutchid.strokes.excitation import VENTED_POSITION
-from clutchid.strokes.values import BELIEVED, ROUNDING, new_watch
+from clutchid.simulation import plan
+from clutchid.strokes import excitation, plausible, rest_level, rule, stroke, values, vented_rest
 
 Real = Literal["float", "double"]
 Rates = Literal["one", "two"]
 
 #: Microseconds after which the clock of the watch for values begins anew: in float it has few digits.
 CLOCK = 16_000_000
+
+#: Modules whose constants the templates take, by name.
+_CONSTANTS = SimpleNamespace(**{
+    module.__name__.rpartition(".")[2]: module
+    for module in (
+        by_stroke, comparison, contradiction, excitation, health, mismatch, observed, plan, rest, rest_level, rule,
+        stroke, values, vented_rest,
+    )
+})  # fmt: skip
 
 #: Mean openings of the valves over a step, with their duty cycles in this period of the carrier and in the last one. A
 #: valve without a pulse in either is closed: rounding would leave the sum of its pulses above 0.
@@ -132,83 +134,55 @@ def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title:
     data = data_of(observer, state)
     derivatives = [c.base for c in joint.coordinates[: joint.moving.of_model.size]]
     model = replace(system(actuator.model), name=f"{style.name}_model")
-    values = {
+    pace, number = rest.rest_pace(observer.spacing, observer.actuator.parameters.y_max), c_number(style.real)
+    rules = "judge_next", "count_anew", *(("judge_supply",) if observer.supply else ())
+    entries = {
         **data,
         **_times(observer),
         "name": style.name,
         "real": style.real,
         "two": style.rates == "two",
-        "number": c_number(style.real),
+        "number": number,
         "title": comment(title),
         "size": size_of(joint),
         "provenance": provenance(observer),
         "crc_table": [_crc_of_nibble(nibble) for nibble in range(16)],
-        "trust": {
-            "step": STEP,
-            "engaging": ENGAGING,
-            "strokes": STROKES,
-            "half_width": HALF_WIDTH,
-            "mismatch": MISMATCH,
-        },
+        "of": _CONSTANTS,
         "supply": "pressure_supply" in joint.measure,
         "inputs": _inputs(observer),
         "carrier": carrier_us(actuator) > 0 and "c_pwm" in kernels(actuator.model).INPUTS,
-        "rest": _rest(observer),
+        "bins": pace.bins,
+        "bins_in_window": pace.window // pace.bins,
         "quantile": QUANTILE,
         "leak_found": LEAK_FOUND,
-        "share": 1.0 / MEMORY,
-        "unlike": UNLIKE,
-        "outside": OUTSIDE,
-        "vented_position": VENTED_POSITION,
-        "beyond": BEYOND,
         "frozen": FROZEN,
-        "rules": kernel_c99(
-            plausible,
-            ("judge_next", "count_anew", *(("judge_supply",) if observer.supply else ())),
-            style.real,
-            "rule_",
-            c_number(style.real),
-        ),
-        "contradiction": kernel_c99(
-            contradiction, ("excess_after",), style.real, "contradiction_", c_number(style.real)
-        ),
+        "rules": kernel_c99(plausible, rules, style.real, "rule_", number),
+        "contradiction": kernel_c99(contradiction, ("excess_after",), style.real, "contradiction_", number),
         "correction_s": joint.settings.every * joint.settings.spacing,
-        "n_watch": new_watch().size,
-        "seen": rule.SEEN,
-        "doubt": rule.DOUBT,
-        "other": rule.OTHER_0,
-        "quantum": rule.QUANTUM,
-        "verdicts": rule,
-        "believed": BELIEVED,
+        "n_watch": values.new_watch().size,
         "clock_us": CLOCK,
-        "rounding": ROUNDING,
-        "contradicted": CONTRADICTED,
         "held_us": round(HELD / RESOLUTION),
-        "stroke": {
-            "begins": stroke.BEGINS,
-            "ends": stroke.ENDS,
-            "shortest_us": round(stroke.SHORTEST / stroke.RESOLUTION),
-        },
+        "shortest_stroke_us": round(stroke.SHORTEST / stroke.RESOLUTION),
         "rounded_down": 1.0 - 1e-9,
         "every": joint.settings.every,
         "shares": correction_shares(size_of(joint), joint.settings.every),
     }
-    places = values["inputs"]
-    idle = {name: [places[duty] for duty in duties] for name, duties in _OPENINGS.items() if values["carrier"]}
+    places = entries["inputs"]
+    idle = {name: [places[duty] for duty in duties] for name, duties in _OPENINGS.items() if entries["carrier"]}
     equations = c99_source(model, real=style.real, notes=state_notes(actuator), derivatives=derivatives, idle=idle)
     modules = {
         f"{style.name}_model": equations,
         f"{style.name}_filter": filter_c99(size_of(joint), style.real, f"{style.name}_filter"),
     }
-    values["code"] = _code(modules, values)
-    modules |= {f"{style.name}_data": _both("data", values), style.name: _both("observer", values)}
+    entries["code"] = _code(modules, entries)
+    modules |= {f"{style.name}_data": _both("data", entries), style.name: _both("observer", entries)}
     head = provenance(observer).head
     return {stem: replace(part, header=head + part.header) for stem, part in modules.items()}
 
 
-def _code(modules: Mapping[str, CSource], values: dict[str, Any]) -> int:
+def _code(modules: Mapping[str, CSource], entries: dict[str, Any]) -> int:
     """A number of 32 bits that calibrations share whose exports differ in nothing but the values of the data."""
-    blank = {**values, "code": 0, "title": ""}
+    blank = {**entries, "code": 0, "title": ""}
     parts = [*modules.values(), _both("observer", blank)]
     texts = [_both("data", blank).header, *(part.header + part.source for part in parts)]
     return zlib.crc32("".join(texts).encode())
@@ -221,8 +195,8 @@ def _crc_of_nibble(nibble: int) -> int:
     return nibble
 
 
-def _both(part: str, values: dict[str, Any]) -> CSource:
-    return CSource(*(template(f"{part}.{suffix}.j2", "clutchid.exports").render(values) for suffix in "hc"))
+def _both(part: str, entries: dict[str, Any]) -> CSource:
+    return CSource(*(template(f"{part}.{suffix}.j2", "clutchid.exports").render(entries) for suffix in "hc"))
 
 
 def _times(observer: Observer) -> dict[str, Any]:
@@ -245,22 +219,3 @@ def _inputs(observer: Observer) -> dict[str, int | None]:
     names = ("supply", "exhaust", "phase", "step", "supply_before", "exhaust_before")
     count = len(kernels(observer.joint.mapped.actuator.model).INPUTS)
     return {name: i if i < count else None for i, name in enumerate(names)}
-
-
-def _rest(observer: Observer) -> dict[str, Any]:
-    pace = rest_pace(observer.spacing, observer.actuator.parameters.y_max)
-    return {
-        "bins": pace.bins,
-        "windows": pace.window // pace.bins,
-        "remembered": rest.REMEMBERED,
-        "agreeing": rest.AGREEING,
-        "apart": rest.APART,
-        "low": rest.LOW,
-        "closed": rest_level.CLOSED,
-        "clearly": vented_rest.CLEARLY,
-        "held": vented_rest.HELD,
-        "friction": vented_rest.FRICTION,
-        "unlike": vented_rest.UNLIKE,
-        "higher": vented_rest.HIGHER,
-        "furthest": vented_rest.FURTHEST,
-    }
