@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from clutchid.documents.figures import thinned
-from clutchid.documents.fit_figures import load_figure, recording_figure, reliable, vented_rests
+from clutchid.documents.fit_figures import load_figure, recording_figure, reliable
 from clutchid.log import Log
 from clutchid.parameters import Parameters
+from clutchid.strokes.excitation import vented_rests
 
 T = np.arange(0.0, 4.0, 1e-3)
 

@@ -25,34 +25,11 @@ from clutchid.estimation.assess.evidence import reach
 from clutchid.estimation.assess.verdict import noise_only
 from clutchid.log import BoolArray, FloatArray, Log
 from clutchid.parameters import Parameters
-from clutchid.strokes.excitation import HOLD_SPEED, SHORTEST_REST, SLOW_WINDOW, VENTED_POSITION
-from clutchid.strokes.sampled import runs, velocity
+from clutchid.strokes.excitation import vented_rests
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-
-def vented_rests(measured: Log, p: Parameters) -> list[tuple[int, int]]:
-    """Sample ranges (start, stop) of rests with the clutch engaged and the supply valve closed, at ambient pressure.
-
-    Examples
-    --------
-    >>> t = np.arange(0.0, 2.0, 1e-3)
-    >>> y = np.interp(t, [0.0, 0.5, 1.0, 1.5, 2.0], [0.0, 0.0, 0.01, 0.0, 0.0])
-    >>> rests = vented_rests(Log(t, {"position": y}), Parameters())
-    >>> [(round(float(t[a]), 1), round(float(t[b - 1]), 1)) for a, b in rests]
-    [(0.0, 0.5), (1.5, 2.0)]
-    """
-    time, position = measured.time, measured["position"]
-    finite = np.flatnonzero(np.isfinite(position))
-    if finite.size == 0:
-        return []
-    position = np.interp(time, time[finite], position[finite])
-    still = np.abs(velocity(time, position, SLOW_WINDOW)) < HOLD_SPEED
-    closed = measured["duty_supply"] <= p.R_0vs if "duty_supply" in measured else np.ones(len(measured), dtype=bool)
-    spans = runs(still & closed & (np.abs(position) <= VENTED_POSITION))
-    return [(a, b) for a, b in spans if time[b - 1] - time[a] >= SHORTEST_REST]
 
 
 def reliable(measured: Log, p: Parameters, reach: float) -> BoolArray:

@@ -1,16 +1,16 @@
-"""Excitation in a recording: reach, speeds, vented rests, holds, and passes by stroke region."""
+"""Excitation in a recording: reach, duty cycles, vented rests, and passes by stroke region."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import DataError
-from clutchid.log import HOLE, INPUTS, FloatArray, Log, holes, sample_interval
+from clutchid.log import INPUTS, FloatArray, Log, holes
 from clutchid.parameters import Parameters
 from clutchid.strokes.sampled import runs, velocity
 from clutchid.strokes.vented_pressure import vented_pressure
@@ -22,11 +22,11 @@ REGION_EDGES = (0.0, 2e-3, 5e-3, 8e-3, 12e-3, 16e-3, 20e-3, np.inf)
 #: has 2.5e-3, a vibration of 0.1 mm at 25 Hz averaged over `SLOW_WINDOW` at most 0.7e-3.
 HOLD_SPEED = 1.5e-3
 
-#: Half windows in s over which the velocity is computed: to separate motion from holds, and for the top speed.
-SLOW_WINDOW, FAST_WINDOW = 0.05, 0.005
+#: Half window in s over which the velocity is computed, to separate motion from holds.
+SLOW_WINDOW = 0.05
 
-#: Shortest rest and shortest hold that count, in s: longer than the window that detects them.
-SHORTEST_REST, _SHORTEST_HOLD = 0.1, 0.2
+#: Shortest rest that counts, in s: longer than the window that detects it.
+SHORTEST_REST = 0.1
 
 #: The first and the last region have one edge only; they count as passed from this depth inside them, in m.
 _END_DEPTH = 1e-3
@@ -38,45 +38,29 @@ VENTED_POSITION = 5e-4
 VENTED_PRESSURE = 1.1
 
 
-@dataclass(frozen=True, slots=True)
-class RegionVisit:
-    """Time in s in a stroke region (m), and number of passes from edge to edge in each direction."""
+class RegionVisit(NamedTuple):
+    """Passes through a stroke region (m) from edge to edge in each direction."""
 
     low: float
     high: float
-    seconds: float
     opening: int
     closing: int
 
 
-@dataclass(frozen=True, slots=True)
-class Hold:
-    """A hold away from the engaged end: mean position in m and length in s."""
-
-    position: float
-    seconds: float
-
-
-@dataclass(frozen=True, slots=True)
-class Excitation:
-    """Excitation of one recording, or of several together (`recordings` of them); positions in m, speeds in m/s.
+class Excitation(NamedTuple):
+    """Excitation of one recording, or of several together (`recordings` of them); positions in m.
 
     `highest_supply` and `highest_exhaust` are the highest duty cycles, NaN where the input is missing;
     `unsettled` recordings have a pressure, but no settled vented rest, see `vented_pressure`.
     """
 
     recordings: int
-    seconds: float
     lowest: float
     reach: float
-    top_opening: float
-    top_closing: float
     highest_supply: float
     highest_exhaust: float
     vented_rests: int
-    longest_vented_rest: float
     regions: tuple[RegionVisit, ...]
-    holds: tuple[Hold, ...]
     unsettled: int = 0
 
 
@@ -92,7 +76,7 @@ def excitation(measured: Log, parameters: Parameters | None = None) -> Excitatio
 
     Returns
     -------
-    found : Excitation
+    excitation : Excitation
 
     Raises
     ------
@@ -105,31 +89,24 @@ def excitation(measured: Log, parameters: Parameters | None = None) -> Excitatio
 
     >>> t = np.arange(0.0, 3.0, 1e-3)
     >>> y = np.interp(t, [0.0, 1.0, 1.5, 2.0, 2.5, 3.0], [0.0, 0.0, 0.022, 0.022, 0.0, 0.0])
-    >>> found = excitation(Log(t, {"position": y, "duty_supply": 0.4 * (t > 1.0) * (t < 1.5)}))
-    >>> found.vented_rests, f"{found.reach * 1e3:.0f} mm at {found.top_opening * 1e3:.0f} mm/s"
-    (2, '22 mm at 44 mm/s')
+    >>> stroke = excitation(Log(t, {"position": y, "duty_supply": 0.4 * (t > 1.0) * (t < 1.5)}))
+    >>> stroke.vented_rests, f"{stroke.reach * 1e3:.0f} mm"
+    (2, '22 mm')
     """
     p = Parameters() if parameters is None else parameters
     position = measured["position"]
     finite = position[np.isfinite(position)]
     if finite.size == 0:
         raise DataError(f"{measured.name}: column 'position' has no finite sample, so its motion is unknown.")
-    speed = velocity(measured.time, position, FAST_WINDOW)
-    rests, holds = _still(measured, p)
     highest = {name: float(np.nanmax(measured[name], initial=0.0)) for name in INPUTS if name in measured}
     return Excitation(
         recordings=1,
-        seconds=float(measured.time[-1] - measured.time[0]),
         lowest=float(finite.min()),
         reach=float(finite.max()),
-        top_opening=float(np.nanmax(speed, initial=0.0)),
-        top_closing=float(np.nanmax(-speed, initial=0.0)),
         highest_supply=highest.get("duty_supply", np.nan),
         highest_exhaust=highest.get("duty_exhaust", np.nan),
-        vented_rests=len(rests),
-        longest_vented_rest=max(rests, default=0.0),
-        regions=_visits(measured),
-        holds=holds,
+        vented_rests=len(vented_rests(measured, p)),
+        regions=_visits(finite),
         unsettled=int("pressure_a" in measured and vented_pressure(measured) is None),
     )
 
@@ -145,27 +122,19 @@ def joined(parts: Sequence[Excitation]) -> Excitation:
     if not parts:
         raise DataError("no recording is given; at least one is needed.")
     regions = tuple(
-        replace(
-            visits[0],
-            seconds=sum(visit.seconds for visit in visits),
-            opening=sum(visit.opening for visit in visits),
-            closing=sum(visit.closing for visit in visits),
+        visits[0]._replace(
+            opening=sum(visit.opening for visit in visits), closing=sum(visit.closing for visit in visits)
         )
         for visits in zip(*(part.regions for part in parts), strict=True)
     )
     return Excitation(
         recordings=sum(part.recordings for part in parts),
-        seconds=sum(part.seconds for part in parts),
         lowest=min(part.lowest for part in parts),
         reach=max(part.reach for part in parts),
-        top_opening=max(part.top_opening for part in parts),
-        top_closing=max(part.top_closing for part in parts),
         highest_supply=float(np.fmax.reduce([part.highest_supply for part in parts])),
         highest_exhaust=float(np.fmax.reduce([part.highest_exhaust for part in parts])),
         vented_rests=sum(part.vented_rests for part in parts),
-        longest_vented_rest=max(part.longest_vented_rest for part in parts),
         regions=regions,
-        holds=tuple(hold for part in parts for hold in part.holds),
         unsettled=sum(part.unsettled for part in parts),
     )
 
@@ -175,35 +144,38 @@ def region_of(position: FloatArray) -> NDArray[np.int64]:
     return np.searchsorted(np.array(REGION_EDGES[1:-1]), position, side="right").astype(np.int64)
 
 
-def _still(log: Log, p: Parameters) -> tuple[list[float], tuple[Hold, ...]]:
-    """Lengths in s of the vented rests, and the holds elsewhere."""
+def vented_rests(log: Log, p: Parameters) -> list[tuple[int, int]]:
+    """Sample ranges (start, stop) of rests with the clutch engaged and the supply valve closed, at ambient pressure.
+
+    Examples
+    --------
+    >>> t = np.arange(0.0, 2.0, 1e-3)
+    >>> y = np.interp(t, [0.0, 0.5, 1.0, 1.5, 2.0], [0.0, 0.0, 0.01, 0.0, 0.0])
+    >>> rests = vented_rests(Log(t, {"position": y}), Parameters())
+    >>> [(round(float(t[a]), 1), round(float(t[b - 1]), 1)) for a, b in rests]
+    [(0.0, 0.5), (1.5, 2.0)]
+    """
     time, recorded = log.time, np.flatnonzero(np.isfinite(log["position"]))
+    if recorded.size == 0:
+        return []
     position = np.interp(time, time[recorded], log["position"][recorded])
     still = np.abs(velocity(time, position, SLOW_WINDOW)) < HOLD_SPEED
     still[1:] &= ~holes(time)
-    near = np.abs(position) <= VENTED_POSITION
-    closed = log["duty_supply"] <= p.R_0vs if "duty_supply" in log else np.ones(len(log), dtype=bool)
-    pressure = log["pressure_a"] if "pressure_a" in log else np.full(len(log), np.nan)
-    closed = closed & ~(pressure > VENTED_PRESSURE * p.P_0)
-    rests = [float(time[b - 1] - time[a]) for a, b in runs(still & near & closed)]
-    still_runs = [(a, b) for a, b in runs(still & ~near) if time[b - 1] - time[a] >= _SHORTEST_HOLD]
-    holds = [Hold(float(np.nanmean(position[a:b])), float(time[b - 1] - time[a])) for a, b in still_runs]
-    return [rest for rest in rests if rest >= SHORTEST_REST], tuple(holds)
+    if "duty_supply" in log:
+        still &= log["duty_supply"] <= p.R_0vs
+    if "pressure_a" in log:
+        still &= ~(log["pressure_a"] > VENTED_PRESSURE * p.P_0)
+    spans = runs(still & (np.abs(position) <= VENTED_POSITION))
+    return [(a, b) for a, b in spans if time[b - 1] - time[a] >= SHORTEST_REST]
 
 
-def _visits(log: Log) -> tuple[RegionVisit, ...]:
-    """Time and passes by region; a hole in time counts as one usual interval."""
-    usual = sample_interval(log.time, 0.0)
-    dt = np.append(np.diff(log.time), usual)
-    dt = np.where(dt > HOLE * usual, usual, dt)
-    finite = np.isfinite(log["position"])
-    position = log["position"][finite]
-    seconds = np.bincount(region_of(position), dt[finite], len(REGION_EDGES) - 1)
+def _visits(position: FloatArray) -> tuple[RegionVisit, ...]:
+    """Passes by region."""
     visits = []
-    for (low, high), spent in zip(pairwise(REGION_EDGES), seconds.tolist(), strict=True):
+    for low, high in pairwise(REGION_EDGES):
         begin = high - _END_DEPTH if low == 0.0 else low
         end = high if np.isfinite(high) else low + _END_DEPTH
-        visits.append(RegionVisit(low, high, spent, *_passes(position, begin, end)))
+        visits.append(RegionVisit(low, high, *_passes(position, begin, end)))
     return tuple(visits)
 
 
