@@ -21,7 +21,7 @@ import numpy as np
 from online import WEAR, calibrated
 
 from clutchid.log import FloatArray
-from clutchid.observer import known, observe, observer, start
+from clutchid.observer import estimates_of, observe, observer, start
 from clutchid.observer.methods import METHODS
 from clutchid.observer.observer import Observer
 from clutchid.observer.state import ObserverState
@@ -83,7 +83,9 @@ def moved(state: ObserverState) -> ObserverState:
 def spread(one: Observer, state: ObserverState, truth: Truth) -> Spread:
     """Standard deviations and error in a state."""
     load = np.linalg.norm(one.actuator.load.phi(POSITIONS) @ one.prior.weights @ state.T, axis=1)
-    values = {name: value.std for name, value in known(one, state).items() if name not in one.actuator.load.names}
+    values = {
+        name: value.std for name, value in estimates_of(one, state).items() if name not in one.actuator.load.names
+    }
     off = one.load(state).force(TOUCH) - truth.load(TOUCH)
     return Spread(load, values, 100.0 * float(np.sqrt(np.mean(off**2)) / truth.load(GRID).max()))
 

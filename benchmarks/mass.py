@@ -251,7 +251,7 @@ def scores(setting: Setting, name: str, case: str) -> Iterator[str]:
         reached = SHOOTING.changes.refine(start, warmer, x)
         weights = _weights(actuator, driven)
         known = {n: Prior(value, AT_TRUTH) for n, value in zip(actuator.load.names, weights.tolist(), strict=True)}
-        held = replace(warmer, known={**warmer.known, **known})
+        held = replace(warmer, measured={**warmer.measured, **known})
         if isinstance(reached.solution, Failure):
             return
         true = SHOOTING.changes.refine(reached, held, reached.solution.x)

@@ -17,7 +17,7 @@ from clutchid.documents.observe_rows import load_sentence, observe_json, observe
 from clutchid.documents.results import Observation
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.log import Log
-from clutchid.observer import known, observe_recording, observer
+from clutchid.observer import estimates_of, observe_recording, observer
 from clutchid.observer.recording import loads
 
 ORIGIN = Origin("CAL.toml", "2026-11-22T10:00:00+00:00", "abc", "good")
@@ -121,7 +121,7 @@ def test_after_a_resumed_run_the_calibrated_load_is_still_that_of_the_calibratio
 def test_the_table_of_parameters_has_their_values_before_and_after(run, plant):
     table = adapted_table(run, "t", ["F_C"])
     assert table.column("before") == (plant.value("F_C"),)
-    assert table.column("after") == (known(run.observer, run.after)["F_C"].value,)
+    assert table.column("after") == (estimates_of(run.observer, run.after)["F_C"].value,)
     assert table.column("meaning") == ("Coulomb friction",)
     weights = adapted_table(run, "t", list(plant.load.names))
     assert "meaning" not in [column.name for column in weights.columns]

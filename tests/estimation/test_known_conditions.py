@@ -50,7 +50,7 @@ def problem_of_log(calibrated, kept):
 def test_measured_conditions_condition_the_prior_as_the_textbook_says(problem_of_log, worn_log, measured):
     plain, known = problem_of_log(worn_log), problem_of_log(measured(273.0, 9.3e5))
     k = len(plain.coordinates)
-    at = [plain.names.index(name) for name in known.known]
+    at = [plain.names.index(name) for name in known.measured]
     assert {plain.names[i] for i in at} == {"T_0@worn", "P_S@worn"}
     x = np.zeros(k)
     for hypothesis in HYPOTHESES:
@@ -61,11 +61,11 @@ def test_measured_conditions_condition_the_prior_as_the_textbook_says(problem_of
         alone = gaussian_posterior(np.zeros((0, k + 1)), before, log_root(one))
         C, H = alone.covariance, np.eye(k)[at]
         value = np.array(
-            [plain.coordinates[i].of(prior.mean) for i, prior in zip(at, known.known.values(), strict=True)]
+            [plain.coordinates[i].of(prior.mean) for i, prior in zip(at, known.measured.values(), strict=True)]
         )
         std = [
             prior.std / plain.coordinates[i].slope(v)
-            for i, v, prior in zip(at, value, known.known.values(), strict=True)
+            for i, v, prior in zip(at, value, known.measured.values(), strict=True)
         ]
         S = H @ C @ H.T + np.diag(np.square(std))
         gain = C @ H.T @ np.linalg.inv(S)
@@ -110,7 +110,7 @@ def test_a_temperature_that_fell_by_30_k_is_a_change_of_temperature(measured, ca
 
 
 def test_a_value_of_the_user_is_the_same_measurement_as_a_column(problem_of_log, worn_log):
-    known = problem_of_log(worn_log, conditions={"T_0": Prior(273.0, 2.0)}).known
+    known = problem_of_log(worn_log, conditions={"T_0": Prior(273.0, 2.0)}).measured
     assert [*known] == ["T_0@worn"]
     assert known["T_0@worn"].std == pytest.approx(2.0 * np.sqrt(2.0))
 

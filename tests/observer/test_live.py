@@ -33,7 +33,7 @@ def test_samples_strokes_and_state_are_those_of_the_whole_recording(joint, log, 
     estimates = [part.estimates() for part in parts]
     for name, values in whole.estimates().columns.items():
         assert np.array_equal(np.concatenate([each[name] for each in estimates]), values, equal_nan=True), name
-    assert [row.known for row in run.strokes] == [row.known for row in whole.strokes]
+    assert [row.estimates for row in run.strokes] == [row.estimates for row in whole.strokes]
     assert np.array_equal(run.after.theta, whole.after.theta)
     assert np.array_equal(run.after.T, whole.after.T)
     assert run.usable

@@ -10,7 +10,7 @@ from clutchid.documents.observe_rows import observe_json
 from clutchid.inference.filter.joint_filter import Diverged
 from clutchid.inference.uncertainty.calibration import Calibration, Origin
 from clutchid.model import Actuator
-from clutchid.observer import known, observe, observe_recording, observer, start
+from clutchid.observer import estimates_of, observe, observe_recording, observer, start
 from clutchid.observer.health import health
 from clutchid.observer.mismatch import MEMORY, UNLIKE, normalised
 from clutchid.observer.prior import deviation_by_air
@@ -98,7 +98,7 @@ def test_a_leak_is_flagged_with_its_size_and_the_load_stays_right(calibrated, le
     assert not sound.after.leaking
     assert leaking.after.leaking
     assert 0.0 < leaking.health["leak"] < 8.0
-    found = known(calibrated, leaking.after)["C_A0"]
+    found = estimates_of(calibrated, leaking.after)["C_A0"]
     assert abs(found.value - 1.5e-10) < 3.0 * found.std
     at = np.linspace(2e-3, 9e-3, 30)
     error, without = (

@@ -9,7 +9,7 @@ from clutchid.errors import DataError
 from clutchid.estimation.assess.observed import indicators, observed_verdict
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import Log
-from clutchid.observer import curve, known, observe, observe_recording, observer, start
+from clutchid.observer import curve, estimates_of, observe, observe_recording, observer, start
 from clutchid.observer.by_stroke import positions
 from clutchid.observer.health import FLAGS
 from clutchid.observer.prior import AIR_STD, ASSUMED
@@ -59,8 +59,8 @@ def test_a_run_in_two_parts_gives_the_same_samples_strokes_and_health(run, joint
         for one, two, whole in zip(*(r.estimates().columns.items() for r in (first, second, run)), strict=True):
             assert np.array_equal(np.concatenate([one[1], two[1]]), whole[1], equal_nan=True), whole[0]
         rows = [*first.strokes, *second.strokes]
-        assert [(row.time, row.number, row.known) for row in rows] == [
-            (row.time, row.number, row.known) for row in run.strokes
+        assert [(row.time, row.number, row.estimates) for row in rows] == [
+            (row.time, row.number, row.estimates) for row in run.strokes
         ]
         assert {name: first.health[name] + second.health[name] for name in FLAGS} == pytest.approx(dict(run.health))
 
@@ -71,7 +71,7 @@ def test_a_row_of_a_stroke_has_the_load_and_parameters_as_they_were_known_then(r
     end = int(np.flatnonzero(log.time == run.strokes[1].time)[0]) + 1
     state, _ = observe(joint, start(joint), log.slice(0, end))
     table, at = run.load_by_stroke(), positions(joint)
-    for name, one in known(joint, state).items():
+    for name, one in estimates_of(joint, state).items():
         unit = joint.actuator.unit(name)
         assert (table[f"{name} [{unit}]"][1], table[f"{name}_std [{unit}]"][1]) == (one.value, one.std)
     then = curve(joint, state, at)
@@ -84,7 +84,7 @@ def test_a_row_of_a_stroke_has_the_load_and_parameters_as_they_were_known_then(r
 
 
 def test_the_interval_of_a_weight_is_that_of_the_joint_covariance(run, joint):
-    found = known(joint, run.after)
+    found = estimates_of(joint, run.after)
     for c, x, variance in zip(
         joint.joint.coordinates, run.after.theta, np.diag(run.after.T @ run.after.T.T), strict=True
     ):

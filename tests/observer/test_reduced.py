@@ -6,7 +6,7 @@ import pytest
 from clutchid.documents.observe_rows import observe_json
 from clutchid.inference.filter.joint_filter import drifted
 from clutchid.inference.uncertainty.calibration import Origin
-from clutchid.observer import curve, known, observe, observe_recording, observer, start
+from clutchid.observer import curve, estimates_of, observe, observe_recording, observer, start
 from clutchid.observer.methods import MODES
 from clutchid.observer.observer import DRIFT
 
@@ -53,7 +53,7 @@ def test_it_starts_from_the_calibrated_load_with_nearly_all_of_the_prior_of_the_
 def test_its_standard_deviations_are_those_of_the_filter_with_all_weights(run, reduced, joint, log):
     """Within the 10 % that the method promises."""
     full, _ = observe(joint, start(joint), log)
-    few, whole = (known(one, state) for one, state in ((reduced, run.after), (joint, full)))
+    few, whole = (estimates_of(one, state) for one, state in ((reduced, run.after), (joint, full)))
     for name in reduced.adapting:
         if name not in reduced.actuator.load.names:
             assert few[name].std == pytest.approx(whole[name].std, rel=0.1)
@@ -64,8 +64,8 @@ def test_its_standard_deviations_are_those_of_the_filter_with_all_weights(run, r
 
 
 def test_the_load_is_reported_in_the_basis_of_the_calibration(run, reduced, joint, plant):
-    found = known(reduced, run.after)
-    assert set(found) == set(known(joint, start(joint)))
+    found = estimates_of(reduced, run.after)
+    assert set(found) == set(estimates_of(joint, start(joint)))
     assert [found[name].value for name in plant.load.names] == list(reduced.load(run.after).theta)
     assert all(found[name].std > 0.0 for name in plant.load.names)
     assert set(observe_json(run, ORIGIN)["parameters"]) == set(found)

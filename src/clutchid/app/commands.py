@@ -11,7 +11,7 @@ from clutchid.errors import ParameterError
 from clutchid.verbs.commands import FitCommand, typed
 from clutchid.verbs.options import USUAL, ReadingText, RequestText, bounds, pressure, priors
 
-#: What a fit on the page asks for, by verb: the defaults of the commands of the same name.
+#: Defaults of a fit on the page by verb: those of the commands of the same name.
 VERBS = {
     verb: {"measure": ",".join(measure), "free": ",".join(free)}
     for verb, (measure, free) in USUAL.items()

@@ -248,7 +248,7 @@ _OBSERVED = (
 )  # fmt: skip
 
 
-#: What does each task.
+#: Functions of the tasks by their type.
 TASKS: Mapping[type[records.Task], Callable[[Any, Events], dict[str, Any]]] = {
     records.Look: look,
     records.Cut: cut,

@@ -44,7 +44,7 @@ OutputFlag = Annotated[Flag, OUTPUT]
 #: Exit codes; the last one, of Ctrl-C and SIGTERM, is that of shells.
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
-#: What an interrupted command has kept, and what to do, by its name; other commands write their files at the end.
+#: Files that an interrupted command leaves, and how to go on, by its name; others write their files at the end.
 _KEPT = {
     "fleet": "what has been read is kept in {out}; the same command goes on from there.",
     "prove": "the trucks that are done are kept in {out}; the same command goes on with the others.",

@@ -174,17 +174,17 @@ def _renamed(system: System, renamed: dict[Expr, Expr]) -> System:
     def new(value: Expr) -> Expr:
         return sp.sympify(value).xreplace(renamed)
 
-    def each(values: Iterable[Expr]) -> tuple[Expr, ...]:
+    def mapped(values: Iterable[Expr]) -> tuple[Expr, ...]:
         return tuple(new(value) for value in values)
 
     return replace(
         system,
-        states=each(system.states),
-        inputs=each(system.inputs),
-        parameters=each(system.parameters),
+        states=mapped(system.states),
+        inputs=mapped(system.inputs),
+        parameters=mapped(system.parameters),
         definitions=tuple((new(symbol), new(value)) for symbol, value in system.definitions),
-        derivatives=each(system.derivatives),
+        derivatives=mapped(system.derivatives),
         table=TabulatedFunction(new(system.table.value), new(system.table.argument)) if system.table else None,
-        measured=each(system.measured),
-        jumps=tuple(replace(jump, states=each(jump.states)) for jump in system.jumps),
+        measured=mapped(system.measured),
+        jumps=tuple(replace(jump, states=mapped(jump.states)) for jump in system.jumps),
     )

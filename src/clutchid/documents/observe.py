@@ -22,7 +22,7 @@ from clutchid.estimation.assess.innovations import innovation_statistics
 from clutchid.estimation.assess.observed import indicators, observed_verdict
 from clutchid.log import FloatArray
 from clutchid.numerics.interval import QUANTILE
-from clutchid.observer import Loads, ObservedRecording, curve, known, loads, positions, start
+from clutchid.observer import Loads, ObservedRecording, curve, estimates_of, loads, positions, start
 from clutchid.observer.health import FLAGS, LIVE_FLAGS
 
 if TYPE_CHECKING:
@@ -244,7 +244,7 @@ def _parameters(run: ObservedRecording) -> tuple[Block, ...]:
 def adapted_table(run: ObservedRecording, title: str, names: Sequence[str]) -> ReportTable:
     """Some parameters, with their meaning, or load weights, before and after the recording."""
     actuator = run.observer.actuator
-    before, after = (known(run.observer, state) for state in (run.before, run.after))
+    before, after = (estimates_of(run.observer, state) for state in (run.before, run.after))
     meant = not set(names) & set(actuator.load.names)
     columns = (
         Column("name", "parameter"), Column("unit", "unit"), Column("before", "before", significant=4),

@@ -61,7 +61,7 @@ def _stroke(row: StrokeRow) -> dict[str, Any]:
             **dict(zip(_SIDES, _known(np.array([getattr(estimate, side) for side in _SIDES])), strict=True)),
             "unit": estimate.unit,
         }
-        for name, estimate in row.known.items()
+        for name, estimate in row.estimates.items()
     }
     curve = curve_json(row.curve)
     entries = {name: _known(np.array(values)) for name, values in curve.items()}

@@ -14,7 +14,7 @@ from clutchid.estimation import errors_over
 from clutchid.estimation.assess.observed import indicators, observed_verdict
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.inference.uncertainty.estimates import LoadCurve
-from clutchid.observer import POINTS, ObservedRecording, curve, known, loads
+from clutchid.observer import POINTS, ObservedRecording, curve, estimates_of, loads
 
 
 def observe_sentence(run: ObservedRecording) -> str:
@@ -81,7 +81,7 @@ def _as_calibrated(run: ObservedRecording, after: LoadCurve) -> dict[str, list[f
 
 def observe_json(run: ObservedRecording, origin: Origin) -> dict[str, Any]:
     """The JSON object of an observed recording: that of a fit for the load at its end, and its health."""
-    estimates, adapting = known(run.observer, run.after), run.observer.adapting
+    estimates, adapting = estimates_of(run.observer, run.after), run.observer.adapting
     calibrated, _, after = loads(run)
     errors = errors_json(errors_over([(run.travel, run.estimates())]))
     warnings = list(run.log.warnings)

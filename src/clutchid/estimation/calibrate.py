@@ -64,7 +64,7 @@ def fit_with(
     check_size(logs, free)
     _check_profiled(request, free)
     conditions = conditions_of(logs, actuator)
-    search_result, found, departs = _searched(method, logs, actuator, free, request.calibration, progress)
+    search_result, changed, departs = _searched(method, logs, actuator, free, request.calibration, progress)
     report(progress, "evidence")
     result, problem = fit_at(method, search_result, request.calibration), search_result.problem
     if result.status == "failed":
@@ -74,7 +74,7 @@ def fit_with(
         baseline=request.calibration,
         search=result.search and replace(result.search, free=free.names),
         recordings={log.name: on_samples(result.recordings[log.name], log) for log in logs},
-        changes=found,
+        changes=changed,
         departure=departs,
         load_per_supply=load_per_supply(problem, search_result.posterior),
     )
@@ -115,7 +115,7 @@ def _as_reading(result: Fit, problem: Problem, logs: Sequence[Log], free: FreePa
     if result.calibration is None or not free.reads_load(result.actuator):
         return result
     lacking = condition_warnings(logs, result.calibration.conditions, free.conditions)
-    assumed = assumed_conditions(logs, (*free.names, *problem.known), problem.actuator)
+    assumed = assumed_conditions(logs, (*free.names, *problem.measured), problem.actuator)
     status = "warning" if lacking and result.status == "ok" else result.status
     read = replace(result, warnings=(*result.warnings, *lacking), status=status, assumed=assumed)
     return with_slow_logs(read, logs)

@@ -123,4 +123,4 @@ def _one_by_one(
         with suppress(DataError):  # too short to be read alone
             alone = request.alone(log.name)
             readings[log.name] = fit_request([log], start, alone, (), within(progress, "alone"), methods)
-    return {name: one for name, one in readings.items() if one.status != "failed"}
+    return {name: reading for name, reading in readings.items() if reading.status != "failed"}

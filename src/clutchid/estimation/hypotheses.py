@@ -105,7 +105,7 @@ def _candidate(
     """The most probable hypothesis without a search, by the linearisation of the best; None if none may matter."""
     others = [h for h in HYPOTHESES if h not in searched and h not in failed]
     scores = [score(searched[best].under(h), h, calibration) for h in others]
-    scores += [score(one.under(h), h, calibration) for h, one in searched.items()]
+    scores += [score(explained.under(h), h, calibration) for h, explained in searched.items()]
     probability = softmax(scores)[: len(others)]
     if not others or probability.max() < _LEAST_PROBABILITY:
         return None
@@ -114,7 +114,7 @@ def _candidate(
 
 def probabilities(searched: Explanations, calibration: Calibration) -> FloatArray:
     """Probability of each hypothesis, in the order of `searched`."""
-    return softmax([score(one.under(h), h, calibration) for h, one in searched.items()])
+    return softmax([score(explained.under(h), h, calibration) for h, explained in searched.items()])
 
 
 def flattened(scores: FloatArray, part: float) -> FloatArray:
@@ -205,10 +205,10 @@ def mixture(
     best = most_probable(searched, calibration)
     explanations = {hypothesis: searched.get(hypothesis, searched[best]) for hypothesis in HYPOTHESES}
     scores, means, covariances = [], [], []
-    for hypothesis, one in explanations.items():
-        problem, posterior = one.result.problem, one.under(hypothesis)
+    for hypothesis, explained in explanations.items():
+        problem, posterior = explained.result.problem, explained.under(hypothesis)
         shift = errors_in_x(problem.coordinates, hypothesis, calibration)
-        mean = one.solution.x + posterior.step - shift
+        mean = explained.solution.x + posterior.step - shift
         missed = band.missed * _log_friction(problem, mean) * _scale_of_load(problem, mean)
         least = band.least * _constant_load(problem, mean)
         scores.append(score(posterior, hypothesis, calibration))

@@ -54,7 +54,7 @@ _CALIBRATED = (
     "vented", "position_only",
 )  # fmt: skip
 
-#: What is read for an entry that a section lacks, beside the defaults of its record: there may be no level, and a
+#: Values of missing entries of a section, beside the defaults of its record: there may be no level, and a
 #: dispersion that is missing is refused.
 _LACKING = {"rest": {"returned": math.nan}, "position_only": {"dispersion": math.nan}}
 

@@ -23,7 +23,7 @@ from clutchid.strokes.vented_rest import FURTHEST
 #: The entry of ``[actuator]`` that is no field of `Equipment`: a constant load in N, against positive motion.
 _GRAVITY = "gravity_load"
 
-#: What was subtracted from the position of a recording in m, because its vented rest had moved.
+#: Entry with the length in m subtracted from the position of a recording because its vented rest had moved.
 REST = "rest_shift"
 
 Starts = tuple[tuple[float, float], ...]
@@ -281,11 +281,11 @@ def recording_tables(starts: Mapping[str, Starts], own: Mapping[str, Mapping[str
     """Sections ``[recording.'STEM']``: start values of the segments, and values of one recording."""
     return {
         stem: {
-            "position_start": [position for position, _ in each],
-            "pressure_a_start": [pressure for _, pressure in each],
+            "position_start": [position for position, _ in segments],
+            "pressure_a_start": [pressure for _, pressure in segments],
             **own.get(stem, {}),
         }
-        for stem, each in starts.items()
+        for stem, segments in starts.items()
     }
 
 

@@ -24,7 +24,7 @@ def position_only_errors(
     method: Method,
     logs: Sequence[Log],
     actuator: Actuator,
-    kept: Calibration,
+    calibration: Calibration,
     progress: Progress | None = None,
 ) -> PositionOnlyErrors | None:
     """Errors of a fit to position alone under every hypothesis, as means over the calibration recordings.
@@ -40,7 +40,7 @@ def position_only_errors(
     errors = []
     for log in logs:
         search_result = method.search(
-            [log.without("pressure_a")], actuator, free, kept, within(progress, "position alone")
+            [log.without("pressure_a")], actuator, free, calibration, within(progress, "position alone")
         )
         if not isinstance(search_result.solution, Failure):
             errors.append(_errors(search_result, search_result.solution, method.changes, log))

@@ -54,7 +54,7 @@ def fit_problem(
         tracks=tracks_with_steps(plans, CALIBRATED_MARGIN if calibration else MARGIN),
         reference=_reference(actuator, free) if calibration else (0.0,) * len(actuator.load.theta),
         changing=tuple(changing),
-        known=_known(changing, free, logs, actuator, calibration),
+        measured=_measured(changing, free, logs, actuator, calibration),
     )
     return with_hypothesis(problem, ())
 
@@ -114,7 +114,7 @@ def _changing(
     return {str(ParameterName(name, log.name)): prior for log in logs for name, prior in priors.items()}
 
 
-def _known(
+def _measured(
     changing: Container[str],
     free: FreeParameters,
     logs: Sequence[Log],

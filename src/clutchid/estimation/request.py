@@ -80,9 +80,9 @@ def free_names(free: Sequence[str], actuator: Actuator, stems: Sequence[str] = (
 
 
 def bounds_of(
-    names: Sequence[str], actuator: Actuator, given: Mapping[str, tuple[float, float]]
+    names: Sequence[str], actuator: Actuator, stated: Mapping[str, tuple[float, float]]
 ) -> dict[str, tuple[float, float]]:
-    """Bounds of all free `names` in SI: those `given`, else the default.
+    """Bounds of all free `names` in SI: those `stated`, else the default.
 
     Raises
     ------
@@ -91,17 +91,17 @@ def bounds_of(
     """
     foreign = [
         f"bounds for {name}, which is not free; free are {', '.join(names) or 'none'}."
-        for name in given
+        for name in stated
         if name not in names
     ]
     crossed = [
         f"{name}: lower bound {low:g} is not below upper bound {high:g}."
-        for name, (low, high) in given.items()
+        for name, (low, high) in stated.items()
         if not low < high
     ]
     outside = [
         f"{name}: bound {bound:g} is not admissible, it is {row.allowed} {row.unit}."
-        for name, limits in given.items()
+        for name, limits in stated.items()
         if base_of(name) in actuator.parameter_names
         for row in [actuator.row(base_of(name))]
         for bound in limits
@@ -109,7 +109,7 @@ def bounds_of(
     ]
     if foreign or crossed or outside:
         raise ParameterError("\n".join(foreign + crossed + outside))
-    return {name: given.get(name, _default_bounds(name, actuator)) for name in names}
+    return {name: stated.get(name, _default_bounds(name, actuator)) for name in names}
 
 
 def _default_bounds(name: str, actuator: Actuator) -> tuple[float, float]:

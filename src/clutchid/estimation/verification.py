@@ -33,10 +33,10 @@ def with_rests(result: Fit, rested: Sequence[ZeroedLog]) -> Fit:
 
     def added(recordings: Mapping[str, Recording]) -> dict[str, Recording]:
         return {
-            name: replace(one, rest=shifted[name].shift, subtracted=shifted[name].subtracted)
+            name: replace(recording, rest=shifted[name].shift, subtracted=shifted[name].subtracted)
             if name in shifted
-            else one
-            for name, one in recordings.items()
+            else recording
+            for name, recording in recordings.items()
         }
 
     if not shifted:
@@ -110,8 +110,8 @@ def verification(
         used = tuple(name for name in measure if name in log) or ("position",)
         own = pulsed_without_sensors(log, actuator) if through_sensors else Pulsed(log, actuator)
         result = _with_starts(own.log, own.actuator, partition, used)
-        for name, one in result.recordings.items():
-            compared = compared_at_sensors(one, log, own.actuator.parameters) if through_sensors else one
+        for name, run in result.recordings.items():
+            compared = compared_at_sensors(run, log, own.actuator.parameters) if through_sensors else run
             recordings[name] = on_samples(compared, recording)
         warnings += [own.warning] if own.warning else []
         warnings += result.warnings if result.status != "failed" else [result.message]

@@ -34,7 +34,7 @@ from clutchid.observer.state import ObserverState
 
 Target = Literal["c", "fmu2", "fmu3", "matlab", "a2l", "dbc"]
 
-#: What an export writes, in this order.
+#: Targets of an export, in the order in which they are written.
 _TARGETS: tuple[Target, ...] = ("c", "fmu2", "fmu3", "matlab", "a2l", "dbc")
 
 #: Pages of an export, and samples of its test.

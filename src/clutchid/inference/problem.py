@@ -33,8 +33,8 @@ class Problem:
     which 'simulation' does without. `curvature` is the prior standard deviation, in N/m², of the load's second
     derivative from that of the weights `reference`. `prior_root` W, shape (k, k), is that of a joint prior of x, of
     covariance ``inv(W' W)``; without it they are independent with standard deviation 1. `changing` are the names of
-    parameters that may have changed since a calibration, which the joint prior is of. `known` are measurements of free
-    parameters, in addition to their prior.
+    parameters that may have changed since a calibration, which the joint prior is of. `measured` are measurements of
+    free parameters, in addition to their prior.
     """
 
     actuator: Actuator
@@ -48,7 +48,7 @@ class Problem:
     reference: tuple[float, ...] = field(default=())
     prior_root: FloatArray | None = None
     changing: tuple[str, ...] = ()
-    known: Mapping[str, Prior] = field(default_factory=dict)
+    measured: Mapping[str, Prior] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -149,7 +149,7 @@ def prior_rows(problem: Problem, x: FloatArray) -> FloatArray:
 
 def _prior(problem: Problem, x: FloatArray) -> FloatArray:
     root = np.eye(x.size) if problem.prior_root is None else problem.prior_root
-    rows = np.vstack([np.column_stack([root, root @ x]), measured_rows(problem.coordinates, problem.known, x)])
+    rows = np.vstack([np.column_stack([root, root @ x]), measured_rows(problem.coordinates, problem.measured, x)])
     if problem.actuator.load.basis == "b-spline" and set(problem.names) & set(problem.actuator.load.names):
         value = dict(zip(problem.names, problem.si(x).tolist(), strict=True))
         actuator = problem.actuator.replace({n: v for n, v in value.items() if n in problem.actuator.load.names})

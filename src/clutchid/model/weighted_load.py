@@ -66,7 +66,7 @@ def b_spline_table(knots: Sequence[float]) -> tuple[FloatArray, FloatArray]:
 PAPER_KNOTS = (0.0, 2e-3, 8.5e-3, 11.5e-3)
 
 #: Bases of the load by name.
-BASES = ("paper", "b-spline")
+_BASES = ("paper", "b-spline")
 
 #: A knot beyond both, a position in m and so many strokes, cannot be meant: a knot in mm is a thousand times too far.
 _FAR, _FAR_STROKES = 0.5, 20.0
@@ -153,7 +153,7 @@ class Load:
 
     def __post_init__(self) -> None:
         problems = []
-        check_names([self.basis], BASES, "load basis")
+        check_names([self.basis], _BASES, "load basis")
         if len(self.knots) > MOST_KNOTS:
             raise ParameterError(f"{len(self.knots):,} knots: at most {MOST_KNOTS} are allowed; a load needs some ten.")
         paper = self.basis == "paper"

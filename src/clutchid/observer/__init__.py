@@ -4,7 +4,7 @@ An `observer` of a calibrated actuator is a value that does not change; what it 
 comes out: `start`, then `observe` for every block of samples.
 """
 
-from clutchid.observer.by_stroke import StrokeRow, curve, follow_strokes, known, positions
+from clutchid.observer.by_stroke import StrokeRow, curve, estimates_of, follow_strokes, positions
 from clutchid.observer.following import Observed, observe
 from clutchid.observer.observer import Observer, observer, start
 from clutchid.observer.recording import POINTS, Loads, ObservedRecording, loads, observe_recording
@@ -20,8 +20,8 @@ __all__ = [
     "ObserverState",
     "StrokeRow",
     "curve",
+    "estimates_of",
     "follow_strokes",
-    "known",
     "loads",
     "observe",
     "observe_recording",

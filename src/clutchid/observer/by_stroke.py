@@ -29,14 +29,14 @@ class StrokeRow(NamedTuple):
         Of the stroke.
     curve : N over m
         The load with its 95 % band.
-    known : SI
+    estimates : SI
         Every weight and parameter that adapts.
     """
 
     time: float
     number: int
     curve: LoadCurve
-    known: dict[str, Estimate]
+    estimates: dict[str, Estimate]
 
 
 def positions(observer: Observer) -> FloatArray:
@@ -59,7 +59,7 @@ def curve(
     return LoadCurve(at, force, force - half, force + half)
 
 
-def known(observer: Observer, state: ObserverState) -> dict[str, Estimate]:
+def estimates_of(observer: Observer, state: ObserverState) -> dict[str, Estimate]:
     """All load weights, then the parameters that adapt, as they are known in a state; what is fixed has no spread."""
     load, deviations = observer.load(state), np.linalg.norm(observer.prior.weights @ state.T, axis=1)
     estimates = {
@@ -86,5 +86,7 @@ def follow_strokes(
     """
     after, samples, ends = observe_strokes(observer, state, block)
     at = positions(observer)
-    rows = [StrokeRow(end.latest, end.strokes.ended, curve(observer, end, at), known(observer, end)) for end in ends]
+    rows = [
+        StrokeRow(end.latest, end.strokes.ended, curve(observer, end, at), estimates_of(observer, end)) for end in ends
+    ]
     return after, samples, rows

@@ -16,7 +16,7 @@ from clutchid.strokes import rule
 #: A position further outside of the stroke than this in m is beyond the stops.
 BEYOND = 0.5e-3
 
-#: What each flag means.
+#: Meanings of the flags.
 FLAGS: Mapping[str, str] = MappingProxyType({
     "position_missing": "the position is missing",
     "position_frozen": "the position did not change for 15 samples or more, and was left out",
@@ -39,7 +39,7 @@ FLAGS: Mapping[str, str] = MappingProxyType({
     "repeated": "samples repeat the time of others, or follow at once: of those that are sorted the last ones count",
 })  # fmt: skip
 
-#: What the flags of a live recording mean besides.
+#: Meanings of the further flags of a live recording.
 LIVE_FLAGS: Mapping[str, str] = MappingProxyType({
     "late": "samples came too late, or with a time that goes back, and were left out",
     "lost": "single samples are missing",

@@ -15,7 +15,7 @@ from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.log import INPUTS, FloatArray, Log, name_and_unit, sample_interval
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.interval import QUANTILE
-from clutchid.observer.by_stroke import StrokeRow, curve, follow_strokes, known, positions
+from clutchid.observer.by_stroke import StrokeRow, curve, estimates_of, follow_strokes, positions
 from clutchid.observer.following import Observed, observe, subtracted
 from clutchid.observer.health import health
 from clutchid.observer.mismatch import normalised
@@ -127,10 +127,10 @@ class ObservedRecording:
         """
         actuator, rows = self.observer.actuator, self.strokes
         columns = {"stroke [1]": np.array([row.number for row in rows], dtype=np.float64)}
-        for name in known(self.observer, self.before):
+        for name in estimates_of(self.observer, self.before):
             unit = actuator.unit(name)
-            columns[f"{name} [{unit}]"] = np.array([row.known[name].value for row in rows])
-            columns[f"{name}_std [{unit}]"] = np.array([row.known[name].std for row in rows])
+            columns[f"{name} [{unit}]"] = np.array([row.estimates[name].value for row in rows])
+            columns[f"{name}_std [{unit}]"] = np.array([row.estimates[name].std for row in rows])
         for side, suffix in (("force", ""), ("low", "_low"), ("high", "_high")):
             for i, position in enumerate(positions(self.observer).tolist()):
                 values = np.array([getattr(row.curve, side)[i] for row in rows])

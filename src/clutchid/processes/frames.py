@@ -9,7 +9,7 @@ import struct
 from collections.abc import Sequence
 from typing import IO, Any
 
-#: What can be sent as a part: bytes, or the memory of an array.
+#: A part of a message: bytes, or the memory of an array.
 MessagePart = bytes | bytearray | memoryview
 MessageParts = Sequence[MessagePart]
 

@@ -36,7 +36,7 @@ _RESET_SPEED = 0.9
 
 
 #: Slope of a load in N/m up to which loads count as one: somewhat more than that of the paper.
-USUAL_SLOPE = 2.0**20
+_USUAL_SLOPE = 2.0**20
 
 #: Number and length in s of the steps in which own states settle: longer than a stroke; overshoot is halved each time.
 _SETTLING_STEPS, _SETTLING_STEP = 20, 1e-2
@@ -72,7 +72,7 @@ def stiffness_by_slope(actuator: Actuator, steepest: float, speed: float = TOP_S
     --------
     The load of a clutch has no influence on it:
 
-    >>> f"{stiffness_by_slope(Actuator(), USUAL_SLOPE) / stiffness(Actuator()):.3f}"
+    >>> f"{stiffness_by_slope(Actuator(), _USUAL_SLOPE) / stiffness(Actuator()):.3f}"
     '1.000'
     """
     return _by_slope(actuator.model, actuator.parameters, actuator.equipment, actuator.own, steepest, speed)
@@ -83,7 +83,7 @@ def _by_slope(
     model: Model, parameters: Parameters, equipment: Equipment, own: tuple[float, ...], steepest: float, speed: float
 ) -> float:
     # a rising load adds to the stops: that of a usual one is a thirtieth of theirs
-    slopes = (-steepest,) if steepest == USUAL_SLOPE else (-steepest, steepest)
+    slopes = (-steepest,) if steepest == _USUAL_SLOPE else (-steepest, steepest)
     loads = [_line(slope, parameters.y_max) for slope in slopes]
     return max(stiffness(Actuator(parameters, load, model, equipment, own), speed) for load in loads)
 
@@ -100,14 +100,14 @@ def steepest_slope(load: Load) -> float:
 
 
 def steepest_slopes(breakpoints: FloatArray, load: FloatArray) -> FloatArray:
-    """Powers of two in N/m that no slope of a load exceeds, at least `USUAL_SLOPE`; shape (...) for `load` (..., s, 4).
+    """Powers of two in N/m that no slope of a load exceeds, at least `_USUAL_SLOPE`; (...) for `load` (..., s, 4).
 
     A slope, a parabola in each piece, lies between its Bézier points.
     """
     width = np.concatenate([[0.0], np.diff(breakpoints), [0.0]])
     first, half = load[..., 1], width * load[..., 2]
     controls = np.abs([first, first + half, first + 2.0 * half + 3.0 * width**2 * load[..., 3]])
-    return np.asarray(np.exp2(np.ceil(np.log2(np.maximum(controls.max(axis=(0, -1)), USUAL_SLOPE)))))
+    return np.asarray(np.exp2(np.ceil(np.log2(np.maximum(controls.max(axis=(0, -1)), _USUAL_SLOPE)))))
 
 
 @lru_cache(maxsize=1024)

@@ -55,7 +55,7 @@ LEAST = 100.0
 SIGNIFICANT = 3.0
 
 
-#: What a recording lacks, and what gives it.
+#: Fault of a recording without a settled vented rest, and its remedy.
 UNSETTLED = "at no rest does the pressure settle with the chamber vented"
 RECORD_REST = "record a second at rest with the exhaust valve open"
 

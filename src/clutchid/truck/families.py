@@ -20,7 +20,7 @@ from clutchid.truck.vehicle import ZEROS, Vehicle
 FILES = {family: Path(__file__).parent / name for family, name in (("A", "ranges.toml"), ("B", "ranges_b.toml"))}
 RANGES = FILES["A"]
 
-#: What a hybrid's family is called: this and its seed.
+#: Start of the name of a hybrid's family, before its seed.
 _HYBRID = "h:"
 
 #: Makes the draws of hybrids independent of those of the families.

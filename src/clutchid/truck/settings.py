@@ -9,7 +9,7 @@ TICK, SAMPLE = 1e-4, 1e-3
 #: Ticks per sample, and steps of spool and armature in a tick.
 TICKS, PARTS = 10, 4
 
-#: What moves the valves: magnets with dead times and ramps, a spool, or solenoids with current and armature.
+#: Drives of the valves: magnets with dead times and ramps, a spool, or solenoids with current and armature.
 MAGNETS, SPOOL, SOLENOIDS = 0, 1, 2
 
 #: Time constants of the controller's filters for position and velocity, in s.

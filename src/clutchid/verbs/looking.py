@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["NEEDED", "QUANTITIES", "Looked", "checked", "is_map", "looked", "read_map", "save_proposed"]
 
-#: What a recording needs to be checked.
+#: Columns that the checks of a recording need.
 NEEDED = ("time", "position")
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from clutchid.observer.state import ObserverState
 
 
-#: What ends the refusal of a recording that is too slow.
+#: Last sentence of the refusal of a recording that is too slow.
 ANYWAY = " Or go on with --force (in Python force=True)."
 
 

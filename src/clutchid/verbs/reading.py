@@ -33,7 +33,7 @@ __all__ = [
     "split_name",
 ]
 
-#: The last line of what refuses a recording for a check that is bad.
+#: Last line of the refusal of a recording for a bad check.
 REFUSED = "Correct the recording or its channel map, or go on with --force (in Python force=True)."
 
 

@@ -29,7 +29,7 @@ from clutchid.wear.trend import (
     verdicts,
 )
 
-#: What is not known.
+#: An unknown interval.
 UNKNOWN = Interval(*[float("nan")] * 3)
 
 #: Quantiles of a forecast: its 90 % interval and its median.

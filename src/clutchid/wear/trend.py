@@ -105,7 +105,7 @@ DEPARTED = 3
 
 Function = Callable[[FloatArray], FloatArray]
 
-#: What a recording is in the trend; those that are a change of the clutch.
+#: Outcomes of a recording in the trend; those that are a change of the clutch.
 Outcome = Literal["used", "left out", "replaced", "sudden", "missing"]
 CHANGES: tuple[Outcome, Outcome] = ("replaced", "sudden")
 

@@ -29,9 +29,9 @@ def test_the_information_of_a_covariance_is_its_inverse_in_natural_sizes():
 def test_an_infinite_variance_is_no_information():
     covariance = np.diag([4.0, np.inf, 9.0])
     found = Information.of_covariance(NAMES[:3], covariance, np.ones(3))
-    assert found.known == ("theta_1", "P_S")
+    assert found.determined == ("theta_1", "P_S")
     np.testing.assert_allclose(found.R.T @ found.R, np.diag([1 / 4, 0.0, 1 / 9]), rtol=1e-12)
-    assert Information.of_covariance(NAMES[:2], np.diag([np.inf] * 2), np.ones(2)).known == ()
+    assert Information.of_covariance(NAMES[:2], np.diag([np.inf] * 2), np.ones(2)).determined == ()
 
 
 def test_the_covariance_of_the_marginal_is_the_part_of_the_whole(found):

@@ -99,7 +99,7 @@ def test_results_do_not_depend_on_workers_and_a_stopped_run_goes_on(tmp_path, mo
     assert calls == [(1, 2), (2, 2)]
     monkeypatch.setattr(processes, "results", lambda *_: pytest.fail("a kept result was computed again"))
     assert proving.prove("paper", [0, 1, 2], tmp_path / "two") == pair
-    assert proving.kept(tmp_path / "two", range(3)) == {"paper": pair}
+    assert proving.stored_results(tmp_path / "two", range(3)) == {"paper": pair}
 
 
 def test_a_workflow_that_ends_its_process_fails_for_that_truck_only(tmp_path, monkeypatch):
@@ -124,7 +124,7 @@ def test_a_workflow_that_fails_is_a_row_with_its_reason(tmp_path, monkeypatch):
     with without_workers():
         (result,) = proving.prove("broken_workflow:run", [5], tmp_path / "out")
     assert result["failed"] == "ValueError: no idea"
-    found = proving.kept(tmp_path / "out", [5])
+    found = proving.stored_results(tmp_path / "out", [5])
     table = standings(found)
     assert table.column("failed") == (1,)
     assert every_recording(found).column("failed") == ("ValueError: no idea",)
@@ -159,7 +159,7 @@ def test_two_runs_at_the_same_time_in_one_folder_end_with_the_same_whole_results
     names = {path.name for path in (tmp_path / "both").rglob("*") if path.is_file()}
     trucks = {f"truck_{n:05d}.json" for n in range(3)}
     assert names == trucks | {"settings.json", "standings.csv", "recordings.csv"}
-    (results,) = proving.kept(tmp_path / "both", range(3)).values()
+    (results,) = proving.stored_results(tmp_path / "both", range(3)).values()
     assert [(r["truck"], r["failed"], len(r["logs"])) for r in results] == [(n, None, 2) for n in range(3)]
 
 
@@ -227,7 +227,7 @@ def test_a_proof_of_the_other_family_under_a_change_has_a_folder_and_a_row_of_it
         proving.prove(name, [4], out)
         (result,) = proving.prove(name, [4], out, both)
     assert (result["family"], result["change"], result["failed"]) == ("B", "cold + valves", None)
-    found = proving.kept(out, [4])
+    found = proving.stored_results(out, [4])
     assert list(found) == ["another_quick_workflow_run", "another_quick_workflow_run@B+cold+valves"]
     table = standings(found)
     assert table.column("workflow") == ("another_quick_workflow_run",) * 2

@@ -34,14 +34,14 @@ Value = TypeVar("Value")
 
 
 def once_a_fit(function: Callable[[Fit], Value]) -> Callable[[Fit], Value]:
-    """The function, which remembers what it found for a fit as long as there is the fit."""
-    known: WeakKeyDictionary[Fit, Value] = WeakKeyDictionary()
+    """The function with a cache of its results for as long as there is the fit."""
+    results: WeakKeyDictionary[Fit, Value] = WeakKeyDictionary()
 
     @wraps(function)
     def remembered(fit: Fit) -> Value:
-        if fit not in known:
-            known[fit] = function(fit)
-        return known[fit]
+        if fit not in results:
+            results[fit] = function(fit)
+        return results[fit]
 
     return remembered
 
@@ -123,12 +123,12 @@ def information(fit: Fit) -> Information | None:
     names = [name for name in fit.parameters if "@" not in name]
     at = [i for i, name in enumerate(fit.parameters) if "@" not in name]
     shared = Information.of_covariance(names, fit.covariance[np.ix_(at, at)], natural_sizes(fit.actuator, names))
-    return shared if shared.known else None
+    return shared if shared.determined else None
 
 
 def _identifiable_if_known(shared: Information) -> Information:
     """`shared` scaled so that every parameter with a finite variance counts as identifiable."""
-    smallest = min(float(np.linalg.norm(column)) for column in shared.columns(shared.known).T)
+    smallest = min(float(np.linalg.norm(column)) for column in shared.columns(shared.determined).T)
     return Information(shared.names, shared.R * (10.0 / smallest))
 
 

@@ -33,7 +33,7 @@ def missing(excitation: Excitation, actuator: Actuator, information: Information
 
     Parameters
     ----------
-    found : Excitation
+    excitation : Excitation
         Excitation of one recording, or of several together.
     actuator : Actuator
         The fitted actuator: its stroke, its valves and the basis of its load.
@@ -111,18 +111,18 @@ def _correlated_weights(
     matrix = correlations(information.columns(determined))
     weights = [(k, name) for k, name in enumerate(determined) if name in actuator.load.names]
     pairs = [
-        (float(matrix[k, j]), one, other)
-        for n, (j, one) in enumerate(weights)
+        (float(matrix[k, j]), weight, other)
+        for n, (j, weight) in enumerate(weights)
         for k, other in weights[n + 1 :]
         if abs(matrix[k, j]) > CORRELATION
     ]
     sentences = []
-    for correlation, one, other in sorted(pairs, key=lambda pair: -abs(pair[0])):
-        needed = max(_span(one, actuator)[1], _span(other, actuator)[1])
+    for correlation, weight, other in sorted(pairs, key=lambda pair: -abs(pair[0])):
+        needed = max(_span(weight, actuator)[1], _span(other, actuator)[1])
         if excitation.reach < needed:
             sentences.append(
-                f"{reaching}; the correlation of {one} and {other} is {correlation:+.2f}: reach {needed * 1e3:.1f} mm "
-                "or more."
+                f"{reaching}; the correlation of {weight} and {other} is {correlation:+.2f}: reach "
+                f"{needed * 1e3:.1f} mm or more."
             )
     return sentences[:_MOST_PAIRS]
 

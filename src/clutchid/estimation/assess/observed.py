@@ -66,7 +66,7 @@ FLAGGED: Mapping[str, Limit] = {
 }
 
 
-#: What is known of the zero of the position after it has jumped and stayed.
+#: Knowledge of the zero of the position after it has jumped and stayed.
 ZeroKnown = Literal["no jump", "shown", "kept", "not shown", "no rest"]
 
 _ZEROS: Mapping[ZeroKnown, str] = {
@@ -93,7 +93,7 @@ class Indicators(NamedTuple):
     mismatch: float
     flagged: Mapping[str, float]
     supply_assumed: bool
-    kept: float = 0.0
+    kept_shift: float = 0.0
     zero: ZeroKnown = "no jump"
     unvented: tuple[Reason, ...] = ()
 
@@ -154,7 +154,7 @@ def observed_verdict(indicators: Indicators) -> Verdict:
     """
     reasons = [
         *_of_strokes(indicators), *_of_band(indicators), *_of_mismatch(indicators), *_of_flags(indicators),
-        *_of_supply(indicators), *kept_rest(indicators.kept), *_of_jumps(indicators), *indicators.unvented,
+        *_of_supply(indicators), *kept_rest(indicators.kept_shift), *_of_jumps(indicators), *indicators.unvented,
     ]  # fmt: skip
     trust: Trust = "none" if any(reason.grave for reason in reasons) else "with care" if reasons else "good"
     return Verdict(trust, tuple(reason.text for reason in reasons), flawed=any(reason.grave for reason in reasons))

@@ -64,7 +64,7 @@ def _at_bounds(fit: Fit, *, physical: bool) -> list[str]:
 
 def slow_reasons(fit: Fit) -> list[Reason]:
     """That recordings are slower than the changes of their duty cycles; none if none of them is."""
-    logs = {name: one.measured for name, one in fit.recordings.items()}
+    logs = {name: recording.measured for name, recording in fit.recordings.items()}
     slow = [name for name, log in logs.items() if is_slow(log)]
     if not slow:
         return []
@@ -153,7 +153,7 @@ def _another_truck(fit: Fit, departure: Departure, name: str) -> list[Reason]:
     if not nearer > _FAR:
         return []
     measure = f"(squared distance {departure.distance:.0f}, that of a change is {departure.expected:.0f})"
-    why = f"{listed([_move(fit, one) for one in departure.moved])} {measure}"
+    why = f"{listed([_move(fit, moved) for moved in departure.moved])} {measure}"
     if nearer > ANOTHER:
         text = f"the calibration {name} seems to be of another truck: no change explains {why}; "
         return [Reason(f"{text}take the calibration of this truck, or make one.", True)]
@@ -388,7 +388,7 @@ def _combinations(fit: Fit) -> list[Reason]:
     shared = None if fit.follows else information(fit)
     if shared is None:
         return []
-    group = [shared.known[i] for i in collinear(shared.columns(shared.known))]
+    group = [shared.determined[i] for i in collinear(shared.columns(shared.determined))]
     if len(group) < 3:
         return []
     text = f"of {len(group)} parameters, {group[0]} to {group[-1]}, only combinations can be determined: "

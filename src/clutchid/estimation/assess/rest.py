@@ -89,8 +89,8 @@ def _stop(fit: Fit, recording: str, shift: RestShift, subtracted: float) -> Stop
 
 def _less_worn(fit: Fit) -> bool:
     """Whether the load reaches half of its peak earlier than at the calibration."""
-    found: Comparison | None = comparison(fit)
-    return found is not None and found.shift.high < 0.0
+    compared: Comparison | None = comparison(fit)
+    return compared is not None and compared.shift.high < 0.0
 
 
 def rest_reasons(fit: Fit) -> list[Reason]:

@@ -100,8 +100,8 @@ def _quantile(recordings: int) -> float:
 
 
 def _difference(a: str, b: str, values: Mapping[str, Measurement], quantile: float) -> ReadingDifference:
-    one, two = values[a], values[b]
-    warmer = two.temperature - one.temperature
+    reading, other = values[a], values[b]
+    warmer = other.temperature - reading.temperature
     warmer = (warmer if np.isfinite(warmer) else UNKNOWN_DIFFERENCE) / 10.0
 
     def allowed(channel: str, first: float, second: float) -> float:
@@ -111,8 +111,8 @@ def _difference(a: str, b: str, values: Mapping[str, Measurement], quantile: flo
         return quantile * float(share * np.hypot(first, second))
 
     return ReadingDifference(
-        a, b, two.load - one.load, allowed("load", one.load_std, two.load_std),
-        two.shift - one.shift, allowed("shift", one.shift_std, two.shift_std),
+        a, b, other.load - reading.load, allowed("load", reading.load_std, other.load_std),
+        other.shift - reading.shift, allowed("shift", reading.shift_std, other.shift_std),
     )  # fmt: skip
 
 
@@ -159,10 +159,10 @@ Trust = Literal["good", "with care", "none"]
 #: paper` prints 17.9 and 37.4, with `--family B` 21.9 and 38.3.
 PAPER_OFF, PAPER_HELD = 18, 37
 
-#: What the interval of a fit without a calibration is.
+#: Note on the interval of a fit without a calibration.
 NOISE_ONLY = "± is noise only"
 
-#: What each trust means.
+#: Meanings of the levels of trust.
 _MEANING: Mapping[Trust, str] = {
     "good": "no reason against the results was found; use them within their intervals.",
     "with care": "the load or its interval may be wrong, for these reasons.",

@@ -40,19 +40,19 @@ from clutchid.numerics.progress import Progress, Stage, Step
 STAGES_FROM_PRIOR, STAGES_FROM_CALIBRATION, FINE_STAGE = (30.0, 8.0, 1.0), (8.0, 1.0), (1.0,)
 
 #: Most steps of a coarse stage, and the relative decrease of the cost below which it has converged.
-COARSE_STEPS, COARSE_TOLERANCE = 5, 1e-2
+_COARSE_STEPS, _COARSE_TOLERANCE = 5, 1e-2
 
 #: Most steps of the parameters, most reductions of the radius in a step, and the decrease of the cost by a full step
 #: below which the search has converged.
-MAX_STEPS, MAX_REDUCTIONS, CONVERGED_GAIN = 100, 4, 0.1
+MAX_STEPS, _MAX_REDUCTIONS, CONVERGED_GAIN = 100, 4, 0.1
 
 #: Largest trust-region radius in standard deviations of the prior, and the factor of a reduction. The region is a box,
 #: so that one parameter with an excessive step, such as that of a stop, does not shorten those of the others.
-MAX_RADIUS, SHRINK_FACTOR = 3.0, 0.2
+_MAX_RADIUS, _SHRINK_FACTOR = 3.0, 0.2
 
 #: A predicted decrease that need not be achieved for the search to have converged, and the share of a predicted one
 #: below which a step suffers from derivatives that were kept from nearby points: the problem is linearised anew.
-LITTLE_TO_GAIN, POOR_SHARE = 2.0, 0.3
+_LITTLE_TO_GAIN, _POOR_SHARE = 2.0, 0.3
 
 #: A predicted decrease of the cost per free parameter that two steps in a row need not come close to: the parameters
 #: are then off by a third of their standard errors, whose squares add up to 1 per parameter. Provenance:
@@ -132,12 +132,12 @@ def _stage(
     begin = linearise(problem, *start)
     if isinstance(begin, Failure):
         return begin
-    current, damping, growth, steps = begin, 1e-3, 2.0, COARSE_STEPS
-    for count in range(1, 4 * COARSE_STEPS):
+    current, damping, growth, steps = begin, 1e-3, 2.0, _COARSE_STEPS
+    for count in range(1, 4 * _COARSE_STEPS):
         on_evaluation(count, current.cost)
         candidate = coarse_step(problem, current, damping)
         if isinstance(candidate, LinearisedProblem):
-            converged = current.cost - candidate.cost < COARSE_TOLERANCE * current.cost
+            converged = current.cost - candidate.cost < _COARSE_TOLERANCE * current.cost
             current = candidate
             damping, growth = max(damping / 5, 1e-7), 2.0
             steps -= 1
@@ -147,7 +147,7 @@ def _stage(
             damping, growth = max(damping * growth, 1e-4), 2 * growth
             if damping > 1e9:
                 return Solution(current.x, current, "stalled", count + 1)
-    return Solution(current.x, current, "limit", 4 * COARSE_STEPS)
+    return Solution(current.x, current, "limit", 4 * _COARSE_STEPS)
 
 
 def coarse_step(problem: Problem, current: LinearisedProblem, damping: float) -> LinearisedProblem | Failure:
@@ -190,7 +190,7 @@ def project(
     -------
     solution : ShootingSolution
         "converged" if a step predicts a gain below `CONVERGED_GAIN`, or gains less with a prediction below
-        `LITTLE_TO_GAIN`; "stalled" if a larger predicted gain is not achieved by any reduced step right after a new
+        `_LITTLE_TO_GAIN`; "stalled" if a larger predicted gain is not achieved by any reduced step right after a new
         linearisation.
 
     References
@@ -202,7 +202,7 @@ def project(
     start = projection.moved(X, x) if isinstance(X, LinearisedProblem) else projection.start(x, X)
     if isinstance(start, Failure):
         return start
-    current, radius, fresh, disappointed = start, MAX_RADIUS, False, False
+    current, radius, fresh, disappointed = start, _MAX_RADIUS, False, False
     counter.cost = current.cost
 
     def solution(status: SearchStatus) -> ShootingSolution:
@@ -212,11 +212,11 @@ def project(
         candidate, predicted, radius = projection.step(current, radius)
         gain, current = current.cost - candidate.cost, candidate
         counter.cost = current.cost
-        little, poor = gain < CONVERGED_GAIN, gain < POOR_SHARE * predicted
+        little, poor = gain < CONVERGED_GAIN, gain < _POOR_SHARE * predicted
         if poor and disappointed and predicted < INSIGNIFICANT * x.size:
             return solution("converged")
         disappointed = poor
-        if predicted < CONVERGED_GAIN or (little and predicted < LITTLE_TO_GAIN and (fresh or gain > 0.0)):
+        if predicted < CONVERGED_GAIN or (little and predicted < _LITTLE_TO_GAIN and (fresh or gain > 0.0)):
             return solution("converged")
         if little and fresh:
             return solution("stalled")
@@ -226,7 +226,7 @@ def project(
             anew = projection.start(current.x, current.X)
             if isinstance(anew, Failure):
                 return anew
-            current, radius, fresh = anew, MAX_RADIUS, True
+            current, radius, fresh = anew, _MAX_RADIUS, True
         else:
             fresh = False
     return solution("limit")
@@ -270,12 +270,12 @@ class VariableProjection:
         predicted = _predicted_gain(factor, bounded_step(self.problem, factor, current.x))
         if predicted < CONVERGED_GAIN:
             return current, predicted, radius
-        for trial in range(1 + MAX_REDUCTIONS):
+        for trial in range(1 + _MAX_REDUCTIONS):
             step = bounded_step(self.problem, factor, current.x, radius=radius)
             candidate = self.evaluated(current, chains, step, current.cost)
             if isinstance(candidate, LinearisedProblem):
-                return candidate, predicted, min(radius / SHRINK_FACTOR, MAX_RADIUS) if trial == 0 else radius
-            radius *= SHRINK_FACTOR
+                return candidate, predicted, min(radius / _SHRINK_FACTOR, _MAX_RADIUS) if trial == 0 else radius
+            radius *= _SHRINK_FACTOR
         return current, predicted, radius
 
     def moved(self, near: LinearisedProblem, x: FloatArray) -> LinearisedProblem | Failure:
@@ -304,7 +304,7 @@ def _predicted_gain(factor: FloatArray, step: FloatArray) -> float:
 
 
 def bounded_step(
-    problem: Problem, factor: FloatArray, x: FloatArray, damping: float = 0.0, radius: float = MAX_RADIUS
+    problem: Problem, factor: FloatArray, x: FloatArray, damping: float = 0.0, radius: float = _MAX_RADIUS
 ) -> FloatArray:
     """Damped Gauss-Newton step of the free parameters from `x` within their bounds and the trust region.
 

@@ -144,17 +144,17 @@ def _coordinate(actuator: Actuator, name: str, limits: tuple[float, float] | Non
     return Coordinate(base, stem or None, mean, width, positive, low, high)
 
 
-def measured_rows(coordinates: Sequence[Coordinate], known: Mapping[str, Prior], x: FloatArray) -> FloatArray:
-    """Rows ``[d r / d x | r]`` at x of measurements `known` of coordinates by their name, shape (m, k + 1).
+def measured_rows(coordinates: Sequence[Coordinate], measured: Mapping[str, Prior], x: FloatArray) -> FloatArray:
+    """Rows ``[d r / d x | r]`` at x of measurements `measured` of coordinates by their name, shape (m, k + 1).
 
     They are linear in x; a standard deviation is that at the measured value.
     """
-    at = [i for i, c in enumerate(coordinates) if c.name in known]
+    at = [i for i, c in enumerate(coordinates) if c.name in measured]
     rows = np.zeros((len(at), x.size + 1))
     for row, i in zip(rows, at, strict=True):
-        measured = known[coordinates[i].name]
-        mean = coordinates[i].of(measured.mean)
-        row[i] = coordinates[i].slope(mean) / measured.std
+        prior = measured[coordinates[i].name]
+        mean = coordinates[i].of(prior.mean)
+        row[i] = coordinates[i].slope(mean) / prior.std
         row[-1] = row[i] * (x[i] - mean)
     return rows
 

@@ -106,7 +106,7 @@ class Information:
         return cls(tuple(names), R)
 
     @property
-    def known(self) -> tuple[str, ...]:
+    def determined(self) -> tuple[str, ...]:
         """Parameters about which there is any information."""
         return tuple(name for name, column in zip(self.names, self.R.T, strict=True) if np.any(column != 0.0))
 
@@ -176,7 +176,7 @@ class Covariance:
 def sandwich(
     R: FloatArray,
     scores: Sequence[FloatArray],
-    known: NDArray[np.bool_] | None = None,
+    determined: NDArray[np.bool_] | None = None,
     shared: int | None = None,
     constants: FloatArray | None = None,
 ) -> Covariance:
@@ -191,7 +191,7 @@ def sandwich(
         Triangular factor of the Jacobian of the scaled residuals.
     scores : (n_i, k) per segment
         ``J_t r_t``, sample by sample; segments are taken as independent.
-    known : (k,), optional
+    determined : (k,), optional
         Parameters that the data say something about; by default those with a Jacobian column above rounding.
     shared : int, optional
         The first `shared` parameters belong to all segments, the others to one each: only the first cost degrees of
@@ -210,27 +210,27 @@ def sandwich(
     common = k if shared is None or shared == 0 else shared
     norms = np.sqrt(np.sum(R**2, axis=0))
     identifiable = norms > 1e-9 * max(float(norms.max(initial=0.0)), 1e-300)
-    known = identifiable if known is None else identifiable & known
+    determined = identifiable if determined is None else identifiable & determined
     matrix = np.full((k, k), 0.0)
-    matrix[~known, ~known] = np.inf
+    matrix[~determined, ~determined] = np.inf
     total = sum(s.shape[0] for s in scores)
-    if not known.any() or total <= k:
+    if not determined.any() or total <= k:
         np.fill_diagonal(matrix, np.inf)
         return Covariance(matrix, 1.0)
-    inverse = _pseudo_inverse(R[:, known] / norms[known])
+    inverse = _pseudo_inverse(R[:, determined] / norms[determined])
     size = max(1, -(-total // _MAX_BLOCKS))
-    blocks = [_block_sums(s[:, known] / norms[known], size) for s in scores]
+    blocks = [_block_sums(s[:, determined] / norms[determined], size) for s in scores]
     influence = np.concatenate(blocks) @ inverse
-    leading = influence[:, : max(1, int(known[:common].sum()))]
+    leading = influence[:, : max(1, int(determined[:common].sum()))]
     bandwidth = _bandwidth(leading)
-    middle = sum((_lag_sum(block, bandwidth) for block in blocks), np.zeros((known.sum(), known.sum())))
+    middle = sum((_lag_sum(block, bandwidth) for block in blocks), np.zeros((determined.sum(), determined.sum())))
     count = sum(block.shape[0] for block in blocks)
-    root = (inverse / norms[known]).T @ square_root(0.5 * (middle + middle.T))
+    root = (inverse / norms[determined]).T @ square_root(0.5 * (middle + middle.T))
     inner = root @ root.T * count / max(1.0, count - common)
     if constants is not None:
-        shift = (inverse / norms[known]).T @ (constants[known] / norms[known, None])
+        shift = (inverse / norms[determined]).T @ (constants[determined] / norms[determined, None])
         inner += shift @ shift.T
-    matrix[np.ix_(known, known)] = inner
+    matrix[np.ix_(determined, determined)] = inner
     return Covariance(matrix, max(1.0, 1.5 * count / (bandwidth + 1) - common))
 
 

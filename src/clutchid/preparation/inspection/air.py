@@ -122,7 +122,7 @@ _SUPPLY_PRESSURE = "supply pressure"
 OPEN = 0.9
 
 #: Length in s of the final part that must be flat, and least number of samples in it.
-END, FEWEST = 0.03, 4
+_END, FEWEST = 0.03, 4
 
 #: Largest remaining flow, as a fraction of the choked flow, of a full chamber: within 1 % of the supply pressure.
 _TRICKLE = 0.05
@@ -183,11 +183,11 @@ def _plateaus(reading: InspectedRecording) -> FloatArray:
     choked = p.rho_0 * p.C_vs * p.P_S * p.R * p.T_0
     # the pressure is also constant while the chamber volume grows: wait until the full volume could have been filled
     fill = p.P_S * (p.V_0A + p.A_A * p.y_max) / choked if choked > 0 else np.inf
-    long = np.flatnonzero(log.time[stop - 1] - log.time[first] > fill + END)
+    long = np.flatnonzero(log.time[stop - 1] - log.time[first] > fill + _END)
     volume = p.V_0A + p.A_A * np.clip(log["position"], 0.0, p.y_max) if "position" in log else None
     plateaus = []
     for i in long[spread_over(long.size)]:
-        begin = max(int(first[i]), int(np.searchsorted(log.time, log.time[stop[i] - 1] - END)))
+        begin = max(int(first[i]), int(np.searchsorted(log.time, log.time[stop[i] - 1] - _END)))
         end = slice(begin, int(stop[i]))
         pressure = log["pressure_a"][end]
         content = pressure * (p.V_0A if volume is None else volume[end])

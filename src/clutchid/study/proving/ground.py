@@ -112,7 +112,7 @@ def _scored(answer: Answer, driven: Drive) -> dict[str, Any]:
         "score": asdict(score(answer, driven.truth, driven.log.time)),
         "wear_m": driven.truth.truck.wear,
         "curve": {key: getattr(answer, key).tolist() for key in ("position", "force", "low", "high")},
-        "kept": dict(answer.kept),
+        "kept": dict(answer.details),
     }
 
 
@@ -214,7 +214,7 @@ def _write(path: Path, content: dict[str, Any]) -> None:
     write_text(json.dumps(content), path)
 
 
-def kept(out: Path, numbers: Iterable[int]) -> dict[str, list[dict[str, Any]]]:
+def stored_results(out: Path, numbers: Iterable[int]) -> dict[str, list[dict[str, Any]]]:
     """Results of all workflows in `out` for the trucks `numbers`, the paper's method first."""
     by_workflow: dict[str, list[dict[str, Any]]] = {}
     for folder in sorted(out.iterdir(), key=lambda path: (path.name != "paper", path.name)):
@@ -234,7 +234,7 @@ def write_tables(out: Path, numbers: Iterable[int]) -> ReportTable:
     ExportError
         If they cannot be written.
     """
-    results = kept(out, numbers)
+    results = stored_results(out, numbers)
     table = standings(results)
     write_text(to_csv(table), out / "standings.csv")
     write_text(to_csv(every_recording(results)), out / "recordings.csv")

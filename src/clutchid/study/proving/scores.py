@@ -22,7 +22,7 @@ TOUCH = (5e-3, 8e-3)
 class Answer:
     """A load curve in N over positions in m with its 95 % band, and the chamber pressure in Pa at every sample.
 
-    `kept` has further results as plain values.
+    `details` has further results as plain values.
     """
 
     position: FloatArray
@@ -30,7 +30,7 @@ class Answer:
     low: FloatArray
     high: FloatArray
     pressure_a: FloatArray
-    kept: Mapping[str, Any] = field(default_factory=dict)
+    details: Mapping[str, Any] = field(default_factory=dict)
 
 
 #: Function of a calibration recording with pressure and worn recordings with position only; one answer for each.
