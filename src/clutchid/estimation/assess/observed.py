@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -152,81 +152,51 @@ def observed_verdict(indicators: Indicators) -> Verdict:
     >>> observed_verdict(Indicators(True, 10, 0.03, 1.1, {}, False)).trust
     'good'
     """
-    reasons = [
-        *_of_strokes(indicators), *_of_band(indicators), *_of_mismatch(indicators), *_of_flags(indicators),
-        *_of_supply(indicators), *kept_rest(indicators.kept_shift), *_of_jumps(indicators), *indicators.unvented,
-    ]  # fmt: skip
-    trust: Trust = "none" if any(reason.grave for reason in reasons) else "with care" if reasons else "good"
-    return Verdict(trust, tuple(reason.text for reason in reasons), flawed=any(reason.grave for reason in reasons))
+    reasons = [*_reasons(indicators)]
+    flawed = any(reason.grave for reason in reasons)
+    trust: Trust = "none" if flawed else "with care" if reasons else "good"
+    return Verdict(trust, tuple(reason.text for reason in reasons), flawed=flawed)
 
 
-def _of_strokes(indicators: Indicators) -> list[Reason]:
+def _reasons(indicators: Indicators) -> Iterator[Reason]:
+    """Reasons that lower the trust: strokes, band, innovations, flags, supply, and the zero of the position."""
+    strokes, half_width, (first, last) = indicators.strokes, indicators.half_width, ENGAGING
     if not indicators.adapts:
-        return [Reason("the load does not adapt with this method: it is that of the calibration.", True)]
-    if indicators.strokes >= STROKES.care:
-        return []
-    ended = "no stroke has" if indicators.strokes == 0 else f"{indicators.strokes:d} stroke has"
-    return [
-        Reason(
+        yield Reason("the load does not adapt with this method: it is that of the calibration.", True)
+    elif strokes < STROKES.care:
+        ended = "no stroke has" if strokes == 0 else f"{strokes:d} stroke has"
+        yield Reason(
             f"{ended} ended, fewer than {STROKES.care:d}: the load is still that of the calibration, with what may "
             "have changed since; record more strokes.",
-            indicators.strokes < STROKES.none,
+            strokes < STROKES.none,
         )
-    ]
-
-
-def _of_band(indicators: Indicators) -> list[Reason]:
-    if indicators.half_width <= HALF_WIDTH.care:
-        return []
-    first, last = ENGAGING
-    width = f"± {100 * indicators.half_width:.0f} % of the peak" if np.isfinite(indicators.half_width) else "infinite"
-    return [
-        Reason(
+    if not half_width <= HALF_WIDTH.care:
+        width = f"± {100 * half_width:.0f} % of the peak" if np.isfinite(half_width) else "infinite"
+        yield Reason(
             f"the band of the load between {first * 1e3:.0f} and {last * 1e3:.0f} mm is {width}, wider than "
             f"the limit of ± {100 * HALF_WIDTH.care:.0f} %; record more strokes.",
-            not indicators.half_width <= HALF_WIDTH.none,
+            not half_width <= HALF_WIDTH.none,
         )
-    ]
-
-
-def _of_mismatch(indicators: Indicators) -> list[Reason]:
-    if not indicators.mismatch > MISMATCH.care:
-        return []
-    text = (
-        f"the innovations (NIS in motion) are {indicators.mismatch:.1f} times those of the calibration recordings, "
-        f"more than {MISMATCH.care:g}: the model may not hold any more; look for a fault, or calibrate again."
-    )
-    return [Reason(text, indicators.mismatch > MISMATCH.none)]
-
-
-_MEANINGS = FLAGS
-
-
-def _of_flags(indicators: Indicators) -> list[Reason]:
-    reasons = []
+    if indicators.mismatch > MISMATCH.care:
+        yield Reason(
+            f"the innovations (NIS in motion) are {indicators.mismatch:.1f} times those of the calibration recordings, "
+            f"more than {MISMATCH.care:g}: the model may not hold any more; look for a fault, or calibrate again.",
+            indicators.mismatch > MISMATCH.none,
+        )
     for name, limit in FLAGGED.items():
         share = indicators.flagged.get(name, 0.0)
         if share > limit.care:
-            reasons.append(Reason(f"{_MEANINGS[name]} ({100 * share:.2g} % of the time).", share > limit.none))
-    return reasons
-
-
-def _of_jumps(indicators: Indicators) -> list[Reason]:
-    if indicators.zero == "no jump":
-        return []
-    text = (
-        "the position jumped as no piston moves, and stayed: its sensor was set to zero anew, or two recordings are "
-        f"joined; {_ZEROS[indicators.zero]}"
-    )
-    return [Reason(text, indicators.zero != "shown")]
-
-
-def _of_supply(indicators: Indicators) -> list[Reason]:
-    if not indicators.supply_assumed:
-        return []
-    return [
-        Reason(
+            yield Reason(f"{FLAGS[name]} ({100 * share:.2g} % of the time).", share > limit.none)
+    if indicators.supply_assumed:
+        yield Reason(
             "the supply pressure was not recorded: a supply 5 % below that of the calibration is taken for a load "
             "6 % larger, and the band allows for it; record it."
         )
-    ]
+    yield from kept_rest(indicators.kept_shift)
+    if indicators.zero != "no jump":
+        yield Reason(
+            "the position jumped as no piston moves, and stayed: its sensor was set to zero anew, or two recordings "
+            f"are joined; {_ZEROS[indicators.zero]}",
+            indicators.zero != "shown",
+        )
+    yield from indicators.unvented
