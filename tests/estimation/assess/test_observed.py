@@ -33,7 +33,11 @@ GOOD = Indicators(True, 12, 0.03, 1.1, dict.fromkeys(FLAGS, 0.0), False)
         ({"flagged": {"diverged": 0.001}}, "with care", "started again (0.1 % of the time)"),
         ({"supply_assumed": True}, "with care", "the supply pressure was not recorded"),
         ({"unvented": (Reason("no rest"),)}, "with care", "no rest"),
-        ({"kept_shift": 3e-4}, "with care", "the vented rest has moved by +0.30 mm since the calibration, and was kept"),
+        (
+            {"kept_shift": 3e-4},
+            "with care",
+            "the vented rest has moved by +0.30 mm since the calibration, and was kept",
+        ),
     ],
 )
 def test_the_trust_falls_with_each_indicator_and_says_why(change, trust, reason):

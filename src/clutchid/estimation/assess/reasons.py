@@ -5,6 +5,7 @@ The thresholds are those of the table in docs/derivations.md, chosen on both fam
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from clutchid.estimation.assess.comparison import ENGAGING
 from clutchid.estimation.assess.diagnostics import BEYOND, LEAST_CORRELATION, MOST_OUTSIDE, ColumnDiagnosis
 from clutchid.estimation.assess.evidence import HORIZON, Evidence, Reason, evidence, information, once_a_fit, reach
 from clutchid.estimation.assess.rest import rest_reasons
-from clutchid.estimation.result import Departure, Fit, Moved, physical_limits
+from clutchid.estimation.result import Departure, Fit, physical_limits
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.gaussian import spectrum
 from clutchid.inference.uncertainty.identifiability import collinear, listed
@@ -62,12 +63,12 @@ def _at_bounds(fit: Fit, *, physical: bool) -> list[str]:
     return estimates
 
 
-def slow_reasons(fit: Fit) -> list[Reason]:
+def slow_reasons(fit: Fit) -> Iterator[Reason]:
     """That recordings are slower than the changes of their duty cycles; none if none of them is."""
     logs = {name: recording.measured for name, recording in fit.recordings.items()}
     slow = [name for name, log in logs.items() if is_slow(log)]
     if not slow:
-        return []
+        return
     slowest = min(1.0 / sample_interval(logs[name].time) for name in slow)
     text = f"{listed(slow)}: at {slowest:.3g} Hz the valves open and close between the samples, at times that are not "
     text += "recorded. "
@@ -75,7 +76,7 @@ def slow_reasons(fit: Fit) -> list[Reason]:
         text += "The interval is widened for that, but by what it costs on virtual trucks only; "
     else:
         text += "The load may have errors that its interval does not include; "
-    return [Reason(f"{text}record position and duty cycles at 1 kHz.")]
+    yield Reason(f"{text}record position and duty cycles at 1 kHz.")
 
 
 #: Expected error of the load, rms over the stroke in % of the peak: up to the first it is good, beyond the second none.
@@ -103,18 +104,45 @@ LEAKS, _LEAKS_TOO_MUCH = 3e-10, 5e-10
 FROM = 5e-4
 
 
-def reading_reasons(fit: Fit) -> list[Reason]:
+def reading_reasons(fit: Fit) -> Iterator[Reason]:
     """Reasons against a load from position alone; none for another fit."""
-    if fit.departure is None or fit.baseline is None:
-        return []
-    origin = fit.baseline.origin
-    name = origin.name if origin and origin.name else "of this fit"
-    return [
-        *_another_truck(fit, fit.departure, name),
-        *_leaks(fit),
-        *_poor_fit(fit.departure.misfit),
-        *_expected_error(fit),
-    ]
+    departure = fit.departure
+    if departure is None or fit.baseline is None:
+        return
+    nearer, name, error = _nearer(departure), _name_of(fit.baseline), expected_error(fit)
+    if nearer > _FAR:
+        moved = [f"{m.name} {m.before:.3g} -> {m.after:.3g}{fit.actuator.unit_behind(m.name)}" for m in departure.moved]
+        measure = f"(squared distance {departure.distance:.0f}, that of a change is {departure.expected:.0f})"
+        text = (
+            f"what may change is far from the calibration {name}: {listed(moved)} {measure}; inputs that are late or "
+        )
+        text += "a sensor that is off do that, check them."
+        if nearer > ANOTHER:
+            text = (
+                f"the calibration {name} seems to be of another truck: no change explains {listed(moved)} {measure}; "
+            )
+            text += "take the calibration of this truck, or make one."
+        yield Reason(text, nearer > ANOTHER)
+    for change in fit.changes:
+        if change.name == "C_A0" and change.after > LEAKS:
+            too_much = change.after > _LEAKS_TOO_MUCH
+            what = "too much for its load to be read" if too_much else "so much that its load may be wrong"
+            text = f"{change.recording}: chamber A, or what is connected to it, leaks {what} ({change.after:.1e} "
+            yield Reason(f"{text}m³/(Pa·s), more than {LEAKS:g}): mend the leak, then record again.", too_much)
+    if departure.misfit > _MISFIT:
+        text = f"the recording costs {departure.misfit:.1f} times as much for each second in motion as those of the "
+        text += "calibration: the model misses something that has changed, and the load may have errors that its "
+        yield Reason(f"{text}interval does not include.", departure.misfit > _POOR_MISFIT)
+    if not error <= GOOD_ERROR:
+        text = f"the expected error of the load is {error:.1f} % of its peak, more than {GOOD_ERROR:g} %: what has "
+        text += "changed is not certain enough. Record the supply pressure, record longer, or give what is known with "
+        text += "--prior."
+        yield Reason(text, error > POOR_ERROR, banded=True)
+
+
+def _name_of(calibration: Calibration) -> str:
+    """Name of the file of a calibration."""
+    return calibration.origin.name if calibration.origin and calibration.origin.name else "of this fit"
 
 
 def expected_error(fit: Fit) -> float:
@@ -145,55 +173,6 @@ def _nearer(departure: Departure) -> float:
     from scipy.special import chdtr
 
     return float(chdtr(departure.expected, departure.distance)) if departure.expected > 0.0 else float("nan")
-
-
-def _another_truck(fit: Fit, departure: Departure, name: str) -> list[Reason]:
-    """Parameters farther from the calibration than a change explains, with those that have moved farthest."""
-    nearer = _nearer(departure)
-    if not nearer > _FAR:
-        return []
-    measure = f"(squared distance {departure.distance:.0f}, that of a change is {departure.expected:.0f})"
-    why = f"{listed([_move(fit, moved) for moved in departure.moved])} {measure}"
-    if nearer > ANOTHER:
-        text = f"the calibration {name} seems to be of another truck: no change explains {why}; "
-        return [Reason(f"{text}take the calibration of this truck, or make one.", True)]
-    text = f"what may change is far from the calibration {name}: {why}; "
-    return [Reason(f"{text}inputs that are late or a sensor that is off do that, check them.")]
-
-
-def _move(fit: Fit, moved: Moved) -> str:
-    return f"{moved.name} {moved.before:.3g} -> {moved.after:.3g}{fit.actuator.unit_behind(moved.name)}"
-
-
-def _leaks(fit: Fit) -> list[Reason]:
-    """Leaks of chamber A beside which the load is not certain."""
-    leaks = []
-    for change in fit.changes:
-        if change.name == "C_A0" and change.after > LEAKS:
-            too_much = change.after > _LEAKS_TOO_MUCH
-            what = "too much for its load to be read" if too_much else "so much that its load may be wrong"
-            text = f"{change.recording}: chamber A, or what is connected to it, leaks {what} ({change.after:.1e} "
-            leaks.append(Reason(f"{text}m³/(Pa·s), more than {LEAKS:g}): mend the leak, then record again.", too_much))
-    return leaks
-
-
-def _poor_fit(ratio: float) -> list[Reason]:
-    """A cost that the calibration recordings did not have."""
-    if not ratio > _MISFIT:
-        return []
-    text = f"the recording costs {ratio:.1f} times as much for each second in motion as those of the calibration: the "
-    text += "model misses something that has changed, and the load may have errors that its interval does not include."
-    return [Reason(text, ratio > _POOR_MISFIT)]
-
-
-def _expected_error(fit: Fit) -> list[Reason]:
-    """A band as wide as errors that matter."""
-    error = expected_error(fit)
-    if error <= GOOD_ERROR:
-        return []
-    text = f"the expected error of the load is {error:.1f} % of its peak, more than {GOOD_ERROR:g} %: what has changed "
-    text += "is not certain enough. Record the supply pressure, record longer, or give what is known with --prior."
-    return [Reason(text, error > POOR_ERROR, banded=True)]
 
 
 class _Residual(NamedTuple):
@@ -286,161 +265,128 @@ def reasons(fit: Fit) -> tuple[Reason, ...]:
     """Reasons that lower the trust in a fit, those of single recordings apart; a failed one has one reason."""
     if fit.status == "failed" or not fit.recordings:
         return (Reason(f"the fit failed: {fit.message}".rstrip(".") + ".", True),)
-    judged = evidence(fit)
-    reads = fit.departure is not None
-    return (
-        *slow_reasons(fit), *reading_reasons(fit), *rest_reasons(fit), *_not_converged(fit),
-        *_poor_baseline(fit), *ambient_reasons(fit), *bound_reasons(fit), *_rounding(fit), *_undetermined(fit),
-        *_combinations(fit),
-        *([] if reads else [*_motion_fit(judged), *valve_reasons(fit, judged)]), *_wide_interval(fit), *_reach(fit),
-    )  # fmt: skip
+    return (*_reasons(fit, evidence(fit)),)
 
 
-def _not_converged(fit: Fit) -> list[Reason]:
-    return (
-        []
-        if fit.converged
-        else [Reason("the search did not converge; continue from its result, or free fewer parameters.")]
-    )
+def _reasons(fit: Fit, judged: Evidence) -> Iterator[Reason]:
+    yield from slow_reasons(fit)
+    yield from reading_reasons(fit)
+    yield from rest_reasons(fit)
+    if not fit.converged:
+        yield Reason("the search did not converge; continue from its result, or free fewer parameters.")
+    if fit.baseline is not None:
+        yield from _poor_baseline(fit.baseline)
+    yield from ambient_reasons(fit)
+    yield from bound_reasons(fit)
+    yield from _rounding(fit)
+    if not fit.follows:  # with priors, the notes report them
+        yield from _undetermined(fit)
+    if fit.departure is None:
+        for name, share in judged.predictions.items():
+            if share < _GOOD_FIT:
+                yield Reason(
+                    f"{name}: simulated for {HORIZON:g} s at a time, the position fits to {share:.1f} %, less than "
+                    f"{_GOOD_FIT:.0f} %: the model does not reproduce part of the motion, and the load may have "
+                    "similar errors.",
+                    share < _POOR_FIT,
+                )
+        yield from valve_reasons(fit, judged)
+    if fit.load_is_fitted:
+        yield from _wide_interval(fit)
+    furthest, (begin, end) = reach(fit), ENGAGING
+    if not furthest >= end:
+        yield Reason(
+            f"the recordings reach {furthest * 1e3:.1f} mm; the clutch engages at {begin * 1e3:.0f} to {end * 1e3:.0f} "
+            f"mm, so that the load there is not determined: reach {end * 1e3:.0f} mm or more.",
+            furthest < begin,
+        )
 
 
-def _poor_baseline(fit: Fit) -> list[Reason]:
+def _poor_baseline(baseline: Calibration) -> Iterator[Reason]:
     """A calibration that did not converge, or that is not to be trusted."""
-    baseline = fit.baseline
-    if baseline is None:
-        return []
-    name = baseline.origin.name if baseline.origin and baseline.origin.name else "of this fit"
-    reasons = []
+    name = _name_of(baseline)
     if baseline.origin and baseline.origin.trust == "none":
-        reasons.append(Reason(f"the calibration {name} has trust 'none'; calibrate again.", True))
+        yield Reason(f"the calibration {name} has trust 'none'; calibrate again.", True)
     if not baseline.converged:
-        text = (
+        yield Reason(
             f"the search of the calibration {name} had not converged, and the load may have errors that its interval "
             "does not include; continue the calibration, then read again."
         )
-        reasons.append(Reason(text))
-    return [*reasons, *unvented_baseline(baseline)]
+    yield from unvented_baseline(baseline)
 
 
 def unvented_baseline(calibration: Calibration | None) -> list[Reason]:
     """That a calibration saw no settled vented rest; none where it did."""
     if calibration is None or calibration.vented:
         return []
-    name = calibration.origin.name if calibration.origin and calibration.origin.name else "of this fit"
-    text = f"the recordings of the calibration {name} show no settled vented rest, so that its loads are known by the "
-    return [Reason(f"{text}prior of the ambient pressure only; {RECORD_REST}, and calibrate again.")]
+    text = f"the recordings of the calibration {_name_of(calibration)} show no settled vented rest, so that its loads "
+    return [Reason(f"{text}are known by the prior of the ambient pressure only; {RECORD_REST}, and calibrate again.")]
 
 
-def ambient_reasons(fit: Fit) -> list[Reason]:
+def ambient_reasons(fit: Fit) -> Iterator[Reason]:
     """An ambient pressure that is estimated although no recording shows it."""
-    if "pressure_a" not in fit.scales:
-        return []
     settled = {name: vented_pressure(recording.measured) is not None for name, recording in fit.recordings.items()}
-    curve, reasons = fit.load_curve, []
-    for name, estimate in fit.parameters.items():
+    for name, estimate in fit.parameters.items() if "pressure_a" in fit.scales else ():
         base, _, stem = name.partition("@")
         logs = [stem] if stem else [*settled]
         if base == "P_0" and not any(settled[log] for log in logs):
-            half = QUANTILE * estimate.std
+            half, curve = QUANTILE * estimate.std, fit.load_curve
             share = half * fit.actuator.parameters.A_A / curve.force[curve.peak(reach(fit))]
             text = f"{listed(logs)}: {UNSETTLED}, so that {name} is known to ± {half * 1e-3:.1f} kPa, "
             advice = remedy(fit.recordings[log].measured for log in logs)
-            reasons.append(Reason(f"{text}± {100 * share:.1f} % of the peak; {advice}."))
-    return reasons
+            yield Reason(f"{text}± {100 * share:.1f} % of the peak; {advice}.")
 
 
-def _rounding(fit: Fit) -> list[Reason]:
+def _rounding(fit: Fit) -> Iterator[Reason]:
     """Directions in which the Jacobian is singular to rounding, so that the covariance is meaningless."""
     finite = [i for i, v in enumerate(np.diag(fit.covariance)) if 0.0 < v < np.inf]
     if len(finite) < 2:
-        return []
+        return
     _, values, vectors = spectrum(fit.covariance[np.ix_(finite, finite)])
-    if values[0] > len(finite) * np.finfo(float).eps * values[-1]:
-        return []
-    names = [list(fit.parameters)[i] for i in finite]
-    mixed = [name for name, part in zip(names, np.abs(vectors[:, -1]), strict=True) if part > 0.1]
-    return [
-        Reason(
+    if not values[0] > len(finite) * np.finfo(float).eps * values[-1]:
+        names = [list(fit.parameters)[i] for i in finite]
+        mixed = [name for name, part in zip(names, np.abs(vectors[:, -1]), strict=True) if part > 0.1]
+        yield Reason(
             f"the Jacobian is numerically singular in the direction of {listed(mixed)}: their intervals are "
             "meaningless; fix one of them.",
             any(name in fit.actuator.load.names for name in mixed),
         )
-    ]
 
 
-def _undetermined(fit: Fit) -> list[Reason]:
-    """Estimates with a standard error as large as the value; with priors, the notes report them."""
-    if fit.follows:
-        return []
+def _undetermined(fit: Fit) -> Iterator[Reason]:
+    """Estimates with a standard error as large as the value, and those of which only combinations are determined."""
     undetermined = []
     for name, estimate in fit.parameters.items():
         if name in fit.actuator.parameter_names:
             size = max(abs(estimate.value), abs(fit.actuator.default(name)))
             undetermined += [name] if size > 0.0 and estimate.std >= size else []
-    if not undetermined:
-        return []
-    what = "the standard error of {} is" if len(undetermined) == 1 else "the standard errors of {} are"
-    return [Reason(f"{what.format(listed(undetermined))} as large as the value: the data do not determine it; fix it.")]
+    if undetermined:
+        what = "the standard error of {} is" if len(undetermined) == 1 else "the standard errors of {} are"
+        names = what.format(listed(undetermined))
+        yield Reason(f"{names} as large as the value: the data do not determine it; fix it.")
+    if shared := information(fit):
+        group = [shared.determined[i] for i in collinear(shared.columns(shared.determined))]
+        if len(group) >= 3:
+            text = f"of {len(group)} parameters, {group[0]} to {group[-1]}, only combinations can be determined: "
+            yield Reason(f"{text}fix some, or calibrate with pressure and start from that.")
 
 
-def _combinations(fit: Fit) -> list[Reason]:
-    """Three or more estimates of which only combinations are determined, without priors."""
-    shared = None if fit.follows else information(fit)
-    if shared is None:
-        return []
-    group = [shared.determined[i] for i in collinear(shared.columns(shared.determined))]
-    if len(group) < 3:
-        return []
-    text = f"of {len(group)} parameters, {group[0]} to {group[-1]}, only combinations can be determined: "
-    return [Reason(f"{text}fix some, or calibrate with pressure and start from that.")]
-
-
-def _motion_fit(evidence: Evidence) -> list[Reason]:
-    return [
-        Reason(
-            f"{name}: simulated for {HORIZON:g} s at a time, the position fits to {share:.1f} %, less than "
-            f"{_GOOD_FIT:.0f} %: the model does not reproduce part of the motion, and the load may have similar "
-            "errors.",
-            share < _POOR_FIT,
-        )
-        for name, share in evidence.predictions.items()
-        if share < _GOOD_FIT
-    ]
-
-
-def _wide_interval(fit: Fit) -> list[Reason]:
+def _wide_interval(fit: Fit) -> Iterator[Reason]:
     """An infinite interval of the load, or one that is wide relative to the peak."""
     curve, furthest = fit.load_curve, reach(fit)
     inside = curve.position <= furthest
     half = ((curve.high - curve.low) / 2)[inside]
     finite, peak = np.isfinite(half), float(curve.force[curve.peak(furthest)])
-    if not fit.load_is_fitted:
-        return []
     if not finite.any() or peak <= 0.0:
-        return [Reason("the data do not determine the load: its interval is infinite.", True)]
+        yield Reason("the data do not determine the load: its interval is infinite.", True)
+        return
     broad = ~(half <= WIDE * peak)
-    if finite.all() and np.mean(broad) <= _WIDE_SHARE:
-        return []
-    at = curve.position[inside][broad] * 1e3
-    widest = f"up to ± {100 * np.max(half) / peak:.0f} % of the peak" if finite.all() else "infinite in part"
-    return [
-        Reason(
+    if not finite.all() or np.mean(broad) > _WIDE_SHARE:
+        at = curve.position[inside][broad] * 1e3
+        widest = f"up to ± {100 * np.max(half) / peak:.0f} % of the peak" if finite.all() else "infinite in part"
+        yield Reason(
             f"the interval of the load is {widest} between {at[0]:.1f} and {at[-1]:.1f} mm, wider than the limit of ± "
             f"{100 * WIDE:.0f} %; record longer, or with more strokes.",
             bool(np.median(half) > peak),
             banded=bool(finite.all()),
         )
-    ]
-
-
-def _reach(fit: Fit) -> list[Reason]:
-    furthest, (begin, end) = reach(fit), ENGAGING
-    if furthest >= end:
-        return []
-    return [
-        Reason(
-            f"the recordings reach {furthest * 1e3:.1f} mm; the clutch engages at {begin * 1e3:.0f} to {end * 1e3:.0f} "
-            f"mm, so that the load there is not determined: reach {end * 1e3:.0f} mm or more.",
-            furthest < begin,
-        )
-    ]
