@@ -16,7 +16,7 @@ import clutchid
 #: What the page of Python uses beside the names of `clutchid`.
 FURTHER = {
     "clutchid.observer": (
-        "observer", "start", "observe", "observe_recording", "curve", "known", "read_state", "write_state",
+        "observer", "start", "observe", "observe_recording", "curve", "estimates_of", "read_state", "write_state",
     ),
     "clutchid.fleets.cluster": ("Workers",),
     "clutchid.verbs.tracking": ("write_tracked",),

@@ -24,8 +24,5 @@ def test_numbers_and_count_of_a_stroke_stand_once():
 
 def test_the_c_counts_strokes_in_one_place_by_these_numbers():
     c = "".join(texts(HOUSE / "exports" / "templates", "j2").values())
-    assert [len(re.findall(text, c)) for text in (r"stroke\.begins", r"stroke\.ends", r"self->strokes\+\+")] == [
-        1,
-        1,
-        1,
-    ]
+    counts = (r"stroke\.BEGINS", r"stroke\.ENDS", r"self->strokes\+\+")
+    assert [len(re.findall(text, c)) for text in counts] == [1, 1, 1]
