@@ -1,4 +1,4 @@
-"""Random sequences of what a control unit may be given, and hours through the wrap of microseconds, with sanitizers."""
+"""Random sequences of what a control unit may be given, and hours of strokes, with sanitizers."""
 
 import os
 import subprocess
@@ -17,9 +17,9 @@ pytestmark = [
     pytest.mark.skipif(compiler() is None, reason="no C compiler on this machine"),
 ]
 
-#: Samples of a random sequence, and of one at 5 ms, whose microseconds wrap after 859,000: `.ci/slow` takes a million.
+#: Samples of a random sequence, and hours of strokes, whose microseconds wrap after 1.2: `.ci/slow` takes more of both.
 SAMPLES = int(os.environ.get("CLUTCHID_HOSTILE_SAMPLES", "20000"))
-SLOWER = 2 * SAMPLES
+HOURS = float(os.environ.get("CLUTCHID_HOSTILE_HOURS", "0.02"))
 
 HOSTILE = """
 #include <math.h>
@@ -42,20 +42,21 @@ static int sound_number(clutch_number_t value) { return isnan(value) || isfinite
 int main(int count, char **words)
 {
     const long samples = atol(words[1]);
-    const uint32_t usual = (uint32_t)atol(words[2]);
-    const int wild = atoi(words[3]);
+    const int wild = atoi(words[2]);
+    static double recorded[8000][3];
+    FILE *file = fopen(words[3], "rb");
+    const long length = (long)fread(recorded, sizeof(recorded[0]), sizeof(recorded) / sizeof(recorded[0]), file);
     long bad = 0;
+    clutch_band_t band;
     (void)count;
+    fclose(file);
     clutch_start(&clutch_data, &self, NULL, 0u);
     for (long i = 0; i < samples; i++) {
-        const double phase = 1e-3 * (double)(i % 1300);
-        const double y = (phase < 0.1) ? 0.0 : ((phase < 0.3) ? ((phase - 0.1) * 0.1) : ((phase < 0.8) ? 0.02 : 0.0));
-        clutch_input_t input = { (clutch_number_t)(y + (1e-5 * (double)(draw() % 7u))),
-            (clutch_number_t)((phase > 0.1) && (phase < 0.3)), (clutch_number_t)((phase > 0.75) && (phase < 1.2)),
+        const double *row = recorded[i % length];
+        clutch_input_t input = { (clutch_number_t)row[0], (clutch_number_t)row[1], (clutch_number_t)row[2],
             (clutch_number_t)9e5 };
-        uint32_t dt = usual;
+        uint32_t dt = 1000u;
         clutch_output_t output;
-        clutch_band_t band;
         if (wild) {
             input.position = any(input.position);
             input.duty_supply = any(input.duty_supply);
@@ -74,7 +75,7 @@ int main(int count, char **words)
         bad += !(sound_number(output.pressure_a) && sound_number(output.position));
         bad += !sound_number(output.pressure_a_std);
     }
-    printf("%ld %u\\n", bad, (unsigned)self.strokes);
+    printf("%ld %u %.9g %.9g %.9g\\n", bad, (unsigned)self.strokes, band.low, band.force, band.high);
     return 0;
 }
 """
@@ -86,27 +87,41 @@ def one(plant):
     return observer(plant, calibration=Calibration((), np.zeros((0, 0)), conditions=known, nis=0.05))
 
 
+@pytest.fixture(scope="module")
+def strokes(drive_log):
+    """Position and duty cycles from a vented rest to the last one, so that they can follow themselves."""
+    rests = np.flatnonzero((drive_log["position"] < 2e-4) & (drive_log["duty_supply"] < 1e-3))
+    columns = [drive_log[name][: rests[-1] + 1] for name in ("position", "duty_supply", "duty_exhaust")]
+    return np.column_stack(columns)
+
+
 @pytest.mark.parametrize("rates", ["one", "two"])
 @pytest.mark.parametrize("real", ["float", "double"])
-def test_a_million_samples_of_anything_leave_a_finite_load(one, tmp_path, real, rates):
-    bad, _ = run(one, CStyle(real=real, rates=rates), tmp_path, SAMPLES, 1000, wild=True)
+def test_a_million_samples_of_anything_leave_a_finite_load(one, strokes, tmp_path, real, rates):
+    bad, *_ = run(one, CStyle(real=real, rates=rates), tmp_path, strokes, SAMPLES, wild=True)
     assert bad == 0
 
 
-def test_hours_through_the_wrap_of_the_microseconds_leave_a_finite_load(one, tmp_path):
-    bad, _ = run(one, CStyle(), tmp_path, SLOWER, 5_000, wild=False)
+def test_hours_of_strokes_through_the_wrap_of_the_microseconds_end_at_the_load(one, plant, strokes, tmp_path):
+    samples = round(HOURS * 3.6e6)
+    bad, ended, low, force, high = run(one, CStyle(), tmp_path, strokes, samples, wild=False)
+    true = plant.load.force(6e-3)
     assert bad == 0
+    assert ended == pytest.approx(2.0 * samples / len(strokes), abs=2.0)
+    assert low < true < high
+    assert force == pytest.approx(true, rel=0.01)
 
 
-def run(one, style, folder, samples, dt, *, wild):
-    """Values that are not what they can be, and strokes."""
+def run(one, style, folder, strokes, samples, *, wild):
+    """Samples with a load that is none, strokes, and the load at 6 mm with its band after so many samples."""
     sources = write_sources(one, style, folder / "src")
     (folder / "main.c").write_text(HOSTILE)
+    strokes.astype(np.float64).tofile(folder / "strokes")
     options = (
         "-I", str(folder / "src"), f"-Dclutch_number_t={style.real}", "-fsanitize=undefined,address",
         "-fno-sanitize-recover=all",
     )  # fmt: skip
     program = compiled([folder / "main.c", *sources], folder / "main", *options)
-    arguments = [program, str(samples), str(dt), str(int(wild))]
+    arguments = [program, str(samples), str(int(wild)), str(folder / "strokes")]
     words = subprocess.run(arguments, capture_output=True, check=True, text=True).stdout.split()
-    return [int(word) for word in words]
+    return [float(word) for word in words]
