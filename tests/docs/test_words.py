@@ -10,7 +10,7 @@ import pytest
 import clutchid
 from clutchid.preparation.inspection import inspect
 from clutchid.preparation.inspection.columns import VENTED_REST
-from fixtures.trees import source_nodes, source_trees
+from fixtures.trees import constant_texts, source_texts, source_tree
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = {path.stem: path.read_text(encoding="utf-8") for path in (ROOT / "docs").glob("*.md")}
@@ -33,7 +33,7 @@ def messages(text: str) -> list[str]:
 
 def first_arguments(file: str, function: str) -> list[str]:
     """Constant texts that are the first argument of calls of a function."""
-    tree = source_trees()[file]
+    tree = source_tree(file)
     calls = [n for n in ast.walk(tree) if isinstance(n, ast.Call) and getattr(n.func, "id", "") == function]
     return [call.args[0].value for call in calls if isinstance(call.args[0], ast.Constant)]
 
@@ -59,7 +59,8 @@ def made_by(function: ast.FunctionDef) -> list[str]:
 
 @pytest.mark.slow
 def test_every_message_that_the_pages_quote_is_one_of_the_program():
-    known = "\n".join(n.value for _, n in source_nodes() if isinstance(n, ast.Constant) and isinstance(n.value, str))
+    codes = (compile(text, file, "exec") for file, text in source_texts().items())
+    known = "\n".join(text for code in codes for text in constant_texts(code))
     tables = PAGES["trouble"].partition("## Files that are not read")[2] + section(PAGES["result"], "Reasons")
     quoted = messages(tables)
     assert len(quoted) > 30
@@ -67,7 +68,7 @@ def test_every_message_that_the_pages_quote_is_one_of_the_program():
 
 
 def test_every_reason_that_a_verdict_can_give_is_explained():
-    tree = source_trees()["estimation/assess/reasons.py"]
+    tree = source_tree("estimation/assess/reasons.py")
     explained = {piece for message in messages(section(PAGES["result"], "Reasons")) for piece in pieces(message)}
     functions = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
     reasons = [reason for function in functions for reason in made_by(function)]
