@@ -12,7 +12,7 @@ import urllib.request
 import psutil
 import pytest
 
-from fixtures.commands import called, process, wait_for
+from fixtures.commands import called, wait_for
 
 
 @pytest.fixture
@@ -49,17 +49,6 @@ def left(tmp_path):
 
 
 @pytest.mark.slow
-def test_the_server_prints_its_address_and_leaves_nothing(started, tmp_path):
-    one, address = started()
-    assert address.startswith("http://127.0.0.1:")
-    opener(address)
-    assert address.partition("token=")[2] not in " ".join(psutil.Process(one.pid).cmdline())
-    assert len(left(tmp_path)) == 1
-    one.send_signal(signal.SIGINT)
-    assert (one.wait(20), one.stderr.read(), left(tmp_path)) == (0, "", [])
-
-
-@pytest.mark.slow
 def test_another_host_is_warned_of_and_asks_for_the_token(started):
     one, address = started("--host", "0.0.0.0")
     with pytest.raises(urllib.error.HTTPError, match="403"):
@@ -85,13 +74,20 @@ def test_the_jobs_of_a_killed_server_end_and_the_next_one_removes_its_folder(sta
 
 
 @pytest.mark.slow
-def test_two_servers_stand_beside_each_other(started, tmp_path):
-    (_, one), (_, other) = started(), started()
+def test_two_servers_stand_beside_each_other_print_their_addresses_and_leave_nothing(started, tmp_path):
+    servers = [started(), started()]
+    one, other = (address for _, address in servers)
+    assert one.startswith("http://127.0.0.1:")
     assert one.partition("/?")[0] != other.partition("/?")[0]
     opener(one), opener(other)
     with pytest.raises(urllib.error.HTTPError, match="403"):
         opener(other.partition("token=")[0] + "token=" + one.partition("token=")[2])
     assert len(left(tmp_path)) == 2
+    for server, address in servers:
+        assert address.partition("token=")[2] not in " ".join(psutil.Process(server.pid).cmdline())
+        server.send_signal(signal.SIGINT)
+        assert (server.wait(20), server.stderr.read()) == (0, "")
+    assert left(tmp_path) == []
 
 
 @pytest.mark.slow
@@ -139,4 +135,3 @@ def test_the_server_imports_neither_the_model_nor_matplotlib():
     code = f"import sys, clutchid.app.server; print([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
-    assert process("app", "--help").returncode == 0

@@ -12,6 +12,7 @@ from clutchid.systems import is_device
 from clutchid.verbs.tracking import LifeLimits, track, write_tracked
 from clutchid.verbs.wear_reading import ReadingOptions, RecordingResult, read_recording
 from clutchid.wear.history import WearReading
+from fixtures.commands import without_workers
 
 pytestmark = pytest.mark.slow
 
@@ -72,5 +73,6 @@ def test_track_takes_a_file_whose_name_is_no_text(tmp_path):
     path = tmp_path / os.fsdecode(b"\xff\xfe.parquet")
     path.write_text("no table")
     (tmp_path / "cal.toml").touch()
-    write_tracked(track([path], tmp_path / "cal.toml"), tmp_path / "wear.parquet")
+    with without_workers():
+        write_tracked(track([path], tmp_path / "cal.toml"), tmp_path / "wear.parquet")
     assert pl.read_parquet(tmp_path / "wear.parquet")["recording"].to_list() == [r"\xff\xfe"]

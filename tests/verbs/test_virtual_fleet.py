@@ -11,7 +11,7 @@ from clutchid.errors import DataError, ExportError
 from clutchid.truck import aged, truck
 from clutchid.truck.service import visits
 from clutchid.verbs.virtual_fleet import POSITIONS, load_at_positions, write_fleet
-from fixtures.commands import called
+from fixtures.commands import backwards, called, without_workers
 
 
 def rows(path):
@@ -33,7 +33,8 @@ def plan():
 @pytest.fixture(scope="module")
 def folder(plan, tmp_path_factory):
     out = tmp_path_factory.mktemp("fleets") / "fleet"
-    assert write_fleet(out, plan, seconds=2.0) == 4
+    with without_workers():
+        assert write_fleet(out, plan, seconds=2.0) == 4
     return out
 
 
@@ -74,7 +75,9 @@ def test_the_truth_is_that_of_the_truck_at_its_wear(plan, folder):
 
 @pytest.mark.slow
 def test_the_number_of_workers_does_not_matter(plan, folder, tmp_path):
-    write_fleet(tmp_path / "fleet", plan, seconds=2.0, workers=2)
+    with backwards("clutchid.verbs.virtual_fleet.results") as workers:
+        write_fleet(tmp_path / "fleet", plan, seconds=2.0, workers=2)
+    assert workers == [2]
     for path in folder.rglob("*.*"):
         assert path.read_bytes() == (tmp_path / "fleet" / path.relative_to(folder)).read_bytes(), path.name
 
@@ -89,7 +92,8 @@ def test_a_folder_with_files_is_left_alone(plan, tmp_path):
 @pytest.mark.slow
 def test_the_command_drives_a_fleet(tmp_path, capsys):
     options = ("--fleet", "1", "--months", "0.6", "--seconds", "1")
-    assert called("drive", *options, "--out", tmp_path / "fleet") == 0
+    with without_workers():
+        assert called("drive", *options, "--out", tmp_path / "fleet") == 0
     assert len(rows(tmp_path / "fleet" / "truth.csv")) in (2, 3)
     assert called("drive", *options, "--out", tmp_path / "other", "--wear", "1") == 2
     assert "--wear: belongs to a single recording" in capsys.readouterr().err

@@ -19,7 +19,7 @@ from clutchid.study.proving import ground as proving
 from clutchid.study.proving.scores import coverage, every_recording
 from clutchid.study.proving.workflows import workflow
 from clutchid.truck import GRID
-from fixtures.commands import without_workers
+from fixtures.commands import backwards, without_workers
 
 pytestmark = pytest.mark.slow
 
@@ -91,18 +91,22 @@ def test_the_worn_recordings_have_no_pressure_and_another_load(ground):
         assert change > 0.01 * driven.truth.load(GRID).max()
 
 
-def test_results_do_not_depend_on_workers_and_a_stopped_run_goes_on(tmp_path, monkeypatch):
+def test_results_do_not_depend_on_workers_and_a_stopped_run_goes_on(short, tmp_path, monkeypatch):
     with without_workers():
         alone = proving.prove("paper", [0, 1, 2], tmp_path / "one")
         stopped = proving.prove("paper", [1], tmp_path / "two")
     calls = []
-    pair = proving.prove("paper", [0, 1, 2], tmp_path / "two", place=Workers(2), progress=lambda *a: calls.append(a))
+    with backwards() as workers:
+        place = Workers(2)
+        pair = proving.prove("paper", [0, 1, 2], tmp_path / "two", place=place, progress=lambda *a: calls.append(a))
+    assert workers == [2]
     assert [r["truck"] for r in pair] == [0, 1, 2]
     assert pair[1] == stopped[0]
     for a, b in zip(alone, pair, strict=True):
         # numbers, not times, are the same; logs hold curves, scores and parameters to the last digit
         assert json.dumps(a["logs"]) == json.dumps(b["logs"])
     assert calls == [(1, 2), (2, 2)]
+    assert all(result["logs"] for result in pair)
     monkeypatch.setattr(processes, "results", lambda *_: pytest.fail("a kept result was computed again"))
     assert proving.prove("paper", [0, 1, 2], tmp_path / "two") == pair
     assert proving.stored_results(tmp_path / "two", range(3)) == {"paper": pair}
