@@ -32,13 +32,3 @@ def test_what_is_learnt_from_outliers_contradicts_after_a_time_that_does_not_dep
 def test_one_spike_however_large_is_no_contradiction():
     assert EVERY * LARGEST < 0.3 * CONTRADICTED
     assert time_to_contradiction([1e6, *np.zeros(20), 1e6, *np.zeros(20)], learns=True) == np.inf
-
-
-def test_blocks_of_any_length_give_the_same_sum():
-    random, follow = np.random.default_rng(1), kernels_in("clutchid.observer.contradiction").first_contradiction
-    sizes, learns = random.uniform(0.0, 7.0, 200), (random.random(200) < 0.5).astype(float)
-    whole, parts = np.zeros(1), np.zeros(1)
-    follow(whole, sizes, learns, EVERY)
-    for i in range(0, 200, 7):
-        follow(parts, sizes[i : i + 7], learns[i : i + 7], EVERY)
-    assert whole[0] == parts[0]

@@ -1,4 +1,4 @@
-"""One law: however a recording is cut, and wherever its state passes through a file, the numbers are the same bits."""
+"""One law: however a recording is cut, live, and wherever its state passes through a file, the numbers are the same."""
 
 from dataclasses import replace
 from functools import cache
@@ -12,8 +12,10 @@ from clutchid.inference.uncertainty.conditions import RecordedConditions
 from clutchid.log import Log
 from clutchid.model import Actuator
 from clutchid.observer import observe, observe_recording, observer, read_state, start, write_state
+from clutchid.observer.health import LIVE_FLAGS
+from clutchid.observer.live import after_block, live_run
 from clutchid.observer.methods import METHODS
-from clutchid.observer.recording import follow_block, usual_nis
+from clutchid.observer.recording import usual_nis
 from clutchid.strokes.vented_rest import vented_rest
 from fixtures.observing import assert_same
 
@@ -94,20 +96,22 @@ def test_a_recording_gives_the_same_numbers_however_it_is_cut_and_resumed(case, 
     one, log = case(method, conditions)
     whole = observe_recording(one, log)
     seed = list(METHODS).index(method) * len(CONDITIONS) + list(CONDITIONS).index(conditions)
-    state, parts, strokes = start(one), [], []
+    run, parts = live_run(one, start(one)), []
     for first, last in pairwise(cuts_of(len(log), seed)):
-        part = follow_block(one, state, log.slice(first, last))
+        run, part = after_block(run, log.slice(first, last), dict.fromkeys(LIVE_FLAGS, 0))
         write_state(one, part.after, tmp_path / "state.toml")
-        state = read_state(one, tmp_path / "state.toml")
-        assert_same(state, part.after)
+        run = replace(run, after=read_state(one, tmp_path / "state.toml"))
+        assert_same(run.after, part.after)
         parts.append(part.samples)
-        strokes += part.strokes
     for name, values in whole.samples._asdict().items():
         together = np.concatenate([getattr(part, name) for part in parts])
         np.testing.assert_array_equal(together, values, name)
-    assert_same(state, whole.after)
-    assert [(row.number, row.time) for row in strokes] == [(row.number, row.time) for row in whole.strokes]
-    assert len(strokes) > 1
+    np.testing.assert_array_equal(run.recent().samples.states, whole.samples.states)
+    assert_same(run.after, whole.after)
+    rows = [[(row.number, row.time, row.known) for row in strokes] for strokes in (run.strokes, whole.strokes)]
+    assert rows[0] == rows[1]
+    assert len(run.strokes) > 1
+    assert {name: run.health[name] for name in whole.health} == pytest.approx(dict(whole.health))
 
 
 def test_the_recordings_of_this_law_have_what_it_is_about(case):

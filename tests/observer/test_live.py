@@ -4,17 +4,12 @@ import numpy as np
 import pytest
 
 from clutchid.observer import live as module
-from clutchid.observer import observe_recording, start
+from clutchid.observer import start
 from clutchid.observer.health import LIVE_FLAGS
 from clutchid.observer.live import after_block, checked, live_run
 from fixtures.changed_logs import picked, spoiled
 
 NONE = dict.fromkeys(LIVE_FLAGS, 0)
-
-
-@pytest.fixture(scope="module")
-def whole(joint, log):
-    return observe_recording(joint, log)
 
 
 def followed(joint, log, sizes, left_out=NONE):
@@ -25,21 +20,6 @@ def followed(joint, log, sizes, left_out=NONE):
         parts.append(part)
         begin += size
     return run, parts
-
-
-@pytest.mark.parametrize("sizes", [[6000], [101, 20, 1, 333]])
-def test_samples_strokes_and_state_are_those_of_the_whole_recording(joint, log, whole, sizes):
-    run, parts = followed(joint, log, sizes)
-    estimates = [part.estimates() for part in parts]
-    for name, values in whole.estimates().columns.items():
-        assert np.array_equal(np.concatenate([each[name] for each in estimates]), values, equal_nan=True), name
-    assert [row.estimates for row in run.strokes] == [row.estimates for row in whole.strokes]
-    assert np.array_equal(run.after.theta, whole.after.theta)
-    assert np.array_equal(run.after.T, whole.after.T)
-    assert run.usable
-    recent = run.recent()
-    assert np.array_equal(recent.samples.states, whole.samples.states, equal_nan=True)
-    assert {name: recent.health[name] for name in whole.health} == pytest.approx(dict(whole.health))
 
 
 def test_what_is_kept_does_not_grow(joint, log, monkeypatch):

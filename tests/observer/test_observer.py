@@ -11,7 +11,7 @@ from clutchid.observer import observe, observer, read_state, start, write_state
 from clutchid.observer.gaps import BRIDGED
 from clutchid.observer.state import FROZEN
 from fixtures.changed_logs import picked, spoiled
-from fixtures.observing import assert_same, in_blocks
+from fixtures.observing import in_blocks
 
 STROKE = np.linspace(2e-3, 9e-3, 30)
 
@@ -74,14 +74,6 @@ def test_parts_of_a_correction_are_counted_in_samples_also_where_some_are_late(j
     at, since = plant.states.index("p_A"), slice(200, None)
     there = np.searchsorted(log.time, late.time)
     assert np.abs(found.states[since, at] - undisturbed.states[there[since], at]).max() < 30e3
-
-
-def test_late_samples_in_blocks_have_the_same_numbers(joint, log):
-    lost = np.arange(1500) % 50
-    late = picked(log.slice(0, 1500), (lost < 30) | (lost >= 34))
-    whole, parts = observe(joint, start(joint), late), in_blocks(joint, late, [7] * 200)
-    assert_same(whole[0], parts[0])
-    np.testing.assert_array_equal(whole[1].states, parts[1].states)
 
 
 def test_the_samples_of_a_frozen_sensor_are_left_out(joint, plant, worn, log):

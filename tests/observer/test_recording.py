@@ -52,19 +52,6 @@ def test_the_band_of_the_pressure_is_held_between_corrections(run, joint):
     assert ended == pytest.approx(1.96 * run.samples.deviations[every - 1 :: every, at])
 
 
-def test_a_run_in_two_parts_gives_the_same_samples_strokes_and_health(run, joint, log):
-    for cut in (1234, 1235, 3000):
-        first = observe_recording(joint, log.slice(0, cut))
-        second = observe_recording(joint, log.slice(cut, len(log)), first.after)
-        for one, two, whole in zip(*(r.estimates().columns.items() for r in (first, second, run)), strict=True):
-            assert np.array_equal(np.concatenate([one[1], two[1]]), whole[1], equal_nan=True), whole[0]
-        rows = [*first.strokes, *second.strokes]
-        assert [(row.time, row.number, row.estimates) for row in rows] == [
-            (row.time, row.number, row.estimates) for row in run.strokes
-        ]
-        assert {name: first.health[name] + second.health[name] for name in FLAGS} == pytest.approx(dict(run.health))
-
-
 def test_a_row_of_a_stroke_has_the_load_and_parameters_as_they_were_known_then(run, joint, log):
     assert [row.number for row in run.strokes] == list(range(1, len(run.strokes) + 1))
     assert len(run.strokes) >= 2

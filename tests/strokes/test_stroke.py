@@ -1,7 +1,6 @@
 """Strokes are counted sample by sample."""
 
 import numpy as np
-import pytest
 
 from clutchid.strokes.stroke import NO_STROKES, SHORTEST, count_strokes
 
@@ -26,14 +25,6 @@ def test_a_stroke_that_has_not_ended_does_not_count():
     after, ends = count_strokes(NO_STROKES, TIME, raised((0.1, 0.3), (0.5, 2.0)))
     assert after == (1, 0.5)
     assert ends == [300]
-
-
-@pytest.mark.parametrize("cut", [1, 150, 300, 301, 650])
-def test_blocks_of_any_length_count_the_same(cut):
-    position = raised((0.1, 0.3), (0.5, 0.7))
-    first, early = count_strokes(NO_STROKES, TIME[:cut], position[:cut])
-    after, late = count_strokes(first, TIME[cut:], position[cut:])
-    assert (after, [*early, *(cut + end for end in late)]) == count_strokes(NO_STROKES, TIME, position)
 
 
 def test_noise_about_the_limit_a_spike_and_missing_samples_are_no_strokes():

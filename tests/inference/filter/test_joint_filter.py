@@ -1,6 +1,5 @@
 """The joint filter on recordings that the model itself made."""
 
-import io
 from dataclasses import replace
 
 import numpy as np
@@ -82,31 +81,6 @@ def test_a_segment_that_cannot_be_followed_is_a_failure_with_its_sample(problem)
     found = follow(joint, state, broken, (0, 1000))
     assert (type(found), found.sample) == (Diverged, 501)
     assert not isinstance(follow(joint, state, broken, (0, 501)), Failure)
-
-
-@pytest.mark.parametrize("cut", [1, 995, 1003])
-def test_a_run_that_is_cut_written_and_resumed_is_the_same_bit_by_bit(problem, cut):
-    joint, state, given, found = whole(problem)
-    first = follow(joint, state, given, (0, cut))
-    file = io.BytesIO()
-    np.savez(file, **first.state._asdict())
-    file.seek(0)
-    read = FilterState(**np.load(file))
-    second = follow(joint, read, given, (cut, len(problem.tracks[0].segment)))
-    assert same(second.state, found.state)
-    for name in ("errors", "deviations"):
-        both = np.concatenate([getattr(first, name), getattr(second, name)])
-        assert np.array_equal(both, getattr(found, name), equal_nan=True)
-
-
-def test_sample_by_sample_is_the_same_as_a_block_bit_by_bit(problem):
-    joint, state, given = made(problem)
-    block = follow(joint, state, given, (0, 40))
-    for i in range(40):
-        single = follow(joint, state, given, (i, i + 1))
-        state = single.state
-        assert np.array_equal(single.errors[0], block.errors[i], equal_nan=True)
-    assert same(state, block.state)
 
 
 def test_the_window_of_load_weights_lies_where_the_piston_will_be(problem):
