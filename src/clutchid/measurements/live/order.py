@@ -31,8 +31,7 @@ from clutchid.measurements.clock import (
 )
 from clutchid.measurements.columns import heading_problems
 from clutchid.measurements.map.channel_map import Channel, ChannelMap, PickedChannels
-from clutchid.measurements.map.picking import pick
-from clutchid.measurements.recording import picked_values
+from clutchid.measurements.recording import picked, picked_values
 from clutchid.measurements.source import Places, Raster, Rows, Source, Table, in_contract, no_tables
 from clutchid.measurements.time_axis import SampleBlock, no_samples, usual_interval
 
@@ -77,9 +76,7 @@ def picked_streams(
         if len(rasters) == 1 and not in_contract(source):
             raise DataError.of(name, [*heading_problems(rasters[0].headings, required), _ADVICE])
         channels = _by_names(rasters)
-    picks, problems = pick(source, channels, required)
-    missing = [wanted for wanted in required if wanted not in channels.channels and wanted != "time"]
-    problems += (f"no channel is assigned to {', '.join(missing)}.",) if missing else ()
+    picks, problems = picked(source, channels, required)
     if problems:
         raise DataError.of(name, [*problems, _ADVICE])
     return by_position(picks)
@@ -111,7 +108,7 @@ def arrived(
         Absolute pressure that is added to gauge pressures.
     place
         The place of each row among all that came together, increasing.
-    done
+    count
         Number of rows before, for a time that is counted.
     """
     columns, invalid = {}, 0
