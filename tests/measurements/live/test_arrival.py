@@ -5,8 +5,8 @@ import pytest
 
 from clutchid.errors import DataError
 from clutchid.measurements.columns import channel
-from clutchid.measurements.live.arrival import ArrivedBatch, live_blocks
-from clutchid.measurements.live.order import arrived, picked_streams
+from clutchid.measurements.live.arrival import live_blocks
+from clutchid.measurements.live.order import ArrivedBatch, arrived, picked_streams
 from clutchid.measurements.live.text import text_blocks
 from clutchid.measurements.map.channel_map import Channel, ChannelMap
 from clutchid.measurements.source import Raster, Table
@@ -43,7 +43,7 @@ def blocks_of(rows, size, channels=MAP):
                 numbers = dict(enumerate(table.T))
                 at = np.array([place for place, *_ in own], dtype=np.int64)
                 each.append(arrived(i, chosen, Table(RASTERS[chosen.raster].headings, numbers, len(own)), 1e5, at))
-            yield ArrivedBatch(each)
+            yield ArrivedBatch(np.array([t for _, t, _ in some]), each)
 
     return live_blocks(pieces(), picks, "bus", {})
 

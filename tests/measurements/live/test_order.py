@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from clutchid.measurements.clock import JUMP, WINDOW
-from clutchid.measurements.live.order import ArrivedSamples, final, none_waiting, sorted_in
-from clutchid.measurements.time_axis import SampleBlock
+from clutchid.measurements.live.order import ArrivedBatch, ArrivedSamples, final, none_waiting, sorted_in
 
 
 def fed(stamps, cuts, streams=None):
@@ -19,8 +18,8 @@ def fed(stamps, cuts, streams=None):
         for i in (1, 0):
             rows = piece[stream[piece] == i]
             place = rows - (piece[0] if piece.size else 0)
-            each.append(ArrivedSamples(i, place, SampleBlock(stamps[rows], {"x": number[rows]})))
-        waiting, out, _ = sorted_in(waiting, each, ended=not piece.size)
+            each.append(ArrivedSamples(i, place, {"x": number[rows]}))
+        waiting, out, _ = sorted_in(waiting, ArrivedBatch(stamps[piece], each), ended=not piece.size)
         counts += out
         waiting, ready = final(waiting, ended=not piece.size)
         for have, new in zip(found, ready, strict=True):

@@ -4,22 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.log import FloatArray, Log
-from clutchid.measurements.live.order import FIRST, ArrivedSamples, LeftOutCounts, final, none_waiting, sorted_in
+from clutchid.measurements.live.order import FIRST, ArrivedBatch, LeftOutCounts, final, none_waiting, sorted_in
 from clutchid.measurements.map.channel_map import PickedChannels
 from clutchid.measurements.time_axis import SampleBlock, align, usual_interval
-
-
-class ArrivedBatch(NamedTuple):
-    """Samples that came together, by stream, and the number of lines or frames that could not be read."""
-
-    arrived: Sequence[ArrivedSamples]
-    unreadable: int = 0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -75,10 +67,8 @@ def live_blocks(
         except DataError as error:
             batch, trouble = None, error
         ended = batch is None
-        arrived = batch.arrived if batch is not None else ()
-        waiting, out, sentences = sorted_in(waiting, arrived, ended=ended)
-        invalid, unreadable = sum(samples.invalid for samples in arrived), batch.unreadable if batch is not None else 0
-        left, said = left.plus(out).plus(LeftOutCounts(0, 0, unreadable, invalid)), (*said, *sentences)
+        waiting, out, sentences = sorted_in(waiting, batch or ArrivedBatch(np.empty(0), ()), ended=ended)
+        left, said = left.plus(out), (*said, *sentences)
         waiting, ready = final(waiting, ended=ended)
         unused, block = _joined(unused, ready, picks, ended=ended)
         if block.time.size or (ended and begun and any((*left, *said))):

@@ -28,10 +28,10 @@ from clutchid.measurements.formats.can.streams import (
     rasters_of,
     values_of,
 )
-from clutchid.measurements.live.arrival import ArrivedBatch, LiveBlock, live_blocks
+from clutchid.measurements.live.arrival import LiveBlock, live_blocks
 from clutchid.measurements.live.bus_name import BusName
 from clutchid.measurements.live.feed import PACE, PATIENCE
-from clutchid.measurements.live.order import ArrivedSamples, arrived, picked_streams
+from clutchid.measurements.live.order import ArrivedBatch, ArrivedSamples, arrived, picked_streams
 from clutchid.measurements.map.channel_map import PickedChannels
 from clutchid.measurements.source import Table
 
@@ -326,11 +326,12 @@ def _batch(frames: Frames, bus: _BusLayout, ambient: float) -> ArrivedBatch:
     if not stamped.all():
         frames = frames.take(stamped)
     samples: list[ArrivedSamples] = []
+    all_stamps = frames.stamp - bus.origin
     for stream, rows in by_stream(frames, bus.lookup):
         raster = bus.rasters.get(stream) if isinstance(stream, FrameStream) else None
         for i, chosen in enumerate(bus.picks):
             if isinstance(stream, FrameStream) and chosen.raster == raster:
-                stamps, data, length = frames.stamp[rows] - bus.origin, frames.data[rows], frames.length[rows]
+                stamps, data, length = all_stamps[rows], frames.data[rows], frames.length[rows]
                 table = Table(numbers=values_of(stream, chosen.indices, stamps, data, length), size=rows.size)
                 samples.append(arrived(i, chosen, table, ambient, rows))
-    return ArrivedBatch(samples, unreadable)
+    return ArrivedBatch(all_stamps, samples, unreadable)

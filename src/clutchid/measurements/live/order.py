@@ -7,8 +7,8 @@ stamps.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -44,19 +44,26 @@ _ADVICE = (
 class ArrivedSamples(NamedTuple):
     """Samples of a stream in the order in which they came.
 
-    `place` (n,) is the place of each among all that came together, `samples` have n time stamps, in the order of
-    arrival; `invalid` counts the values that were infinite, or duty cycles outside 0 to 1, and are NaN now. Samples
-    without a time are left out.
+    `rows` (n,), increasing, are the places of their stamps among all that came together, `columns` have n values;
+    `invalid` counts the values that were infinite, or duty cycles outside 0 to 1, and are NaN now.
     """
 
     stream: int
-    place: Rows
-    samples: SampleBlock
+    rows: Rows
+    columns: Mapping[str, FloatArray]
     invalid: int = 0
 
-    def take(self, rows: Rows | NDArray[np.bool_]) -> ArrivedSamples:
-        """Some of the samples."""
-        return self._replace(place=self.place[rows], samples=self.samples.take(rows))
+    def take(self, part: slice, moved: int) -> ArrivedSamples:
+        """Some of the samples, whose stamps are further on by `moved` places."""
+        return self._replace(rows=self.rows[part] + moved, columns={n: v[part] for n, v in self.columns.items()})
+
+
+class ArrivedBatch(NamedTuple):
+    """Stamps in s that came together, samples by stream, and the number of lines or frames that cannot be read."""
+
+    stamps: FloatArray
+    arrived: Sequence[ArrivedSamples]
+    unreadable: int = 0
 
 
 def picked_streams(
@@ -97,22 +104,18 @@ def _by_names(rasters: Sequence[Raster]) -> ChannelMap:
     return ChannelMap(channels)
 
 
-def arrived(
-    stream: int, chosen: PickedChannels, table: Table, ambient: float, place: Rows, count: int = 0
-) -> ArrivedSamples:
-    """The picked channels of a table in SI, in the order in which they came.
+def arrived(stream: int, chosen: PickedChannels, table: Table, ambient: float, rows: Rows) -> ArrivedSamples:
+    """The picked channels of a table in SI, in the order in which they came; of sparse ones, rows that have a value.
 
     Parameters
     ----------
     ambient : Pa
         Absolute pressure that is added to gauge pressures.
-    place
+    rows
         The place of each row among all that came together, increasing.
-    count
-        Number of rows before, for a time that is counted.
     """
     columns, invalid = {}, 0
-    for name, written in picked_values(table, chosen, count).items():
+    for name, written in picked_values(table, chosen, 0).items():
         values = in_si(chosen.columns[name][0], written, ambient)
         wrong = np.isinf(values)
         if name in INPUTS:
@@ -121,11 +124,10 @@ def arrived(
             invalid += int(wrong.sum())
             values = np.where(wrong, np.nan, values)
         columns[name] = values
-    arrived_samples = ArrivedSamples(stream, place, SampleBlock(columns.pop("time"), columns), invalid)
-    valid = np.isfinite(arrived_samples.samples.time)
-    if chosen.sparse:
-        valid &= np.isfinite(list(columns.values())).any(axis=0)
-    return arrived_samples if valid.all() else arrived_samples.take(valid)
+    del columns["time"]
+    if chosen.sparse and not (there := np.isfinite(list(columns.values())).any(axis=0)).all():
+        rows, columns = rows[there], {name: values[there] for name, values in columns.items()}
+    return ArrivedSamples(stream, rows, columns, invalid)
 
 
 #: Samples that show the usual interval of the clock.
@@ -134,15 +136,16 @@ FIRST = 101
 
 @dataclass(frozen=True, eq=False, slots=True)
 class WaitingSamples:
-    """Samples by stream that others may still precede, and the clock that all streams share.
+    """Samples by stream that others may still precede, and the clock that all stamps share.
 
-    `undecided` are samples in the order of arrival whose stamps wait for later ones: the first ones of all, and those
-    behind a jump. `count` is the number of the others.
+    `stamps` in s in the order of arrival wait for later ones, with their samples `undecided`: the first ones of all,
+    and those behind a jump. `count` is the number of the others.
     """
 
     streams: tuple[SampleBlock, ...]
     clock: Clock = AT_START
     tolerance: Tolerance | None = None
+    stamps: FloatArray = field(default_factory=lambda: np.empty(0))
     undecided: tuple[ArrivedSamples, ...] = ()
     count: int = 0
 
@@ -170,42 +173,39 @@ def none_waiting(names: Sequence[Sequence[str]]) -> WaitingSamples:
 
 
 def sorted_in(
-    waiting: WaitingSamples, arrivals: Sequence[ArrivedSamples], *, ended: bool = False
+    waiting: WaitingSamples, batch: ArrivedBatch, *, ended: bool = False
 ) -> tuple[WaitingSamples, LeftOutCounts, tuple[str, ...]]:
     """Waiting samples after some more came, and sentences about their clock; what came together may be cut in any way.
 
     Stamps are moved as `clutchid.measurements.clock` says. A sample whose stamp is `WINDOW` or more below an earlier
     one is late. Of equal stamps the last counts. A stamp far ahead that none has confirmed at the end is invalid.
     """
-    arrivals = [*waiting.undecided, *arrivals]
-    order = np.argsort(np.concatenate([np.empty(0), *(arrival.place for arrival in arrivals)]), kind="stable")
-    rank = np.empty(order.size, dtype=np.int64)
-    rank[order] = np.arange(order.size)
-    written = np.concatenate([np.empty(0), *(arrival.samples.time for arrival in arrivals)])[order]
-    stamps, clock, tolerance, left, said = _decided(waiting, written, ended=ended)
+    written = np.append(waiting.stamps, batch.stamps)
+    stamps, behind, clock, tolerance, said = _decided(waiting, written, ended=ended)
     streams, undecided = list(waiting.streams), []
-    ends = np.cumsum([arrival.place.size for arrival in arrivals], dtype=np.int64)
-    for arrival, own in zip(arrivals, np.split(rank, ends[:-1]), strict=bool(arrivals)):
-        waits = own >= stamps.size
-        if waits.any():
-            undecided.append(arrival.take(waits)._replace(place=own[waits] - order.size))
-        moved = stamps[own[~waits]]
-        samples = arrival.samples.take(~waits) if waits.any() else arrival.samples
-        streams[arrival.stream], again = _merged(
-            streams[arrival.stream], samples._replace(time=moved), np.isfinite(moved)
-        )
-        left = left.plus(LeftOutCounts(repeated=again))
-    after = WaitingSamples(tuple(streams), clock, tolerance, tuple(undecided), waiting.count + stamps.size)
-    return after, left, said
+    left = LeftOutCounts(unreadable=batch.unreadable, invalid=sum(samples.invalid for samples in batch.arrived))
+    moved = (samples.take(slice(None), waiting.stamps.size) for samples in batch.arrived)
+    for samples in (*waiting.undecided, *moved):
+        until = int(np.searchsorted(samples.rows, stamps.size))
+        if until < samples.rows.size:
+            undecided.append(samples.take(slice(until, None), -stamps.size))
+        rows, i = samples.rows[:until], samples.stream
+        block = SampleBlock(stamps[rows], {name: values[:until] for name, values in samples.columns.items()})
+        used = np.isfinite(block.time)
+        streams[i], repeated = _merged(streams[i], block, used)
+        late = int(np.count_nonzero(behind[rows]))
+        left = left.plus(LeftOutCounts(late, repeated, invalid=int(np.count_nonzero(~used)) - late))
+    rest, count = written[stamps.size :], waiting.count + stamps.size
+    return WaitingSamples(tuple(streams), clock, tolerance, rest, tuple(undecided), count), left, said
 
 
 class _DecidedStamps(NamedTuple):
-    """The stamps in s that no later one can change, NaN where they are left out; the clock after them."""
+    """The stamps in s that no later one can change, NaN where they are left out, as they are `behind` or ahead."""
 
     stamps: FloatArray
+    behind: NDArray[np.bool_]
     clock: Clock
     tolerance: Tolerance | None
-    left_out: LeftOutCounts = LeftOutCounts()
     sentences: tuple[str, ...] = ()
 
 
@@ -214,7 +214,7 @@ def _decided(waiting: WaitingSamples, written: FloatArray, *, ended: bool) -> _D
     clock, tolerance = waiting.clock, waiting.tolerance
     if tolerance is None:
         if written.size < FIRST and not ended:
-            return _DecidedStamps(np.empty(0), clock, None)
+            return _DecidedStamps(np.empty(0), np.empty(0, dtype=np.bool_), clock, None)
         usual = usual_interval(written[:FIRST])
         tolerance = Tolerance.of(usual, shared=len(waiting.streams) > 1, late=WINDOW)
     runs = _runs(written, waiting.count, clock.written, tolerance)
@@ -226,13 +226,14 @@ def _decided(waiting: WaitingSamples, written: FloatArray, *, ended: bool) -> _D
     moves = np.repeat(shifts, [run.size for run in runs[: len(shifts)]])
     stamps = written[: moves.size] + moves
     greatest = np.fmax.accumulate(np.append(clock.last, stamps))
-    late = stamps <= greatest[:-1] - WINDOW
-    stamps[late] = math.nan
+    behind = stamps <= greatest[:-1] - WINDOW
+    stamps[behind] = math.nan
     lone = [change for change in changes if change.kind == "lone"]
-    behind = int(sum(change.amount for change in lone if change.stamp < change.before) + np.count_nonzero(late))
-    left = LeftOutCounts(behind, invalid=int(np.count_nonzero(np.isnan(stamps))) - behind)
+    for change in lone:
+        row = change.row - waiting.count
+        behind[row : row + int(change.amount)] = change.stamp < change.before
     said = tuple(sentences([change for change in changes if change not in lone], Places("sample"), tolerance.apart))
-    return _DecidedStamps(stamps, replace(after, last=float(greatest[-1])), tolerance, left, said)
+    return _DecidedStamps(stamps, behind, replace(after, last=float(greatest[-1])), tolerance, said)
 
 
 def _runs(written: FloatArray, count: int, before: float, tolerance: Tolerance) -> list[Run]:

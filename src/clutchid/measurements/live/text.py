@@ -12,14 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import DataError
+from clutchid.measurements.checks import in_si
 from clutchid.measurements.columns import Heading, headings
 from clutchid.measurements.formats.csv.dialect import Dialect, dialect
 from clutchid.measurements.formats.csv.lines import BOMS_UTF16, LineBlock
 from clutchid.measurements.formats.csv.rows import read_rows
 from clutchid.measurements.formats.json_lines import keys_of, read_objects
-from clutchid.measurements.live.arrival import ArrivedBatch, LiveBlock, live_blocks
-from clutchid.measurements.live.order import arrived, by_position, picked_streams
+from clutchid.measurements.live.arrival import LiveBlock, live_blocks
+from clutchid.measurements.live.order import ArrivedBatch, arrived, by_position, picked_streams
 from clutchid.measurements.map.channel_map import PickedChannels
+from clutchid.measurements.recording import picked_values
 from clutchid.measurements.source import EXAMPLE, Raster, Table
 from clutchid.measurements.sparse import by_presence
 
@@ -200,13 +202,12 @@ _TELLING, _FEW = 100, 2
 
 
 def _batches(every: Iterator[TextRows], picks: Sequence[PickedChannels], ambient: float) -> Iterator[ArrivedBatch]:
-    """The picked channels of the rows, in SI."""
+    """The picked channels of the rows, in SI; a row without a time cannot be read."""
     count = 0
     for rows in every:
-        place, spoiled = np.arange(rows.table.size), rows.spoiled.copy()
-        streams = [arrived(i, stream, rows.table, ambient, place, count) for i, stream in enumerate(picks)]
-        for stream, chosen in zip(streams, picks, strict=True):
-            if not chosen.sparse:
-                spoiled |= ~np.isin(place, stream.place)  # without a time
-        yield ArrivedBatch(streams, rows.left_out + int(spoiled.sum()))
+        time = in_si(picks[0].columns["time"][0], picked_values(rows.table, picks[0], count)["time"], ambient)
+        timed = np.isfinite(time)
+        table = rows.table if timed.all() else rows.table.take(np.flatnonzero(timed))
+        streams = [arrived(i, chosen, table, ambient, np.arange(table.size)) for i, chosen in enumerate(picks)]
+        yield ArrivedBatch(time[timed], streams, rows.left_out + int((rows.spoiled | ~timed).sum()))
         count += rows.table.size
