@@ -21,7 +21,10 @@ from widening import worn_clutch
 
 from clutchid.estimation import phase as estimated
 from clutchid.estimation.parameter_file import ParameterFile
-from clutchid.log import Log, sample_interval
+from clutchid.estimation.prediction import predict_errors
+from clutchid.inference.problem import Problem
+from clutchid.log import FloatArray, Log, sample_interval
+from clutchid.numerics.failure import Failure
 from clutchid.preparation.pulses import centred
 from clutchid.strokes.duty_cycle import grid_phase
 from clutchid.strokes.vented_rest import from_rest
@@ -37,6 +40,18 @@ class Row(NamedTuple):
     seconds_shared: float
 
 
+def _adapted(problem: Problem, x: FloatArray) -> estimated.Adapted:
+    """A Gauss-Newton step with derivatives of its own; the cost is infinite if the filter fails."""
+    prediction = predict_errors(problem, x)
+    if isinstance(prediction, Failure):
+        return estimated.Adapted(np.inf, x)
+    at, most = prediction.linearisation(), estimated._LARGEST_STEP
+    step = np.clip(np.linalg.lstsq(at.R, -at.q, rcond=None)[0], -most, most)
+    after = at.R @ step + at.q
+    cost = prediction.cost - float(at.q @ at.q - after @ after)
+    return estimated.Adapted(cost, np.clip(x + step, *problem.bounds()))
+
+
 def with_own_gains(log: Log, calibrated: ParameterFile) -> float:
     """The phase by two passes with derivatives at each of ten phases."""
     assert calibrated.calibration is not None, "the calibration had pressure"
@@ -44,8 +59,8 @@ def with_own_gains(log: Log, calibrated: ParameterFile) -> float:
     once = estimated._problem(part, calibrated.actuator, calibrated.calibration)
     start, count = np.zeros(len(once.coordinates)), estimated.PHASES
     problems = [estimated._at_phase(once, centred(at / count)) for at in range(count)]
-    first = [estimated._adapted(problem, start).x for problem in problems]
-    costs = np.array([estimated._adapted(problem, x).cost for problem, x in zip(problems, first, strict=True)])
+    first = [_adapted(problem, start).x for problem in problems]
+    costs = np.array([_adapted(problem, x).cost for problem, x in zip(problems, first, strict=True)])
     return centred((int(np.argmin(costs)) + estimated._vertex(costs)) / count)
 
 

@@ -11,6 +11,7 @@ from clutchid.inference.filter.filtering import filtered
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.numerics.failure import Failure
 from clutchid.preparation.pulses import centred, find_phase
+from fixtures.changed_logs import thinned
 
 EXACT = Calibration((), np.zeros((0, 0)))
 PHASE = 0.3
@@ -43,6 +44,34 @@ def test_cold_grease_and_a_worn_clutch_are_not_taken_for_another_phase(known, co
     found = filtered_phase(cold_and_worn, known, EXACT)
     assert abs(centred(found - PHASE)) < 0.05
     assert abs(centred(find_phase(cold_and_worn, known) - PHASE)) > 0.05  # the reason for the filter
+
+
+@pytest.fixture(scope="module")
+def slow_log(known, cold_and_worn):
+    """Twelve seconds of it at 100 Hz, with duty cycles that are renewed at the starts of the periods."""
+    duty = clutchid.bundled_recording().slice(0, 12000)
+    period, noise = (
+        np.floor(duty.time / 0.01 - PHASE).astype(int) + 1,
+        np.random.default_rng(3).standard_normal(len(duty)),
+    )
+    renewed = {name: duty[name][np.minimum(10 * period, len(duty) - 1)] for name in ("duty_supply", "duty_exhaust")}
+    driven = clutchid.Log(duty.time, renewed, name="slow")
+    loads = {name: 1.1 * known.value(name) for name in known.load.names}
+    simulated = clutchid.simulate(known.replace({"D_v": 2.0 * known.value("D_v"), "s_pwm": PHASE, **loads}), driven).log
+    return thinned(driven.with_columns(position=simulated["position"] + 3e-5 * noise), 10, first=6)
+
+
+@pytest.mark.slow
+def test_phases_of_a_slow_recording_share_gains_although_each_has_a_time_grid_of_its_own(known, slow_log):
+    assert abs(centred(filtered_phase(slow_log, known, EXACT) - PHASE)) < 0.05
+
+
+@pytest.mark.slow
+def test_holes_in_a_slow_recording_do_not_hide_the_phase(known, slow_log):
+    duty, position = (slow_log[name].copy() for name in ("duty_supply", "position"))
+    duty[250:260], position[400:403] = np.nan, np.nan
+    torn = slow_log.with_columns(duty_supply=duty, position=position)
+    assert abs(centred(filtered_phase(torn, known, EXACT) - PHASE)) < 0.05
 
 
 @pytest.mark.slow

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from clutchid.errors import ParameterError
-from clutchid.estimation.prediction import predict_errors
 from clutchid.estimation.problem import fit_problem
 from clutchid.estimation.request import FreeParameters
-from clutchid.inference.filter.filtering import Filtered, filtered
+from clutchid.inference.filter.filtering import filtered
 from clutchid.inference.fixed_gains import prediction_errors
 from clutchid.inference.problem import Problem, prior_rows
 from clutchid.inference.uncertainty.calibration import Calibration
@@ -22,10 +21,11 @@ from clutchid.log.states import MEASURED
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.threads import map_pairs
-from clutchid.preparation.prepare import CALIBRATED_MARGIN, prepare
+from clutchid.preparation.prepare import CALIBRATED_MARGIN, prepare, with_steps
 from clutchid.preparation.pulses import Duties, FindPhase, centred, duties_in, find_phase
+from clutchid.simulation.run import IntArray
 from clutchid.simulation.stiffness import stiffness
-from clutchid.simulation.windows import tracks, with_window_steps
+from clutchid.simulation.windows import Track, tracks, with_window_steps
 
 #: Phases that are tried, Gauss-Newton steps at each, and the length in s of the part of a recording that they are tried
 #: on. Provenance: docs/derivations.md.
@@ -34,10 +34,6 @@ PHASES, STEPS, DURATION = 10, 2, 10.0
 #: Length in s for a slow recording: over 10 s of 100 Hz another phase costs as little (truck A3). The best phase and
 #: those around it, in tenths: where a sample falls into another period the cost jumps, and no parabola fits (truck B2).
 _DURATION_SLOW, NEAR = 30.0, (0.0, -0.7, -0.35, 0.35, 0.7)
-
-#: Cost after the first step, as a multiple of the least, beyond which a phase of a slow recording is no candidate: the
-#: second step takes at most a quarter of it (truck A7, docs/derivations.md).
-_MOST_COST = 1.5
 
 #: Largest step of a parameter in standard deviations of its prior.
 _LARGEST_STEP = 2.0
@@ -56,9 +52,8 @@ def filtered_phase(log: Log, actuator: Actuator, calibration: Calibration) -> fl
     At each of ten phases load, viscous friction and what may have changed take two Gauss-Newton steps towards smaller
     prediction errors: wear or cold grease would otherwise be taken for another phase. All phases share the gains of the
     filter and the derivatives, which are computed at the best phase of the round before. The costs that are predicted
-    after the second step are compared; the phase is refined by a parabola. In a slow recording, in whose intervals the
-    gains depend on the phase, each phase has its own; one that costs much after the first step takes no second one, and
-    the best phase is refined by four more.
+    after the second step are compared; the phase is refined by a parabola. In a slow recording each phase has a time
+    grid of its own, and around the best one, where the costs differ least, five phases have gains of their own too.
 
     Parameters
     ----------
@@ -78,9 +73,10 @@ def filtered_phase(log: Log, actuator: Actuator, calibration: Calibration) -> fl
     slow = duties_in(log, actuator) is not Duties.RECORDED
     part = log.slice(0, min(len(log), round((_DURATION_SLOW if slow else DURATION) / step)))
     once = _problem(part, actuator, calibration)
+    at_phase: Callable[[float], Problem] = partial(_at_phase, once)
     if slow:
-        return _slow_phase(once, part, actuator)
-    problems = [_at_phase(once, centred(at / PHASES)) for at in range(PHASES)]
+        at_phase = partial(_on_grid, once, part, actuator, CALIBRATED_MARGIN * stiffness(actuator))
+    problems = [at_phase(centred(at / PHASES)) for at in range(PHASES)]
     adapted = [Adapted(0.0, _start(once)) for _ in problems]
     for _ in range(STEPS):
         best_first = sorted(range(PHASES), key=lambda at: adapted[at].cost)
@@ -90,20 +86,35 @@ def filtered_phase(log: Log, actuator: Actuator, calibration: Calibration) -> fl
             break
         adapted = map_pairs(partial(_stepped, reference), problems, [phase.x for phase in adapted], smallest=1)
     costs = np.array([phase.cost for phase in adapted])
-    return centred((int(np.argmin(costs)) + _vertex(costs)) / PHASES)
+    best = int(np.argmin(costs))
+    if not slow or reference is None:
+        return centred((best + _vertex(costs)) / PHASES)
+    near = [centred((best + away) / PHASES) for away in NEAR]
+    with_own_gains = partial(_stepped, reference, errors_of=_with_own_gains)
+    finer = map_pairs(with_own_gains, [at_phase(phase) for phase in near], [adapted[best].x] * len(near), smallest=1)
+    return near[int(np.argmin([phase.cost for phase in finer]))]
 
 
 class _Reference(NamedTuple):
-    """A pass of the filter that all phases refer to: its segments, with rows of each sample, and J' J of these."""
+    """A pass of the filter that all phases refer to: at each sample with a position its time stamp, gains and row of J.
 
-    segments: list[Filtered]
+    `gains` (n, n_states + 3) are those of the position; `normal` is J' J.
+    """
+
+    stamps: FloatArray
+    gains: FloatArray
     J: FloatArray
     normal: FloatArray
+
+    def places(self, track: Track) -> tuple[IntArray, IntArray]:
+        """Samples of the reference that a track has too, and where it has them."""
+        _, at, shared = np.intersect1d(self.stamps, _stamps(track), assume_unique=True, return_indices=True)
+        return at, shared
 
 
 def _reference(problem: Problem, x: FloatArray) -> _Reference | Failure:
     """The filter at x; without the derivative to the phase, which is another one at every phase."""
-    maps, segments = problem.parameter_maps(x), []
+    maps, stamps, gains, rows = problem.parameter_maps(x), [], [], []
     if isinstance(maps, Failure):
         return maps
     for track in problem.tracks:
@@ -111,16 +122,24 @@ def _reference(problem: Problem, x: FloatArray) -> _Reference | Failure:
         segment = filtered(track, mapped, problem.measure, problem.noise, compressed=False)
         if isinstance(segment, Failure):
             return segment
-        segments.append(segment)
-    J = np.vstack([segment.rows[:: len(MEASURED), :-1][segment.measured("position")] for segment in segments])
+        measured = segment.measured("position")
+        stamps.append(_stamps(track)[measured])
+        gains.append(segment.gains[measured, 0])
+        rows.append(segment.rows[:: len(MEASURED), :-1])
+    J = np.vstack(rows)
     J[:, [i for i, c in enumerate(problem.coordinates) if c.base == "s_pwm"]] = 0.0
-    return _Reference(segments, J, J.T @ J)
+    return _Reference(np.concatenate(stamps), np.vstack(gains), J, J.T @ J)
 
 
-def _stepped(reference: _Reference, problem: Problem, x: FloatArray) -> Adapted:
+def _stamps(track: Track) -> FloatArray:
+    stamps: FloatArray = track.measured.time[track.segment.start : track.segment.stop]
+    return stamps
+
+
+def _stepped(reference: _Reference, problem: Problem, x: FloatArray, errors_of: ErrorsOf | None = None) -> Adapted:
     """A Gauss-Newton step from x with derivatives of the `reference`; the cost is infinite if its prediction fails."""
     low, high = problem.bounds()
-    r = _errors(reference, problem, x)
+    r = _errors(reference, problem, x, errors_of or _with_shared_gains)
     if not np.isfinite(r).all():
         return Adapted(np.inf, x)
     prior, size, outlier = prior_rows(problem, x), np.abs(r), problem.noise.outlier
@@ -132,43 +151,53 @@ def _stepped(reference: _Reference, problem: Problem, x: FloatArray) -> Adapted:
     return Adapted(float(cost + 2.0 * gradient @ step + step @ normal @ step), np.clip(x + step, low, high))
 
 
-def _errors(reference: _Reference, problem: Problem, x: FloatArray) -> FloatArray:
-    """Standardised prediction errors of all samples with a position; a single NaN if a simulation fails."""
-    errors = []
-    for track, segment in zip(problem.tracks, reference.segments, strict=True):
-        try:
-            actuator = problem.actuator_of(x, problem.stems[track.log])
-        except ParameterError:
-            return np.full(1, np.nan)
-        of_track = prediction_errors(track, actuator, segment.gains[:, 0])
+def _errors(reference: _Reference, problem: Problem, x: FloatArray, errors_of: ErrorsOf) -> FloatArray:
+    """Standardised prediction errors at the samples of the reference; a single NaN if a simulation fails.
+
+    All time grids have these samples. At one that is in no segment of another grid the error counts as none.
+    """
+    errors = np.zeros(reference.stamps.size)
+    for track in problem.tracks:
+        of_track = errors_of(reference, problem, x, track)
         if of_track is None:
             return np.full(1, np.nan)
-        errors.append(of_track[segment.measured("position")])
-    return np.concatenate(errors)
+        at, shared = reference.places(track)
+        errors[at] = of_track[shared]
+    return errors
 
 
-def _slow_phase(once: Problem, part: Log, actuator: Actuator) -> float:
-    """`filtered_phase` of a slow recording, whose time grid depends on the phase."""
-    rate = CALIBRATED_MARGIN * stiffness(actuator)
+#: Standardised prediction errors (n,) at the samples of a track; None if its simulation fails.
+ErrorsOf: TypeAlias = Callable[[_Reference, Problem, FloatArray, Track], FloatArray | None]
 
-    def on_grid(phase: float) -> Problem:
-        grid = prepare(part, actuator, once.measure, lambda _log, _actuator: phase, rate)
-        return replace(_at_phase(once, phase), tracks=tracks((grid,)))
 
-    def stepped(problems: Sequence[Problem], starts: Sequence[FloatArray]) -> list[Adapted]:
-        return map_pairs(_adapted, problems, starts, smallest=1)
+def _with_shared_gains(reference: _Reference, problem: Problem, x: FloatArray, track: Track) -> FloatArray | None:
+    try:
+        actuator = problem.actuator_of(x, problem.stems[track.log])
+    except ParameterError:
+        return None
+    at, shared = reference.places(track)
+    gains = np.zeros((len(track.segment), reference.gains.shape[1]))
+    gains[:, -1] = np.inf
+    gains[shared] = reference.gains[at]
+    return prediction_errors(track, actuator, gains)
 
-    problems = [on_grid(centred(at / PHASES)) for at in range(PHASES)]
-    first = stepped(problems, [_start(once)] * PHASES)
-    least = min(of_phase.cost for of_phase in first)
-    worth = [at for at in range(PHASES) if first[at].cost <= _MOST_COST * least]
-    second = stepped([problems[at] for at in worth], [first[at].x for at in worth])
-    chosen = int(np.argmin([of_phase.cost for of_phase in second]))
-    near = [centred((worth[chosen] + away) / PHASES) for away in NEAR]
-    # from what the best phase adapted to, one step is enough
-    start = np.where([c.base == "s_pwm" for c in once.coordinates], 0.0, second[chosen].x)
-    finer = stepped([on_grid(phase) for phase in near], [start] * len(near))
-    return near[int(np.argmin([of_phase.cost for of_phase in finer]))]
+
+def _with_own_gains(_: _Reference, problem: Problem, x: FloatArray, track: Track) -> FloatArray | None:
+    maps = problem.parameter_maps(x)
+    if isinstance(maps, Failure):
+        return None
+    segment = filtered(track, maps[problem.stems[track.log]].fixed(), problem.measure, problem.noise)
+    if isinstance(segment, Failure):
+        return None
+    errors: FloatArray = segment.errors[:, 0, 0] / np.sqrt(segment.errors[:, 0, 1])
+    return errors
+
+
+def _on_grid(once: Problem, part: Log, actuator: Actuator, rate: float, phase: float) -> Problem:
+    """`once` with another phase in a slow recording, whose time grid depends on it."""
+    grid = prepare(part, actuator, once.measure, lambda _log, _actuator: phase, rate)
+    with_grid = tuple(with_window_steps(with_steps(track, actuator, CALIBRATED_MARGIN)) for track in tracks((grid,)))
+    return replace(_at_phase(once, phase), tracks=with_grid)
 
 
 def _start(problem: Problem) -> FloatArray:
@@ -200,14 +229,3 @@ class Adapted(NamedTuple):
 
     cost: float
     x: FloatArray
-
-
-def _adapted(problem: Problem, x: FloatArray) -> Adapted:
-    """A Gauss-Newton step from x towards smaller prediction errors; the cost is infinite if the filter fails."""
-    prediction = predict_errors(problem, x)
-    if isinstance(prediction, Failure):
-        return Adapted(np.inf, x)
-    at = prediction.linearisation()
-    step = np.clip(np.linalg.lstsq(at.R, -at.q, rcond=None)[0], -_LARGEST_STEP, _LARGEST_STEP)
-    after = at.R @ step + at.q
-    return Adapted(prediction.cost - float(at.q @ at.q - after @ after), np.clip(x + step, *problem.bounds()))

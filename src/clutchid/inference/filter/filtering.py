@@ -101,7 +101,7 @@ def filtered(
         Gains and variances of another pass to use instead of the optimal ones. Then the derivatives are exact, and the
         standard deviation of the states is not computed.
     compressed : bool
-        Whether the rows are compressed; else there is one for each sample and sensor, zero without a measurement.
+        Whether the rows are compressed; else there is one for each sensor at each sample with a measurement.
     """
     segment, states, k = track.segment, mapped.actuator.states, len(mapped.bases)
     inputs_of(segment, mapped.actuator.model)
@@ -122,19 +122,11 @@ def filtered(
         failed = end - 1 if failed < 0 and not np.isfinite(state.S).all() else failed
         if failed >= 0:
             return Failure(failure_message(track.measured, segment, passed, failed, states, mapped.actuator))
-        rows = of_block.reshape(-1, k + 1)
-        cost += _loss(rows[:, -1], noise.outlier)
-        if compressed:
-            factor = triangular(np.vstack([factor, rows[_measured(rows, sensors)]]))
-        else:
-            factor = np.vstack([factor, rows])
+        cost += _loss(of_block[:, :, -1].ravel(), noise.outlier)
+        measured = np.isfinite(errors[part, :, 0]).any(axis=1)  # not so between the samples of a slow recording
+        factor = np.vstack([factor, of_block[measured].reshape(-1, k + 1)])
+        factor = triangular(factor) if compressed else factor
     return Filtered(_spread(factor, mapped), cost, errors, passed, gains, pressures, mapped)
-
-
-def _measured(rows: FloatArray, sensors: int) -> NDArray[np.bool_]:
-    """Rows of the samples that have a measurement; those between the samples of a slow recording have none."""
-    rows_of_samples: NDArray[np.bool_] = np.repeat(rows.any(axis=1).reshape(-1, sensors).any(axis=1), sensors)
-    return rows_of_samples
 
 
 def _loss(r: FloatArray, outlier: float) -> float:
