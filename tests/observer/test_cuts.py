@@ -108,7 +108,7 @@ def test_a_recording_gives_the_same_numbers_however_it_is_cut_and_resumed(case, 
         np.testing.assert_array_equal(together, values, name)
     np.testing.assert_array_equal(run.recent().samples.states, whole.samples.states)
     assert_same(run.after, whole.after)
-    rows = [[(row.number, row.time, row.known) for row in strokes] for strokes in (run.strokes, whole.strokes)]
+    rows = [[(row.number, row.time, row.estimates) for row in strokes] for strokes in (run.strokes, whole.strokes)]
     assert rows[0] == rows[1]
     assert len(run.strokes) > 1
     assert {name: run.health[name] for name in whole.health} == pytest.approx(dict(whole.health))
