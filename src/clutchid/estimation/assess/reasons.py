@@ -130,9 +130,12 @@ def reading_reasons(fit: Fit) -> Iterator[Reason]:
             text = f"{change.recording}: chamber A, or what is connected to it, leaks {what} ({change.after:.1e} "
             yield Reason(f"{text}m³/(Pa·s), more than {LEAKS:g}): mend the leak, then record again.", too_much)
     if departure.misfit > _MISFIT:
-        text = f"the recording costs {departure.misfit:.1f} times as much for each second in motion as those of the "
-        text += "calibration: the model misses something that has changed, and the load may have errors that its "
-        yield Reason(f"{text}interval does not include.", departure.misfit > _POOR_MISFIT)
+        text = (
+            f"the recording costs {departure.misfit:.1f} times "
+            "as much for each second in motion as those of the calibration: the model misses something that has "
+            "changed, and the load may have errors that its interval does not include."
+        )
+        yield Reason(text, departure.misfit > _POOR_MISFIT)
     if not error <= GOOD_ERROR:
         text = f"the expected error of the load is {error:.1f} % of its peak, more than {GOOD_ERROR:g} %: what has "
         text += "changed is not certain enough. Record the supply pressure, record longer, or give what is known with "
