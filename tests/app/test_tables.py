@@ -60,13 +60,6 @@ def test_a_trend_that_never_reaches_its_limit_has_no_end_in_sight(track, tmp_pat
     assert shown(tmp_path / "endless.parquet")["trend"]["left"][0] == "inf"
 
 
-def test_an_earlier_version_of_the_file_is_shown_over_strokes_without_a_forecast(track, tmp_path):
-    old = pl.read_parquet(track).drop("axis", "along", "limit [m]", "left", "left low", "left high")
-    old.write_parquet(tmp_path / "old.parquet")
-    trend = shown(tmp_path / "old.parquet")["trend"]
-    assert (trend["axis"], trend["along"][-1], trend["limit"], trend["left"]) == ("strokes", 190_000, None, None)
-
-
 def test_a_replaced_clutch_is_an_alarm_at_its_recording(run):
     found = shown(run / "vehicles.parquet", REPLACED)
     (alarm,) = found["trend"]["alarms"]

@@ -146,7 +146,7 @@ def resumed(folder, before):
 @pytest.mark.parametrize(
     "edit",
     [
-        "status = 'warning'", "message = ''", "sha256 = 'xyz'", "inputs = 'other'", "file = '12 35'", "seconds = 1",
+        "status = 'warning'", "sha256 = 'xyz'", "inputs = 'other'", "file = '12 35'", "seconds = 1",
         "content = replace(content, '0.0001', '0.0002')", "content = '{}'", "content = 'no JSON'", "content = x'ff'",
         "curve = NULL", "curve = x'00'", "checksum = ''", "recording = 'r99'",
     ],
@@ -197,13 +197,6 @@ def test_a_damage_of_the_first_page_is_a_sentence_or_is_mended(tmp_path):
         except ExportError as error:
             assert "name another folder" in str(error)  # noqa: PT017
     assert mended > 8
-
-
-def test_a_store_of_an_earlier_version_is_gone_on_with(tmp_path):
-    path, before = filled(tmp_path / "out", 3)
-    edited(path, "ALTER TABLE done DROP COLUMN checksum", "DELETE FROM about WHERE what = 'checksum'")
-    refused(path.parent, "whose verb is fit, not track", {"verb": "track"})
-    assert resumed(tmp_path / "out", before) == before.keys()
 
 
 def test_a_folder_that_cannot_be_made_or_written_is_a_sentence(tmp_path):

@@ -17,7 +17,6 @@ from clutchid.errors import DataError
 from clutchid.files import reason_of
 from clutchid.fleets.output import CURVES, RESULTS, VEHICLES, WEAR
 from clutchid.inference.uncertainty.estimates import LoadCurve
-from clutchid.log import FloatArray
 from clutchid.names import natural, printable
 from clutchid.verbs.tracking import curves_path
 from clutchid.wear.life import COUNTED
@@ -37,7 +36,7 @@ PLACES = (5, 6, 7, 8)
 
 #: Columns by which the files of a run are known.
 _KNOWN = {
-    "wear": ("recording", "outcome", "shift smoothed [m]"),
+    "wear": ("recording", "outcome", "along", "shift smoothed [m]", "limit [m]", "left"),
     "vehicles": ("vehicle", "counted", "load_change"),
     "results": ("recording", "vehicle", "peak_N"),
 }
@@ -307,7 +306,6 @@ def _at_places(load: LoadCurve) -> list[list[float | str | None] | None]:
 
 def _trend(rows: pl.DataFrame) -> dict[str, Any]:
     """The trend given all recordings, alarms, limit and forecast, over the axis of the trend."""
-    along, axis = _along(rows)
     units = {"wear": "m", "shift": "m", "load": "1"}
     heads = {name: unit for name, unit in units.items() if f"{name} smoothed [{unit}]" in rows.columns}
 
@@ -317,27 +315,16 @@ def _trend(rows: pl.DataFrame) -> dict[str, Any]:
 
     quantities = {name for name in heads if rows[f"{name} smoothed [{units[name]}]"].is_not_null().any()}
     last = rows.row(-1, named=True)
-    limit = _number(last.get("limit [m]"))
+    limit = _number(last["limit [m]"])
     return {
-        "axis": axis, "along": [_number(value) for value in along],
+        "axis": rows["axis"][0], "along": [_number(value) for value in rows["along"]],
         "counted": sum(outcome in COUNTED for outcome in rows["outcome"]),
         "bands": {name: band(name, " smoothed") for name in units if name in quantities},
         "now": {name: [side[-1] for side in band(name, "")] for name in units if name in quantities},
         "limit": None if limit is None else {"of": "wear" if "wear" in quantities else "shift", "value": limit},
-        "left": _band([last.get(name) for name in ("left", "left low", "left high")]),
+        "left": _band([last[name] for name in ("left", "left low", "left high")]),
         "alarms": _alarms(rows),
     }  # fmt: skip
-
-
-def _along(rows: pl.DataFrame) -> tuple[FloatArray, str]:
-    """Places of the recordings in the life, and their unit; files of earlier versions have neither."""
-    if "along" in rows.columns:
-        return rows["along"].to_numpy(), str(rows["axis"][0])
-    for column, axis in (("strokes [1]", "strokes"), ("odometer [km]", "km")):
-        values = np.asarray(rows[column].to_numpy(), dtype=np.float64)
-        if np.isfinite(values).all() and (np.diff(values) >= 0.0).all():
-            return values, axis
-    return np.arange(rows.height, dtype=np.float64), "recordings"
 
 
 def _alarms(rows: pl.DataFrame) -> list[dict[str, Any]]:

@@ -25,8 +25,8 @@ _CLOSED = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_PERM
 #: Columns of what is done, with their types.
 _COLUMNS = {
     "vehicle": "TEXT", "recording": "TEXT", "inputs": "TEXT NOT NULL", "file": "TEXT NOT NULL",
-    "status": "TEXT NOT NULL", "message": "TEXT NOT NULL", "sha256": "TEXT NOT NULL", "content": "TEXT NOT NULL",
-    "curve": "BLOB", "seconds": "REAL NOT NULL", "checksum": "TEXT NOT NULL DEFAULT ''",
+    "status": "TEXT NOT NULL", "sha256": "TEXT NOT NULL", "content": "TEXT NOT NULL", "curve": "BLOB",
+    "seconds": "REAL NOT NULL", "checksum": "TEXT NOT NULL",
 }  # fmt: skip
 
 _SCHEMA = f"""
@@ -66,7 +66,7 @@ class Store:
 
     def keys(self) -> dict[tuple[str, str], tuple[str, str, str, str]]:
         """Inputs, file, checksum and status of finished recordings, by vehicle and recording."""
-        return {(row[0], row[1]): (row[2], row[3], row[6], row[4]) for row in self._rows()}
+        return {(row[0], row[1]): (row[2], row[3], row[5], row[4]) for row in self._rows()}
 
     def results(self) -> Iterator[StoredResult]:
         """All results, in the order of vehicle and recording."""
@@ -196,11 +196,7 @@ def _text(content: bytes) -> str:
 
 
 def _check_columns(base: sqlite3.Connection, folder: Path) -> None:
-    names = [column[0] for column in base.execute("SELECT * FROM done LIMIT 0").description]
-    if [*names, "checksum"] == list(_COLUMNS):  # of an earlier version, whose results are read again
-        base.execute(f"ALTER TABLE done ADD COLUMN checksum {_COLUMNS['checksum']}")
-        names.append("checksum")
-    if names != list(_COLUMNS):
+    if [column[0] for column in base.execute("SELECT * FROM done LIMIT 0").description] != list(_COLUMNS):
         raise ExportError(f"--out {folder}: its {STORE} is not from this version of clutchid; name another folder.")
 
 
@@ -208,8 +204,7 @@ def _check_about(base: sqlite3.Connection, folder: Path, about: dict[str, str]) 
     """Check that the run has the same source and verb, unless it is empty or that record was damaged."""
     begun = base.execute("SELECT 1 FROM done LIMIT 1").fetchone() is not None
     entries = dict(base.execute("SELECT what, value FROM about")) if begun else {}
-    checksum = entries.pop(_CHECKSUM, None)  # an earlier version kept none
-    if checksum not in (None, _checksum(sorted(entries.items()))):
+    if entries.pop(_CHECKSUM, None) != _checksum(sorted(entries.items())):
         entries = {}
         base.execute("DELETE FROM about")
     for what, value in about.items():
@@ -264,13 +259,12 @@ def _insert(base: sqlite3.Connection, rows: Iterable[_StoredRow]) -> None:
 def _row(result: StoredResult) -> _StoredRow:
     read = result.read
     row = (
-        result.vehicle, result.recording, result.inputs, result.file, read.reading.status, read.reading.message,
-        read.sha256, *packed_result(read), float(result.seconds),
+        result.vehicle, result.recording, result.inputs, result.file, read.reading.status, read.sha256,
+        *packed_result(read), float(result.seconds),
     )  # fmt: skip
     return (*row, _checksum(row))
 
 
 def _kept(row: tuple[Any, ...]) -> StoredResult:
-    vehicle, recording, inputs, file, status, message, sha256, content, curve, seconds, _ = row
-    read = restored(recording, status, message, sha256, content, curve)
-    return StoredResult(vehicle, recording, inputs, file, read, seconds)
+    vehicle, recording, inputs, file, _, sha256, content, curve, seconds, _ = row
+    return StoredResult(vehicle, recording, inputs, file, restored(recording, sha256, content, curve), seconds)

@@ -190,27 +190,18 @@ def _calibration(path: Path, _checksum: str) -> ParameterFile:
 
 
 def packed_result(result: RecordingResult) -> tuple[str, bytes | None]:
-    """A result as text and its load as bytes, for a table; its path, status, message and checksum are not in it."""
-    reading = result.reading
-    content = {
-        "trust": reading.trust, "measurement": reading.measurement and list(reading.measurement), "clock": result.clock,
-        "half_load": list(result.half_load), "changes": list(result.changes),
-        "leak": reading.leak and list(reading.leak), "departs": reading.departs,
-        "rest": reading.rest and list(reading.rest), "reason": reading.reason,
-    }  # fmt: skip
+    """A result as text and its load as bytes, for a table; its path and checksum are not in it."""
     curve = None if result.curve is None else np.ascontiguousarray(result.curve.table().T, dtype="<f8").tobytes()
-    return json.dumps(content), curve
+    return json.dumps([result.reading, result.clock, result.half_load, result.changes]), curve
 
 
-def restored(recording: str, status: str, message: str, sha256: str, text: str, curve: bytes | None) -> RecordingResult:
+def restored(recording: str, sha256: str, text: str, curve: bytes | None) -> RecordingResult:
     """The result whose `packed_result` form is a text and bytes."""
-    content = json.loads(text)
-    measured, leak, rest = content["measurement"], content.get("leak"), content.get("rest")
-    reading = WearReading(
-        status, message, str(content["trust"]), Measurement(*measured) if measured else None,
-        Leak(*leak) if leak else None, bool(content.get("departs")), RestShift(*rest) if rest else None,
-        str(content.get("reason", "")),
-    )  # fmt: skip
-    half, changes = HalfLoad(*content["half_load"]), tuple(map(str, content["changes"]))
+    reading, clock, half, changes = json.loads(text)
+    types = {"measurement": Measurement, "leak": Leak, "rest": RestShift}
+    parts = {
+        name: types[name](*part) if part and name in types else part
+        for name, part in zip(WearReading._fields, reading, strict=True)
+    }
     load = None if curve is None else LoadCurve(*np.frombuffer(curve, dtype="<f8").reshape(4, -1))
-    return RecordingResult(Path(recording), reading, str(content["clock"]), sha256, load, half, changes)
+    return RecordingResult(Path(recording), WearReading(**parts), clock, sha256, load, HalfLoad(*half), tuple(changes))
