@@ -199,11 +199,7 @@ def export(task: records.Export, events: Events) -> dict[str, Any]:
     shutil.rmtree(made, ignore_errors=True)
     bundle = exported(task.start, made, to=task.to, method=task.method)
     archive = shutil.make_archive(str(made), "zip", made)
-    parity = bundle.parity
-    words = f"{len(bundle.files)} files"
-    if parity is not None:
-        words += f"; {bundle.agreement} on {parity.recording}: load {100 * parity.load:.2g} % of its peak"
-    return {"file": Path(archive).name, "words": words, "notes": list(bundle.notes)}
+    return {"file": Path(archive).name, "words": bundle.message, "notes": list(bundle.notes)}
 
 
 def observe(task: records.Observe, events: Events) -> dict[str, Any]:

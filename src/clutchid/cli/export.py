@@ -95,7 +95,7 @@ def _answer(bundle: Export, json: bool) -> None:
         parity = bundle.parity
         print_json({
             "status": "ok" if bundle.holds else "warning",
-            "message": _sentence(bundle),
+            "message": bundle.message,
             "files": list(bundle.files),
             "parity": None if parity is None else {
                 "recording": parity.recording, "samples": parity.samples, "holds": bundle.holds, "theta": parity.theta,
@@ -105,15 +105,5 @@ def _answer(bundle: Export, json: bool) -> None:
         })  # fmt: skip
         return
     say(bundle.notes)
-    put(_sentence(bundle))
+    put(bundle.message)
     print_written(bundle.folder)
-
-
-def _sentence(bundle: Export) -> str:
-    parity = bundle.parity
-    if parity is None:
-        return f"exported {len(bundle.files)} files; parity was not run."
-    return (
-        f"{bundle.agreement} on {parity.recording}, {parity.samples} samples: load {100 * parity.load:.2g} % of its "
-        f"peak, pressure {parity.pressure:.2g} Pa rms, theta {parity.theta:.2g} prior standard deviations."
-    )

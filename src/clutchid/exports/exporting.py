@@ -80,9 +80,16 @@ class Export:
         return self.parity is not None and self.parity.holds(self.style)
 
     @property
-    def agreement(self) -> str:
-        """Whether they are, in words."""
-        return "the C agrees with Python" if self.holds else "the C does not agree with Python"
+    def message(self) -> str:
+        """The export in a sentence: whether C and Python are alike."""
+        parity = self.parity
+        if parity is None:
+            return f"exported {len(self.files)} files; parity was not run."
+        agrees = "agrees" if self.holds else "does not agree"
+        return (
+            f"the C {agrees} with Python on {parity.recording}, {parity.samples} samples: load {100 * parity.load:.2g} "
+            f"% of its peak, pressure {parity.pressure:.2g} Pa rms, theta {parity.theta:.2g} prior standard deviations."
+        )
 
 
 def targets_of(text: str) -> tuple[Target, ...]:
