@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -77,7 +76,7 @@ def of_truck(family: str, number: int, modes: Sequence[int], seconds: float, kep
 def moved(state: ObserverState) -> ObserverState:
     """The state before the first sample with other values; a leak is not below 0."""
     theta = np.abs(MOVED * np.random.default_rng(0).standard_normal(state.theta.size))
-    return replace(state, theta=theta, sound=state.sound._replace(theta=theta))
+    return state._replace(theta=theta, sound=state.sound._replace(theta=theta))
 
 
 def spread(one: Observer, state: ObserverState, truth: Truth) -> Spread:

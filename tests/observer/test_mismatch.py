@@ -86,7 +86,7 @@ def test_another_load_is_not_unlike_the_calibration_but_another_actuator_is(cali
     assert strange.after.mismatch > UNLIKE
     assert strange.health["unlike_calibration"] > 0.0
     at = np.linspace(2e-3, 9e-3, 30)
-    plain = replace(strange.after, mismatch=1.0)
+    plain = strange.after._replace(mismatch=1.0)
     by_air = deviation_by_air(calibrated.actuator, calibrated.load(plain), at)
     both = [calibrated.load_deviation(state, at, as_calibrated=True) for state in (strange.after, plain)]
     wider, usual = (deviation**2 - by_air**2 for deviation in both)

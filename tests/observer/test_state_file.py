@@ -1,7 +1,5 @@
 """The file of a state: a change of any entry is noticed, and what no observer writes is refused."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -93,7 +91,7 @@ def test_other_blanks_comments_and_line_ends_are_no_change(joint, state, tmp_pat
     ],
 )
 def test_a_value_that_no_observer_has_is_refused_whatever_the_checksum(joint, state, tmp_path, change, reason):
-    write_state(joint, replace(state, **change(state)), tmp_path / "state.toml")
+    write_state(joint, state._replace(**change(state)), tmp_path / "state.toml")
     with pytest.raises(ParameterError, match="the state of an observer is damaged") as caught:
         read_state(joint, tmp_path / "state.toml")
     assert reason in str(caught.value)
@@ -102,6 +100,6 @@ def test_a_value_that_no_observer_has_is_refused_whatever_the_checksum(joint, st
 
 def test_a_correction_of_any_kind_that_is_under_way_is_read(joint, state, tmp_path):
     for due in (0, 1, 1 + ADAPTS, 1 + WEARS, 1 + ADAPTS + WEARS):
-        saved = replace(state, filter=state.filter._replace(due=np.array([due])))
+        saved = state._replace(filter=state.filter._replace(due=np.array([due])))
         write_state(joint, saved, tmp_path / "state.toml")
         assert read_state(joint, tmp_path / "state.toml").filter.due == due

@@ -5,7 +5,6 @@ from __future__ import annotations
 import subprocess
 import tempfile
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -109,11 +108,11 @@ def begun(observer: Observer, saved: ObserverState) -> ObserverState:
     """The state that an export begins with: what a saved one knows of parameters, strokes and the vented rest."""
     fresh = start(observer)
     sound = Sound(saved.theta, drifted(observer.joint, saved.T, saved.wear), saved.G, fresh.wear)
-    fresh = replace(
-        fresh, **sound._asdict(), sound=sound, strokes=Strokes(saved.strokes.ended), mismatch=saved.mismatch,
+    fresh = fresh._replace(
+        **sound._asdict(), sound=sound, strokes=Strokes(saved.strokes.ended), mismatch=saved.mismatch,
         rest=RestWatch(shift=saved.rest.shift),
     )  # fmt: skip
-    return replace(fresh, leaking=observer.leaks(fresh))
+    return fresh._replace(leaking=observer.leaks(fresh))
 
 
 def trial_drive(observer: Observer, period: float = 1.3, vents: float = 0.5) -> Log:

@@ -41,7 +41,17 @@ from clutchid.observer.state import (
 )
 from clutchid.strokes import rule
 from clutchid.strokes.stroke import Strokes, count_strokes
-from clutchid.strokes.values import BELIEVED, Verdicts, ends_stretch, is_value, limits, outside, supply_differs, watched
+from clutchid.strokes.values import (
+    BELIEVED,
+    Verdicts,
+    ends_stretch,
+    is_value,
+    limits,
+    outside,
+    supply_differs,
+    watched,
+    within_rounding,
+)
 
 #: Shares of ambient and supply pressure beyond which the pressure in a chamber is that of a filter that has diverged.
 PRESSURES = 0.01, 10.0
@@ -132,7 +142,7 @@ def observe_strokes(
     repeated = repeats(block.time, state.latest, observer.spacing)
     values, state = _values(observer, state, block, repeated)
     fills = observer.joint.reference is not None
-    samples, rows, driven = bridged(state, values.log, repeated, values.ends, observer.spacing, fills)
+    samples, rows, driven = bridged(state, values.samples, repeated, values.ends, observer.spacing, fills)
     observed, stretches = _nothing(observer, samples.time), _stretches(observer, samples)
     rest, unzeroed, moves = _rests(observer, state, samples, stretches, observed)
     counted = subtracted(observer, observed.rest)
@@ -149,18 +159,18 @@ def observe_strokes(
             observed.leaking[a:b] = state.leaking
             if b - 1 in ends:
                 state = _stroke_ended(observer, _judged(observer, state, observed, slice(judged, b)))
-                at_ends.append(replace(_ended(observer, state), latest=float(samples.time[b - 1])))
+                at_ends.append(_ended(observer, state)._replace(latest=float(samples.time[b - 1])))
                 judged = b
     state = _judged(observer, state, observed, slice(judged, samples.time.size))
     latest = float(samples.time[-1]) if samples.time.size else state.latest
-    state = replace(state, rest=rest, unzeroed=unzeroed, strokes=strokes, latest=latest, known=driven)
+    state = state._replace(rest=rest, unzeroed=unzeroed, strokes=strokes, latest=latest, known=driven)
     return state, _of_rows(observed, rows, values, block, repeated), at_ends
 
 
 class _Values(NamedTuple):
-    """A block in which what is no value is missing, why, and where a stretch ends."""
+    """The samples of a block, in which what is no value is missing, why, and where a stretch ends."""
 
-    log: Log
+    samples: Tail
     verdicts: Verdicts
     supply_unlike: BoolArray
     ends: BoolArray
@@ -172,29 +182,34 @@ def _values(observer: Observer, state: ObserverState, block: Log, repeated: Bool
     As `clutchid.strokes.values.values_of`, but for a jump of the position, which is believed a second later: there a
     stretch ends. The exported C judges by the same rule, which is printed from that text.
     """
+    n, recorded = len(block), "pressure_supply" in block
     taken = np.flatnonzero(~repeated)
     names = ("position", *INPUTS, "pressure_supply")
     judged = block
-    if taken.size < len(block):
+    if taken.size < n:
         judged = Log(block.time[taken], {name: block[name][taken] for name in names if name in block})
     bounds = limits(observer.actuator, "position", observer.spacing)
     of_taken, since, watch = watched(state.values, bounds, judged, "position")
-    verdicts, jumps = np.full(len(block), rule.VALUE, dtype=np.uint8), np.zeros(len(block), dtype=bool)
+    verdicts, jumps = np.full(n, rule.VALUE, dtype=np.uint8), np.zeros(n, dtype=bool)
     verdicts[taken] = of_taken
     # what counted for less time before a step was the outlier itself
     jumps[taken] = (of_taken == rule.SEAM) & (since[:, 0] - since[:, 1] >= BELIEVED)
-    ends = ends_stretch(verdicts)
-    columns = {"position": np.where(is_value(verdicts), block["position"], np.nan)}
-    unlike, supply_watch = np.zeros(len(block), dtype=bool), state.supply
-    if "pressure_supply" in block and observer.supply is not None:
+    unlike, supply_watch = np.zeros(n, dtype=bool), state.supply
+    if recorded and observer.supply is not None:
         unlike[taken], supply_watch = supply_differs(state.supply, observer.supply.recorded, judged)
-        columns["pressure_supply"] = np.where(unlike, np.nan, block["pressure_supply"])
-    unzeroed = (*state.unzeroed, *block.time[jumps].tolist())
-    after = replace(
-        state, values=watch, jumped=state.jumped or bool(jumps.any()), unzeroed=unzeroed,
-        supply=supply_watch,
+    samples = Tail(
+        block.time,
+        within_rounding(np.column_stack([block[name] for name in INPUTS])),
+        np.where(is_value(verdicts), block["position"], np.nan),
+        np.where(unlike, np.nan, block["pressure_supply"]) if recorded else np.full(n, np.nan),
+        np.zeros(n),
+    )
+    jumped = bool(jumps.any())
+    after = state._replace(
+        values=watch, jumped=state.jumped or jumped, supply=supply_watch,
+        unzeroed=(*state.unzeroed, *block.time[jumps].tolist()) if jumped else state.unzeroed,
     )  # fmt: skip
-    return _Values(replace(block, columns={**block.columns, **columns}), verdicts, unlike, ends), after
+    return _Values(samples, verdicts, unlike, ends_stretch(verdicts)), after
 
 
 def _of_rows(observed: Observed, rows: NDArray[np.int64], values: _Values, block: Log, repeated: BoolArray) -> Observed:
@@ -220,12 +235,12 @@ def _stroke_ended(observer: Observer, state: ObserverState) -> ObserverState:
     """
     joint, T, wear = observer.joint, state.T, state.wear + observer.joint.drifts.shape[1]
     if isinstance(state.filter, FilterState):
-        state = replace(state, filter=state.filter._replace(wear=wear))
+        state = state._replace(filter=state.filter._replace(wear=wear))
     elif joint.reference is not None:
         T, wear = drifted(joint, T, wear), state.wear
-        state = replace(state, filter=state.filter and state.filter._replace(T=T))
-    return replace(
-        state, T=T, wear=wear, sound=Sound(state.theta, T, state.G, wear), strokes=Strokes(state.strokes.ended + 1),
+        state = state._replace(filter=state.filter and state.filter._replace(T=T))
+    return state._replace(
+        T=T, wear=wear, sound=Sound(state.theta, T, state.G, wear), strokes=Strokes(state.strokes.ended + 1),
         leaking=observer.leaks(state),
     )  # fmt: skip
 
@@ -235,7 +250,7 @@ def _judged(observer: Observer, state: ObserverState, observed: Observed, sample
     running = mismatches(observer, state.mismatch, observed.states[samples], observed.innovations[samples])
     observed.mismatch[samples] = running
     ended = running[np.isfinite(running)]
-    return replace(state, mismatch=float(ended[-1])) if ended.size else state
+    return state._replace(mismatch=float(ended[-1])) if ended.size else state
 
 
 def subtracted(observer: Observer, rest: FloatArray) -> FloatArray:
@@ -369,7 +384,7 @@ def _continues(observer: Observer, state: ObserverState, time: float, duties: Fl
 
 def _ended(observer: Observer, state: ObserverState) -> ObserverState:
     """The state after a hole: what is known of the parameters stays."""
-    return replace(state, filter=None, tail=EMPTY, deviations=unknown(observer), number=0, excess=0.0)
+    return state._replace(filter=None, tail=EMPTY, deviations=unknown(observer), number=0, excess=0.0)
 
 
 def _followed(
@@ -400,19 +415,19 @@ def _followed(
     if passed is not None and contradiction < len(passed.states):
         end = first + contradiction
         passed = _until(observer, at, inputs, (first, end), state.number - first)
-        state = replace(state, contradicted=float(new.time[contradiction]))
+        state = state._replace(contradicted=float(new.time[contradiction]))
     if passed is None or end < m:
-        ended = replace(_ended(observer, state), **state.sound._asdict())
+        ended = _ended(observer, state)._replace(**state.sound._asdict())
         return ended, passed, usable[first:end], end + 1 - first
     tail = last_samples(both, joint.mapped.actuator.parameters.T_pwm + 2.0 * observer.spacing)
     corrected = np.flatnonzero(np.isfinite(passed.deviations[:, 0]))
     deviations = passed.deviations[corrected[-1]].copy() if corrected.size else state.deviations
-    state = replace(
-        state, filter=passed.state, theta=passed.state.theta, T=passed.state.T, tail=tail, deviations=deviations,
+    state = state._replace(
+        filter=passed.state, theta=passed.state.theta, T=passed.state.T, tail=tail, deviations=deviations,
         number=state.number + m - first, excess=excess,
     )  # fmt: skip
     if isinstance(passed.state, FilterState):
-        state = replace(state, G=passed.state.G, wear=passed.state.wear)
+        state = state._replace(G=passed.state.G, wear=passed.state.wear)
     return state, passed, usable[first:], m - first
 
 

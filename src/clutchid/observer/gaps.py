@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.inference.filter.setup import LONG
-from clutchid.log import HOLE, INPUTS, BoolArray, FloatArray, Log
+from clutchid.log import HOLE, BoolArray, FloatArray
 from clutchid.observer.state import ObserverState, Tail
-from clutchid.strokes.values import within_rounding
 
 #: Longest time in s for which duty cycles are held where they are missing; beyond it a stretch ends. Provenance:
 #: docs/derivations_online.md.
@@ -51,9 +50,9 @@ def longest(spacing: float) -> float:
 
 
 def bridged(
-    state: ObserverState, block: Log, repeated: BoolArray, ends: BoolArray, spacing: float, fills: bool
+    state: ObserverState, samples: Tail, repeated: BoolArray, ends: BoolArray, spacing: float, fills: bool
 ) -> Bridged:
-    """The samples of a block with short gaps bridged, in SI; their positions as in the block.
+    """The samples of a block with short gaps bridged.
 
     Parameters
     ----------
@@ -66,35 +65,34 @@ def bridged(
     fills
         Whether samples are put where they are missing.
     """
+    latest, held_before = latest_driven(state), state.known < state.latest
+    if not (held_before or repeated.any() or ends.any() or np.isnan(samples.duties).any()):
+        gaps = samples.time - np.append(latest, samples.time[:-1])[: samples.time.size]
+        if gaps.size and not (gaps > LONG * spacing).any():
+            return Bridged(samples, np.arange(gaps.size), float(samples.time[-1]))
     at, taken = np.flatnonzero(~repeated), ~repeated
-    time = block.time[taken]
-    before = np.append(state.latest if _driven(state) else np.nan, time[:-1])[: time.size]
+    time = samples.time[taken]
+    before = np.append(latest, time[:-1])[: time.size]
     gap = time - before
     short = (gap > LONG * spacing) & (gap <= longest(spacing))
     lost = np.where(short, np.round(np.where(short, gap, 0.0) / spacing) - 1.0, 0.0).astype(np.int64)
     missing = lost if fills else np.zeros_like(lost)
     places = np.arange(time.size) + np.cumsum(missing)
     m = time.size + int(missing.sum())
-    stamps, own = np.full(m, np.nan), np.zeros(m, dtype=bool)
-    stamps[places], own[places] = time, True
+    stamps, own, barriers = np.full(m, np.nan), np.zeros(m, dtype=bool), np.zeros(m, dtype=bool)
+    stamps[places], own[places], barriers[places] = time, True, ends[taken]
     for i in np.flatnonzero(missing).tolist():
         stamps[places[i] - missing[i] : places[i]] = before[i] + spacing * np.arange(1, missing[i] + 1)
-    supply = block.columns.get("pressure_supply", np.full(len(block), np.nan))
-    columns = [np.full(m, np.nan) for _ in range(4)]
-    for column, values in zip(
-        columns, (*(within_rounding(block[n]) for n in INPUTS), block["position"], supply), strict=True
-    ):
-        column[own] = values[taken]
-    barriers = np.zeros(m, dtype=bool)
-    barriers[own] = ends[taken]
-    duties = np.where(barriers[:, None], np.nan, np.column_stack(columns[:2]))
-    duties, held, driven = _held(state, stamps, duties, barriers)
-    unknown = np.append(_driven(state) and state.known < state.latest, held[:-1])[: held.size].astype(np.float64)
+    measured = np.full((m, 4), np.nan)
+    measured[own] = np.column_stack([samples.duties, samples.position, samples.supply])[taken]
+    duties, held, driven = _held(state, stamps, np.where(barriers[:, None], np.nan, measured[:, :2]), barriers)
+    unknown = np.append(_driven(state) and held_before, held[:-1])[: held.size].astype(np.float64)
     unknown[own] += lost - missing
     open_std = UNKNOWN * spacing * np.sqrt(unknown)
-    rows = np.full(len(block), -1)
+    rows = np.full(repeated.size, -1)
     rows[at] = places
-    return Bridged(Tail(stamps, duties, columns[2], columns[3], open_std), np.maximum.accumulate(rows), driven)
+    position, supply = np.ascontiguousarray(measured[:, 2:].T)
+    return Bridged(Tail(stamps, duties, position, supply, open_std), np.maximum.accumulate(rows), driven)
 
 
 def _driven(state: ObserverState) -> bool:

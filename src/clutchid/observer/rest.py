@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -150,6 +149,6 @@ def counted_from(state: ObserverState, zero: float, position: int, sensor: int) 
     if by == 0.0:
         return state
     if state.filter is None:
-        return replace(state, zero=zero)
+        return state._replace(zero=zero)
     tail = state.tail._replace(position=state.tail.position - by)
-    return replace(state, filter=references.counted_from(state.filter, by, (position, sensor)), tail=tail, zero=zero)
+    return state._replace(filter=references.counted_from(state.filter, by, (position, sensor)), tail=tail, zero=zero)

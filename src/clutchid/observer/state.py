@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from clutchid.inference.filter.references import MethodState
 from clutchid.inference.filter.setup import IntArray
-from clutchid.log import INPUTS, BoolArray, FloatArray, Log
+from clutchid.log import BoolArray, FloatArray
 from clutchid.model.actuator import Actuator
-from clutchid.simulation.inputs import held_inputs
+from clutchid.simulation.inputs import with_carrier
 from clutchid.simulation.plan import OUTSIDE, Segment
 from clutchid.strokes.excitation import VENTED_POSITION
 from clutchid.strokes.stroke import NO_STROKES, Strokes
@@ -42,13 +41,12 @@ EMPTY = Tail(np.empty(0), np.empty((0, 2)), *np.empty((3, 0)))
 def segment_of(samples: Tail, actuator: Actuator) -> Segment:
     """The samples for the filter; nothing but the first is used to start."""
     m = samples.time.size
-    log = Log(samples.time, dict(zip(INPUTS, samples.duties.T, strict=True)))
-    dt = np.diff(samples.time)
-    position = float(np.clip(samples.position[0], -OUTSIDE, actuator.parameters.y_max + OUTSIDE))
+    dt = samples.time[1:] - samples.time[:-1]
+    position = min(max(float(samples.position[0]), -OUTSIDE), actuator.parameters.y_max + OUTSIDE)
     return Segment(
         start=0,
         stop=m,
-        inputs=held_inputs(log, actuator, 0, m) if m > 1 else np.zeros((1, 2)),
+        inputs=with_carrier(samples.time, samples.duties, actuator) if m > 1 else np.zeros((1, 2)),
         dt=dt,
         open_std=samples.open_std[1:],
         substeps=np.zeros(dt.size, dtype=np.int32),
@@ -127,8 +125,7 @@ class Sound(NamedTuple):
     wear: IntArray
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ObserverState:
+class ObserverState(NamedTuple):
     """State of an observer between two samples.
 
     `theta` (k,) and `T` (k, k), a root of their covariance, are what is known of the parameters that adapt, `G` (k, c)
@@ -159,11 +156,11 @@ class ObserverState:
     leaking: bool = False
     rest: RestWatch = NOTHING
     zero: float = 0.0
-    values: FloatArray = field(default_factory=new_watch)
+    values: FloatArray = new_watch()
     jumped: bool = False
     unzeroed: tuple[float, ...] = ()
     latest: float = float("nan")
     known: float = float("nan")
     excess: float = 0.0
     contradicted: float = float("nan")
-    supply: FloatArray = field(default_factory=lambda: np.array(NO_SUPPLY))
+    supply: FloatArray = np.array(NO_SUPPLY)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import fields
 from hashlib import sha256
 from os import PathLike
 from typing import Any
@@ -57,9 +56,9 @@ def write_state(
         },
         "parameters": {name: _plain(getattr(state, field)) for name, field in _PARAMETERS.items()},
     } | {
-        field.name: _plain(value)
-        for field in fields(state)
-        if field.name not in _PARAMETERS.values() and (value := getattr(state, field.name)) is not None
+        field: _plain(value)
+        for field, value in state._asdict().items()
+        if field not in _PARAMETERS.values() and value is not None
     }
     if origin is not None:
         content["observer"]["origin"] = float(origin)
@@ -157,9 +156,8 @@ def _plain(value: Any) -> Any:
 def _state(observer: Observer, content: dict[str, Any]) -> ObserverState:
     like = start(observer)
     entries = content | {field: content["parameters"][name] for name, field in _PARAMETERS.items()}
-    values = {field.name: _alike(entries, field.name, getattr(like, field.name)) for field in fields(like)[1:]}
-    saved = _alike(content, "filter", blank(observer)) if "filter" in content else None
-    return ObserverState(saved, **values)
+    values = {field: _alike(entries, field, value) for field, value in like._asdict().items() if field != "filter"}
+    return like._replace(**values, filter=_alike(content, "filter", blank(observer)) if "filter" in content else None)
 
 
 def _alike(section: Mapping[str, Any], name: str, like: Any, *, any_length: bool = False) -> Any:

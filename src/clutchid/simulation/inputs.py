@@ -137,18 +137,26 @@ def held_inputs(log: Log, actuator: Actuator, start: int, stop: int) -> FloatArr
         p = actuator.parameters
         opening = {"duty_supply": (p.R_0vs, p.R_1vs), "duty_exhaust": (p.R_0ve, p.R_1ve)}
         columns = mean_duties(log.slice(start, stop), opening)
+    if not (log.edges and actuator.parameters.T_pwm > 0.0):
+        return with_carrier(log.time[start:stop], np.column_stack(columns), actuator)
     if "c_pwm" in kernels(actuator.model).INPUTS:
         time, p = log.time[start:stop], actuator.parameters
         before = period_before(time, p)
-        clock, earlier = carrier_clock(time, p), [column[before] for column in columns]
-        if log.edges and p.T_pwm > 0.0:
-            # a period starts within an interval, and its pulses are those of the next sample
-            clock = carrier_clock(time, p, p.s_pwm)
-            starts = np.append((clock[0] < p.s_pwm)[:-1], False)
-            earlier = [np.where(starts, now, old) for now, old in zip(columns, earlier, strict=True)]
-            columns = [np.where(starts, np.roll(column, -1), column) for column in columns]
+        # a period starts within an interval, and its pulses are those of the next sample
+        clock = carrier_clock(time, p, p.s_pwm)
+        starts = np.append((clock[0] < p.s_pwm)[:-1], False)
+        earlier = [np.where(starts, column, column[before]) for column in columns]
+        columns = [np.where(starts, np.roll(column, -1), column) for column in columns]
         columns += [*clock, *earlier]
     return np.column_stack(columns)
+
+
+def with_carrier(time: FloatArray, duties: FloatArray, actuator: Actuator) -> FloatArray:
+    """Held inputs of both duty cycles (n, 2), with the valves' carrier and those a period before where it has one."""
+    if "c_pwm" not in kernels(actuator.model).INPUTS:
+        return duties
+    p = actuator.parameters
+    return np.column_stack([duties, *carrier_clock(time, p), duties[period_before(time, p)]])
 
 
 def carrier_clock(time: FloatArray, p: Parameters, begins: float | None = None) -> list[FloatArray]:

@@ -17,6 +17,7 @@ from clutchid.inference.filter.setup import (
     OFFSET_OF,
     STATE,
     WEIGHT,
+    Derived,
     FilterArrays,
     FilterOutput,
     FilterState,
@@ -145,9 +146,9 @@ class JointFilter:
     """The joint filter of an actuator, as `joint_filter` makes it.
 
     `mapped` has the actuator at the means of the free parameters, `which` their columns in S and `moving` those that
-    move, which the lags of `sensors` name; `free` is what is fixed about them, `drifts` (k, d) the root of what their
-    covariance gains in a stroke. With `few`, the model's step for few parameters computes all derivatives. What is
-    `considered` acts on no mean.
+    move, which the lags of `sensors` name; `free` is what is fixed about them, `derived` what follows from theta before
+    it is computed, `drifts` (k, d) the root of what their covariance gains in a stroke. With `few`, the model's step
+    for few parameters computes all derivatives. What is `considered` acts on no mean.
     """
 
     mapped: ParameterMap
@@ -158,6 +159,7 @@ class JointFilter:
     noise: Noise
     settings: JointSettings
     free: FreeArrays
+    derived: Derived
     drifts: FloatArray
     pace: Pace
     sensors: IntArray
@@ -232,6 +234,7 @@ def joint_filter(
     which, free = columns(mean, () if reference else names), _free_arrays(mean, coordinates, bounds, measure)
     moving, sensors = _moving_columns(which, free), sensor_rows(mapped, measure)
     few = few_suffice(mean.model, which.fill_slot.tolist())
+    deviations = [noise.of_samples(name, settings.spacing * settings.every) for name in measure]
     sensors[:, LAG] = [moving.response(j) for j in sensors[:, LAG].tolist()]
     return JointFilter(
         mapped=mapped,
@@ -242,6 +245,7 @@ def joint_filter(
         noise=noise,
         settings=settings,
         free=free,
+        derived=derived_arrays(mapped.actuator, measure, deviations, k),
         drifts=np.zeros((k, 0)) if drifts is None else np.ascontiguousarray(drifts),
         pace=pace,
         sensors=sensors,
@@ -366,7 +370,8 @@ def follow(
     failed: int = getattr(kernels_in(module), kernel)(
         *calls(joint), after, _arrays(joint, after), segment.intervals, segment.values, output, (*span, number)
     )
-    finite = all(np.isfinite(array).all() for name, array in after._asdict().items() if name != "at_values")
+    values = [array for name, array in after._asdict().items() if name != "at_values"]
+    finite = np.isfinite(np.concatenate(values, axis=None)).all()  # of all at once: a call takes longer than the work
     if failed >= 0 or not finite:
         at = failed if failed >= 0 else span[1] - 1
         return Diverged(f"the filter diverged at sample {at} of the segment", at)
@@ -418,8 +423,7 @@ def _arrays(joint: JointFilter, state: MethodState) -> FilterArrays:
     moved = moving.responses + state.x.size if joint.reference is None else 0
     model = model_arrays(joint.mapped, moving.columns(), moved, joint.few)
     own = model._replace(p=model.p.copy())
-    deviations = [joint.noise.of_samples(name, s.spacing * s.every) for name in joint.measure]
-    derived = derived_arrays(actuator, joint.measure, deviations, state.theta.size)
+    derived = Derived(*(array.copy() for array in joint.derived))
     columns = moving.of_window(0)
     placed = columns[moving.of_model.size : moving.of_model.size + moving.window]
     window = Window(own.table_basis, columns, placed, moving.weight_bases, moving.weight_columns)
