@@ -91,9 +91,10 @@ def test_all_problems_are_named_at_once():
     assert [line.split(" ")[0] for line in str(caught.value).splitlines()] == ["M", "C_vs", "B_0"]
 
 
-def test_a_valve_must_open_with_its_duty_cycle():
-    with pytest.raises(ParameterError, match=r"R_0vs = 0.5 must be below R_1vs = 0.4"):
-        Parameters(R_0vs=0.5, R_1vs=0.4)
+@pytest.mark.parametrize("valve", ["vs", "ve"])
+def test_a_valve_must_open_with_its_duty_cycle(valve):
+    with pytest.raises(ParameterError, match=f"R_0{valve} = 0.5 must be below R_1{valve} = 0.5: a valve opens with"):
+        Parameters(**{f"R_0{valve}": 0.5, f"R_1{valve}": 0.5})
 
 
 def test_the_rod_takes_area_from_chamber_b():

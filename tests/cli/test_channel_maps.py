@@ -69,16 +69,6 @@ def test_look_checks_with_the_map_that_it_proposes(tmp_path, log, capsys):
     assert "would match as well" not in said
 
 
-def test_a_gauge_pressure_taken_as_absolute_is_said_in_the_unit_of_the_file(tmp_path, log, capsys):
-    file, chosen = in_german(log, tmp_path / "Messung.mf4", zero=0.3), tmp_path / "MAP.toml"
-    assert called("look", file, "--save", chosen) == 0
-    chosen.write_text(chosen.read_text().replace("bar(g)", "bar"))
-    capsys.readouterr()
-    called("look", file, "--map", chosen)
-    said = " ".join(capsys.readouterr().out.split())
-    assert "it looks like bar(g): give that unit" in said
-
-
 def test_a_map_reads_a_file_that_lacks_its_pressure_unless_that_is_measured(tmp_path, log, worn, capsys):
     chosen, second = tmp_path / "MAP.toml", in_german(worn, tmp_path / "worn.mf4")
     assert called("look", in_german(log, tmp_path / "cal.mf4"), "--save", chosen) == 0

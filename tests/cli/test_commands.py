@@ -124,6 +124,12 @@ def test_pressure_and_named_parameters_can_be_fitted(command: Command) -> None:
         (["fit", "LOG", "--model", "adiabatic"], ["adiabatic", "isothermal"]),
         (["fit", "LOG", "--save", "nowhere/fit.toml"], ["nowhere", "does not exist"]),
         (["fit", "LOG", "--report", "nowhere/page.html"], ["nowhere", "does not exist"]),
+        (
+            ["fit", "no.csv", "--save", "fit.json"],
+            ["the suffix '.json' is not known; a fit is saved as .toml"],
+        ),
+        (["fit", "no.csv", "--save", "fit-1.m"], ["MATLAB has no function files with such a name; name it fit_1.m."]),
+        (["fit", "no.csv", "--start", "fit.mat"], ["fit.mat: is for MATLAB, and clutchid does not read it back;"]),
         (["fit", "LOG", "--ambient", "3"], ["--ambient", "between"]),
         (["fit", "LOG", "--start", "missing.toml"], ["missing.toml"]),
         (["fit", "LOG", "--nonsense"], ["--nonsense", "Usage: clutchid fit LOGS..."]),

@@ -5,7 +5,6 @@ import json
 import cantools.database
 import pytest
 
-import clutchid
 from clutchid.exports.exporting import NO_POSITION_ONLY
 from clutchid.exports.frames import results_dbc
 from clutchid.measurements import read, write
@@ -35,20 +34,16 @@ def test_it_writes_the_observer_and_says_that_c_and_python_are_alike(folder, tmp
     assert all(f"`{flag}`" in advice for flag in FLAGS)
 
 
-def test_json_has_files_and_differences(folder, tmp_path, capsys):
-    assert exported(folder, tmp_path, "--json", "--real", "double", "--name", "own", "--rates", "two") == 0
+def test_json_has_files_and_differences_of_an_export_that_goes_on_from_a_saved_state(folder, tmp_path, capsys, observe):
+    assert observe(folder / "first.parquet", "--save", "state.toml")[0] == 0
+    options = ("--real", "double", "--name", "own", "--rates", "two", "--resume", tmp_path / "state.toml")
+    assert exported(folder, tmp_path, "--json", *options) == 0
+    assert ".strokes = 0u" not in (tmp_path / "observer" / "src" / "own_data.c").read_text()
     found = json.loads(capsys.readouterr().out)
     assert found["status"] == "ok"
     assert "src/own.c" in found["files"]
     assert found["parity"]["holds"] is True
-    assert found["parity"]["load"] < 1e-2
-
-
-def test_it_goes_on_from_a_saved_state(folder, tmp_path, capsys, observe):
-    assert observe(folder / "first.parquet", "--save", "state.toml")[0] == 0
-    assert exported(folder, tmp_path, "--resume", tmp_path / "state.toml") == 0
-    data = (tmp_path / "observer" / "src" / "clutch_data.c").read_text()
-    assert ".strokes = 0u" not in data
+    assert found["parity"]["load"] < 1e-6
 
 
 def test_without_a_compiler_the_files_are_there_and_parity_was_not_run(folder, tmp_path, capsys, monkeypatch):
@@ -90,10 +85,3 @@ def test_bad_input_is_a_sentence_and_nothing_is_written(folder, tmp_path, capsys
     said = " ".join(capsys.readouterr().err.split())
     assert words in said
     assert not (tmp_path / "observer").exists()
-
-
-def test_the_verb_in_python_gives_what_was_compared(folder, tmp_path):
-    done = clutchid.export(folder / "cal.toml", tmp_path / "observer", check=folder / "worn.parquet", real="double")
-    assert done.holds
-    assert done.parity.theta < 1e-6
-    assert "PARITY.md" in done.files

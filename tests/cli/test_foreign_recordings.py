@@ -168,13 +168,8 @@ def test_nothing_is_written_where_nothing_could_be_fitted(tmp_path, capsys):
     assert not (tmp_path / "best.csv").exists()
 
 
-def test_a_map_that_does_not_fit_is_one_clear_sentence(tmp_path, log, capsys):
+def test_a_map_or_a_database_that_is_not_there_is_one_clear_sentence(tmp_path, log, capsys):
     write(log, tmp_path / "run.csv")
-    (tmp_path / "MAP.toml").write_text('[position]\nchannel = "Weg"\n')
-    assert called("fit", tmp_path / "run.csv", "--map", tmp_path / "MAP.toml") == 2
-    said = capsys.readouterr().err
-    assert "position: there is no channel 'Weg'" in said
-    assert "no channel is assigned to duty_supply, duty_exhaust" in said
     assert called("fit", tmp_path / "run.csv", "--map", tmp_path / "NO.toml") == 2
     assert "there is no such file" in capsys.readouterr().err
     assert called("look", tmp_path / "run.csv", "--dbc", tmp_path / "NO.dbc") == 2

@@ -108,15 +108,6 @@ def test_a_spoiled_recording_is_bad_input_and_nothing_is_written(call, tmp_path,
     assert [path.name for path in tmp_path.iterdir()] == ["bad.parquet"]
 
 
-def test_a_recording_before_the_state_that_it_is_to_go_on_from_is_bad_input(call, tmp_path):
-    assert call("first.parquet", "--save", "state.toml")[0] == 0
-    kept = (tmp_path / "state.toml").read_text()
-    code, _, errors = call("worn.parquet", "--resume", "state.toml", "--save", "state.toml")
-    assert code == 2
-    assert "begins at 0 s, but the observer is at 2.344 s; give the recording that follows." in errors
-    assert (tmp_path / "state.toml").read_text() == kept
-
-
 def test_a_recording_too_slow_for_its_duty_cycles_is_refused_unless_forced(call, tmp_path, plant, recorded_by):
     write_parameters(ParameterFile(plant.replace({"T_pwm": 0.02})), tmp_path / "carrier.toml")
     log = recorded_by(plant, seconds=8.0)

@@ -121,8 +121,3 @@ def test_bad_input_is_one_sentence_and_nothing_is_written(folder, tmp_path, monk
     assert run(folder, *output, *options) == 2
     assert sentence in " ".join(capsys.readouterr().err.split())
     assert not list(tmp_path.glob("*.parquet"))
-
-
-def test_an_empty_folder_is_bad_input(folder, tmp_path, capsys):
-    assert run(folder, "--out", tmp_path / "x.parquet", recordings=tmp_path) == 2
-    assert "has no recordings; they are files with .parquet" in capsys.readouterr().err

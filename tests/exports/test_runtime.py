@@ -227,7 +227,7 @@ def test_a_restart_goes_on_from_memory_and_a_damaged_one_from_the_calibration(ob
 
 @pytest.mark.parametrize(
     ("method", "real", "rates"),
-    [(method, *style) for method in METHODS for style in (STYLES if method == "joint" else STYLES[::3])],
+    [*(("joint", *style) for style in STYLES), ("joint-reduced", *STYLES[0]), ("states", *STYLES[3])],
 )
 def test_it_compiles_without_a_warning_and_float_knows_no_double(observer_of, tmp_path, method, real, rates):
     one = observer_of(method)

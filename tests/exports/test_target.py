@@ -4,6 +4,7 @@ import re
 import shutil
 import subprocess
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +30,7 @@ ON_TARGET = pytest.mark.skipif(
     reason="no arm-none-eabi-gcc, or no qemu-system-arm",
 )
 STYLES = [CStyle("unit", real, rates) for real in ("float", "double") for rates in ("one", "two")]
-STRICT = ("CFLAGS=-O1 -Werror",)
+STRICT = "CFLAGS=-O1 -Werror"
 
 
 def written(folder: Path, observed: Observer, style: CStyle) -> Path:
@@ -79,31 +80,46 @@ def samples(recorded_by: Callable[..., Log], plant: Actuator) -> FloatArray:
     return samples_of(recorded_by(plant, seconds=2.0))
 
 
+@pytest.fixture(scope="module")
+def exported(
+    observed: Observer, samples: FloatArray, tmp_path_factory: pytest.TempPathFactory
+) -> Callable[[CStyle], tuple[Path, FloatArray]]:
+    """The folder of an export in a style, and its outputs for the samples."""
+
+    @cache
+    def export(style: CStyle) -> tuple[Path, FloatArray]:
+        folder = written(tmp_path_factory.mktemp("target"), observed, style)
+        return folder, outputs_of(folder, style, samples)
+
+    return export
+
+
 @pytest.mark.parametrize("style", STYLES[::3], ids=lambda style: f"{style.real}-{style.rates}")
 def test_example_and_test_build_without_a_warning_and_the_outputs_agree(
-    tmp_path: Path, observed: Observer, samples: FloatArray, style: CStyle
+    exported: Callable[[CStyle], tuple[Path, FloatArray]], samples: FloatArray, style: CStyle
 ) -> None:
-    folder = written(tmp_path / "export", observed, style)
-    expected = outputs_of(folder, style, samples)
+    folder, expected = exported(style)
     (folder / "test/vectors.h").write_text(vectors(samples, expected, style))
-    built = make(folder / "example", *STRICT)
+    built = make(folder / "example", STRICT)
     assert not built.returncode, built.stderr
     ran = subprocess.run([folder / "example/unit_host"], capture_output=True, text=True, check=False)
     assert ran.returncode == 0
     assert ran.stdout.startswith("unit: 1000000 us, 0 strokes")
-    tested = make(folder / "test", *STRICT)
+    tested = make(folder / "test", "-B", STRICT)
     assert not tested.returncode, tested.stdout + tested.stderr
     assert "parity: ok, 2000 samples" in tested.stdout
 
 
 @pytest.mark.parametrize("output", [0, 3, 5, 8, 9])
-def test_one_spoiled_output_is_found(tmp_path: Path, observed: Observer, samples: FloatArray, output: int) -> None:
+def test_one_spoiled_output_is_found(
+    exported: Callable[[CStyle], tuple[Path, FloatArray]], samples: FloatArray, output: int
+) -> None:
     style = STYLES[0]
-    folder = written(tmp_path / "export", observed, style)
-    spoiled = outputs_of(folder, style, samples).copy()
+    folder, expected = exported(style)
+    spoiled = expected.copy()
     spoiled[1509, output] += 1.0 if output > 7 else 0.1 * np.nanmax(np.abs(spoiled[:, output]))
     (folder / "test/vectors.h").write_text(vectors(samples, spoiled, style))
-    tested = make(folder / "test", "CFLAGS=-O0")
+    tested = make(folder / "test", "-B", "CFLAGS=-O0")
     assert tested.returncode
     assert "parity: failed" in tested.stdout
     assert f"{tuple(OUTPUTS)[output]} = " in tested.stdout
@@ -117,9 +133,9 @@ def test_a_cortex_m4_has_the_outputs_of_this_computer(
 ) -> None:
     folder = written(tmp_path / "export", observed, style)
     (folder / "test/vectors.h").write_text(vectors(samples, outputs_of(folder, style, samples), style))
-    tested = make(folder / "test", "arm", *STRICT)
+    tested = make(folder / "test", "arm", STRICT)
     assert not tested.returncode, tested.stdout + tested.stderr
     assert "parity: ok" in tested.stdout
-    ran = make(folder / "example", "run", *STRICT)
+    ran = make(folder / "example", "run", STRICT)
     # the emulated timer follows the clock of this computer: on a busy one a sample comes before the line is printed
     assert re.search(r"unit: 10\d\d000 us, 0 strokes", ran.stdout), ran.stdout + ran.stderr

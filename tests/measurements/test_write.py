@@ -67,12 +67,6 @@ def test_only_known_suffixes_are_written(tmp_path, log, name, what):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
-def test_a_folder_that_does_not_exist(tmp_path, log, suffix):
-    with pytest.raises(ExportError, match=r"the folder '.*no' does not exist; create it first\."):
-        cio.write(log, tmp_path / "no" / f"run{suffix}")
-
-
 @pytest.fixture
 def edged():
     """A log whose supply valve opens between two samples."""

@@ -36,7 +36,7 @@ SOUND = 3000
 def recordings(worn, recorded_by):
     """A recording of a sound and of a leaking actuator."""
     leaking = worn.replace({"C_A0": 1.5e-10})
-    return {leaks: recorded_by(a, seconds=8.0, seed=5, driven=1) for leaks, a in ((False, worn), (True, leaking))}
+    return {leaks: recorded_by(a, seconds=6.0, seed=5, driven=1) for leaks, a in ((False, worn), (True, leaking))}
 
 
 def faulty(log: Log) -> Log:
