@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shlex
 from pathlib import Path
 
 import numpy as np
@@ -109,23 +108,3 @@ def test_a_proposal_that_lacks_the_valves_names_candidates_and_says_that_it_is_n
     assert called("calibrate", file, "--map", chosen) == 2
     said = " ".join(capsys.readouterr().err.split())
     assert "in a channel map sign = -1, and an offset by which the end at 25.7 mm becomes 0" in said
-
-
-@pytest.mark.slow
-def test_the_next_command_of_a_calibration_with_a_map_runs_on_a_worn_file(tmp_path, log, worn, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    in_german(log, Path("cal.mf4"))
-    in_german(worn, Path("worn.mf4"))
-    assert called("look", "cal.mf4", "--save", "MAP.toml") == 0
-    line = "fit cal.mf4 --measure position,pressure_a --free auto --map MAP.toml --save CAL.toml"
-    monkeypatch.setattr("sys.argv", ["clutchid", *line.split()])
-    assert called(*line.split()) == 0
-    (found,) = re.findall(r"^  (clutchid .*)$", capsys.readouterr().out, re.MULTILINE)
-    assert "--map MAP.toml" in found
-    words = shlex.split(found.replace("WORN.csv", "worn.mf4"))[1:]
-    assert called(*words) == 0
-    said = " ".join(capsys.readouterr().out.split())
-    assert "trust" in said
-    supply = r"supply pressure not recorded: as calibrated, [\d.]+ ± 0\.5\d bar; 1 % of it moves this load by \d\.\d %"
-    assert re.search(f"assumed {supply}", said)
-    assert "air temperature not recorded: as calibrated, 20 ± 14 °C" in said
