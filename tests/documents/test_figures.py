@@ -60,6 +60,9 @@ import matplotlib
 before = matplotlib.rcParams.copy()
 from clutchid.documents.figures import new_figure, png
 png(new_figure([1.0])[0])
+import clutchid, numpy as np
+log = clutchid.Log(np.arange(3.0), {"position": np.zeros(3)})
+log.plot(), log._repr_html_()
 assert "matplotlib.pyplot" not in sys.modules
 assert before == matplotlib.rcParams.copy()
 """

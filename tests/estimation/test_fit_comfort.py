@@ -1,8 +1,6 @@
 """A fit in Python: what it prints, its table, figure, page and verdict, and recordings that are given as paths."""
 
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from html import escape
 from io import BytesIO
@@ -86,16 +84,6 @@ def test_plots_are_figures_that_pyplot_does_not_know_and_that_a_notebook_shows(f
     assert content.getvalue().startswith(b"\x89PNG")
     assert [axis.get_ylabel() for axis in figure.axes] == ["load [N]"]
     assert picture(figure._repr_svg_()).tag.endswith("svg")
-
-
-@pytest.mark.slow
-def test_a_plot_leaves_the_settings_of_matplotlib_alone():
-    code = (
-        "import sys, numpy as np, matplotlib, clutchid; before = matplotlib.rcParams.copy();"
-        "log = clutchid.Log(np.arange(3.0), {'position': np.zeros(3)}); log.plot(); log._repr_html_();"
-        "assert 'matplotlib.pyplot' not in sys.modules; assert before == matplotlib.rcParams.copy()"
-    )
-    subprocess.run([sys.executable, "-W", "error", "-c", code], check=True)
 
 
 def test_the_table_of_a_fit_has_a_row_for_every_free_parameter(fitted):
