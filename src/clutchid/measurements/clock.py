@@ -250,8 +250,9 @@ def _return(runs: Sequence[Run], i: int, written: float, tolerance: Tolerance, *
 
 
 def _short(runs: Sequence[Run]) -> bool:
-    """Whether a jump is so short that it is waited for its end."""
-    return len(runs) <= _AHEAD and sum(run.size for run in runs) <= _HELD and sum(run.length for run in runs) < JUMP
+    """Whether a jump to these runs is so short that its end is waited for."""
+    size, last = sum(run.size for run in runs), max(run.last for run in runs)
+    return size <= LONE or (len(runs) <= _AHEAD and size <= _HELD and last - runs[0].first < JUMP)
 
 
 def _span(runs: Sequence[Run], usual: float) -> float:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from clutchid.measurements.clock import JUMP, WINDOW
-from clutchid.measurements.live.order import ArrivedBatch, ArrivedSamples, final, none_waiting, sorted_in
+from clutchid.measurements.clock import JUMP, LONE, WINDOW
+from clutchid.measurements.live.order import FIRST, ArrivedBatch, ArrivedSamples, final, none_waiting, sorted_in
 
 
 def fed(stamps, cuts, streams=None):
@@ -52,7 +52,7 @@ def test_the_order_and_what_is_left_out_do_not_depend_on_how_the_samples_come(cu
     [
         ([0.0, 0.001, 0.001, 0.001, 0.002], [2], [0, 3, 4], [0, 2, 0]),  # of equal stamps the last counts
         ([0.0, 0.1, 0.1 - 0.9 * WINDOW, 0.1 - WINDOW, 0.2], [], [0, 2, 1, 4], [1, 0, 0]),  # too late for the window
-        ([0.0, 0.001, 9.0, 9.001, 9.002, 4000.0, 4000.001], [3, 6], range(7), [0, 0, 0]),  # two confirm a pause
+        ([0.0, 0.001, 9.0, 9.001, 9.002, 4e3, 4000.001, 4000.002], [3, 6], range(8), [0, 0, 0]),  # three are a pause
         (np.arange(20) * 2.0 * JUMP, range(1, 20), range(20), [0, 0, 0]),  # a slow stream goes on
         ([1e9], [], [0], [0, 0, 0]),
     ],
@@ -105,3 +105,12 @@ def test_a_few_samples_from_before_stay_between_those_around_them(cuts):
     found, counts, _ = fed(stamps, cuts)
     assert counts == [0, 0, 0]
     assert [t for t, _ in found[0]] == pytest.approx((3.0 + np.arange(400) * 1e-3).tolist(), abs=1e-3)
+
+
+def test_a_stream_that_slows_down_is_not_held_up():
+    waiting = none_waiting([["x"]])
+    for stamp in [*(np.arange(200) * 1e-3), *(10.0 + np.arange(30))]:
+        batch = ArrivedBatch(np.array([stamp]), [ArrivedSamples(0, np.array([0]), {"x": np.zeros(1)})])
+        waiting, _, _ = sorted_in(waiting, batch)
+        assert waiting.stamps.size <= (LONE if stamp > 0.1 else FIRST)
+    assert waiting.count >= 228
