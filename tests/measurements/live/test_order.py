@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from clutchid.measurements.clock import JUMP, LONE, WINDOW
 from clutchid.measurements.live.order import FIRST, ArrivedBatch, ArrivedSamples, final, none_waiting, sorted_in
@@ -114,3 +116,39 @@ def test_a_stream_that_slows_down_is_not_held_up():
         waiting, _, _ = sorted_in(waiting, batch)
         assert waiting.stamps.size <= (LONE if stamp > 0.1 else FIRST)
     assert waiting.count >= 228
+
+
+TROUBLES = (
+    lambda s, a, b, by: np.r_[s[:a], s[a] + by, s[a + 1 :]],
+    lambda s, a, b, by: np.r_[s[:a], s[a:b] + by, s[b:]],
+    lambda s, a, b, by: np.r_[s[:a], s[a:] - s[a]],
+    lambda s, a, b, by: np.round(s % 65.536, 6),
+    lambda s, a, b, by: s - 0.06 * (np.arange(s.size) % 3 == 0) * (np.arange(s.size) < b),
+)
+
+
+@pytest.mark.slow
+@settings(max_examples=30, deadline=None)
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(TROUBLES),
+            st.integers(0, 240),
+            st.integers(1, 120),
+            st.sampled_from([60.0, -5.0, 0.3, -0.1, 1e9]),
+        ),
+        max_size=5,
+    ),
+    st.lists(st.integers(1, 249), max_size=6),
+    st.integers(0, 99),
+)
+def test_whatever_happens_to_the_clock_stamps_grow_and_do_not_depend_on_how_they_come(troubles, cuts, seed):
+    random = np.random.default_rng(seed)
+    stamps = np.cumsum(random.choice([1e-3, 2e-3], 250))
+    for trouble, a, size, by in troubles:
+        stamps = trouble(stamps, a, a + size, by)
+    streams = random.integers(0, 2, stamps.size)
+    whole, counts, _ = fed(stamps, [], streams)
+    assert all((np.diff([t for t, _ in one]) > 0).all() for one in whole)
+    for other in (sorted({*cuts}), list(range(1, stamps.size, 2))):
+        assert fed(stamps, other, streams)[:2] == (whole, counts)
