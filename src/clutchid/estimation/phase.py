@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple, TypeAlias
@@ -31,9 +31,11 @@ from clutchid.simulation.windows import Track, tracks, with_window_steps
 #: on. Provenance: docs/derivations.md.
 PHASES, STEPS, DURATION = 10, 2, 10.0
 
-#: Length in s for a slow recording: over 10 s of 100 Hz another phase costs as little (truck A3). The best phase and
-#: those around it, in tenths: where a sample falls into another period the cost jumps, and no parabola fits (truck B2).
-_DURATION_SLOW, NEAR = 30.0, (0.0, -0.7, -0.35, 0.35, 0.7)
+#: Length in s for a slow recording: over 10 s of 100 Hz another phase costs as little (truck A3). Cost with shared
+#: gains, as a multiple of the least, up to which a phase has gains of its own: that of the best one is up to 2.3 % more
+#: (h:9). Phases beside the best one, in tenths: where a sample falls into another period the cost jumps, and no
+#: parabola fits (truck B2).
+_DURATION_SLOW, _MOST_COST, NEAR = 30.0, 1.05, (-1.0 / 3.0, 1.0 / 3.0)
 
 #: Largest step of a parameter in standard deviations of its prior.
 _LARGEST_STEP = 2.0
@@ -53,7 +55,7 @@ def filtered_phase(log: Log, actuator: Actuator, calibration: Calibration) -> fl
     prediction errors: wear or cold grease would otherwise be taken for another phase. All phases share the gains of the
     filter and the derivatives, which are computed at the best phase of the round before. The costs that are predicted
     after the second step are compared; the phase is refined by a parabola. In a slow recording each phase has a time
-    grid of its own, and around the best one, where the costs differ least, five phases have gains of their own too.
+    grid of its own, and those that then cost little are compared with gains of their own too.
 
     Parameters
     ----------
@@ -86,13 +88,34 @@ def filtered_phase(log: Log, actuator: Actuator, calibration: Calibration) -> fl
             break
         adapted = map_pairs(partial(_stepped, reference), problems, [phase.x for phase in adapted], smallest=1)
     costs = np.array([phase.cost for phase in adapted])
-    best = int(np.argmin(costs))
-    if not slow or reference is None:
-        return centred((best + _vertex(costs)) / PHASES)
-    near = [centred((best + away) / PHASES) for away in NEAR]
-    with_own_gains = partial(_stepped, reference, errors_of=_with_own_gains)
-    finer = map_pairs(with_own_gains, [at_phase(phase) for phase in near], [adapted[best].x] * len(near), smallest=1)
-    return near[int(np.argmin([phase.cost for phase in finer]))]
+    if slow and reference is not None:
+        return _finer(reference, at_phase, problems, adapted)
+    return centred((int(np.argmin(costs)) + _vertex(costs)) / PHASES)
+
+
+def _finer(
+    reference: _Reference,
+    at_phase: Callable[[float], Problem],
+    problems: Sequence[Problem],
+    adapted: Sequence[Adapted],
+) -> float:
+    """The best phase of a slow recording, of those that cost little and of two beside the best of these.
+
+    What the recording does not show of the duty cycles is another process noise at another phase: each has gains of its
+    own, for a step from what it adapted to with the shared ones.
+    """
+
+    def costs_at(problems: Sequence[Problem], starts: Sequence[FloatArray]) -> FloatArray:
+        ends = map_pairs(partial(_stepped, reference, errors_of=_with_own_gains), problems, starts, smallest=1)
+        return np.array([end.cost for end in ends])
+
+    most = _MOST_COST * min(phase.cost for phase in adapted)
+    worth = [at for at in range(PHASES) if adapted[at].cost <= most]
+    own = costs_at([problems[at] for at in worth], [adapted[at].x for at in worth])
+    best = worth[int(np.argmin(own))]
+    phases = [centred((best + away) / PHASES) for away in (0.0, *NEAR)]
+    beside = costs_at([at_phase(phase) for phase in phases[1:]], [adapted[best].x] * len(NEAR))
+    return phases[int(np.argmin([own.min(), *beside]))]
 
 
 class _Reference(NamedTuple):
