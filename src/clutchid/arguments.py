@@ -83,9 +83,9 @@ def check_fields(record: object) -> None:
         If one is of another kind than its annotation says.
     """
     kind: Any = type(record)
-    for place, (hint, _) in _hints(kind).items():
+    for place, (hint, usual) in _hints(kind).items():
         value = getattr(record, place)
-        if not (isinstance(value, str) and _choices(hint)):
+        if type(value) not in usual and not (isinstance(value, str) and _choices(hint)):
             _check(type(record).__name__, value, hint, place)
 
 

@@ -183,3 +183,14 @@ def test_no_good_sample_of_a_measurement_is_lost(shared):
     log = read(cylinder, required=("time", "position"))
     log = log.with_columns(**dict.fromkeys(INPUTS, np.zeros(len(log))))
     assert values_of(log, ACTUATOR).log is log
+
+
+def test_a_recording_without_faults_is_judged_once_for_an_actuator_and_anew_for_another_one(log):
+    stroke = 20e-3 * np.clip(np.minimum(log.time - 1.0, 1.6 - log.time) / 0.1, 0.0, 1.0)
+    moving = Log(log.time, {**log.columns, "position": stroke}, log.name)
+    assert values_of(moving, ACTUATOR).log is moving
+    judged = dict(moving.derived)
+    assert values_of(moving, ACTUATOR).log is moving
+    assert judged == moving.derived != {}
+    assert values_of(moving, ACTUATOR.replace(y_max=10e-3)).faults
+    assert values_of(moving, ACTUATOR).log is moving

@@ -288,7 +288,7 @@ class FitRequest:
         measured, names = (
             usual if own == _OF_THE_VERB else own for own, usual in ((self.measure, measure), (self.free, free))
         )
-        return replace(self, measure=measured, free=names)
+        return self if (measured, names) == (self.measure, self.free) else replace(self, measure=measured, free=names)
 
     @property
     def counted_from(self) -> VentedRest | None:

@@ -63,7 +63,7 @@ def compress(jacobian: FloatArray, residuals: FloatArray, rows: int = 1 << 16) -
     factor = np.zeros((0, width))
     for start in range(0, residuals.size, rows):
         part = np.column_stack([jacobian[start : start + rows], residuals[start : start + rows]])
-        factor = triangular(np.vstack([factor, part]))
+        factor = triangular(np.vstack([factor, part]) if factor.size else part)
     full = np.zeros((width, width))
     full[: factor.shape[0]] = factor
     return full

@@ -219,10 +219,15 @@ def values_of(log: Log, actuator: Actuator) -> Values:
         if name in log:
             faults += _out_of_range(log, name, missing)
     measured = [name for name in ("position", "pressure_a") if name in log and all(duty in log for duty in INPUTS)]
-    if measured and (interval := sample_interval(log.time, 0.0)) > 0.0:
-        for name in measured:
-            _judge(log, name, limits(actuator, name, interval), missing, faults)
+    interval = sample_interval(log.time, 0.0) if measured else 0.0
+    bounds = {name: limits(actuator, name, interval) for name in measured if interval > 0.0}
+    judged = tuple((name, of_column.tobytes()) for name, of_column in bounds.items())
+    if not faults and log.derived.get(values_of) == judged:
+        return Values(log)
+    for name, of_column in bounds.items():
+        _judge(log, name, of_column, missing, faults)
     if not faults:
+        log.derived[values_of] = judged
         return Values(log)
     columns = {name: np.where(missing[name], np.nan, x) if name in missing else x for name, x in log.columns.items()}
     edges = {

@@ -39,7 +39,8 @@ def requested(verb: str, request: FitRequest | None, **everyday: Any) -> FitRequ
     """
     from clutchid.estimation.request import FitRequest
 
-    usual, asked = FitRequest(), request or FitRequest()
+    usual = FitRequest()
+    asked = request or usual
     stated = {name: value for name, value in everyday.items() if value is not None}
     for name in stated.keys() & {"free", "measure"}:
         stated[name] = listed_names(stated[name])
@@ -49,7 +50,7 @@ def requested(verb: str, request: FitRequest | None, **everyday: Any) -> FitRequ
             raise ParameterError(
                 f"{name} = {value!r}: the request has {name} = {own!r}; give one of them, or the same twice."
             )
-    return replace(asked, **stated).completed(*USUAL[verb])
+    return (replace(asked, **stated) if stated else asked).completed(*USUAL[verb])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -201,9 +201,15 @@ def inspected(
     bad = [str(DataError.of(inspection.name, list(inspection.bad))) for inspection in inspections if inspection.bad]
     if bad and not force:
         raise DataError("\n".join([*bad, REFUSED]))
+    together = [
+        tuple(dict.fromkeys((*checked.warned.warnings, *inspection.warnings)))
+        for checked, inspection in zip(values, inspections, strict=True)
+    ]
     return [
-        replace(log, warnings=tuple(dict.fromkeys((*checked.warned.warnings, *inspection.warnings))))
-        for log, checked, inspection in zip(logs, values, inspections, strict=True)
+        log
+        if log.warnings == warnings
+        else replace(log, warnings=warnings)  # what was computed from a log stays with it
+        for log, warnings in zip(logs, together, strict=True)
     ]
 
 
