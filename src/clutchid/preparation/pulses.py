@@ -95,7 +95,7 @@ def find_carrier(log: Log, actuator: Actuator, periods: Sequence[float] = PERIOD
                 contrast > _CONTRAST_ON_GRID and _response(valves, period, phase, length) > RESPONSE
             )
         else:
-            detected = contrast > _CONTRAST and contrast > IN_STEP * _out_of_step(valves, period, length)
+            detected = contrast > _CONTRAST and _loses_step(valves, period, length, contrast / IN_STEP)
         if detected:
             candidates[period] = (contrast if len(periods) == 1 else _contrast(valves, period, common)[0], phase)
     if not candidates:
@@ -165,9 +165,9 @@ def _contrast(valves: _Valves, period: float, length: int) -> tuple[float, float
     return float(shares.max() - np.median(shares)), float(phases[np.argmax(shares)])
 
 
-def _out_of_step(valves: _Valves, period: float, length: int) -> float:
-    """Largest contrast of periods near `period`, with which pulses do not stay in step."""
-    return max(_contrast(valves, period * (1.0 + share), length)[0] for share in _OUT_OF_STEP)
+def _loses_step(valves: _Valves, period: float, length: int, most: float) -> bool:
+    """Whether all periods near `period`, with which pulses do not stay in step, have a contrast below `most`."""
+    return all(_contrast(valves, period * (1.0 + share), length)[0] < most for share in _OUT_OF_STEP)
 
 
 def _response(valves: _Valves, period: float, phase: float, length: int) -> float:
