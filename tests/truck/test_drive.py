@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from clutchid.errors import ExportError, ParameterError, SolveError
-from clutchid.truck import GRID, MANOEUVRES, Truck, aged, drive, life, respond, truck, write_truth
-from clutchid.truck.families import FILES
+from clutchid.truck import GRID, MANOEUVRES, Truck, aged, drive, respond, truck, write_truth
 from clutchid.truck.running import Course, run
 
 pytestmark = pytest.mark.slow
@@ -169,19 +168,6 @@ def test_a_stuck_sensor_shows_one_value_and_misleads_the_controller():
     before = done.log.time < 2.0
     assert np.array_equal(done.log["position"][before], fine.log["position"][before])
     assert np.abs(done.truth.states["position"] - fine.truth.states["position"])[inside].max() > 1e-3
-
-
-@pytest.mark.parametrize("family", FILES)
-def test_a_life_is_a_sequence_of_recordings_of_one_truck_with_their_truths(family):
-    ages = [(0.0, 0.0), (1e-3, 2e5), (2e-3, 4e5)]
-    drives = life(truck(4, family), ages, seconds=3, seed=8)
-    assert ["pressure_a" in d.log for d in drives] == [True, False, False]
-    assert np.abs(drives[0].truth.load(GRID) - drives[2].truth.load(GRID)).max() > 100
-    assert [d.log.name for d in drives] == ["calibration", "worn1", "worn2"]
-    assert [(d.truth.truck.wear, d.truth.truck.cycles) for d in drives] == ages
-    assert len({d.wanted.tobytes() for d in drives}) == 3
-    again = life(truck(4, family), ages, seconds=3, seed=8)
-    assert all(np.array_equal(a.log["position"], b.log["position"]) for a, b in zip(drives, again, strict=True))
 
 
 def test_a_warm_process_drives_without_the_library_of_formulas():

@@ -8,7 +8,7 @@ True
 
 from clutchid.truck.assembly import load_curve
 from clutchid.truck.changes import CHANGES, aged, changed
-from clutchid.truck.driving import Drive, drive, life, respond
+from clutchid.truck.driving import Drive, drive, respond
 from clutchid.truck.families import RANGES, truck
 from clutchid.truck.kinds import Truck, TruckB
 from clutchid.truck.manoeuvres import MANOEUVRES
@@ -17,5 +17,5 @@ from clutchid.truck.vehicle import Vehicle
 
 __all__ = [
     "CHANGES", "GRID", "MANOEUVRES", "RANGES", "Drive", "Truck", "TruckB", "Truth", "Vehicle", "aged", "changed",
-    "drive", "life", "load_curve", "respond", "truck", "write_truth",
+    "drive", "load_curve", "respond", "truck", "write_truth",
 ]  # fmt: skip

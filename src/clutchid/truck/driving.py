@@ -170,40 +170,6 @@ def drive(
     return Drive(log, truth_of(truck, curve, driven), wanted)
 
 
-def life(
-    truck: Vehicle, ages: Sequence[tuple[float, float]], *, seconds: float = 30.0, seed: int = 0
-) -> tuple[Drive, ...]:
-    """Life of a vehicle: a drive at each age, the first with pressure (calibration), the others without (worn1, ...).
-
-    Parameters
-    ----------
-    ages : (m, 1) each
-        Wear of the facing and number of strokes, relative to `truck`.
-    seconds, seed
-        As in `drive`; every drive has its own seed.
-
-    Raises
-    ------
-    ParameterError
-        As `drive`.
-
-    Examples
-    --------
-    >>> from clutchid.truck import Truck
-    >>> new, worn = life(Truck(), [(0.0, 0.0), (2e-3, 4e5)], seconds=2)
-    >>> new.log.name, worn.log.name, "pressure_a" in new.log, "pressure_a" in worn.log
-    ('calibration', 'worn1', True, False)
-    """
-    seeds = [int(np.random.SeedSequence([seed, number]).generate_state(1)[0]) for number in range(len(ages))]
-    return tuple(
-        drive(
-            truck, seconds=seconds, seed=own, wear=wear, cycles=cycles, pressure=number == 0,
-            name=f"worn{number}" if number else "calibration",
-        )
-        for number, ((wear, cycles), own) in enumerate(zip(ages, seeds, strict=True))
-    )  # fmt: skip
-
-
 def respond(truck: Vehicle, duty_supply: FloatArray, duty_exhaust: FloatArray) -> Drive:
     """Response of `truck` from the engaged rest to duty cycles given at every millisecond, recorded without noise.
 
