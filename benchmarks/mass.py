@@ -245,7 +245,7 @@ def scores(setting: Setting, name: str, case: str) -> Iterator[str]:
         start = SHOOTING.search([driven.log.without(*left_out("default"))], actuator, free, kept, None)
         if SHOOTING.changes is None or isinstance(start.solution, Failure) or kept.position_only is None:
             return
-        first = explanation(start, SHOOTING.changes, kept.position_only.dispersion)
+        first = explanation(start, kept.position_only.dispersion)
         warmer = with_hypothesis(start.problem, (TEMPERATURE,))
         x = np.clip(first.solution.x + first.under((TEMPERATURE,)).step, *warmer.bounds())
         reached = SHOOTING.changes.refine(start, warmer, x)

@@ -62,7 +62,7 @@ def test_a_model_without_an_error_errs_by_noise_only(errors, blind, calibrated):
 
 
 def test_they_are_what_the_search_finds_beside_the_calibration(errors, blind, calibrated):
-    one = explanation(blind, SHOOTING.changes, errors.dispersion)
+    one = explanation(blind, errors.dispersion)
     found = blind.problem
     for hypothesis in (HYPOTHESES[0], HYPOTHESES[2]):
         x = one.solution.x + one.under(hypothesis).step
@@ -92,7 +92,7 @@ def test_known_errors_shift_a_load_by_exactly_as_much(calibrated, worn_log):
     kept = calibrated.calibration
     free = FreeParameters(names, ("position",))
     found = shoot([worn_log], calibrated.actuator, free, kept)
-    one = {(): explanation(found, SHOOTING.changes, 1.0)}
+    one = {(): explanation(found, 1.0)}
     plain, shifted = (mixture(one, replace(kept, position_only=errors)).x for errors in (None, known))
     si = found.problem.si(plain) - found.problem.si(shifted)
     assert si[: len(names)] == pytest.approx(shifts[:-1], abs=1e-9)

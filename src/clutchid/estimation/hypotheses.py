@@ -15,6 +15,7 @@ import numpy as np
 from clutchid.estimation.method import ChangeFunctions, SearchResult
 from clutchid.estimation.result import Change
 from clutchid.inference.problem import Problem, prior_rows, with_hypothesis
+from clutchid.inference.smoother.problem import data_factor
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.change_prior import (
     HYPOTHESES,
@@ -73,7 +74,7 @@ def explained(result: SearchResult, method: ChangeFunctions, calibration: Calibr
     """
     none: Hypothesis = ()
     dispersion = calibration.position_only.dispersion if calibration.position_only else 1.0
-    explanations = {none: explanation(result, method, dispersion)}
+    explanations = {none: explanation(result, dispersion)}
     failed: set[Hypothesis] = set()
     while True:
         best = most_probable(explanations, calibration)
@@ -87,13 +88,13 @@ def explained(result: SearchResult, method: ChangeFunctions, calibration: Calibr
         if isinstance(again.solution, Failure):
             failed.add(candidate)
         else:
-            explanations[candidate] = explanation(again, method, dispersion)
+            explanations[candidate] = explanation(again, dispersion)
 
 
-def explanation(search_result: SearchResult, method: ChangeFunctions, dispersion: float) -> Explanation:
+def explanation(search_result: SearchResult, dispersion: float) -> Explanation:
     """The explanation of a search with a solution; `dispersion` is that of the data."""
     assert not isinstance(search_result.solution, Failure), "a failed search explains nothing"
-    data = method.data_factor(search_result.problem, search_result.solution)
+    data = data_factor(search_result.problem, search_result.solution.at)
     return Explanation(
         search_result, search_result.solution, data / np.sqrt(max(1.0, dispersion)), min(1.0, dispersion)
     )

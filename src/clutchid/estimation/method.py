@@ -38,15 +38,11 @@ class SearchResult:
 class ChangeFunctions:
     """Functions with which a method weighs hypotheses about changes, at solutions of its search.
 
-    `refine` goes on from a result with another prior, from x; `data_factor` is the
-    triangular factor ``[R | q]`` of the data alone at a solution; `dispersion` that of
-    `clutchid.inference.smoother.residuals`; `settle` moves a solution to x, with the states that belong to it.
-    `refine` and `settle` iterate; they end in `Method.evaluated`.
+    `refine` goes on from a result with another prior, from x; `settle` moves a solution to x, with the states that
+    belong to it. Both iterate, and end in `Method.evaluated`.
     """
 
     refine: Callable[[SearchResult, Problem, FloatArray], SearchResult]
-    data_factor: Callable[[Problem, Solution[Any]], FloatArray]
-    dispersion: Callable[[Problem, Solution[Any]], float]
     settle: Callable[[Problem, Solution[Any], FloatArray], Solution[Any] | Failure]
 
 

@@ -9,8 +9,9 @@ import numpy as np
 
 from clutchid.estimation.departure import misfit
 from clutchid.estimation.hypotheses import explanation
-from clutchid.estimation.method import ChangeFunctions, Method, SearchResult
+from clutchid.estimation.method import Method, SearchResult
 from clutchid.estimation.request import FreeParameters
+from clutchid.inference.smoother.residuals import dispersion
 from clutchid.inference.uncertainty.calibration import Calibration, PositionOnlyErrors
 from clutchid.inference.uncertainty.change_prior import HYPOTHESES, Hypothesis
 from clutchid.log import FloatArray, Log
@@ -43,7 +44,7 @@ def position_only_errors(
             [log.without("pressure_a")], actuator, free, calibration, within(progress, "position alone")
         )
         if not isinstance(search_result.solution, Failure):
-            errors.append(_errors(search_result, search_result.solution, method.changes, log))
+            errors.append(_errors(search_result, search_result.solution, log, weighed=method.changes is not None))
     if not errors:
         return None
     names = tuple(name for name in errors[0].names if all(name in of_log.names for of_log in errors))
@@ -58,10 +59,8 @@ def position_only_errors(
     )
 
 
-def _errors(
-    search_result: SearchResult, solution: Solution[Any], method: ChangeFunctions | None, log: Log
-) -> PositionOnlyErrors:
-    """Errors in one recording, all hypotheses by the linearisation at the solution without a change.
+def _errors(search_result: SearchResult, solution: Solution[Any], log: Log, *, weighed: bool) -> PositionOnlyErrors:
+    """Errors in one recording, all `weighed` hypotheses by the linearisation at the solution without a change.
 
     The phase of the carrier and the far stop are of this recording alone.
     """
@@ -69,13 +68,13 @@ def _errors(
     at = [i for i, c in enumerate(search_result.problem.coordinates) if c.name in repeated]
     widths = np.array([search_result.problem.coordinates[i].width for i in at])
     names = tuple(search_result.problem.coordinates[i].base for i in at)
-    if method is None or not search_result.problem.changing:
+    if not (weighed and search_result.problem.changing):
         none: Hypothesis = ()
         return PositionOnlyErrors((none,), names, (solution.x[at] * widths)[None], np.zeros(1))
-    dispersion = method.dispersion(search_result.problem, solution)
-    without_change = explanation(search_result, method, dispersion)
+    excess = dispersion(search_result.problem, solution.at)
+    without_change = explanation(search_result, excess)
     posteriors = [without_change.under(hypothesis) for hypothesis in HYPOTHESES]
     shifts: FloatArray = np.array([(solution.x + posterior.step)[at] * widths for posterior in posteriors])
     evidence = np.array([posterior.log_evidence for posterior in posteriors])
     usual = misfit(solution.at.cost, [log])
-    return PositionOnlyErrors(HYPOTHESES, names, shifts, evidence, dispersion, usual)
+    return PositionOnlyErrors(HYPOTHESES, names, shifts, evidence, excess, usual)

@@ -16,8 +16,8 @@ from clutchid.estimation.problem import fit_problem, start_point
 from clutchid.estimation.request import FreeParameters
 from clutchid.estimation.result import Compared, Fit, compare, position_and_pressure
 from clutchid.inference.problem import Problem
-from clutchid.inference.smoother.problem import data_factor, linearise
-from clutchid.inference.smoother.residuals import dispersion, noise_scales, sensor_outputs, trajectory
+from clutchid.inference.smoother.problem import linearise
+from clutchid.inference.smoother.residuals import noise_scales, sensor_outputs, trajectory
 from clutchid.inference.smoother.search import (
     FINE_STAGE,
     STAGES_FROM_CALIBRATION,
@@ -169,7 +169,7 @@ def _fine(
         )  # fmt: skip
         if isinstance(further, Failure):
             return best
-        gain, better = best.at.cost - further.at.cost, min(best, further, key=_cost)
+        gain, better = best.at.cost - further.at.cost, min(best, further, key=lambda solution: solution.at.cost)
         same = abs(gain) <= _SAME_COST * best.at.cost
         best = replace(better, evaluations=further.evaluations, status="converged" if same else better.status)
         if gain <= 0.0:
@@ -199,18 +199,6 @@ def _settled(problem: Problem, solution: ShootingSolution, x: FloatArray) -> Sho
     return _ended(problem, settled(problem, solution, x))
 
 
-def _cost(solution: ShootingSolution) -> float:
-    return solution.at.cost
-
-
-def _data_factor(problem: Problem, solution: ShootingSolution) -> FloatArray:
-    return data_factor(problem, solution.at)
-
-
-def _dispersion(problem: Problem, solution: ShootingSolution) -> float:
-    return dispersion(problem, solution.at)
-
-
 #: Multiple shooting with soft continuity.
 SHOOTING = Method(
     "shooting",
@@ -219,6 +207,6 @@ SHOOTING = Method(
     linearise,
     result,
     check=checked,
-    changes=ChangeFunctions(refine, _data_factor, _dispersion, _settled),
+    changes=ChangeFunctions(refine, _settled),
     partition="multiple shooting uses its own windows",
 )
