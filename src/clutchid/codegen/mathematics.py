@@ -8,8 +8,11 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Sequence
-from typing import Protocol
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from clutchid.codegen.llvm import Writer
 
 #: Coefficients of exp r for |r| up to log(2) / 2, and behind the first of log(m) / s in s^2, with s = (m - 1) / (m + 1)
 #: and m from sqrt(1/2) to sqrt(2): the series of Taylor, as far as a double shows it.
@@ -26,46 +29,7 @@ _LARGE = 700.0
 _ONE, _ROOT = 0x3FF << 52, 0x3FE6A09E667F3BCD
 
 
-class Vectors(Protocol):
-    """Writer of instructions on vectors of so many lanes: `clutchid.codegen.llvm.Writer`, which explains each."""
-
-    lanes: int
-    mask: str
-
-    @property
-    def real(self) -> str:
-        """Type of a vector."""
-
-    @property
-    def truth(self) -> str:
-        """Type of a condition."""
-
-    def constant(self, value: float) -> str:
-        """A number in all lanes."""
-
-    def new(self, instruction: str) -> str:
-        """The result of an instruction."""
-
-    def chain(self, operation: str, values: Sequence[str]) -> str:
-        """The result of an operation on all values."""
-
-    def compared(self, relation: str, left: str, right: str) -> str:
-        """Whether a relation holds."""
-
-    def masked(self, mask: str, condition: str) -> str:
-        """A condition in the lanes of a mask."""
-
-    def any(self, condition: str) -> str:
-        """Whether a condition holds in a lane."""
-
-    def where(self, needed: str, otherwise: Sequence[str], compute: Callable[[], Sequence[str]]) -> list[str]:
-        """Values that are computed where they are needed."""
-
-    def called(self, name: str, *values: str) -> str:
-        """A function of the library, of one lane."""
-
-
-def function(w: Vectors, name: str, *values: str) -> str:
+def function(w: Writer, name: str, *values: str) -> str:
     """A function of vectors."""
     if name == "sqrt":
         return _intrinsic(w, name, values[0])
@@ -79,7 +43,7 @@ def function(w: Vectors, name: str, *values: str) -> str:
     return _by_lane(w, name, values)
 
 
-def _by_lane(w: Vectors, name: str, values: Sequence[str]) -> str:
+def _by_lane(w: Writer, name: str, values: Sequence[str]) -> str:
     """A function, lane by lane."""
     result = "poison"
     for lane in range(w.lanes):
@@ -88,7 +52,7 @@ def _by_lane(w: Vectors, name: str, values: Sequence[str]) -> str:
     return result
 
 
-def _unless_rare(w: Vectors, name: str, arguments: Sequence[str], usual: str, rare: Sequence[str]) -> str:
+def _unless_rare(w: Writer, name: str, arguments: Sequence[str], usual: str, rare: Sequence[str]) -> str:
     """The value `usual`; where a condition of `rare` holds in a lane, in all lanes that of the library."""
     first, *others = rare
     for other in others:
@@ -96,21 +60,21 @@ def _unless_rare(w: Vectors, name: str, arguments: Sequence[str], usual: str, ra
     return w.where(w.any(w.masked(w.mask, first)), [usual], lambda: [_by_lane(w, name, arguments)])[0]
 
 
-def _intrinsic(w: Vectors, name: str, value: str) -> str:
+def _intrinsic(w: Writer, name: str, value: str) -> str:
     return w.new(f"call {w.real} @llvm.{name}.v{w.lanes}f64({w.real} {value})")
 
 
-def _large(w: Vectors, x: str) -> str:
+def _large(w: Writer, x: str) -> str:
     return w.compared("ugt", _intrinsic(w, "fabs", x), w.constant(_LARGE))
 
 
-def _beyond(w: Vectors, x: str) -> list[str]:
+def _beyond(w: Writer, x: str) -> list[str]:
     """Where x is no positive number of full precision."""
     least, most = w.constant(sys.float_info.min), w.constant(sys.float_info.max)
     return [w.compared("ult", x, least), w.compared("ugt", x, most)]
 
 
-def _exp(w: Vectors, x: str) -> str:
+def _exp(w: Writer, x: str) -> str:
     """exp x = 2^k exp r; k is whole, as it is the last bits of a sum in which no others have place."""
     hidden, r = w.constant(1.5 * 2.0**52), x
     total = _strict(w, "fadd", _strict(w, "fmul", x, w.constant(1.0 / math.log(2.0))), hidden)
@@ -121,7 +85,7 @@ def _exp(w: Vectors, x: str) -> str:
     return _number(w, _whole(w, "add", _bits(w, _polynomial(w, r, _EXP)), scale))
 
 
-def _log(w: Vectors, x: str) -> str:
+def _log(w: Writer, x: str) -> str:
     """log x = k log 2 + log m with m from sqrt(1/2) to sqrt(2)."""
     bits, unit = _bits(w, x), w.constant(1.0)
     k = _whole(w, "lshr", _whole(w, "add", bits, _ONE - _ROOT), 52)
@@ -135,12 +99,12 @@ def _log(w: Vectors, x: str) -> str:
     return _strict(w, "fadd", _strict(w, "fmul", exponent, w.constant(math.log(2.0))), logarithm)
 
 
-def _strict(w: Vectors, operation: str, a: str, b: str) -> str:
+def _strict(w: Writer, operation: str, a: str, b: str) -> str:
     """A sum or product whose terms stay in their order."""
     return w.new(f"{operation} contract {w.real} {a}, {b}")
 
 
-def _polynomial(w: Vectors, x: str, coefficients: Sequence[float]) -> str:
+def _polynomial(w: Writer, x: str, coefficients: Sequence[float]) -> str:
     """A polynomial, by Estrin's scheme."""
     terms = [w.constant(coefficient) for coefficient in coefficients]
     while len(terms) > 1:
@@ -150,15 +114,15 @@ def _polynomial(w: Vectors, x: str, coefficients: Sequence[float]) -> str:
     return terms[0]
 
 
-def _bits(w: Vectors, x: str) -> str:
+def _bits(w: Writer, x: str) -> str:
     return w.new(f"bitcast {w.real} {x} to <{w.lanes} x i64>")
 
 
-def _number(w: Vectors, bits: str) -> str:
+def _number(w: Writer, bits: str) -> str:
     return w.new(f"bitcast <{w.lanes} x i64> {bits} to {w.real}")
 
 
-def _whole(w: Vectors, operation: str, value: str, other: str | int) -> str:
+def _whole(w: Writer, operation: str, value: str, other: str | int) -> str:
     """An operation on whole numbers."""
     other = f"splat (i64 {other})" if isinstance(other, int) else other
     return w.new(f"{operation} <{w.lanes} x i64> {value}, {other}")
