@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from operator import attrgetter
 from types import MappingProxyType
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,15 +82,6 @@ class Adapting(NamedTuple):
 
     order: float = math.inf
     std: float | None = None
-
-
-class _Ordered(Protocol):
-    @property
-    def order(self) -> float:
-        """Place among the parameters of a list; those of the same one stay in the order of the Appendix.
-
-        Files and rounding depend on the order. A parameter without a place comes last.
-        """
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,8 +165,10 @@ class Row:
         return abs(value) if self.in_shares else 1.0
 
 
-def in_order(rows: Mapping[str, Row], entry: Callable[[Row], _Ordered | None]) -> tuple[str, ...]:
-    """Names of the parameters whose row has an entry, in the order of it.
+def in_order(rows: Mapping[str, Row], entry: Callable[[Row], Drift | Freed | Adapting | None]) -> tuple[str, ...]:
+    """Names of the parameters whose row has an entry, in the order of it; at the same one in that of the Appendix.
+
+    Files and rounding depend on the order. A parameter without a place comes last.
 
     Examples
     --------

@@ -14,15 +14,11 @@ from clutchid.processes.frames import MessageParts, receive, send
 from clutchid.systems import end_with_parent, limit_allocations
 
 
-def _nothing() -> None:
-    pass
-
-
 class Service(NamedTuple):
     """Service of a worker: `answer` a question, and work after each answer, while nobody waits."""
 
     answer: Callable[[MessageParts], MessageParts]
-    afterwards: Callable[[], None] = _nothing
+    afterwards: Callable[[], None] = lambda: None
 
 
 def main(parent: str, name: str, allocations: str) -> None:
