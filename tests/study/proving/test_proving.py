@@ -191,7 +191,7 @@ def test_unknown_workflows_and_foreign_folders_are_refused(tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "methods"),
-    [("calibrated", ["shooting", None]), ("calibrated-prediction-error", ["prediction-error"] * 2)],
+    [("calibrated", ["shooting"] * 2), ("calibrated-prediction-error", ["prediction-error"] * 2)],
 )
 def test_a_workflow_calibrates_and_adapts_by_its_method(ground, monkeypatch, name, methods):
     asked = []

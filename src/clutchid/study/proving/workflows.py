@@ -29,7 +29,6 @@ def paper_method(partition: Partition | None, calibration: Log, worn: Sequence[L
 
 def calibrated(
     model: str,
-    change: Callable[[Fit], Fit],
     adapt: Callable[[Fit, Log], Fit],
     calibration: Log,
     worn: Sequence[Log],
@@ -38,18 +37,13 @@ def calibrated(
 ) -> list[Answer]:
     """Calibrate once with pressure, then estimate the load of every worn recording from position alone."""
     both = ("position", "pressure_a")
-    once = change(fit(calibration, Actuator(model=model), measure=both, free=("auto",), method=method))
+    once = fit(calibration, Actuator(model=model), measure=both, free=("auto",), method=method)
     return [_answer(adapt(once, log), log) for log in worn]
 
 
-def by_shooting(once: Fit, log: Log) -> Fit:
+def adapted(once: Fit, log: Log, method: MethodName = "shooting") -> Fit:
     """Default: only the load is free, corrected by the position-only bias on the calibration recording."""
-    return fit(log, once.actuator, request=FitRequest(calibration=once.calibration))
-
-
-def by_prediction_error(once: Fit, log: Log) -> Fit:
-    """As `by_shooting`, with the prediction errors of a filter."""
-    return fit(log, once.actuator, request=FitRequest(calibration=once.calibration), method="prediction-error")
+    return fit(log, once.actuator, request=FitRequest(calibration=once.calibration), method=method)
 
 
 def by_simulation(partition: Partition | None, once: Fit, log: Log) -> Fit:
@@ -62,20 +56,15 @@ def not_adapted(once: Fit, log: Log) -> Fit:
     return replace(fit(log, once.actuator, free=()), load_curve=once.load_curve)
 
 
-def as_it_is(once: Fit) -> Fit:
-    """The calibration unchanged."""
-    return once
-
-
-def without_correction(once: Fit) -> Fit:
-    """The calibration without the bias correction."""
+def uncorrected(once: Fit, log: Log) -> Fit:
+    """As `adapted`, without the bias correction."""
     assert once.calibration is not None
-    return replace(once, calibration=replace(once.calibration, position_only=None))
+    return fit(log, once.actuator, request=FitRequest(calibration=replace(once.calibration, position_only=None)))
 
 
-def with_mean_valves(once: Fit) -> Fit:
-    """The calibration with valves averaged over the period in later fits, as in the paper."""
-    return replace(once, actuator=once.actuator.replace({"T_pwm": 0.0}))
+def with_mean_valves(once: Fit, log: Log) -> Fit:
+    """As `adapted`, with valves averaged over the period, as in the paper."""
+    return adapted(replace(once, actuator=once.actuator.replace({"T_pwm": 0.0})), log)
 
 
 def _answer(result: Fit, log: Log) -> Answer:
@@ -105,17 +94,17 @@ _WORKFLOWS: dict[str, Workflow] = {
     "paper-every-200": partial(paper_method, Partition(every=200)),
     "paper-every-200-q": partial(paper_method, Partition(every=200, carry="q")),
     "paper-8-parts": partial(paper_method, Partition(parts=8)),
-    "calibrated": partial(calibrated, AUTOMATIC, as_it_is, by_shooting),
-    "calibrated-uncorrected": partial(calibrated, AUTOMATIC, without_correction, by_shooting),
-    "calibrated-mean-valves": partial(calibrated, AUTOMATIC, with_mean_valves, by_shooting),
-    "calibrated-no-stribeck": partial(calibrated, "energy-balance", as_it_is, by_shooting),
-    "calibrated-isothermal": partial(calibrated, "isothermal-stribeck", as_it_is, by_shooting),
-    "calibrated-not-adapted": partial(calibrated, AUTOMATIC, as_it_is, not_adapted),
-    "calibrated-every-200": partial(calibrated, AUTOMATIC, as_it_is, partial(by_simulation, Partition(every=200))),
+    "calibrated": partial(calibrated, AUTOMATIC, adapted),
+    "calibrated-uncorrected": partial(calibrated, AUTOMATIC, uncorrected),
+    "calibrated-mean-valves": partial(calibrated, AUTOMATIC, with_mean_valves),
+    "calibrated-no-stribeck": partial(calibrated, "energy-balance", adapted),
+    "calibrated-isothermal": partial(calibrated, "isothermal-stribeck", adapted),
+    "calibrated-not-adapted": partial(calibrated, AUTOMATIC, not_adapted),
+    "calibrated-every-200": partial(calibrated, AUTOMATIC, partial(by_simulation, Partition(every=200))),
     "calibrated-prediction-error": partial(
-        calibrated, AUTOMATIC, as_it_is, by_prediction_error, method="prediction-error"
+        calibrated, AUTOMATIC, partial(adapted, method="prediction-error"), method="prediction-error"
     ),
-    "calibrated-ballistic": partial(calibrated, AUTOMATIC, as_it_is, partial(by_simulation, None)),
+    "calibrated-ballistic": partial(calibrated, AUTOMATIC, partial(by_simulation, None)),
 }
 
 
