@@ -38,7 +38,7 @@ def long_recording(path: Path, megabytes: float) -> int:
     with path.open("w") as file:
         file.write(f"{head}\n")
         for _ in range(times):
-            file.write("".join(f"{(written + i) / 1e3:.3f},{one}\n" for i, one in enumerate(values)))
+            file.write("".join(f"{(written + i) / 1e3:.3f},{value}\n" for i, value in enumerate(values)))
             written += len(values)
     return written
 
@@ -48,14 +48,14 @@ def server(folder: Path) -> Iterator[tuple[psutil.Process, str, float]]:
     """A server; its process, its address, and the time until it was up in s."""
     begin = time.perf_counter()
     command = [sys.executable, "-m", "clutchid", "app", "--no-browser", "--folder", str(folder)]
-    one = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    assert one.stdout is not None
-    address = one.stdout.readline().strip()
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    address = process.stdout.readline().strip()
     try:
-        yield psutil.Process(one.pid), address, time.perf_counter() - begin
+        yield psutil.Process(process.pid), address, time.perf_counter() - begin
     finally:
-        one.send_signal(signal.SIGINT)
-        one.wait(20)
+        process.send_signal(signal.SIGINT)
+        process.wait(20)
 
 
 def row(name: str, value: float, unit: str, target: float) -> None:
@@ -144,14 +144,14 @@ def cancel(page: Any, process: psutil.Process) -> None:
     page.click("nav a[href='#load']")
     page.click("#run-calibrate")
     page.locator("footer progress[value]").wait_for()
-    running = {one.pid for one in process.children(recursive=True)}
+    running = {child.pid for child in process.children(recursive=True)}
     begin = time.perf_counter()
     page.click("footer button:has-text('Cancel')")
     page.locator(".board .badge", has_text="stopped").wait_for()
     row("cancelled", time.perf_counter() - begin, "s", 0.3)
     time.sleep(0.5)
-    left = [one for one in process.children(recursive=True) if one.pid in running and one.status() != "zombie"]
-    busy = [one for one in left if one.cpu_percent(0.5) > 50.0]
+    left = [child for child in process.children(recursive=True) if child.pid in running and child.status() != "zombie"]
+    busy = [child for child in left if child.cpu_percent(0.5) > 50.0]
     row("processes of it that still run", len(busy), "", 0)
 
 
@@ -177,11 +177,11 @@ def _timed(verb: str, work: Callable[[Progress], Fit]) -> Fit:
             entry[1] = max(entry[1], previous.evaluations)
         last.append((now, step))
 
-    found = work(heard)
+    result = work(heard)
     heard(Step("writing"))
     for stage, (seconds, evaluations) in spent.items():
         print(f"| {verb} | {stage} | {seconds:.2f} | {evaluations:.0f} |")
-    return found
+    return result
 
 
 def main() -> None:

@@ -61,17 +61,17 @@ class Band(NamedTuple):
 def stored(folder: Path, family: str, numbers: Sequence[int], recorded: str) -> list[Stored]:
     """The readings in a folder with 'position' alone or with the 'supply' recorded."""
     paths = {number: folder / f"{family}_{number:05d}.npz" for number in numbers}
-    return [one for number, path in paths.items() if path.exists() for one in of_file(path, number, recorded)]
+    return [reading for number, path in paths.items() if path.exists() for reading in of_file(path, number, recorded)]
 
 
 def of_file(path: Path, truck: int, recorded: str) -> list[Stored]:
     """The readings of a file, in the order in which they were made."""
-    arrays, found = np.load(path), dict[str, dict[str, Any]]()
+    arrays, by_reading = np.load(path), dict[str, dict[str, Any]]()
     for key in arrays.files:
         case, columns, name = key.split("/")
         if columns == recorded:
-            found.setdefault(case, {})[name] = arrays[key]
-    return [Stored(truck, case, own) for case, own in found.items()]
+            by_reading.setdefault(case, {})[name] = arrays[key]
+    return [Stored(truck, case, own) for case, own in by_reading.items()]
 
 
 class Weights(NamedTuple):
@@ -81,65 +81,65 @@ class Weights(NamedTuple):
     spread: FloatArray
 
 
-def weights(one: Stored, part: float = BAND.evidence) -> Weights:
+def weights(reading: Stored, part: float = BAND.evidence) -> Weights:
     """The mean over the hypotheses that were searched, and a part of the logarithm of the evidence for the band."""
-    searched = np.where(one.arrays["searched"], one.arrays["score"], -np.inf)
-    return Weights(softmax(searched), flattened(one.arrays["score"], part))
+    searched = np.where(reading.arrays["searched"], reading.arrays["score"], -np.inf)
+    return Weights(softmax(searched), flattened(reading.arrays["score"], part))
 
 
-def bootstraps(one: Stored, part: float | None = None) -> Weights:
+def bootstraps(reading: Stored, part: float | None = None) -> Weights:
     """Means of the probabilities over bootstraps of the blocks, for the band too, or with a part of the evidence.
 
     A block that is drawn twice adds its cost at the solution again (Kishino, Miyata and Hasegawa 1990); a mean over
     bootstraps is a bagged posterior (Huggins and Miller 2023).
     """
-    drawn = drawn_scores(one)
+    drawn = drawn_scores(reading)
     mean: FloatArray = np.mean([softmax(row) for row in drawn], axis=0)
     return Weights(mean, mean if part is None else np.mean([flattened(row, part) for row in drawn], axis=0))
 
 
-def drawn_scores(one: Stored) -> FloatArray:
+def drawn_scores(reading: Stored) -> FloatArray:
     """Logarithms of the odds of all hypotheses in each bootstrap, shape (bootstraps, h)."""
-    score, costs = one.arrays["score"], one.arrays["costs"]
+    score, costs = reading.arrays["score"], reading.arrays["costs"]
     blocks = costs.shape[1]
     times = np.random.default_rng(0).multinomial(blocks, np.full(blocks, 1.0 / blocks), size=BOOTSTRAPS)
     drawn: FloatArray = score - 0.5 * (times - 1) @ costs.T
     return drawn
 
 
-def contested(one: Stored) -> float:
+def contested(reading: Stored) -> float:
     """Share of the bootstraps in which another hypothesis is the most probable one."""
-    return float(np.mean(np.argmax(drawn_scores(one), axis=1) != np.argmax(one.arrays["score"])))
+    return float(np.mean(np.argmax(drawn_scores(reading), axis=1) != np.argmax(reading.arrays["score"])))
 
 
-def posterior(one: Stored, of: Weights, least: float = BAND.least) -> Mixture:
+def posterior(reading: Stored, of: Weights, least: float = BAND.least) -> Mixture:
     """Posterior of the load at the points of the grid, as independent numbers: only their own intervals are used."""
-    a = one.arrays
+    a = reading.arrays
     misfit = np.fmax(1.0, a["misfit"])
     variance = misfit * (a["std"] ** 2 + (BAND.missed * a["grease"]) ** 2)
     variance += (least * a["load"].max(axis=1, keepdims=True)) ** 2
     return Mixture(HYPOTHESES, *of, a["load"], np.array([np.diag(row) for row in variance]))
 
 
-def band_of(found: Mixture, factor: float = 1.0) -> Band:
+def band_of(mixture: Mixture, factor: float = 1.0) -> Band:
     """The mean of a posterior with the quantiles of its mixture, farther from it by a factor."""
-    x = found.x
-    low, high = (x + factor * (end - x) for end in found.interval(np.eye(x.size)))
+    x = mixture.x
+    low, high = (x + factor * (end - x) for end in mixture.interval(np.eye(x.size)))
     return Band(x, low, high)
 
 
-def before(one: Stored) -> Band:
+def before(reading: Stored) -> Band:
     """As before: half of the logarithm of the evidence in the covariance, and 1.96 standard deviations."""
-    found = posterior(one, weights(one, 0.5), least=0.0)
-    half = QUANTILE * np.sqrt(np.diag(found.covariance))
-    return Band(found.x, found.x - half, found.x + half)
+    mixture = posterior(reading, weights(reading, 0.5), least=0.0)
+    half = QUANTILE * np.sqrt(np.diag(mixture.covariance))
+    return Band(mixture.x, mixture.x - half, mixture.x + half)
 
 
-def with_filter(one: Stored, weight: float = FILTER_WEIGHT) -> Band:
+def with_filter(reading: Stored, weight: float = FILTER_WEIGHT) -> Band:
     """The load of two estimators, with the band of the first."""
-    found = posterior(one, weights(one))
-    step = weight * (1.0 - found.of_group("valves")) * (one.arrays["joint"] - found.x)
-    return band_of(found.moved(step))
+    mixture = posterior(reading, weights(reading))
+    step = weight * (1.0 - mixture.of_group("valves")) * (reading.arrays["joint"] - mixture.x)
+    return band_of(mixture.moved(step))
 
 
 #: Bands as they are used.
@@ -185,24 +185,24 @@ class Score(NamedTuple):
     expected: float
 
 
-def score(one: Stored, band: Band) -> Score:
+def score(reading: Stored, band: Band) -> Score:
     """Score of a band."""
-    truth, width = one.arrays["truth"], band.high - band.low
+    truth, width = reading.arrays["truth"], band.high - band.low
     missed = np.maximum(band.low - truth, 0.0) + np.maximum(truth - band.high, 0.0)
     return Score(
-        100 * rms(band.load - truth) / one.peak,
+        100 * rms(band.load - truth) / reading.peak,
         100 * float(np.mean(missed == 0.0)),
-        100 * float(np.median(width)) / one.peak,
-        100 * float(np.mean(width + MISSED * missed)) / one.peak,
-        100 * rms(width / (2 * QUANTILE)) / one.peak,
+        100 * float(np.median(width)) / reading.peak,
+        100 * float(np.mean(width + MISSED * missed)) / reading.peak,
+        100 * rms(width / (2 * QUANTILE)) / reading.peak,
     )
 
 
 def area(readings: Sequence[Stored], scores: Sequence[Score]) -> float:
     """Area under the curve of the expected error for bad loads, within the cases; NaN where none or all are bad."""
     ordered = pairs = 0.0
-    for case in {one.case for one in readings}:
-        own = [s for one, s in zip(readings, scores, strict=True) if one.case == case]
+    for case in {reading.case for reading in readings}:
+        own = [s for reading, s in zip(readings, scores, strict=True) if reading.case == case]
         wrong, right = ([s.expected for s in own if (s.error > BAD_ERROR) is which] for which in (True, False))
         apart = np.sign(np.subtract.outer(wrong, right))
         ordered, pairs = ordered + float(np.sum(0.5 + 0.5 * apart)), pairs + apart.size
@@ -212,10 +212,10 @@ def area(readings: Sequence[Stored], scores: Sequence[Score]) -> float:
 def line(readings: Sequence[Stored], scores: Sequence[Score]) -> str:
     """A row of the table."""
     table = np.array(scores)
-    by_truck = [np.mean([s.covered for one, s in zip(readings, scores, strict=True) if one.truck == truck])
-                for truck in {one.truck for one in readings}]  # fmt: skip
+    by_truck = [np.mean([s.covered for reading, s in zip(readings, scores, strict=True) if reading.truck == truck])
+                for truck in {reading.truck for reading in readings}]  # fmt: skip
     error = np.std(by_truck, ddof=1) / np.sqrt(len(by_truck)) if len(by_truck) > 1 else np.nan
-    pairs = [s.covered for one, s in zip(readings, scores, strict=True) if one.case in PAIRS]
+    pairs = [s.covered for reading, s in zip(readings, scores, strict=True) if reading.case in PAIRS]
     return (
         f"{table[:, 1].mean():6.1f} ± {error:.1f} %{np.mean(pairs) if pairs else np.nan:7.0f} %"
         f"{np.median(table[:, 2]):8.1f}{table[:, 3].mean():8.1f}"
@@ -244,25 +244,28 @@ def bad(scores: Sequence[Score], low: float, high: float) -> str:
 
 def correlation(readings: Sequence[Stored]) -> float:
     """Correlation of the mean errors of the fit and of the joint filter."""
-    fits = [weights(one).mean @ one.arrays["load"] for one in readings]
+    fits = [weights(reading).mean @ reading.arrays["load"] for reading in readings]
     errors = [
-        [np.mean(load - one.arrays["truth"]) / one.peak for load in (fit, one.arrays["joint"])]
-        for one, fit in zip(readings, fits, strict=True)
+        [np.mean(load - reading.arrays["truth"]) / reading.peak for load in (fit, reading.arrays["joint"])]
+        for reading, fit in zip(readings, fits, strict=True)
     ]
     return float(np.corrcoef(np.transpose(errors))[0, 1])
 
 
 def half_loads(readings: Sequence[Stored], band: Callable[[Stored], Band]) -> str:
     """Error of the position in mm at which the load reaches half its peak, median and worst."""
-    errors = [abs(half_load(GRID, band(one).load) - half_load(GRID, one.arrays["truth"])) * 1e3 for one in readings]
+    errors = [
+        abs(half_load(GRID, band(reading).load) - half_load(GRID, reading.arrays["truth"])) * 1e3
+        for reading in readings
+    ]
     return f"{np.median(errors):.3f} / {max(errors):.3f}"
 
 
 def per_supply(readings: Sequence[Stored]) -> str:
     """By how many % the load changes for 1 % of the supply: smallest, median and largest of the readings."""
     shares = []
-    for one in readings:
-        load, by = (weights(one).mean @ one.arrays[name] for name in ("load", "per_supply"))
+    for reading in readings:
+        load, by = (weights(reading).mean @ reading.arrays[name] for name in ("load", "per_supply"))
         shares.append(float(load @ by / (load @ load)))
     return " / ".join(f"{share:.2f}" for share in np.quantile(shares, [0.0, 0.5, 1.0]))
 
@@ -280,15 +283,16 @@ def main() -> None:
         readings = stored(chosen.folder, chosen.family, numbers, recorded)
         if not readings:
             continue
-        trucks = len({one.truck for one in readings})
+        trucks = len({reading.truck for reading in readings})
         print(f"\nfamily {chosen.family}, {trucks} trucks, recorded: {recorded}")
         print(f"{'':<40}{'covered':>14}{'pairs':>9}{'width':>8}{'score':>8}{'error':>17}{'area':>8}")
-        found = {name: [score(one, band(one)) for one in readings] for name, band in bands.items()}
-        for name, scores in found.items():
+        by_band = {name: [score(reading, band(reading)) for reading in readings] for name, band in bands.items()}
+        for name, scores in by_band.items():
             print(f"{name:<40}{line(readings, scores)}")
-        used = found[USED[recorded]]
+        used = by_band[USED[recorded]]
         raised = [
-            s._replace(expected=s.expected * (1.0 + contested(one))) for one, s in zip(readings, used, strict=True)
+            s._replace(expected=s.expected * (1.0 + contested(reading)))
+            for reading, s in zip(readings, used, strict=True)
         ]
         print(
             f"  area of the expected error times 1 + the share of bootstraps for another: {area(readings, raised):.2f}"
@@ -300,10 +304,10 @@ def main() -> None:
         print(f"  half-load position off by {', now '.join(halves)} mm")
         print(f"  1 % of the supply moves the load by {per_supply(readings)} %")
         for case in CASES:
-            at = [i for i, one in enumerate(readings) if one.case == case]
+            at = [i for i, reading in enumerate(readings) if reading.case == case]
             for name in ("before", USED[recorded]):
                 print(f"  {case if name == 'before' else '':<22}{name[-8:]:<16}"
-                      f"{line([readings[i] for i in at], [found[name][i] for i in at])}")  # fmt: skip
+                      f"{line([readings[i] for i in at], [by_band[name][i] for i in at])}")  # fmt: skip
     print(f"\nall readings as used: {graded(both)}\nby expected error: {by_expected_error(both)}")
 
 

@@ -370,8 +370,8 @@ def reference(place: Path, lines: list[bytes]) -> Reference:
     """What is observed in a file of the lines, in a folder beside the calibration."""
     place.mkdir()
     (place / "worn.csv").write_bytes(b"".join(lines))
-    given = [*CALIBRATION, "--out", "est.parquet", "--save", "state.toml"]
-    subprocess.run([*COMMAND, "observe", "worn.csv", *given], cwd=place, check=True, stdout=subprocess.DEVNULL)
+    options = [*CALIBRATION, "--out", "est.parquet", "--save", "state.toml"]
+    subprocess.run([*COMMAND, "observe", "worn.csv", *options], cwd=place, check=True, stdout=subprocess.DEVNULL)
     samples, strokes = (pl.read_parquet(place / name) for name in ("est.parquet", "est.load.parquet"))
     return Reference(lines, samples, strokes, (place / "state.toml").read_text())
 
@@ -384,12 +384,12 @@ def frame_of(path: Path) -> pl.DataFrame | str:
         return f"{path.name} cannot be read ({error})"
 
 
-def same(found: pl.DataFrame, wanted: pl.DataFrame) -> bool:
+def same(observed: pl.DataFrame, wanted: pl.DataFrame) -> bool:
     """Whether two tables are the same, bit by bit; CSV has the same digits, and nothing for NaN."""
-    if found.columns != wanted.columns:
+    if observed.columns != wanted.columns:
         return False
-    each = [frame.cast(dict(wanted.schema)).with_columns(pl.all().fill_nan(None)) for frame in (found, wanted)]
-    return each[0].equals(each[1], null_equal=True)
+    frames = [frame.cast(dict(wanted.schema)).with_columns(pl.all().fill_nan(None)) for frame in (observed, wanted)]
+    return frames[0].equals(frames[1], null_equal=True)
 
 
 def one_run(folder: Path, name: str, number: int, draw: random.Random, undisturbed: Reference) -> Outcome:
@@ -443,26 +443,26 @@ def _checked(
     read = session.read - 1 - (kind.spoiled is not None)
     file = Path("out") / kind.file
     state = Path("state.toml" if kind.file == "est.csv" else "out/state.toml")
-    found = {one: place / places.get(one, one) for one in (file, _strokes(file), state)}
+    paths = {one: place / places.get(one, one) for one in (file, _strokes(file), state)}
     (place / "out").mkdir(exist_ok=True)
-    kept = place / "kept"
-    kept.mkdir()
-    for one, where in found.items():
+    saved = place / "kept"
+    saved.mkdir()
+    for one, where in paths.items():
         if where.exists() and one != state:
-            where.replace(kept / one.name)
+            where.replace(saved / one.name)
         elif where.exists() and where != place / one:
             shutil.copy(where, place / one)
     has_state = (place / state).exists()
     wrong += _resumed(place, kind, state, undisturbed) if has_state else []
     if kind.killed:
         for one in (place / "out").glob("*.recovered*"):
-            one.replace(kept / one.name.replace(".recovered", ""))
+            one.replace(saved / one.name.replace(".recovered", ""))
         state_needed = False
     else:
         state_needed = not kind.disk
     if not has_state and state_needed:
         wrong.append("no state")
-    lost, problems = _rows(place, kept, kind, file, has_state, read, session.room, undisturbed)
+    lost, problems = _rows(place, saved, kind, file, has_state, read, session.room, undisturbed)
     wrong += problems
     return Outcome(name, lost, lost < 0.0005, "; ".join(wrong))
 
@@ -483,7 +483,7 @@ def _sentences(errors: str, code: int | None) -> list[str]:
 def _left_behind(place: Path, pid: int, kind: Kind) -> list[str]:
     """Hidden files and processes that are left."""
     wrong = []
-    alive = [one.pid for one in psutil.process_iter() if _session_of(one.pid) == pid]
+    alive = [process.pid for process in psutil.process_iter() if _session_of(process.pid) == pid]
     if alive:
         wrong.append(f"{len(alive)} processes left")
     hidden = [path.name for path in place.rglob(".*")]
@@ -516,8 +516,8 @@ def _resumed(place: Path, kind: Kind, state: Path, undisturbed: Reference) -> li
         errors, code = process.communicate(timeout=60)[1], process.returncode
     else:
         command = [*COMMAND, "observe", "-", *options]
-        done = subprocess.run(command, cwd=place, input=rest, capture_output=True, check=False)
-        errors, code = done.stderr, done.returncode
+        finished = subprocess.run(command, cwd=place, input=rest, capture_output=True, check=False)
+        errors, code = finished.stderr, finished.returncode
     wrong = [] if code == 0 else [f"resumed with exit code {code}: {' '.join(errors.decode().split())[-300:]}"]
     if code == 0 and (place / state).read_text() != undisturbed.state:
         wrong.append("another state at the end")
@@ -534,30 +534,30 @@ def _idle(pid: int) -> None:
 
 
 def _rows(
-    place: Path, kept: Path, kind: Kind, file: Path, has_state: bool, read: int, room: float, undisturbed: Reference
+    place: Path, saved: Path, kind: Kind, file: Path, has_state: bool, read: int, room: float, undisturbed: Reference
 ) -> tuple[float, list[str]]:
     """Seconds lost of what was read, and what is wrong with the samples and strokes."""
     wrong: list[str] = []
     count = 0
-    for one, wanted in ((file, undisturbed.samples), (_strokes(file), undisturbed.strokes)):
-        before = frame_of(kept / one.name) if (kept / one.name).exists() else wanted.head(0)
+    for name, wanted in ((file, undisturbed.samples), (_strokes(file), undisturbed.strokes)):
+        before = frame_of(saved / name.name) if (saved / name.name).exists() else wanted.head(0)
         if isinstance(before, str):
             wrong.append(before)
             continue
         if not same(before, wanted.head(before.height)):
-            wrong.append(f"{one.name}: other samples")
-        if one == file:
+            wrong.append(f"{name.name}: other samples")
+        if name == file:
             count = before.height
-        after = frame_of(place / one) if (place / one).exists() else wanted.head(0)
+        after = frame_of(place / name) if (place / name).exists() else wanted.head(0)
         if isinstance(after, str):
             wrong.append(after)
         elif has_state and not same(after, wanted.tail(after.height)):
-            wrong.append(f"{one.name}: other samples after resuming")
+            wrong.append(f"{name.name}: other samples after resuming")
         elif has_state and not kind.disk and before.height + after.height != wanted.height:
-            wrong.append(f"{one.name}: {before.height} + {after.height} rows for {wanted.height}")
+            wrong.append(f"{name.name}: {before.height} + {after.height} rows for {wanted.height}")
     lost = max(0.0, (read - count) / 1000.0)
     if kind.disk:
-        size = (kept / file.name).stat().st_size if (kept / file.name).exists() else 0
+        size = (saved / file.name).stat().st_size if (saved / file.name).exists() else 0
         per_second = size / max(count / 1000.0, 1e-9)
         lost = min(lost, max(0.0, room - size) / per_second if size else lost)
     return lost, wrong
@@ -576,12 +576,12 @@ def _bus_run(name: str, place: Path, number: int, moment: int, end: int, undistu
     if code not in kind.codes:
         wrong.append(f"exit code {code}")
     wrong += [*_sentences(session.errors, code), *_left_behind(place, pid, kind)]
-    kept = place / "kept"
-    kept.mkdir()
+    saved = place / "kept"
+    saved.mkdir()
     file, state = Path("out/est.parquet"), place / "out" / "state.toml"
     for one in (file, _strokes(file)):
         if (place / one).exists():
-            (place / one).replace(kept / one.name)
+            (place / one).replace(saved / one.name)
     if has_state := state.exists():
         latest = tomllib.loads(state.read_text())["tail"]["time"][-1]
         at = int(np.searchsorted(undisturbed.samples["time [s]"].to_numpy(), latest, side="right"))
@@ -596,8 +596,8 @@ def _bus_run(name: str, place: Path, number: int, moment: int, end: int, undistu
         wrong.append("no state")
     if kind.killed:
         for one in (place / "out").glob("*.recovered*"):
-            one.replace(kept / one.name.replace(".recovered", ""))
-    lost, problems = _rows(place, kept, kind, file, has_state, session.read, np.nan, undisturbed)
+            one.replace(saved / one.name.replace(".recovered", ""))
+    lost, problems = _rows(place, saved, kind, file, has_state, session.read, np.nan, undisturbed)
     return Outcome(name, lost, lost < 0.0005, "; ".join([*wrong, *problems]))
 
 
@@ -612,12 +612,12 @@ class _BusSession(NamedTuple):
 
 def _on_bus(place: Path, how: dict[str, object], options: Sequence[str], errors: str) -> tuple[int | None, int]:
     """Exit code, None if it did not end in time, and number of a process on a virtual bus."""
-    given = [*CALIBRATION, *BUS_OPTIONS, "--out", "out/est.parquet", "--save", "out/state.toml", *options]
+    arguments = [*CALIBRATION, *BUS_OPTIONS, "--out", "out/est.parquet", "--save", "out/state.toml", *options]
     path = os.pathsep.join([str(Path(__file__).parent.resolve()), os.environ.get("PYTHONPATH", "")])
     environment = {**os.environ, "LIVE_FAULT": json.dumps(how), "PYTHONPATH": path}
     with (place / errors).open("wb") as said:
         process = subprocess.Popen(
-            [*BUS, "observe", f"can:virtual:{CHANNEL}", *given], cwd=place, stdout=subprocess.DEVNULL, stderr=said,
+            [*BUS, "observe", f"can:virtual:{CHANNEL}", *arguments], cwd=place, stdout=subprocess.DEVNULL, stderr=said,
             start_new_session=True, env=environment,
         )  # fmt: skip
         try:
@@ -700,30 +700,38 @@ def outcomes(
 ) -> Iterator[Outcome]:
     """Runs of each kind in turn, `runs` in all, `jobs` at once; those in real time first, more at once."""
     names = [name for name in KINDS if only in name]
-    each = [names[i % len(names)] for i in range(runs)]
+    drawn = [names[i % len(names)] for i in range(runs)]
     undisturbed = reference(folder / "reference", worn(SECONDS))
     on_bus = prepared_bus(folder, undisturbed.lines) if any(KINDS[name].bus for name in names) else None
     long = reference(folder / "long", worn(REAL_SECONDS)) if any(KINDS[name].real for name in names) else None
 
     def run(number: int) -> Outcome:
-        kind = KINDS[each[number]]
+        kind = KINDS[drawn[number]]
         wanted = (long if kind.real else on_bus if kind.bus else undisturbed) or undisturbed
-        return one_run(folder, each[number], number, random.Random(f"{seed} {number}"), wanted)
+        return one_run(folder, drawn[number], number, random.Random(f"{seed} {number}"), wanted)
 
     for real, at_once in ((True, TOGETHER), (False, jobs)):
         with ThreadPoolExecutor(at_once) as pool:
-            yield from pool.map(run, [i for i, name in enumerate(each) if KINDS[name].real == real])
+            yield from pool.map(run, [i for i, name in enumerate(drawn) if KINDS[name].real == real])
 
 
-def fault_table(found: Sequence[Outcome]) -> list[str]:
+def fault_table(outcomes: Sequence[Outcome]) -> list[str]:
     """A row by kind: runs, complete ones, the most seconds lost, and wrong ones."""
     rows = [("fault", "runs", "complete", "lost, most [s]", "wrong")]
-    for name in dict.fromkeys(one.kind for one in found):
-        each = [one for one in found if one.kind == name]
-        complete, wrong = sum(one.complete for one in each), sum(bool(one.wrong) for one in each)
-        rows.append((name, f"{len(each)}", f"{complete}", f"{max(one.lost for one in each):.2f}", f"{wrong}"))
-    complete, wrong = sum(one.complete for one in found), sum(bool(one.wrong) for one in found)
+    for name in dict.fromkeys(outcome.kind for outcome in outcomes):
+        of_kind = [outcome for outcome in outcomes if outcome.kind == name]
+        complete, wrong = sum(outcome.complete for outcome in of_kind), sum(bool(outcome.wrong) for outcome in of_kind)
+        rows.append(
+            (name, f"{len(of_kind)}", f"{complete}", f"{max(outcome.lost for outcome in of_kind):.2f}", f"{wrong}")
+        )
+    complete, wrong = sum(outcome.complete for outcome in outcomes), sum(bool(outcome.wrong) for outcome in outcomes)
     rows.append(
-        ("all", f"{len(found)}", f"{complete}", f"{max((one.lost for one in found), default=0.0):.2f}", f"{wrong}")
+        (
+            "all",
+            f"{len(outcomes)}",
+            f"{complete}",
+            f"{max((outcome.lost for outcome in outcomes), default=0.0):.2f}",
+            f"{wrong}",
+        )
     )
     return text_table(rows, 1)

@@ -137,22 +137,22 @@ def calibrated(setting: Setting, name: str) -> tuple[Actuator, Calibration]:
 
     def once() -> tuple[Actuator, Calibration]:
         with drifting(FIXED):
-            found = fit(
+            result = fit(
                 calibration_log(setting),
                 measure=("position", "pressure_a"),
                 free=("auto",),
                 request=FitRequest(priors=prior),
             )
-        assert found.calibration is not None, "a calibration with pressure keeps one"
-        return found.actuator, found.calibration
+        assert result.calibration is not None, "a calibration with pressure keeps one"
+        return result.actuator, result.calibration
 
-    actuator, kept = stored(shared.with_suffix(".pickle"), once)
+    actuator, calibration = stored(shared.with_suffix(".pickle"), once)
     if variant.drift is FIXED:
-        return actuator, kept
+        return actuator, calibration
 
     def anew() -> tuple[Actuator, Calibration]:
-        errors = position_only_errors(SHOOTING, [calibration_log(setting)], actuator, kept)
-        return actuator, replace(kept, position_only=errors)
+        errors = position_only_errors(SHOOTING, [calibration_log(setting)], actuator, calibration)
+        return actuator, replace(calibration, position_only=errors)
 
     with drifting(variant.drift):
         return stored(setting.path("calibration", name).with_suffix(".pickle"), anew)
@@ -164,30 +164,30 @@ def stored(path: Path, make: Callable[[], tuple[Actuator, Calibration]]) -> tupl
         part = path.with_suffix(f".{os.getpid()}")
         part.write_bytes(pickle.dumps(make()))
         part.rename(path)
-    kept: tuple[Actuator, Calibration] = pickle.loads(path.read_bytes())
-    return kept
+    content: tuple[Actuator, Calibration] = pickle.loads(path.read_bytes())
+    return content
 
 
 def reading(setting: Setting, name: str, case: str) -> Reading | None:
     """The kept reading of a case, or a new one; None if its search fails."""
     path = setting.path(name, case).with_suffix(".json")
     if not path.exists():
-        actuator, kept = calibrated(setting, name)
+        actuator, calibration = calibrated(setting, name)
         driven = worn(setting, case)
         with drifting(VARIANTS[name].drift):
-            found = _read(driven, actuator, kept)
-        path.write_text(json.dumps(None if found is None else found._asdict()))
+            result = _read(driven, actuator, calibration)
+        path.write_text(json.dumps(None if result is None else result._asdict()))
     values = json.loads(path.read_text())
     return None if values is None else Reading(**values)
 
 
-def _read(driven: Drive, actuator: Actuator, kept: Calibration) -> Reading | None:
+def _read(driven: Drive, actuator: Actuator, calibration: Calibration) -> Reading | None:
     begin = time.perf_counter()
-    found = fit(driven.log.without(*left_out("default")), actuator, request=FitRequest(calibration=kept))
-    if found.status == "failed":
+    result = fit(driven.log.without(*left_out("default")), actuator, request=FitRequest(calibration=calibration))
+    if result.status == "failed":
         return None
-    error = percent(driven, np.interp(GRID, found.load_curve.position, found.load_curve.force))
-    supply = max((change.probability for change in found.changes if change.group == SUPPLY), default=0.0)
+    error = percent(driven, np.interp(GRID, result.load_curve.position, result.load_curve.force))
+    supply = max((change.probability for change in result.changes if change.group == SUPPLY), default=0.0)
     return Reading(rms(error), float(np.mean(error)), supply, time.perf_counter() - begin)
 
 
@@ -206,14 +206,14 @@ def rms(values: FloatArray) -> float:
 def one_truck(setting: Setting, names: Sequence[str], cases: Sequence[str]) -> None:
     """Every reading of a truck, kept; each is printed, after the calibrated masses."""
     for name in names:
-        actuator, kept = calibrated(setting, name)
-        std = np.sqrt(kept.covariance_of(("M",))[0, 0])
+        actuator, calibration = calibrated(setting, name)
+        std = np.sqrt(calibration.covariance_of(("M",))[0, 0])
         masses = f"{actuator.value('M'):.1f} ± {std:.1f} kg, true {setting.kind().M:.1f} kg"
         print(f"{setting.family}{setting.number:<6}{setting.without:<24}{'mass':<20}{name:<24}{masses}", flush=True)
     for case in cases:
         for name in names:
-            found = reading(setting, name, case)
-            cells = "no load" if found is None else f"{found.error:6.2f} {found.bias:+6.2f} {found.supply:5.2f}"
+            result = reading(setting, name, case)
+            cells = "no load" if result is None else f"{result.error:6.2f} {result.bias:+6.2f} {result.supply:5.2f}"
             print(f"{setting.family}{setting.number:<6}{setting.without:<24}{case:<20}{name:<24}{cells}", flush=True)
 
 
@@ -222,13 +222,13 @@ def table(settings: Sequence[Setting], names: Sequence[str], cases: Sequence[str
     yield f"{'case':<20}{'variant':<24}{'trucks':>8}{'error [%]':>16}{'bias [%]':>10}{'lower supply':>14}{'failed':>8}"
     for case in cases:
         for name in names:
-            found = [reading(setting, name, case) for setting in settings]
-            known = [one for one in found if one is not None]
-            error = np.array([one.error for one in known])
-            supply = 100 * np.mean([one.supply > 0.5 for one in known])
+            readings = [reading(setting, name, case) for setting in settings]
+            fits = [r for r in readings if r is not None]
+            error = np.array([r.error for r in fits])
+            supply = 100 * np.mean([r.supply > 0.5 for r in fits])
             yield (
-                f"{case:<20}{name:<24}{len(known):>8}{f'{np.median(error):.2f} / {error.max():.2f}':>16}"
-                f"{np.mean([one.bias for one in known]):>+10.2f}{f'{supply:.0f} %':>14}{len(found) - len(known):>8}"
+                f"{case:<20}{name:<24}{len(fits):>8}{f'{np.median(error):.2f} / {error.max():.2f}':>16}"
+                f"{np.mean([r.bias for r in fits]):>+10.2f}{f'{supply:.0f} %':>14}{len(readings) - len(fits):>8}"
             )
 
 
@@ -238,26 +238,26 @@ AT_TRUTH = 20.0
 
 def scores(setting: Setting, name: str, case: str) -> Iterator[str]:
     """What single parameters would gain at the changes of temperature, with the load free and at the truth."""
-    actuator, kept = calibrated(setting, name)
+    actuator, calibration = calibrated(setting, name)
     driven = worn(setting, case)
     with drifting(VARIANTS[name].drift):
         free = FreeParameters(actuator.load.names, ("position",))
-        start = SHOOTING.search([driven.log.without(*left_out("default"))], actuator, free, kept, None)
-        if SHOOTING.changes is None or isinstance(start.solution, Failure) or kept.position_only is None:
+        start = SHOOTING.search([driven.log.without(*left_out("default"))], actuator, free, calibration, None)
+        if SHOOTING.changes is None or isinstance(start.solution, Failure) or calibration.position_only is None:
             return
-        first = explanation(start, kept.position_only.dispersion)
+        first = explanation(start, calibration.position_only.dispersion)
         warmer = with_hypothesis(start.problem, (TEMPERATURE,))
         x = np.clip(first.solution.x + first.under((TEMPERATURE,)).step, *warmer.bounds())
         reached = SHOOTING.changes.refine(start, warmer, x)
         weights = _weights(actuator, driven)
-        known = {n: Prior(value, AT_TRUTH) for n, value in zip(actuator.load.names, weights.tolist(), strict=True)}
-        held = replace(warmer, measured={**warmer.measured, **known})
+        priors = {n: Prior(value, AT_TRUTH) for n, value in zip(actuator.load.names, weights.tolist(), strict=True)}
+        held = replace(warmer, measured={**warmer.measured, **priors})
         if isinstance(reached.solution, Failure):
             return
         true = SHOOTING.changes.refine(reached, held, reached.solution.x)
-        for what, found in (("free", reached), ("true", true)):
-            if not isinstance(found.solution, Failure):
-                yield f"  load {what}: " + "; ".join(_gains(found.problem, found.solution, driven)[:8])
+        for what, result in (("free", reached), ("true", true)):
+            if not isinstance(result.solution, Failure):
+                yield f"  load {what}: " + "; ".join(_gains(result.problem, result.solution, driven)[:8])
 
 
 #: Positions in m at which the load weights meet the true load: from the rest on, and to the end of all strokes.
@@ -297,8 +297,8 @@ def _gains(problem: Problem, solution: ShootingSolution, driven: Drive) -> list[
         return float(np.mean(percent(driven, load.force(GRID))))
 
     base, none = least([])
-    found = [(base - cost, c.base, step) for i, c in enumerate(extra) for cost, step in [least([i])]]
-    best = sorted(found, key=lambda one: -one[0])
+    gains = [(base - cost, c.base, step) for i, c in enumerate(extra) for cost, step in [least([i])]]
+    best = sorted(gains, key=lambda one: -one[0])
     shown = [f"{name} {gain:.0f} ({step[k]:+.1f} spreads, load {bias(step):+.1f} %)" for gain, name, step in best]
     return [f"cost {base:.0f}, load {bias(none):+.1f} %", *shown]
 

@@ -67,11 +67,11 @@ def items(family: str, calibration: int, numbers: Sequence[int]) -> list[tuple[f
         [Item(family, calibration, calibration, f"leak {leak:g}") for leak in LEAKS]
         + [Item(family, calibration, calibration, f"leak {BESIDE[0]:g}, {case}") for case in BESIDE[1]],
     )
-    found = [(0.0, Item(family, calibration, calibration, "calibration"))]
+    placed = [(0.0, Item(family, calibration, calibration, "calibration"))]
     for kind in kinds:
         places = (np.arange(len(kind)) + rng.uniform()) / max(1, len(kind))
-        found += [(float(place), kind[i]) for place, i in zip(places, rng.permutation(len(kind)), strict=True)]
-    return found
+        placed += [(float(place), kind[i]) for place, i in zip(places, rng.permutation(len(kind)), strict=True)]
+    return placed
 
 
 def calibration_file(folder: Path, family: str, number: int) -> Path:
@@ -100,16 +100,16 @@ def recording(item: Item) -> tuple[Any, Any]:
 
     if item.case == "calibration":
         kind = truck(item.number, item.family)
-        done = drive(kind, seconds=SECONDS, seed=seeds(item.number)[0], name="worn", conditions=True)
+        made = drive(kind, seconds=SECONDS, seed=seeds(item.number)[0], name="worn", conditions=True)
     elif item.case.startswith("leak "):
         kind = truck(item.number, item.family)
         leak, _, case = item.case.removeprefix("leak ").partition(", ")
         leaking = kind.replace({"C_A0": kind.C_A0 + float(leak)})
-        done = worn_clutch(item.number, item.family, case or "nothing", kind=leaking)
+        made = worn_clutch(item.number, item.family, case or "nothing", kind=leaking)
     else:
-        done = worn_clutch(item.number, item.family, "nothing" if item.case == "pair" else item.case)
-    without = [name for name in ("pressure_a", *LACKING[item.recorded]) if name in done.log]
-    return done.log.without(*without), done.truth
+        made = worn_clutch(item.number, item.family, "nothing" if item.case == "pair" else item.case)
+    without = [name for name in ("pressure_a", *LACKING[item.recorded]) if name in made.log]
+    return made.log.without(*without), made.truth
 
 
 def read(folder: Path, item: Item) -> dict[str, Any]:
@@ -177,7 +177,7 @@ def load_of(result: Any, once: Any, true: np.ndarray, grid: np.ndarray) -> dict[
     }
 
 
-def evidence_of(known: dict[Any, Any], once: Any, log: Any) -> dict[str, Any]:
+def evidence_of(explanations: dict[Any, Any], once: Any, log: Any) -> dict[str, Any]:
     """Posterior over the hypotheses, and the information of the data about all that differs between trucks."""
     from clutchid.estimation.departure import relative_misfit
     from clutchid.estimation.hypotheses import mixture, most_probable, score
@@ -187,9 +187,9 @@ def evidence_of(known: dict[Any, Any], once: Any, log: Any) -> dict[str, Any]:
     from clutchid.numerics.failure import Failure
 
     calibration = once.calibration
-    best = known[most_probable(known, calibration)]
+    best = explanations[most_probable(explanations, calibration)]
     problem, at = best.result.problem, best.solution
-    weighed = mixture(known, calibration)
+    weighed = mixture(explanations, calibration)
     bases = {c.base for c in problem.coordinates}
     actuator = problem.actuator
     fixed = [n for n in FIXED if n in actuator.acting and n not in bases and actuator.value(n) != 0.0]
@@ -211,12 +211,14 @@ def evidence_of(known: dict[Any, Any], once: Any, log: Any) -> dict[str, Any]:
         "std": np.sqrt(np.diag(weighed.covariance)),
         "hypotheses": ["+".join(h) for h in weighed.hypotheses],
         "probabilities": weighed.probabilities,
-        "searched": ["+".join(h) for h in known],
-        "misfits": [relative_misfit(one.solution.at.cost, [log], calibration) for one in known.values()],
-        "costs": [one.solution.at.cost for one in known.values()],
-        "scores": [score(one.under(h), h, calibration) for h, one in known.items()],
-        "best": "+".join(most_probable(known, calibration)),
-        "all_scores": [score(known.get(h, best).under(h), h, calibration) for h in HYPOTHESES],
+        "searched": ["+".join(h) for h in explanations],
+        "misfits": [
+            relative_misfit(explanation.solution.at.cost, [log], calibration) for explanation in explanations.values()
+        ],
+        "costs": [explanation.solution.at.cost for explanation in explanations.values()],
+        "scores": [score(explanation.under(h), h, calibration) for h, explanation in explanations.items()],
+        "best": "+".join(most_probable(explanations, calibration)),
+        "all_scores": [score(explanations.get(h, best).under(h), h, calibration) for h in HYPOTHESES],
         "dispersion": usual.dispersion if usual else 1.0,
         "R": None if factor is None else factor[np.triu_indices_from(factor)],
     }
@@ -236,9 +238,9 @@ def observed(log: Any, once: Any) -> float:
 def rounded(value: Any) -> Any:
     """Plain values with `DIGITS` digits."""
     if isinstance(value, dict):
-        return {key: rounded(one) for key, one in value.items()}
+        return {key: rounded(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple, np.ndarray)):
-        return [rounded(one) for one in value]
+        return [rounded(entry) for entry in value]
     if isinstance(value, (float, np.floating)):
         return float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None
     return value.item() if isinstance(value, np.generic) else value
@@ -260,14 +262,14 @@ def driven(family: str) -> None:
 
 def stored(path: Path) -> list[dict[str, Any]]:
     """The readings of a file; a line that was cut off is left out."""
-    found = []
+    readings = []
     if path.exists():
         for line in path.read_text(encoding="utf-8").splitlines():
             try:
-                found.append(json.loads(line))
+                readings.append(json.loads(line))
             except ValueError:
                 continue
-    return found
+    return readings
 
 
 def read_all(folder: Path, wanted: Sequence[tuple[float, Item]], workers: int, budget: float) -> None:
@@ -287,7 +289,7 @@ def read_all(folder: Path, wanted: Sequence[tuple[float, Item]], workers: int, b
     print(f"compiled after {time.perf_counter() - begin:.0f} s", flush=True)
     calibrations = {pool.submit(calibrate, folder, *one): one for one in missing}
     running: dict[Future[Any], Any] = {}
-    done = 0
+    count = 0
     with path.open("a", encoding="utf-8") as file:
         while (queue or running) and time.perf_counter() - begin < budget:
             free = workers - len(running) - len(calibrations)
@@ -306,48 +308,48 @@ def read_all(folder: Path, wanted: Sequence[tuple[float, Item]], workers: int, b
                 elif isinstance(what, Item):
                     file.write(json.dumps(one.result()) + "\n")
                     file.flush()
-                    done += 1
+                    count += 1
                 else:
                     ready.add(what)
                     print(f"{what}: calibrated, {one.result():.0f} s of processor time", flush=True)
-    print(f"{done} readings after {time.perf_counter() - begin:.0f} s, {len(queue)} are left", flush=True)
+    print(f"{count} readings after {time.perf_counter() - begin:.0f} s, {len(queue)} are left", flush=True)
     for process in list(pool._processes.values()):  # a reading may take a minute, which the budget does not have
         process.terminate()
     pool.shutdown(wait=False, cancel_futures=True)
 
 
-def kind_of(one: dict[str, Any]) -> str:
+def kind_of(reading: dict[str, Any]) -> str:
     """Kind of a reading: pair, right (its own truck), leak or calibration."""
-    first: str = one["case"].partition(" ")[0]
+    first: str = reading["case"].partition(" ")[0]
     return first if first in ("pair", "leak", "calibration") else "right"
 
 
-def error_of(one: dict[str, Any]) -> float:
+def error_of(reading: dict[str, Any]) -> float:
     """Error of the load, rms in % of the peak."""
-    error = np.array(one["load"]) - np.array(one["true"])
-    return 100.0 * float(np.sqrt(np.mean(error**2))) / max(one["true"])
+    error = np.array(reading["load"]) - np.array(reading["true"])
+    return 100.0 * float(np.sqrt(np.mean(error**2))) / max(reading["true"])
 
 
-def inside(one: dict[str, Any]) -> float:
+def inside(reading: dict[str, Any]) -> float:
     """Share of the points in the band in %."""
-    low, high, true = (np.array(one[name], dtype=float) for name in ("low", "high", "true"))
+    low, high, true = (np.array(reading[name], dtype=float) for name in ("low", "high", "true"))
     return 100.0 * float(np.mean((low <= true) & (true <= high)))
 
 
 def by_case(read_: Sequence[dict[str, Any]]) -> Iterator[str]:
     """A line a case: trust good / with care / none, error, coverage."""
     yield f"{'case':<28}{'readings':>9}{'good/care/none':>16}{'error, worst':>20}{'covered':>9}{'named another':>15}"
-    for name in dict.fromkeys(f"{one['family']} {one['case']}, {one['recorded']}" for one in read_):
-        own = [one for one in read_ if f"{one['family']} {one['case']}, {one['recorded']}" == name]
-        trusts = "/".join(str(sum(one["trust"] == t for one in own)) for t in ("good", "with care", "none"))
-        errors = [error_of(one) for one in own]
-        named = sum("of another truck" in " ".join(one["reasons"]) for one in own)
-        covered = np.mean([inside(one) for one in own])
+    for name in dict.fromkeys(f"{reading['family']} {reading['case']}, {reading['recorded']}" for reading in read_):
+        own = [reading for reading in read_ if f"{reading['family']} {reading['case']}, {reading['recorded']}" == name]
+        trusts = "/".join(str(sum(reading["trust"] == t for reading in own)) for t in ("good", "with care", "none"))
+        errors = [error_of(reading) for reading in own]
+        named = sum("of another truck" in " ".join(reading["reasons"]) for reading in own)
+        covered = np.mean([inside(reading) for reading in own])
         error = f"{np.median(errors):.2f} / {max(errors):.2f}"
         yield f"{name:<28}{len(own):>9}{trusts:>16}{error:>20}{covered:>8.0f} %{named:>15}"
 
 
-def statistics(folder: Path, one: dict[str, Any]) -> dict[str, float]:
+def statistics(folder: Path, reading: dict[str, Any]) -> dict[str, float]:
     """What a rule may compare, of a stored reading; without what a recorded supply adds to the information."""
     from scipy.special import chdtr
 
@@ -357,18 +359,18 @@ def statistics(folder: Path, one: dict[str, Any]) -> dict[str, float]:
     from clutchid.inference.uncertainty.gaussian import GaussianPosterior, gaussian_posterior
     from clutchid.parameters import GROUPS
 
-    actuator = read_parameters(calibration_file(folder, one["family"], one["calibration"])).actuator
-    names, k, at = one["names"], len(one["x"]), one["changing"]
-    x, width, mean = np.array(one["x"]), np.array(one["width"][:k]), np.array(one["mean"][:k])
-    positive, changing = np.array(one["positive"][:k]), [one["names"][i] for i in at]
+    actuator = read_parameters(calibration_file(folder, reading["family"], reading["calibration"])).actuator
+    names, k, at = reading["names"], len(reading["x"]), reading["changing"]
+    x, width, mean = np.array(reading["x"]), np.array(reading["width"][:k]), np.array(reading["mean"][:k])
+    positive, changing = np.array(reading["positive"][:k]), [reading["names"][i] for i in at]
     si = np.where(positive, mean * np.exp(np.where(positive, width * x, 0.0)), mean + width * x)
     sizes = np.where(positive, mean * width, width)[at]
     weights = {n: v for n, v in zip(names[:k], si.tolist(), strict=True) if n in actuator.load.names}
     bent = smoothness(actuator.replace(weights), names[:k], actuator.load.theta, CURVATURE)
     bent[:, :-1] *= np.where(positive, width * si, width)
     factor = np.zeros((len(names) + 1, len(names) + 1))
-    factor[np.triu_indices(len(names) + 1)] = one["R"]
-    data = factor[:, [*range(k), -1]] / np.sqrt(max(1.0, one["dispersion"]))
+    factor[np.triu_indices(len(names) + 1)] = reading["R"]
+    data = factor[:, [*range(k), -1]] / np.sqrt(max(1.0, reading["dispersion"]))
 
     def covariance(hypothesis: Sequence[str]) -> np.ndarray:
         return np.asarray(change_covariance(actuator, changing, tuple(hypothesis)) / np.outer(sizes, sizes))
@@ -381,14 +383,14 @@ def statistics(folder: Path, one: dict[str, Any]) -> dict[str, float]:
 
     everything = covariance(tuple(GROUPS))
     own = [i for i, name in enumerate(changing) if name != "C_A0"]
-    counted, moved = everything[np.ix_(own, own)], np.array(one["posterior"])[at][own]
+    counted, moved = everything[np.ix_(own, own)], np.array(reading["posterior"])[at][own]
     left = posterior(everything).covariance[np.ix_(at, at)][np.ix_(own, own)]
     distance = float(moved @ np.linalg.solve(counted, moved))
     expected = len(own) - float(np.trace(np.linalg.solve(counted, left)))
     spread = np.array([c.width * (c.mean if c.positive else 1.0) for c in coordinates(actuator, changing, {}, {})])
     between = covariance(("supply pressure", "temperature and grease")) + np.diag(2.0 * (spread / sizes) ** 2)
     evidence = max(posterior(covariance(h)).log_evidence for h in HYPOTHESES)
-    whole, parameters, misfit = one["departure"][:3]
+    whole, parameters, misfit = reading["departure"][:3]
     return {
         "chi-square of what the data determine": float(chdtr(expected, distance)),
         "squared distance": whole,
@@ -396,8 +398,8 @@ def statistics(folder: Path, one: dict[str, Any]) -> dict[str, float]:
         "evidence of another truck": posterior(between).log_evidence - evidence,
         "largest deviation": float(np.max(np.abs(moved) / np.sqrt(np.diag(counted)))),
         "misfit": misfit,
-        "misfit without a change": one["misfits"][0],
-        "innovations (NIS)": one["nis"] or 0.0,
+        "misfit without a change": reading["misfits"][0],
+        "innovations (NIS)": reading["nis"] or 0.0,
     }
 
 
@@ -406,19 +408,19 @@ def rules(folder: Path, read_: Sequence[dict[str, Any]]) -> Iterator[str]:
 
     The limit is the largest value of the right readings of even calibrations that have a use today.
     """
-    wanted = [one for one in read_ if kind_of(one) in ("pair", "right") and one.get("R")]
-    values = [statistics(folder, one) for one in wanted]
-    odd = np.array([one["calibration"] % 2 == 1 for one in wanted])
-    right = np.array([kind_of(one) == "right" and one["trust"] != "none" for one in wanted])
-    pair = np.array([kind_of(one) == "pair" for one in wanted])
+    wanted = [reading for reading in read_ if kind_of(reading) in ("pair", "right") and reading.get("R")]
+    values = [statistics(folder, reading) for reading in wanted]
+    odd = np.array([reading["calibration"] % 2 == 1 for reading in wanted])
+    right = np.array([kind_of(reading) == "right" and reading["trust"] != "none" for reading in wanted])
+    pair = np.array([kind_of(reading) == "pair" for reading in wanted])
     yield f"{'statistic':<40}{'limit':>9}{'pairs above':>14}{'right above':>14}{'least pair':>12}{'largest right':>15}"
     for name in values[0]:
-        v = np.array([one[name] for one in values])
+        v = np.array([reading[name] for reading in values])
         limit = float(v[right & ~odd].max())
         above = [f"{int((v[part & odd] > limit).sum())} of {int((part & odd).sum())}" for part in (pair, right)]
         ends = f"{v[pair].min():>12.3g}{v[right].max():>15.3g}"
         yield f"{name:<40}{limit:>9.3g}{above[0]:>14}{above[1]:>14}{ends}"
-    v = np.array([one["chi-square of what the data determine"] for one in values])
+    v = np.array([reading["chi-square of what the data determine"] for reading in values])
     for level in (0.9, 0.95, 0.99):
         counts = [f"{int((v[part] > level).sum())} of {int(part.sum())} {what}" for part, what in (
             (pair & ~odd, "pairs of even calibrations"), (pair & odd, "of odd"),
@@ -430,11 +432,15 @@ def rules(folder: Path, read_: Sequence[dict[str, Any]]) -> Iterator[str]:
 def analyse(folder: Path) -> None:
     """Print what the stored readings show."""
     every = stored(folder / "readings.jsonl")
-    refused = [one for one in every if "refused" in one]
-    readings = [one for one in every if "refused" not in one]
-    for line in by_case(sorted(readings, key=lambda one: (one["family"], kind_of(one), one["case"], one["recorded"]))):
+    refused = [reading for reading in every if "refused" in reading]
+    readings = [reading for reading in every if "refused" not in reading]
+    for line in by_case(
+        sorted(
+            readings, key=lambda reading: (reading["family"], kind_of(reading), reading["case"], reading["recorded"])
+        )
+    ):
         print(line)
-    print(f"{len(refused)} refused: {sorted({one['key'] for one in refused})}\n")
+    print(f"{len(refused)} refused: {sorted({reading['key'] for reading in refused})}\n")
     for line in rules(folder, readings):
         print(line)
 

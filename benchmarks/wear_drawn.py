@@ -71,7 +71,10 @@ def table_of(family: str, number: int) -> WearTable:
     new = truck(number, family)
     wear = np.linspace(0.0, new.w_max, STEPS)
     loads = [load_at_positions(aged(new, w, w * STROKES_A_METRE)) for w in wear]
-    half, load = np.array([half_load(POSITIONS, one) for one in loads]), np.array([engaging(one) for one in loads])
+    half, load = (
+        np.array([half_load(POSITIONS, curve) for curve in loads]),
+        np.array([engaging(curve) for curve in loads]),
+    )
     return WearTable(wear, half - half[0], load / load[0] - 1.0)
 
 
@@ -92,13 +95,13 @@ class Truth(NamedTuple):
 
 def truth(service: Sequence[Visit], table: WearTable, faults: float, random: np.random.Generator) -> Truth:
     """True shift and load; a fault begins at any recording and ends with the clutch."""
-    values = [np.interp([visit.wear for visit in service], table.wear, one) for one in (table.shift, table.load)]
+    values = [np.interp([visit.wear for visit in service], table.wear, series) for series in (table.shift, table.load)]
     if len(service) < 5 or random.uniform() >= faults:
         return Truth(*values, None)
     begin = int(random.integers(2, len(service) - 2))
     end = next((k for k in range(begin, len(service)) if service[k].event == "clutch replaced"), len(service))
-    for one, size in zip(values, FAULT, strict=True):
-        one[begin:end] += size * random.standard_normal()
+    for series, size in zip(values, FAULT, strict=True):
+        series[begin:end] += size * random.standard_normal()
     return Truth(*values, begin if end > begin else None)
 
 

@@ -163,19 +163,19 @@ def reading(
     """The load of a worn clutch from position alone, against the truth; None if it is refused or the search fails."""
     begin = time.perf_counter()
     try:
-        found = fit(
+        result = fit(
             worn.log.without(*without), once.actuator, FitRequest(**{"calibration": once.calibration, **wanted})
         )
     except (SolveError, DataError):
         return None
     seconds = time.perf_counter() - begin
-    curve, pressure = found.load_curve, found.recordings["worn"].simulated["pressure_a"]
+    curve, pressure = result.load_curve, result.recordings["worn"].simulated["pressure_a"]
     answer = Answer(curve.position, curve.force, curve.low, curve.high, pressure)
     of_band = np.median(np.interp(GRID, curve.position, curve.high - curve.low)) / worn.truth.load(GRID).max()
     errors = score(answer, worn.truth, worn.log.time)
     return Reading(
         errors.load, abs(errors.load_touch), abs(errors.half_load), errors.pressure, errors.coverage,
-        100 * float(of_band), TRUSTS.index(found.verdict.trust), seconds,
+        100 * float(of_band), TRUSTS.index(result.verdict.trust), seconds,
     )  # fmt: skip
 
 
@@ -192,8 +192,8 @@ def line(rows: Sequence[Row]) -> list[str]:
 
 def judged(rows: Sequence[Row]) -> str:
     """How well the verdicts tell good readings from bad ones."""
-    known = [row.reading for row in rows if row.reading is not None]
-    error, trust = np.array([r.error for r in known]), np.array([r.trust for r in known])
+    readings = [row.reading for row in rows if row.reading is not None]
+    error, trust = np.array([r.error for r in readings]), np.array([r.trust for r in readings])
 
     def share(of: np.ndarray, which: np.ndarray) -> str:
         return f"{100 * np.mean(which[of]):.0f} % of {int(of.sum())}" if of.any() else "none"
@@ -223,7 +223,7 @@ def main() -> None:
     numbers = range(chosen.seed, chosen.seed + chosen.trucks)
     of_a_truck = partial(one_truck, family=chosen.family, cases=cases, remedies=remedies, method=chosen.method)
     with ProcessPoolExecutor(chosen.workers, mp_context=get_context("spawn")) as pool:
-        rows = [row for found in pool.map(of_a_truck, numbers) for row in found]
+        rows = [row for of_truck in pool.map(of_a_truck, numbers) for row in of_truck]
     print(f"{'change':<28}{'remedy':<24}" + "".join(f"{title:>16}" for title in TITLES))
     for case in cases:
         for remedy in remedies:

@@ -86,13 +86,13 @@ def levels(family: str, numbers: Sequence[int]) -> list[str]:
         for begin in (0, 1000):
             errors, halves, covered = [], [], 0
             for n in numbers:
-                done = recording(n, family, case, options)
-                now, known = vented_rest(done.log.slice(begin, len(done.log))), before[n]
-                shift = rest_shift(known, now) if known and now else None
+                driven = recording(n, family, case, options)
+                now, usual = vented_rest(driven.log.slice(begin, len(driven.log))), before[n]
+                shift = rest_shift(usual, now) if usual and now else None
                 if shift is not None:
-                    errors.append(1e6 * (shift.value - done.truth.shift))
+                    errors.append(1e6 * (shift.value - driven.truth.shift))
                     halves.append(1e6 * (shift.high - shift.low) / 2)
-                    covered += shift.low <= done.truth.shift <= shift.high
+                    covered += shift.low <= driven.truth.shift <= shift.high
             rms, worst = float(np.sqrt(np.mean(np.square(errors)))), max(errors, key=abs)
             row += f"{f'{rms:.0f}, {worst:+.0f}':>{18 if begin == 0 else 24}}{median(halves):>8.0f}"
             row += f"{f'{covered}/{len(errors)}':>8}"
@@ -116,47 +116,48 @@ def cuts(family: str, numbers: Sequence[int]) -> list[str]:
     return [f"{len(moved)} of {compared} parts seem to have moved", *moved]
 
 
-def read(done: Drive, once: Fit, zero: Literal["subtract", "keep"]) -> Read | None:
+def read(driven: Drive, once: Fit, zero: Literal["subtract", "keep"]) -> Read | None:
     """A load from position alone against the truth; None where it cannot be read."""
     try:
-        found = fit(done.log, once.actuator, request=FitRequest(calibration=once.calibration), zero=zero)
+        result = fit(driven.log, once.actuator, request=FitRequest(calibration=once.calibration), zero=zero)
     except ClutchidError:
         return None
-    curve, truth = found.load_curve, done.truth.load(GRID)
+    curve, truth = result.load_curve, driven.truth.load(GRID)
     force, low, high = (np.interp(GRID, curve.position, side) for side in (curve.force, curve.low, curve.high))
     engaging = (ENGAGING[0] <= GRID) & (ENGAGING[1] >= GRID)
     error = 100.0 * float(np.abs(force - truth)[engaging].max() / truth.max())
     fine = np.linspace(0.0, 0.02, 4001)
-    at = half_load(fine, done.truth.load(fine))
-    compared = found.comparison
+    at = half_load(fine, driven.truth.load(fine))
+    compared = result.comparison
     half = 1e6 * (compared.half_now.position - at) if compared else float("nan")
-    return Read(error, float(np.mean((low <= truth) & (truth <= high))), half, found.verdict.trust)
+    return Read(error, float(np.mean((low <= truth) & (truth <= high))), half, result.verdict.trust)
 
 
 def loads(family: str, numbers: Sequence[int]) -> list[str]:
     """Rows of the table of loads."""
-    found: dict[str, list[Read | None]] = {name: [] for name in LOADS}
+    by_name: dict[str, list[Read | None]] = {name: [] for name in LOADS}
     for n in numbers:
         log = drive(truck(n, family), seconds=SECONDS, seed=1, name="calibration").log
         once = fit(log, measure=("position", "pressure_a"), free=("auto",))
         for name, (options, zero) in LOADS.items():
             case = 50 + int(bool(options.get("wear")))  # the same drive with every sensor
-            found[name].append(read(recording(n, family, case, options), once, zero))
+            by_name[name].append(read(recording(n, family, case, options), once, zero))
         print(
-            f"truck {n}: {', '.join(f'{one[-1].error:.2f}' if one[-1] else '-' for one in found.values())}", flush=True
+            f"truck {n}: {', '.join(f'{own[-1].error:.2f}' if own[-1] else '-' for own in by_name.values())}",
+            flush=True,
         )
     rows = [f"{'load':<42}{'error [%]':>14}{'covered':>9}{'half-load [µm]':>18}{'good':>6}{'refused':>9}"]
-    for name, results in found.items():
-        known = [one for one in results if one is not None]
-        if not known:
+    for name, results in by_name.items():
+        readings = [reading for reading in results if reading is not None]
+        if not readings:
             rows.append(f"{name:<42}{'':>47}{len(results):>9}")
             continue
-        errors, halves = [one.error for one in known], [one.half for one in known]
+        errors, halves = [reading.error for reading in readings], [reading.half for reading in readings]
         rows.append(
             f"{name:<42}{f'{median(errors):.2f} / {max(errors):.2f}':>14}"
-            f"{f'{100 * np.mean([one.covered for one in known]):.0f} %':>9}"
+            f"{f'{100 * np.mean([reading.covered for reading in readings]):.0f} %':>9}"
             f"{f'{median(np.abs(halves)):.0f} / {max(np.abs(halves)):.0f}':>18}"
-            f"{sum(one.trust == 'good' for one in known):>6}{len(results) - len(known):>9}"
+            f"{sum(reading.trust == 'good' for reading in readings):>6}{len(results) - len(readings):>9}"
         )
     return rows
 
@@ -171,10 +172,10 @@ def main() -> None:
     parser.add_argument(
         "--cuts", action="store_true", help="any manoeuvre, cut anywhere, with a zero that has not moved"
     )
-    given = parser.parse_args()
-    numbers = range(given.seed, given.seed + given.trucks)
-    rows = (cuts if given.cuts else loads if given.loads else levels)(given.family, numbers)
-    print(f"family {given.family}, trucks {numbers[0]} to {numbers[-1]}", *rows, sep="\n")
+    arguments = parser.parse_args()
+    numbers = range(arguments.seed, arguments.seed + arguments.trucks)
+    rows = (cuts if arguments.cuts else loads if arguments.loads else levels)(arguments.family, numbers)
+    print(f"family {arguments.family}, trucks {numbers[0]} to {numbers[-1]}", *rows, sep="\n")
 
 
 if __name__ == "__main__":
