@@ -65,7 +65,7 @@ def explained(result: SearchResult, method: ChangeFunctions, calibration: Calibr
 
     Parameters
     ----------
-    found : SearchResult
+    result : SearchResult
         With a solution, under the hypothesis of no change.
     method : ChangeFunctions
         How a search goes on under another hypothesis.

@@ -101,7 +101,7 @@ def model_entries(model: Model) -> dict[str, Any]:
 
 
 def actuator_in(document: Mapping[str, Any], own_model: OwnModel | None, problems: list[str]) -> Actuator | None:
-    """The actuator of a file, which has the `given` model if the file was saved with it; None with any problem.
+    """The actuator of a file, which has the `own_model` if the file was saved with it; None with any problem.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def actuator_in(document: Mapping[str, Any], own_model: OwnModel | None, problem
     Raises
     ------
     ParameterError
-        If the file is for another model than the `given` one, which alone could say what is wrong with the rest.
+        If the file is for another model than `own_model`, which alone could say what is wrong with the rest.
     """
     before, values = len(problems), dict(document.get("parameters", {}))
     section = collected(problems, read, _ModelSection, document.get("model", {}), "[model]", _RULES)
@@ -135,7 +135,7 @@ def actuator_in(document: Mapping[str, Any], own_model: OwnModel | None, problem
 
 
 def _check_model(section: _ModelSection, own_model: OwnModel | None) -> None:
-    """Refuse a file that is not one of the model `given`."""
+    """Refuse a file that is not one of the model `own_model`."""
     variant, saved, sha256 = section[:3]
     if own_model is None and saved is not None:
         raise ParameterError(

@@ -189,7 +189,7 @@ def _states(problem: Problem, actuators: Sequence[Actuator]) -> States | Failure
 
 
 def refine(search_result: SearchResult, problem: Problem, x: FloatArray) -> SearchResult:
-    """The search of `found` continued from x with the prior of `problem`."""
+    """The search of a result continued from x with the prior of `problem`."""
     near = () if isinstance(search_result.solution, Failure) else search_result.solution.at
     fine = _fine(problem, x, near, search_result.effort._replace(patience=np.inf), None)
     return replace(search_result, problem=problem, solution=_ended(problem, fine))

@@ -33,7 +33,7 @@ def switching_band(simulated: Log, pairs: Sequence[tuple[Log, Log]], level: floa
     ----------
     simulated : Log
         With duty cycles and pressure_a in Pa, simulated.
-    known : several (measured, simulated)
+    pairs : several (measured, simulated)
         Recordings of the same actuator with the pressure measured, and their simulations with the same parameters.
     level : 1
         Fraction of the samples that the interval is to contain, in (0, 1).
