@@ -4,7 +4,8 @@ Every truck is calibrated once with pressure (kept in ``--folder``); its worn cl
 at a time. Compared are a pass of the filter with derivatives for each of ten phases and two steps, as in a slow
 recording, and `filtered_phase`, in which the phases share gains and derivatives: both phases in periods, their
 difference, the error of each where the duty cycles change on the grid of the carrier, which is hidden here, and the
-processor's time in s. Trucks without a carrier are left out.
+processor's time in s. Trucks without a carrier are left out. With ``--bus`` the recordings have 100 Hz; there is no
+grid to compare with, and trucks whose pulses the bus loses are left out too.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -25,7 +27,9 @@ from clutchid.estimation.prediction import predict_errors
 from clutchid.inference.problem import Problem
 from clutchid.log import FloatArray, Log, sample_interval
 from clutchid.numerics.failure import Failure
-from clutchid.preparation.pulses import centred
+from clutchid.preparation.prepare import CALIBRATED_MARGIN
+from clutchid.preparation.pulses import Duties, centred, duties_in
+from clutchid.simulation.stiffness import stiffness
 from clutchid.strokes.duty_cycle import grid_phase
 from clutchid.strokes.vented_rest import from_rest
 
@@ -52,29 +56,35 @@ def _adapted(problem: Problem, x: FloatArray) -> estimated.Adapted:
     return estimated.Adapted(cost, np.clip(x + step, *problem.bounds()))
 
 
-def with_own_gains(log: Log, calibrated: ParameterFile) -> float:
+def with_own_gains(log: Log, calibrated: ParameterFile, bus: bool) -> float:
     """The phase by two passes with derivatives at each of ten phases."""
     assert calibrated.calibration is not None, "the calibration had pressure"
-    part = log.slice(0, min(len(log), round(estimated.DURATION / sample_interval(log.time))))
-    once = estimated._problem(part, calibrated.actuator, calibrated.calibration)
+    actuator, seconds = calibrated.actuator, estimated._DURATION_SLOW if bus else estimated.DURATION
+    part = log.slice(0, min(len(log), round(seconds / sample_interval(log.time))))
+    once = estimated._problem(part, actuator, calibrated.calibration)
+    at_phase = partial(estimated._at_phase, once)
+    if bus:
+        at_phase = partial(estimated._on_grid, once, part, actuator, CALIBRATED_MARGIN * stiffness(actuator))
     start, count = np.zeros(len(once.coordinates)), estimated.PHASES
-    problems = [estimated._at_phase(once, centred(at / count)) for at in range(count)]
+    problems = [at_phase(centred(at / count)) for at in range(count)]
     first = [_adapted(problem, start).x for problem in problems]
     costs = np.array([_adapted(problem, x).cost for problem, x in zip(problems, first, strict=True)])
     return centred((int(np.argmin(costs)) + estimated._vertex(costs)) / count)
 
 
-def rows(number: int, family: str, changes: list[str], folder: Path) -> Iterator[tuple[str, Row]]:
+def rows(number: int, family: str, changes: list[str], folder: Path, bus: bool) -> Iterator[tuple[str, Row]]:
     """A row a change of a truck; none without a carrier."""
     calibrated = calibration_of(number, family, folder / f"{family.replace(':', '')}_{number:05d}.toml")
     period = calibrated.actuator.parameters.T_pwm
     assert calibrated.calibration is not None, "the calibration had pressure"
     for change in changes if period > 0.0 else ():
-        log = worn_clutch(number, family, change).log.without(*LACKING["position"])
+        log = worn_clutch(number, family, change, bus).log.without(*LACKING["position"])
         log = from_rest(log, calibrated.calibration.rest, "subtract").log
-        grid = grid_phase(log, period)
+        if bus and duties_in(log, calibrated.actuator) in (Duties.RECORDED, Duties.UNKNOWN):
+            continue
+        grid = None if bus else grid_phase(log, period)
         begin = time.process_time()
-        own = with_own_gains(log, calibrated)
+        own = with_own_gains(log, calibrated, bus)
         middle = time.process_time()
         shared = estimated.filtered_phase(log, calibrated.actuator, calibrated.calibration)
         end = time.process_time()
@@ -89,12 +99,13 @@ def main() -> None:
     options.add_argument("--seed", type=int, default=0)
     options.add_argument("--changes", default="nothing,cold,warm")
     options.add_argument("--folder", type=Path, default=Path("calibrations"))
+    options.add_argument("--bus", action="store_true", help="recordings at 100 Hz")
     chosen = options.parse_args()
     chosen.folder.mkdir(exist_ok=True)
     compared = []
     for seed in range(chosen.seed, chosen.seed + chosen.trucks):
         number, family = (0, f"h:{seed}") if chosen.family == "h" else (seed, chosen.family)
-        for change, row in rows(number, family, chosen.changes.split(","), chosen.folder):
+        for change, row in rows(number, family, chosen.changes.split(","), chosen.folder, chosen.bus):
             compared.append(row)
             apart = centred(row.shared - row.own)
             cells = "".join(f"{value:+9.3f}" for value in (row.own, row.shared, apart, row.grid))
@@ -103,7 +114,7 @@ def main() -> None:
                 flush=True,
             )
     own, shared, grid, *seconds = np.transpose(compared)
-    worst = [np.nanmax(np.abs(centred(a - b))) for a, b in ((shared, own), (own, grid), (shared, grid))]
+    worst = [np.fmax.reduce(np.abs(centred(a - b))) for a, b in ((shared, own), (own, grid), (shared, grid))]
     print(f"worst: apart {worst[0]:.3f}, from the grid {worst[1]:.3f} and {worst[2]:.3f} of a period")
     ratio = np.median(seconds[1] / seconds[0])
     print(f"seconds: {np.median(seconds[0]):.2f} and {np.median(seconds[1]):.2f}, ratio {ratio:.2f}")

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from bands import FLOOR, QUANTILE, rms
+from bands import QUANTILE, rms
 from widening import CASES, calibrated, worn_clutch
 
 from clutchid import DataError, FitRequest, fit, parameter_file, read_parameters, write_parameters
@@ -28,6 +28,9 @@ from clutchid.truck import GRID, Drive
 
 #: Shares of the load that are compared.
 SHARES = (0.0, 0.005, 0.01, 0.015, 0.02, 0.03, 0.04)
+
+#: Least density in a score, so that one truck does not decide.
+FLOOR = 1e-2
 
 RECORDERS = {"1 kHz": False, "100 Hz": True}
 
