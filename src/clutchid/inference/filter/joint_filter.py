@@ -17,7 +17,6 @@ from clutchid.inference.filter.setup import (
     OFFSET_OF,
     STATE,
     WEIGHT,
-    Derived,
     FilterArrays,
     FilterOutput,
     FilterState,
@@ -146,9 +145,9 @@ class JointFilter:
     """The joint filter of an actuator, as `joint_filter` makes it.
 
     `mapped` has the actuator at the means of the free parameters, `which` their columns in S and `moving` those that
-    move, which the lags of `sensors` name; `free` is what is fixed about them, `derived` what follows from theta before
-    it is computed, `drifts` (k, d) the root of what their covariance gains in a stroke. With `few`, the model's step
-    for few parameters computes all derivatives. What is `considered` acts on no mean.
+    move, which the lags of `sensors` name; `free` is what is fixed about them, `drifts` (k, d) the root of what their
+    covariance gains in a stroke. With `few`, the model's step for few parameters computes all derivatives. What is
+    `considered` acts on no mean.
     """
 
     mapped: ParameterMap
@@ -159,7 +158,6 @@ class JointFilter:
     noise: Noise
     settings: JointSettings
     free: FreeArrays
-    derived: Derived
     drifts: FloatArray
     pace: Pace
     sensors: IntArray
@@ -234,7 +232,6 @@ def joint_filter(
     which, free = columns(mean, () if reference else names), _free_arrays(mean, coordinates, bounds, measure)
     moving, sensors = _moving_columns(which, free), sensor_rows(mapped, measure)
     few = few_suffice(mean.model, which.fill_slot.tolist())
-    deviations = [noise.of_samples(name, settings.spacing * settings.every) for name in measure]
     sensors[:, LAG] = [moving.response(j) for j in sensors[:, LAG].tolist()]
     return JointFilter(
         mapped=mapped,
@@ -245,7 +242,6 @@ def joint_filter(
         noise=noise,
         settings=settings,
         free=free,
-        derived=derived_arrays(mapped.actuator, measure, deviations, k),
         drifts=np.zeros((k, 0)) if drifts is None else np.ascontiguousarray(drifts),
         pace=pace,
         sensors=sensors,
@@ -423,7 +419,8 @@ def _arrays(joint: JointFilter, state: MethodState) -> FilterArrays:
     moved = moving.responses + state.x.size if joint.reference is None else 0
     model = model_arrays(joint.mapped, moving.columns(), moved, joint.few)
     own = model._replace(p=model.p.copy())
-    derived = Derived(*(array.copy() for array in joint.derived))
+    deviations = [joint.noise.of_samples(name, s.spacing * s.every) for name in joint.measure]
+    derived = derived_arrays(actuator, joint.measure, deviations, state.theta.size)
     columns = moving.of_window(0)
     placed = columns[moving.of_model.size : moving.of_model.size + moving.window]
     window = Window(own.table_basis, columns, placed, moving.weight_bases, moving.weight_columns)
