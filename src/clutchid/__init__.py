@@ -11,8 +11,6 @@ Names are imported when they are first used, so that ``import clutchid`` is quic
 from __future__ import annotations
 
 from importlib import import_module
-from pathlib import Path
-from re import findall
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -63,11 +61,37 @@ if TYPE_CHECKING:
     from clutchid.verbs.tracking import track as track
     from clutchid.wear.life import Wear as Wear
 
-#: Module of each public name, by the imports above.
-_HOME = {
-    name: module
-    for module, name in findall(r"(?m)^    from (\S+) import (\w+) as", Path(__file__).read_text(encoding="utf-8"))
+#: Public names by the module that has them.
+_NAMES: dict[str, tuple[str, ...]] = {
+    "errors": ("ClutchidError", "DataError", "ExportError", "MissingExtra", "ParameterError", "SolveError"),
+    "estimation": ("Fit",),
+    "estimation.assess.verdict": ("Verdict", "verdict"),
+    "estimation.request": ("FitRequest",),
+    "estimation.parameter_file": ("read_parameters", "write_parameters"),
+    "verbs.tracking": ("track",),
+    "fleets.verbs": ("FleetRun", "fleet"),
+    "inference.uncertainty.calibration": ("Calibration",),
+    "inference.uncertainty.coordinates": ("Prior",),
+    "log": ("Log",),
+    "model": ("Actuator", "Load"),
+    "observer.observer": ("Observer",),
+    "parameters": ("Parameters",),
+    "measurements": ("read", "read_pieces", "write"),
+    "measurements.look": ("look",),
+    "simulation": ("Partition", "Simulation", "Simulations", "simulate", "simulate_many"),
+    "study": ("bundled_recording",),
+    "study.proving.ground": ("prove",),
+    "truck": ("drive",),
+    "wear.life": ("Wear",),
+    "verbs.attached": ("plot", "report"),
+    "verbs.cutting": ("cut",),
+    "verbs.exporting": ("export",),
+    "verbs.fitting": ("calibrate", "estimate", "fit"),
+    "verbs.observing": ("observe",),
+    "verbs.rig": ("friction",),
+    "verbs.saving": ("parameter_file",),
 }
+_HOME = {name: f"clutchid.{module}" for module, names in _NAMES.items() for name in names}
 
 __all__ = [*_HOME]  # noqa: PLE0604, made of names that are text
 
