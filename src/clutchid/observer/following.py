@@ -139,7 +139,7 @@ def observe_strokes(
         As `observe`.
     """
     _check(state, block)
-    repeated = repeats(block.time, state.latest, observer.spacing)
+    repeated, before = repeats(block.time, state.latest, observer.spacing), state
     values, state = _values(observer, state, block, repeated)
     fills = observer.joint.reference is not None
     samples, rows, driven = bridged(state, values.samples, repeated, values.ends, observer.spacing, fills)
@@ -164,7 +164,12 @@ def observe_strokes(
     state = _judged(observer, state, observed, slice(judged, samples.time.size))
     latest = float(samples.time[-1]) if samples.time.size else state.latest
     state = state._replace(rest=rest, unzeroed=unzeroed, strokes=strokes, latest=latest, known=driven)
-    return state, _of_rows(observed, rows, values, block, repeated), at_ends
+    if repeated.any() or rows.size != observed.time.size:  # as many may be bridged as are repeated
+        observed = _of_rows(observed, _latest(observer, before), rows, repeated)
+    observed = observed._replace(
+        time=block.time, verdicts=values.verdicts, supply_unlike=values.supply_unlike, repeated=repeated
+    )
+    return state, observed, at_ends
 
 
 class _Values(NamedTuple):
@@ -212,20 +217,29 @@ def _values(observer: Observer, state: ObserverState, block: Log, repeated: Bool
     return _Values(samples, verdicts, unlike, ends_stretch(verdicts)), after
 
 
-def _of_rows(observed: Observed, rows: NDArray[np.int64], values: _Values, block: Log, repeated: BoolArray) -> Observed:
-    """Results of the samples of a block, in which nothing is estimated at those that are repeated."""
-    if repeated.any() or rows.size != observed.time.size:  # as many may be bridged as are repeated
-        ended = np.flatnonzero(np.isfinite(observed.innovations[:, 0]))
-        late = {name: getattr(observed, name)[ended] for name in ("deviations", "innovations", "mismatch")}
-        observed = Observed._make(array[rows] for array in observed)
-        for array in (observed.states, observed.deviations, observed.innovations, observed.mismatch):
-            array[repeated] = np.nan
-        for name, of_ended in late.items():  # a correction that ends where a sample is missing is known at the next one
-            getattr(observed, name)[np.searchsorted(rows, ended)] = of_ended
-        observed.used[repeated] = False
-    return observed._replace(
-        time=block.time, verdicts=values.verdicts, supply_unlike=values.supply_unlike, repeated=repeated
-    )
+def _latest(observer: Observer, state: ObserverState) -> Observed:
+    """Results of the sample before a block, as far as one that repeats it has them."""
+    latest = _nothing(observer, np.full(1, state.latest))
+    latest.rest[:], latest.no_zero[:], latest.leaking[:] = state.rest.shift, bool(state.unzeroed), state.leaking
+    latest.contradicted[:] = state.latest < _held_until(state)
+    return latest
+
+
+def _of_rows(observed: Observed, before: Observed, rows: NDArray[np.int64], repeated: BoolArray) -> Observed:
+    """Results of the samples of a block, in which nothing is estimated at those that are repeated.
+
+    The first samples may repeat the one `before` the block, whose row is -1.
+    """
+    ended = np.flatnonzero(np.isfinite(observed.innovations[:, 0]))
+    late = {name: getattr(observed, name)[ended] for name in ("deviations", "innovations", "mismatch")}
+    columns = zip(before, observed, strict=True)
+    observed = Observed._make(np.concatenate([first, column])[rows + 1] for first, column in columns)
+    for array in (observed.states, observed.deviations, observed.innovations, observed.mismatch):
+        array[repeated] = np.nan
+    for name, of_ended in late.items():  # a correction that ends where a sample is missing is known at the next one
+        getattr(observed, name)[np.searchsorted(rows, ended)] = of_ended
+    observed.used[repeated] = False
+    return observed
 
 
 def _stroke_ended(observer: Observer, state: ObserverState) -> ObserverState:

@@ -8,7 +8,7 @@ import numpy as np
 
 from clutchid.inference.filter.references import MethodState
 from clutchid.inference.filter.setup import IntArray
-from clutchid.log import BoolArray, FloatArray
+from clutchid.log import BoolArray, FloatArray, read_only
 from clutchid.model.actuator import Actuator
 from clutchid.simulation.inputs import with_carrier
 from clutchid.simulation.plan import OUTSIDE, Segment
@@ -156,11 +156,11 @@ class ObserverState(NamedTuple):
     leaking: bool = False
     rest: RestWatch = NOTHING
     zero: float = 0.0
-    values: FloatArray = new_watch()
+    values: FloatArray = read_only(new_watch())
     jumped: bool = False
     unzeroed: tuple[float, ...] = ()
     latest: float = float("nan")
     known: float = float("nan")
     excess: float = 0.0
     contradicted: float = float("nan")
-    supply: FloatArray = np.array(NO_SUPPLY)
+    supply: FloatArray = read_only(np.array(NO_SUPPLY))
