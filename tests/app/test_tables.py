@@ -125,6 +125,7 @@ def test_of_many_loads_some_are_plotted_evenly_with_the_first_and_the_last(track
         ("a.json", b"{", "a.json: cannot be read as a table"),
         ("a.json", b'{"status": "ok"}', "a.json: is no result of `clutchid track`"),
         ("a.csv", b"", "a.csv: cannot be read as a table"),
+        ("a.csv", b"recording,outcome,left\nV 2 00,good,3\n", "make it again with `clutchid track --out FILE.parquet`"),
     ],
 )
 def test_another_file_is_a_sentence(tmp_path, name, content, said):

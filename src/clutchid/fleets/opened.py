@@ -36,7 +36,17 @@ PLACES = (5, 6, 7, 8)
 
 #: Columns by which the files of a run are known.
 _KNOWN = {
-    "wear": ("recording", "outcome", "along", "shift smoothed [m]", "limit [m]", "left"),
+    "wear": (
+        "recording",
+        "outcome",
+        "axis",
+        "along",
+        "shift smoothed [m]",
+        "limit [m]",
+        "left",
+        "left low",
+        "left high",
+    ),
     "vehicles": ("vehicle", "counted", "load_change"),
     "results": ("recording", "vehicle", "peak_N"),
 }
@@ -61,7 +71,13 @@ def files_of(path: Path, below: Path) -> Files:
     """
     path = path.with_name(path.name.replace(".load.", ".", 1)) if ".load." in path.name else path
     names = {"wear": WEAR, "vehicles": VEHICLES, "results": RESULTS}
-    kind = next((kind for kind, columns in _KNOWN.items() if {*columns} <= {*_columns(path)}), None)
+    present = {*_columns(path)}
+    kind = next((kind for kind, columns in _KNOWN.items() if {*columns} <= present), None)
+    if kind is None and {"recording", "outcome"} <= present:
+        raise DataError(
+            f"{printable(path.name)}: is of an earlier version of clutchid, without all columns; make it again with "
+            "`clutchid track --out FILE.parquet` or `clutchid fleet --out FOLDER`."
+        )
     if kind is None:
         raise DataError(
             f"{printable(path.name)}: is no result of `clutchid track` (FILE.parquet of --out) or of `clutchid fleet` "

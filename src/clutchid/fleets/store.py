@@ -197,7 +197,10 @@ def _text(content: bytes) -> str:
 
 def _check_columns(base: sqlite3.Connection, folder: Path) -> None:
     if [column[0] for column in base.execute("SELECT * FROM done LIMIT 0").description] != list(_COLUMNS):
-        raise ExportError(f"--out {folder}: its {STORE} is not from this version of clutchid; name another folder.")
+        raise ExportError(
+            f"--out {folder}: its {STORE} is not from this version of clutchid; name another folder: "
+            "`clutchid fleet ... --out NEWFOLDER` makes its results anew."
+        )
 
 
 def _check_about(base: sqlite3.Connection, folder: Path, about: dict[str, str]) -> None:
