@@ -10,8 +10,9 @@ from clutchid.errors import ParameterError
 from clutchid.estimation import checks as module
 from clutchid.estimation.calibrate import free_parameters
 from clutchid.estimation.checks import checked
+from clutchid.estimation.method import fit_at
 from clutchid.estimation.request import FitRequest
-from clutchid.estimation.shooting import result, shoot
+from clutchid.estimation.shooting import SHOOTING, shoot
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +24,7 @@ def shot(plant, worn_log):
 
 @pytest.fixture(scope="module")
 def plain(shot):
-    return result(shot, None)
+    return fit_at(SHOOTING, shot)
 
 
 @pytest.mark.slow

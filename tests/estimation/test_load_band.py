@@ -8,8 +8,9 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from clutchid.estimation.calibrate import fit_with
+from clutchid.estimation.method import fit_at
 from clutchid.estimation.request import FitRequest, FreeParameters
-from clutchid.estimation.shooting import SHOOTING, result, shoot
+from clutchid.estimation.shooting import SHOOTING, shoot
 from clutchid.inference.smoother import search as fine_search
 from clutchid.inference.smoother.search import search
 from clutchid.inference.uncertainty import calibration
@@ -36,9 +37,9 @@ def half_width(fit, y):
 def test_the_band_counts_the_load_that_a_drift_of_the_area_makes(plant, worn_log, monkeypatch):
     y = np.linspace(1e-3, 20e-3, 20)
     shot = shoot([worn_log], plant, FreeParameters(plant.load.names, ("position",)), EXACT)
-    whole = half_width(result(shot, EXACT), y)
+    whole = half_width(fit_at(SHOOTING, shot, EXACT), y)
     monkeypatch.setattr(calibration, "drift", lambda actuator, name: 0.0 if name == "A_A" else drift(actuator, name))
-    counted = np.sqrt(whole**2 - half_width(result(shot, EXACT), y) ** 2)
+    counted = np.sqrt(whole**2 - half_width(fit_at(SHOOTING, shot, EXACT), y) ** 2)
     # the same by searching at 1 % more and less, to within sqrt(1e-4) = 0.01 standard deviations of the minimum
     monkeypatch.setattr(fine_search, "CONVERGED_GAIN", 1e-4)
     problem, found = shot.problem, shot.solution

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.estimation.posterior import QUANTILE
+from clutchid.estimation.method import fit_at
 from clutchid.estimation.request import FreeParameters
-from clutchid.estimation.result import failed_fit
-from clutchid.estimation.shooting import result, shoot
+from clutchid.estimation.shooting import SHOOTING, shoot
 from clutchid.inference.uncertainty.calibration import DEVIATION_FACTOR, Calibration, PositionOnlyErrors
 from clutchid.numerics.failure import Failure
+from clutchid.numerics.interval import QUANTILE
 
 #: Calibrated parameters that do not change between recordings, and their standard deviations: m², Pa, N/m.
 NAMES = ("A_A", "P_0", "K_z")
@@ -30,7 +30,7 @@ def shot(plant, worn_log, known):
 
 @pytest.fixture(scope="module")
 def fit(shot, known):
-    return result(shot, known)
+    return fit_at(SHOOTING, shot, known)
 
 
 def test_the_load_curve_is_that_of_the_fitted_actuator_within_its_band(fit, worn):
@@ -71,7 +71,7 @@ def test_estimates_have_the_value_the_error_and_the_interval_of_their_number(fit
 def test_the_bias_of_the_calibration_is_taken_off_and_widens_the_band(fit, shot, known):
     bias = np.linspace(-30.0, 60.0, 22)
     errors = PositionOnlyErrors(((),), fit.actuator.load.names, bias[None], np.zeros(1))
-    plain, shifted = fit, result(shot, replace(known, position_only=errors))
+    plain, shifted = fit, fit_at(SHOOTING, shot, replace(known, position_only=errors))
     y = plain.load_curve.position
     taken = plain.actuator.load.phi(y) @ bias
     assert shifted.load_curve.force == pytest.approx(plain.load_curve.force - taken)
@@ -137,24 +137,23 @@ def test_no_note_names_a_load_weight(fit):
 def test_a_number_at_its_bound_is_a_warning_that_names_bound_and_value(plant, worn_log, known):
     most = 1.02 * plant.value("theta_9")
     wanted = FreeParameters(plant.load.names, ("position",), bounds={"theta_9": (0.0, most)})
-    bounded = result(shoot([worn_log], plant, wanted, known), known)
+    bounded = fit_at(SHOOTING, shoot([worn_log], plant, wanted, known), known)
     assert bounded.status == "warning"
     assert bounded.warnings == (f"theta_9 lies at its upper bound {most:g} N.",)
     assert bounded.bounds["theta_9"] == (0.0, most)
 
 
 def test_a_search_that_did_not_converge_is_a_warning(shot, known):
-    stopped = result(replace(shot, solution=replace(shot.solution, status="limit", evaluations=7)), known)
+    stopped = fit_at(SHOOTING, replace(shot, solution=replace(shot.solution, status="limit", evaluations=7)), known)
     assert stopped.warnings == ("the search stopped after 7 evaluations, not converged: its budget is used up.",)
     assert stopped.status == "warning"
     assert not stopped.converged
-    assert result(shot, known).converged
+    assert fit_at(SHOOTING, shot, known).converged
 
 
 def test_a_failed_search_is_a_result_without_values(shot):
     failure = Failure("y is not finite at 0.3 s.")
-    assert result(replace(shot, solution=failure), None) is failure
-    failed = failed_fit(shot.problem, "shooting", failure.message, ())
+    failed = fit_at(SHOOTING, replace(shot, solution=failure))
     assert failed.status == "failed"
     assert failed.message == "the start values cannot be simulated. y is not finite at 0.3 s."
     assert list(failed.parameters) == list(shot.problem.names)

@@ -1,23 +1,41 @@
-"""`Method`: a method of estimation as a record of functions, and `SearchResult`: the end of its search."""
+"""`Method`: a method of estimation as a record of functions, the end of its search, and the `Fit` there."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
-from clutchid.estimation.request import FreeParameters
-from clutchid.estimation.result import Fit, failed_fit, plan_warnings
+import numpy as np
+
+from clutchid.estimation.request import FreeParameters, SearchState, ended
+from clutchid.estimation.result import (
+    POINTS,
+    Compared,
+    Fit,
+    errors_over,
+    load_curve,
+    physical_limits,
+    plan_warnings,
+)
 from clutchid.inference.problem import Problem
 from clutchid.inference.smoother.search import UNLIMITED, Effort
-from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.calibration import DEVIATION_FACTOR, Calibration
+from clutchid.inference.uncertainty.coordinates import Prior
+from clutchid.inference.uncertainty.estimates import Estimate, LoadCurve
+from clutchid.inference.uncertainty.identifiability import listed
 from clutchid.inference.uncertainty.mixture import Mixture
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
+from clutchid.names import base_of
 from clutchid.numerics.failure import Failure
+from clutchid.numerics.interval import QUANTILE
 from clutchid.numerics.least_squares import Solution
 from clutchid.numerics.progress import Progress
 from clutchid.preparation.pulses import FindPhase
+
+#: A parameter is not identifiable if its standard deviation exceeds this fraction of that of its prior.
+_PRIOR_DOMINATES = 0.9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,6 +52,20 @@ class SearchResult:
     effort: Effort = UNLIMITED
 
 
+class MethodResult(NamedTuple):
+    """Uncertainty at the solution of a search, and the recordings simulated there.
+
+    `covariance` is that of x; a 95 % interval has a half width of `quantile` standard deviations. `warnings` and
+    `notes` are those that only this method has.
+    """
+
+    covariance: FloatArray
+    compared: Sequence[Compared]
+    quantile: float = QUANTILE
+    warnings: Sequence[str] = ()
+    notes: Sequence[str] = ()
+
+
 @dataclass(frozen=True, slots=True)
 class ChangeFunctions:
     """Functions with which a method weighs hypotheses about changes, at solutions of its search.
@@ -48,7 +80,7 @@ class ChangeFunctions:
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """A method of estimation: its search, the `Fit` at the end of it, and the requests that it supports.
+    """A method of estimation: its search, its result at the end of it, and the requests that it supports.
 
     `problem` has the free parameters and the prepared recordings; the function in it finds the phase of a carrier, that
     of the method where it is None. `search` is all that iterates: it ends in ``evaluated(problem, x, X)``, which makes
@@ -64,7 +96,7 @@ class Method:
     problem: Callable[[Sequence[Log], Actuator, FreeParameters, Calibration | None, FindPhase | None], Problem]
     search: Callable[[Sequence[Log], Actuator, FreeParameters, Calibration | None, Progress | None], SearchResult]
     evaluated: Callable[[Problem, FloatArray, Sequence[FloatArray]], Any]
-    result: Callable[[SearchResult, Calibration | None], Fit | Failure]
+    result: Callable[[Problem, Solution[Any], Calibration | None, Mixture | None], MethodResult | Failure]
     priors: bool = True
     check: Callable[[Fit, SearchResult, Calibration | None, Sequence[str], int], Fit] | None = None
     changes: ChangeFunctions | None = None
@@ -72,10 +104,135 @@ class Method:
 
 
 def fit_at(method: Method, search_result: SearchResult, calibration: Calibration | None = None) -> Fit:
-    """The `Fit` at the end of a search by `method`; status "failed" if it could not start."""
-    result = method.result(search_result, calibration)
+    """The `Fit` at the end of a search by `method`; status "failed" if it could not start.
+
+    The bias of the `calibration` is subtracted from the load weights, unless hypotheses about changes were weighed.
+    """
+    problem, solution, mixture = search_result.problem, search_result.solution, search_result.posterior
+    result = solution if isinstance(solution, Failure) else method.result(problem, solution, calibration, mixture)
+    at = [i for i, c in enumerate(problem.coordinates) if c.base in problem.actuator.names]
+    bounds = {c.name: (c.low, c.high) for c in (problem.coordinates[i] for i in at)}
     if isinstance(result, Failure):
-        return failed_fit(
-            search_result.problem, method.name, result.message, plan_warnings(search_result.problem.plans)
-        )
-    return result
+        return _failed(method, problem, bounds, result.message)
+    assert not isinstance(solution, Failure), "a result is of a solution"
+    x, slopes = solution.x, problem.slopes(solution.x)
+    fitted = problem.actuator_of(x, problem.stems[0])
+    bias = np.zeros(len(fitted.load.theta))
+    if calibration and calibration.position_only and mixture is None:
+        bias = calibration.position_only.shift((), fitted.load.names)
+    weights = np.asarray(fitted.load.theta) - bias
+    fitted = replace(fitted, load=replace(fitted.load, theta=tuple(weights.tolist())))
+    covariance = (result.covariance * np.outer(slopes, slopes))[np.ix_(at, at)]
+    curve = load_curve(
+        fitted, [problem.coordinates[i].base for i in at], covariance, result.quantile, DEVIATION_FACTOR * bias
+    )
+    end, converged = ended(solution.status, solution.evaluations), solution.status == "converged"
+    warnings = (
+        *plan_warnings(problem.plans),
+        *result.warnings,
+        *_at_bounds(problem, at, x, priors=method.priors),
+        *([] if converged else [f"the search {end}."]),
+    )
+    return Fit(
+        status="warning" if warnings else "ok",
+        message=end,
+        actuator=fitted,
+        parameters=_estimates(problem, at, x, fitted, result, mixture),
+        covariance=covariance,
+        load_curve=curve if mixture is None else _of_mixture(curve, mixture, problem, x),
+        recordings={recording.measured.name: recording for recording, _ in result.compared},
+        errors=errors_over(shown for _, shown in result.compared),
+        scales=dict(problem.noise.measured),
+        bounds=bounds,
+        evaluations=solution.evaluations,
+        warnings=warnings,
+        method=method.name,
+        notes=(*(_identifiable(problem, result.covariance) if method.priors else ()), *result.notes),
+        converged=converged,
+        search=_search_state(problem, solution) if method.priors else None,
+    )
+
+
+def _failed(method: Method, problem: Problem, bounds: Mapping[str, tuple[float, float]], message: str) -> Fit:
+    """The result of a search with start values that cannot be simulated."""
+    nan, y = float("nan"), np.linspace(0.0, problem.actuator.parameters.y_max, POINTS)
+    unknown = np.full(POINTS, nan)
+    return Fit(
+        status="failed",
+        message=f"the start values cannot be simulated. {message}",
+        actuator=problem.actuator,
+        parameters={name: Estimate(nan, problem.actuator.unit(base_of(name)), nan, nan, nan) for name in bounds},
+        covariance=np.full((len(bounds),) * 2, nan),
+        load_curve=LoadCurve(y, unknown, unknown, unknown),
+        bounds=bounds,
+        warnings=plan_warnings(problem.plans),
+        method=method.name,
+        converged=False,
+    )
+
+
+def _of_mixture(curve: LoadCurve, mixture: Mixture, problem: Problem, x: FloatArray) -> LoadCurve:
+    """The load curve with the interval of a mixture about x."""
+    load = problem.actuator.load
+    at = [i for i, c in enumerate(problem.coordinates) if c.base in load.names]
+    rows = np.zeros((curve.position.size, x.size))
+    rows[:, at] = load.phi(curve.position)[:, [load.names.index(problem.coordinates[i].base) for i in at]]
+    rows *= problem.slopes(x)
+    low, high = mixture.interval(rows)
+    return replace(curve, low=curve.force + low - rows @ x, high=curve.force + high - rows @ x)
+
+
+def _estimates(
+    problem: Problem, at: Sequence[int], x: FloatArray, fitted: Actuator, result: MethodResult, mixture: Mixture | None
+) -> dict[str, Estimate]:
+    """The free parameters in SI with their 95 % intervals, from x and its uncertainty."""
+    estimates, deviations = {}, np.sqrt(np.diag(result.covariance))
+    low, high = x - result.quantile * deviations, x + result.quantile * deviations
+    if mixture is not None:
+        low, high = mixture.interval(np.eye(x.size))
+    for i in at:
+        c = problem.coordinates[i]
+        shift = fitted.value(c.base) - c.si(float(x[i])) if c.base in fitted.load.names else 0.0
+        value, *ends = (c.si(float(of_x)) + shift for of_x in (x[i], low[i], high[i]))
+        if not np.isfinite(deviations[i]):
+            ends = [-np.inf, np.inf]
+        estimates[c.name] = Estimate(value, fitted.unit(c.base), float(deviations[i]) * c.slope(float(x[i])), *ends)
+    return estimates
+
+
+def _at_bounds(problem: Problem, at: Sequence[int], x: FloatArray, *, priors: bool) -> list[str]:
+    """Free parameters at a bound that is no physical limit, as sentences; without `priors` at any bound."""
+    actuator, warnings, (low, high) = problem.actuator, [], problem.bounds()
+    for i in at:
+        c = problem.coordinates[i]
+        limits = physical_limits(actuator, c.base) if priors else ()
+        for bound, end, word in ((low[i], c.low, "lower"), (high[i], c.high, "upper")):
+            if np.isfinite(bound) and end not in limits and abs(x[i] - bound) < 1e-9:
+                shown = f"{c.si(float(x[i])):g}{actuator.unit_behind(c.base)}"
+                others = "; the intervals of the others assume that it is fixed there"
+                fixed = "" if priors or c.base in actuator.load.names else others
+                warnings.append(f"{c.name} lies at its {word} bound {shown}{fixed}.")
+    return warnings
+
+
+def _search_state(problem: Problem, solution: Solution[Any]) -> SearchState:
+    """End of the search, with the priors of its free parameters."""
+    priors = {c.name: Prior(c.mean, c.width * c.mean if c.positive else c.width) for c in problem.coordinates}
+    return SearchState(solution.status, solution.evaluations, tuple(priors), priors)
+
+
+def _identifiable(problem: Problem, matrix: FloatArray) -> tuple[str, ...]:
+    """Free parameters that the data determine, and those whose prior dominates, as sentences."""
+    unnamed = {*problem.actuator.load.names, *problem.changing}
+    from_prior = [
+        c.name
+        for i, c in enumerate(problem.coordinates)
+        if not unnamed & {c.base, c.name} and np.sqrt(matrix[i, i]) > _PRIOR_DOMINATES
+    ]
+    determined = [c.name for c in problem.coordinates if not unnamed & {c.base, c.name} and c.name not in from_prior]
+    notes = []
+    if determined:
+        notes.append(f"determined by the data: {listed(determined)}.")
+    if from_prior:
+        notes.append(f"not determined by the data, so that the prior applies: {listed(from_prior)}.")
+    return tuple(notes)

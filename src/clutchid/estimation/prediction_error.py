@@ -1,4 +1,4 @@
-"""The method 'prediction-error': the smallest prediction errors of an extended Kalman filter, and the `Fit` there.
+"""The method 'prediction-error': the smallest prediction errors of an extended Kalman filter, and its result there.
 
 The filter predicts each sample from all earlier ones. The estimate minimises the sum of squares of the standardised
 prediction errors and of the deviations from the priors, with the gains of the filter fixed in each round (Ljung 1999,
@@ -14,13 +14,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from clutchid.estimation.method import Method, SearchResult
+from clutchid.estimation.method import Method, MethodResult, SearchResult
 from clutchid.estimation.phase import phase_finder
-from clutchid.estimation.posterior import Posterior, fit_of
+from clutchid.estimation.posterior import Posterior
 from clutchid.estimation.prediction import FilterSolution, Prediction, innovations, noise_scales, predict_errors
 from clutchid.estimation.problem import fit_problem, start_point
 from clutchid.estimation.request import FreeParameters
-from clutchid.estimation.result import Compared, Fit, compare, position_and_pressure
+from clutchid.estimation.result import Compared, compare, position_and_pressure
 from clutchid.inference.problem import Problem
 from clutchid.inference.uncertainty.calibration import DEVIATION_FACTOR, Calibration, consider_parameters
 from clutchid.log import FloatArray, Log
@@ -33,18 +33,15 @@ from clutchid.numerics.progress import Progress, Stage, Step
 from clutchid.preparation.pulses import FindPhase
 
 
-def result(search_result: SearchResult, calibration: Calibration | None) -> Fit | Failure:
-    """The `Fit` of a search by prediction error, corrected for the bias of the `calibration`."""
-    solution = search_result.solution
-    if isinstance(solution, Failure):
-        return solution
-    uncertain = parameter_uncertainty(search_result.problem, solution, calibration)
+def result(
+    problem: Problem, solution: FilterSolution, calibration: Calibration | None, *_: object
+) -> MethodResult | Failure:
+    """Uncertainty at the solution of a search by prediction error, and the filtered recordings there."""
+    uncertain = parameter_uncertainty(problem, solution, calibration)
     if isinstance(uncertain, Failure):
         return uncertain
-    problem = search_result.problem
     compared = _recordings(problem, solution, uncertain)
-    fit = fit_of("prediction-error", search_result, solution, uncertain, calibration, compared)
-    return replace(fit, notes=(*fit.notes, *_statistics(problem, solution)))
+    return MethodResult(uncertain.matrix, compared, notes=_statistics(problem, solution))
 
 
 def parameter_uncertainty(

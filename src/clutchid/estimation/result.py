@@ -11,13 +11,12 @@ import numpy as np
 
 from clutchid.errors import SolveError
 from clutchid.estimation.request import SearchState
-from clutchid.inference.problem import Problem
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import Assumption
 from clutchid.inference.uncertainty.estimates import Estimate, LoadCurve
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
-from clutchid.names import base_of, made_anew
+from clutchid.names import made_anew
 from clutchid.numerics.interval import QUANTILE
 from clutchid.simulation.plan import Plan
 from clutchid.simulation.simulation import simulated_log
@@ -117,10 +116,10 @@ class Errors:
         Sum of its squares; None if pressure was not measured.
     """
 
-    position_rms: float
-    position_sse: float
-    pressure_a_rms: float | None
-    pressure_a_sse: float | None
+    position_rms: float = float("nan")
+    position_sse: float = float("nan")
+    pressure_a_rms: float | None = None
+    pressure_a_sse: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -228,11 +227,11 @@ class Fit:
     parameters: Mapping[str, Estimate]
     covariance: FloatArray
     load_curve: LoadCurve
-    recordings: Mapping[str, Recording]
-    errors: Errors
-    scales: Mapping[str, float]
-    bounds: Mapping[str, tuple[float, float]]
-    evaluations: int
+    recordings: Mapping[str, Recording] = field(default_factory=dict)
+    errors: Errors = Errors()
+    scales: Mapping[str, float] = field(default_factory=dict)
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    evaluations: int = 0
     warnings: tuple[str, ...] = ()
     verification: Mapping[str, Recording] = field(default_factory=dict)
     method: str = "simulation"
@@ -437,31 +436,7 @@ def physical_limits(actuator: Actuator, name: str) -> tuple[float, ...]:
     return row.low, row.high
 
 
-def failed_fit(problem: Problem, method: str, message: str, warnings: Sequence[str]) -> Fit:
-    """The result of a search with start values that cannot be simulated."""
-    nan, actuator = float("nan"), problem.actuator
-    bounds = {c.name: (c.low, c.high) for c in problem.coordinates if c.base in actuator.names}
-    unknown = np.full(POINTS, nan)
-    y = np.linspace(0.0, actuator.parameters.y_max, POINTS)
-    return Fit(
-        status="failed",
-        message=f"the start values cannot be simulated. {message}",
-        actuator=actuator,
-        parameters={name: Estimate(nan, actuator.unit(base_of(name)), nan, nan, nan) for name in bounds},
-        covariance=np.full((len(bounds),) * 2, nan),
-        load_curve=LoadCurve(y, unknown, unknown, unknown),
-        recordings={},
-        errors=errors_over([]),
-        scales={},
-        bounds=bounds,
-        evaluations=0,
-        warnings=tuple(warnings),
-        method=method,
-        converged=False,
-    )
-
-
-def plan_warnings(plans: Sequence[Plan]) -> list[str]:
+def plan_warnings(plans: Sequence[Plan]) -> tuple[str, ...]:
     """Warnings about the recordings and their plans."""
     warnings = [warning for plan in plans for warning in (*plan.log.warnings, *plan.warnings)]
-    return list(dict.fromkeys(warnings))
+    return tuple(dict.fromkeys(warnings))

@@ -1,4 +1,4 @@
-"""The method 'shooting': multiple shooting with soft continuity, its search and the `Fit` at the end of it."""
+"""The method 'shooting': multiple shooting with soft continuity, its search and its result at the end of it."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 
 from clutchid.estimation.checks import checked
 from clutchid.estimation.departure import misfit
-from clutchid.estimation.method import ChangeFunctions, Method, SearchResult
+from clutchid.estimation.method import ChangeFunctions, Method, MethodResult, SearchResult
 from clutchid.estimation.phase import phase_finder
-from clutchid.estimation.posterior import Posterior, fit_of, parameter_uncertainty, pressure_deviations
+from clutchid.estimation.posterior import Posterior, parameter_uncertainty, pressure_deviations
 from clutchid.estimation.problem import fit_problem, start_point
 from clutchid.estimation.request import FreeParameters
-from clutchid.estimation.result import Compared, Fit, compare, position_and_pressure
+from clutchid.estimation.result import Compared, compare, position_and_pressure
 from clutchid.inference.problem import Problem
 from clutchid.inference.smoother.problem import linearise
 from clutchid.inference.smoother.residuals import noise_scales, sensor_outputs, trajectory
@@ -31,6 +31,7 @@ from clutchid.inference.smoother.search import (
 )
 from clutchid.inference.smoother.trial import States
 from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.mixture import Mixture
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
@@ -40,16 +41,14 @@ from clutchid.preparation.pulses import FindPhase
 from clutchid.simulation.windows import initial_states
 
 
-def result(search_result: SearchResult, calibration: Calibration | None) -> Fit | Failure:
-    """The result of a search by multiple shooting."""
-    solution = search_result.solution
-    if isinstance(solution, Failure):
-        return solution
-    uncertain = parameter_uncertainty(search_result.problem, solution, calibration, search_result.posterior)
+def result(
+    problem: Problem, solution: ShootingSolution, calibration: Calibration | None, mixture: Mixture | None
+) -> MethodResult | Failure:
+    """Uncertainty at the solution of a search by multiple shooting, and the recordings there."""
+    uncertain = parameter_uncertainty(problem, solution, calibration, mixture)
     if isinstance(uncertain, Failure):
         return uncertain
-    compared = _recordings(search_result.problem, solution, uncertain)
-    return fit_of("shooting", search_result, solution, uncertain, calibration, compared)
+    return MethodResult(uncertain.matrix, _recordings(problem, solution, uncertain))
 
 
 def _recordings(problem: Problem, solution: ShootingSolution, uncertain: Posterior) -> list[Compared]:

@@ -14,13 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import DataError, ParameterError
-from clutchid.estimation.method import Method, SearchResult
-from clutchid.estimation.request import FreeParameters, bounds_of, ended
-from clutchid.estimation.result import Compared, Fit, Recording, compare, errors_over, load_curve, plan_warnings
+from clutchid.estimation.method import Method, MethodResult, SearchResult
+from clutchid.estimation.request import FreeParameters, bounds_of
+from clutchid.estimation.result import Compared, Recording, compare
 from clutchid.inference.problem import Problem
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.coordinates import Coordinate
-from clutchid.inference.uncertainty.estimates import Estimate
 from clutchid.inference.uncertainty.gaussian import Covariance, natural_sizes, sandwich
 from clutchid.inference.uncertainty.identifiability import identifiability_warnings, identifiable, listed
 from clutchid.log import FloatArray, Log
@@ -213,7 +212,7 @@ def two_stages(
     problem, again = _rescaled(problem, coarse)
     assert isinstance(again, Linearisation)
     fine = minimise(lambda x: evaluate(x, "fine search"), (coarse.x, again), low, high, tolerance=1e-9)
-    return problem, replace(fine, evaluations=count)
+    return problem, replace(fine, evaluations=count, status="limit" if fine.status == "limit" else "converged")
 
 
 def _rescaled(problem: Problem, end: Solution[Linearisation]) -> tuple[Problem, Linearisation | Failure]:
@@ -393,47 +392,20 @@ def simulated_states(problem: Problem, x: FloatArray, log: int) -> FloatArray:
     return states
 
 
-def result(search_result: SearchResult, calibration: Calibration | None = None) -> Fit | Failure:
-    """The `Fit` at the solution of a search; a `calibration` is not supported."""
-    assert calibration is None, "the method has no priors"
-    problem, solution = search_result.problem, search_result.solution
-    if isinstance(solution, Failure):
-        return solution
-    x, names, unit = solution.x, _shared(problem), problem.slopes(solution.x)
-    k = len(names)
-    covariance = _covariance(problem, solution)
-    shared = covariance.matrix[:k, :k] * np.outer(unit[:k], unit[:k])
-    fitted = problem.actuator_of(x, problem.stems[0])
+def result(problem: Problem, solution: Solution[Linearisation], *_: object) -> MethodResult:
+    """Covariance at the solution of a search, and the recordings simulated there."""
+    x, names = solution.x, _shared(problem)
+    fitted, covariance = problem.actuator_of(x, problem.stems[0]), _covariance(problem, solution)
     compared = _recordings(problem, x, fitted)
-    recordings = {recording.recording.measured.name: recording.recording for recording in compared}
-    warnings = plan_warnings(problem.plans)
+    recordings = {recording.measured.name: recording for recording, _ in compared}
+    warnings = [_resting(names)]
     if _has_motion(problem):
         reach = furthest([recording.measured for recording in recordings.values()])
         with_pressure = "pressure_a" in problem.measure
-        warnings += identifiability_warnings(solution.at.R, names, fitted, reach, with_pressure)
+        warnings = identifiability_warnings(solution.at.R, names, fitted, reach, with_pressure)
         warnings += _does_not_move(recordings)
-    else:
-        warnings.append(_resting(names))
-    warnings += _at_bounds(problem, x)
-    converged = solution.status != "limit"
-    if not converged:
-        warnings.append(f"the search {ended(solution.status, solution.evaluations)}.")
-    return Fit(
-        status="warning" if warnings else "ok",
-        message=ended("converged" if converged else "limit", solution.evaluations),
-        actuator=fitted,
-        parameters=_estimates(problem, x, covariance),
-        covariance=shared,
-        load_curve=load_curve(fitted, names, shared, covariance.quantile()),
-        recordings=recordings,
-        errors=errors_over(recording.shown for recording in compared),
-        scales=dict(problem.noise.measured),
-        bounds={c.base: (c.low, c.high) for c in problem.coordinates[:k]},
-        evaluations=solution.evaluations,
-        warnings=tuple(warnings),
-        notes=_estimated_starts(problem, recordings),
-        converged=converged,
-    )
+    notes = _estimated_starts(problem, recordings)
+    return MethodResult(covariance.matrix, compared, covariance.quantile(), warnings, notes)
 
 
 def _estimated_starts(problem: Problem, recordings: Mapping[str, Recording]) -> tuple[str, ...]:
@@ -525,33 +497,6 @@ def _at_active_bound(problem: Problem, solution: Solution[Linearisation]) -> NDA
     active[[i for i, c in enumerate(problem.coordinates) if c.base in problem.actuator.load.names]] = False
     active[len(_shared(problem)) :] = False
     return active
-
-
-def _estimates(problem: Problem, x: FloatArray, covariance: Covariance) -> dict[str, Estimate]:
-    quantile, (lowest, highest) = covariance.quantile(), problem.bounds()
-    estimates = {}
-    for i, name in enumerate(_shared(problem)):
-        std, unit = float(np.sqrt(covariance.matrix[i, i])), problem.coordinates[i].width
-        low, high = x[i] - quantile * std, x[i] + quantile * std
-        if np.isfinite(std):
-            low, high = max(lowest[i], low), min(highest[i], high)
-        estimates[name] = Estimate(
-            float(x[i]) * unit, problem.actuator.unit(name), std * unit, float(low) * unit, float(high) * unit
-        )
-    return estimates
-
-
-def _at_bounds(problem: Problem, x: FloatArray) -> list[str]:
-    warnings = []
-    low, high = problem.bounds()
-    for i, name in enumerate(_shared(problem)):
-        for bound, word in ((low[i], "lower"), (high[i], "upper")):
-            if x[i] == bound:
-                shown = f"{bound * problem.coordinates[i].width:g}{problem.actuator.unit_behind(name)}"
-                others = "; the intervals of the others assume that it is fixed there"
-                fixed = "" if name in problem.actuator.load.names else others
-                warnings.append(f"{name} lies at its {word} bound {shown}{fixed}.")
-    return warnings
 
 
 #: The paper's method.
