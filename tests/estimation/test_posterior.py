@@ -72,7 +72,7 @@ def dense_rows(uncertain, x, X):
     """Rows of the prior, and those of the data, of a problem of one track: states, theta, considered."""
     wide, n, k, m, s = uncertain.problem, X[0].size, x.size, uncertain.consider_root.shape[0], X[0].shape[1]
     linear = linearise(wide, np.concatenate([x, np.zeros(m)]), X)
-    chain, smooth = linear.chains[0], linear.prior[k + m :, :-1]
+    chain, smooth = linear.chains[0], linear.prior[k:, :-1]
     prior = [np.eye(k, n + k + m, n), np.column_stack([np.zeros((smooth.shape[0], n)), smooth])]
     data = np.vstack(list(dense_blocks(chain.first, window_rows(chain), chain.links, s)))
     return np.vstack(prior), data[:, :-1]

@@ -48,33 +48,43 @@ class Posterior:
         return covariance
 
 
+def considering(
+    problem: Problem, x: FloatArray, calibration: Calibration | None
+) -> tuple[Problem, FloatArray, FloatArray]:
+    """`problem` and `x` with the consider parameters, and the root of their covariance (c, c).
+
+    Consider parameters (Schmidt 1966) are fixed at uncertain values; their covariance shifts the estimate.
+    """
+    extra, root = consider_parameters(problem.actuator, problem.coordinates, calibration)
+    return problem.widened(extra), np.concatenate([x, np.zeros(len(extra))]), root
+
+
+def consider_shift(factor: FloatArray, root: FloatArray) -> FloatArray:
+    """Shift of x (k, c) by the consider parameters, through the joint information ``[R | q]`` with x before them."""
+    k = factor.shape[1] - 1 - len(root)
+    shift: FloatArray = -np.linalg.pinv(factor[:k, :k]) @ factor[:k, k:-1] @ root
+    return shift
+
+
 def parameter_uncertainty(
     problem: Problem,
     solution: ShootingSolution,
     calibration: Calibration | None,
     mixture: Mixture | None = None,
 ) -> Posterior | Failure:
-    """Uncertainty of the free parameters at a solution; that of a `mixture` is known, and that of the states remains.
-
-    Consider parameters (Schmidt 1966) are fixed at uncertain values; their covariance shifts the estimate through the
-    joint information matrix.
-    """
-    k = len(problem.coordinates)
-    none = np.zeros((k, 0)), np.zeros((0, 0))
+    """Uncertainty of the free parameters at a solution; with a `mixture`, which has it, that of the states."""
     if mixture is not None:
         _, chains = condense(problem, solution.at)
+        none = np.zeros((solution.x.size, 0)), np.zeros((0, 0))
         return Posterior(problem, square_root(mixture.covariance), *none, chains=tuple(chains), mixture=mixture)
-    extra, consider_root = consider_parameters(problem.actuator, problem.coordinates, calibration)
-    wide = problem.widened(extra)
-    linear = linearise(wide, np.concatenate([solution.x, np.zeros(len(extra))]), solution.at.X)
+    wide, x, consider_root = considering(problem, solution.x, calibration)
+    linear = linearise(wide, x, solution.at.X)
     if isinstance(linear, Failure):
         return linear
-    without_extra = [*range(k), *range(k + len(extra), linear.prior.shape[0])]
-    factor, chains = condense(wide, replace(linear, prior=linear.prior[without_extra]))
-    consider_shift = -np.linalg.pinv(factor[:k, :k]) @ factor[:k, k : k + len(extra)] @ consider_root
+    factor, chains = condense(wide, linear)
     data = data_factor(problem, solution.at) / np.sqrt(dispersion(problem, solution.at))
     noise_root = square_root(gaussian_posterior(data, solution.at.prior, 0.0).covariance)
-    return Posterior(wide, noise_root, consider_shift, consider_root, chains=tuple(chains))
+    return Posterior(wide, noise_root, consider_shift(factor, consider_root), consider_root, chains=tuple(chains))
 
 
 def pressure_deviations(uncertain: Posterior) -> list[FloatArray]:

@@ -16,13 +16,13 @@ import numpy as np
 
 from clutchid.estimation.method import Method, MethodResult, SearchResult
 from clutchid.estimation.phase import phase_finder
-from clutchid.estimation.posterior import Posterior
+from clutchid.estimation.posterior import Posterior, consider_shift, considering
 from clutchid.estimation.prediction import FilterSolution, Prediction, innovations, noise_scales, predict_errors
 from clutchid.estimation.problem import fit_problem, start_point
 from clutchid.estimation.request import FreeParameters
 from clutchid.estimation.result import Compared, compare, position_and_pressure
 from clutchid.inference.problem import Problem
-from clutchid.inference.uncertainty.calibration import DEVIATION_FACTOR, Calibration, consider_parameters
+from clutchid.inference.uncertainty.calibration import DEVIATION_FACTOR, Calibration
 from clutchid.log import FloatArray, Log
 from clutchid.log.states import MEASURED
 from clutchid.model.actuator import Actuator
@@ -52,21 +52,16 @@ def parameter_uncertainty(
     The prediction errors are autocorrelated because of the model error; their autocorrelation gives the number of
     samples that are weighted as one.
     """
-    k = len(problem.coordinates)
-    extra, consider_root = consider_parameters(problem.actuator, problem.coordinates, calibration)
-    wide = problem.widened(extra)
-    prediction = predict_errors(wide, np.concatenate([solution.x, np.zeros(len(extra))]))
+    wide, x, consider_root = considering(problem, solution.x, calibration)
+    prediction = predict_errors(wide, x)
     if isinstance(prediction, Failure):
         return prediction
-    without_extra = [*range(k), *range(k + len(extra), prediction.prior.shape[0])]
-    prior, data = prediction.prior[without_extra, :-1], [segment.rows[:, :-1] for segment in prediction.segments]
-    factor = triangular(np.vstack([prior, *data]))
-    inner = np.linalg.pinv(factor[:k, :k])
-    consider_shift = -inner @ factor[:k, k:] @ consider_root
+    prior, data = prediction.prior, [segment.rows for segment in prediction.segments]
+    shift = consider_shift(triangular(np.vstack([prior, *data])), consider_root)
     weight = 1.0 / np.sqrt(max(innovations(solution.at, name).correlated_samples for name in problem.measure))
-    information = triangular(np.vstack([prior, *(weight * rows for rows in data)]))[:k, :k]
-    noise_root = np.linalg.pinv(information).astype(np.float64)
-    return Posterior(wide, noise_root, consider_shift, consider_root, DEVIATION_FACTOR)
+    k, information = solution.x.size, triangular(np.vstack([prior, *(weight * rows for rows in data)]))
+    noise_root = np.linalg.pinv(information[:k, :k]).astype(np.float64)
+    return Posterior(wide, noise_root, shift, consider_root, DEVIATION_FACTOR)
 
 
 def _recordings(problem: Problem, solution: FilterSolution, uncertain: Posterior) -> list[Compared]:

@@ -32,9 +32,9 @@ class Problem:
     `stems` are the names of the recordings, `plans` how they are simulated, and `tracks` their segments in windows,
     which 'simulation' does without. `curvature` is the prior standard deviation, in N/m², of the load's second
     derivative from that of the weights `reference`. `prior_root` W, shape (k, k), is that of a joint prior of x, of
-    covariance ``inv(W' W)``; without it they are independent with standard deviation 1. `changing` are the names of
-    parameters that may have changed since a calibration, which the joint prior is of. `measured` are measurements of
-    free parameters, in addition to their prior.
+    covariance ``inv(W' W)``, with fewer rows where the last parameters have no prior; without it they are independent
+    with standard deviation 1. `changing` are the names of parameters that may have changed since a calibration, which
+    the joint prior is of. `measured` are measurements of free parameters, in addition to their prior.
     """
 
     actuator: Actuator
@@ -85,11 +85,9 @@ class Problem:
         return low, high
 
     def widened(self, extra: Sequence[Coordinate]) -> Problem:
-        """The problem with `extra` coordinates behind its own, which are independent of those."""
-        root = self.prior_root
-        if root is not None:
-            k, m = len(self.coordinates), len(extra)
-            root = np.block([[root, np.zeros((k, m))], [np.zeros((m, k)), np.eye(m)]])
+        """The problem with `extra` coordinates behind its own, without their prior."""
+        root = np.eye(len(self.coordinates)) if self.prior_root is None else self.prior_root
+        root = np.hstack([root, np.zeros((len(root), len(extra)))])
         return replace(self, coordinates=(*self.coordinates, *extra), prior_root=root)
 
     def places(self, stem: str) -> list[int]:
