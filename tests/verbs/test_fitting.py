@@ -85,3 +85,14 @@ def test_a_command_is_spelled_from_its_options_and_reads_the_same(tmp_path):
         "ambient=101000.0, channels='m.toml', "
         "dbc=['x.dbc', 'y.dbc'])"
     )
+
+
+def test_the_python_of_a_command_has_every_option_of_its_request(monkeypatch):
+    search = RequestText(
+        measure="position,pressure_a", free="load,C_vs", bounds=["C_vs=1e-8:"], every=200, carry="q", method="shooting",
+        prior=["P_S=8.5e5±5e3"], profile="C_vs", bootstrap=20, zero="keep",
+    )  # fmt: skip
+    call = FitCommand(verb="fit", logs=(Path("a.csv"),), search=search).python.splitlines()[2].partition(" = ")[2]
+    monkeypatch.setattr(clutchid, "fit", lambda log, request, **everyday: requested("fit", request, **everyday))
+    repeated = eval(call)
+    assert repeated == search.request("fit")

@@ -4,23 +4,20 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from clutchid.names import printable
 from clutchid.systems import command_line
 from clutchid.verbs.options import (
-    USUAL,
     USUAL_FILES,
     USUAL_SEARCH,
     ReadingText,
     RequestText,
-    bounds,
     model_of,
-    partition_of,
     pressure,
-    priors,
+    requested,
     words_of,
 )
 
@@ -28,6 +25,9 @@ if TYPE_CHECKING:
     from clutchid.estimation.result import Fit
     from clutchid.numerics.progress import Progress
     from clutchid.verbs.reading import Source
+
+#: Options of a request that the verbs of Python take by name.
+_EVERYDAY = ("free", "measure", "bounds", "method", "zero")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,33 +108,25 @@ class FitCommand:
     @property
     def python(self) -> str:
         """The Python that repeats it."""
-        search, files = self.search, self.files
         verb = "estimate" if self.start else self.verb  # `fit` and `calibrate` start from an actuator, not from a file
-        own, usual = USUAL[self.verb], USUAL[verb]
-        measure, free = (",".join(names) if names != other else None for names, other in zip(own, usual, strict=True))
-        everyday = {
-            "free": search.free or free,
-            "measure": search.measure or measure,
-            "bounds": bounds(search.bounds or ()) or None,
-            "method": search.method,
-            "zero": None if search.zero == "subtract" else search.zero,
+        asked, usual = self.search.request(self.verb), requested(verb, None)
+        stated = {"free": self.search.free, "measure": self.search.measure}
+        for name in (field.name for field in fields(asked)):
+            value = getattr(asked, name)
+            if not stated.get(name) and value != getattr(usual, name):
+                stated[name] = ",".join(value) if isinstance(value, tuple) else value
+        everyday = {name: stated.pop(name, None) for name in _EVERYDAY} | {
             "verify": [str(path) for path in self.verify] or None,
             "force": self.force or None,
-            "ambient": pressure(files.ambient),
-            "channels": None if files.map is None else str(files.map),
-            "dbc": [str(path) for path in files.dbc or ()] or None,
-        }
-        fields = {
-            "partition": partition_of(search.every, search.parts, search.carry, search.take),
-            "priors": priors(search.prior or ()) or None,
-            "profile": search.profile,
-            "bootstrap": search.bootstrap or None,
+            "ambient": pressure(self.files.ambient),
+            "channels": None if self.files.map is None else str(self.files.map),
+            "dbc": [str(path) for path in self.files.dbc or ()] or None,
         }
         logs = [str(path) for path in self.logs]
         start = None if self.start is None else str(self.start)
-        request = f"request=clutchid.FitRequest({_arguments(fields)})" if any(fields.values()) else ""
-        texts = [repr(logs[0] if len(logs) == 1 else logs), repr(start) if start else "", request, _arguments(everyday)]
-        call = f"clutchid.{verb}({', '.join(filter(None, texts))})"
+        request = f"request=clutchid.FitRequest({_arguments(stated)})" if stated else ""
+        parts = [repr(logs[0] if len(logs) == 1 else logs), repr(start) if start else "", request, _arguments(everyday)]
+        call = f"clutchid.{verb}({', '.join(filter(None, parts))})"
         return f"import clutchid\n\nfit = {call}\nprint(fit)\nfit.plot().savefig('load.png')\n"
 
 
