@@ -8,6 +8,7 @@ from scipy.stats import binom
 
 from clutchid import FitRequest, fit
 from clutchid.errors import DataError, ParameterError, SolveError
+from clutchid.estimation import simulation_error
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.parameters import Parameters
@@ -197,6 +198,17 @@ def test_a_bound_that_the_data_press_against_is_met_exactly_and_said(driven):
     assert any("theta_3 lies at its lower bound 0 N/m" in warning for warning in result.warnings)
     free = fit(driven(worn), bounds={"theta_3": (-np.inf, np.inf)})
     np.testing.assert_allclose(weights(free), worn.load.theta, rtol=1e-6)
+
+
+@pytest.mark.parametrize("status", ["stalled", "limit"])
+def test_a_simulated_fit_that_can_gain_no_more_has_converged(driven, monkeypatch, status):
+    minimise = simulation_error.minimise
+    monkeypatch.setattr(
+        simulation_error, "minimise", lambda *of, **options: replace(minimise(*of, **options), status=status)
+    )
+    result = fit(driven(Actuator(load=Load(TRUTH))))
+    assert result.converged == (status == "stalled")
+    assert result.message.startswith("converged after" if status == "stalled" else "stopped after")
 
 
 def test_bounds_of_the_user_are_kept_exactly(drive):
