@@ -1,5 +1,7 @@
 """A recording that has not ended: the numbers of the whole one, in constant memory."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -50,6 +52,12 @@ def test_a_block_without_samples_only_counts(joint, log):
     assert len(part.log) == 0
     assert after.after.number == run.after.number
     assert after.health["late"] == pytest.approx(7e-3)
+
+
+def test_the_metadata_are_those_of_the_latest_part(joint, log):
+    run, _ = followed(joint, replace(log.slice(0, 300), metadata={"origin_s": "1.0"}), [150])
+    after, _ = after_block(run, replace(log.slice(300, 400), metadata={"origin_s": "-6.5"}), NONE)
+    assert after.recent().log.metadata == {"origin_s": "-6.5"}
 
 
 @pytest.mark.parametrize("sizes", [[100], [1700]])

@@ -58,8 +58,12 @@ class LiveRun:
         return duration(self.observer, np.array([self.begin, self.latest]))
 
     def recent(self) -> ObservedRecording:
-        """The last `RECENT` seconds and `STROKES` strokes with the states before and after the whole recording."""
-        log = replace(concatenated([part.log for part in self.parts]), warnings=(*(self.checked or ()), *self.clock))
+        """The last `RECENT` seconds and `STROKES` strokes with the states before and after the whole recording.
+
+        The metadata are those of the latest samples, where the origin of the time moves with the clock of a bus.
+        """
+        log, said = concatenated([part.log for part in self.parts]), (*(self.checked or ()), *self.clock)
+        log = replace(log, metadata=self.parts[-1].log.metadata, warnings=said)
         columns = zip(*(part.samples for part in self.parts), strict=True)
         samples = Observed(*(np.concatenate(arrays) for arrays in columns))
         return ObservedRecording(
