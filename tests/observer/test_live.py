@@ -54,7 +54,7 @@ def test_a_block_without_samples_only_counts(joint, log):
     assert after.health["late"] == pytest.approx(7e-3)
 
 
-def test_the_metadata_are_those_of_the_latest_part(joint, log):
+def test_the_metadata_are_those_of_the_last_part(joint, log):
     run, _ = followed(joint, replace(log.slice(0, 300), metadata={"origin_s": "1.0"}), [150])
     after, _ = after_block(run, replace(log.slice(300, 400), metadata={"origin_s": "-6.5"}), NONE)
     assert after.recent().log.metadata == {"origin_s": "-6.5"}
