@@ -23,6 +23,7 @@ THRESHOLDS: tuple[tuple[Any, str, str, str], ...] = (
     (clock, "WINDOW", "s", "devices that write to one log are tens of ms apart in public logs of buses"),
     (clock, "JUMP", "s", "twice the longest interval of a message that a fit needs, 10 Hz"),
     (clock, "_APART", "intervals", "four holes, which are five intervals"),
+    (clock, "_APART_LEAST", "s", "twice the gap over which a step is judged, and five times what an observer bridges"),
     (clock, "_APART_SHARED", "s", "the interval of the slowest message of J1939-71 that is read, 1 Hz"),
     (clock, "LONE", "stamps", "spoiled stamps come alone or in twos in data/hunt (41)"),
     (clock, "_AHEAD", "runs", "a guess: runs that are looked at before a jump is taken for a restart"),

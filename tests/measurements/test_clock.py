@@ -10,6 +10,9 @@ from hypothesis import strategies as st
 from clutchid.measurements.clock import AT_START, Tolerance, matched, runs_of
 from clutchid.measurements.source import Places
 from clutchid.measurements.time_axis import repair
+from clutchid.model import Actuator
+from clutchid.observer.gaps import longest
+from clutchid.strokes.values import limits
 
 
 @given(st.lists(st.integers(0, 40), min_size=1, max_size=80), st.lists(st.integers(0, 80), max_size=4))
@@ -44,6 +47,16 @@ def test_two_runs_in_one_file_are_put_apart_and_told():
     )
     again = repair(run, Places("line", 302), repaired.clock)
     assert again.time[0] == pytest.approx(repaired.time[-1] + 0.2)
+
+
+@pytest.mark.parametrize("usual", [1e-4, 1e-3, 0.01, 0.1])
+@pytest.mark.parametrize("shared", [False, True])
+def test_a_run_after_a_restart_lies_behind_what_all_call_a_hole(usual, shared):
+    run = usual * np.arange(9000)
+    time = repair(np.r_[run, run], Places(), shared=shared).time
+    gap = time[9000] - time[8999]
+    assert gap > 1.5 * longest(usual)
+    assert gap > 1.5 * limits(Actuator(), "position", usual)[-2]  # over which a step is judged
 
 
 def test_repeats_late_samples_and_samples_without_a_stamp_are_reported_and_dropped():

@@ -24,9 +24,9 @@ WINDOW = 0.05
 #: Time in s by which a stamp may lie ahead of the latest one without a second sample that confirms it.
 JUMP = 0.2
 
-#: Gap between two runs that are placed one after the other, in usual intervals, which is long enough to be a hole; and
-#: at least, in s, where several messages share the clock.
-_APART, _APART_SHARED = 20.0, 1.0
+#: Gap between two runs that are placed one after the other, which is long enough to be a hole: in usual intervals; and
+#: at least, in s, longer than what is bridged on line, or a step is judged over; and where several messages share it.
+_APART, _APART_LEAST, _APART_SHARED = 20.0, 0.1, 1.0
 
 #: As many stamps far from those around them are lone ones; more are a jump.
 LONE = 2
@@ -70,8 +70,8 @@ class Tolerance:
         `late` is the time in s by which samples may come late that are sorted.
         """
         hole = HOLE * usual
-        behind, apart = max(WINDOW if shared else late, hole), max(_APART_SHARED if shared else 0.0, _APART * usual)
-        return cls(usual, behind, max(JUMP, hole), apart)
+        behind, least = max(WINDOW if shared else late, hole), _APART_SHARED if shared else _APART_LEAST
+        return cls(usual, behind, max(JUMP, hole), max(least, _APART * usual))
 
     def goes_on(self, step: float) -> bool:
         """Whether a step in s from the greatest stamp before does not cut the clock."""
