@@ -109,6 +109,14 @@ def test_a_few_samples_from_before_stay_between_those_around_them(cuts):
     assert [t for t, _ in found[0]] == pytest.approx((3.0 + np.arange(400) * 1e-3).tolist(), abs=1e-3)
 
 
+@pytest.mark.parametrize("cuts", [[150], [152, 155], list(range(1, 500))])
+def test_two_steps_back_within_the_window_are_one_restart_wherever_a_block_begins(cuts):
+    stamps = np.arange(500) * 1e-3 - 0.04 * (np.arange(500) >= 150) - 0.04 * (np.arange(500) >= 155)
+    whole, counts, waiting = fed(stamps, [])
+    assert waiting.clock.shift > 0.0
+    assert fed(stamps, cuts)[:2] == (whole, counts)
+
+
 def test_a_stream_that_slows_down_is_not_held_up():
     waiting = none_waiting([["x"]])
     for stamp in [*(np.arange(200) * 1e-3), *(10.0 + np.arange(30))]:
@@ -123,6 +131,7 @@ TROUBLES = (
     lambda s, a, b, by: np.r_[s[:a], s[a:b] + by, s[b:]],
     lambda s, a, b, by: np.r_[s[:a], s[a:] - s[a]],
     lambda s, a, b, by: np.round(s % 65.536, 6),
+    lambda s, a, b, by: np.r_[s[:a], s[a:b] - 0.04, s[b:] - 0.08],
     lambda s, a, b, by: s - 0.06 * (np.arange(s.size) % 3 == 0) * (np.arange(s.size) < b),
 )
 

@@ -242,7 +242,10 @@ def _runs(written: FloatArray, count: int, before: float, tolerance: Tolerance) 
     steps = written - greatest[:-1]
     if written.size and -tolerance.behind <= steps.min() <= steps.max() <= tolerance.ahead:
         return [Run(count, written.size, float(written[0]), float(greatest[-1]))]
-    return joined_runs((Run(count + i, 1, stamp, stamp) for i, stamp in enumerate(written.tolist())), tolerance)
+    singles = [Run(count + i, 1, stamp, stamp) for i, stamp in enumerate(written.tolist())]
+    if singles and tolerance.goes_on(singles[0].first - before):
+        singles[0] = singles[0]._replace(last=max(before, singles[0].last))
+    return joined_runs(singles, tolerance)
 
 
 def _merged(held: SampleBlock, new: SampleBlock, keep: NDArray[np.bool_]) -> tuple[SampleBlock, int]:
