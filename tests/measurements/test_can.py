@@ -157,6 +157,21 @@ def test_every_message_is_decoded_as_cantools_does_it_one_by_one(logged, dbc, su
     assert found == {}
 
 
+@pytest.mark.parametrize(("kind", "sent", "received"), [("S2", b"Tx", b"Rx"), ("S4", b"tx", b"rx"), ("u1", 1, 0)])
+def test_an_mf4_log_says_in_numbers_or_in_texts_which_frames_were_sent(tmp_path, kind, sent, received):
+    asammdf = pytest.importorskip("asammdf", reason="MF4 is written with asammdf, of the extra mdf")
+    fields = [("ID", "<u4"), ("DataLength", "<u1"), ("DataBytes", "(8,)u1"), ("Dir", kind)]
+    frames = np.zeros(4, dtype=[(f"CAN_DataFrame.{name}", of) for name, of in fields])
+    frames["CAN_DataFrame.ID"], frames["CAN_DataFrame.DataLength"] = 0x123, 8
+    frames["CAN_DataFrame.Dir"] = [received, sent, received, sent]
+    source = asammdf.Source("CAN", "CAN", "", source_type=2, bus_type=2)
+    with asammdf.MDF(version="4.10") as mdf:
+        mdf.append(asammdf.Signal(frames.view(np.recarray), 0.1 * np.arange(4), name="CAN_DataFrame", source=source))
+        mdf.save(tmp_path / "run.mf4")
+    (block,) = frame_log(tmp_path / "run.mf4").blocks()
+    assert block.sent.tolist() == [False, True, False, True]
+
+
 @pytest.mark.parametrize(
     ("suffix", "start"),
     [("blf", datetime(2023, 11, 14, 22, 13, 20, 250_000)), ("asc", datetime.fromtimestamp(START + 0.25))],

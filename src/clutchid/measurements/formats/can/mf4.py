@@ -93,7 +93,6 @@ def _frames(mdf: Any, number: int, fields: Mapping[str, int]) -> Iterator[Frames
     group = mdf.groups[number]
     names = [name for name in ("stamp", *_FIELDS) if name in fields]
     rules = {name: group.channels[fields[name]].conversion for name in names}
-    rules |= {"Dir": None}  # whose texts are words for 0 and 1
     # else asammdf loads all payloads of the file to find the longest: 40 million frames do not fit into 1.5 GB then
     mdf._mdf.vlsd_max_length[number, group.channels[fields["DataBytes"]].name] = CLASSIC
     written = re.search(r"\d{1,4}", group.channel_group.acq_name or "")
@@ -103,7 +102,10 @@ def _frames(mdf: Any, number: int, fields: Mapping[str, int]) -> Iterator[Frames
     for first in range(0, cycles, _FRAMES):
         for _, samples in blocks(mdf, wanted, first, min(_FRAMES, cycles - first)):
             *raw, (payload, _) = samples
-            values = {name: converted(stored, rules[name], 4) for name, (stored, _) in zip(names, raw, strict=True)}
+            values = {
+                name: _sent(stored) if name == "Dir" else converted(stored, rules[name], 4)
+                for name, (stored, _) in zip(names, raw, strict=True)
+            }
             yield _block(values, payload, bus)
 
 
@@ -123,6 +125,13 @@ def _block(values: Mapping[str, NDArray[np.float64]], payload: NDArray[Any], bus
     sent = values.get("Dir", np.zeros(0)) == 1
     numbers = (np.clip(buses, 0, LARGEST_BUS), identifier, extended, np.clip(length, 0, width))
     return Frames(values["stamp"], *numbers, data, sent=sent if sent.any() else None)
+
+
+def _sent(way: NDArray[Any]) -> NDArray[np.float64]:
+    """1 for frames that were sent, as numbers or texts say, of which a conversion only makes words."""
+    texts = way.dtype.kind == "S"
+    sent: NDArray[np.bool_] = np.char.upper(np.char.strip(way)) == b"TX" if texts else way == 1
+    return sent.astype(np.float64)
 
 
 def _whole(values: NDArray[np.float64]) -> Counts:
