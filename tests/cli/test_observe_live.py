@@ -19,6 +19,8 @@ import polars as pl
 import pytest
 
 from clutchid.observer.health import FLAGS, LIVE_FLAGS
+from clutchid.observer.live import SENTENCES
+from clutchid.verbs.service.following import shown_clock
 from fixtures.commands import called, meanwhile, wait_for
 
 OUTPUTS = ("est.parquet", "est.load.parquet", "state.toml")
@@ -324,6 +326,16 @@ def test_a_counter_that_wraps_gives_the_numbers_of_one_that_does_not(call, lines
     plain, wrapped = (pl.read_parquet(tmp_path / f"{name}.parquet") for name in ("plain", "est"))
     for name in ("time [s]", "position [m]", "pressure_a [Pa]"):  # the period is added to stamps that were rounded
         assert wrapped[name].to_list() == pytest.approx(plain[name].to_list(), rel=1e-9)
+
+
+def test_sentences_about_the_clock_come_to_an_end():
+    shown, said = [], 0
+    for i in range(3 * SENTENCES):
+        new = [f"sentence {i}"] * (i % 3)
+        shown += shown_clock(new, said)
+        said += len(new)
+    assert len(shown) == SENTENCES + 1
+    assert [sentence for sentence in shown if "not shown" in sentence] == shown[-1:]
 
 
 @pytest.mark.slow

@@ -103,3 +103,4 @@ def test_a_bus_has_the_stamps_of_the_log(trouble, size, tmp_path):
     check(read(path, channels=MAP, dbc=[tmp_path / "bus.dbc"]), columns, said, words)
     last = columns["time"][-1] + float(metadata[ORIGIN])
     assert last == pytest.approx(1.7e9 + frames[-1][0], abs=1e-5)
+    assert all("frame" in sentence and "sample" not in sentence for sentence in said if "clock" in sentence)

@@ -39,7 +39,11 @@ class _UnusedSamples:
 
 
 def live_blocks(
-    batches: Iterator[ArrivedBatch], picks: Sequence[PickedChannels], name: str, metadata: Mapping[str, str]
+    batches: Iterator[ArrivedBatch],
+    picks: Sequence[PickedChannels],
+    name: str,
+    metadata: Mapping[str, str],
+    word: str = "sample",
 ) -> Iterator[LiveBlock]:
     """Blocks of a recording as their samples arrive; the first has at least `FIRST` samples, if there are as many.
 
@@ -51,13 +55,15 @@ def live_blocks(
     ----------
     picks
         The channels of each stream, the position's first.
+    word
+        What has a stamp, by which sentences about the clock count.
 
     Raises
     ------
     DataError
         If there is no sample; or as `batches`.
     """
-    waiting = none_waiting([[column for column in chosen.columns if column != "time"] for chosen in picks])
+    waiting = none_waiting([[column for column in chosen.columns if column != "time"] for chosen in picks], word)
     unused, left, said = _UnusedSamples(waiting.streams[0], waiting.streams[1:]), LeftOutCounts(), tuple[str, ...]()
     trouble: DataError | None = None
     begun = ended = False

@@ -271,7 +271,7 @@ def bus_blocks(
     metadata = {"source": name, "ambient_Pa": repr(float(ambient)), "dbc": ", ".join(file.name for file in dbc)}
     metadata[ORIGIN] = repr(layout.origin)
     batches = (_batch(block, layout, ambient) for block in chain(first, frames))
-    for block in live_blocks(batches, layout.picks, name, metadata):
+    for block in live_blocks(batches, layout.picks, name, metadata, "frame"):
         moved = {**metadata, ORIGIN: repr(layout.origin - block.shift)} if block.shift else metadata
         yield replace(block, log=replace(block.log, metadata=moved))
 

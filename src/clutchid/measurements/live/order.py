@@ -139,7 +139,7 @@ class WaitingSamples:
     """Samples by stream that others may still precede, and the clock that all stamps share.
 
     `stamps` in s in the order of arrival wait for later ones, with their samples `undecided`: the first ones of all,
-    and those behind a jump. `count` is the number of the others.
+    and those behind a jump. `count` is the number of the others. A sentence calls what has a stamp a `word`.
     """
 
     streams: tuple[SampleBlock, ...]
@@ -148,6 +148,7 @@ class WaitingSamples:
     stamps: FloatArray = field(default_factory=lambda: np.empty(0))
     undecided: tuple[ArrivedSamples, ...] = ()
     count: int = 0
+    word: str = "sample"
 
 
 class LeftOutCounts(NamedTuple):
@@ -167,9 +168,9 @@ class LeftOutCounts(NamedTuple):
         return LeftOutCounts(*(count + more for count, more in zip(self, other, strict=True)))
 
 
-def none_waiting(names: Sequence[Sequence[str]]) -> WaitingSamples:
-    """No samples yet, of streams with columns of these names."""
-    return WaitingSamples(tuple(map(no_samples, names)))
+def none_waiting(names: Sequence[Sequence[str]], word: str = "sample") -> WaitingSamples:
+    """No samples yet, of streams with columns of these names; sentences count stamps as `word`."""
+    return WaitingSamples(tuple(map(no_samples, names)), word=word)
 
 
 def sorted_in(
@@ -196,7 +197,7 @@ def sorted_in(
         late = int(np.count_nonzero(behind[rows]))
         left = left.plus(LeftOutCounts(late, repeated, invalid=int(np.count_nonzero(~used)) - late))
     rest, count = written[stamps.size :], waiting.count + stamps.size
-    return WaitingSamples(tuple(streams), clock, tolerance, rest, tuple(undecided), count), left, said
+    return WaitingSamples(tuple(streams), clock, tolerance, rest, tuple(undecided), count, waiting.word), left, said
 
 
 class _DecidedStamps(NamedTuple):
@@ -232,7 +233,7 @@ def _decided(waiting: WaitingSamples, written: FloatArray, *, ended: bool) -> _D
     for change in lone:
         row = change.row - waiting.count
         behind[row : row + int(change.amount)] = change.stamp < change.before
-    said = tuple(sentences([change for change in changes if change not in lone], Places("sample"), tolerance.apart))
+    said = tuple(sentences([change for change in changes if change not in lone], Places(waiting.word), tolerance.apart))
     return _DecidedStamps(stamps, behind, replace(after, last=float(greatest[-1])), tolerance, said)
 
 

@@ -104,13 +104,28 @@ def stop_signals() -> Iterator[Stopped]:
             signal.signal(number, handler)
 
 
+def shown_clock(sentences: Sequence[str], said: int) -> Sequence[str]:
+    """New sentences about the clock that are shown after `said` earlier ones: as many as are kept, and then one more.
+
+    Examples
+    --------
+    >>> shown_clock(["the clock restarts."], 0), shown_clock(["the clock restarts."], 21)
+    (['the clock restarts.'], [])
+    """
+    from clutchid.observer.live import SENTENCES
+
+    shown = list(sentences[: max(SENTENCES - said, 0)])
+    last = f"further sentences about the clock are not shown; the last {SENTENCES} come with the result."
+    return [*shown, last] if said <= SENTENCES < said + len(sentences) else shown
+
+
 def _observed(
     begin: Begun, outputs: Outputs, files: FileTroubles, stopped: Stopped, *, say_checks: bool
 ) -> tuple[LiveRun, str]:
     """The recording, whose samples and strokes are written as they come; and why it ended if that was a fault."""
     from clutchid.observer.live import checked
 
-    run, fault, saved = begin.run, "", time.monotonic()
+    run, fault, saved, said = begin.run, "", time.monotonic(), 0
     with (
         sinks_of(outputs, stopped) as sinks,
         files.spooled(outputs.out) as add_samples,
@@ -128,7 +143,8 @@ def _observed(
             if now:
                 saved = time.monotonic()
                 files.save(outputs.save, run)
-            if say_checks and (new := (*(run.checked or () if before.checked is None else ()), *part.log.warnings)):
+            clock, said = shown_clock(part.log.warnings, said), said + len(part.log.warnings)
+            if say_checks and (new := (*(run.checked or () if before.checked is None else ()), *clock)):
                 say_unhurried(new)
             for sink in sinks:
                 sink(before, run, part)
