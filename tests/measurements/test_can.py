@@ -375,6 +375,21 @@ def test_lines_of_an_asc_log_that_hold_no_payload_are_told_apart(save, dbc):
     np.testing.assert_array_equal(numbers_of(source, 0)["EngineSpeed"], [900.0, 904.0, 900.25, np.nan])
 
 
+def test_frames_of_an_asc_log_that_are_only_asked_for_are_no_frames_and_rx_may_be_written_in_any_way(save):
+    lines = """   0.1 1  100             TxRq d 1 01
+   0.2 1  100             tx   d 1 01
+   0.3 1  100             RX   d 1 01
+   0.4 CANFD   1 TxRq      100  0 0 1 1 01
+   0.5 CANFD   1 Tx        100  0 0 1 1 01
+   0.6 CANFD   1 rx        100  0 0 1 1 01
+"""
+    log = frame_log(save(ASC.format(kind="absolute").rsplit("\n", 6)[0] + "\n" + lines, "run.asc"))
+    (block,) = log.blocks()
+    assert block.stamp.tolist() == [0.2, 0.3, 0.5, 0.6]
+    assert block.sent.tolist() == [True, False, True, False]
+    assert not block.left_out
+
+
 @pytest.mark.parametrize(
     ("version", "line"),
     [

@@ -76,13 +76,14 @@ _SIGNS = (
     _BASE,
     re.compile(r"\s*begin\s+triggerblock\b", re.IGNORECASE),
     re.compile(r"\s*(?:no\s+)?internal events logged", re.IGNORECASE),
-    re.compile(r"\s*-?\d+\.\d+\s+(?:\d+\s+[0-9a-fA-F]+x?\s+(?:Rx|Tx)\s|CANFD\s)"),
+    re.compile(r"\s*-?\d+\.\d+\s+(?:\d+\s+[0-9a-fA-F]+x?\s+(?:Rx|Tx)\s|CANFD\s)", re.IGNORECASE),
 )
 _FIRST = 40
 
-#: A line with a stamp, and behind that what begins with the bus and is a frame, classic or FD; other lines are events.
+#: A line with a stamp, and behind that what begins with the bus and is a frame, classic or FD; other lines are events,
+#: such as the request of a frame (TxRq), which follows as it is sent.
 _STAMPED = re.compile(r"\s*(?P<stamp>-?\d{1,15}\.\d{1,15})\s+(?P<rest>.*)")
-_ASC_FRAME = re.compile(r"(?:\d+\s+(?:\w+\s+(?:Tx|Rx)\b|ErrorFrame)|CANFD\s)", re.IGNORECASE)
+_ASC_FRAME = re.compile(r"(?:\d+\s+(?:\w+\s+(?:Tx|Rx)\b|ErrorFrame)|CANFD\s(?!\s*\d+\s+TxRq\b))", re.IGNORECASE)
 
 #: Day and time of a log, or of a block of frames in it, and how they may be written, with the number of the month.
 _ASC_DATE = re.compile(r"\s*(?P<what>date|begin\s+triggerblock)\s+\w+\.?\s+(?P<month>\w{3})\w*\.?\s+(?P<rest>.+)", re.I)
@@ -190,7 +191,7 @@ def _asc_frame(cells: Sequence[str], base: int) -> can_frames.FrameFields | str:
     if not count and (fd or rest[0][0] in "rR"):
         return "remote frame"
     number, payload = int(identifier.rstrip("xX"), base), bytes(int(byte, base) for byte in data[:count])
-    return int(bus), number, identifier[-1] in "xX", payload, way != "Rx"
+    return int(bus), number, identifier[-1] in "xX", payload, way.casefold() == "tx"
 
 
 def trc_log(path: Path) -> can_frames.FrameLog:
