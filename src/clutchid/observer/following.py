@@ -218,7 +218,7 @@ def _values(observer: Observer, state: ObserverState, block: Log, repeated: Bool
 
 
 def _latest(observer: Observer, state: ObserverState) -> Observed:
-    """Results of the sample before a block, as far as one that repeats it has them."""
+    """Results of the sample before a block, as far as a sample that repeats it has them."""
     latest = _nothing(observer, np.full(1, state.latest))
     latest.rest[:], latest.no_zero[:], latest.leaking[:] = state.rest.shift, bool(state.unzeroed), state.leaking
     latest.contradicted[:] = state.latest < _held_until(state)
