@@ -148,7 +148,7 @@ def test_a_folder_that_is_removed_costs_no_result(call, folder, tmp_path, as_jso
     code, said, errors = call(text, *options, out="out/est.parquet", end=remove)
     assert code == 1
     places = dict(re.findall(r"warning: (\S+): cannot be written any more; it is in (\S+) instead", errors))
-    assert set(places) == {"out/est.parquet", "out/est.load.parquet", "out/state.toml"}
+    assert set(places) == {"out/est.parquet", "out/est.load.parquet", "out/state.toml"}, (errors, said)
     for name, place in places.items():
         file = folder / "file" / name.removeprefix("out/")
         if name.endswith("parquet"):
