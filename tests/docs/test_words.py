@@ -60,11 +60,11 @@ def made_by(function: ast.FunctionDef) -> list[str]:
 @pytest.mark.slow
 def test_every_message_that_the_pages_quote_is_one_of_the_program():
     codes = (compile(text, file, "exec") for file, text in source_texts().items())
-    known = "\n".join(text for code in codes for text in constant_texts(code))
+    printed = "\n".join(text for code in codes for text in constant_texts(code))
     tables = PAGES["trouble"].partition("## Files that are not read")[2] + section(PAGES["result"], "Reasons")
     quoted = messages(tables)
     assert len(quoted) > 30
-    assert [message for message in quoted for piece in pieces(message) if piece not in known] == []
+    assert [message for message in quoted for piece in pieces(message) if piece not in printed] == []
 
 
 def test_every_reason_that_a_verdict_can_give_is_explained():

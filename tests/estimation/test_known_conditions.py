@@ -110,9 +110,9 @@ def test_a_temperature_that_fell_by_30_k_is_a_change_of_temperature(measured, ca
 
 
 def test_a_value_of_the_user_is_the_same_measurement_as_a_column(problem_of_log, worn_log):
-    known = problem_of_log(worn_log, conditions={"T_0": Prior(273.0, 2.0)}).measured
-    assert [*known] == ["T_0@worn"]
-    assert known["T_0@worn"].std == pytest.approx(2.0 * np.sqrt(2.0))
+    measured = problem_of_log(worn_log, conditions={"T_0": Prior(273.0, 2.0)}).measured
+    assert [*measured] == ["T_0@worn"]
+    assert measured["T_0@worn"].std == pytest.approx(2.0 * np.sqrt(2.0))
 
 
 def test_a_user_may_give_a_condition_without_freeing_it_only_where_a_load_is_read(worn_log, calibrated, kept):

@@ -33,10 +33,14 @@ def cold_and_worn(known):
         name: np.clip(duty[name] + 1e-5 * np.abs(noise[1]), 0.0, 1.0) for name in ("duty_supply", "duty_exhaust")
     }
     driven = duty.with_columns(**dithered)
-    changed = {"D_v": 2.0 * known.value("D_v"), "s_pwm": PHASE}
+    return changed(known, driven, noise[0])
+
+
+def changed(known, driven, noise):
+    """A drive with the position of a piston with twice the viscous friction and a tenth more load."""
     loads = {name: 1.1 * known.value(name) for name in known.load.names}
-    simulated = clutchid.simulate(known.replace({**changed, **loads}), driven).log
-    return driven.with_columns(position=simulated["position"] + 3e-5 * noise[0])
+    actuator = known.replace({"D_v": 2.0 * known.value("D_v"), "s_pwm": PHASE, **loads})
+    return driven.with_columns(position=clutchid.simulate(actuator, driven).log["position"] + 3e-5 * noise)
 
 
 @pytest.mark.slow
@@ -56,22 +60,12 @@ def slow_log(known, cold_and_worn):
     )
     renewed = {name: duty[name][np.minimum(10 * period, len(duty) - 1)] for name in ("duty_supply", "duty_exhaust")}
     driven = clutchid.Log(duty.time, renewed, name="slow")
-    loads = {name: 1.1 * known.value(name) for name in known.load.names}
-    simulated = clutchid.simulate(known.replace({"D_v": 2.0 * known.value("D_v"), "s_pwm": PHASE, **loads}), driven).log
-    return thinned(driven.with_columns(position=simulated["position"] + 3e-5 * noise), 10, first=6)
+    return thinned(changed(known, driven, noise), 10, first=6)
 
 
 @pytest.mark.slow
 def test_phases_of_a_slow_recording_share_gains_although_each_has_a_time_grid_of_its_own(known, slow_log):
     assert abs(centred(filtered_phase(slow_log, known, EXACT) - PHASE)) < 0.05
-
-
-@pytest.mark.slow
-def test_holes_in_a_slow_recording_do_not_hide_the_phase(known, slow_log):
-    duty, position = (slow_log[name].copy() for name in ("duty_supply", "position"))
-    duty[250:260], position[400:403] = np.nan, np.nan
-    torn = slow_log.with_columns(duty_supply=duty, position=position)
-    assert abs(centred(filtered_phase(torn, known, EXACT) - PHASE)) < 0.05
 
 
 @pytest.mark.slow
@@ -87,10 +81,12 @@ def test_a_phase_at_which_the_filter_fails_gives_no_gains(known, cold_and_worn, 
 
 
 @pytest.mark.slow
-def test_holes_in_duty_cycles_and_position_do_not_hide_the_phase(known, cold_and_worn):
-    duty, position = (cold_and_worn[name].copy() for name in ("duty_supply", "position"))
-    duty[2500:2600], position[4000:4030] = np.nan, np.nan
-    torn = cold_and_worn.with_columns(duty_supply=duty, position=position)
+@pytest.mark.parametrize(("recording", "every"), [("cold_and_worn", 1), ("slow_log", 10)])
+def test_holes_in_duty_cycles_and_position_do_not_hide_the_phase(known, request, recording, every):
+    log = request.getfixturevalue(recording)
+    duty, position = (log[name].copy() for name in ("duty_supply", "position"))
+    duty[2500 // every : 2600 // every], position[4000 // every : 4030 // every] = np.nan, np.nan
+    torn = log.with_columns(duty_supply=duty, position=position)
     assert abs(centred(filtered_phase(torn, known, EXACT) - PHASE)) < 0.05
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
@@ -106,7 +106,7 @@ def _finer(
     """
 
     def costs_at(problems: Sequence[Problem], starts: Sequence[FloatArray]) -> FloatArray:
-        ends = map_pairs(partial(_stepped, reference, errors_of=_with_own_gains), problems, starts, smallest=1)
+        ends = map_pairs(partial(_stepped, reference, own_gains=True), problems, starts, smallest=1)
         return np.array([end.cost for end in ends])
 
     most = _MOST_COST * min(phase.cost for phase in adapted)
@@ -159,10 +159,10 @@ def _stamps(track: Track) -> FloatArray:
     return stamps
 
 
-def _stepped(reference: _Reference, problem: Problem, x: FloatArray, errors_of: ErrorsOf | None = None) -> Adapted:
+def _stepped(reference: _Reference, problem: Problem, x: FloatArray, *, own_gains: bool = False) -> Adapted:
     """A Gauss-Newton step from x with derivatives of the `reference`; the cost is infinite if its prediction fails."""
     low, high = problem.bounds()
-    r = _errors(reference, problem, x, errors_of or _with_shared_gains)
+    r = _errors(reference, problem, x, own_gains=own_gains)
     if not np.isfinite(r).all():
         return Adapted(np.inf, x)
     prior, size, outlier = prior_rows(problem, x), np.abs(r), problem.noise.outlier
@@ -174,38 +174,41 @@ def _stepped(reference: _Reference, problem: Problem, x: FloatArray, errors_of: 
     return Adapted(float(cost + 2.0 * gradient @ step + step @ normal @ step), np.clip(x + step, low, high))
 
 
-def _errors(reference: _Reference, problem: Problem, x: FloatArray, errors_of: ErrorsOf) -> FloatArray:
+def _errors(reference: _Reference, problem: Problem, x: FloatArray, *, own_gains: bool) -> FloatArray:
     """Standardised prediction errors at the samples of the reference; a single NaN if a simulation fails.
 
-    All time grids have these samples. At one that is in no segment of another grid the error counts as none.
+    All time grids have these samples. Where a sample lies in no segment of another grid, its error there is 0.
     """
     errors = np.zeros(reference.stamps.size)
     for track in problem.tracks:
-        of_track = errors_of(reference, problem, x, track)
+        at, shared = reference.places(track)
+        of_track = (
+            _with_own_gains(problem, x, track)
+            if own_gains
+            else _with_shared_gains(problem, x, track, shared, reference.gains[at])
+        )
         if of_track is None:
             return np.full(1, np.nan)
-        at, shared = reference.places(track)
         errors[at] = of_track[shared]
     return errors
 
 
-#: Standardised prediction errors (n,) at the samples of a track; None if its simulation fails.
-ErrorsOf: TypeAlias = Callable[[_Reference, Problem, FloatArray, Track], FloatArray | None]
-
-
-def _with_shared_gains(reference: _Reference, problem: Problem, x: FloatArray, track: Track) -> FloatArray | None:
+def _with_shared_gains(
+    problem: Problem, x: FloatArray, track: Track, shared: IntArray, gains: FloatArray
+) -> FloatArray | None:
+    """Standardised prediction errors of a track with the gains of its `shared` samples; None if a simulation fails."""
     try:
         actuator = problem.actuator_of(x, problem.stems[track.log])
     except ParameterError:
         return None
-    at, shared = reference.places(track)
-    gains = np.zeros((len(track.segment), reference.gains.shape[1]))
-    gains[:, -1] = np.inf
-    gains[shared] = reference.gains[at]
-    return prediction_errors(track, actuator, gains)
+    of_track = np.zeros((len(track.segment), gains.shape[1]))
+    of_track[:, -1] = np.inf
+    of_track[shared] = gains
+    return prediction_errors(track, actuator, of_track)
 
 
-def _with_own_gains(_: _Reference, problem: Problem, x: FloatArray, track: Track) -> FloatArray | None:
+def _with_own_gains(problem: Problem, x: FloatArray, track: Track) -> FloatArray | None:
+    """As `_with_shared_gains`, with the gains of a filter of its own."""
     maps = problem.parameter_maps(x)
     if isinstance(maps, Failure):
         return None

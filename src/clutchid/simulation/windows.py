@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from clutchid.log import FloatArray, Log, sample_interval
+from clutchid.log import FloatArray, Log, median, sample_interval
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.simulation.divergence import failure_message
@@ -58,8 +58,7 @@ def _windows(segment: Segment) -> list[Segment]:
 
 def samples(segment: Segment, seconds: float) -> int:
     """Number of samples of `segment` in `seconds`, at least 2."""
-    ordered, middle = np.sort(segment.dt), segment.dt.size // 2  # of a window six times as fast as `numpy.median`
-    return max(2, round(seconds / float(0.5 * (ordered[(segment.dt.size - 1) // 2] + ordered[middle]))))
+    return max(2, round(seconds / median(segment.dt)))
 
 
 def _window(segment: Segment, a: int, b: int) -> Segment:

@@ -241,7 +241,7 @@ def _runs(written: FloatArray, count: int, before: float, tolerance: Tolerance) 
     """The runs of stamps, of which the first is sample number `count`, whatever they come with."""
     greatest = np.maximum.accumulate(np.append(before, written))
     steps = written - greatest[:-1]
-    if written.size and -tolerance.behind <= steps.min() <= steps.max() <= tolerance.ahead:
+    if written.size and tolerance.goes_on(steps.min()) and tolerance.goes_on(steps.max()):
         return [Run(count, written.size, float(written[0]), float(greatest[-1]))]
     singles = [Run(count + i, 1, stamp, stamp) for i, stamp in enumerate(written.tolist())]
     if singles and tolerance.goes_on(singles[0].first - before):

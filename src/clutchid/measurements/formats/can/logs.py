@@ -86,7 +86,7 @@ _STAMPED = re.compile(r"\s*(?P<stamp>-?\d{1,15}\.\d{1,15})\s+(?P<rest>.*)")
 _ASC_FRAME = re.compile(r"(?:\d+\s+(?:\w+\s+(?:Tx|Rx)\b|ErrorFrame)|CANFD\s(?!\s*\d+\s+TxRq\b))", re.IGNORECASE)
 
 #: Day and time of a log, or of a block of frames in it, and how they may be written, with the number of the month.
-_ASC_DATE = re.compile(r"\s*(?P<what>date|begin\s+triggerblock)\s+\w+\.?\s+(?P<month>\w{3})\w*\.?\s+(?P<rest>.+)", re.I)
+_ASC_DATE = re.compile(r"\s*(?:date|begin\s+triggerblock)\s+\w+\.?\s+(?P<month>\w{3})\w*\.?\s+(?P<rest>.+)", re.I)
 _ASC_DATES = ("%m %d %I:%M:%S.%f %p %Y", "%m %d %I:%M:%S %p %Y", "%m %d %H:%M:%S.%f %Y", "%m %d %H:%M:%S %Y")
 _MONTHS = {
     "jan": 1, "feb": 2, "mar": 3, "mär": 3, "apr": 4, "may": 5, "mai": 5, "jun": 6, "jul": 7, "aug": 8, "sep": 9,
