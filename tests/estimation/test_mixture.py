@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from clutchid.errors import ParameterError
 from clutchid.estimation.hypotheses import (
     BAND,
     ERRORS_REPEAT,
@@ -53,11 +54,11 @@ def problem():
     )
 
 
-def explanations(problem, x=(0.0, 0.0, 0.0, 0.0), scatter=1.0):
-    """The data linearised at x under every hypothesis."""
+def explanations(problem, x=(0.0, 0.0, 0.0, 0.0), scatter=1.0, size=1.0):
+    """The data linearised at x under every hypothesis; `size` scales the residuals at x = 0."""
     x = np.array(x)
     data = DATA.copy()
-    data[:, -1] += DATA[:, :-1] @ x
+    data[:, -1] = size * data[:, -1] + DATA[:, :-1] @ x
     solution = SimpleNamespace(x=x, status="converged", evaluations=1)
     one = Explanation(SearchResult(problem, solution), solution, data, scatter)
     return dict.fromkeys(HYPOTHESES, one)
@@ -157,6 +158,14 @@ def test_a_misfit_widens_what_each_hypothesis_leaves_open_and_a_good_fit_narrows
     inside, between = inside_and_between(problem, worse.x, misfit=2.0)
     np.testing.assert_allclose(worse.covariance, inside + between, atol=1e-9)
     np.testing.assert_allclose(worse.x, as_usual.x, atol=1e-12)
+
+
+def test_a_mean_where_no_actuator_is_admissible_has_a_covariance(problem):
+    # recordings of another truck have led to air of 1050 K by linearisation
+    posterior = mixture(explanations(problem, size=1e3), calibration())
+    with pytest.raises(ParameterError, match="P_S"):
+        problem.actuator_of(posterior.x, "w")
+    assert np.all(np.linalg.eigvalsh(posterior.covariance) > 0.0)
 
 
 def test_the_band_gives_an_explanation_that_is_nearly_as_good_its_weight():

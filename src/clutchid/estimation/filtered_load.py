@@ -68,7 +68,7 @@ def load_per_supply(problem: Problem, posterior: Mixture | None) -> float | None
         return None
     x, slopes, values = posterior.x, problem.slopes(posterior.x), problem.si(posterior.x)
     step = slopes * posterior.slope(places, values[places] / slopes[places])
-    load = problem.actuator_of(x, problem.stems[0]).load
+    load = problem.load_of(x)
     y = np.linspace(0.0, min(max(plan.log.reach() for plan in problem.plans), problem.actuator.parameters.y_max), 100)
     moved = {c.base: float(change) for c, change in zip(problem.coordinates, step, strict=True)}
     force, change = load.force(y), load.phi(y) @ [moved.get(name, 0.0) for name in load.names]

@@ -253,7 +253,7 @@ def _scale_of_load(problem: Problem, x: FloatArray) -> FloatArray:
 
 def _constant_load(problem: Problem, x: FloatArray) -> FloatArray:
     """Direction in x, shape (k,), in which the load grows by its peak at all positions alike, as far as it can."""
-    load = problem.actuator_of(x, problem.stems[0]).load
+    load = problem.load_of(x)
     at = [i for i, c in enumerate(problem.coordinates) if c.base in load.names]
     columns = [load.names.index(problem.coordinates[i].base) for i in at]
     y = np.linspace(NEAR_REST, problem.actuator.parameters.y_max, 100)

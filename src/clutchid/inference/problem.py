@@ -15,6 +15,7 @@ from clutchid.inference.uncertainty.change_prior import Hypothesis, change_covar
 from clutchid.inference.uncertainty.coordinates import CURVATURE, Coordinate, Prior, measured_rows, smoothness
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
+from clutchid.model.weighted_load import Load
 from clutchid.numerics.failure import Failure
 from clutchid.simulation.noise import Noise
 from clutchid.simulation.parameter_map import ColumnCache, ParameterMap, parameter_map
@@ -106,6 +107,13 @@ class Problem:
         own = weakref.proxy(self)
         return lru_cache(maxsize=_CACHE_SIZE)(lambda x, stem: _actuator(own, np.frombuffer(x), stem))
 
+    def load_of(self, x: FloatArray) -> Load:
+        """Load of the first recording at x, which may be where no actuator is admissible."""
+        value = self.si(x)
+        weight = {self.coordinates[i].base: float(value[i]) for i in self.places(self.stems[0])}
+        load = self.actuator.load
+        return replace(load, theta=tuple(weight.get(n, w) for n, w in zip(load.names, load.theta, strict=True)))
+
     def parameter_map(self, x: FloatArray, stem: str) -> ParameterMap:
         """Parameter map of the recording `stem` at x."""
         places = self.places(stem)
@@ -149,8 +157,7 @@ def _prior(problem: Problem, x: FloatArray) -> FloatArray:
     root = np.eye(x.size) if problem.prior_root is None else problem.prior_root
     rows = np.vstack([np.column_stack([root, root @ x]), measured_rows(problem.coordinates, problem.measured, x)])
     if problem.actuator.load.basis == "b-spline" and set(problem.names) & set(problem.actuator.load.names):
-        value = dict(zip(problem.names, problem.si(x).tolist(), strict=True))
-        actuator = problem.actuator.replace({n: v for n, v in value.items() if n in problem.actuator.load.names})
+        actuator = replace(problem.actuator, load=problem.load_of(x))
         smooth = smoothness(actuator, problem.names, problem.reference, problem.curvature)
         smooth[:, :-1] *= problem.slopes(x)
         rows = np.vstack([rows, smooth])
