@@ -2,10 +2,11 @@
 
 Trucks 3606 on of families A and B, and hybrids h:6 on, are calibrated once with pressure, and the supply pressure
 recorded. Their worn clutch is then observed unchanged, with 5 % less and more supply, with valves that pass 7 % less,
-cold and warm, with the supply recorded and without it. A line a family and case: error over 5 to 8 mm, rms in % of the
-peak, median / worst; slope of the error over the position, in % of f + A_A P_0 at full stroke, mean and rms; share of
-the points from 0.5 to 20 mm in the band, and its width in % of the peak, with the supply considered and if it is as
-calibrated; trust good / with care / none, and of how many good ones less than 90 % of the points are in the band.
+cold and warm, with nothing recorded beside it, with the supply pressure, and with the air temperature too. A line a
+family and case: error over 5 to 8 mm, rms in % of the peak, median / worst; slope of the error over the position, in %
+of f + A_A P_0 at full stroke, mean and rms; share of the points from 0.5 to 20 mm in the band, and its width in % of
+the peak, with the supply considered and if it is as calibrated; trust good / with care / none, and of how many good
+ones less than 90 % of the points are in the band.
 """
 
 from __future__ import annotations
@@ -34,6 +35,13 @@ from clutchid.truck import GRID, Vehicle, drive, truck
 #: First number of the trucks of families, and first seed of the hybrids.
 FIRST, HYBRIDS = 3606, 6
 
+#: Columns that a recording lacks, by what it has beside position and duty cycles.
+LACKING: dict[str, tuple[str, ...]] = {
+    "Nothing else recorded": ("pressure_supply", "temperature_ambient"),
+    "Supply pressure recorded": ("temperature_ambient",),
+    "Supply pressure and air temperature recorded": (),
+}
+
 #: Cases: factor on the supply pressure, and named changes of the truck.
 CASES: dict[str, tuple[float, tuple[str, ...]]] = {
     "unchanged": (1.0, ()),
@@ -57,10 +65,8 @@ class Row(NamedTuple):
     trust: str
 
 
-def one_truck(
-    of: tuple[str, int], kept: Path, seconds: float, cases: Sequence[str]
-) -> dict[tuple[str, str, bool], Row]:
-    """Every case on one truck, with and without a recorded supply pressure."""
+def one_truck(of: tuple[str, int], kept: Path, seconds: float, cases: Sequence[str]) -> dict[tuple[str, str, str], Row]:
+    """Every case on one truck, with each of `LACKING`."""
     family, number = of
     kind = truck(0, f"h:{number}") if family == "h" else truck(number, family)
     seeds = np.random.default_rng([number, 2]).integers(0, 2**31, 2).tolist()
@@ -75,8 +81,8 @@ def one_truck(
             change=change,
         )  # fmt: skip
         truth = worn.truth.load(GRID)
-        for recorded in (False, True):
-            run = observe_recording(one, worn.log if recorded else worn.log.without("pressure_supply"))
+        for recorded, lacking in LACKING.items():
+            run = observe_recording(one, worn.log.without(*lacking))
             force = one.load(run.after).force(GRID)
             off, by_position = force - truth, GRID / one.actuator.parameters.y_max * by_supply(one.actuator, force)
             slope = 100 * float(by_position @ off) / float(by_position @ by_position)
@@ -123,18 +129,18 @@ def main() -> None:
     trucks += [("h", HYBRIDS + i) for i in range(chosen.hybrids)]
     cases = chosen.case or list(CASES)
     of_a_truck = partial(one_truck, kept=chosen.calibrations, seconds=chosen.seconds, cases=cases)
-    found: dict[tuple[str, str, bool], list[Row]] = defaultdict(list)
+    rows_of: dict[tuple[str, str, str], list[Row]] = defaultdict(list)
     with ProcessPoolExecutor(chosen.workers, mp_context=get_context("spawn")) as pool:
         for rows in pool.map(of_a_truck, trucks):
             for key, row in rows.items():
-                found[key].append(row)
+                rows_of[key].append(row)
     bands = "points in the band [%] | width [%] | as calibrated: points [%] | width [%]"
     head = f"error [%] | slope [%] | {bands} | trust | good beside"
-    for recorded in (False, True):
-        print(f"\nSupply {'' if recorded else 'not '}recorded\n\n| family | case | trucks | {head} |\n|{'---|' * 11}")
+    for recorded in LACKING:
+        print(f"\n{recorded}\n\n| family | case | trucks | {head} |\n|{'---|' * 11}")
         for family in ("A", "B", "h"):
             for case in cases:
-                rows = found.get((family, case, recorded), [])
+                rows = rows_of[family, case, recorded]
                 if rows:
                     print(f"| {family} | {case} | {len(rows)} | {line(rows)} |")
 

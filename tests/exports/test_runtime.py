@@ -76,7 +76,7 @@ def faulty(log):
 @pytest.fixture(scope="module")
 def observer_of(switched, log):
     """The observer of a method, with all that a calibration can tell it."""
-    known = RecordedConditions(supply=9.5e5, supply_estimated=switched.value("P_S"))
+    known = RecordedConditions(temperature=290.0, supply=9.5e5, supply_estimated=switched.value("P_S"))
     calibration = Calibration((), np.zeros((0, 0)), conditions=known, nis=0.05, rest=vented_rest(log.slice(0, 4000)))
     return cache(lambda method: observer(switched, method, calibration=calibration))
 
@@ -135,6 +135,20 @@ def test_two_rates_have_the_numbers_of_one_also_with_faults(found_by, faulty):
         for alike, other in zip(one[1:], two[1:], strict=True):
             np.testing.assert_array_equal(alike, other)
         assert compared.strokes[0] == compared.strokes[1] > 2
+
+
+@pytest.mark.parametrize("kelvin", [250.0, 291.0])
+@pytest.mark.parametrize("method", METHODS)
+def test_at_another_temperature_of_the_air_everything_is_alike(found_by, log, method, kelvin):
+    outputs, compared = found_by(
+        method, CStyle(real="double"), log.with_columns(temperature_ambient=np.full(len(log), kelvin))
+    )
+    assert compared.holds(CStyle(real="double")), compared
+    usual, _ = found_by(method, CStyle(real="double"), log)
+    as_usual = np.array_equal(outputs.outputs[:, 0], usual.outputs[:, 0], equal_nan=True)
+    assert as_usual == (kelvin == 291.0), "within a sensor's error it is that of the calibration"
+    width, wider = (results.load[1:, 2] - results.load[1:, 1] for results in (outputs, usual))
+    assert not as_usual or np.all(width < wider), "a temperature that is known is less uncertain"
 
 
 def test_strokes_count_from_the_vented_rest_wherever_the_sensor_reads_it(found_by, log):

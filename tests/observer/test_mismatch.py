@@ -13,7 +13,7 @@ from clutchid.model import Actuator
 from clutchid.observer import estimates_of, observe, observe_recording, observer, start
 from clutchid.observer.health import health
 from clutchid.observer.mismatch import MEMORY, UNLIKE, normalised
-from clutchid.observer.prior import deviation_by_air
+from clutchid.observer.prior import AIR_STD, deviation_by_air
 from clutchid.observer.recording import usual_nis
 from fixtures.observing import assert_same, in_blocks
 
@@ -87,7 +87,7 @@ def test_another_load_is_not_unlike_the_calibration_but_another_actuator_is(cali
     assert strange.health["unlike_calibration"] > 0.0
     at = np.linspace(2e-3, 9e-3, 30)
     plain = strange.after._replace(mismatch=1.0)
-    by_air = deviation_by_air(calibrated.actuator, calibrated.load(plain), at)
+    by_air = deviation_by_air(AIR_STD, calibrated.actuator, calibrated.load(plain), at)
     both = [calibrated.load_deviation(state, at, as_calibrated=True) for state in (strange.after, plain)]
     wider, usual = (deviation**2 - by_air**2 for deviation in both)
     assert wider == pytest.approx(strange.after.mismatch * usual)

@@ -8,7 +8,7 @@ from clutchid.inference.uncertainty.conditions import ACCURACY, RecordedConditio
 from clutchid.observer import observe, observer, start
 from clutchid.observer.health import LIVE_FLAGS
 from clutchid.observer.live import after_block, checked, live_run
-from clutchid.observer.prior import load_deviation, supply_of, unused_supply
+from clutchid.observer.prior import load_deviation, supply_of, unused_conditions
 from clutchid.simulation import simulate
 
 STROKE = np.linspace(2e-3, 9e-3, 30)
@@ -102,10 +102,10 @@ def test_samples_with_an_open_valve_or_without_a_value_do_not_count(plant, kept,
 
 
 def test_a_column_that_cannot_be_used_is_one_sentence(plant, kept, lower):
-    assert unused_supply(lower, plant, kept) == ""
-    assert unused_supply(lower.without("pressure_supply"), plant, None) == ""
-    assert "does not have it; record it there too" in unused_supply(lower, plant, None)
-    assert "was saved before observers used it" in unused_supply(lower, plant, calibration(9e5, None))
+    assert unused_conditions(lower, plant, kept) == ()
+    assert unused_conditions(lower.without("pressure_supply"), plant, None) == ()
+    assert "does not have it; record it there too" in unused_conditions(lower, plant, None)[0]
+    assert "was saved before observers used it" in unused_conditions(lower, plant, calibration(9e5, None))[0]
 
 
 def test_a_live_recording_says_it_too(plant, kept, lower):

@@ -21,6 +21,7 @@ from clutchid.estimation.assess import comparison, observed
 from clutchid.exports.data import carrier_us, data_of, provenance, size_of
 from clutchid.exports.filter import correction_shares, filter_c99
 from clutchid.inference.filter.setup import LONG
+from clutchid.inference.uncertainty import conditions
 from clutchid.log import HOLE
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels, system
@@ -43,8 +44,8 @@ CLOCK = 16_000_000
 _CONSTANTS = SimpleNamespace(**{
     module.__name__.rpartition(".")[2]: module
     for module in (
-        by_stroke, comparison, contradiction, excitation, health, mismatch, observed, plan, rest, rest_level, rule,
-        stroke, values, vented_rest,
+        by_stroke, comparison, conditions, contradiction, excitation, health, mismatch, observed, plan, rest,
+        rest_level, rule, stroke, values, vented_rest,
     )
 })  # fmt: skip
 

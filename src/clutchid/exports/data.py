@@ -20,7 +20,7 @@ from clutchid.observer.following import PRESSURES
 from clutchid.observer.gaps import UNKNOWN
 from clutchid.observer.health import FLAGS
 from clutchid.observer.observer import Observer
-from clutchid.observer.prior import AIR_STD, ASSUMED, BY_FORMULA, LEAK
+from clutchid.observer.prior import AIR_STD, ASSUMED, BY_FORMULA, KNOWN_AIR_STD, LEAK
 from clutchid.observer.rest import rest_pace
 from clutchid.observer.state import ObserverState
 from clutchid.observer.state_file import fingerprint
@@ -204,11 +204,15 @@ def _noise_values(observer: Observer) -> dict[str, Any]:
 
 def _band_values(observer: Observer) -> dict[str, Any]:
     p, names = observer.actuator.parameters, [c.base for c in observer.joint.coordinates]
+    parameters, powers = observer.joint.mapped.actuator.parameter_names, observer.air.powers if observer.air else {}
     return {
         "usual": observer.usual if observer.compares else 0.0,
         "missed": observer.missed**2,
         "supply_share": observer.supply.share if observer.supply else ASSUMED,
-        "by_air": AIR_STD / p.y_max,
+        "by_air": [AIR_STD / p.y_max, KNOWN_AIR_STD / p.y_max],
+        "air": observer.air.calibrated if observer.air else 0.0,
+        "air_powers": [powers.get(name, 0.0) for name in parameters],
+        "air_flow": powers.get("C_vs", 0.0) + powers.get("T_0", 0.0),
         "supply_formula": 0.0 if observer.joint.considered else BY_FORMULA * observer.supply_std,
         "ambient_force": p.A_A * p.P_0,
         "leak": names.index(LEAK) if LEAK in names else -1,

@@ -145,6 +145,7 @@ def write_export(
         raise ParameterError("--model is written as an FMU: add fmu2 or fmu3 to --to, for example --to c,fmu2.")
     modules = observer_c99(observer, state, style, title)
     log = _at_rate(check, observer) if check is not None else trial_drive(observer)
+    log = log.without(*(name for name in ("temperature_ambient",) if name in log))  # the C is given it between samples
     cc, samples, begins = compiler(), samples_of(log), begins_us(log)
     in_c = replay(observer, modules, style, log, cc) if cc else None
     compared = parity(observer, state, log, in_c) if in_c else None

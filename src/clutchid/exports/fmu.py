@@ -249,6 +249,7 @@ def _of_observer(observer: Observer, state: ObserverState, version: Version) -> 
         Variable("position_measured", "position as the sensor shows it; NaN for none", "input", "m", 0.0),
         *_duties(observer.actuator.equipment),
         Variable("supply_pressure", "supply pressure, absolute; 0 for none", "input", "Pa", 0.0),
+        Variable("air_temperature", "temperature of the air; 0 for none", "input", "K", 0.0),
         Variable("load_position", "position of the load that is given", "parameter", "m", _LOAD_POSITION, "tunable"),
         *(
             replace(v, name=f"start.{v.name}", description=f"{v.description}, at the start", array=v.array and before)

@@ -198,14 +198,15 @@ def replay_program(
 
 
 def replayed(program: Path, observer: Observer, log: Log) -> Replayed:
-    """The outputs of a `replay_program` for a recording.
+    """The outputs of a `replay_program` for a recording, at its first temperature of the air.
 
     Raises
     ------
     ExportError
         If it fails.
     """
-    values = np.frombuffer(_checked([str(program)], samples_of(log).tobytes()))
+    air = [repr(kelvin) for kelvin in log.columns.get("temperature_ambient", np.zeros(0))[:1].tolist()]
+    values = np.frombuffer(_checked([str(program), *air], samples_of(log).tobytes()))
     n, m = len(log) * len(COLUMNS), BAND * positions(observer).size
     outputs, load, rest = values[:n], values[n : n + m], values[n + m :]
     return Replayed(outputs.reshape(-1, len(COLUMNS)), load.reshape(-1, BAND), rest[: -len(FLAGS)], rest[-len(FLAGS) :])

@@ -10,6 +10,7 @@ import numpy as np
 from clutchid.inference.uncertainty.estimates import Estimate, LoadCurve
 from clutchid.log import FloatArray, Log
 from clutchid.numerics.interval import QUANTILE
+from clutchid.observer.air import at_air
 from clutchid.observer.following import Observed, observe_strokes
 from clutchid.observer.observer import Observer
 from clutchid.observer.state import ObserverState
@@ -67,7 +68,8 @@ def estimates_of(observer: Observer, state: ObserverState) -> dict[str, Estimate
         for name, value, std in zip(load.names, load.theta, deviations.tolist(), strict=True)
     }
     spread = np.linalg.norm(state.T, axis=1)
-    for c, x, s in zip(observer.joint.coordinates, state.theta.tolist(), spread.tolist(), strict=True):
+    coordinates = at_air(observer, state.temperature).joint.coordinates
+    for c, x, s in zip(coordinates, state.theta.tolist(), spread.tolist(), strict=True):
         if c.base not in observer.prior.actuator.load.names:
             unit = observer.actuator.unit(c.base)
             estimates[c.base] = Estimate(c.si(x), unit, s * c.slope(x), c.si(x - QUANTILE * s), c.si(x + QUANTILE * s))

@@ -24,6 +24,7 @@ from clutchid.inference.filter.joint_filter import (
 from clutchid.inference.filter.references import MethodState
 from clutchid.inference.filter.setup import FilterState, intervals
 from clutchid.log import INPUTS, BoolArray, FloatArray, Log
+from clutchid.observer.air import at_air, changes_of_air
 from clutchid.observer.gaps import RESOLUTION, bridged, latest_driven, longest, repeats
 from clutchid.observer.mismatch import mismatches
 from clutchid.observer.observer import Observer, unknown
@@ -148,19 +149,27 @@ def observe_strokes(
     counted = subtracted(observer, observed.rest)
     samples = samples._replace(position=np.where(observed.no_zero, np.nan, samples.position - counted))
     strokes, ends = count_strokes(state.strokes, samples.time, samples.position)
+    air = _air(observer, state, block, samples.time)
     judged, at_ends = 0, list[ObserverState]()
     for begin, end in stretches:
         if not _continues(observer, state, samples.time[begin], samples.duties[begin]):
             state = _ended(observer, state)
-        cuts = {begin, end, *(i + 1 for i in ends if begin <= i < end), *(at for at in moves if begin < at < end)}
+        cuts = {
+            begin,
+            end,
+            *(i + 1 for i in ends if begin <= i < end),
+            *(at for at in (*moves, *air) if begin < at < end),
+        }
         for a, b in pairwise(sorted(cuts)):
             state = _counted(observer, state, float(counted[a]))
-            state = _piece(observer, state, samples, (a, b), observed)
+            state = _in_air(state, air, a)
+            state = _piece(at_air(observer, state.temperature), state, samples, (a, b), observed)
             observed.leaking[a:b] = state.leaking
             if b - 1 in ends:
                 state = _stroke_ended(observer, _judged(observer, state, observed, slice(judged, b)))
                 at_ends.append(_ended(observer, state)._replace(latest=float(samples.time[b - 1])))
                 judged = b
+    state = _in_air(state, air, samples.time.size)
     state = _judged(observer, state, observed, slice(judged, samples.time.size))
     latest = float(samples.time[-1]) if samples.time.size else state.latest
     state = state._replace(rest=rest, unzeroed=unzeroed, strokes=strokes, latest=latest, known=driven)
@@ -170,6 +179,20 @@ def observe_strokes(
         time=block.time, verdicts=values.verdicts, supply_unlike=values.supply_unlike, repeated=repeated
     )
     return state, observed, at_ends
+
+
+def _air(observer: Observer, state: ObserverState, block: Log, time: FloatArray) -> dict[int, float]:
+    """Temperatures of the air in K that the model is at, by the first of the samples at times in s that each is for."""
+    if observer.air is None or "temperature_ambient" not in block:
+        return {}
+    changes = changes_of_air(observer, state.temperature, block["temperature_ambient"])
+    return {int(np.searchsorted(time, block.time[at])): temperature for at, temperature in changes}
+
+
+def _in_air(state: ObserverState, air: dict[int, float], sample: int) -> ObserverState:
+    """The state with the last temperature of the air up to a sample."""
+    latest = [temperature for at, temperature in air.items() if at <= sample]
+    return state._replace(temperature=latest[-1]) if latest else state
 
 
 class _Values(NamedTuple):

@@ -12,7 +12,7 @@ from clutchid.observer.by_stroke import StrokeRow
 from clutchid.observer.following import Observed
 from clutchid.observer.health import FLAGS, LIVE_FLAGS, live_health
 from clutchid.observer.observer import Observer
-from clutchid.observer.prior import unused_supply
+from clutchid.observer.prior import unused_conditions
 from clutchid.observer.recording import ObservedRecording, duration, follow_block, too_slow, usable
 from clutchid.observer.state import ObserverState
 from clutchid.preparation.inspection import inspect
@@ -143,5 +143,5 @@ def checked(run: LiveRun) -> LiveRun:
     log, actuator = concatenated([part.log for part in run.parts]), run.observer.actuator
     first = log.slice(0, int(np.searchsorted(log.time, run.begin + CHECKED, side="right")))
     slow = too_slow(first, actuator) if len(first) > 1 else ""
-    unused = unused_supply(first, actuator, run.observer.calibration)
-    return replace(run, checked=(*inspect(first, actuator).warnings, *filter(None, (slow, unused))))
+    unused = unused_conditions(first, actuator, run.observer.calibration)
+    return replace(run, checked=(*inspect(first, actuator).warnings, *filter(None, (slow,)), *unused))

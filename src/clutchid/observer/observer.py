@@ -17,13 +17,17 @@ from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
 from clutchid.observer.methods import method_for
 from clutchid.observer.prior import (
+    AIR_STD,
     ASSUMED,
     BOUND,
     BY_FORMULA,
+    KNOWN_AIR_STD,
     LEAK,
     SUPPLY_STD,
+    Air,
     OnlinePrior,
     Supply,
+    air_of,
     considered_supply,
     deviation_by_air,
     load_deviation,
@@ -72,6 +76,8 @@ class Observer:
         How far off a load from position alone was on the calibration recordings, rms over the stroke.
     supply
         How the recorded supply pressure is used; None where it is not.
+    air
+        How a recorded temperature of the air is used; None where it is not.
     calibration
         The calibration; None without one.
     zero
@@ -96,6 +102,7 @@ class Observer:
     spacing: float
     missed: float
     supply: Supply | None = None
+    air: Air | None = None
     calibration: Calibration | None = None
     zero: Zero = "subtract"
     supply_std: float = SUPPLY_STD
@@ -127,16 +134,17 @@ class Observer:
 
         It has parts that no recording makes smaller: what the model missed on the calibration recordings, and the
         supply pressure, whether it is recorded or assumed. Where the innovations are larger than in those recordings,
-        its variance is as much larger. Air and grease may have another temperature than in the calibration, see
-        `deviation_by_air`. A supply that is not recorded may have changed since, see `considered_supply`: that part is
-        left out if the supply is `as_calibrated`.
+        its variance is as much larger. Air and grease may have another temperature than in the calibration, or than is
+        recorded, see `deviation_by_air`. A supply that is not recorded may have changed since, see
+        `considered_supply`: that part is left out if the supply is `as_calibrated`.
         """
         load = self.load(state)
         share = self.supply.share if self.supply else ASSUMED
         by_supply = load_deviation(share, self.actuator, load, position)
         deviations = load.phi(position) @ self.prior.weights @ state.T
         squared = np.sum(deviations**2, axis=1) + self.missed**2 + by_supply**2
-        variance = max(1.0, state.mismatch) * squared + deviation_by_air(self.actuator, load, position) ** 2
+        by_air = KNOWN_AIR_STD if np.isfinite(state.temperature) else AIR_STD
+        variance = max(1.0, state.mismatch) * squared + deviation_by_air(by_air, self.actuator, load, position) ** 2
         deviation: FloatArray = np.sqrt(variance if as_calibrated else variance + self._considered(state, position))
         return deviation
 
@@ -222,6 +230,7 @@ def observer(
         spacing=spacing,
         missed=_missed(actuator, calibration),
         supply=supply,
+        air=air_of(actuator, calibration) if reference is None else None,
         calibration=calibration,
         zero=zero,
         supply_std=supply_std,

@@ -1,4 +1,4 @@
-"""Prior of an observer's parameters before its first sample, and of its supply pressure, where recorded.
+"""Prior of an observer's parameters before its first sample, and of its supply pressure and air, where recorded.
 
 Less supply and a smaller load look alike from position alone, and the pressure that a governor keeps swings by some
 percent. Where the vehicle records the supply, the filter corrects its state p_S by it.
@@ -6,7 +6,7 @@ percent. Where the vehicle records the supply, the filter corrects its state p_S
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from math import sqrt
@@ -32,6 +32,7 @@ from clutchid.log.states import SENSOR_PARAMETERS
 from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
 from clutchid.numerics.least_squares import triangular
+from clutchid.parameters import Parameters
 
 #: Standard deviation of a supply that is not recorded from that of the calibration, as a share of it: what its governor
 #: leaves after minutes. Provenance: docs/derivations_online.md.
@@ -47,6 +48,9 @@ SUPPLY_STD, BY_FORMULA = 0.03, 0.025 / 0.03
 #: share of f + A_A P_0 at full stroke; it is in proportion to the position. Some 16 K, at 0.12 % a kelvin. Provenance:
 #: benchmarks/results/observer_band.md.
 AIR_STD = 0.02
+
+#: As much where the temperature is recorded, in the calibration too. Provenance: benchmarks/results/observer_band.md.
+KNOWN_AIR_STD = 0.0075
 
 
 def considered_supply(actuator: Actuator, share: float) -> Considered | None:
@@ -76,9 +80,49 @@ def load_deviation(share: float, actuator: Actuator, load: Load, position: Float
     return share * by_supply(actuator, load.force(position))
 
 
-def deviation_by_air(actuator: Actuator, load: Load, position: FloatArray) -> FloatArray:
-    """Standard deviation in N that the temperature of air and grease leaves to the load at positions in m."""
-    return AIR_STD * position / actuator.parameters.y_max * by_supply(actuator, load.force(position))
+def deviation_by_air(share: float, actuator: Actuator, load: Load, position: FloatArray) -> FloatArray:
+    """Standard deviation in N that the temperature of air and grease leaves to the load at positions in m.
+
+    A `share` of f + A_A P_0 at full stroke.
+    """
+    return share * position / actuator.parameters.y_max * by_supply(actuator, load.force(position))
+
+
+class Air(NamedTuple):
+    """Use of a recorded temperature of the air.
+
+    Air that is r times as warm as in the calibration has gas and walls r times as warm, valves that pass less, as
+    choked flow goes with the inverse root of r, and thinner grease.
+
+    Attributes
+    ----------
+    calibrated : K
+        Temperature in the calibration.
+    powers
+        Power of r by which each parameter, adapting means included, grows, by name.
+    """
+
+    calibrated: float
+    powers: Mapping[str, float]
+
+
+def air_of(actuator: Actuator, calibration: Calibration | None) -> Air | None:
+    """Effect of another temperature of the air; None where that of the calibration is not known.
+
+    The powers of r are those of the change that a reading weighs, in the direction of `T_0`.
+    """
+    conditions = calibration.conditions if calibration else NOT_RECORDED
+    if conditions.temperature is None:
+        return None
+    rows = {name: actuator.row(name) for name in actuator.acting}
+    warmer = next(change for change in Parameters.row("T_0").changes if change.along)
+    powers = {
+        name: change.std / warmer.std
+        for name, row in rows.items()
+        for change in row.changes
+        if (change.group, change.along) == (warmer.group, warmer.along) and actuator.value(name) > 0.0
+    }
+    return Air(conditions.temperature, powers)
 
 
 def supply_of(actuator: Actuator, calibration: Calibration | None) -> Supply | None:
@@ -93,17 +137,26 @@ def supply_of(actuator: Actuator, calibration: Calibration | None) -> Supply | N
     )
 
 
-def unused_supply(log: Log, actuator: Actuator, calibration: Calibration | None) -> str:
-    """Reason why the supply pressure of a recording is not used, in a sentence; else nothing."""
-    recorded = log.columns.get("pressure_supply", np.zeros(0))
-    if not np.isfinite(recorded).any() or "p_S" not in actuator.states or supply_of(actuator, calibration):
-        return ""
-    recorded_there = calibration is not None and calibration.conditions.supply is not None
-    why = "was saved before observers used it" if recorded_there else "does not have it; record it there too"
-    return (
-        f"{log.name}: pressure_supply is not used, because the calibration {why}. Save the calibration again: less "
-        "supply is taken for a larger load."
-    )
+def unused_conditions(log: Log, actuator: Actuator, calibration: Calibration | None) -> tuple[str, ...]:
+    """Reasons why the supply pressure and the air temperature of a recording are not used, each in a sentence."""
+    conditions, sentences = calibration.conditions if calibration else NOT_RECORDED, []
+
+    def recorded(name: str) -> bool:
+        return bool(np.isfinite(log.columns.get(name, np.zeros(0))).any())
+
+    if recorded("pressure_supply") and "p_S" in actuator.states and not supply_of(actuator, calibration):
+        there = conditions.supply is not None
+        why = "was saved before observers used it" if there else "does not have it; record it there too"
+        sentences.append(
+            f"{log.name}: pressure_supply is not used, because the calibration {why}. Save the calibration again: less "
+            "supply is taken for a larger load."
+        )
+    if recorded("temperature_ambient") and not air_of(actuator, calibration):
+        sentences.append(
+            f"{log.name}: temperature_ambient is not used, because the calibration does not have it; record it there "
+            "too. Warmer air is taken for a smaller load."
+        )
+    return tuple(sentences)
 
 
 #: Parameter of a leak of chamber A, which is not below 0.

@@ -139,7 +139,8 @@ class ObserverState(NamedTuple):
     are the times in s of such jumps, in order, since which no vented rest has shown the zero; `latest` is the time in s
     of the last sample that counts, and `known` that of the last one with both duty cycles, NaN for none; `excess` is
     the sum of the innovations' excess in s, and `contradicted` is the time in s at which innovations last contradicted
-    the inputs, NaN if they have not; `supply` watches for supply pressures that cannot be right.
+    the inputs, NaN if they have not; `supply` watches for supply pressures that cannot be right; `temperature` is that
+    of the air in K that the model is at, NaN where none has been recorded.
     """
 
     filter: MethodState | None
@@ -164,3 +165,4 @@ class ObserverState(NamedTuple):
     excess: float = 0.0
     contradicted: float = float("nan")
     supply: FloatArray = read_only(np.array(NO_SUPPLY))
+    temperature: float = float("nan")

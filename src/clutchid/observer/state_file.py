@@ -18,12 +18,13 @@ from clutchid.files import write_text
 from clutchid.files.records import read_toml
 from clutchid.inference.filter.references import MethodState
 from clutchid.inference.filter.setup import FilterState
+from clutchid.inference.uncertainty.conditions import AIR
 from clutchid.observer.observer import Observer, blank, start
 from clutchid.observer.rest import LOW, REMEMBERED
 from clutchid.observer.state import ObserverState
 from clutchid.strokes.vented_rest import FURTHEST
 
-FORMAT = 13
+FORMAT = 14
 
 #: Entries of the section ``[parameters]``, and the fields of a state that they are.
 _PARAMETERS = {"theta": "theta", "root": "T", "considered": "G", "wear": "wear"}
@@ -219,6 +220,8 @@ def _problems(state: ObserverState) -> Iterator[str]:
             not all(np.linalg.norm(root, axis=1).all() for root in (state.T, state.sound.T)),
         "a standard deviation is below 0 or infinite":
             np.any((state.deviations < 0.0) | np.isinf(state.deviations)),
+        f"{state.temperature:g} K is no temperature of the air":
+            not (np.isnan(state.temperature) or AIR[0] <= state.temperature <= AIR[1]),
         f"mismatch {state.mismatch:g} is not of at least 0": not 0.0 <= state.mismatch < np.inf,
         f"excess {state.excess:g} is not of at least 0": not 0.0 <= state.excess < np.inf,
         f"the vented rest has moved by more than {FURTHEST:g} m":
@@ -253,5 +256,6 @@ def fingerprint(observer: Observer) -> str:
     told = repr((
         observer.actuator, joint.coordinates, joint.settings, joint.noise, joint.kernel[1], joint.reference,
         observer.usual, observer.zero, calibration.rest if calibration else None, observer.supply_std,
+        observer.air and (observer.air.calibrated, observer.air.powers),
     ))  # fmt: skip
     return sha256(told.encode()).hexdigest()

@@ -121,14 +121,14 @@ def fast_enough(log: Log, content: ParameterFile, *, force: bool = False) -> Log
     DataError
         If it is too slow for an observer, unless with `force`.
     """
-    from clutchid.observer.prior import unused_supply
+    from clutchid.observer.prior import unused_conditions
     from clutchid.observer.recording import too_slow
 
     slow = too_slow(log, content.actuator)
     if slow and not force:
         raise DataError(f"{slow}{ANYWAY}")
-    warnings = (slow, unused_supply(log, content.actuator, content.calibration))
-    return replace(log, warnings=(*log.warnings, *filter(None, warnings)))
+    warnings = (*filter(None, (slow,)), *unused_conditions(log, content.actuator, content.calibration))
+    return replace(log, warnings=(*log.warnings, *warnings))
 
 
 def observer_of(

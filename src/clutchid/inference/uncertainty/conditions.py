@@ -26,8 +26,8 @@ CONDITIONS: Mapping[str, str] = {"T_0": "temperature_ambient", "P_S": "pressure_
 #: behind the engine, and a pressure sensor of a brake system (0.5 % of 10 bar). Guessed from data sheets.
 ACCURACY: Mapping[str, float] = {"T_0": 2.0, "P_S": 5e3}
 
-#: Air temperatures in K that can be right.
-_COLDEST, _WARMEST = PLAUSIBLE["temperature_ambient"]
+#: Lowest and highest air temperature in K that can be right.
+AIR = PLAUSIBLE["temperature_ambient"]
 
 #: Largest range of the air temperature in a recording: 5 K, and 0.2 K more a second (out of a warm hall).
 SWING, RATE = 5.0, 0.2
@@ -118,10 +118,10 @@ def condition_problems(log: Log, actuator: Actuator) -> dict[str, str]:
     temperature, supply = _measured(log, "temperature_ambient"), _measured(log, "pressure_supply")
     if temperature.size:
         low, high, seconds = temperature.min(), temperature.max(), log.time[-1] - log.time[0]
-        if low < _COLDEST or high > _WARMEST:
+        if low < AIR[0] or high > AIR[1]:
             problems["temperature_ambient"] = (
                 f"temperature_ambient is {low - 273.15:.4g} to {high - 273.15:.4g} degC, outside "
-                f"{_COLDEST - 273.15:g} to {_WARMEST - 273.15:g} degC; correct the unit in the heading (K or degC), or "
+                f"{AIR[0] - 273.15:g} to {AIR[1] - 273.15:g} degC; correct the unit in the heading (K or degC), or "
                 "remove the column."
             )
         elif high - low > SWING + RATE * seconds:

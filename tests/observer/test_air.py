@@ -1,0 +1,112 @@
+"""The temperature of the air on line: which one is in use, what follows from it, and that it is used."""
+
+import numpy as np
+import pytest
+
+from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.conditions import RecordedConditions
+from clutchid.observer import observe, observer, start
+from clutchid.observer.air import at_air, changes_of_air
+from clutchid.observer.by_stroke import estimates_of
+from clutchid.observer.prior import unused_conditions
+
+CALIBRATED = 290.0
+
+
+def calibration(temperature=CALIBRATED):
+    return Calibration((), np.zeros((0, 0)), conditions=RecordedConditions(temperature=temperature))
+
+
+@pytest.fixture(scope="module")
+def joint(plant):
+    return observer(plant, calibration=calibration())
+
+
+@pytest.fixture(scope="module")
+def cold(worn):
+    """The worn actuator at 260 K: gas and walls, choked flow through the valves, and grease."""
+    r = 260.0 / CALIBRATED
+    powers = {"T_0": 1.0, "T_w": 1.0, "C_vs": -0.5, "C_ve": -0.5, "C_r": -0.5, "D_v": -0.5 / 0.085}
+    return worn.replace({name: r**power * worn.value(name) for name, power in powers.items() if name in worn.acting})
+
+
+@pytest.mark.parametrize(
+    ("used", "recorded", "changes"),
+    [
+        (np.nan, [], []),
+        (np.nan, [np.nan, np.nan], []),
+        (np.nan, [np.nan, 291.9, 289.0, 288.1], [(1, 290.0)]),
+        (np.nan, [292.5, 291.0], [(0, 292.5)]),
+        (292.5, [294.4, 290.6, np.nan, 294.6, 292.7], [(3, 294.6)]),
+        (290.0, [270.0, 271.0, 273.0], [(0, 270.0), (2, 273.0)]),
+        (290.0, [0.0, -40.0, 1e6, np.inf, 212.0], []),
+    ],
+)
+def test_a_temperature_is_in_use_until_one_differs_by_more_than_the_error_of_a_sensor(joint, used, recorded, changes):
+    assert changes_of_air(joint, used, np.array(recorded)) == changes
+
+
+def test_gas_walls_valves_and_grease_of_the_model_are_those_at_the_temperature(joint, cold, worn):
+    colder = at_air(joint, 260.0).joint
+    usual = joint.joint.mapped.actuator
+    for name in ("T_0", "T_w", "C_vs", "C_ve", "D_v"):
+        expected = cold.value(name) / worn.value(name) * usual.value(name)
+        assert colder.mapped.actuator.value(name) == pytest.approx(expected, rel=1e-12)
+    at = [c.base for c in colder.coordinates].index("D_v")
+    assert colder.free.numbers[at, 0] == colder.coordinates[at].mean == colder.mapped.actuator.value("D_v")
+    assert at_air(joint, CALIBRATED) is at_air(joint, np.nan) is joint
+
+
+@pytest.fixture(scope="module")
+def followed(joint, cold, recorded_by):
+    """A recording of the cold actuator, followed with and without its temperature."""
+    log = recorded_by(cold, seconds=6.0).without("pressure_a")
+    recorded = log.with_columns(temperature_ambient=260.0 + 1.5 * np.sin(log.time))
+    return recorded, [observe(joint, start(joint), made)[0] for made in (recorded, log)]
+
+
+def test_a_cold_actuator_has_the_right_load_where_its_temperature_is_recorded(joint, cold, followed):
+    _, states = followed
+    y = np.linspace(2e-3, 9e-3, 30)
+    right, wrong = (np.sqrt(np.mean((joint.load(s).force(y) - cold.load.force(y)) ** 2)) for s in states)
+    assert right < 0.5 * wrong
+    known, unknown = (joint.load_deviation(state, y) for state in states)
+    assert np.all(known < unknown)
+    friction = estimates_of(joint, states[0])["D_v"]
+    assert friction.low < cold.value("D_v") < friction.high
+
+
+def test_blocks_of_any_length_have_the_same_numbers_while_the_temperature_changes(joint, followed):
+    recorded, _ = followed
+    drifting = recorded.with_columns(
+        temperature_ambient=np.where(np.arange(len(recorded)) % 7, np.nan, 260.0 + recorded.time)
+    )
+    whole, samples = observe(joint, start(joint), drifting)
+    assert whole.temperature > 264.0
+    state, parts = start(joint), []
+    for a, b in zip((0, 1, 2, 700, 3001, 3500), (1, 2, 700, 3001, 3500, len(recorded)), strict=True):
+        state, part = observe(joint, state, drifting.slice(a, b))
+        parts.append(part)
+    np.testing.assert_array_equal(np.concatenate([part.states for part in parts]), samples.states)
+    np.testing.assert_array_equal(state.theta, whole.theta)
+    assert state.temperature == whole.temperature
+
+
+def test_a_temperature_like_that_of_the_calibration_changes_the_band_only(joint, worn, recorded_by):
+    log = recorded_by(worn, seconds=3.0).without("pressure_a")
+    plain, (known, samples) = (
+        observe(joint, start(joint), log),
+        observe(joint, start(joint), log.with_columns(temperature_ambient=np.full(3000, 291.5))),
+    )
+    np.testing.assert_array_equal(samples.states, plain[1].states)
+    assert known.temperature == CALIBRATED
+
+
+def test_a_temperature_that_the_calibration_lacks_is_not_used_and_that_is_said(plant, worn, recorded_by):
+    log = recorded_by(worn, seconds=3.0).with_columns(temperature_ambient=np.full(3000, 260.0))
+    without = observer(plant, calibration=calibration(None))
+    assert without.air is None
+    assert np.isnan(observe(without, start(without), log)[0].temperature)
+    (sentence,) = unused_conditions(log, plant, without.calibration)
+    assert "temperature_ambient is not used, because the calibration does not have it" in sentence
+    assert unused_conditions(log, plant, calibration()) == ()
