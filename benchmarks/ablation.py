@@ -42,10 +42,10 @@ def errors(name: str, number: int) -> tuple[float, float]:
     kind: Truck = truck(number).replace(LOSSES[name])
     seed = int(np.random.default_rng([number, 2]).integers(0, 2**31))
     driven = drive(kind, seconds=SECONDS, seed=seed, name="calibration")
-    found = fit(driven.log, measure=("position", "pressure_a"), free=("auto",))
-    assert found.calibration is not None
-    load, true = found.actuator.load, driven.truth.load(Y)
-    missed = load.phi(Y) @ np.array(found.calibration.bias)
+    result = fit(driven.log, measure=("position", "pressure_a"), free=("auto",))
+    assert result.calibration is not None
+    load, true = result.actuator.load, driven.truth.load(Y)
+    missed = load.phi(Y) @ np.array(result.calibration.bias)
     return tuple(float(100 * e.mean() / true.max()) for e in (load.force(Y) - true, missed))
 
 

@@ -149,20 +149,22 @@ USED_ALONE, USED_WITH_SUPPLY = "and 0.3 of the evidence, as used", "and 0.3 of t
 BANDS: Mapping[str, Mapping[str, Callable[[Stored], Band]]] = {
     "position": {
         "before": before,
-        "quantiles": lambda one: band_of(posterior(one, weights(one, 0.5), 0.0)),
-        "and at least 0.3 %": lambda one: band_of(posterior(one, weights(one, 0.5))),
-        USED_ALONE: lambda one: band_of(posterior(one, weights(one))),
-        "bootstraps, all evidence": lambda one: band_of(posterior(one, bootstraps(one))),
-        "  and times 1.1": lambda one: band_of(posterior(one, bootstraps(one)), 1.1),
-        "bootstraps, 0.3 of the evidence": lambda one: band_of(posterior(one, bootstraps(one, BAND.evidence))),
-        "0.3, and half of the joint filter": lambda one: with_filter(one, 0.5),
+        "quantiles": lambda truck_reading: band_of(posterior(truck_reading, weights(truck_reading, 0.5), 0.0)),
+        "and at least 0.3 %": lambda truck_reading: band_of(posterior(truck_reading, weights(truck_reading, 0.5))),
+        USED_ALONE: lambda truck_reading: band_of(posterior(truck_reading, weights(truck_reading))),
+        "bootstraps, all evidence": lambda truck_reading: band_of(posterior(truck_reading, bootstraps(truck_reading))),
+        "  and times 1.1": lambda truck_reading: band_of(posterior(truck_reading, bootstraps(truck_reading)), 1.1),
+        "bootstraps, 0.3 of the evidence": lambda truck_reading: band_of(
+            posterior(truck_reading, bootstraps(truck_reading, BAND.evidence))
+        ),
+        "0.3, and half of the joint filter": lambda truck_reading: with_filter(truck_reading, 0.5),
     },
     "supply": {
         "before": before,
-        USED_ALONE: lambda one: band_of(posterior(one, weights(one))),
+        USED_ALONE: lambda truck_reading: band_of(posterior(truck_reading, weights(truck_reading))),
         USED_WITH_SUPPLY: with_filter,
-        "  half of it": lambda one: with_filter(one, 0.5),
-        "  0.7 of it": lambda one: with_filter(one, 0.7),
+        "  half of it": lambda truck_reading: with_filter(truck_reading, 0.5),
+        "  0.7 of it": lambda truck_reading: with_filter(truck_reading, 0.7),
     },
 }
 

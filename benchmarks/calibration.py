@@ -55,7 +55,7 @@ def main() -> None:
     for name, work in rows.items():
         result = work()
         times = [_timed(work) for _ in range(repeat)]
-        elapsed, processor = (statistics.median(each) for each in zip(*times, strict=True))
+        elapsed, processor = (statistics.median(times_of) for times_of in zip(*times, strict=True))
         unit = unit or processor
         row = f"{name:<28}{len(result.parameters):>6}{result.evaluations:>13}{elapsed:>12.2f}{processor:>15.2f}"
         print(f"{row}{processor / unit:>8.3g}", flush=True)

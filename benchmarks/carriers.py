@@ -32,11 +32,11 @@ def main() -> None:
         hybrid = chosen.family == "h"
         kind = truck(0, f"h:{number}") if hybrid else truck(number, chosen.family)
         log = drive(kind, seconds=SECONDS, seed=seeds(0 if hybrid else number)[0], conditions=True).log
-        found, _ = pulses.find_carrier(log, actuator)
+        carrier, _ = pulses.find_carrier(log, actuator)
         with patch.multiple(pulses, RESPONSE=-float("inf"), IN_STEP=0.0):
             before, _ = pulses.find_carrier(log, actuator)
         valves = ", ".join(str(getattr(kind, name)) for name in ("valve", "duty", "drive") if hasattr(kind, name))
-        cells = f"{1e3 * kind.T_pwm:>8.1f}{1e3 * found:>8.1f}{1e3 * before:>9.1f}"
+        cells = f"{1e3 * kind.T_pwm:>8.1f}{1e3 * carrier:>8.1f}{1e3 * before:>9.1f}"
         print(f"{chosen.family}{number:<7}{valves:<24}{cells}", flush=True)
 
 

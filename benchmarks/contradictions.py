@@ -62,7 +62,7 @@ def changed(content: object, factors: dict[str, float]) -> Observer:
     actuator, values = content.actuator, {}
     for name, factor in factors.items():
         names = actuator.load.names if name == "load" else (name,)
-        values |= {each: factor * actuator.value(each) for each in names}
+        values |= {parameter: factor * actuator.value(parameter) for parameter in names}
     return observer(actuator.replace(values), calibration=content.calibration)
 
 
@@ -70,12 +70,12 @@ def rule(words: str) -> Callable[..., tuple[int, float]]:
     """The rule of a name, in place of `following._contradiction`."""
     kind, _, limit = words.rpartition(" ")
 
-    def first(observed: Observer, total: float, done: JointPass | None, least_speed: float) -> tuple[int, float]:
-        if done is None or kind == "":
-            return 0 if done is None else len(done.states), 0.0
-        at = np.flatnonzero(np.isfinite(done.errors[:, 0, 0]))
-        sizes = np.abs(done.errors[at, 0, 0]) / np.sqrt(done.errors[at, 0, 1])
-        learns = np.abs(done.states[at, observed.actuator.states.index("v")]) > least_speed
+    def first(observed: Observer, total: float, joint: JointPass | None, least_speed: float) -> tuple[int, float]:
+        if joint is None or kind == "":
+            return 0 if joint is None else len(joint.states), 0.0
+        at = np.flatnonzero(np.isfinite(joint.errors[:, 0, 0]))
+        sizes = np.abs(joint.errors[at, 0, 0]) / np.sqrt(joint.errors[at, 0, 1])
+        learns = np.abs(joint.states[at, observed.actuator.states.index("v")]) > least_speed
         seconds = observed.joint.settings.every * observed.joint.settings.spacing
         for i, size, moves in zip(at.tolist(), sizes.tolist(), learns.tolist(), strict=True):
             if kind.startswith("moving") and not moves:
@@ -87,7 +87,7 @@ def rule(words: str) -> Callable[..., tuple[int, float]]:
                 total = total + 1.0 if size > LEARNING else 0.0
             if total >= float(limit):
                 return i, total
-        return len(done.states), total
+        return len(joint.states), total
 
     return first
 
@@ -130,11 +130,11 @@ def main() -> None:
                 error = 100.0 * float(np.sqrt(np.mean(off**2))) / truth.max()
                 rows[words, group].append((error, run.health["contradiction"] > 0.0))
     print("| rule | group | flagged | error, median / worst [%] | above 5 % [%] |\n|---|---|---|---|---|")
-    for (words, group), found in sorted(rows.items(), key=lambda item: item[0][1]):
-        errors, flags = (np.array(column) for column in zip(*found, strict=True))
+    for (words, group), rows_of_group in sorted(rows.items(), key=lambda item: item[0][1]):
+        errors, flags = (np.array(column) for column in zip(*rows_of_group, strict=True))
         share = 100.0 * np.mean(errors > 5.0)
         words_of = f"{np.median(errors):.1f} / {errors.max():.1f} | {share:.0f}"
-        print(f"| {words} | {group} | {flags.sum()} of {len(found)} | {words_of} |")
+        print(f"| {words} | {group} | {flags.sum()} of {len(rows_of_group)} | {words_of} |")
 
 
 if __name__ == "__main__":

@@ -88,15 +88,15 @@ def fitted_motion(log: Log, actuator: Actuator, later: Log) -> Fit:
     return fit(log, near.actuator, measure=BOTH, free=MOTION, verify=[later])
 
 
-def from_position(actuator: Actuator, log: Log, known: Log) -> Log:
+def from_position(actuator: Actuator, log: Log, pressed: Log) -> Log:
     """The pressure of `log` from its position, with a band from `known`, whose pressure was measured."""
     blind = Log(log.time, {name: log[name] for name in ("position", "duty_supply")}, log.name)
-    runs = [simulate(actuator, one, partition=INPUT).log for one in (blind, known)]
-    return switching_band(runs[0], [(known, runs[1])])
+    runs = [simulate(actuator, log_of_run, partition=INPUT).log for log_of_run in (blind, pressed)]
+    return switching_band(runs[0], [(pressed, runs[1])])
 
 
 def _values(result: Fit) -> str:
-    return ", ".join(f"{name} = {one.value:.3g}" for name, one in result.parameters.items())
+    return ", ".join(f"{name} = {estimate.value:.3g}" for name, estimate in result.parameters.items())
 
 
 def _position(run: Recording) -> str:

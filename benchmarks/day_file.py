@@ -89,7 +89,7 @@ def watched(pid: int, peaks: list[int]) -> None:
         parent = psutil.Process(pid)
         while parent.status() != psutil.STATUS_ZOMBIE:
             with contextlib.suppress(psutil.NoSuchProcess):  # a reader process that has just ended
-                peaks.append(sum(each.memory_info().rss for each in (parent, *parent.children(recursive=True))))
+                peaks.append(sum(process.memory_info().rss for process in (parent, *parent.children(recursive=True))))
             time.sleep(0.05)
 
 

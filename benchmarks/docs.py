@@ -94,14 +94,16 @@ def pages() -> list[Path]:
 
 def blocks(page: str) -> list[Block]:
     """Consoles and files of a page, in order."""
-    found = []
+    blocks_of_page = []
     for fence in _FENCE.finditer(page):
         line = page.count("\n", 0, fence.start("body")) + 1
         if fence["name"]:
-            found.append(Block(line, False, (), fence["name"], fence["body"]))
+            blocks_of_page.append(Block(line, False, (), fence["name"], fence["body"]))
         elif fence["kind"] == "console":
-            found.append(Block(line, fence["mark"] == "long", tuple(_steps(fence["body"], fence.start("body")))))
-    return found
+            blocks_of_page.append(
+                Block(line, fence["mark"] == "long", tuple(_steps(fence["body"], fence.start("body"))))
+            )
+    return blocks_of_page
 
 
 def _steps(body: str, offset: int) -> Iterator[Step]:
@@ -117,7 +119,7 @@ def differences(page: str, *, long: bool) -> list[Difference]:
 
     `drive` and `calibrate` write the same from the same files, so that pages that begin alike do so once a process.
     """
-    found = []
+    differences_of_page = []
     code = 0
     with tempfile.TemporaryDirectory() as temporary, contextlib.chdir(temporary):
         folder = Path(temporary).resolve()
@@ -130,8 +132,8 @@ def differences(page: str, *, long: bool) -> list[Difference]:
                 if code and [after.command for after in block.steps[number : number + 1]] != [EXIT_CODE]:
                     printed += f"[exit code {code}]\n"
                 if not same(step.expected, printed):
-                    found.append(Difference(block.line, step, printed))
-    return found
+                    differences_of_page.append(Difference(block.line, step, printed))
+    return differences_of_page
 
 
 def excerpts(page: str, source: str) -> list[Difference]:
@@ -166,7 +168,7 @@ def run(command: str, last: int = 0) -> tuple[int, str]:
         command = f"{shlex.quote(sys.executable)}{command[6:]}"
     if words[0] != "clutchid":
         scripts = str(Path(sys.executable).parent)  # where `clutchid` lies, for `cat LOG | clutchid ...`
-        done = subprocess.run(
+        process = subprocess.run(
             command,
             shell=True,
             stdout=subprocess.PIPE,
@@ -175,7 +177,7 @@ def run(command: str, last: int = 0) -> tuple[int, str]:
             check=False,
             env={**os.environ, "PATH": f"{scripts}{os.pathsep}{os.environ.get('PATH', '')}"},
         )
-        return done.returncode, done.stdout
+        return process.returncode, process.stdout
     output = io.StringIO()
     code: object = 0
     with (
@@ -227,29 +229,29 @@ def _equal(expected: Sequence[str], actual: Sequence[str]) -> bool:
     return len(expected) == len(actual) and all(map(_alike, expected, actual))
 
 
-def _alike(one: str, other: str) -> bool:
+def _alike(line: str, other: str) -> bool:
     """Whether two words are equal, and their numbers to two significant digits."""
-    if one in (other, SKIP):
+    if line in (other, SKIP):
         return True
-    if _NUMBER.sub("#", one) != _NUMBER.sub("#", other):
+    if _NUMBER.sub("#", line) != _NUMBER.sub("#", other):
         return False
-    pairs = zip(_NUMBER.findall(one), _NUMBER.findall(other), strict=True)
+    pairs = zip(_NUMBER.findall(line), _NUMBER.findall(other), strict=True)
     return all(_close(a.replace(",", ""), b.replace(",", "")) for a, b in pairs)
 
 
-def _close(one: str, other: str) -> bool:
+def _close(number: str, other: str) -> bool:
     """Whether two numbers differ by at most one unit of the second digit, or of the last decimal that is printed."""
-    a, b = float(one), float(other)
+    a, b = float(number), float(other)
     largest = max(abs(a), abs(b))
     second = 10.0 ** (math.floor(math.log10(largest)) - 1) if largest else 0.0
-    decimals = re.search(r"\.(\d+)$", one)
+    decimals = re.search(r"\.(\d+)$", number)
     last = 10.0 ** -len(decimals[1]) if decimals else 0.0
     return abs(a - b) <= 1.001 * max(second, last)
 
 
-def rewritten(page: str, found: Sequence[Difference]) -> str:
+def rewritten(page: str, differences: Sequence[Difference]) -> str:
     """A page with what its commands print now."""
-    for difference in sorted(found, key=lambda one: -one.step.start):
+    for difference in sorted(differences, key=lambda item: -item.step.start):
         step = difference.step
         page = page[: step.start] + _shortened(difference.printed, step.expected) + page[step.stop :]
     return page
@@ -276,13 +278,13 @@ def main() -> None:
         text = page.read_text(encoding="utf-8")
         begin = time.perf_counter()
         excerpt = page == README
-        found = excerpts(text, SOURCE.read_text(encoding="utf-8")) if excerpt else differences(text, long=True)
-        print(f"{page.name}: {len(found)} different, {time.perf_counter() - begin:.1f} s", flush=True)
+        changes = excerpts(text, SOURCE.read_text(encoding="utf-8")) if excerpt else differences(text, long=True)
+        print(f"{page.name}: {len(changes)} different, {time.perf_counter() - begin:.1f} s", flush=True)
         if options.write:
-            page.write_text(rewritten(text, found), encoding="utf-8")
+            page.write_text(rewritten(text, changes), encoding="utf-8")
         else:
-            print(*found, sep="\n", end="\n" if found else "")
-            failed |= bool(found)
+            print(*changes, sep="\n", end="\n" if changes else "")
+            failed |= bool(changes)
     sys.exit(failed)
 
 

@@ -151,7 +151,7 @@ def bounds(observed: Observer, style: CStyle) -> Bound:
     """Bounds by the loops of an export; without what a new calibration or a divergence adds to one sample."""
     n, joint, size = style.name, observed.joint, size_of(observed.joint)
     pieces = observed.joint.free.pieces
-    known = {
+    numbers = {
         "memory->segment": 0, "table->n": size.pieces - 1, "basis->n": size.window, "reach[0]": 0,
         "reach[1]": int((pieces[:, 1] - pieces[:, 0]).max()), "self->refresh_due": 0, "self->reset_due": 0,
         "work->of->drift": 0, "data->leak": size.parameters - 1, "rest->n_returned": 8,
@@ -163,7 +163,7 @@ def bounds(observed: Observer, style: CStyle) -> Bound:
         "self->sound": f"{n}_filter_belief_t",
         "*derived": f"{n}_filter_derived_t",
     }
-    c = program(source_files(observer_c99(observed, start(observed), style, "bound")), known, copied)
+    c = program(source_files(observer_c99(observed, start(observed), style, "bound")), numbers, copied)
     most, spacing, every = float(joint.pace[2].max()), joint.settings.spacing, joint.settings.every
     steps, late = math.ceil(spacing * most), math.ceil(1e-6 * LATE * most)
     c = c.with_values(known={"self->n_past": c.constants[f"{n}_n_past"]}, turns={"verdict_on": 1, "correct": 0})

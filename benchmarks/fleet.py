@@ -39,7 +39,7 @@ class Memory(NamedTuple):
 def memory() -> Memory:
     """What this process and its workers hold."""
     process = psutil.Process()
-    workers = [one.memory_info().rss for one in process.children(recursive=True)]
+    workers = [child.memory_info().rss for child in process.children(recursive=True)]
     return Memory(process.memory_info().rss / 1e6, max(workers, default=0) / 1e6)
 
 
@@ -47,8 +47,8 @@ def timed(count: int, work: Callable[[Callable[[int, int], None]], None]) -> tup
     """Time in s of `count` items, and the memory after each fifth of them."""
     seen: list[Memory] = []
 
-    def progress(done: int, _all: int) -> None:
-        if done * 5 // count > (done - 1) * 5 // count:
+    def progress(number: int, _all: int) -> None:
+        if number * 5 // count > (number - 1) * 5 // count:
             seen.append(memory())
 
     begin = time.perf_counter()
@@ -80,10 +80,10 @@ def measure(folder: Path, family: str, count: int, workers: Sequence[int]) -> No
     alone = 0.0
     for number in workers:
         out = folder / f"out{count}-{number}"
-        with store(out, {}) as kept:
-            todo = tasks(fleet, ReadingOptions(), kept)
-            wall, seen = timed(count, partial(read_all, Workers(number), ReadingOptions(), todo, kept))
-            seconds = [one.seconds for one in kept.results()]
+        with store(out, {}) as results:
+            todo = tasks(fleet, ReadingOptions(), results)
+            wall, seen = timed(count, partial(read_all, Workers(number), ReadingOptions(), todo, results))
+            seconds = [result.seconds for result in results.results()]
         alone = alone or wall * number
         print(
             f"{count:6,} recordings, {number} workers: {wall:7.1f} s, {count / wall:6.2f} a second, "
@@ -119,7 +119,7 @@ def main() -> None:
     parser.add_argument("--family", default="A")
     parser.add_argument("--empty", type=int, default=0)
     options = parser.parse_args()
-    workers = [int(one) for one in options.workers.split(",")]
+    workers = [int(number) for number in options.workers.split(",")]
     if options.empty:
         empty(options.empty, workers)
         return

@@ -55,22 +55,24 @@ def ours(path: Path, dbc: list[Path]) -> Channels:
     source = open_source(path, dbc)
     if source.problems or not source.rasters:
         raise ClutchidError(" ".join(source.problems) or "no channel")
-    found: Channels = []
+    channels: Channels = []
     trouble = ""
     for number, raster in enumerate(source.rasters):
         every = [heading.index for heading in raster.headings]
         tables = _tables(source, number, every)
         if not isinstance(tables, str):
-            found += [(h.text, np.concatenate([table.numbers[h.index] for table in tables])) for h in raster.headings]
+            channels += [
+                (h.text, np.concatenate([table.numbers[h.index] for table in tables])) for h in raster.headings
+            ]
             continue
         trouble = tables
         for heading in raster.headings:  # a recording needs a few of them only
             alone = _tables(source, number, [heading.index])
             if not isinstance(alone, str):
-                found.append((heading.text, np.concatenate([table.numbers[heading.index] for table in alone])))
-    if not found:
+                channels.append((heading.text, np.concatenate([table.numbers[heading.index] for table in alone])))
+    if not channels:
         raise ClutchidError(trouble)
-    return found
+    return channels
 
 
 def _tables(source: Source, number: int, columns: list[int]) -> list[Table] | str:
@@ -119,12 +121,12 @@ def _verdict(what: str, mine: Channels, sentence: str, theirs: Channels, trouble
     return "read", f"{len(mine)} channels{note}"
 
 
-def _same(name: str, one: np.ndarray, other: np.ndarray) -> bool:
+def _same(name: str, values: np.ndarray, other: np.ndarray) -> bool:
     """Equal but for rounding in the last digits; stamps of frames, from which an origin was taken, within 1 µs."""
-    if one.shape != other.shape:
+    if values.shape != other.shape:
         return False
     slack = 1e-6 if name == "time" else 0.0
-    return bool(np.allclose(one, other, rtol=1e-12, atol=slack, equal_nan=True))
+    return bool(np.allclose(values, other, rtol=1e-12, atol=slack, equal_nan=True))
 
 
 def findings(paths: list[Path]) -> Iterator[Finding]:
@@ -153,15 +155,18 @@ def main() -> int:
     slowest: dict[tuple[str, str], float] = defaultdict(float)
     wrong = []
     files = [(folder, path) for folder in asked.folders for path in sorted(folder.rglob("*")) if path.is_file()]
-    for (folder, path), found in zip(files, findings([path for _, path in files]), strict=True):
+    for (folder, path), finding in zip(files, findings([path for _, path in files]), strict=True):
         inside = path.relative_to(folder).parts
-        key = (inside[0] if len(inside) > 1 else folder.name, found.kind)
-        rows[key][found.verdict] += 1
-        slowest[key] = max(slowest[key], found.seconds)
-        if found.verdict.endswith("wrongly"):
-            wrong.append(found)
+        key = (inside[0] if len(inside) > 1 else folder.name, finding.kind)
+        rows[key][finding.verdict] += 1
+        slowest[key] = max(slowest[key], finding.seconds)
+        if finding.verdict.endswith("wrongly"):
+            wrong.append(finding)
         if asked.list:
-            print(f"{path.relative_to(folder)}: {found.verdict}: {found.reason} [{found.seconds:.1f} s]", flush=True)
+            print(
+                f"{path.relative_to(folder)}: {finding.verdict}: {finding.reason} [{finding.seconds:.1f} s]",
+                flush=True,
+            )
     titles = ("folder", "kind", "files", *VERDICTS, "slowest [s]")
     print("| " + " | ".join(titles) + " |\n|" + "---|" * len(titles))
     for key, counts in sorted(rows.items()):
@@ -169,8 +174,8 @@ def main() -> int:
         print(f"| {' | '.join([*key, *map(str, numbers), f'{slowest[key]:.1f}'])} |")
     total = sum(rows.values(), Counter())
     print(f"| all | | {' | '.join(map(str, (total.total(), *(total[v] for v in VERDICTS))))} | |")
-    for found in wrong:
-        print(f"- {found.path.name}: {found.verdict}: {found.reason}")
+    for finding in wrong:
+        print(f"- {finding.path.name}: {finding.verdict}: {finding.reason}")
     return 1 if wrong else 0
 
 

@@ -76,15 +76,15 @@ def _mat(path: Path) -> Channels:
     import h5py
     from scipy.io import loadmat
 
-    found: Channels = []
+    channels: Channels = []
     with contextlib.suppress(Exception):  # mat-io decodes objects, where it can
         from matio import load_from_mat
 
-        found = list(_variables(load_from_mat(str(path))))
+        channels = list(_variables(load_from_mat(str(path))))
     if h5py.is_hdf5(path):
         with h5py.File(path) as file:
-            return [*found, *_hdf5(file)]
-    return [*found, *_variables(loadmat(path, struct_as_record=True, squeeze_me=False))]
+            return [*channels, *_hdf5(file)]
+    return [*channels, *_variables(loadmat(path, struct_as_record=True, squeeze_me=False))]
 
 
 def _objects(name: str, value: Any) -> Iterator[tuple[str, np.ndarray]]:
@@ -134,17 +134,17 @@ def _columns(name: str, value: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
 def _hdf5(group: Any) -> Iterator[tuple[str, np.ndarray]]:
     import h5py
 
-    found: Channels = []
+    channels: Channels = []
 
     def visit(name: str, item: Any) -> None:
         plain = isinstance(item, h5py.Dataset) and item.dtype.kind in "fiub" and 0 < item.size <= 1e8
         marks = {*item.attrs, *item.parent.attrs} if plain else set()
         plain = plain and not marks & {"MATLAB_sparse", "MATLAB_object_decode"} and "function_handle" not in name
         if plain and item.attrs.get("MATLAB_class", b"") != b"char" and not item.attrs.get("MATLAB_empty", 0):
-            found.extend(_columns(name, item[()].T))
+            channels.extend(_columns(name, item[()].T))
 
     group.visititems(visit)
-    yield from found
+    yield from channels
 
 
 def _parquet(path: Path) -> Channels:
@@ -152,7 +152,7 @@ def _parquet(path: Path) -> Channels:
     import pyarrow.parquet as pq
 
     file = pq.ParquetFile(path)
-    found: Channels = []
+    channels: Channels = []
     for field in file.schema_arrow:
         kind = field.type
         if not (
@@ -170,8 +170,8 @@ def _parquet(path: Path) -> Channels:
         whole = column.to_pylist()
         origin = next((value for value in whole if value is not None), 0) if second != 1.0 else 0
         numbers = [math.nan if value is None else float(value - origin) for value in whole]
-        found.append((field.name, np.array(numbers) / second))
-    return found
+        channels.append((field.name, np.array(numbers) / second))
+    return channels
 
 
 def _per_second(kind: Any) -> float:
@@ -185,7 +185,7 @@ def _per_second(kind: Any) -> float:
 def _mdf(path: Path) -> Channels:
     from asammdf import MDF
 
-    found: Channels = []
+    channels: Channels = []
     with MDF(path) as mdf:
         for number, group in enumerate(mdf.groups):
             for index in range(len(group.channels)):
@@ -196,8 +196,8 @@ def _mdf(path: Path) -> Channels:
                 if values.dtype.kind in "SUO":
                     values = _truth(values)
                 if values.dtype.kind in "fiub":
-                    found.append((str(signal.name), values.astype(float)))
-    return found
+                    channels.append((str(signal.name), values.astype(float)))
+    return channels
 
 
 def _truth(texts: np.ndarray) -> np.ndarray:
@@ -256,7 +256,7 @@ def _bus(path: Path, dbc: list[Path]) -> Channels:
         key = (frame.arbitration_id, bool(frame.is_extended_id))
         sizes[key] = min(max(sizes.get(key, 0), len(frame.data)), 64)
     origin = frames[0].timestamp
-    found: Channels = []
+    channels: Channels = []
     streams: dict[Any, list[Any]] = {}
     for frame in frames:
         streams.setdefault((frame.arbitration_id, bool(frame.is_extended_id), frame.channel), []).append(frame)
@@ -265,9 +265,9 @@ def _bus(path: Path, dbc: list[Path]) -> Channels:
         rows = np.full((len(own), size), np.nan)
         for row, frame in zip(rows, own, strict=True):
             row[: len(frame.data)] = list(frame.data)[:size]
-        found.append(("time", np.round(np.array([frame.timestamp - origin for frame in own]), 9)))
-        found += [(f"B{i}", rows[:, i]) for i in range(size)]
-    return found
+        channels.append(("time", np.round(np.array([frame.timestamp - origin for frame in own]), 9)))
+        channels += [(f"B{i}", rows[:, i]) for i in range(size)]
+    return channels
 
 
 def _csv(path: Path) -> Channels:
@@ -277,8 +277,8 @@ def _csv(path: Path) -> Channels:
     dialect = csv.Sniffer().sniff(text[:4096], ",;\t|")
     rows = [row for row in csv.reader(io.StringIO(text, newline=""), dialect) if row]
     header, body = rows[0], rows[1:]
-    found: Channels = []
+    channels: Channels = []
     for index, name in enumerate(header):
         with contextlib.suppress(ValueError, IndexError):
-            found.append((name, np.array([float(row[index]) if row[index] else math.nan for row in body])))
-    return found
+            channels.append((name, np.array([float(row[index]) if row[index] else math.nan for row in body])))
+    return channels

@@ -47,22 +47,22 @@ def main() -> None:
     first = fit_lugre(window(log, 12.0, 20.0))
     print("## LuGre in free run, fitted to 20 s\n")
     print(_lugre_lines(first), *first.warnings, sep="\n")
-    known = {name: first.values[name] for name in NAMES}
+    fixed = {name: first.values[name] for name in NAMES}
     print("\nfrom [s]  own fit [%]  with the friction of the first 20 s [%]")
     for start in range(12, 185, 20):
         segment = window(log, start, 20.0)
         print(
-            f"{start:8d}  {fit_lugre(segment).fit_percent:11.1f}  {fit_lugre(segment, fixed=known).fit_percent:11.1f}"
+            f"{start:8d}  {fit_lugre(segment).fit_percent:11.1f}  {fit_lugre(segment, fixed=fixed).fit_percent:11.1f}"
         )
 
     logs = [cylinder(path) for path in sorted((data / "zillen_cylinder_friction" / "friction").glob("*.csv"))]
-    found = coulomb_friction(logs, ambient=AMBIENT)
+    friction = coulomb_friction(logs, ambient=AMBIENT)
     print("\n## Coulomb friction at held pressures\n")
-    print(_level_lines(found))
-    if found.area is not None:
-        low, value, high = (1e6 * x for x in (found.area.low, found.area.value, found.area.high))
+    print(_level_lines(friction))
+    if friction.area is not None:
+        low, value, high = (1e6 * x for x in (friction.area.low, friction.area.value, friction.area.high))
         print(f"\narea {value:.1f} mm² (95 %: {low:.1f} to {high:.1f})")
-    print(f"\n{_parameter_lines(implied(found))}\n", *conclusions(found), sep="\n")
+    print(f"\n{_parameter_lines(implied(friction))}\n", *conclusions(friction), sep="\n")
 
 
 if __name__ == "__main__":

@@ -23,38 +23,42 @@ TEMPLATES = (".j2", ".toml", ".js")
 
 def modules(source: Path) -> dict[str, Path]:
     """Every module by its name, that of a package being its `__init__`."""
-    found = {}
+    files = {}
     for path in sorted((source / "clutchid").rglob("*.py")):
         parts = path.relative_to(source).with_suffix("").parts
-        found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
-    return found
+        files[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return files
 
 
-def imported(tree: ast.AST, known: Mapping[str, Path]) -> Iterator[str]:
+def imported(tree: ast.AST, files: Mapping[str, Path]) -> Iterator[str]:
     """Names of the modules that a file imports when it runs."""
     if isinstance(tree, ast.If) and isinstance(tree.test, ast.Name) and tree.test.id == "TYPE_CHECKING":
         return
     if isinstance(tree, ast.ImportFrom) and tree.module:
         for alias in tree.names:
             inner = f"{tree.module}.{alias.name}"
-            yield inner if inner in known else tree.module
+            yield inner if inner in files else tree.module
     elif isinstance(tree, ast.Import):
         yield from (alias.name for alias in tree.names)
     for child in ast.iter_child_nodes(tree):
-        yield from imported(child, known)
+        yield from imported(child, files)
 
 
 def circles(source: Path) -> list[list[str]]:
     """Groups of modules that import each other in a loop, the largest first (Tarjan 1972)."""
-    known = modules(source)
+    files = modules(source)
     graph = {
-        name: {one for one in imported(ast.parse(path.read_text("utf-8")), known) if one in known and one != name}
-        for name, path in known.items()
+        name: {
+            target
+            for target in imported(ast.parse(path.read_text("utf-8")), files)
+            if target in files and target != name
+        }
+        for name, path in files.items()
     }
     number: dict[str, int] = {}
     low: dict[str, int] = {}
     stack: list[str] = []
-    found: list[list[str]] = []
+    loops: list[list[str]] = []
 
     def visit(name: str) -> None:
         number[name] = low[name] = len(number)
@@ -70,12 +74,12 @@ def circles(source: Path) -> list[list[str]]:
             group = stack[at:]
             del stack[at:]
             if len(group) > 1:
-                found.append(group)
+                loops.append(group)
 
     for name in graph:
         if name not in number:
             visit(name)
-    return sorted(found, key=len, reverse=True)
+    return sorted(loops, key=len, reverse=True)
 
 
 #: Rooms whose foreign modules are counted: the doors, and what renders results.

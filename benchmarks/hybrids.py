@@ -56,9 +56,9 @@ def cases(seed: int) -> tuple[str, ...]:
 
 def names(kind: Vehicle) -> dict[str, str]:
     """The parts of a truck by their slots, with their variants."""
-    found = {slot: getattr(kind.parts, slot).name for slot in kind.parts._fields}
-    found |= {slot: name(kind) for slot, name in VARIANTS.items()}
-    return {**found, "zero": kind.zero}
+    parts = {slot: getattr(kind.parts, slot).name for slot in kind.parts._fields}
+    parts |= {slot: name(kind) for slot, name in VARIANTS.items()}
+    return {**parts, "zero": kind.zero}
 
 
 def path_of(seed: int, out: Path) -> Path:
@@ -70,7 +70,7 @@ class Read(NamedTuple):
     """A reading of a hybrid: its band as before and as it is used, against the truth."""
 
     hybrid: int
-    one: Stored
+    stored: Stored
     before: Score
     used: Score
 
@@ -79,16 +79,16 @@ def read(seeds: Sequence[int], out: Path, recorded: str) -> list[Read]:
     """The readings of those hybrids that are stored, with the position alone or with the supply recorded."""
     before, used = (BANDS[recorded][name] for name in ("before", USED[recorded]))
     return [
-        Read(seed, one, score(one, before(one)), score(one, used(one)))
+        Read(seed, stored, score(stored, before(stored)), score(stored, used(stored)))
         for seed in seeds
         if path_of(seed, out).exists()
-        for one in of_file(path_of(seed, out), seed, recorded)
+        for stored in of_file(path_of(seed, out), seed, recorded)
     ]
 
 
-def of(found: Sequence[Read], *wanted: str) -> list[Read]:
+def of(readings: Sequence[Read], *wanted: str) -> list[Read]:
     """The readings of some cases."""
-    return [one for one in found if one.one.case in wanted]
+    return [reading for reading in readings if reading.stored.case in wanted]
 
 
 def cells(scores: Sequence[Score]) -> str:
@@ -102,26 +102,31 @@ def cells(scores: Sequence[Score]) -> str:
     )
 
 
-def used(found: Sequence[Read]) -> str:
+def used(readings: Sequence[Read]) -> str:
     """Cells of some readings as they are used."""
-    return cells([one.used for one in found])
+    return cells([reading.used for reading in readings])
 
 
 HEAD = "error | covered | width | score"
 
 
-def of_cases(found: Sequence[Read]) -> Iterator[str]:
+def of_cases(readings: Sequence[Read]) -> Iterator[str]:
     """A row a case, as before and as used."""
     yield f"| case | readings | before: {HEAD} | now: {HEAD} |\n|{'---|' * 10}"
     for case in (UNCHANGED, *OTHERS, "all"):
-        some = found if case == "all" else of(found, case)
-        yield f"| {case} | {len(some)} | {cells([one.before for one in some])} | {used(some)} |"
-    areas = [area([r.one for r in found], scores) for scores in ([r.before for r in found], [r.used for r in found])]
-    trucks = [np.mean([r.used.covered for r in found if r.hybrid == hybrid]) for hybrid in {r.hybrid for r in found}]
+        some = readings if case == "all" else of(readings, case)
+        yield f"| {case} | {len(some)} | {cells([reading.before for reading in some])} | {used(some)} |"
+    areas = [
+        area([r.stored for r in readings], scores)
+        for scores in ([r.before for r in readings], [r.used for r in readings])
+    ]
+    trucks = [
+        np.mean([r.used.covered for r in readings if r.hybrid == hybrid]) for hybrid in {r.hybrid for r in readings}
+    ]
     yield (
         f"\nArea {areas[0]:.2f} before, {areas[1]:.2f} now. Covered by hybrid {np.mean(trucks):.1f} ± "
         f"{np.std(trucks, ddof=1) / np.sqrt(len(trucks)):.1f} %, {min(trucks):.0f} % at worst. By expected error: "
-        f"{by_expected_error([r.used for r in found])}.\n"
+        f"{by_expected_error([r.used for r in readings])}.\n"
     )
 
 
@@ -141,25 +146,25 @@ def of_parts(seeds: Sequence[int], alone: Sequence[Read], supply: Sequence[Read]
     )
     worst = (0.0, "", "")
     for slot, part, some in by_part(seeds):
-        own, with_supply = ([one for one in found if one.hybrid in some] for found in (alone, supply))
+        own, with_supply = ([reading for reading in readings if reading.hybrid in some] for readings in (alone, supply))
         yield f"| {slot} | {part} | {len(some)} | {used(of(own, UNCHANGED))} | {used(own)} | {used(with_supply)} |"
         if own and len(some) >= LEAST:
-            worst = max(worst, (float(np.median([one.used.error for one in own])), part, slot))
+            worst = max(worst, (float(np.median([reading.used.error for reading in own])), part, slot))
     yield f"\nLargest median of a part of {LEAST} hybrids or more: {worst[1]} ({worst[2]}), {worst[0]:.2f} %.\n"
 
 
-def of_worst(found: Sequence[Read], out: Path, number: int = 8) -> Iterator[str]:
+def of_worst(readings: Sequence[Read], out: Path, number: int = 8) -> Iterator[str]:
     """The hybrids with the worst readings."""
     yield "| hybrid | parts | calibration | worst case | error | unchanged |\n|---|---|---|---|---|---|"
     worst: dict[int, Read] = {}
-    for one in sorted(found, key=lambda one: one.used.error, reverse=True):
-        worst.setdefault(one.hybrid, one)
-    same = {one.hybrid: f"{one.used.error:.2f}" for one in of(found, UNCHANGED)}
-    for one in list(worst.values())[:number]:
-        trust = read_parameters(path_of(one.hybrid, out).with_suffix(".toml")).origin.trust
-        letters = truck(0, f"h:{one.hybrid}").parts.letters
-        words = (f"h:{one.hybrid}", letters, trust, one.one.case, f"{one.used.error:.2f}")
-        yield f"| {' | '.join(words)} | {same.get(one.hybrid, 'refused')} |"
+    for reading in sorted(readings, key=lambda reading: reading.used.error, reverse=True):
+        worst.setdefault(reading.hybrid, reading)
+    same = {reading.hybrid: f"{reading.used.error:.2f}" for reading in of(readings, UNCHANGED)}
+    for reading in list(worst.values())[:number]:
+        trust = read_parameters(path_of(reading.hybrid, out).with_suffix(".toml")).origin.trust
+        letters = truck(0, f"h:{reading.hybrid}").parts.letters
+        words = (f"h:{reading.hybrid}", letters, trust, reading.stored.case, f"{reading.used.error:.2f}")
+        yield f"| {' | '.join(words)} | {same.get(reading.hybrid, 'refused')} |"
 
 
 def main() -> None:

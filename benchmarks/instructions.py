@@ -86,7 +86,7 @@ class Program:
         return self.costs[name, hashable]
 
 
-def program(sources: Mapping[str, str], known: Mapping[str, int], copied: Mapping[str, str]) -> Program:
+def program(sources: Mapping[str, str], values: Mapping[str, int], copied: Mapping[str, str]) -> Program:
     """The functions of some files in C by their names; `copied` are structs that are assigned as a whole, by type."""
     functions: dict[str, c_ast.FuncDef] = {}
     constants: dict[str, Any] = {}
@@ -119,7 +119,7 @@ def program(sources: Mapping[str, str], known: Mapping[str, int], copied: Mappin
                 for enum in _enumerations(part):
                     _enumerate(enum, constants)
     copies = {f"copy {to}": 3.0 * _words(types[kind], types, constants) for to, kind in copied.items()}
-    return Program(functions, constants, known, {}, copies, {})
+    return Program(functions, constants, values, {}, copies, {})
 
 
 def _words(kind: c_ast.Node, types: Mapping[str, c_ast.Node], constants: dict[str, Any]) -> int:
@@ -242,17 +242,17 @@ class _Run:
                 whole = re.fullmatch(r"(0x[0-9a-fA-F]+|\d+)[uU]?[lL]*", node.value)
                 return Value(0.0, int(whole[1], 0)) if whole else Value(COSTS["read"])
             case c_ast.ID():
-                known = self.variables.get(node.name, self.of.constants.get(node.name))
-                return Value(0.0, known)
+                number = self.variables.get(node.name, self.of.constants.get(node.name))
+                return Value(0.0, number)
             case c_ast.InitList():
                 parts = [self.value(part) for part in node.exprs]
                 return Value(sum(p.cost + COSTS["write"] for p in parts), [p.known for p in parts])
             case c_ast.ArrayRef():
                 base, at = self.value(node.name), self.value(node.subscript)
                 listed = isinstance(base.known, (list, tuple)) and isinstance(at.known, int)
-                known = base.known[at.known] if listed else self.of.known.get(_text(node))
+                number = base.known[at.known] if listed else self.of.known.get(_text(node))
                 index = 0 if isinstance(node.subscript, c_ast.Constant) else at.cost + COSTS["index"]
-                return Value(max(base.cost, 0 if self.is_local(node) else COSTS["read"]) + index, known)
+                return Value(max(base.cost, 0 if self.is_local(node) else COSTS["read"]) + index, number)
             case c_ast.StructRef():
                 return Value(max(self.value(node.name).cost, COSTS["read"]), self.of.known.get(_text(node)))
             case c_ast.Cast():
@@ -268,8 +268,8 @@ class _Run:
                 if test.known is not None:
                     chosen = arms[0] if test.known else arms[1]
                     return Value(test.cost + chosen.cost + 1, chosen.known)
-                known = arms[0].known if arms[0].known == arms[1].known else None
-                return Value(test.cost + max(arm.cost for arm in arms) + 2, known)
+                number = arms[0].known if arms[0].known == arms[1].known else None
+                return Value(test.cost + max(arm.cost for arm in arms) + 2, number)
             case c_ast.Assignment():
                 return self.assigned(node)
             case c_ast.FuncCall():
@@ -286,8 +286,8 @@ class _Run:
             self.write(node.expr, inner.known + step if isinstance(inner.known, int) else None)
             return Value(inner.cost + 2, inner.known)
         changes: dict[str, Callable[[Any], Any]] = {"-": operator.neg, "!": operator.not_}
-        known = changes[node.op](inner.known) if node.op in changes and isinstance(inner.known, int) else None
-        return Value(inner.cost + COSTS["operation"], known)
+        number = changes[node.op](inner.known) if node.op in changes and isinstance(inner.known, int) else None
+        return Value(inner.cost + COSTS["operation"], number)
 
     def binary(self, node: c_ast.BinaryOp) -> Value:
         left, right = self.value(node.left), self.value(node.right)
@@ -296,8 +296,8 @@ class _Run:
         if node.op in ("&&", "||"):
             ends = 0 if node.op == "&&" else 1
             sides = [bool(side.known) for side in (left, right) if side.known is not None]
-            known = ends if bool(ends) in sides else (1 - ends if len(sides) == 2 else None)
-            return Value(cost + 1, known)
+            number = ends if bool(ends) in sides else (1 - ends if len(sides) == 2 else None)
+            return Value(cost + 1, number)
         if node.op in _COMPARED:
             return Value(cost + COSTS["comparison"], int(_COMPARED[node.op](left.known, right.known)) if both else None)
         if node.op in "+-" and any(
@@ -309,27 +309,27 @@ class _Run:
 
     def assigned(self, node: c_ast.Assignment) -> Value:
         made, to = self.value(node.rvalue), self.value(node.lvalue)
-        known = made.known
+        number = made.known
         if node.op == "=":
             to = Value(max(0.0, to.cost - COSTS["read"]))
         else:
             both = isinstance(made.known, int) and isinstance(to.known, int) and node.op[0] in _ARITHMETIC
-            known = _ARITHMETIC[node.op[0]](to.known, made.known) if both else None
-        self.write(node.lvalue, known)
+            number = _ARITHMETIC[node.op[0]](to.known, made.known) if both else None
+        self.write(node.lvalue, number)
         copied = self.of.fixed.get(f"copy {_text(node.lvalue)}", 0.0)
         local = isinstance(node.lvalue, c_ast.ID) or self.is_local(node.lvalue)
         fused = isinstance(node.rvalue, c_ast.BinaryOp) and node.rvalue.op == "*"
         operation = COSTS["operation"] * (node.op != "=" and not fused)
-        return Value(made.cost + to.cost + COSTS["write"] * (not local) + operation + copied, known)
+        return Value(made.cost + to.cost + COSTS["write"] * (not local) + operation + copied, number)
 
     def is_local(self, node: c_ast.Node) -> bool:
         """Whether it is an entry of an array of the function with a constant index: it may lie in a register."""
         by_name = isinstance(node, c_ast.ArrayRef) and isinstance(node.name, c_ast.ID) and node.name.name in self.arrays
         return by_name and isinstance(node.subscript, c_ast.Constant)
 
-    def write(self, node: c_ast.Node, known: Any) -> None:
+    def write(self, node: c_ast.Node, number: Any) -> None:
         if isinstance(node, c_ast.ID):
-            self.variables[node.name] = known
+            self.variables[node.name] = number
 
     def called(self, node: c_ast.FuncCall) -> Value:
         name = _text(node.name)

@@ -40,8 +40,8 @@ def main() -> None:
     def filtered(every: int, memory: float) -> Callable[[], object]:
         settings = JointSettings(every=every)
         joint = joint_filter(actuator, free, bounds, ("position",), Noise(memory=memory), settings)
-        state, given = init(joint, track.segment, np.zeros(k), 0.3 * np.eye(k)), inputs(joint, track)
-        return lambda: follow(joint, state, given, (0, count))
+        state, inputs_of_track = init(joint, track.segment, np.zeros(k), 0.3 * np.eye(k)), inputs(joint, track)
+        return lambda: follow(joint, state, inputs_of_track, (0, count))
 
     runs: dict[str, Callable[[], object]] = {
         "simulate": lambda: clutchid.simulate(actuator, log),
@@ -56,9 +56,9 @@ def main() -> None:
             if number > 0:
                 times[name].append((time.perf_counter() - begin) / count * 1e6)
     print(f"{k} free parameters, {count} samples, {track.segment.substeps.mean():.2f} integration steps a sample")
-    for name, each in times.items():
-        ratio = np.median(np.array(each) / np.array(times["simulate"]))
-        print(f"{name:<36}{np.median(each):8.2f} us a sample{ratio:8.1f} times simulate")
+    for name, seconds in times.items():
+        ratio = np.median(np.array(seconds) / np.array(times["simulate"]))
+        print(f"{name:<36}{np.median(seconds):8.2f} us a sample{ratio:8.1f} times simulate")
 
 
 if __name__ == "__main__":

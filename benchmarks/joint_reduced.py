@@ -54,23 +54,23 @@ def main() -> None:
     modes = chosen.modes or [METHODS["joint-reduced"].modes]
     for family in ("A", "B"):
         numbers = range(chosen.seed, chosen.seed + chosen.trucks)
-        found = [of_truck(family, number, modes, chosen.seconds, chosen.calibrations) for number in numbers]
+        spreads = [of_truck(family, number, modes, chosen.seconds, chosen.calibrations) for number in numbers]
         titles = ["moved", *(f"{count} modes" for count in modes)]
         print(f"{f'family {family}':<24}" + "".join(f"{title:>16}" for title in titles))
-        for name, cells in table(found).items():
+        for name, cells in table(spreads).items():
             print(f"{name:<24}" + "".join(f"{cell:>16}" for cell in cells), flush=True)
 
 
-def of_truck(family: str, number: int, modes: Sequence[int], seconds: float, kept: Path | None) -> list[Spread]:
+def of_truck(family: str, number: int, modes: Sequence[int], seconds: float, calibrations: Path | None) -> list[Spread]:
     """That of `joint` before the first sample, at the end, at the end from a moved start; then with modes."""
     of_vehicle, seeds = truck(number, family), np.random.default_rng([number, 2]).integers(0, 2**31, 2).tolist()
-    file = calibrated(of_vehicle, seeds[0], kept / f"{family}{number}.toml" if kept else None)
+    file = calibrated(of_vehicle, seeds[0], calibrations / f"{family}{number}.toml" if calibrations else None)
     worn = drive(of_vehicle, seconds=seconds, seed=seeds[1], wear=WEAR, cycles=WEAR * STROKES, pressure=False)
     made = [observer(file.actuator, calibration=file.calibration, modes=count) for count in (None, *modes)]
     full, first = made[0], start(made[0])
-    begins = [(full, first), (full, moved(first)), *((one, start(one)) for one in made[1:])]
-    ends = [(one, observe(one, state, worn.log)[0]) for one, state in begins]
-    return [spread(one, state, worn.truth) for one, state in ((full, first), *ends)]
+    begins = [(full, first), (full, moved(first)), *((variant, start(variant)) for variant in made[1:])]
+    ends = [(variant, observe(variant, state, worn.log)[0]) for variant, state in begins]
+    return [spread(variant, state, worn.truth) for variant, state in ((full, first), *ends)]
 
 
 def moved(state: ObserverState) -> ObserverState:
@@ -79,28 +79,30 @@ def moved(state: ObserverState) -> ObserverState:
     return state._replace(theta=theta, sound=state.sound._replace(theta=theta))
 
 
-def spread(one: Observer, state: ObserverState, truth: Truth) -> Spread:
+def spread(variant: Observer, state: ObserverState, truth: Truth) -> Spread:
     """Standard deviations and error in a state."""
-    load = np.linalg.norm(one.actuator.load.phi(POSITIONS) @ one.prior.weights @ state.T, axis=1)
+    load = np.linalg.norm(variant.actuator.load.phi(POSITIONS) @ variant.prior.weights @ state.T, axis=1)
     values = {
-        name: value.std for name, value in estimates_of(one, state).items() if name not in one.actuator.load.names
+        name: value.std
+        for name, value in estimates_of(variant, state).items()
+        if name not in variant.actuator.load.names
     }
-    off = one.load(state).force(TOUCH) - truth.load(TOUCH)
+    off = variant.load(state).force(TOUCH) - truth.load(TOUCH)
     return Spread(load, values, 100.0 * float(np.sqrt(np.mean(off**2)) / truth.load(GRID).max()))
 
 
-def table(found: Sequence[Sequence[Spread]]) -> dict[str, list[str]]:
+def table(spreads: Sequence[Sequence[Spread]]) -> dict[str, list[str]]:
     """Ratios by name, a cell a number of modes."""
-    cells: dict[str, list[str]] = {name: [] for name in ("load", *found[0][0].parameters)}
-    for column in range(2, len(found[0])):
-        load = [row[column].load / row[1].load for row in found]
-        determined = [row[1].load < 0.5 * row[0].load for row in found]
+    cells: dict[str, list[str]] = {name: [] for name in ("load", *spreads[0][0].parameters)}
+    for column in range(2, len(spreads[0])):
+        load = [row[column].load / row[1].load for row in spreads]
+        determined = [row[1].load < 0.5 * row[0].load for row in spreads]
         ratios = {"load": np.concatenate([ratio[at] for ratio, at in zip(load, determined, strict=True)])}
-        for name in found[0][0].parameters:
-            ratios[name] = np.array([row[column].parameters[name] / row[1].parameters[name] for row in found])
+        for name in spreads[0][0].parameters:
+            ratios[name] = np.array([row[column].parameters[name] / row[1].parameters[name] for row in spreads])
         for name, ratio in ratios.items():
             cells[name].append(f"{ratio.min():.3f} to {ratio.max():.3f}")
-    off = np.array([[one.error for one in row[1:]] for row in found])
+    off = np.array([[end.error for end in row[1:]] for row in spreads])
     full, *others = [f"{np.median(column):.2f} / {column.max():.2f}" for column in off.T]
     return {**cells, f"error [%], {full}": others}
 

@@ -133,12 +133,12 @@ def windows(d: Drive, names: Sequence[str]) -> Callable[[], int]:
     jump, measured, watched = np.zeros(WINDOW, np.uint8), np.zeros((WINDOW, 2)), np.array([0, 2])
     basis = np.ascontiguousarray(load.coefficients)
     free = (weights, weights, *fill)
-    table, kept = (load.breakpoints, load.combined()), (jump, measured)
+    table, samples = (load.breakpoints, load.combined()), (jump, measured)
 
     def run() -> int:
         state = x.copy()
         for k in range(0, u.shape[0] - WINDOW, WINDOW):
-            common = (u[k : k + WINDOW], p.array(), d.dt[k : k + WINDOW - 1], d.substeps[k : k + WINDOW - 1], *kept)
+            common = (u[k : k + WINDOW], p.array(), d.dt[k : k + WINDOW - 1], d.substeps[k : k + WINDOW - 1], *samples)
             if names:
                 S = np.zeros((x.size, columns))
                 failed: int = kernels(RICH).run_all(state, S, *common, *table, basis, *free, watched, out, sens)
@@ -241,8 +241,8 @@ def main() -> None:
     names = ("C", "run", "3 columns", "25 columns", "ten states", f"{len(Parameters.names()) - 1} columns")
     print(report(names, times, [(1, 0, 1.2), (2, 1, 4.0), (3, 1, 20.0), (5, 4, 20.0)]))
     print("\nlargest difference between the states of C and of run:")
-    for name, one, other in zip(("y", "v", "p_A", "p_B", "z"), outs[0].T, outs[1].T, strict=True):
-        print(f"  {name:4s} {np.abs(one - other).max():.2e} of {np.abs(other).max():.3g}")
+    for name, value, other in zip(("y", "v", "p_A", "p_B", "z"), outs[0].T, outs[1].T, strict=True):
+        print(f"  {name:4s} {np.abs(value - other).max():.2e} of {np.abs(other).max():.3g}")
 
 
 if __name__ == "__main__":

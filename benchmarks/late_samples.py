@@ -44,10 +44,10 @@ def losses(case: tuple[int, int, float] | None, log: Log, seed: int) -> Iterator
 
 def without(log: Log, lost: Iterator[tuple[int, int]]) -> Log:
     """A recording without the samples that are lost."""
-    kept = np.ones(len(log), dtype=bool)
+    used = np.ones(len(log), dtype=bool)
     for first, last in lost:
-        kept[first:last] = False
-    return Log(log.time[kept], {name: values[kept] for name, values in log.columns.items()}, log.name, log.metadata)
+        used[first:last] = False
+    return Log(log.time[used], {name: values[used] for name, values in log.columns.items()}, log.name, log.metadata)
 
 
 def main() -> None:

@@ -192,7 +192,8 @@ def latency(folder: Path, log: Log, seconds: int) -> list[tuple[str, ...]]:
     commands = {"clutchid observe --publish -": observe, "yardstick: the lines sent back": [sys.executable, "-c", echo]}
     lines = b"".join(csv_lines(log, seconds)).splitlines(keepends=True)
     processes = [
-        subprocess.Popen(one, cwd=folder, stdin=subprocess.PIPE, stdout=subprocess.PIPE) for one in commands.values()
+        subprocess.Popen(command, cwd=folder, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        for command in commands.values()
     ]
     arrived: list[list[tuple[float, bytes]]] = [[] for _ in processes]
     readers = [
@@ -201,11 +202,11 @@ def latency(folder: Path, log: Log, seconds: int) -> list[tuple[str, ...]]:
     ]
     for reader in readers:
         reader.start()
-    begin, given = time.perf_counter(), np.empty(len(lines))
+    begin, written = time.perf_counter(), np.empty(len(lines))
     sent = 0
     while sent < len(lines):
         ready = min(len(lines), 1 + round(1000.0 * (time.perf_counter() - begin)))
-        given[sent:ready] = time.perf_counter()
+        written[sent:ready] = time.perf_counter()
         for process in processes:
             assert process.stdin
             process.stdin.write(b"".join(lines[sent:ready]))
@@ -218,8 +219,8 @@ def latency(folder: Path, log: Log, seconds: int) -> list[tuple[str, ...]]:
         reader.join()
         process.wait()
     rows = [("latency [ms]", "samples", "median", "p99", "p99.9", "most")]
-    for name, each in zip(commands, arrived, strict=True):
-        ages = np.array([1e3 * (at - given[number]) for at, number in _numbered(each) if number > 10_000])
+    for name, stamps in zip(commands, arrived, strict=True):
+        ages = np.array([1e3 * (at - written[number]) for at, number in _numbered(stamps) if number > 10_000])
         cells = [f"{np.percentile(ages, part):.0f}" for part in (50, 99, 99.9, 100)]
         rows.append((name, f"{ages.size}", *cells))
     return rows
@@ -237,9 +238,9 @@ def _numbered(parts: Sequence[tuple[float, bytes]]) -> Iterator[tuple[float, int
     for at, part in parts:
         *lines, rest = (rest + part).split(b"\n")
         for line in lines:
-            found = re.match(rb'(?:{"time \[s\]": )?([0-9.]+), ?(?!"stroke"|"health")', line)
-            if found:
-                yield at, 1 + round(1000.0 * float(found[1]))
+            match = re.match(rb'(?:{"time \[s\]": )?([0-9.]+), ?(?!"stroke"|"health")', line)
+            if match:
+                yield at, 1 + round(1000.0 * float(match[1]))
 
 
 def _mebibytes(process: psutil.Process) -> float:
@@ -299,7 +300,7 @@ def _send(
         time.sleep(0.01)
     travel = [struct.pack("<i", y) for y in np.rint(log["position"] / 1e-9).astype(int).tolist()]
     duties = zip(*(np.rint(log[name] / 2e-5).astype(int).tolist() for name in INPUTS), strict=True)
-    valves = [struct.pack("<HH", *each) for each in duties]
+    valves = [struct.pack("<HH", *pair) for pair in duties]
     begin, start = time.thread_time(), time.perf_counter()
     with can.Bus(CHANNEL, interface="virtual", preserve_timestamps=True) as bus:
         for i in range(1000 * seconds):
@@ -319,21 +320,21 @@ def show(folder: Path, log: Log, seconds: int) -> None:
     clutchid(["observe", *BUS, *OBSERVE, "--view"])
 
 
-def faults(folder: Path, log: Log, given: argparse.Namespace) -> None:
+def faults(folder: Path, log: Log, options: argparse.Namespace) -> None:
     """Print what faults do to live runs, run by run where something is wrong, and then a table."""
 
     def worn(seconds: int) -> list[bytes]:
         return b"".join(csv_lines(log, seconds)).splitlines(keepends=True)
 
-    found = []
+    failures = []
     try:
-        for one in outcomes(folder, worn, given.runs, given.seed, given.kind, given.jobs):
-            found.append(one)
-            if one.wrong:
-                print(f"{one.kind}, run {len(found)}: {one.wrong}", flush=True)
+        for outcome in outcomes(folder, worn, options.runs, options.seed, options.kind, options.jobs):
+            failures.append(outcome)
+            if outcome.wrong:
+                print(f"{outcome.kind}, run {len(failures)}: {outcome.wrong}", flush=True)
     except KeyboardInterrupt:
         print("stopped; the runs so far:")
-    print(*fault_table(found), sep="\n", flush=True)
+    print(*fault_table(failures), sep="\n", flush=True)
 
 
 def row(name: str, follow: Callable[[int], Run], repeats: int, hours: float) -> tuple[str, ...]:
@@ -362,28 +363,35 @@ def main() -> None:
     parser.add_argument("--fast", action="store_true", help="only a stream of CSV of --hours at full speed")
     parser.add_argument("--latency", type=int, metavar="SECONDS", default=0, help="the age of published samples")
     parser.add_argument("--show", type=int, metavar="SECONDS", default=0, help="the demonstration, for as many seconds")
-    given = parser.parse_args()
+    options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         log = prepared(folder)
-        if given.faults:
-            faults(folder, log, given)
+        if options.faults:
+            faults(folder, log, options)
             return
-        if given.fast:
-            print(*text_table(hours_of(folder, log, given.hours), 1), sep="\n")
+        if options.fast:
+            print(*text_table(hours_of(folder, log, options.hours), 1), sep="\n")
             return
-        if given.latency:
-            print(*text_table(latency(folder, log, given.latency), 1), sep="\n")
+        if options.latency:
+            print(*text_table(latency(folder, log, options.latency), 1), sep="\n")
             return
-        if given.show:
-            show(folder, log, given.show)
+        if options.show:
+            show(folder, log, options.show)
         paths: dict[str, Callable[[int], Run]] = {
             "CSV": lambda seconds: piped(folder, csv_lines(log, seconds), seconds),
             "JSON lines": lambda seconds: piped(folder, json_lines(log, seconds), seconds),
             "CAN, 2 messages": lambda seconds: on_bus(folder, log, seconds),
         }
-        titles = ("path", "x real time", "without the sender", "start [s]", "MiB early", f"MiB after {given.hours:g} h")
-        rows = [titles, *(row(path, follow, given.repeats, given.hours) for path, follow in paths.items())]
+        titles = (
+            "path",
+            "x real time",
+            "without the sender",
+            "start [s]",
+            "MiB early",
+            f"MiB after {options.hours:g} h",
+        )
+        rows = [titles, *(row(path, follow, options.repeats, options.hours) for path, follow in paths.items())]
         part = share(folder, log)
     print(*text_table(rows, 1), f"CSV in real time takes {100.0 * part:.0f} % of a processor.", sep="\n")
 

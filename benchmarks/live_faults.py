@@ -443,20 +443,20 @@ def _checked(
     read = session.read - 1 - (kind.spoiled is not None)
     file = Path("out") / kind.file
     state = Path("state.toml" if kind.file == "est.csv" else "out/state.toml")
-    paths = {one: place / places.get(one, one) for one in (file, _strokes(file), state)}
+    paths = {path: place / places.get(path, path) for path in (file, _strokes(file), state)}
     (place / "out").mkdir(exist_ok=True)
     saved = place / "kept"
     saved.mkdir()
-    for one, where in paths.items():
-        if where.exists() and one != state:
-            where.replace(saved / one.name)
-        elif where.exists() and where != place / one:
-            shutil.copy(where, place / one)
+    for path, where in paths.items():
+        if where.exists() and path != state:
+            where.replace(saved / path.name)
+        elif where.exists() and where != place / path:
+            shutil.copy(where, place / path)
     has_state = (place / state).exists()
     wrong += _resumed(place, kind, state, undisturbed) if has_state else []
     if kind.killed:
-        for one in (place / "out").glob("*.recovered*"):
-            one.replace(saved / one.name.replace(".recovered", ""))
+        for path in (place / "out").glob("*.recovered*"):
+            path.replace(saved / path.name.replace(".recovered", ""))
         state_needed = False
     else:
         state_needed = not kind.disk
@@ -579,9 +579,9 @@ def _bus_run(name: str, place: Path, number: int, moment: int, end: int, undistu
     saved = place / "kept"
     saved.mkdir()
     file, state = Path("out/est.parquet"), place / "out" / "state.toml"
-    for one in (file, _strokes(file)):
-        if (place / one).exists():
-            (place / one).replace(saved / one.name)
+    for path in (file, _strokes(file)):
+        if (place / path).exists():
+            (place / path).replace(saved / path.name)
     if has_state := state.exists():
         latest = tomllib.loads(state.read_text())["tail"]["time"][-1]
         at = int(np.searchsorted(undisturbed.samples["time [s]"].to_numpy(), latest, side="right"))
@@ -595,8 +595,8 @@ def _bus_run(name: str, place: Path, number: int, moment: int, end: int, undistu
     elif not kind.killed:
         wrong.append("no state")
     if kind.killed:
-        for one in (place / "out").glob("*.recovered*"):
-            one.replace(saved / one.name.replace(".recovered", ""))
+        for path in (place / "out").glob("*.recovered*"):
+            path.replace(saved / path.name.replace(".recovered", ""))
     lost, problems = _rows(place, saved, kind, file, has_state, session.read, np.nan, undisturbed)
     return Outcome(name, lost, lost < 0.0005, "; ".join([*wrong, *problems]))
 

@@ -298,7 +298,7 @@ def _gains(problem: Problem, solution: ShootingSolution, driven: Drive) -> list[
 
     base, none = least([])
     gains = [(base - cost, c.base, step) for i, c in enumerate(extra) for cost, step in [least([i])]]
-    best = sorted(gains, key=lambda one: -one[0])
+    best = sorted(gains, key=lambda pair: -pair[0])
     shown = [f"{name} {gain:.0f} ({step[k]:+.1f} spreads, load {bias(step):+.1f} %)" for gain, name, step in best]
     return [f"cost {base:.0f}, load {bias(none):+.1f} %", *shown]
 

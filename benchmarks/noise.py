@@ -50,8 +50,8 @@ class Factors(NamedTuple):
 def noise(factors: Factors) -> Iterator[None]:
     """Estimates and observers with other noise."""
 
-    def scaled(**given: Any) -> Noise:
-        usual = Noise(**given)
+    def scaled(**numbers: Any) -> Noise:
+        usual = Noise(**numbers)
         measured = {**usual.measured, "position": usual.measured["position"] * factors.position}
         states = {name: value * factors.model for name, value in usual.states.items()}
         return replace(usual, measured=measured, states=states, flow=usual.flow * factors.model)
@@ -65,23 +65,23 @@ def noise(factors: Factors) -> Iterator[None]:
 
 def log_likelihood(once: ParameterFile, log: Log) -> float:
     """Gaussian log-likelihood of the innovations of the position while the piston moves, up to a constant."""
-    one = observer(once.actuator, calibration=once.calibration)
-    _, found = observe(one, start(one), log)
-    e, variance = found.innovations[:, 0], found.innovations[:, 1]
-    speed = np.abs(found.states[:, once.actuator.states.index("v")])
-    moving = np.isfinite(e) & (speed > one.joint.settings.least_speed)
-    squared = np.minimum(e[moving] ** 2 / variance[moving], one.joint.noise.outlier**2)
+    joint = observer(once.actuator, calibration=once.calibration)
+    _, run = observe(joint, start(joint), log)
+    e, variance = run.innovations[:, 0], run.innovations[:, 1]
+    speed = np.abs(run.states[:, once.actuator.states.index("v")])
+    moving = np.isfinite(e) & (speed > joint.joint.settings.least_speed)
+    squared = np.minimum(e[moving] ** 2 / variance[moving], joint.joint.noise.outlier**2)
     return float(-0.5 * np.sum(squared + np.log(variance[moving])))
 
 
 def likeliest(once: ParameterFile, log: Log) -> tuple[Factors, float]:
     """The factors of the largest likelihood, and its logarithm above that of the usual noise."""
-    found = {}
+    values = {}
     for factors in map(Factors._make, product(POSITION, MODEL)):
         with noise(factors):
-            found[factors] = log_likelihood(once, log)
-    best = max(found, key=lambda factors: found[factors])
-    return best, found[best] - found[Factors()]
+            values[factors] = log_likelihood(once, log)
+    best = max(values, key=lambda factors: values[factors])
+    return best, values[best] - values[Factors()]
 
 
 def main() -> None:
@@ -104,12 +104,12 @@ def main() -> None:
             anew = calibrated(number, family, LACKING["supply"], "shooting")
         for case in CASES:
             worn = worn_clutch(number, family, case)
-            found = []
+            trucks = []
             for calibration, factors in ((once, Factors()), (once, best), (anew, best)):
                 with noise(factors):
-                    found.append(reading(worn, LACKING["position"], calibration, {}))
-            if None not in found:
-                rows.append([(r.error, 100 * r.covered, r.width) for r in found if r is not None])
+                    trucks.append(reading(worn, LACKING["position"], calibration, {}))
+            if None not in trucks:
+                rows.append([(r.error, 100 * r.covered, r.width) for r in trucks if r is not None])
                 print(f"  {case}: " + ", ".join(f"{e:.2f} (width {w:.1f})" for e, _, w in rows[-1]), flush=True)
     titles = "usual noise", "likeliest in the reading", "and in the calibration"
     for title, (error, covered, width) in zip(titles, np.transpose(rows, (1, 2, 0)), strict=True):

@@ -65,14 +65,16 @@ class Row(NamedTuple):
     trust: str
 
 
-def one_truck(of: tuple[str, int], kept: Path, seconds: float, cases: Sequence[str]) -> dict[tuple[str, str, str], Row]:
+def one_truck(
+    of: tuple[str, int], calibrations: Path, seconds: float, cases: Sequence[str]
+) -> dict[tuple[str, str, str], Row]:
     """Every case on one truck, with each of `LACKING`."""
     family, number = of
     kind = truck(0, f"h:{number}") if family == "h" else truck(number, family)
     seeds = np.random.default_rng([number, 2]).integers(0, 2**31, 2).tolist()
     mark = f"h{number}0" if family == "h" else f"{family}{number}"
-    content = calibrated(kind, seeds[0], kept / f"{mark}_supply.toml", conditions=True)
-    one, rows = observer(content.actuator, calibration=content.calibration), {}
+    content = calibrated(kind, seeds[0], calibrations / f"{mark}_supply.toml", conditions=True)
+    joint, rows = observer(content.actuator, calibration=content.calibration), {}
     for case in cases:
         share, change = CASES[case]
         changed: Vehicle = kind.replace({"P_S": share * kind.P_S})
@@ -82,12 +84,12 @@ def one_truck(of: tuple[str, int], kept: Path, seconds: float, cases: Sequence[s
         )  # fmt: skip
         truth = worn.truth.load(GRID)
         for recorded, lacking in LACKING.items():
-            run = observe_recording(one, worn.log.without(*lacking))
-            force = one.load(run.after).force(GRID)
-            off, by_position = force - truth, GRID / one.actuator.parameters.y_max * by_supply(one.actuator, force)
+            run = observe_recording(joint, worn.log.without(*lacking))
+            force = joint.load(run.after).force(GRID)
+            off, by_position = force - truth, GRID / joint.actuator.parameters.y_max * by_supply(joint.actuator, force)
             slope = 100 * float(by_position @ off) / float(by_position @ by_position)
             touch, peak = (GRID >= 5e-3) & (GRID <= 8e-3), truth.max()
-            deviations = [one.load_deviation(run.after, GRID, as_calibrated=as_is) for as_is in (False, True)]
+            deviations = [joint.load_deviation(run.after, GRID, as_calibrated=as_is) for as_is in (False, True)]
             bands = [
                 value
                 for deviation in deviations
@@ -128,19 +130,19 @@ def main() -> None:
     trucks = [(family, FIRST + i) for family in ("A", "B") for i in range(chosen.trucks)]
     trucks += [("h", HYBRIDS + i) for i in range(chosen.hybrids)]
     cases = chosen.case or list(CASES)
-    of_a_truck = partial(one_truck, kept=chosen.calibrations, seconds=chosen.seconds, cases=cases)
-    rows_of: dict[tuple[str, str, str], list[Row]] = defaultdict(list)
+    of_a_truck = partial(one_truck, calibrations=chosen.calibrations, seconds=chosen.seconds, cases=cases)
+    rows_by_case: dict[tuple[str, str, str], list[Row]] = defaultdict(list)
     with ProcessPoolExecutor(chosen.workers, mp_context=get_context("spawn")) as pool:
         for rows in pool.map(of_a_truck, trucks):
             for key, row in rows.items():
-                rows_of[key].append(row)
+                rows_by_case[key].append(row)
     bands = "points in the band [%] | width [%] | as calibrated: points [%] | width [%]"
     head = f"error [%] | slope [%] | {bands} | trust | good beside"
     for recorded in LACKING:
         print(f"\n{recorded}\n\n| family | case | trucks | {head} |\n|{'---|' * 11}")
         for family in ("A", "B", "h"):
             for case in cases:
-                rows = rows_of[family, case, recorded]
+                rows = rows_by_case[family, case, recorded]
                 if rows:
                     print(f"| {family} | {case} | {len(rows)} | {line(rows)} |")
 

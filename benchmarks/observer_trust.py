@@ -23,12 +23,12 @@ from clutchid.study.proving.ground import STROKES
 from clutchid.truck import GRID, drive, truck
 
 
-def rows(number: int, family: str, lengths: list[float], faults: list[str], kept: Path) -> list[tuple]:
+def rows(number: int, family: str, lengths: list[float], faults: list[str], calibrations: Path) -> list[tuple]:
     """Fault, length in s, indicators, errors and trust of the recordings of one truck."""
-    kind, found = truck(number, family), []
+    kind, rows_of_truck = truck(number, family), []
     seeds = np.random.default_rng([number, 2]).integers(0, 2**31, 2).tolist()
-    content = calibrated(kind, seeds[0], kept / f"{family}{number}_supply.toml", conditions=True)
-    one = observer(content.actuator, "joint", calibration=content.calibration)
+    content = calibrated(kind, seeds[0], calibrations / f"{family}{number}_supply.toml", conditions=True)
+    joint = observer(content.actuator, "joint", calibration=content.calibration)
     for fault in faults:
         of_truck, of_log = FAULTS[fault]
         driven = truck(number + 1, family) if fault == ANOTHER else kind
@@ -42,15 +42,15 @@ def rows(number: int, family: str, lengths: list[float], faults: list[str], kept
             for assumed in (False, True):
                 if assumed and fault not in ("nothing", "supply 5 % lower"):
                     continue
-                given = log.with_columns(pressure_supply=np.full(len(log), np.nan)) if assumed else log
-                run = observe_recording(one, given)
+                recording = log.with_columns(pressure_supply=np.full(len(log), np.nan)) if assumed else log
+                run = observe_recording(joint, recording)
                 load, truth = engaging_load(run), worn.truth.load(GRID)
                 off = load.force - np.interp(load.position, GRID, truth)
                 error = 100 * float(np.sqrt(np.mean(off**2))) / float(truth.max())
                 sigma = float(np.max(np.abs(off) / ((load.high - load.low) / 2)))
                 seen = indicators(run)
-                found.append((fault, length, seen, error, sigma, observed_verdict(seen).trust))
-    return found
+                rows_of_truck.append((fault, length, seen, error, sigma, observed_verdict(seen).trust))
+    return rows_of_truck
 
 
 def main() -> None:

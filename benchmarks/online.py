@@ -137,7 +137,7 @@ def one_truck(
     methods: Sequence[str],
     seconds: float,
     passes: int,
-    kept: Path | None,
+    calibrations: Path | None,
     conditions: bool,
 ) -> dict[tuple[str, str], Row]:
     """Errors of every method with every fault on one truck."""
@@ -145,7 +145,11 @@ def one_truck(
     seeds = np.random.default_rng([number, 2]).integers(0, 2**31, 2).tolist()
     of_method = {
         method: calibrated(
-            kind, seeds[0], kept / f"{family}{number}{mark}.toml" if kept else None, conditions, method == "paper"
+            kind,
+            seeds[0],
+            calibrations / f"{family}{number}{mark}.toml" if calibrations else None,
+            conditions,
+            method == "paper",
         )
         for method in methods
         for mark in [f"{'_paper' if method == 'paper' else ''}{'_supply' if conditions else ''}"]
@@ -181,12 +185,12 @@ def calibrated(
 def followed(calibrated: ParameterFile, worn: Drive, log: Log, method: str, passes: int) -> Row:
     """Errors of a method on a recording, the last of `passes` passes for pressure and the end."""
     actuator = calibrated.actuator
-    one = observer(actuator, method, calibration=calibrated.calibration)
-    state, truth = start(one), worn.truth.load(GRID)
+    follower = observer(actuator, method, calibration=calibrated.calibration)
+    state, truth = start(follower), worn.truth.load(GRID)
     touch, ends = (GRID >= 5e-3) & (GRID <= 8e-3), count_strokes(NO_STROKES, worn.log.time, worn.log["position"])[1]
 
     def error() -> float:
-        off = 100 * (one.load(state).force(GRID) - truth) / truth.max()
+        off = 100 * (follower.load(state).force(GRID) - truth) / truth.max()
         return float(np.sqrt(np.mean(off[touch] ** 2)))
 
     cuts = [*np.searchsorted(log.time, worn.log.time[ends]).tolist(), len(log)]
@@ -198,21 +202,21 @@ def followed(calibrated: ParameterFile, worn: Drive, log: Log, method: str, pass
         pressures = []
         for begin, end in zip([0, *cuts], cuts, strict=False):
             started = time.perf_counter()
-            state, found = observe(one, state, again.slice(begin, end))
+            state, run = observe(follower, state, again.slice(begin, end))
             seconds += time.perf_counter() - started
-            pressures.append(found.states[:, actuator.states.index("p_A")])
-            ratios.append(float(np.max(found.mismatch, initial=1.0, where=np.isfinite(found.mismatch))))
+            pressures.append(run.states[:, actuator.states.index("p_A")])
+            ratios.append(float(np.max(run.mismatch, initial=1.0, where=np.isfinite(run.mismatch))))
             errors.append(error())
     true = np.interp(log.time, worn.log.time, worn.truth.states["pressure_a"])
     pressure = np.sqrt(np.nanmean((np.concatenate(pressures) - true) ** 2))
-    deviation = one.load_deviation(state, GRID)
-    within = np.abs(one.load(state).force(GRID) - truth) <= QUANTILE * deviation
+    deviation = follower.load_deviation(state, GRID)
+    within = np.abs(follower.load(state).force(GRID) - truth) <= QUANTILE * deviation
     reached = [errors[n] if len(errors) > n + 1 else np.nan for n in AFTER]
     worse = max(errors[SETTLED:], default=np.nan) - errors[0]
     return Row(
         *reached, errors[-1], worse, float(pressure) * 1e-3, 100 * float(within.mean()),
         200 * QUANTILE * float(np.median(deviation)) / truth.max(), seconds / (passes * len(log)) * 1e6,
-        max(ratios) if np.isfinite(one.usual) else np.nan,
+        max(ratios) if np.isfinite(follower.usual) else np.nan,
     )  # fmt: skip
 
 
@@ -239,24 +243,24 @@ def main() -> None:
         methods=methods,
         seconds=chosen.seconds,
         passes=chosen.passes,
-        kept=chosen.calibrations,
+        calibrations=chosen.calibrations,
         conditions=chosen.conditions,
     )
     with ProcessPoolExecutor(chosen.workers, mp_context=get_context("spawn")) as pool:
-        found = list(pool.map(of_a_truck, range(chosen.seed, chosen.seed + chosen.trucks)))
+        trucks = list(pool.map(of_a_truck, range(chosen.seed, chosen.seed + chosen.trucks)))
     print(f"{'fault':<22}{'method':<15}" + "".join(f"{title:>16}" for title in TITLES))
     for fault in faults:
         for method in methods:
-            print(f"{fault:<22}{method:<15}" + "".join(f"{cell:>16}" for cell in cells(found, fault, method)))
+            print(f"{fault:<22}{method:<15}" + "".join(f"{cell:>16}" for cell in cells(trucks, fault, method)))
 
 
-def cells(found: Sequence[Mapping[tuple[str, str], Row]], fault: str, method: str) -> list[str]:
+def cells(trucks: Sequence[Mapping[tuple[str, str], Row]], fault: str, method: str) -> list[str]:
     """A line of the table."""
-    table = np.array([rows[fault, method] for rows in found])
-    known = [column[np.isfinite(column)] for column in table.T]
-    both = [f"{np.median(column):.2f} / {column.max():.2f}" if column.size else "-" for column in known]
-    if known[9].size:
-        both[9] = f"{known[9].min():.2f} to {known[9].max():.2f}"
+    table = np.array([rows[fault, method] for rows in trucks])
+    finite = [column[np.isfinite(column)] for column in table.T]
+    both = [f"{np.median(column):.2f} / {column.max():.2f}" if column.size else "-" for column in finite]
+    if finite[9].size:
+        both[9] = f"{finite[9].min():.2f} to {finite[9].max():.2f}"
     both[6], both[7] = f"{table[:, 6].mean():.0f}", f"{np.nanmedian(table[:, 7]):.1f}"
     return both
 

@@ -86,22 +86,22 @@ def one_truck(number: int) -> list[Covered]:
     start = Actuator(Parameters(tau_y=LAGS[0], tau_p=LAGS[1]), Load.on_b_splines(Load((9.0e5, -0.3e5, 0.6e5))), MODEL)
     log = recorded(new, random, "calibration")
     once = fit(log, start, measure=("position", "pressure_a"), free=FREE, method="shooting")
-    found = []
+    rows = []
     for k in range(READINGS):
         worn = used(new, random)
         log = recorded(worn, random, f"worn{k}").without("pressure_a")
         curve = fit(log, once.actuator, request=FitRequest(calibration=once.calibration)).load_curve
-        force, low, high = (np.interp(GRID, curve.position, each) for each in (curve.force, curve.low, curve.high))
+        force, low, high = (np.interp(GRID, curve.position, side) for side in (curve.force, curve.low, curve.high))
         truth = worn.load.force(GRID)
         off, std = force - truth, (high - low) / (2 * QUANTILE)
-        found.append(
+        rows.append(
             Covered(
                 float(np.mean(np.abs(off) <= QUANTILE * std)),
                 float(np.sqrt(np.mean((off / std) ** 2))),
                 100 * float(np.sqrt(np.mean(off**2)) / truth.max()),
             )
         )
-    return found
+    return rows
 
 
 def main() -> None:

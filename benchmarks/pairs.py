@@ -275,19 +275,19 @@ def stored(path: Path) -> list[dict[str, Any]]:
 def read_all(folder: Path, wanted: Sequence[tuple[float, Item]], workers: int, budget: float) -> None:
     """Calibrate and read until all is there or the budget is spent; then the workers are ended."""
     begin, path = time.perf_counter(), folder / "readings.jsonl"
-    there = {one["key"] for one in stored(path)}
+    there = {entry["key"] for entry in stored(path)}
     queue = [item for _, item in sorted(wanted, key=lambda pair: pair[0]) if item.key not in there]
     needed = sorted({(item.family, item.calibration) for item in queue}, reverse=True)
-    missing = [one for one in needed if not calibration_file(folder, *one).exists()]
+    missing = [entry for entry in needed if not calibration_file(folder, *entry).exists()]
     ready = set(needed) - set(missing)
     pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
     from clutchid.model.variants import VARIANTS
 
-    ahead = [pool.submit(driven, family) for family, _ in {one[0]: one for one in needed}.items()]
+    ahead = [pool.submit(driven, family) for family, _ in {entry[0]: entry for entry in needed}.items()]
     ahead += [pool.submit(compiled, variant) for variant in VARIANTS if "energy" in variant]
     wait(ahead, budget)
     print(f"compiled after {time.perf_counter() - begin:.0f} s", flush=True)
-    calibrations = {pool.submit(calibrate, folder, *one): one for one in missing}
+    calibrations = {pool.submit(calibrate, folder, *entry): entry for entry in missing}
     running: dict[Future[Any], Any] = {}
     count = 0
     with path.open("a", encoding="utf-8") as file:
@@ -300,18 +300,18 @@ def read_all(folder: Path, wanted: Sequence[tuple[float, Item]], workers: int, b
             if not running and not calibrations:
                 break
             ended, _ = wait([*running, *calibrations], 5.0, return_when=FIRST_COMPLETED)
-            for one in ended:
-                failure = one.exception()
-                what = calibrations.pop(one) if one in calibrations else running.pop(one)
+            for entry in ended:
+                failure = entry.exception()
+                what = calibrations.pop(entry) if entry in calibrations else running.pop(entry)
                 if failure is not None:
                     print(f"{what}: {type(failure).__name__}: {failure}", flush=True)
                 elif isinstance(what, Item):
-                    file.write(json.dumps(one.result()) + "\n")
+                    file.write(json.dumps(entry.result()) + "\n")
                     file.flush()
                     count += 1
                 else:
                     ready.add(what)
-                    print(f"{what}: calibrated, {one.result():.0f} s of processor time", flush=True)
+                    print(f"{what}: calibrated, {entry.result():.0f} s of processor time", flush=True)
     print(f"{count} readings after {time.perf_counter() - begin:.0f} s, {len(queue)} are left", flush=True)
     for process in list(pool._processes.values()):  # a reading may take a minute, which the budget does not have
         process.terminate()
@@ -463,7 +463,7 @@ def main() -> None:
     os.environ |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
     chosen.folder.mkdir(parents=True, exist_ok=True)
     numbers = range(chosen.seed, chosen.seed + chosen.trucks)
-    wanted = [one for family in chosen.family or ("A", "B") for n in numbers for one in items(family, n, numbers)]
+    wanted = [entry for family in chosen.family or ("A", "B") for n in numbers for entry in items(family, n, numbers)]
     wanted = [(place, item) for place, item in wanted if chosen.kind in (None, kind_of(item._asdict()))]
     read_all(chosen.folder, wanted, chosen.workers, chosen.budget)
 

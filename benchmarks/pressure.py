@@ -67,29 +67,29 @@ def balance(actuator: Actuator, log: Log, states: FloatArray) -> FloatArray:
     return x[:, by]
 
 
-def one_truck(number: int, family: str, kept: Path | None) -> tuple[Log, FloatArray, dict[str, Way]]:
+def one_truck(number: int, family: str, calibrations: Path | None) -> tuple[Log, FloatArray, dict[str, Way]]:
     """The second half of a recording, its true pressure, and the pressure in every way."""
     kind = truck(number, family)
     seeds = np.random.default_rng([number, 2]).integers(0, 2**31, 2).tolist()
-    content = calibrated(kind, seeds[0], kept / f"{family}{number}.toml" if kept else None)
+    content = calibrated(kind, seeds[0], calibrations / f"{family}{number}.toml" if calibrations else None)
     new = content.actuator
     worn = drive(
         kind, seconds=2 * SECONDS, seed=seeds[1], wear=WEAR, cycles=WEAR * STROKES, pressure=False, name="worn"
     )
     joint = observer(new, calibration=content.calibration)
     half = len(worn.log) // 2
-    found, _ = observe(joint, start(joint), worn.log.slice(0, half))
+    observed, _ = observe(joint, start(joint), worn.log.slice(0, half))
     later = worn.log.slice(half, len(worn.log))
-    adapted = replace(joint.joint.actuator(found.theta), load=joint.load(found))
+    adapted = replace(joint.joint.actuator(observed.theta), load=joint.load(observed))
     runs = {
         "states, new load": observe_recording(observer(new, "states"), later),
         "states": observe_recording(observer(adapted, "states"), later),
-        "joint": observe_recording(joint, later, found),
+        "joint": observe_recording(joint, later, observed),
     }
     p, y, _ = adapted.parameters, *measured_motion(later)[:2]
-    band = QUANTILE * joint.load_deviation(found, y) / p.A_A
+    band = QUANTILE * joint.load_deviation(observed, y) / p.A_A
     ways = {
-        "Eq. (26)": Way(p.P_0 + joint.load(found).force(y) / p.A_A, band),
+        "Eq. (26)": Way(p.P_0 + joint.load(observed).force(y) / p.A_A, band),
         "balance of forces": Way(balance(adapted, later, runs["states"].samples.states), band),
         **{name: of_observer(run) for name, run in runs.items()},
     }
@@ -151,8 +151,8 @@ def main() -> None:
         if chosen.figure and number == chosen.seed:
             figure(log, truth, {name: ways[name] for name in WAYS}, chosen.figure)
     print(f"{'':<20}" + "".join(f"{title:>18}" for title in ("held [kPa]", "moving [kPa]", "all [kPa]", "covered [%]")))
-    for name, found in rows.items():
-        table = np.array(found)
+    for name, values in rows.items():
+        table = np.array(values)
         cells = [f"{np.median(column):.1f} / {column.max():.1f}" for column in table.T[:3]]
         print(f"{name:<20}" + "".join(f"{cell:>18}" for cell in (*cells, f"{table[:, 3].mean():.0f}")))
 

@@ -77,7 +77,7 @@ def one_truck(number: int, family: str, path: Path, cases: Sequence[str] = CASES
     """Readings of a truck under some cases, with the calibration in a file."""
     once = calibration_of(number, family, path)
     assert once.calibration is not None, "a calibration with pressure keeps one"
-    found: dict[str, Any] = {}
+    arrays_of_truck: dict[str, Any] = {}
     for case in cases:
         worn = worn_clutch(number, family, case)
         for recorded, without in LACKING.items():
@@ -90,8 +90,8 @@ def one_truck(number: int, family: str, path: Path, cases: Sequence[str] = CASES
                 continue
             arrays |= observed(log, once.actuator, once.calibration)
             arrays["truth"] = worn.truth.load(GRID)
-            found |= {f"{case}/{recorded}/{name}": array for name, array in arrays.items()}
-    return found
+            arrays_of_truck |= {f"{case}/{recorded}/{name}": array for name, array in arrays.items()}
+    return arrays_of_truck
 
 
 def reading(log: Log, actuator: Actuator, calibration: Calibration) -> dict[str, Any]:
@@ -102,43 +102,52 @@ def reading(log: Log, actuator: Actuator, calibration: Calibration) -> dict[str,
     first = SHOOTING.search([log], actuator, free, calibration, None)
     if isinstance(first.solution, Failure):
         raise SolveError(str(first.solution))
-    known = explained(first, functions, calibration)
-    best = known[most_probable(known, calibration)]
-    problem, each = best.result.problem, [known.get(hypothesis, best) for hypothesis in HYPOTHESES]
-    plain, grease = (mixture(known, calibration, 1.0, band) for band in (PLAIN, GREASE))
-    rows = np.array([to_load(known, x) for x in plain.means])
-    variance, with_grease = (np.einsum("hij,hjk,hik->hi", rows, one.covariances, rows) for one in (plain, grease))
+    explanations = explained(first, functions, calibration)
+    best = explanations[most_probable(explanations, calibration)]
+    problem, by_hypothesis = best.result.problem, [explanations.get(hypothesis, best) for hypothesis in HYPOTHESES]
+    plain, grease = (mixture(explanations, calibration, 1.0, band) for band in (PLAIN, GREASE))
+    rows = np.array([to_load(explanations, x) for x in plain.means])
+    variance, with_grease = (
+        np.einsum("hij,hjk,hik->hi", rows, explanation.covariances, rows) for explanation in (plain, grease)
+    )
     at = next(j for j, c in enumerate(problem.coordinates) if c.base == "P_S")
     by_supply = plain.covariances[:, :, at] / plain.covariances[:, at, at, None]
     share = np.array([problem.slopes(x)[at] / problem.si(x)[at] for x in plain.means])
     return {
-        "searched": np.array([hypothesis in known for hypothesis in HYPOTHESES]),
-        "score": np.array([score(one.under(h), h, calibration) for one, h in zip(each, HYPOTHESES, strict=True)]),
+        "searched": np.array([hypothesis in explanations for hypothesis in HYPOTHESES]),
+        "score": np.array(
+            [
+                score(explanation.under(h), h, calibration)
+                for explanation, h in zip(by_hypothesis, HYPOTHESES, strict=True)
+            ]
+        ),
         "odds": np.array([log_odds(hypothesis) for hypothesis in HYPOTHESES]),
         "load": np.array([problem.actuator_of(x, problem.stems[0]).load.force(GRID) for x in plain.means]),
         "std": np.sqrt(variance),
         "grease": np.sqrt(np.maximum(with_grease - variance, 0.0)),
-        "costs": np.array([block_costs(one, calibration) for one in each]),
+        "costs": np.array([block_costs(explanation, calibration) for explanation in by_hypothesis]),
         "per_supply": np.einsum("hij,hj->hi", rows, by_supply) / share[:, None],
-        "misfit": relative_misfit(min(one.solution.at.cost for one in known.values()), [log], calibration),
+        "misfit": relative_misfit(
+            min(explanation.solution.at.cost for explanation in explanations.values()), [log], calibration
+        ),
     }
 
 
-def block_costs(one: Explanation, calibration: Calibration) -> FloatArray:
+def block_costs(explanation: Explanation, calibration: Calibration) -> FloatArray:
     """Cost of the windows of each of ten blocks and of the links behind them, as the evidence counts it."""
-    problem, at, found = one.result.problem, one.solution.at, []
+    problem, at, blocks = explanation.result.problem, explanation.solution.at, []
     for chain, starts, sigma in zip(at.chains, at.X, problem.sigmas, strict=True):
         costs = chain.windows.costs + link_costs(chain.windows.ends, starts, sigma, problem.noise.outlier)
-        found += [
+        blocks += [
             float(part.sum()) for part in np.split(costs, np.linspace(0, costs.size, BLOCKS + 1).astype(int)[1:-1])
         ]
-    known = calibration.position_only
-    return np.array(found) / max(1.0, known.dispersion if known else 1.0)
+    errors = calibration.position_only
+    return np.array(blocks) / max(1.0, errors.dispersion if errors else 1.0)
 
 
-def to_load(known: Explanations, x: FloatArray) -> FloatArray:
+def to_load(explanations: Explanations, x: FloatArray) -> FloatArray:
     """Derivative of the load at the points of the grid with respect to x, shape (points, k)."""
-    problem = next(iter(known.values())).result.problem
+    problem = next(iter(explanations.values())).result.problem
     names, slopes = problem.actuator.load.names, problem.slopes(x)
     weights = np.zeros((len(names), x.size))
     for j, c in enumerate(problem.coordinates):
@@ -150,11 +159,11 @@ def to_load(known: Explanations, x: FloatArray) -> FloatArray:
 
 def observed(log: Log, actuator: Actuator, calibration: Calibration) -> dict[str, FloatArray]:
     """The load that each observer has at the end of a recording."""
-    found = {}
+    loads = {}
     for method in OBSERVERS:
-        one = observer(actuator, method, calibration=calibration)
-        found[method] = one.load(observe_recording(one, log).after).force(GRID)
-    return found
+        follower = observer(actuator, method, calibration=calibration)
+        loads[method] = follower.load(observe_recording(follower, log).after).force(GRID)
+    return loads
 
 
 def store(path: Path, number: int, family: str, cases: Sequence[str] = CASES) -> None:

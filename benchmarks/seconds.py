@@ -102,7 +102,7 @@ def line_of(log: Log, truth: Truth, start: Fit | None, request: FitRequest) -> t
         "width": 100 * float(width),
         "load": np.interp(GRID[::10], curve.position, curve.force).tolist(),
         "scales": dict(result.scales),
-        "parameters": {name: [one.value, one.std] for name, one in result.parameters.items()},
+        "parameters": {name: [estimate.value, estimate.std] for name, estimate in result.parameters.items()},
     }, result
 
 
@@ -198,8 +198,8 @@ def differences(before: Line, after: Line) -> Line:
 def comparison(before: dict[tuple[str, str], Line], after: dict[tuple[str, str], Line]) -> Iterator[str]:
     """A line a fit that both versions have made, those first whose load has moved most, and the ratio of the times."""
     both = {key: differences(before[key], after[key]) for key in before if key in after}
-    for (name, case), one in sorted(both.items(), key=lambda item: -item[1].get("load", np.inf)):
-        yield f"{name:8}{case:16}" + "".join(f"{what} {value:+.3g}  " for what, value in one.items())
+    for (name, case), change in sorted(both.items(), key=lambda item: -item[1].get("load", np.inf)):
+        yield f"{name:8}{case:16}" + "".join(f"{what} {value:+.3g}  " for what, value in change.items())
     for family in dict.fromkeys(name[0] for name, _ in both):
         for what in ("calibration", "readings"):
             keys = [key for key in both if key[0][0] == family and (key[1] == "calibration") == (what[0] == "c")]

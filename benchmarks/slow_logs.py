@@ -68,17 +68,17 @@ def calibration(number: int, family: str, folder: Path) -> Path:
 
 def reading(start: Path, worn: Drive, bus: bool) -> Reading:
     """The load of a worn clutch, read with the calibration in a file from a recording of the controller or the bus."""
-    known = read_parameters(start)
+    content = read_parameters(start)
     begin = time.process_time()
-    found = fit(worn.log, known.actuator, request=FitRequest(calibration=known.calibration))
+    result = fit(worn.log, content.actuator, request=FitRequest(calibration=content.calibration))
     seconds = time.process_time() - begin
-    curve, true = found.load_curve, worn.truth.load(GRID)
+    curve, true = result.load_curve, worn.truth.load(GRID)
     load, low, high = (
-        100.0 / true.max() * np.interp(GRID, curve.position, each) for each in (curve.force, curve.low, curve.high)
+        100.0 / true.max() * np.interp(GRID, curve.position, side) for side in (curve.force, curve.low, curve.high)
     )
     missed = MISSED * load if bus else 0.0 * load
     std = np.sqrt(np.maximum(((high - low) / (2 * QUANTILE)) ** 2 - missed**2, 0.0))
-    return Reading(load - 100.0 * true / true.max(), std, load, found.verdict.trust, found.method, seconds)
+    return Reading(load - 100.0 * true / true.max(), std, load, result.verdict.trust, result.method, seconds)
 
 
 def summary(readings: Sequence[Reading], share: float) -> str:
@@ -103,7 +103,7 @@ def main() -> None:
     options.add_argument("--recordings", type=int, default=1, help="of each truck and case")
     options.add_argument("--calibrations", type=Path, default=Path("slow_logs"), help="folder that keeps them")
     chosen = options.parse_args()
-    found: dict[str, list[Reading]] = {name: [] for name in RECORDERS}
+    readings: dict[str, list[Reading]] = {name: [] for name in RECORDERS}
     print(f"{'truck, case, recording':<34}{'log':<8}  error   std      z  trust      method")
     items = product(chosen.trucks, chosen.case or ["nothing"], range(chosen.recordings))
     for number, case, k in items:
@@ -115,13 +115,13 @@ def main() -> None:
         except DataError as refused:
             print(f"{label}: {refused}", flush=True)
             continue
-        for name, one in pair.items():
-            found[name].append(one)
-            print(f"{label:<34}{name:<8}{one.row(MISSED if RECORDERS[name] else 0.0)}", flush=True)
-    if found["1 kHz"]:
-        print(f"\n1 kHz                {summary(found['1 kHz'], 0.0)}")
+        for name, of_logger in pair.items():
+            readings[name].append(of_logger)
+            print(f"{label:<34}{name:<8}{of_logger.row(MISSED if RECORDERS[name] else 0.0)}", flush=True)
+    if readings["1 kHz"]:
+        print(f"\n1 kHz                {summary(readings['1 kHz'], 0.0)}")
         for share in SHARES:
-            print(f"100 Hz, share {100 * share:3.1f} %  {summary(found['100 Hz'], share)}")
+            print(f"100 Hz, share {100 * share:3.1f} %  {summary(readings['100 Hz'], share)}")
 
 
 if __name__ == "__main__":

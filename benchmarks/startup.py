@@ -75,14 +75,14 @@ class Compilations(event.Listener):
 
 def by_kernel() -> None:
     """Print how long each kernel of a first calibration is compiled, the longest first."""
-    found = Compilations()
-    with tempfile.TemporaryDirectory() as cache, event.install_listener("numba:compile", found):
+    compilations = Compilations()
+    with tempfile.TemporaryDirectory() as cache, event.install_listener("numba:compile", compilations):
         os.environ["CLUTCHID_CACHE"] = cache
         clutchid.calibrate(clutchid.bundled_recording())
     print(f"{'kernel':<24} {'with callees':>12} {'own':>8}")
-    for name in sorted(found.whole, key=found.whole.__getitem__, reverse=True):
-        print(f"{name:<24} {found.whole[name]:>10.1f} s {found.own[name]:>6.1f} s")
-    print(f"{'all':<24} {sum(found.own.values()):>21.1f} s")
+    for name in sorted(compilations.whole, key=compilations.whole.__getitem__, reverse=True):
+        print(f"{name:<24} {compilations.whole[name]:>10.1f} s {compilations.own[name]:>6.1f} s")
+    print(f"{'all':<24} {sum(compilations.own.values()):>21.1f} s")
 
 
 def main() -> None:

@@ -34,9 +34,9 @@ def warm(seconds: float, rounds: int, trucks: int) -> None:
     whole, alone = [], []
     for number in range(trucks):
         chosen = truck(number)
-        done = drive(chosen, seconds=seconds, seed=number)
-        n = done.wanted.size
-        course = Course(done.wanted, np.full((n, 2), np.nan), np.zeros(n))
+        driven = drive(chosen, seconds=seconds, seed=number)
+        n = driven.wanted.size
+        course = Course(driven.wanted, np.full((n, 2), np.nan), np.zeros(n))
         whole += [timed(lambda t=chosen, s=number: drive(t, seconds=seconds, seed=s)) for _ in range(rounds)]
         alone += [timed(lambda t=chosen, c=course: run(t, c)) for _ in range(rounds)]
     for name, times in (("loop alone", alone), ("whole drive", whole)):

@@ -43,7 +43,7 @@ def main() -> None:
     for truth_file in sorted(chosen.folder.glob("*/truth.json")):
         truth = json.loads(truth_file.read_text())
         once = None
-        for stem, known in truth["logs"].items():
+        for stem, truth_of_log in truth["logs"].items():
             log = read(truth_file.parent / f"{stem}.csv")
             for name in methods:
                 begin = time.perf_counter()
@@ -55,7 +55,7 @@ def main() -> None:
                     assert once is not None
                     result = fit(log, once.actuator, request=FitRequest(calibration=once.calibration))
                 elapsed = time.perf_counter() - begin
-                row = errors(result, np.array(truth["position_m"]), np.array(known["load_N"]))
+                row = errors(result, np.array(truth["position_m"]), np.array(truth_of_log["load_N"]))
                 label = f"{truth_file.parent.name}/{stem}"
                 print(f"{label:<22}{name:<14}" + "".join(f"{value:>16.2f}" for value in (*row, elapsed)))
                 if "pressure_a" not in log:

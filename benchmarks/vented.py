@@ -81,8 +81,8 @@ def drives(family: str, number: int, folder: Path) -> dict[str, Drive]:
             weather, seconds=SECONDS, seed=third, wear=WEAR, cycles=WEAR * STROKES, pressure=False, name="worn"
         ),
     }
-    logs = {name: (one.log.time, dict(one.log.columns), name) for name, one in made.items()}
-    truths = [one.truth.load(GRID) for one in made.values()]
+    logs = {name: (driven.log.time, dict(driven.log.columns), name) for name, driven in made.items()}
+    truths = [driven.truth.load(GRID) for driven in made.values()]
     part = path.with_suffix(f".{os.getpid()}")
     with part.open("wb") as file:
         pickle.dump((logs, truths), file)
@@ -90,9 +90,9 @@ def drives(family: str, number: int, folder: Path) -> dict[str, Drive]:
     return {name: (Log(*log), truth) for (name, log), truth in zip(logs.items(), truths, strict=True)}
 
 
-def errors(found: Fit, truth: np.ndarray) -> dict[str, Any]:
+def errors(result: Fit, truth: np.ndarray) -> dict[str, Any]:
     """Error, coverage, width and trust of a load."""
-    curve = found.load_curve
+    curve = result.load_curve
     force, low, high = (np.interp(GRID, curve.position, values) for values in (curve.force, curve.low, curve.high))
     peak, near = truth.max(), (GRID > 4.999e-3) & (GRID < 8.001e-3)
     return {
@@ -100,7 +100,7 @@ def errors(found: Fit, truth: np.ndarray) -> dict[str, Any]:
         "rms": 100 * float(np.sqrt(np.mean((force - truth) ** 2))) / peak,
         "covered": 100 * float(np.mean((low <= truth) & (truth <= high))),
         "width": 100 * float(np.median(high - low)) / peak,
-        "trust": found.verdict.trust,
+        "trust": result.verdict.trust,
     }
 
 
@@ -131,15 +131,15 @@ def work(jobs: Sequence[Job], folder: Path, workers: int, budget: float) -> None
     context = get_context("spawn")
     with ProcessPoolExecutor(workers, mp_context=context) as pool:
         trucks = dict.fromkeys((job.family, job.number) for job in jobs)
-        for _ in pool.map(made, [(*one, folder) for one in trucks]):
+        for _ in pool.map(made, [(*item, folder) for item in trucks]):
             pass
         waiting, running = list(jobs), set()
         while waiting or running:
             while waiting and len(running) < workers and time.perf_counter() < until:
                 running.add(pool.submit(result, waiting.pop(0), folder))
-            done, running = wait(running, return_when=FIRST_COMPLETED)
-            for one in done:
-                row = one.result()
+            finished, running = wait(running, return_when=FIRST_COMPLETED)
+            for item in finished:
+                row = item.result()
                 with (folder / f"{row['family']}.jsonl").open("a", encoding="utf-8") as file:
                     file.write(json.dumps(row) + "\n")
                 print(f"{row['job']}: {row['processor']:.0f} s of the processor", flush=True)
@@ -147,9 +147,9 @@ def work(jobs: Sequence[Job], folder: Path, workers: int, budget: float) -> None
                 waiting = []
 
 
-def made(one: tuple[str, int, Path]) -> None:
+def made(item: tuple[str, int, Path]) -> None:
     """Drive a truck, for those jobs that need it."""
-    drives(*one)
+    drives(*item)
 
 
 def rows_of(folder: Path, family: str) -> list[dict[str, Any]]:
@@ -160,11 +160,13 @@ def rows_of(folder: Path, family: str) -> list[dict[str, Any]]:
 
 def cells(rows: Sequence[dict[str, Any]], what: str) -> list[str]:
     """Cells of a table over trucks."""
-    known = [row[what] for row in rows if what in row]
-    if not known:
+    read = [row[what] for row in rows if what in row]
+    if not read:
         return ["-"] * len(TITLES)
-    error, rms, covered, width = (np.array([one[key] for one in known]) for key in ("error", "rms", "covered", "width"))
-    trust = " / ".join(str(sum(one["trust"] == grade for one in known)) for grade in TRUSTS)
+    error, rms, covered, width = (
+        np.array([reading[key] for reading in read]) for key in ("error", "rms", "covered", "width")
+    )
+    trust = " / ".join(str(sum(reading["trust"] == grade for reading in read)) for grade in TRUSTS)
     return [
         f"{np.mean(error):+.2f}", f"{np.median(rms):.2f}", f"{error[np.argmax(np.abs(error))]:+.2f}",
         f"{np.mean(covered):.0f}", f"{np.median(width):.1f}", trust,

@@ -51,9 +51,9 @@ def carries(value: Any, kinds: tuple[type, ...], depth: int = DEPTH) -> bool:
     if depth == 0 or isinstance(value, (str, bytes, int, float, type)):
         return False
     if isinstance(value, Mapping):
-        return any(carries(one, kinds, depth - 1) for one in list(value.values())[:8])
+        return any(carries(item, kinds, depth - 1) for item in list(value.values())[:8])
     if isinstance(value, (list, tuple)):
-        return any(carries(one, kinds, depth - 1) for one in value[:8])
+        return any(carries(item, kinds, depth - 1) for item in value[:8])
     if is_dataclass(value):
         return any(carries(getattr(value, field.name, None), kinds, depth - 1) for field in fields(value))
     return False
@@ -67,8 +67,8 @@ def way(work: Callable[[], object], kinds: tuple[type, ...]) -> list[tuple[str, 
         module = frame.f_globals.get("__name__", "")
         if event != "call" or not module.startswith("clutchid.") or "<" in frame.f_code.co_name:
             return
-        given = frame.f_code.co_varnames[: frame.f_code.co_argcount + frame.f_code.co_kwonlyargcount]
-        if module == "clutchid.log" or not any(carries(frame.f_locals.get(name), kinds) for name in given):
+        names = frame.f_code.co_varnames[: frame.f_code.co_argcount + frame.f_code.co_kwonlyargcount]
+        if module == "clutchid.log" or not any(carries(frame.f_locals.get(name), kinds) for name in names):
             return
         caller = frame.f_back
         while caller is not None and not str(caller.f_globals.get("__name__", "")).startswith("clutchid."):
@@ -94,10 +94,10 @@ def room(module: str) -> str:
 def described(title: str, calls: list[tuple[str, str]], height: Mapping[str, int], *, modules: bool) -> str:
     """The way in words; each pair of modules counts once."""
     distinct = list(dict.fromkeys(calls))
-    known = [pair for pair in distinct if pair[0] != "user" and {room(pair[0]), room(pair[1])} <= set(height)]
-    climbs = [pair for pair in known if height[room(pair[1])] > height[room(pair[0])]]
+    pairs = [pair for pair in distinct if pair[0] != "user" and {room(pair[0]), room(pair[1])} <= set(height)]
+    climbs = [pair for pair in pairs if height[room(pair[1])] > height[room(pair[0])]]
     sequence = [room(callee) for _, callee in distinct]
-    entries = [one for i, one in enumerate(sequence) if i == 0 or sequence[i - 1] != one]
+    entries = [entry for i, entry in enumerate(sequence) if i == 0 or sequence[i - 1] != entry]
     order = list(dict.fromkeys(callee for _, callee in distinct))
     returns = len(entries) - len(set(entries))
     lines = [f"{title}: {len(order)} modules in {len(set(entries))} rooms, {len(climbs)} climbs, {returns} returns"]

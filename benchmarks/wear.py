@@ -34,8 +34,8 @@ def shares(rows: pl.DataFrame, channel: str) -> tuple[float, float, float, float
     error = (rows[value].to_numpy() - unit * rows[truth].to_numpy()) / std
     warmer = (rows["temperature_ambient [K]"].to_numpy() - REFERENCE) / 10.0
     basis = np.column_stack([np.ones_like(warmer), warmer - warmer.mean()])
-    found, *_ = np.linalg.lstsq(basis, error, rcond=None)
-    return float(found[0]), float(found[1]), rms(error - basis @ found), float(np.median(std))
+    weights, *_ = np.linalg.lstsq(basis, error, rcond=None)
+    return float(weights[0]), float(weights[1]), rms(error - basis @ weights), float(np.median(std))
 
 
 def rms(values: FloatArray) -> float:

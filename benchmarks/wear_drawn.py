@@ -144,7 +144,7 @@ def life(service: Sequence[Visit], wear: Wear, true: Truth) -> Life:
 
 
 def forecast(
-    service: Sequence[Visit], readings: Sequence[WearReading], table: WearTable, *, known: bool
+    service: Sequence[Visit], readings: Sequence[WearReading], table: WearTable, *, with_table: bool
 ) -> bool | None:
     """Whether the 90 % interval, given at half of the first clutch's life, covers what was left; None if it lived on.
 
@@ -156,8 +156,8 @@ def forecast(
     last = service[end - 1]
     half = next(k for k, v in enumerate(service) if v.wear >= 0.5 * last.wear)
     limit = float(np.interp(last.wear, table.wear, table.shift))
-    ends = WearTable(*(values[table.wear <= last.wear] for values in table)) if known else None
-    wear = wear_of("", history(service[: half + 1]), readings[: half + 1], ends, None if known else limit)
+    ends = WearTable(*(values[table.wear <= last.wear] for values in table)) if with_table else None
+    wear = wear_of("", history(service[: half + 1]), readings[: half + 1], ends, None if with_table else limit)
     left = last.strokes - service[half].strokes
     return None if wear.left is None else bool(wear.left.low <= left <= wear.left.high)
 
@@ -185,8 +185,15 @@ def main() -> None:
         table = tables[service[0].number]
         true = truth(service, table, options.faults, random)
         readings = drawn(service, true, options.odd, random)
-        both = [life(service, wear_of("", history(service), readings, known), true) for known in (None, table)]
-        held = [] if true.fault else [forecast(service, readings, table, known=known) for known in (False, True)]
+        both = [
+            life(service, wear_of("", history(service), readings, table_of_wear), true)
+            for table_of_wear in (None, table)
+        ]
+        held = (
+            []
+            if true.fault
+            else [forecast(service, readings, table, with_table=with_table) for with_table in (False, True)]
+        )
         lives.append(Row(service[0].number, *both, *(held or (None, None))))
     lives.sort(key=lambda row: row.number)
     for number, some in groupby(lives, key=lambda row: row.number):
@@ -208,16 +215,16 @@ def report(name: str, table: WearTable | None, some: Sequence[Row]) -> None:
     """Print the rates of some vehicles."""
     moves = f", {1e3 * table.shift[-1]:+.2f} mm and {100 * table.load[-1]:+.0f} % when worn out" if table else ""
     print(f"{name}{moves}:")
-    for words, found, held in (
+    for words, rows, held in (
         ("shift", [row.alone for row in some], [row.left_alone for row in some]),
         ("table", [row.known for row in some], [row.left_known for row in some]),
     ):
-        errors = 1e3 * np.abs(np.concatenate([one.errors for one in found]))
-        covered = 100.0 * np.mean(np.concatenate([one.covered for one in found]))
-        recordings = sum(one.recordings for one in found)
-        events = [Counter(kind for one in found for kind in getattr(one, event)) for event in ("replaced", "faults")]
-        false = Counter(kind for one in found for kind in one.false)
-        holds = [one for one in held if one is not None]
+        errors = 1e3 * np.abs(np.concatenate([drawn.errors for drawn in rows]))
+        covered = 100.0 * np.mean(np.concatenate([drawn.covered for drawn in rows]))
+        recordings = sum(drawn.recordings for drawn in rows)
+        events = [Counter(kind for drawn in rows for kind in getattr(drawn, event)) for event in ("replaced", "faults")]
+        false = Counter(kind for drawn in rows for kind in drawn.false)
+        holds = [drawn for drawn in held if drawn is not None]
         left = f"{100 * np.mean(holds):.0f} % of {len(holds)}" if holds else "-"
         print(
             f"  {words}: {np.median(errors):.3f} / {errors.max():.3f} mm off, covered {covered:.0f} %; "

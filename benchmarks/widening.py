@@ -55,7 +55,11 @@ def _as_usual(_: Vehicle) -> Mapping[str, Any]:
 CASES: dict[str, tuple[tuple[str, ...], Callable[[Vehicle], Mapping[str, Any]]]] = {
     "nothing": ((), _as_usual),
     **{name: ((name,), _as_usual) for name in CHANGES},
-    **{f"{one} and {other}": ((one, other), _as_usual) for one, other in combinations(CHANGES, 2) if other != "warm"},
+    **{
+        f"{change} and {other}": ((change, other), _as_usual)
+        for change, other in combinations(CHANGES, 2)
+        if other != "warm"
+    },
     "supply and warm": (("supply", "warm"), _as_usual),
     "5 K warmer": ((), lambda kind: {"temperature": kind.T_0 + 5.0}),
     "100 Hz bus log": ((), lambda _: {"recorder": "bus"}),

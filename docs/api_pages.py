@@ -33,11 +33,11 @@ INTERNAL = {
 }  # fmt: skip
 
 
-def is_record(found: object) -> typing.TypeGuard[type]:
+def is_record(value: object) -> typing.TypeGuard[type]:
     """Whether `found` is a dataclass or a named tuple of clutchid."""
-    if not inspect.isclass(found) or not found.__module__.startswith("clutchid."):
+    if not inspect.isclass(value) or not value.__module__.startswith("clutchid."):
         return False
-    return dataclasses.is_dataclass(found) or hasattr(found, "_fields")
+    return dataclasses.is_dataclass(value) or hasattr(value, "_fields")
 
 
 def fields_of(record: type) -> tuple[str, ...]:
@@ -53,18 +53,18 @@ def fields_of(record: type) -> tuple[str, ...]:
 def records() -> tuple[type, ...]:
     """Every record that people get from a public name: its own, its result, and what those hold; in that order."""
     public = [getattr(clutchid, name) for name in clutchid.__all__]
-    todo = [found for found in public if is_record(found)]
+    todo = [value for value in public if is_record(value)]
     for function in filter(inspect.isfunction, public):
         todo += _records_in(_hints(function).get("return"))
-    found: dict[type, None] = {}
+    record_types: dict[type, None] = {}
     while todo:
         record = todo.pop(0)
-        if record in found or record.__name__ in INTERNAL:
+        if record in record_types or record.__name__ in INTERNAL:
             continue
-        found[record] = None
+        record_types[record] = None
         for hint in _hints(record).values():
             todo += _records_in(hint)
-    return tuple(found)
+    return tuple(record_types)
 
 
 def _records_in(hint: object) -> Iterator[type]:
@@ -87,7 +87,8 @@ def places_of_records() -> dict[str, str]:
     """Full names of the records by name, as their pages have them."""
     public = set(clutchid.__all__)
     return {
-        one.__name__: f"{'clutchid' if one.__name__ in public else one.__module__}.{one.__name__}" for one in records()
+        record.__name__: f"{'clutchid' if record.__name__ in public else record.__module__}.{record.__name__}"
+        for record in records()
     }
 
 
@@ -112,7 +113,7 @@ def api_pages(parameter_tables: str) -> dict[str, str]:
     public = {page_name(name): _page(name, "clutchid", getattr(clutchid, name)) for name in clutchid.__all__}
     offered = {getattr(clutchid, name) for name in clutchid.__all__}
     held = [record for record in records() if record not in offered]
-    pages = public | {f"record_{one.__name__}": _page(one.__name__, one.__module__, one) for one in held}
+    pages = public | {f"record_{kind.__name__}": _page(kind.__name__, kind.__module__, kind) for kind in held}
     further = {
         f"further_{name}": _page(name, module, getattr(import_module(module), name))
         for module, names in FURTHER.items()

@@ -149,8 +149,8 @@ def _equation(numbers: str, name: str, place: str, left: str) -> str:
     """One equation: a heading with its number and name, its function, and its formula."""
     module, _, function = place.partition(":")
     heading = f"### {numbers} {name}" if numbers else f"### {name}"
-    found = getattr(import_module(f"clutchid.model.{module}"), function)
-    formula = _printed(found, left) if isfunction(found) and left else _formula(found)
+    equation = getattr(import_module(f"clutchid.model.{module}"), function)
+    formula = _printed(equation, left) if isfunction(equation) and left else _formula(equation)
     return f"{heading}\n\n`{function}` in `model/{module}.py`\n\n{_math(formula)}"
 
 
@@ -205,8 +205,8 @@ def parameter_tables() -> str:
 
 def _own(variant: str) -> str:
     """The equations of `variant` that the paper's model does not have; the switched valve is told by its formula."""
-    known = set(_lines("isothermal"))
-    lines = [line for line in _lines(variant) if line not in known and not re.match(r"[abiy]_\{v[se]\}", line)]
+    of_isothermal = set(_lines("isothermal"))
+    lines = [line for line in _lines(variant) if line not in of_isothermal and not re.match(r"[abiy]_\{v[se]\}", line)]
     return _math("\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}")
 
 
@@ -216,9 +216,9 @@ def _lines(variant: str) -> list[str]:
 
 def _formula(function: Callable[..., object]) -> str:
     """The formula in the docstring of `function`."""
-    found = re.search(r"\.\. math:: (.*?)\n\n", getdoc(function) or "", re.DOTALL)
-    assert found, f"{function.__name__} has no formula"
-    return found[1]
+    match = re.search(r"\.\. math:: (.*?)\n\n", getdoc(function) or "", re.DOTALL)
+    assert match, f"{function.__name__} has no formula"
+    return match[1]
 
 
 def _math(text: str) -> str:
@@ -244,7 +244,7 @@ def _known() -> str:
     """The table of priors, changes and use."""
     rows = ["| name | prior | drift | changes with a group | freed | adapts |", "|---|---|---|---|---|---|"]
     for name, row in Parameters.rows().items():
-        changes = "; ".join(f"{one.group} {_std(one.std, row)}" for one in row.changes)
+        changes = "; ".join(f"{change.group} {_std(change.std, row)}" for change in row.changes)
         drift = f"{_std(row.drift.std, row)}{', considered' * row.drift.considered}" if row.drift else ""
         freed = f"yes{f', valves {row.valves}' * bool(row.valves)}" if row.freed else ""
         hours = row.adapts and row.adapts.std

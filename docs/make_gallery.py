@@ -43,16 +43,16 @@ def code(script: Path) -> str:
 def picture(script: Path) -> Path:
     """The picture of a script, drawn where it is not kept."""
     key = sha256(script.read_bytes() + Path(__file__).read_bytes() + clutchid.__version__.encode()).hexdigest()[:16]
-    kept = KEPT / f"{script.stem}-{key}.png"
-    if not kept.exists():
+    stored = KEPT / f"{script.stem}-{key}.png"
+    if not stored.exists():
         os.environ["MPLBACKEND"] = "agg"
         with redirect_stdout(StringIO()):
             figure = runpy.run_path(str(script))["figure"]
         figure.tight_layout()
         KEPT.mkdir(exist_ok=True)
-        figure.savefig(unfinished := kept.with_suffix(".part.png"), dpi=110)
-        unfinished.replace(kept)
-    return kept
+        figure.savefig(unfinished := stored.with_suffix(".part.png"), dpi=110)
+        unfinished.replace(stored)
+    return stored
 
 
 def gallery(folder: Path) -> None:

@@ -27,11 +27,11 @@ def fitted_load(force: np.ndarray) -> Load:
 
 def main() -> None:
     """Drive, simulate, draw, and print the differences."""
-    done = drive(Truck(), manoeuvre="gear-shift", seconds=3.0, seed=4)
-    truth, t = done.truth.states, done.truth.time
-    load = fitted_load(done.truth.load(GRID))
-    inputs = {name: done.log[name] for name in ("duty_supply", "duty_exhaust")}
-    model = simulate(Actuator(load=load), Log(done.log.time, inputs)).log
+    driven = drive(Truck(), manoeuvre="gear-shift", seconds=3.0, seed=4)
+    truth, t = driven.truth.states, driven.truth.time
+    load = fitted_load(driven.truth.load(GRID))
+    inputs = {name: driven.log[name] for name in ("duty_supply", "duty_exhaust")}
+    model = simulate(Actuator(load=load), Log(driven.log.time, inputs)).log
     at = (t >= SPAN[0]) & (t <= SPAN[1])
     plant, paper = Line(STYLE.blue, "virtual truck", width=1.8), Line(STYLE.red, "paper's model", width=1.4, dash="--")
     figure, axes = new_figure([1.1, 2.0, 2.0, 1.5])
@@ -56,8 +56,8 @@ def main() -> None:
         print(
             f"{column}: rms {np.sqrt(np.mean(difference**2)):.2f} {unit}, largest {np.abs(difference).max():.2f} {unit}"
         )
-    misfit = load.force(GRID) - done.truth.load(GRID)
-    print(f"three splines: rms {np.sqrt(np.mean(misfit**2)):.0f} N of {done.truth.load(GRID).max():.0f} N")
+    misfit = load.force(GRID) - driven.truth.load(GRID)
+    print(f"three splines: rms {np.sqrt(np.mean(misfit**2)):.0f} N of {driven.truth.load(GRID).max():.0f} N")
     print(
         f"temperature in chamber A: {truth['temperature_a'][at].min():.0f} to {truth['temperature_a'][at].max():.0f} K"
     )

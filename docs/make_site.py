@@ -68,11 +68,11 @@ def site_text(page: Path, places: dict[Path, str], stage: Path) -> str:
     A link leads to the place in the site, and shows the title of a page where it shows the name of its file.
     """
 
-    def link(found: re.Match[str]) -> str:
-        shown, target = found.groups()
+    def link(match: re.Match[str]) -> str:
+        shown, target = match.groups()
         name, sign, section = target.partition("#")
         if not name or re.match(r"[a-z]+:", target):
-            return found[0]
+            return match[0]
         file = (page.parent / name).resolve()
         if not file.is_file():
             sys.exit(f"{page.relative_to(ROOT)}: the link {target} leads to no file.")
@@ -97,8 +97,8 @@ def navigation(places: Iterable[str]) -> str:
     groups = {
         caption: [page for name in names for page in _matching(name, pages)] for caption, names in NAVIGATION.items()
     }
-    known = {page for group in groups.values() for page in group}
-    groups[[*groups][-1]] += [page for page in pages if page not in known]
+    listed = {page for group in groups.values() for page in group}
+    groups[[*groups][-1]] += [page for page in pages if page not in listed]
     return "".join(
         "\n```{toctree}\n:hidden:\n:caption: " + caption + "\n\n" + "\n".join(group) + "\n```\n"
         for caption, group in groups.items()
@@ -111,9 +111,9 @@ def _matching(name: str, pages: Sequence[str]) -> list[str]:
     return [page for page in pages if fnmatch(page, name)]
 
 
-def _function(found: re.Match[str]) -> str:
+def _function(match: re.Match[str]) -> str:
     """The function of an equation as a link to its docstring, with its file and line."""
-    name, module = found.groups()
+    name, module = match.groups()
     item = getattr(import_module(f"clutchid.model.{module}"), name)
     home = "clutchid" if name in clutchid.__all__ else f"clutchid.model.{module}"
     line = getsourcelines(item)[1]
@@ -157,8 +157,8 @@ if __name__ == "__main__":
     parser.add_argument("folder", type=Path, help="where the site is written")
     parser.add_argument("--gallery", action="store_true", help="draw the gallery too, or take kept pictures")
     parser.add_argument("--jobs", default="auto", help="number of processes; one takes less time of processors")
-    given = parser.parse_args()
-    code = build(given.folder, given.gallery, given.jobs)
+    options = parser.parse_args()
+    code = build(options.folder, options.gallery, options.jobs)
     if code == 0:
-        print(f"written: {given.folder.resolve() / 'index.html'}")
+        print(f"written: {options.folder.resolve() / 'index.html'}")
     sys.exit(code)

@@ -50,8 +50,8 @@ def installed(folder: Path) -> None:
 
 def files(problem: Problem, folder: Path) -> None:
     """The recording, the model as text, and the programs in `folder`."""
-    given, measured, start = problem.given, noisy(problem, 0)["position"], drawn_starts(1)[0]
-    np.savez(folder / "given.npz", **given._asdict(), measured=measured, noise=NOISE, start=start)
+    recording, measured, start = problem.given, noisy(problem, 0)["position"], drawn_starts(1)[0]
+    np.savez(folder / "given.npz", **recording._asdict(), measured=measured, noise=NOISE, start=start)
     octave.write_search(problem, folder, measured, start)
     (folder / "rates.py").write_text(python_text(problem.values), encoding="utf-8")
     (folder / "chosen.py").write_text(chosen_text(problem.values, WEIGHTS), encoding="utf-8")
@@ -63,8 +63,8 @@ def process(command: Sequence[str], folder: Path, installation: Path) -> Process
     """The program of a peer in a folder, which keeps what is compiled."""
     own = {"PYTHONPATH": str(installation), "CLUTCHID_CACHE": str(folder / "cache")}
     begin, used = time.perf_counter(), _processor()
-    done = subprocess.run(command, cwd=folder, env=os.environ | own, check=True, capture_output=True, text=True)
-    return Process(time.perf_counter() - begin, _processor() - used, np.array(done.stdout.split(), float))
+    ended = subprocess.run(command, cwd=folder, env=os.environ | own, check=True, capture_output=True, text=True)
+    return Process(time.perf_counter() - begin, _processor() - used, np.array(ended.stdout.split(), float))
 
 
 def _processor() -> float:
@@ -96,33 +96,33 @@ def rows(seconds: float = 4.0, peers: Sequence[Peer] = PEERS, rounds: int = 3) -
     """Rows of the first and of the second process of each peer, in turn, each round in a folder of its own."""
     problem = posed(seconds)
     deviations = bound(problem)
-    found: dict[tuple[str, str], list[Process]] = {}
+    processes: dict[tuple[str, str], list[Process]] = {}
     with tempfile.TemporaryDirectory() as parent:
         installation = Path(parent) / "installed"
         installation.mkdir()
         installed(installation)
         for number in range(rounds):
-            for each in peers:
-                if each.missing():
+            for peer in peers:
+                if peer.missing():
                     continue
-                folder = Path(parent) / f"{each.name}{number}"
+                folder = Path(parent) / f"{peer.name}{number}"
                 folder.mkdir()
                 files(problem, folder)
                 for case in CASES:
-                    run = each.prepare(problem)(folder, installation)
-                    found.setdefault((case, each.name), []).append(run)
-    return [_row(case, each, found, deviations) for case in CASES for each in peers]
+                    run = peer.prepare(problem)(folder, installation)
+                    processes.setdefault((case, peer.name), []).append(run)
+    return [_row(case, peer, processes, deviations) for case in CASES for peer in peers]
 
 
-def _row(case: str, each: Peer, found: dict[tuple[str, str], list[Process]], deviations: FloatArray) -> Row:
+def _row(case: str, peer: Peer, processes: dict[tuple[str, str], list[Process]], deviations: FloatArray) -> Row:
     """A line of the table."""
-    runs, title = found.get((case, each.name)), f"{case.capitalize()}, 4 s at 1000 Hz"
+    runs, title = processes.get((case, peer.name)), f"{case.capitalize()}, 4 s at 1000 Hz"
     if runs is None:
-        return Row("f", title, each.name, note=f"absent: {', '.join(each.missing())} not installed")
-    first = found[case, PEERS[0].name]
+        return Row("f", title, peer.name, note=f"absent: {', '.join(peer.missing())} not installed")
+    first = processes[case, PEERS[0].name]
     low, middle, high = np.quantile([run.seconds for run in runs], [0.25, 0.5, 0.75])
     ratio = float(np.median([a.seconds / b.seconds for a, b in zip(runs, first, strict=True)]))
     off = max(float(np.max(np.abs(run.theta - THETA) / deviations)) for run in runs)
     processor = float(np.median([run.processor for run in runs]))
     error = f"worst weight off by {off:.2g} σ"
-    return Row("f", title, each.name, middle, low, high, len(runs), ratio, error=error, more=(processor,))
+    return Row("f", title, peer.name, middle, low, high, len(runs), ratio, error=error, more=(processor,))

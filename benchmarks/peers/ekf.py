@@ -78,13 +78,13 @@ class Followed:
     @cached_property
     def prior(self) -> Prior:
         """That of `every_sample`."""
-        one, n = self.every_sample, len(self.log)
-        joint, actuator = one.joint, one.joint.mapped.actuator
+        observer, n = self.every_sample, len(self.log)
+        joint, actuator = observer.joint, observer.joint.mapped.actuator
         segment = segment_of(
             Tail(self.log.time, self.duties, self.log["position"], np.full(n, np.nan), np.zeros(n)), actuator
         )
-        root = one.prior.weights @ one.prior.root
-        drifts = one.prior.weights @ joint.drifts
+        root = observer.prior.weights @ observer.prior.root
+        drifts = observer.prior.weights @ joint.drifts
         P = np.diag(np.append(start_deviations(segment, actuator, False, joint.noise) ** 2, np.zeros(3)))
         P[5:, 5:] = root @ root.T
         Q = np.zeros((n, 8))
@@ -150,10 +150,10 @@ def archimedes_step(followed: Followed, all_scalar: bool) -> Any:
     moved = archimedes.discretize(archimedes.compile(rates, kind="SX"), dt=SPACING, method="rk4")
 
     def ekf(x: Any, P: Any, u: Any, z: Any, q: Any) -> Any:
-        one = ExtendedKalmanFilter(
+        kalman = ExtendedKalmanFilter(
             dyn=lambda t, x, u: moved(t, x, u, 0.0), obs=lambda _t, x, _u: x[0], Q=np.diag(q), R=R
         )
-        return one.step(0.0, x, z, P, (u,))[:2]
+        return kalman.step(0.0, x, z, P, (u,))[:2]
 
     return archimedes.compile(ekf, return_names=("x_new", "P_new"), kind="SX" if all_scalar else "MX")
 

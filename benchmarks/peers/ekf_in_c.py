@@ -107,8 +107,8 @@ def runner(followed: Followed, sources: Mapping[str, str], lines: Filter) -> Cal
     data = np.concatenate([prior.x, prior.P.ravel(), samples.ravel()]).tobytes()
 
     def run() -> Steps:
-        done = subprocess.run([folder / "follow"], input=data, check=True, capture_output=True)
-        took, pressure, weights, idle = np.split(np.frombuffer(done.stdout), [n, 2 * n, 2 * n + 3])
+        ended = subprocess.run([folder / "follow"], input=data, check=True, capture_output=True)
+        took, pressure, weights, idle = np.split(np.frombuffer(ended.stdout), [n, 2 * n, 2 * n + 3])
         return Steps(took, pressure, weights, float(np.median(idle)))
 
     return run
@@ -116,8 +116,8 @@ def runner(followed: Followed, sources: Mapping[str, str], lines: Filter) -> Cal
 
 def exported(followed: Followed, every_sample: bool, real: Real) -> Callable[[], Steps]:
     """clutchid's exported C."""
-    one: Observer = followed.every_sample if every_sample else followed.shipped
-    sources = source_files(observer_c99(one, start(one), CStyle(real=real), "side by side"))
+    joint: Observer = followed.every_sample if every_sample else followed.shipped
+    sources = source_files(observer_c99(joint, start(joint), CStyle(real=real), "side by side"))
     lines = Filter(
         include="clutch.h",
         state="static clutch_t self; static clutch_output_t output;",
@@ -132,8 +132,8 @@ def exported(followed: Followed, every_sample: bool, real: Real) -> Callable[[],
     run = runner(followed, sources, lines)
 
     def in_si() -> Steps:
-        found = run()
-        return found._replace(weights=np.asarray(one.actuator.load.theta) + one.prior.weights @ found.weights)
+        states = run()
+        return states._replace(weights=np.asarray(joint.actuator.load.theta) + joint.prior.weights @ states.weights)
 
     return in_si
 

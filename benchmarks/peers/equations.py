@@ -113,10 +113,10 @@ def chosen_text(values: Mapping[str, float], free: Sequence[str] = ()) -> str:
 
 
 def _chosen(
-    statements: Sequence[Statement], known: Mapping[Any, sp.Symbol], mark: str
+    statements: Sequence[Statement], names_so_far: Mapping[Any, sp.Symbol], mark: str
 ) -> tuple[list[str], dict[Any, sp.Symbol]]:
     """Lines, and names after them; what an arm assigns has a name of its own, which ends with the arm's `mark`."""
-    text, names = list[str](), dict(known)
+    text, names = list[str](), dict(names_so_far)
 
     def assign(target: Any, value: str) -> None:
         names[target] = sp.Symbol(f"{target}{mark}")
@@ -133,13 +133,13 @@ def _chosen(
         else:
             arms = []
             for number, (condition, arm) in enumerate(statement.arms):
-                inner, found = _chosen(arm, names, f"{mark}__{number}")
+                inner, branch = _chosen(arm, names, f"{mark}__{number}")
                 text += inner
-                arms.append((printed(condition), found))
+                arms.append((printed(condition), branch))
             for target in targets(statement):
                 value = str(arms[-1][1][target])
-                for condition, found in arms[-2::-1]:
-                    value = f"where({condition}, {found[target]}, {value})"
+                for condition, branch in arms[-2::-1]:
+                    value = f"where({condition}, {branch[target]}, {value})"
                 assign(target, value)
     return text, names
 

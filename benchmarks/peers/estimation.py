@@ -41,8 +41,8 @@ def clutchid(problem: Problem) -> Estimate:
     names = Load().names
 
     def estimate(log: Log, start: FloatArray) -> FloatArray:
-        found = fit(log, Actuator(load=Load(tuple(start))), free="load").parameters
-        return np.array([found[name].value for name in names])
+        estimates = fit(log, Actuator(load=Load(tuple(start))), free="load").parameters
+        return np.array([estimates[name].value for name in names])
 
     return estimate
 
@@ -90,8 +90,8 @@ def aeroid_peer(problem: Problem) -> Estimate:
     shift = dict(zip(WEIGHTS, (0.0, 1.0, 1.0), strict=True))
 
     def dynamics(_: float, x: FloatArray, u: FloatArray, p: Mapping[str, float]) -> FloatArray:
-        found: FloatArray = rates(x, u, jnp.stack([(p[name] - shift[name]) * UNIT for name in WEIGHTS]))
-        return found
+        derivatives: FloatArray = rates(x, u, jnp.stack([(p[name] - shift[name]) * UNIT for name in WEIGHTS]))
+        return derivatives
 
     def estimate(log: Log, start: FloatArray) -> FloatArray:
         guess = {name: value / UNIT + shift[name] for name, value in zip(WEIGHTS, start, strict=True)}
@@ -99,11 +99,11 @@ def aeroid_peer(problem: Problem) -> Estimate:
         held = {"supply": d.u[:, 0], "exhaust": d.u[:, 1], "y": log["position"]}
         channels = {name: np.insert(a, edges, a[edges - (name != "y")]) for name, a in held.items()}
         data = aeroid.FlightData(np.insert(problem.time, edges, problem.time[edges] - 1e-6), channels)
-        found = aeroid.identify(
+        identified = aeroid.identify(
             model, data, WEIGHTS, gradient="jax", outputs=["y"], weights={"y": 1 / NOISE}, x0=d.x0,
             bounds={name: (shift[name], np.inf) for name in ("theta_1", "theta_3")},
         )  # fmt: skip
-        return np.array([(found.parameters[name] - shift[name]) * UNIT for name in WEIGHTS])
+        return np.array([(identified.parameters[name] - shift[name]) * UNIT for name in WEIGHTS])
 
     return estimate
 
@@ -164,11 +164,11 @@ def rows(seconds: float = 4.0, starts: int = 20, peers: Sequence[Peer] = PEERS) 
     """A search from every start, each on a recording with noise of its own, peers in turn."""
     problem, case = posed(seconds), f"{seconds:g} s at 1000 Hz, {starts} starts"
     deviations = bound(problem)
-    found, ready = {}, []
+    estimates, ready = {}, []
     points = drawn_starts(starts)
     for peer in peers:
         if lacking := peer.missing():
-            found[peer.name] = Row("c", case, peer.name, note=f"absent: {', '.join(lacking)} not installed")
+            estimates[peer.name] = Row("c", case, peer.name, note=f"absent: {', '.join(lacking)} not installed")
             continue
         begin = time.perf_counter()
         estimate = peer.prepare(problem)
@@ -191,8 +191,8 @@ def rows(seconds: float = 4.0, starts: int = 20, peers: Sequence[Peer] = PEERS) 
         words = f"{np.sum(off < NEAR)} of {off.size} succeeded, worst weight off by {np.median(off):.2g} σ (median)"
         ratio = float(np.median([a / b for a, b in zip(times, first, strict=False)]))
         note = "" if len(times) == starts else f"{len(times)} of {starts} starts"
-        found[peer.name] = Row("c", case, peer.name, middle, low, high, len(times), ratio, prepared, words, note)
-    return [found[peer.name] for peer in peers]
+        estimates[peer.name] = Row("c", case, peer.name, middle, low, high, len(times), ratio, prepared, words, note)
+    return [estimates[peer.name] for peer in peers]
 
 
 def coverage(seeds: int, seconds: float = 4.0, rest: float = REST) -> str:

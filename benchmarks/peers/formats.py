@@ -63,20 +63,20 @@ def alone(file: File, package: str) -> Callable[[], Result]:
     def scipy() -> Result:
         from scipy.io import loadmat
 
-        found = loadmat(file.path, squeeze_me=True)
-        return Result(tuple(np.asarray(_column(list(found), name, found.__getitem__)) for name in NAMES))
+        content = loadmat(file.path, squeeze_me=True)
+        return Result(tuple(np.asarray(_column(list(content), name, content.__getitem__)) for name in NAMES))
 
     return {"asammdf": asammdf, "polars": polars, "scipy": scipy}[package]
 
 
 def _column(names: list[str], name: str, taken: Callable[[str], object]) -> object:
     """The column whose name begins with `name`; a unit may follow."""
-    return taken(next(each for each in names if each.startswith(name)))
+    return taken(next(column for column in names if column.startswith(name)))
 
 
-def error(file: File, found: FloatArray | tuple[FloatArray, ...]) -> str:
+def error(file: File, values: FloatArray | tuple[FloatArray, ...]) -> str:
     """Largest relative difference of a column."""
-    pairs = zip(found, (file.log[name] for name in NAMES), strict=True)
+    pairs = zip(values, (file.log[name] for name in NAMES), strict=True)
     return f"{max(np.abs(a - b).max() / np.abs(b).max() for a, b in pairs):.1g} of the largest value"
 
 
@@ -86,7 +86,7 @@ ENDINGS = {"mf4": "asammdf", "mat": "scipy", "csv": "polars", "parquet": "polars
 
 def rows(seconds: float = 600.0, rounds: int = 15, budget: float = 10.0) -> list[Row]:
     """The rows of all formats."""
-    found = []
+    rows_of_files = []
     for ending, package in ENDINGS.items():
         peers = (
             Peer("clutchid.read", (package,), clutchid),
@@ -94,5 +94,5 @@ def rows(seconds: float = 600.0, rounds: int = 15, budget: float = 10.0) -> list
         )
         file = made(seconds, ending)
         case = f".{ending}, {seconds:g} s at 1000 Hz, {file.path.stat().st_size / 1e6:.3g} MB"
-        found += compare("g", case, peers, lambda _, file=file: file, seconds, error, rounds, budget)
-    return found
+        rows_of_files += compare("g", case, peers, lambda _, file=file: file, seconds, error, rounds, budget)
+    return rows_of_files

@@ -21,14 +21,14 @@ def clutchid() -> FloatArray:
     from clutchid import Actuator, Load, Log, fit
 
     log = Log(GIVEN["time"], {"duty_supply": U[:, 0], "duty_exhaust": U[:, 1], "position": MEASURED})
-    found = fit(log, Actuator(load=Load(tuple(START))), free="load").parameters
-    return np.array([found[name].value for name in WEIGHTS])
+    estimates = fit(log, Actuator(load=Load(tuple(START))), free="load").parameters
+    return np.array([estimates[name].value for name in WEIGHTS])
 
 
 def scipy() -> FloatArray:
     """LSODA and `least_squares` with differences."""
-    given = Recording(GIVEN["breakpoints"], GIVEN["basis"], GIVEN["time"], U, X0, GIVEN["edges"].tolist())
-    return searched(NOISE, scipy_position(Path("rates.py").read_text(), given, "LSODA"))(MEASURED, START)
+    recording = Recording(GIVEN["breakpoints"], GIVEN["basis"], GIVEN["time"], U, X0, GIVEN["edges"].tolist())
+    return searched(NOISE, scipy_position(Path("rates.py").read_text(), recording, "LSODA"))(MEASURED, START)
 
 
 def model() -> Model:

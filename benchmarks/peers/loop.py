@@ -54,13 +54,13 @@ def clutchid(prepared: dict[str, Any]) -> Recording:
     del prepared
 
     def weights(path: Path) -> FloatArray:
-        found = clutchid.fit(clutchid.read(path), free="load").parameters
-        return np.array([found[name].value for name in clutchid.Load().names])
+        estimates = clutchid.fit(clutchid.read(path), free="load").parameters
+        return np.array([estimates[name].value for name in clutchid.Load().names])
 
     return weights
 
 
-KINDS = {each.__name__: each for each in (casadi, scipy, clutchid)}
+KINDS = {way.__name__: way for way in (casadi, scipy, clutchid)}
 
 
 class Worker:
@@ -88,8 +88,8 @@ def main(kind: str, prepared: str, folder: str, workers: str, out: str) -> None:
     """Estimate all, and write what came of it."""
     paths = sorted(Path(folder).rglob("*.csv"))
     with Pool(int(workers), begin, (kind, prepared)) as pool:
-        found = list(pool.imap_unordered(estimated, paths))
-    Path(out).write_text(json.dumps(found), encoding="utf-8")
+        outcomes = list(pool.imap_unordered(estimated, paths))
+    Path(out).write_text(json.dumps(outcomes), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -34,14 +34,14 @@ def stepped(followed: Followed, begin: Callable[[], Stepping]) -> Callable[[], S
     n, clock = len(followed.log), time.perf_counter_ns
 
     def run() -> Steps:
-        advance, known = begin()
+        advance, state = begin()
         took, pressure = np.zeros(n), np.zeros(n)
-        pressure[0], weights = known()
+        pressure[0], weights = state()
         for i in range(1, n):
             begin_ns = clock()
             advance(i)
             took[i] = clock() - begin_ns
-            pressure[i], weights = known()
+            pressure[i], weights = state()
         idle = np.diff([clock() for _ in range(10_000)])
         return Steps(took * 1e-9, pressure, weights, float(np.median(idle)) * 1e-9)
 
@@ -70,20 +70,20 @@ def from_python(followed: Followed, step: Callable[..., Any], read: Callable[[An
 
 def single_samples(followed: Followed) -> Callable[[], Steps]:
     """`clutchid.observer.observe` on blocks of one sample, with the making of the block."""
-    one, log, n = followed.every_sample, followed.log, len(followed.log)
+    joint, log, n = followed.every_sample, followed.log, len(followed.log)
     columns = {name: [values[i : i + 1] for i in range(n)] for name, values in log.columns.items()}
     instants = [log.time[i : i + 1] for i in range(n)]
 
     def begin() -> Stepping:
-        state, found = observe(one, start(one), log.slice(0, 1))
-        at: list[Any] = [state, found]
+        state, run = observe(joint, start(joint), log.slice(0, 1))
+        at: list[Any] = [state, run]
 
         def advance(i: int) -> None:
             block = Log(instants[i], {name: values[i] for name, values in columns.items()})
-            at[:] = observe(one, at[0], block)
+            at[:] = observe(joint, at[0], block)
 
         def known() -> tuple[float, FloatArray]:
-            return float(at[1].states[-1, 2]), np.array(one.load(at[0]).theta)
+            return float(at[1].states[-1, 2]), np.array(joint.load(at[0]).theta)
 
         return advance, known
 
@@ -92,31 +92,31 @@ def single_samples(followed: Followed) -> Callable[[], Steps]:
 
 def blocks(followed: Followed) -> Callable[[], Steps]:
     """`clutchid.observer.observe` on blocks of `BLOCK` samples; a time is that of a block over its samples."""
-    one, log, n = followed.every_sample, followed.log, len(followed.log)
+    joint, log, n = followed.every_sample, followed.log, len(followed.log)
 
     def run() -> Steps:
-        state, took, pressure = start(one), np.zeros(n), np.zeros(n)
+        state, took, pressure = start(joint), np.zeros(n), np.zeros(n)
         for a, b in pairwise([*range(0, n, BLOCK), n]):
             block = log.slice(a, b)
             begin = time.perf_counter_ns()
-            state, found = observe(one, state, block)
+            state, observed = observe(joint, state, block)
             took[a:b] = (time.perf_counter_ns() - begin) * 1e-9 / (b - a)
-            pressure[a:b] = found.states[:, 2]
-        return Steps(took, pressure, np.array(one.load(state).theta), 0.0)
+            pressure[a:b] = observed.states[:, 2]
+        return Steps(took, pressure, np.array(joint.load(state).theta), 0.0)
 
     return run
 
 
 def whole(followed: Followed) -> Callable[[], Steps]:
     """`clutchid.observer.observe_recording`; a time is that of the recording over its samples."""
-    one, log = followed.every_sample, followed.log
+    joint, log = followed.every_sample, followed.log
 
     def run() -> Steps:
         begin = time.perf_counter_ns()
-        found = observe_recording(one, log)
+        observed = observe_recording(joint, log)
         took = (time.perf_counter_ns() - begin) * 1e-9 / len(log)
-        weights = np.array(one.load(found.after).theta)
-        return Steps(np.full(len(log), took), found.samples.states[:, 2], weights, 0.0)
+        weights = np.array(joint.load(observed.after).theta)
+        return Steps(np.full(len(log), took), observed.samples.states[:, 2], weights, 0.0)
 
     return run
 
@@ -141,17 +141,17 @@ def filterpy(followed: Followed) -> Callable[[], Steps]:
     duties, position, Q = list(followed.duties), followed.log["position"].tolist(), [np.diag(q) for q in prior.Q]
 
     def begin() -> Stepping:
-        one = Actuator(8, 1)
-        one.x, one.P, one.R = prior.x.copy(), prior.P.copy(), np.array([[prior.R]])
+        actuator = Actuator(8, 1)
+        actuator.x, actuator.P, actuator.R = prior.x.copy(), prior.P.copy(), np.array([[prior.R]])
 
         def advance(i: int) -> None:
-            u, at = duties[i - 1], moved(one.x, duties[i - 1])
-            columns = [(moved(one.x + h, u) - at) / h.sum() for h in np.diag(DIFFERENCES)]
-            one.F, one.Q = np.column_stack(columns), Q[i]
-            one.predict(u)
-            one.update(position[i], lambda _: row, lambda x: x[:1])
+            u, at = duties[i - 1], moved(actuator.x, duties[i - 1])
+            columns = [(moved(actuator.x + h, u) - at) / h.sum() for h in np.diag(DIFFERENCES)]
+            actuator.F, actuator.Q = np.column_stack(columns), Q[i]
+            actuator.predict(u)
+            actuator.update(position[i], lambda _: row, lambda x: x[:1])
 
-        return advance, lambda: (float(one.x[2]), one.x[5:])
+        return advance, lambda: (float(actuator.x[2]), actuator.x[5:])
 
     return stepped(followed, begin)
 
@@ -171,7 +171,7 @@ def jax_peer(followed: Followed) -> Callable[[], Steps]:
     import jax
 
     step = jax_step(followed)
-    return from_python(followed, lambda *given: jax.block_until_ready(step(*given)), np.asarray)
+    return from_python(followed, lambda *arguments: jax.block_until_ready(step(*arguments)), np.asarray)
 
 
 IN_PYTHON = (
@@ -211,26 +211,26 @@ def compared(case: str, followed: Followed, peers: Sequence[Peer], rounds: int, 
         try:
             run = peer.prepare(followed)
             prepared = time.perf_counter() - begin
-            found = run()
+            states = run()
         except Exception as failure:  # a peer that fails is a row, not the end of the others
             rows[peer.name] = Row("e", case, peer.name, note=f"failed: {type(failure).__name__}: {failure}"[:200])
             continue
-        error = followed.error(found.pressure, found.weights)
+        error = followed.error(states.pressure, states.weights)
         rows[peer.name] = Row("e", case, peer.name, prepared=prepared, error=error)
         ready.append((peer.name, run))
     times: dict[str, list[FloatArray]] = {name: [] for name, _ in ready}
     clocks = []
     for _ in range(rounds):
         for name, run in ready:
-            if sum(each.sum() for each in times[name]) < budget:
-                found = run()
-                times[name].append(found.seconds[WARM:])
-                clocks.append(found.clock)
-    first = [np.median(each) for each in times[ready[0][0]]]
-    for name, each in times.items():
-        low, middle, high, *tail = np.quantile(np.concatenate(each), [0.25, 0.5, 0.75, 0.99, 0.999])
-        ratio = float(np.median([np.median(a) / b for a, b in zip(each, first, strict=False)]))
-        steps, note = sum(map(len, each)), SHARED.get(name, "")
+            if sum(seconds.sum() for seconds in times[name]) < budget:
+                states = run()
+                times[name].append(states.seconds[WARM:])
+                clocks.append(states.clock)
+    first = [np.median(seconds) for seconds in times[ready[0][0]]]
+    for name, seconds in times.items():
+        low, middle, high, *tail = np.quantile(np.concatenate(seconds), [0.25, 0.5, 0.75, 0.99, 0.999])
+        ratio = float(np.median([np.median(a) / b for a, b in zip(seconds, first, strict=False)]))
+        steps, note = sum(map(len, seconds)), SHARED.get(name, "")
         tail = [np.nan, np.nan] if note else tail
         rows[name] = rows[name]._replace(
             median=middle, low=low, high=high, runs=steps, ratio=ratio, more=tuple(map(float, tail)), note=note

@@ -70,9 +70,14 @@ def write_simulation(problem: Problem, folder: Path) -> None:
 
 def write_search(problem: Problem, folder: Path, measured: FloatArray, start: FloatArray) -> None:
     """`search.m` in a folder, with what it reads; it prints weights in N/m."""
-    given: Recording = problem.given
-    basis = {f"BASIS_{k}": matrix(one) for k, one in enumerate(given.basis, 1)}
-    numbers = {"SIGMA": repr(NOISE), "UNIT": repr(UNIT), "STEP": repr(STEP), "BREAKPOINTS": matrix(given.breakpoints)}
+    recording: Recording = problem.given
+    basis = {f"BASIS_{k}": matrix(values) for k, values in enumerate(recording.basis, 1)}
+    numbers = {
+        "SIGMA": repr(NOISE),
+        "UNIT": repr(UNIT),
+        "STEP": repr(STEP),
+        "BREAKPOINTS": matrix(recording.breakpoints),
+    }
     _write(problem, folder, "search.m", SIMULATION + SEARCH, numbers | basis)
     measured.tofile(folder / "measured")
     start.tofile(folder / "start")
@@ -81,9 +86,11 @@ def write_search(problem: Problem, folder: Path, measured: FloatArray, start: Fl
 def _write(problem: Problem, folder: Path, name: str, program: str, numbers: Mapping[str, str]) -> None:
     """A program and the right-hand side in a folder, and the arrays that every program reads."""
     tolerances = {"RTOL": repr(TOLERANCE), "ATOL": matrix(TOLERANCE * 1e-2 * USUAL), "START": matrix(problem.drive.x0)}
-    known = tolerances | numbers
+    replacements = tolerances | numbers
     (folder / "rates.m").write_text(octave_rates(problem.values))
-    (folder / name).write_text(re.sub(rf"\b({'|'.join(known)})\b", lambda found: known[found[0]], program))
+    (folder / name).write_text(
+        re.sub(rf"\b({'|'.join(replacements)})\b", lambda match: replacements[match[0]], program)
+    )
     problem.time.tofile(folder / "time")
     np.ascontiguousarray(problem.drive.u).tofile(folder / "inputs")
     np.array(problem.edges, float).tofile(folder / "edges")
@@ -91,7 +98,7 @@ def _write(problem: Problem, folder: Path, name: str, program: str, numbers: Map
 
 def printed(folder: Path, name: str) -> str:
     """What a program in a folder prints."""
-    done = subprocess.run([*COMMAND, name], cwd=folder, check=False, capture_output=True, text=True)
-    if done.returncode:
-        raise RuntimeError(done.stderr[-200:])
-    return done.stdout
+    process = subprocess.run([*COMMAND, name], cwd=folder, check=False, capture_output=True, text=True)
+    if process.returncode:
+        raise RuntimeError(process.stderr[-200:])
+    return process.stdout

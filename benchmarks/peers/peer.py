@@ -136,8 +136,8 @@ def compare(
         for peer, run, scale in ready:
             if sum(times[peer.name]) / scale < budget:
                 times[peer.name].append(least_seconds(run) * scale)
-    for name, each in times.items():
-        low, middle, high = np.quantile(each, [0.25, 0.5, 0.75])
-        ratio = float(np.median([a / b for a, b in zip(each, times[ready[0][0].name], strict=False)]))
-        rows[name] = rows[name]._replace(median=middle, low=low, high=high, runs=len(each), ratio=ratio)
+    for name, durations in times.items():
+        low, middle, high = np.quantile(durations, [0.25, 0.5, 0.75])
+        ratio = float(np.median([a / b for a, b in zip(durations, times[ready[0][0].name], strict=False)]))
+        rows[name] = rows[name]._replace(median=middle, low=low, high=high, runs=len(durations), ratio=ratio)
     return [rows[peer.name] for peer in peers]

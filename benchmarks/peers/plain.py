@@ -162,13 +162,15 @@ class Recording(NamedTuple):
     edges: Sequence[int]
 
 
-def scipy_position(text: str, given: Recording, method: str) -> Callable[[FloatArray], FloatArray]:
+def scipy_position(text: str, recording: Recording, method: str) -> Callable[[FloatArray], FloatArray]:
     """The position over load weights by `solve_ivp`, from the text of `equations.python_text`."""
     rates = scalar_rates(text)
 
     def position(theta: FloatArray) -> FloatArray:
-        table = given.breakpoints.tolist(), np.tensordot(theta, given.basis, 1).tolist()
-        return by_pieces(solve_ivp(rates, table, method), given.time, given.u, given.x0, given.edges)[:, 0]
+        table = recording.breakpoints.tolist(), np.tensordot(theta, recording.basis, 1).tolist()
+        return by_pieces(solve_ivp(rates, table, method), recording.time, recording.u, recording.x0, recording.edges)[
+            :, 0
+        ]
 
     return position
 
@@ -200,20 +202,20 @@ def casadi_run(model: Model, name: str, n: int, h: float, steps: int, columns: b
         all_x, all_after = ca.vertcat(x, ca.vec(S)), ca.vertcat(after, ca.vec(moved))
     else:
         all_x, all_after = x, after
-    one = ca.Function("one", [all_x, u, q], [all_after], {"cse": True})
-    held = one if steps == 1 else _repeated(one, steps)
+    step = ca.Function("one", [all_x, u, q], [all_after], {"cse": True})
+    held = step if steps == 1 else _repeated(step, steps)
     X0, U, Q = ca.MX.sym("X0", all_x.numel()), ca.MX.sym("U", 2, n), ca.MX.sym("Q", k)
     return ca.Function(name, [X0, U, Q], [held.mapaccum("samples", n)(X0, U, ca.repmat(Q, 1, n))])
 
 
-def _repeated(one: Any, steps: int) -> Any:
+def _repeated(step: Any, steps: int) -> Any:
     """`steps` steps with the same inputs as a function."""
     import casadi as ca
 
-    x, u, q = (ca.MX.sym(name, one.size1_in(i)) for i, name in enumerate("xuq"))
+    x, u, q = (ca.MX.sym(name, step.size1_in(i)) for i, name in enumerate("xuq"))
     end = x
     for _ in range(steps):
-        end = one(end, u, q)
+        end = step(end, u, q)
     return ca.Function("held", [x, u, q], [end])
 
 
@@ -271,8 +273,8 @@ def searched(
             return slopes(x * UNIT) * UNIT / noise
 
         bounds = ([0.0, -np.inf, 0.0], np.inf)
-        found: FloatArray = UNIT * least_squares(residuals, start / UNIT, scaled, bounds, x_scale=[1, 0.1, 0.1]).x
-        return found
+        weights: FloatArray = UNIT * least_squares(residuals, start / UNIT, scaled, bounds, x_scale=[1, 0.1, 0.1]).x
+        return weights
 
     return estimate
 

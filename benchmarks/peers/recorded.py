@@ -25,8 +25,8 @@ def casadi_function(problem: Problem, compiled: bool, columns: bool = True) -> C
     if compiled:
         return linked(casadi_library(problem, columns))
     whole, start, inputs = _casadi_run(problem, columns)
-    given = ca.DM(start), ca.DM(inputs)
-    return lambda point: whole(*given, ca.DM(point)).full()
+    arguments = ca.DM(start), ca.DM(inputs)
+    return lambda point: whole(*arguments, ca.DM(point)).full()
 
 
 def _casadi_run(problem: Problem, columns: bool) -> tuple[Any, FloatArray, FloatArray]:
@@ -87,6 +87,6 @@ def diffrax_states(problem: Problem, tolerance: float, forward: bool) -> Callabl
     return states
 
 
-def positions(found: FloatArray, names: int) -> Result:
+def positions(values: FloatArray, names: int) -> Result:
     """Sensitivities of the position at all samples, shape (samples, names), from the rows of `casadi_function`."""
-    return Result(np.vstack([np.zeros(names), found[5::5].T]))
+    return Result(np.vstack([np.zeros(names), values[5::5].T]))

@@ -124,10 +124,10 @@ def loop(problem: Problem, kind: str, prepare: Callable[[Problem], dict[str, obj
 
 def loop_outcome(out: Path) -> Outcome:
     """Weights from the file that a loop has written."""
-    found = json.loads(out.read_text(encoding="utf-8")) if out.exists() else []
-    theta = {one["name"]: np.array(one["theta"]) for one in found if not one["failure"]}
-    failures = {one["name"]: one["failure"] for one in found if one["failure"]}
-    return Outcome(theta, failures, sum(one["seconds"] for one in found))
+    entries = json.loads(out.read_text(encoding="utf-8")) if out.exists() else []
+    theta = {entry["name"]: np.array(entry["theta"]) for entry in entries if not entry["failure"]}
+    failures = {entry["name"]: entry["failure"] for entry in entries if entry["failure"]}
+    return Outcome(theta, failures, sum(entry["seconds"] for entry in entries))
 
 
 def casadi_libraries(problem: Problem) -> dict[str, object]:
@@ -223,9 +223,9 @@ def run(way: Way, folder: Path, workers: int, limit: float = LIMIT) -> Command:
     seconds = time.perf_counter() - begin
     last = errors.read_text(encoding="utf-8", errors="replace").strip().splitlines()[-1:]
     ending = "" if process.returncode == 0 else f"ended after {limit:.0f} s" if seconds > limit else "".join(last)
-    found = way.outcome(out)
+    outcome = way.outcome(out)
     shutil.rmtree(out.parent)
-    return Command(seconds, peak, ending, found)
+    return Command(seconds, peak, ending, outcome)
 
 
 class Spoiled(NamedTuple):
@@ -271,24 +271,24 @@ def off(theta: FloatArray, truth: Truth) -> float:
     return float(np.max(np.abs(theta - truth.theta) / truth.deviations))
 
 
-def error(found: Outcome, truths: Mapping[str, Truth], spoiled: Mapping[str, str]) -> str:
+def error(outcome: Outcome, truths: Mapping[str, Truth], spoiled: Mapping[str, str]) -> str:
     """How many of the whole recordings have been estimated, and how well."""
-    errors = [off(theta, truths[name]) for name, theta in found.theta.items() if name not in spoiled]
+    errors = [off(theta, truths[name]) for name, theta in outcome.theta.items() if name not in spoiled]
     if not errors:
         return "none estimated"
-    near = sum(each < NEAR for each in errors)
+    near = sum(distances < NEAR for distances in errors)
     return f"{near} of {len(truths) - len(spoiled)} succeeded, worst weight off by {np.median(errors):.2g} σ (median)"
 
 
-def words_on_spoiled(found: Outcome, truths: Mapping[str, Truth], spoiled: Mapping[str, str]) -> str:
+def words_on_spoiled(outcome: Outcome, truths: Mapping[str, Truth], spoiled: Mapping[str, str]) -> str:
     """What came of the spoiled recordings."""
     fates: dict[str, list[str]] = {"refused": [], "right": [], "wrong": [], "lost": []}
     for name, word in spoiled.items():
-        if name in found.theta:
-            distance = off(found.theta[name], truths[name])
+        if name in outcome.theta:
+            distance = off(outcome.theta[name], truths[name])
             fates["right" if distance < NEAR else "wrong"].append(f"{word} ({distance:.2g} σ)")
         else:
-            fates["refused" if name in found.failures else "lost"].append(word)
+            fates["refused" if name in outcome.failures else "lost"].append(word)
     return "; ".join(f"{fate}: {', '.join(words)}" for fate, words in fates.items() if words)
 
 
@@ -302,57 +302,57 @@ class Case(NamedTuple):
     spoiled: Mapping[str, str] = {}
 
 
-def row(case: Case, peer: Peer, way: Way, done: Command, count: int) -> Row:
+def row(case: Case, peer: Peer, way: Way, command: Command, count: int) -> Row:
     """The row of a command that has run on so many of the recordings, scaled to all of them."""
-    seconds, whole = done.seconds + way.compiled, len(case.truths)
-    beside = max(0.0, seconds - done.outcome.busy / case.workers)
+    seconds, whole = command.seconds + way.compiled, len(case.truths)
+    beside = max(0.0, seconds - command.outcome.busy / case.workers)
     seconds = beside + (seconds - beside) * whole / count
     truths = {name: case.truths[name] for name in sorted(case.truths)[:count]}
     notes = [
-        f"{whole / seconds:.3g} a second, {1e3 * seconds / whole:.3g} ms each, {done.memory / 1e6:.0f} MB, "
-        f"{len(done.outcome.failures)} failed",
+        f"{whole / seconds:.3g} a second, {1e3 * seconds / whole:.3g} ms each, {command.memory / 1e6:.0f} MB, "
+        f"{len(command.outcome.failures)} failed",
         f"timed on {count} and scaled" if count < whole else "",
-        words_on_spoiled(done.outcome, truths, case.spoiled),
-        done.ending[:200],
+        words_on_spoiled(command.outcome, truths, case.spoiled),
+        command.ending[:200],
     ]
     return Row(
         "d", case.name, peer.name, seconds, seconds, seconds, 1, math.nan, beside,
-        error(done.outcome, truths, case.spoiled), "; ".join(filter(None, notes)),
+        error(command.outcome, truths, case.spoiled), "; ".join(filter(None, notes)),
     )  # fmt: skip
 
 
-def compared(case: Case, ways: Mapping[Peer, Way], known: dict[tuple[str, int, int], Command]) -> list[Row]:
+def compared(case: Case, ways: Mapping[Peer, Way], commands: dict[tuple[str, int, int], Command]) -> list[Row]:
     """The rows of a case; a slow peer runs once on fewer recordings, and stands scaled in the rows of more."""
-    found = []
+    rows_of_case = []
     for peer, way in ways.items():
         count = int(min(len(case.truths), peer.longest))
         key = peer.name, count, case.workers
-        if key not in known or case.spoiled:
+        if key not in commands or case.spoiled:
             folder = case.folder if count == len(case.truths) else part_of(case.folder, count)
-            known[key] = run(way, folder, case.workers)
-        found.append(row(case, peer, way, known[key], count))
-    return [each._replace(ratio=each.median / found[0].median) for each in found]
+            commands[key] = run(way, folder, case.workers)
+        rows_of_case.append(row(case, peer, way, commands[key], count))
+    return [line._replace(ratio=line.median / rows_of_case[0].median) for line in rows_of_case]
 
 
 def rows(count: int = COUNTS[-1], peers: Sequence[Peer] = PEERS) -> list[Row]:
     """The rows of up to `count` recordings, with one worker and with two, and of a hundred with spoiled ones."""
     problem = posed(4.0)
     absent = {peer.name: peer.missing() for peer in peers if peer.missing()}
-    ways, known = {peer: peer.prepare(problem) for peer in peers if peer.name not in absent}, {}
+    ways, commands = {peer: peer.prepare(problem) for peer in peers if peer.name not in absent}, {}
     whole = Path(tempfile.mkdtemp())
-    truths, found = made(whole, count, problem), []
-    for number in [each for each in COUNTS if each <= count]:
+    truths, rows_of_cases = made(whole, count, problem), []
+    for number in [size for size in COUNTS if size <= count]:
         folder = whole if number == count else part_of(whole, number)
         own = {name: truths[name] for name in sorted(truths)[:number]}
         for workers in WORKERS:
             words = f"{number} recordings of 4.3 s, {workers} worker{'s' if workers > 1 else ''}"
-            found += compared(Case(words, folder, own, workers), ways, known)
+            rows_of_cases += compared(Case(words, folder, own, workers), ways, commands)
     number = min(count, 100)
     folder, own = part_of(whole, number), {name: truths[name] for name in sorted(truths)[:number]}
     case = Case(f"{number} recordings with {len(SPOILED)} spoiled ones, 2 workers", folder, own, 2, spoil(folder))
-    found += compared(case, {peer: way for peer, way in ways.items() if peer.longest >= number}, known)
-    names = dict.fromkeys(row.case for row in found)
-    return found + [
+    rows_of_cases += compared(case, {peer: way for peer, way in ways.items() if peer.longest >= number}, commands)
+    names = dict.fromkeys(row.case for row in rows_of_cases)
+    return rows_of_cases + [
         Row("d", name, peer, note=f"absent: {', '.join(lacking)} not installed")
         for name in names
         for peer, lacking in absent.items()

@@ -81,24 +81,24 @@ def simulation_targets(rows: Sequence[Row], options: argparse.Namespace) -> list
 def sensitivity_targets(rows: Sequence[Row], options: argparse.Namespace) -> list[str]:
     """Columns over one run, and CasADi's C over clutchid."""
     del options
-    found = []
+    targets = []
     for case in dict.fromkeys(row.case for row in rows):
         limit = {"3": 1.8, "15": 4.0}.get(case.partition(" ")[0])
         if limit is not None:
-            found.append(judged(f"{case}, over one run", 1 / compared(rows, case, sensitivities.ONE_RUN), limit))
+            targets.append(judged(f"{case}, over one run", 1 / compared(rows, case, sensitivities.ONE_RUN), limit))
         ratio = compared(rows, case, "CasADi, Runge-Kutta, compiled")
-        found.append(judged(f"{case}, CasADi compiled over clutchid", ratio, 5.0, least=True))
-    return found
+        targets.append(judged(f"{case}, CasADi compiled over clutchid", ratio, 5.0, least=True))
+    return targets
 
 
 def estimation_targets(rows: Sequence[Row], options: argparse.Namespace) -> list[str]:
     """The best peer over clutchid, and coverage."""
     best = min((row for row in rows[1:] if row.runs), key=lambda row: row.ratio, default=None)
     words = f"best peer ({best.peer}) over clutchid" if best else "best peer over clutchid"
-    found = [judged(words, best.ratio if best else math.nan, 10.0, least=True)]
+    targets = [judged(words, best.ratio if best else math.nan, 10.0, least=True)]
     if options.seeds:
-        found += [estimation.coverage(options.seeds, rest=rest) for rest in (estimation.REST, 0.0)]
-    return found
+        targets += [estimation.coverage(options.seeds, rest=rest) for rest in (estimation.REST, 0.0)]
+    return targets
 
 
 def recordings_targets(rows: Sequence[Row], options: argparse.Namespace) -> list[str]:
@@ -114,8 +114,8 @@ def observer_targets(rows: Sequence[Row], options: argparse.Namespace) -> list[s
     """The C of Archimedes over that of clutchid."""
     del options
     names = [peer.name for peer in observers.IN_C if peer.name.startswith(observers.ARCHIMEDES)]
-    found = [(row.ratio, row.peer) for row in rows if row.peer in names and row.runs]
-    ratio, name = min(found, default=(math.nan, observers.ARCHIMEDES))
+    ratios = [(row.ratio, row.peer) for row in rows if row.peer in names and row.runs]
+    ratio, name = min(ratios, default=(math.nan, observers.ARCHIMEDES))
     return [judged(f"{name}, over clutchid's exported C", ratio, 1.0, least=True)]
 
 
@@ -204,7 +204,7 @@ def of_many(options: argparse.Namespace) -> list[Row]:
 
 def observed(options: argparse.Namespace) -> list[Row]:
     """Rows of part (e)."""
-    peers = (wanted(each, options) for each in (observers.IN_PYTHON, observers.IN_C))
+    peers = (wanted(group, options) for group in (observers.IN_PYTHON, observers.IN_C))
     return observers.rows(20.0, *peers, rounds=options.rounds)
 
 
@@ -253,26 +253,26 @@ PARTS = {
 
 def machine() -> dict[str, str]:
     """Processor, Python and versions of packages and programs; those that are absent are left out."""
-    found = {"processor": platform.processor() or platform.machine(), "cores": str(os.cpu_count())}
+    facts = {"processor": platform.processor() or platform.machine(), "cores": str(os.cpu_count())}
     info = Path("/proc/cpuinfo")
     if info.exists():
         models = [line.partition(":")[2].strip() for line in info.read_text().splitlines() if "model name" in line]
-        found["processor"] = models[0] if models else found["processor"]
+        facts["processor"] = models[0] if models else facts["processor"]
     if hasattr(os, "getloadavg"):
-        found[LOAD] = f"{os.getloadavg()[0]:.1f}"
-    found["Python"] = platform.python_version()
+        facts[LOAD] = f"{os.getloadavg()[0]:.1f}"
+    facts["Python"] = platform.python_version()
     for name in PACKAGES:
         try:
-            found[name] = importlib.metadata.version(name)
+            facts[name] = importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:
             continue
     for program in ("gcc", "octave-cli"):
         try:
-            done = subprocess.run([program, "--version"], check=True, capture_output=True, text=True)
-            found[program] = done.stdout.splitlines()[0].split()[-1]
+            process = subprocess.run([program, "--version"], check=True, capture_output=True, text=True)
+            facts[program] = process.stdout.splitlines()[0].split()[-1]
         except (OSError, subprocess.CalledProcessError):
             continue
-    return found
+    return facts
 
 
 def seconds(value: float) -> str:
@@ -350,12 +350,12 @@ def listed(versions: dict[str, str]) -> str:
     return ", ".join(f"{name} {value}" for name, value in versions.items())
 
 
-def page(found: dict[str, Found]) -> str:
+def page(sections: dict[str, Found]) -> str:
     """The page as Markdown."""
-    usual = {name: value for part in found.values() for name, value in part.machine.items() if name != LOAD}
+    usual = {name: value for part in sections.values() for name, value in part.machine.items() if name != LOAD}
     text = ["# Side by side", "", INTRODUCTION, "", f"Machine and versions: {listed(usual)}."]
-    for key in sorted(found):
-        part = found[key]
+    for key in sorted(sections):
+        part = sections[key]
         own = {name: value for name, value in part.machine.items() if usual.get(name) != value}
         text += [
             "",
@@ -391,30 +391,32 @@ def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
 def measured(options: argparse.Namespace) -> dict[str, Found]:
     """Run the parts; after each, what is there is kept in the file for rows, beside the other parts in it."""
     versions, defaults = machine(), parsed([])
-    given = {
+    sections = {
         name: getattr(options, name)
         for name in ("only", "without", "rounds", "starts", "seeds", "recordings", "simulations")
     }
-    chosen = [f"--{name} {value}" for name, value in given.items() if value != getattr(defaults, name)]
+    chosen = [f"--{name} {value}" for name, value in sections.items() if value != getattr(defaults, name)]
     command = " ".join(["python benchmarks/peers/run.py", *chosen])
-    found = kept(options.json) if options.json and options.json.exists() else {}
+    results = kept(options.json) if options.json and options.json.exists() else {}
     for key in options.only.split(","):
         rows = PARTS[key].rows(options)
-        found[key] = Found(command, versions, rows, PARTS[key].targets(rows, options))
+        results[key] = Found(command, versions, rows, PARTS[key].targets(rows, options))
         if options.json:
-            content = {k: part._asdict() | {"rows": [row._asdict() for row in part.rows]} for k, part in found.items()}
+            content = {
+                k: part._asdict() | {"rows": [row._asdict() for row in part.rows]} for k, part in results.items()
+            }
             options.json.write_text(json.dumps(finite(content), indent=1) + "\n", encoding="utf-8")
-    return found
+    return results
 
 
 def kept(path: Path) -> dict[str, Found]:
     """What earlier runs kept."""
-    found = {}
+    results = {}
     for key, part in json.loads(path.read_text(encoding="utf-8")).items():
         rows = [Row(**{k: math.nan if v is None else v for k, v in row.items()}) for row in part["rows"]]
         rows = [row._replace(more=tuple(math.nan if v is None else v for v in row.more)) for row in rows]
-        found[key] = Found(**(part | {"rows": rows}))
-    return found
+        results[key] = Found(**(part | {"rows": rows}))
+    return results
 
 
 def finite(value: object) -> object:

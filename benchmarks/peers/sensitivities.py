@@ -42,26 +42,26 @@ def cvodes(problem: Problem, checked: bool) -> Callable[[], Result]:
 
     x, u, q, rate = casadi_rates(problem.model)
     usual, point, d = ca.DM(USUAL), problem.point, problem.drive
-    given = ca.vertcat(u, q)
+    inputs = ca.vertcat(u, q)
     ode = ca.substitute(rate, x, x * usual) / usual
     options = {"reltol": TOLERANCE, "abstol": TOLERANCE * 1e-2, "quad_err_con": checked, "max_num_steps": 100_000}
     k, pieces = point.size, []
     for a, b in zip(problem.edges, problem.edges[1:], strict=False):
         grid = [float(t) for t in problem.time[a + 1 : b + 1] - problem.time[a]]
-        solver = ca.integrator("solver", "cvodes", {"x": x, "p": given, "ode": ode}, 0.0, grid, options)
+        solver = ca.integrator("solver", "cvodes", {"x": x, "p": inputs, "ode": ode}, 0.0, grid, options)
         X, U, Q, S = ca.MX.sym("X", 5), ca.MX.sym("U", 2), ca.MX.sym("Q", k), ca.MX.sym("S", 5, k)
         ends = ca.vec(solver(x0=X, p=ca.vertcat(U, Q))["xf"])
         moved = _directions(ends, X, Q, S, k)
         pieces.append((a, b, ca.Function("piece", [X, U, Q, S], [ends, moved])))
 
     def run() -> Result:
-        found = np.zeros((problem.time.size, k))
+        derivatives = np.zeros((problem.time.size, k))
         state, columns = d.x0 / USUAL, np.zeros((5, k))
         for a, b, piece in pieces:
             ends, moved = (part.full() for part in piece(state, d.u[a], point, columns))
-            found[a + 1 : b + 1] = moved[::5] * USUAL[0]
+            derivatives[a + 1 : b + 1] = moved[::5] * USUAL[0]
             state, columns = ends[-5:, 0], moved[-5:]
-        return Result(found)
+        return Result(derivatives)
 
     return run
 
@@ -120,9 +120,9 @@ PEERS = (
 )
 
 
-def error(problem: Problem, found: FloatArray | tuple[FloatArray, ...]) -> str:
+def error(problem: Problem, values: FloatArray | tuple[FloatArray, ...]) -> str:
     """Worst column against the reference: rms over the column's rms, and largest difference over its largest entry."""
-    jacobian, tight = np.asarray(found), problem.reference_jacobian
+    jacobian, tight = np.asarray(values), problem.reference_jacobian
     if jacobian.shape[1] == 0:
         return ""
     off = jacobian - tight
@@ -133,10 +133,10 @@ def error(problem: Problem, found: FloatArray | tuple[FloatArray, ...]) -> str:
 
 def rows(seconds: float = 10.0, peers: Sequence[Peer] = PEERS, rounds: int = 15, budget: float = 2.0) -> list[Row]:
     """The rows for 3, 7 and 15 parameters; solvers that need seconds for a run are asked for three only."""
-    found = []
+    rows_of_peers = []
     for names in (WEIGHTS, SEVEN, FIFTEEN):
         case = f"{len(names)} parameters, {seconds:g} s at 1000 Hz"
         chosen = [peer for peer in peers if len(names) == 3 or peer.longest > 1.5]
         posed = partial(Problem, names=names)
-        found += compare("b", case, chosen, posed, seconds, error, rounds, budget)
-    return found
+        rows_of_peers += compare("b", case, chosen, posed, seconds, error, rounds, budget)
+    return rows_of_peers

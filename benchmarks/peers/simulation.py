@@ -31,8 +31,8 @@ def public(problem: Problem) -> Callable[[], Result]:
     names = ("position", "velocity", "pressure_a", "pressure_b", "deflection")
 
     def run() -> Result:
-        found = simulate(problem.actuator, log).log
-        return Result(tuple(found[name] for name in names))
+        simulated = simulate(problem.actuator, log).log
+        return Result(tuple(simulated[name] for name in names))
 
     return run
 
@@ -125,8 +125,8 @@ CASES = ((1.5, 1000.0), (10.0, 1000.0), (600.0, 1000.0), (10.0, 100.0))
 
 def error(problem: Problem, states: FloatArray | tuple[FloatArray, ...]) -> str:
     """Largest differences of position and pressure from the reference."""
-    found = np.column_stack(states) if isinstance(states, tuple) else states
-    off = np.abs(found - problem.reference).max(axis=0)
+    values = np.column_stack(states) if isinstance(states, tuple) else states
+    off = np.abs(values - problem.reference).max(axis=0)
     return f"{off[0] * 1e6:.2g} µm, {off[2]:.2g} Pa"
 
 
@@ -134,21 +134,21 @@ def rows(
     cases: Sequence[tuple[float, float]] = CASES, peers: Sequence[Peer] = PEERS, rounds: int = 15, budget: float = 2.0
 ) -> list[Row]:
     """The rows of all cases; a slow peer runs once a rate, and stands scaled in the rows of longer recordings."""
-    found: list[Row] = []
-    known: dict[tuple[str, float, float], Row] = {}
+    rows_of_rates: list[Row] = []
+    measured: dict[tuple[str, float, float], Row] = {}
     for seconds, rate in cases:
         case = f"{seconds:g} s at {rate:g} Hz"
         length = {peer.name: min(seconds, peer.longest) for peer in peers}
-        new = [peer for peer in peers if (peer.name, rate, length[peer.name]) not in known]
+        new = [peer for peer in peers if (peer.name, rate, length[peer.name]) not in measured]
         fresh = compare("a", case, new, lambda s, rate=rate: Problem(s, rate), seconds, error, rounds, budget)
-        known |= {(row.peer, rate, length[row.peer]): row for row in fresh if length[row.peer] == seconds}
+        measured |= {(row.peer, rate, length[row.peer]): row for row in fresh if length[row.peer] == seconds}
         by_name = {row.peer: row for row in fresh}
         for peer in peers:
             row = by_name.get(peer.name)
             if row is None:
-                row = scaled(known[peer.name, rate, length[peer.name]], case, seconds / length[peer.name], fresh[0])
-            found.append(row)
-    return found
+                row = scaled(measured[peer.name, rate, length[peer.name]], case, seconds / length[peer.name], fresh[0])
+            rows_of_rates.append(row)
+    return rows_of_rates
 
 
 def scaled(row: Row, case: str, scale: float, first: Row) -> Row:

@@ -67,8 +67,8 @@ def navigation(app: Any, name: str, template: str, context: dict[str, Any], doct
     """The tree of a folder with this page marked as the current one, as furo does."""
     nowhere = f"{name.rpartition('/')[0]}/nowhere".lstrip("/")
     tree, link = _tree(app.builder, nowhere), f' href="{app.builder.get_relative_uri(nowhere, name)}">'
-    before, found, after = tree.partition(f'<a class="reference internal"{link}')
-    if found:
+    before, entry, after = tree.partition(f'<a class="reference internal"{link}')
+    if entry:
         around: list[re.Match[str]] = []
         for tag in re.finditer(r"<(/?)(?:ul|li)([^>]*)>", before):
             around.pop() if tag[1] else around.append(tag)
@@ -102,11 +102,13 @@ def docstring(app: Any, what: str, name: str, item: Any, options: Any, lines: li
 def _typed(text: str, item: type) -> str:
     """`text` with the types of the fields in its section Attributes, behind their units; records are links."""
     before, heading, section = text.partition("\nAttributes\n----------\n")
-    annotations = [vars(one).get("__annotations__", {}) for one in reversed(item.__mro__)]
-    types = {name: getattr(kind, "__forward_arg__", kind) for found in annotations for name, kind in found.items()}
+    annotations = [vars(base).get("__annotations__", {}) for base in reversed(item.__mro__)]
+    types = {
+        name: getattr(kind, "__forward_arg__", kind) for annotation in annotations for name, kind in annotation.items()
+    }
 
-    def entry(found: re.Match[str]) -> str:
-        names, unit = found[1], found[2].removeprefix(" : ")
+    def entry(match: re.Match[str]) -> str:
+        names, unit = match[1], match[2].removeprefix(" : ")
         kind = re.sub(r"\w+", _linked, str(types.get(names.partition(",")[0], "")))
         return f"{names} : {'; '.join(filter(None, (unit, kind)))}"
 
