@@ -40,7 +40,7 @@ NAVIGATION = {
     "Commands": ["commands/*"],
     "Python": ["python", "gallery/index", "api/index"],
     "Physics": ["models", "equations", "friction", "deviations"],
-    "Methods": ["methods", "derivations", "derivations_online", "benchmarks", "peers", "results/*"],
+    "Methods": ["methods", "derivations", "derivations_online", "benchmarks", "results/*"],
     "Project": ["formats", "architecture", "contributing", "changelog", "cite"],
 }  # fmt: skip
 
