@@ -36,7 +36,11 @@ LOG = Log(np.arange(0.0, 0.01, 1e-3), {"position": np.zeros(10)})
 
 def needed(name):
     """Arguments that a function needs."""
-    return {one.name for one in inspect.signature(FUNCTIONS[name]).parameters.values() if one.default is one.empty}
+    return {
+        parameter.name
+        for parameter in inspect.signature(FUNCTIONS[name]).parameters.values()
+        if parameter.default is parameter.empty
+    }
 
 
 @pytest.mark.parametrize(("name", "place"), ARGUMENTS)

@@ -85,10 +85,10 @@ def test_samples_of_a_pipe_are_observed_as_those_of_a_file(folder, environment):
         (folder / "recordings" / "worn.csv").open("rb") as file,
         subprocess.Popen(["cat"], stdin=file, stdout=-1) as cat,
     ):
-        done = subprocess.run([sys.executable, "-m", "clutchid", *command], stdin=cat.stdout, cwd=folder,
+        process = subprocess.run([sys.executable, "-m", "clutchid", *command], stdin=cat.stdout, cwd=folder,
                               env=environment, capture_output=True, check=False)  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    samples = [json.loads(line) for line in done.stdout.splitlines() if b'"time [s]"' in line]
+    assert process.returncode == 0, process.stderr
+    samples = [json.loads(line) for line in process.stdout.splitlines() if b'"time [s]"' in line]
     assert len([sample for sample in samples if "position [m]" in sample]) == 30
     assert (folder / "pipe.csv").read_bytes() == (folder / "file.csv").read_bytes()
 
@@ -98,9 +98,9 @@ def test_a_fleet_has_two_workers(folder, environment):
     worn = (folder / "recordings" / "worn.csv").read_bytes()
     (folder / "recordings" / "again.csv").write_bytes(worn)
     command = ["fleet", "recordings", "--start", "cal.toml", "--out", "fleet", "--workers", "2", "--verb", "observe"]
-    done = subprocess.run([sys.executable, "-m", "clutchid", *command], cwd=folder, env=environment,
+    process = subprocess.run([sys.executable, "-m", "clutchid", *command], cwd=folder, env=environment,
                           capture_output=True, check=False)  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    assert process.returncode == 0, process.stderr
     assert set(pl.read_parquet(folder / "fleet" / "results.parquet")["status"]) <= {"ok", "warning"}
 
 
@@ -182,8 +182,10 @@ TRIED = {
 @pytest.mark.parametrize("name", TRIED)
 def test_on_the_other_system(name, environment, tmp_path):
     text = re.sub(r"^        ", "", TRIED[name], flags=re.MULTILINE)
-    done = subprocess.run([sys.executable, "-c", text], cwd=tmp_path, env=environment, capture_output=True, check=False)
-    assert (done.stdout.strip(), done.returncode) == (b"well", 0), done.stderr.decode()
+    process = subprocess.run(
+        [sys.executable, "-c", text], cwd=tmp_path, env=environment, capture_output=True, check=False
+    )
+    assert (process.stdout.strip(), process.returncode) == (b"well", 0), process.stderr.decode()
 
 
 def test_arguments_are_a_line_for_the_terminal_of_the_system(monkeypatch):

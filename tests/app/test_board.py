@@ -48,7 +48,7 @@ def test_whoever_follows_gets_changes_as_they_come_and_a_sign_of_life(board):
     async def followed():
         seen = []
         async for changes in board.follow(0, 0.05):
-            seen.append([one.id for one in changes])
+            seen.append([change.id for change in changes])
             if len(seen) == 1:
                 asyncio.get_running_loop().call_later(0.01, board.put, replace(FIT, id="result-3"))
             if len(seen) == 3:

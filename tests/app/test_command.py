@@ -23,16 +23,16 @@ def started(tmp_path):
     def start(*arguments):
         command = [sys.executable, "-m", "clutchid", "app", "--no-browser", *map(str, arguments)]
         environment = {**os.environ, "CLUTCHID_CACHE": str(tmp_path / "cache")}
-        one = subprocess.Popen(
+        process = subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, cwd=tmp_path
         )
-        running.append(one)
-        return one, one.stdout.readline().strip()
+        running.append(process)
+        return process, process.stdout.readline().strip()
 
     yield start
-    for one in running:
-        one.kill()
-        one.communicate()
+    for job in running:
+        job.kill()
+        job.communicate()
 
 
 def opener(address):
@@ -125,5 +125,5 @@ def test_without_the_libraries_of_the_extra_it_is_said_how_to_install_them(capsy
 def test_the_server_imports_neither_the_model_nor_matplotlib():
     heavy = "('sympy', 'numba', 'matplotlib', 'scipy')"
     code = f"import sys, clutchid.app.server; print([name for name in {heavy} if name in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
+    process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert process.stdout.strip() == "[]"

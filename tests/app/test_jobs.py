@@ -33,8 +33,8 @@ def test_a_recording_has_its_channels_its_checks_and_its_samples(working, cal):
     look = working.get(cal)["look"]
     names = ["time", "position", "duty_supply", "duty_exhaust", "pressure_a"]
     assert [channel["name"] for channel in look["channels"]] == names
-    assert {one["grade"] for one in look["checks"]} <= {"good", "undetermined"}
-    assert {one["kind"] for one in look["strokes"]} == {"stroke", "rest"}
+    assert {check["grade"] for check in look["checks"]} <= {"good", "undetermined"}
+    assert {check["kind"] for check in look["strokes"]} == {"stroke", "rest"}
     answer = working.ask("GET", f"/api/recordings/{cal}/plot?grid=0&columns=1,4&begin=0&end=3&width=100")
     assert len(answer.body) == 3 * 8 * 200
 
@@ -99,7 +99,7 @@ def test_names_of_another_language_are_mapped_and_checked_also_in_the_python_tha
     entries["position"]["sign"] = -1
     assert working.ask("PUT", f"/api/recordings/{id_}/map", {"channels": entries}).status == 200
     wait_for(lambda: working.get(id_)["look"]["checks"] and working.get(id_)["status"] == "ready")
-    wait_for(lambda: any(one["grade"] == "bad" for one in working.get(id_)["look"]["checks"]))
+    wait_for(lambda: any(check["grade"] == "bad" for check in working.get(id_)["look"]["checks"]))
     fit = working.ask("POST", "/api/fits", {"verb": "calibrate", "recordings": [id_]}).json["id"]
     refused = working.wait(fit, "failed")
     assert "--force" in refused["message"]
@@ -130,11 +130,11 @@ def test_the_map_of_a_calibration_serves_a_recording_without_its_pressure(workin
 
 
 def test_chosen_strokes_are_a_recording_of_their_own(working, cal):
-    strokes = [one for one in working.get(cal)["look"]["strokes"] if one["kind"] == "stroke"]
+    strokes = [stroke for stroke in working.get(cal)["look"]["strokes"] if stroke["kind"] == "stroke"]
     id_ = working.ask("POST", f"/api/recordings/{cal}/cut", {"begins": [strokes[0]["begin"]]}).json["id"]
-    found = working.wait(id_, "ready")
-    assert (found["name"], found["message"]) == ("cal-cut.parquet", "")
-    assert 0 < found["look"]["grids"][0]["samples"] < 3000
+    event = working.wait(id_, "ready")
+    assert (event["name"], event["message"]) == ("cal-cut.parquet", "")
+    assert 0 < event["look"]["grids"][0]["samples"] < 3000
 
 
 def test_a_file_that_ends_its_reader_is_said_in_the_sentence_of_the_command_line(working, tmp_path, capsys):
@@ -159,8 +159,8 @@ def test_an_export_to_something_unknown_is_refused(working, calibrated):
     working.ask("POST", f"/api/results/{calibrated}/export", {"to": "fortran", "method": "joint"})
 
     def failed():
-        exports = [one for one in working.all(Job) if one["do"] == "Export"]
-        return [one for one in exports if one["status"] == "failed"]
+        exports = [export for export in working.all(Job) if export["do"] == "Export"]
+        return [export for export in exports if export["status"] == "failed"]
 
     wait_for(failed)
     assert "--to fortran" in failed()[0]["message"]

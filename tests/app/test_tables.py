@@ -30,28 +30,28 @@ def shown(path, vehicle=None):
 
 
 def test_a_track_has_its_trend_its_forecast_and_its_loads(track):
-    found, known = shown(track), lives()[STEADY].wear
-    trend = found["trend"]
-    assert (found["kind"], found["vehicle"], trend["axis"], trend["counted"]) == ("vehicle", STEADY, "strokes", 19)
-    assert trend["along"] == known.s.tolist()
-    assert [side[-1] for side in trend["bands"]["shift"]] == pytest.approx(known.now["shift"].last, rel=1e-5)
-    assert trend["now"]["shift"] == pytest.approx(known.then["shift"].last, rel=1e-5)
-    assert trend["left"] == pytest.approx([known.left.median, known.left.low, known.left.high], rel=1e-5)
+    words, wear = shown(track), lives()[STEADY].wear
+    trend = words["trend"]
+    assert (words["kind"], words["vehicle"], trend["axis"], trend["counted"]) == ("vehicle", STEADY, "strokes", 19)
+    assert trend["along"] == wear.s.tolist()
+    assert [side[-1] for side in trend["bands"]["shift"]] == pytest.approx(wear.now["shift"].last, rel=1e-5)
+    assert trend["now"]["shift"] == pytest.approx(wear.then["shift"].last, rel=1e-5)
+    assert trend["left"] == pytest.approx([wear.left.median, wear.left.low, wear.left.high], rel=1e-5)
     assert trend["limit"] == {"of": "shift", "value": 5e-4}
-    assert len(found["loads"]) == 20
-    first = found["recordings"][0]
+    assert len(words["loads"]) == 20
+    first = words["recordings"][0]
     assert [band[0] for band in first["at"]] == pytest.approx([4241.4, 4525.7, 4706.8, 4820.1], rel=1e-4)
     assert len(first["at"]) == len(PLACES)
-    assert found["recordings"][7]["outcome"] == "left out"
-    assert "the next recordings fit the trend without it" in found["recordings"][7]["said"]
+    assert words["recordings"][7]["outcome"] == "left out"
+    assert "the next recordings fit the trend without it" in words["recordings"][7]["said"]
 
 
 def test_the_loads_of_a_track_lead_to_its_rows_and_without_them_the_trend_is_there(track, tmp_path):
     assert shown(track.with_name("wear.load.parquet"))["vehicle"] == STEADY
     (tmp_path / "alone.parquet").write_bytes(track.read_bytes())
-    found = shown(tmp_path / "alone.parquet")
-    assert (found["loads"], found["recordings"][0]["at"]) == ([], None)
-    assert found["trend"]["limit"]["value"] == 5e-4
+    words = shown(tmp_path / "alone.parquet")
+    assert (words["loads"], words["recordings"][0]["at"]) == ([], None)
+    assert words["trend"]["limit"]["value"] == 5e-4
 
 
 def test_a_trend_that_never_reaches_its_limit_has_no_end_in_sight(track, tmp_path):
@@ -61,25 +61,25 @@ def test_a_trend_that_never_reaches_its_limit_has_no_end_in_sight(track, tmp_pat
 
 
 def test_a_replaced_clutch_is_an_alarm_at_its_recording(run):
-    found = shown(run / "vehicles.parquet", REPLACED)
-    (alarm,) = found["trend"]["alarms"]
+    words = shown(run / "vehicles.parquet", REPLACED)
+    (alarm,) = words["trend"]["alarms"]
     assert (alarm["index"], alarm["kind"]) == (14, "replaced")
     assert alarm["words"] == "The clutch, or its sensor, was replaced between V 10 13 and V 10 14 on 2025-04-15."
-    assert found["type"] == "A"
-    assert found["recordings"][14]["outcome"] == "jump"
-    assert [load["recording"] for load in found["loads"]] == [f"V 10 {k:02d}" for k in range(20)]
+    assert words["type"] == "A"
+    assert words["recordings"][14]["outcome"] == "jump"
+    assert [load["recording"] for load in words["loads"]] == [f"V 10 {k:02d}" for k in range(20)]
 
 
 @pytest.mark.parametrize("name", ["vehicles.parquet", "results.parquet", "wear.parquet"])
 def test_each_table_of_a_run_opens_the_same_fleet(run, name):
-    found = shown(run / name)
-    vehicles = found["vehicles"]
-    assert (found["kind"], vehicles["vehicle"]) == ("fleet", [UNREAD, STEADY, REPLACED])  # V 2 before V 10
+    words = shown(run / name)
+    vehicles = words["vehicles"]
+    assert (words["kind"], vehicles["vehicle"]) == ("fleet", [UNREAD, STEADY, REPLACED])  # V 2 before V 10
     assert vehicles["counted"] == [0, 19, 20]
     assert (vehicles["trust"], vehicles["shift"][0]) == (["none", "good", "good"], None)
     assert vehicles["peak"][1] == [5000.0, 4910.0, 5110.0]
     assert "was replaced between V 10 13 and V 10 14" in vehicles["alarms"][2]
-    assert found["trends"]
+    assert words["trends"]
 
 
 def test_a_table_of_wear_alone_is_a_fleet_as_well(run, tmp_path):
@@ -96,8 +96,8 @@ def test_a_fleet_without_trends_has_loads_and_trust(run, tmp_path):
     (tmp_path / "curves" / "part-00000.parquet").write_bytes((run / "curves" / "part-00000.parquet").read_bytes())
     fleet = shown(tmp_path / "results.parquet")
     assert (fleet["trends"], fleet["vehicles"]["recordings"]) == (False, [2, 20, 20])
-    found = shown(tmp_path / "results.parquet", STEADY)
-    assert (found["trend"], len(found["loads"]), found["recordings"][0]["trust"]) == (None, 20, "good")
+    words = shown(tmp_path / "results.parquet", STEADY)
+    assert (words["trend"], len(words["loads"]), words["recordings"][0]["trust"]) == (None, 20, "good")
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".json"])
@@ -105,16 +105,16 @@ def test_a_table_that_was_saved_in_another_format_is_read_as_well(track, tmp_pat
     rows = pl.read_parquet(track)
     path = tmp_path / f"wear{suffix}"
     (rows.write_csv if suffix == ".csv" else rows.write_json)(path)
-    found, whole = shown(path), shown(track)
-    assert found["trend"] == whole["trend"]
-    assert [row["shift"] for row in found["recordings"]] == [row["shift"] for row in whole["recordings"]]
+    words, whole = shown(path), shown(track)
+    assert words["trend"] == whole["trend"]
+    assert [row["shift"] for row in words["recordings"]] == [row["shift"] for row in whole["recordings"]]
 
 
 def test_of_many_loads_some_are_plotted_evenly_with_the_first_and_the_last(track, monkeypatch):
     monkeypatch.setattr("clutchid.fleets.opened.MOST_LOADS", 3)
-    found = shown(track)
-    assert [load["recording"] for load in found["loads"]] == ["V 2 00", "V 2 10", "V 2 19"]
-    assert (found["load_count"], MOST_LOADS) == (20, 200)
+    words = shown(track)
+    assert [load["recording"] for load in words["loads"]] == ["V 2 00", "V 2 10", "V 2 19"]
+    assert (words["load_count"], MOST_LOADS) == (20, 200)
 
 
 @pytest.mark.parametrize(
@@ -147,8 +147,8 @@ def test_a_file_beside_the_opened_one_is_not_read_where_it_lies_elsewhere(run, t
     (below / "results.parquet").write_bytes((run / "results.parquet").read_bytes())
     (below / "wear.parquet").symlink_to(run / "wear.parquet")
     (below / "curves").symlink_to(run / "curves")
-    found = files_of(below / "results.parquet", below)
-    assert (found.wear, found.loads) == (None, ())
+    files = files_of(below / "results.parquet", below)
+    assert (files.wear, files.loads) == (None, ())
     (below / "own.parquet").write_bytes((run / "wear.parquet").read_bytes())
     (below / "wear.parquet").unlink()
     (below / "wear.parquet").symlink_to(below / "own.parquet")
@@ -164,7 +164,7 @@ def test_a_result_below_the_folder_is_opened_by_its_path(idle, run):
     ((_, _, task, about),) = idle.submitted
     assert (task.below, about) == (idle.session.below, "table-1")
     listed = idle.ask("GET", "/api/files?under=&kind=tables").json["files"]
-    assert [one["name"] for one in listed] == ["wear.parquet"]
+    assert [entry["name"] for entry in listed] == ["wear.parquet"]
 
 
 @pytest.mark.parametrize("path", ["../secret.parquet", "/etc/passwd", "link.parquet", "a\x00b", "no.parquet"])

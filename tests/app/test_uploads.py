@@ -112,10 +112,10 @@ def test_a_file_of_the_command_line_can_be_opened_wherever_it_lies(tree):
 
 
 def test_a_folder_lists_recordings_and_folders_below_it(tree):
-    found = folder_listing("", tree)
-    assert [one["name"] for one in found["folders"]] == ["day"]
-    assert [one["name"] for one in found["files"]] == ["inner.csv", "link.csv"]
-    assert found["up"] is None
+    listing = folder_listing("", tree)
+    assert [folder["name"] for folder in listing["folders"]] == ["day"]
+    assert [folder["name"] for folder in listing["files"]] == ["inner.csv", "link.csv"]
+    assert listing["up"] is None
     assert folder_listing("day", tree)["up"] == "."
 
 

@@ -116,8 +116,8 @@ def compiled(compiler: str, tmp_path_factory: pytest.TempPathFactory) -> Callabl
         # Linked without the flags: -ffast-math would add code that changes the arithmetic of this whole process.
         link = [compiler, "-shared", "-o", "c.so", "c.o", "-lm"]
         for command in (compile_only, link):
-            done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-            assert (done.returncode, done.stderr) == (0, "")
+            process = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+            assert (process.returncode, process.stderr) == (0, "")
         return folder / "c.so"
 
     return make

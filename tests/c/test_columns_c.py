@@ -160,10 +160,10 @@ def test_a_compiled_step_needs_nothing_but_mathematics(build):
 def test_without_free_parameters_states_and_weights_keep_their_columns(build):
     x, k = sp.symbols("x k", real=True)
     module = build(System("decay", (x,), (), (k,), (), (-k * x,)), derivatives=())
-    found = module.step([2.0], [[1.0, 3.0]], [], [0.5], 0.1, 1)
+    stepped = module.step([2.0], [[1.0, 3.0]], [], [0.5], 0.1, 1)
     shrinks = sum((-0.05) ** i / float(sp.factorial(i)) for i in range(5))
-    np.testing.assert_allclose(found[0], 2.0 * shrinks, rtol=4 * EPS["double"])
-    np.testing.assert_allclose(found[1], [[shrinks, 3.0 * shrinks]], rtol=4 * EPS["double"])
+    np.testing.assert_allclose(stepped[0], 2.0 * shrinks, rtol=4 * EPS["double"])
+    np.testing.assert_allclose(stepped[1], [[shrinks, 3.0 * shrinks]], rtol=4 * EPS["double"])
 
 
 @pytest.mark.parametrize("real", ["double", "float"])

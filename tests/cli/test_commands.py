@@ -44,9 +44,9 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_fit_finds_the_load_and_prints_one_json_object(command: Command, recording: Path) -> None:
-    done = command("fit", recording, "--json")
-    assert done.returncode == 0, done.stderr
-    answer = json.loads(done.stdout)
+    process = command("fit", recording, "--json")
+    assert process.returncode == 0, process.stderr
+    answer = json.loads(process.stdout)
     assert answer.keys() >= KEYS
     theta = answer["parameters"]["theta_1"]
     assert theta["unit"] == "N/m"
@@ -68,8 +68,8 @@ def test_a_saved_fit_starts_a_fit_and_a_simulation(command: Command, recording: 
     first = clutchid.read_parameters(saved).actuator
     for name, estimate in json.loads(again.stdout)["parameters"].items():
         assert abs(estimate["value"] - first.value(name)) < 1e-2 * estimate["std"]
-    done = command("simulate", recording, "--parameters", saved, "--out", out)
-    assert done.returncode == 0, done.stderr
+    process = command("simulate", recording, "--parameters", saved, "--out", out)
+    assert process.returncode == 0, process.stderr
     simulated = clutchid.read(out)
     assert set(simulated.columns) == {
         "position", "duty_supply", "duty_exhaust", "velocity", "pressure_a", "pressure_b", "deflection",
@@ -80,9 +80,11 @@ def test_a_saved_fit_starts_a_fit_and_a_simulation(command: Command, recording: 
 
 def test_verify_report_and_partition_work_together(command: Command, recording: Path, tmp_path: Path) -> None:
     page = tmp_path / "page.html"
-    done = command("fit", recording, "--parts", "4", "--carry", "q", "--verify", recording, "--report", page, "--json")
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["verify"].keys() == {"strokes"}
+    process = command(
+        "fit", recording, "--parts", "4", "--carry", "q", "--verify", recording, "--report", page, "--json"
+    )
+    assert process.returncode == 0, process.stderr
+    assert json.loads(process.stdout)["verify"].keys() == {"strokes"}
     assert page.read_text(encoding="utf-8").lstrip().lower().startswith("<!doctype html>")
 
 
@@ -101,9 +103,9 @@ def test_what_a_verdict_rests_on_is_computed_once(
 
 def test_pressure_and_named_parameters_can_be_fitted(command: Command) -> None:
     arguments = ("--measure", "position,pressure_a", "--free", "load,C_vs,C_ve", "--bounds", "C_vs=1e-8:4e-8")
-    done = command("fit", EXAMPLE, *arguments, "--json")
-    assert done.returncode == 0, done.stderr
-    answer = json.loads(done.stdout)
+    process = command("fit", EXAMPLE, *arguments, "--json")
+    assert process.returncode == 0, process.stderr
+    answer = json.loads(process.stdout)
     assert answer["parameters"].keys() == {"theta_1", "theta_2", "theta_3", "C_vs", "C_ve"}
     assert answer["errors"]["pressure_a_rms_Pa"] > 0
 
@@ -165,12 +167,12 @@ def test_bad_input_is_one_sentence_and_exit_code_two(
 ) -> None:
     before = recording.read_bytes()
     words_given = [word.replace("NAME", tmp_path.name) for word in arguments]
-    done = command(*(recording if word == "LOG" else word for word in words_given), cwd=tmp_path)
+    process = command(*(recording if word == "LOG" else word for word in words_given), cwd=tmp_path)
     assert recording.read_bytes() == before
-    assert done.returncode == 2, done.stderr
-    assert "Traceback" not in done.stderr
+    assert process.returncode == 2, process.stderr
+    assert "Traceback" not in process.stderr
     for word in words:
-        assert word in done.stderr
+        assert word in process.stderr
     assert not list(tmp_path.iterdir())
 
 
@@ -179,9 +181,9 @@ def test_start_values_that_blow_up_the_simulation_fail_with_time_and_state(
 ) -> None:
     start = tmp_path / "start.toml"
     start.write_text("[parameters]\ntheta_2 = -1e9\n")
-    done = command("fit", recording, "--start", start, "--json")
-    answer = json.loads(done.stdout)
-    assert (done.returncode, answer["status"]) == (1, "failed")
+    process = command("fit", recording, "--start", start, "--json")
+    answer = json.loads(process.stdout)
+    assert (process.returncode, answer["status"]) == (1, "failed")
     assert " s in " in answer["message"]
     assert " M = 10 kg" in answer["message"]
 
@@ -191,13 +193,13 @@ def test_debug_shows_the_traceback_and_keeps_the_exit_code_and_the_object(
     command: Command, recording: Path, arguments: list[str]
 ) -> None:
     for options in (["--debug"], ["--debug", "--json"], ["--json"]):
-        done = command("fit", recording, *arguments, *options)
-        assert (done.returncode, "Traceback" in done.stderr) == (2, "--debug" in options)
+        process = command("fit", recording, *arguments, *options)
+        assert (process.returncode, "Traceback" in process.stderr) == (2, "--debug" in options)
         if "--json" in options:
-            answer = json.loads(done.stdout)
+            answer = json.loads(process.stdout)
             assert (answer["status"], answer.keys() >= KEYS) == ("bad_input", True)
         else:
-            assert done.stderr.splitlines()[-1].startswith("clutchid: ")
+            assert process.stderr.splitlines()[-1].startswith("clutchid: ")
 
 
 def test_an_error_that_was_not_expected_is_told_in_every_way(capsys: pytest.CaptureFixture[str]) -> None:
@@ -221,9 +223,9 @@ def test_results_are_printed_whatever_the_encoding_of_the_terminal(
         patched.setattr(sys, "stdout", terminal)
         assert called("fit", odd, "--verbose") == 0
     assert b"fitted str?m ?: position" in terminal.buffer.getvalue()
-    done = command("fit", odd, "--json")
-    assert json.loads(done.stdout)["logs"].keys() == {odd.stem}
-    assert done.stdout.isascii()
+    process = command("fit", odd, "--json")
+    assert json.loads(process.stdout)["logs"].keys() == {odd.stem}
+    assert process.stdout.isascii()
 
 
 def test_a_simulation_tells_the_warnings_of_the_recording(command: Command, recording: Path, tmp_path: Path) -> None:
@@ -232,15 +234,15 @@ def test_a_simulation_tells_the_warnings_of_the_recording(command: Command, reco
     holed.write_text("\n".join([lines[0], *lines[1:3000], *lines[3100:]]) + "\n")
     start.write_text("[parameters]\ntheta_1 = 8.5e5\ntheta_2 = -2e4\ntheta_3 = 1e5\n")
     arguments = ("simulate", holed, "--parameters", start, "--out", tmp_path / "s.csv")
-    done = command(*arguments, "--json")
-    answer = json.loads(done.stdout)
-    assert (done.returncode, answer["status"]) == (0, "warning")
+    process = command(*arguments, "--json")
+    answer = json.loads(process.stdout)
+    assert (process.returncode, answer["status"]) == (0, "warning")
     assert clutchid.read(holed).warnings
     assert set(clutchid.read(holed).warnings) <= set(answer["warnings"])
     assert len(set(answer["warnings"])) == len(answer["warnings"])
-    done = command(*arguments)
-    assert done.stderr.splitlines() == [f"warning: {warning}" for warning in answer["warnings"]]
-    said, written = done.stdout.splitlines()
+    process = command(*arguments)
+    assert process.stderr.splitlines() == [f"warning: {warning}" for warning in answer["warnings"]]
+    said, written = process.stdout.splitlines()
     assert said.startswith("simulated holed: position ")
     assert written.startswith("written: ")
 
@@ -268,9 +270,9 @@ def test_starts_are_used_for_the_very_recording_that_they_were_estimated_from(
 def test_the_files_model_wins_over_another_one(command: Command, recording: Path, tmp_path: Path) -> None:
     path = tmp_path / "start.toml"
     path.write_text("[model]\nvariant = 'isothermal'\n")
-    done = command("fit", recording, "--start", path, "--model", "energy-balance")
-    assert done.returncode == 2
-    assert "leave --model out" in done.stderr
+    process = command("fit", recording, "--start", path, "--model", "energy-balance")
+    assert process.returncode == 2
+    assert "leave --model out" in process.stderr
 
 
 def test_warm_commands_import_neither_sympy_nor_matplotlib_and_a_look_no_linear_algebra(recording: Path) -> None:
@@ -283,5 +285,5 @@ def test_warm_commands_import_neither_sympy_nor_matplotlib_and_a_look_no_linear_
         "heavy = {'sympy', 'matplotlib', 'jinja2', 'polars'} & set(sys.modules); assert not heavy, heavy"
     )
     command = [sys.executable, "-c", code, str(recording)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-    assert done.returncode == 0, done.stderr
+    process = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert process.returncode == 0, process.stderr

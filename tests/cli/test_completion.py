@@ -24,11 +24,11 @@ def install(tmp_path, monkeypatch, command):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="bash")
 def test_bash_completes_the_commands_and_options_after_a_new_start(install, tmp_path):
-    done = install("--shell", "bash")
-    assert done.returncode == 0, done.stderr
+    process = install("--shell", "bash")
+    assert process.returncode == 0, process.stderr
     (script,) = [path for path in tmp_path.rglob("clutchid") if path.is_file()]
-    assert f"written: {script}" in done.stdout
-    assert "bash" in done.stdout.splitlines()[-1]
+    assert f"written: {script}" in process.stdout
+    assert "bash" in process.stdout.splitlines()[-1]
     assert str(script) in (tmp_path / ".bashrc").read_text(encoding="utf-8")
     asked = f"source {script}; COMP_WORDS=(clutchid fit --sa); COMP_CWORD=2; _clutchid; echo ${{COMPREPLY[@]}}"
     found = subprocess.run(["bash", "-c", asked], capture_output=True, text=True, timeout=30, check=True)
@@ -39,9 +39,9 @@ def test_bash_completes_the_commands_and_options_after_a_new_start(install, tmp_
 
 
 def test_the_help_says_which_files_change(install, tmp_path):
-    done = install("--help")
-    text = " ".join(done.stdout.split())
-    assert done.returncode == 0
+    process = install("--help")
+    text = " ".join(process.stdout.split())
+    assert process.returncode == 0
     for words in ("Tab key", ".bashrc", "--shell", "zsh"):
         assert words in text
     assert not any(tmp_path.iterdir())
@@ -50,16 +50,16 @@ def test_the_help_says_which_files_change(install, tmp_path):
 @pytest.mark.skipif(sys.platform == "win32", reason="bash")
 def test_a_home_that_cannot_hold_it_is_one_sentence(install, tmp_path):
     (tmp_path / ".local").write_text("a file")
-    done = install("--shell", "bash")
-    assert done.returncode == 2
-    assert "the completion for bash was not installed" in done.stderr
-    assert len(done.stderr.splitlines()) == 1
+    process = install("--shell", "bash")
+    assert process.returncode == 2
+    assert "the completion for bash was not installed" in process.stderr
+    assert len(process.stderr.splitlines()) == 1
 
 
 def test_an_unknown_shell_lists_the_known_ones(install, tmp_path):
-    done = install("--shell", "nush")
-    assert done.returncode == 2
-    assert ("bash" in done.stderr, len(done.stderr.splitlines())) == (True, 1)
+    process = install("--shell", "nush")
+    assert process.returncode == 2
+    assert ("bash" in process.stderr, len(process.stderr.splitlines())) == (True, 1)
 
 
 def test_a_shell_that_cannot_be_found_out_is_asked_for(monkeypatch, capsys):

@@ -39,11 +39,11 @@ def test_json_has_files_and_differences_of_an_export_that_goes_on_from_a_saved_s
     options = ("--real", "double", "--name", "own", "--rates", "two", "--resume", tmp_path / "state.toml")
     assert exported(folder, tmp_path, "--json", *options) == 0
     assert ".strokes = 0u" not in (tmp_path / "observer" / "src" / "own_data.c").read_text()
-    found = json.loads(capsys.readouterr().out)
-    assert found["status"] == "ok"
-    assert "src/own.c" in found["files"]
-    assert found["parity"]["holds"] is True
-    assert found["parity"]["load"] < 1e-6
+    content = json.loads(capsys.readouterr().out)
+    assert content["status"] == "ok"
+    assert "src/own.c" in content["files"]
+    assert content["parity"]["holds"] is True
+    assert content["parity"]["load"] < 1e-6
 
 
 def test_without_a_compiler_the_files_are_there_and_parity_was_not_run(folder, tmp_path, capsys, monkeypatch):

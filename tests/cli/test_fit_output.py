@@ -174,10 +174,10 @@ def test_a_file_that_cannot_be_written_does_not_cost_the_result(fitted, capsys, 
     assert err == "clutchid: the fit is complete, but F.toml: no space left?[31m\n"
     assert "next" not in out
     assert answer(fit_document(fitted, COMMAND), writers, json=True, verbose=False) == 1
-    found = json.loads(capsys.readouterr().out)
-    assert found["status"] == "failed"
-    assert found["message"].startswith("the fit is complete, but F.toml")
-    assert found["load_curve"]["force_N"]
+    content = json.loads(capsys.readouterr().out)
+    assert content["status"] == "failed"
+    assert content["message"].startswith("the fit is complete, but F.toml")
+    assert content["load_curve"]["force_N"]
 
 
 def without_colour(text):
@@ -215,8 +215,8 @@ def test_each_next_command_runs_as_it_is_printed(truck, command):
     assert "New against worn" in (truck / "my worn.html").read_text(encoding="utf-8")
     words = shlex.split(read.stdout.splitlines()[-1])
     assert words[:3] == ["clutchid", "simulate", "my worn.csv"]
-    done = command(*words[1:], cwd=truck)
-    assert done.returncode == 0, done.stderr
+    process = command(*words[1:], cwd=truck)
+    assert process.returncode == 0, process.stderr
     assert (truck / "my worn-pressure.csv").exists()
 
 
@@ -230,7 +230,9 @@ def test_recordings_of_one_wear_are_of_one_state_and_of_another_wear_of_two(truc
         return fit(log, calibrated.actuator, free="load", request=FitRequest(calibration=calibrated.calibration))
 
     def states(*readings: Fit) -> States | None:
-        return states_of_wear(replace(readings[0], readings={next(iter(one.recordings)): one for one in readings}))
+        return states_of_wear(
+            replace(readings[0], readings={next(iter(reading.recordings)): reading for reading in readings})
+        )
 
     slight = read(0.5e-3, 11), read(0.5e-3, 13, "supply")
     worn = read(2.5e-3, 21), read(2.5e-3, 22)
@@ -243,12 +245,12 @@ def test_recordings_of_one_wear_are_of_one_state_and_of_another_wear_of_two(truc
 def test_recordings_read_together_are_read_alone_too_without_parameters_of_the_others(truck, command):
     (truck / "other.csv").write_bytes((truck / "my worn.csv").read_bytes())
     own = ("--free", "load,P_S@other", "--prior", "P_S@other=9e5±1e4")
-    done = command("fit", "my worn.csv", "other.csv", "--start", "my CAL.toml", *own, "--json", cwd=truck)
-    assert done.returncode == 0, done.stdout
-    found = json.loads(done.stdout)
-    assert set(found["readings"]) == {"my worn", "other"}
-    assert "P_S@other" in found["parameters"]
-    assert found["calibration"]["name"] == "my CAL.toml"
-    assert len(found["calibration"]["sha256"]) == 64
-    assert np.isfinite(found["load_change"]["difference_N"]).all()
-    assert found["states_of_wear"] is None
+    process = command("fit", "my worn.csv", "other.csv", "--start", "my CAL.toml", *own, "--json", cwd=truck)
+    assert process.returncode == 0, process.stdout
+    content = json.loads(process.stdout)
+    assert set(content["readings"]) == {"my worn", "other"}
+    assert "P_S@other" in content["parameters"]
+    assert content["calibration"]["name"] == "my CAL.toml"
+    assert len(content["calibration"]["sha256"]) == 64
+    assert np.isfinite(content["load_change"]["difference_N"]).all()
+    assert content["states_of_wear"] is None

@@ -23,8 +23,8 @@ from fixtures.commands import called
 @pytest.fixture(scope="module")
 def log() -> Log:
     """Six seconds of a virtual truck, position only, as the controller records them."""
-    done = virtual.drive(virtual.truck(1), manoeuvre="strokes", seconds=6, seed=1, pressure=False, name="strokes")
-    return done.log
+    driven = virtual.drive(virtual.truck(1), manoeuvre="strokes", seconds=6, seed=1, pressure=False, name="strokes")
+    return driven.log
 
 
 @pytest.fixture(scope="module")
@@ -113,15 +113,15 @@ def test_duty_cycles_that_start_a_sample_late_give_the_load_of_the_csv_and_the_e
     assert np.isnan(read(path, channels=chosen)["duty_supply"]).nonzero()[0].tolist() == [0]
     fits = [answered(capsys, "fit", tmp_path / "run.csv")]
     fits.append(answered(capsys, "fit", path, "--map", chosen, "--save", tmp_path / "FIT.toml"))
-    assert not any("its start was estimated" in note for one in fits for note in one["notes"])
+    assert not any("its start was estimated" in note for fit in fits for note in fit["notes"])
     # the sample at rest depends on no parameter; the search stops within 1e-9 of the least cost n / 2, so at 1e-9 n of
     # the squared standard error
     within = np.sqrt(1e-9 * len(log))
-    for name, one in fits[0]["parameters"].items():
-        assert fits[1]["parameters"][name]["value"] == pytest.approx(one["value"], rel=1e-6, abs=within * one["std"])
+    for name, fit in fits[0]["parameters"].items():
+        assert fits[1]["parameters"][name]["value"] == pytest.approx(fit["value"], rel=1e-6, abs=within * fit["std"])
     out = tmp_path / "SIM.parquet"
-    done = answered(capsys, "simulate", path, "--map", chosen, "--parameters", tmp_path / "FIT.toml", "--out", out)
-    assert done["errors"] == fits[1]["errors"]
+    response = answered(capsys, "simulate", path, "--map", chosen, "--parameters", tmp_path / "FIT.toml", "--out", out)
+    assert response["errors"] == fits[1]["errors"]
     simulated = read(out)
     assert np.array_equal(simulated.time, read(path, channels=chosen).time)
     assert np.isnan(simulated["position"]).nonzero()[0].tolist() == [0]
@@ -143,8 +143,8 @@ def test_a_start_that_was_estimated_is_said_saved_and_used(tmp_path, log, capsys
 
 
 def test_a_long_recording_is_cut_and_what_was_chosen_is_fitted(tmp_path, capsys):
-    done = virtual.drive(virtual.truck(1), manoeuvre="strokes", seconds=40, seed=1, pressure=False, name="long")
-    write(done.log, tmp_path / "long.parquet")
+    driven = virtual.drive(virtual.truck(1), manoeuvre="strokes", seconds=40, seed=1, pressure=False, name="long")
+    write(driven.log, tmp_path / "long.parquet")
     best, table = tmp_path / "best.mf4", tmp_path / "sections.csv"
     assert called("cut", tmp_path / "long.parquet", "--out", best, "--table", table, "--seconds", "6") == 0
     said = capsys.readouterr().out
@@ -152,10 +152,10 @@ def test_a_long_recording_is_cut_and_what_was_chosen_is_fitted(tmp_path, capsys)
     with table.open() as file:
         rows = list(csv.DictReader(file))
     assert {row["kind"] for row in rows} == {"stroke", "rest"}
-    assert float(rows[-1]["end_s"]) == done.log.time[-1]
+    assert float(rows[-1]["end_s"]) == driven.log.time[-1]
     chosen = read(best)
     assert 3000 < len(chosen) <= 6100
-    assert np.isin(chosen.time, done.log.time).all()
+    assert np.isin(chosen.time, driven.log.time).all()
     assert fitted(best) > 0
 
 

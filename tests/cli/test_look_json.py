@@ -31,13 +31,13 @@ def looked(capsys):
 def test_a_recording_has_its_channels_and_the_grades_of_its_checks(looked, recording):
     code, found = looked(recording)
     assert (code, found["status"]) == (0, "ok")
-    position = next(one for one in found["channels"] if one["name"] == "position")
+    position = next(channel for channel in found["channels"] if channel["name"] == "position")
     assert (position["heading"], position["unit"], position["samples"], position["missing"]) == (
         "position [m]", "m", 4000, 0,
     )  # fmt: skip
     assert {"name", "grade", "sentence"} <= found["checks"][0].keys()
-    assert {(one["begin_s"], one["end_s"]) for one in found["checks"]} == {(None, None)}
-    assert {one["grade"] for one in found["checks"]} <= {"good", "undetermined"}
+    assert {(channel["begin_s"], channel["end_s"]) for channel in found["checks"]} == {(None, None)}
+    assert {channel["grade"] for channel in found["checks"]} <= {"good", "undetermined"}
     assert found["grids"][0]["time"]["usual_interval_s"] == pytest.approx(1e-3)
 
 
@@ -58,7 +58,7 @@ def test_a_check_has_the_place_where_it_fails(looked, recording, tmp_path):
         cells[k][place] = cells[1000][place]
     (tmp_path / "stuck.csv").write_text("\n".join([head, *map(",".join, cells)]) + "\n")
     _, found = looked(tmp_path / "stuck.csv")
-    (stuck,) = (one for one in found["checks"] if one["name"] == "stuck position")
+    (stuck,) = (check for check in found["checks"] if check["name"] == "stuck position")
     assert stuck["grade"] == "bad"
     assert (stuck["begin_s"], stuck["end_s"]) == (pytest.approx(1.0, abs=0.01), pytest.approx(2.999, abs=0.01))
 

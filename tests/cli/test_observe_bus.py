@@ -93,8 +93,8 @@ def test_frames_that_come_out_of_order_are_put_in_their_place(call, folder, tmp_
 
 
 def test_lost_late_and_damaged_frames_are_flags(call, folder, tmp_path, messages):
-    clutch = [i for i, one in enumerate(messages) if one.arbitration_id == CLUTCH]
-    sent = [one for i, one in enumerate(messages) if i not in {clutch[2000], clutch[3000]}]
+    clutch = [i for i, message in enumerate(messages) if message.arbitration_id == CLUTCH]
+    sent = [message for i, message in enumerate(messages) if i not in {clutch[2000], clutch[3000]}]
     sent.insert(clutch[3200], messages[clutch[3000]])
     sent.insert(500, can.Message(timestamp=messages[500].timestamp, is_error_frame=True))
     sent.insert(clutch[4000], messages[clutch[4000]])
@@ -112,26 +112,26 @@ def test_results_are_published_as_frames_with_a_dbc(call, folder, tmp_path, mess
     received = []
     with can.Bus("results", interface="virtual") as listener:
         code, said, errors = call(messages, "--publish", "can:virtual:results")
-        while (one := listener.recv(0.0)) is not None:
-            received.append(one)
+        while (frame := listener.recv(0.0)) is not None:
+            received.append(frame)
     assert (code, errors) == (0, "")
     assert said.splitlines()[-1].endswith("est.dbc")
     database = cantools.database.load_file(tmp_path / "est.dbc")
-    decoded = [database.decode_message(one.arbitration_id, one.data, decode_choices=False) for one in received]
+    decoded = [database.decode_message(frame.arbitration_id, frame.data, decode_choices=False) for frame in received]
     assert len(decoded) == 3 * 600
     state, load, health = decoded[0::3], decoded[1::3], decoded[2::3]
     file = pl.read_parquet(folder / "file.parquet").gather_every(10)
     pressure = file["pressure_a [Pa]"].to_numpy() / 1e3
-    known = np.isfinite(pressure)
-    sent = np.array([one["pressure_a"] for one in state])
-    assert sent[known] == pytest.approx(pressure[known], abs=0.01 + 1e-9)
-    assert sent[~known] == pytest.approx(1310.7)
-    stamps = np.array([one["sample_time"] for one in health])
+    finite = np.isfinite(pressure)
+    sent = np.array([frame["pressure_a"] for frame in state])
+    assert sent[finite] == pytest.approx(pressure[finite], abs=0.01 + 1e-9)
+    assert sent[~finite] == pytest.approx(1310.7)
+    stamps = np.array([frame["sample_time"] for frame in health])
     assert stamps == pytest.approx(file["time [s]"].to_numpy(), abs=0.5e-3 + 1e-9)
-    assert {one["late"] for one in health} == {0}
+    assert {frame["late"] for frame in health} == {0}
     strokes = pl.read_parquet(folder / "file.load.parquet")
     assert load[-1]["stroke"] == strokes.height
-    assert len({one["load_position"] for one in load}) > 40
+    assert len({frame["load_position"] for frame in load}) > 40
 
 
 @pytest.mark.slow
@@ -140,13 +140,13 @@ def test_a_bus_is_followed_on_from_a_state_with_its_own_clock(call, folder, tmp_
     assert call(messages[:5000], "--save", "state.toml")[0] == 0
     first = [pl.read_parquet(tmp_path / name) for name in ("est.parquet", "est.load.parquet")]
     half = first[0].height
-    clutch = [i for i, one in enumerate(messages) if one.arbitration_id == CLUTCH]
+    clutch = [i for i, message in enumerate(messages) if message.arbitration_id == CLUTCH]
     rest = messages[clutch[half - 1] + 1 :]
-    valves = [one for one in messages[: clutch[half]] if one.arbitration_id != CLUTCH][-1]
+    valves = [message for message in messages[: clutch[half]] if message.arbitration_id != CLUTCH][-1]
     code, _, errors = call([valves, *rest], "--save", "state.toml", "--resume", "state.toml")
     assert (code, errors) == (0, "")
-    for one, suffix in zip(first, (".parquet", ".load.parquet"), strict=True):
-        both = [one, pl.read_parquet(tmp_path / f"est{suffix}")]
+    for rows, suffix in zip(first, (".parquet", ".load.parquet"), strict=True):
+        both = [rows, pl.read_parquet(tmp_path / f"est{suffix}")]
         assert pl.concat(both).equals(pl.read_parquet(folder / f"file{suffix}"), null_equal=True)
     assert (tmp_path / "state.toml").read_text() == (tmp_path / "whole.toml").read_text()
 

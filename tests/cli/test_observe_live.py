@@ -198,13 +198,13 @@ def test_a_run_that_is_killed_leaves_its_results_and_a_state_to_go_on_from(call,
     said = errors
     assert "an earlier run ended before it wrote est.parquet: what it had observed is in" in said
     assert "go on from it with --resume state.toml" in said
-    kept = pl.read_parquet(tmp_path / "est.recovered.parquet")
+    table = pl.read_parquet(tmp_path / "est.recovered.parquet")
     file = pl.read_parquet(folder / "file" / "est.parquet")
-    assert kept.height == pytest.approx(3950, abs=1)  # the rest waits for samples that are late
-    assert kept.equals(file.head(kept.height), null_equal=True)
-    rest = head + b"".join(lines[kept.height :])
+    assert table.height == pytest.approx(3950, abs=1)  # the rest waits for samples that are late
+    assert table.equals(file.head(table.height), null_equal=True)
+    rest = head + b"".join(lines[table.height :])
     assert call(rest, "--resume", "state.toml", "--save", "state.toml")[0] == 0
-    assert pl.concat([kept, pl.read_parquet(tmp_path / "est.parquet")]).equals(file, null_equal=True)
+    assert pl.concat([table, pl.read_parquet(tmp_path / "est.parquet")]).equals(file, null_equal=True)
     assert (tmp_path / "state.toml").read_text() == (folder / "file" / "state.toml").read_text()
 
 

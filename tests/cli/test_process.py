@@ -51,14 +51,14 @@ def test_the_workers_of_prove_end_with_it(tmp_path):
 def test_an_interrupt_while_the_command_loads_or_ends_is_quiet():
     started = "from clutchid.__main__ import main; print(flush=True); main()"
     for delay in (0.1, 0.3, 0.6):
-        done = subprocess.Popen([sys.executable, "-c", started, "fit", "no.csv"],
+        process = subprocess.Popen([sys.executable, "-c", started, "fit", "no.csv"],
                                 stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)  # fmt: skip
-        assert done.stdout.readline()
+        assert process.stdout.readline()
         time.sleep(delay)
-        done.send_signal(signal.SIGINT)
-        _, said = done.communicate(timeout=60)
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=60)
         assert "Traceback" not in said, delay
-        assert done.returncode in (-signal.SIGINT, 130, 2), delay
+        assert process.returncode in (-signal.SIGINT, 130, 2), delay
 
 
 @pytest.mark.parametrize("options", [[], ["--json"]])
@@ -165,10 +165,10 @@ def test_a_standard_output_that_is_lost_is_at_most_one_sentence(tmp_path, comman
     (tmp_path / "log.csv").write_text("time [s],position [m]\n0,0\n1,0\n")
     descriptor = output()
     streams = {"stdout": descriptor, "stderr": subprocess.PIPE, "capture_output": False}
-    done = process(*command.split(), cwd=tmp_path, **streams)
+    ended = process(*command.split(), cwd=tmp_path, **streams)
     os.close(descriptor)
-    assert done.returncode == 1
-    assert done.stderr.splitlines() == sentence
+    assert ended.returncode == 1
+    assert ended.stderr.splitlines() == sentence
 
 
 #: The command, which says on standard error that it is about to print.
@@ -236,11 +236,11 @@ def test_closed_standard_streams_are_a_sentence_and_no_file_takes_their_number(c
     write_parameters(ParameterFile(plant), tmp_path / "cal.toml")
     inner = f"{shlex.join(COMMAND)} observe - --start cal.toml --out est.parquet {closed}"
     sent = "time [s],position [m],duty_supply [1],duty_exhaust [1]\n"
-    done = subprocess.run(["sh", "-c", inner], input=sent, capture_output=True, text=True, cwd=tmp_path, check=False)
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert done.stderr.startswith("clutchid: standard input: is closed;" if closed == "0<&-" else "")
-    assert "Traceback" not in done.stderr
+    process = subprocess.run(["sh", "-c", inner], input=sent, capture_output=True, text=True, cwd=tmp_path, check=False)
+    assert process.returncode == 2
+    assert process.stdout == ""
+    assert process.stderr.startswith("clutchid: standard input: is closed;" if closed == "0<&-" else "")
+    assert "Traceback" not in process.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["cal.toml"]
 
 
@@ -259,5 +259,5 @@ try:
 except KeyboardInterrupt:
     print("stopped")
 """
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
-    assert (done.stdout, done.stderr) == ("stopped\n", "")
+    process = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert (process.stdout, process.stderr) == ("stopped\n", "")

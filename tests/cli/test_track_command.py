@@ -95,12 +95,12 @@ def test_the_object_has_the_keys_of_every_result_and_two_workers_write_the_same_
     with backwards() as workers:
         options = ("--table", folder / "table.csv", "--limit", "0.2", "--json", "--workers", 2)
         assert run(folder, "--out", folder / "again.parquet", *options) == 0
-    found = json.loads(capsys.readouterr().out)
+    content = json.loads(capsys.readouterr().out)
     assert workers == [2]
-    assert found["status"] == "warning"
-    assert found["wear"]["vehicle"] == "V1"
-    assert found["wear"]["alarms"][0]["kind"] == "replaced"
-    assert found["logs"]["r9"]["status"] == "bad_input"
+    assert content["status"] == "warning"
+    assert content["wear"]["vehicle"] == "V1"
+    assert content["wear"]["alarms"][0]["kind"] == "replaced"
+    assert content["logs"]["r9"]["status"] == "bad_input"
     assert (folder / "again.parquet").read_bytes() == (folder / "wear.parquet").read_bytes()
 
 

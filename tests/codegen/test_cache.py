@@ -370,8 +370,8 @@ def _another_comment(source, _brought, _monkeypatch):
 
 
 def _another_sympy(_source, _brought, monkeypatch):
-    known = cache.version
-    monkeypatch.setattr(cache, "version", lambda name: known(name) + (".post1" if name == "sympy" else ""))
+    version = cache.version
+    monkeypatch.setattr(cache, "version", lambda name: version(name) + (".post1" if name == "sympy" else ""))
 
 
 def _damage(_source, brought, _monkeypatch):
@@ -402,11 +402,11 @@ def test_where_others_can_write_to_every_folder_a_process_has_one_of_its_own_and
     for folder in planted:
         folder.mkdir(parents=True)
         folder.chmod(0o777)
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", HOSTILE, source], capture_output=True, text=True, check=True,
         env={**os.environ, "TMPDIR": str(tmp_path / "temporary")},
     )  # fmt: skip
-    one, two = (Path(line).parents[1] for line in done.stdout.split())
+    one, two = (Path(line).parents[1] for line in process.stdout.split())
     assert one == two
     assert one.parent == tmp_path / "temporary"
     assert list((tmp_path / "temporary").iterdir()) == planted[1:]

@@ -51,8 +51,8 @@ def test_every_function_gives_what_the_standard_library_gives(computed, name):
 @pytest.mark.parametrize("exponent", [-7, -6, -3, -1, 2, 5, 6, 7, sp.Rational(1, 2), sp.Rational(-1, 2), 0.3])
 def test_powers_are_exact_to_their_roundings(computed, exponent):
     points = np.array([0.3, 1.0, 2.7])
-    found = computed(x**exponent, points, points)
-    np.testing.assert_allclose(found, points ** float(exponent), rtol=8 * EPS)
+    values = computed(x**exponent, points, points)
+    np.testing.assert_allclose(values, points ** float(exponent), rtol=8 * EPS)
 
 
 def test_a_power_of_one_is_one_whatever_the_exponent(computed):
@@ -73,8 +73,8 @@ CONDITIONS = [
 @pytest.mark.parametrize(("condition", "holds"), CONDITIONS)
 def test_conditions_hold_where_they_hold(computed, condition, holds):
     first, second = np.array(list(itertools.product([-1.0, 0.0, 1.0, 2.0], repeat=2))).T
-    found = computed(sp.Piecewise((1, condition), (2, True)), first, second)
-    assert found.tolist() == [1.0 if holds(a, b) else 2.0 for a, b in zip(first, second, strict=True)]
+    values = computed(sp.Piecewise((1, condition), (2, True)), first, second)
+    assert values.tolist() == [1.0 if holds(a, b) else 2.0 for a, b in zip(first, second, strict=True)]
 
 
 def test_what_one_arm_computes_is_not_taken_over_by_another(computed):
@@ -103,8 +103,8 @@ def _call_with(array):
 
     from clutchid.codegen.linked import linked
 
-    one = function("one", Interface(("out",)), lower(x, sp.Integer(1)), {}, [(ArrayElement("out", 0), x)])
-    write = linked(one.name, one.arguments, one.text)
+    law = function("one", Interface(("out",)), lower(x, sp.Integer(1)), {}, [(ArrayElement("out", 0), x)])
+    write = linked(law.name, law.arguments, law.text)
 
     @numba.njit
     def kernel(out):

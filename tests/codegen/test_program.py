@@ -108,8 +108,8 @@ def test_dead_statements_are_dropped_inside_branches_too():
         (condition, (Assign(spare, value), Assign(out, value))) for condition, value in ((x > 0, a), (sp.true, b))
     )
     program = [Assign(c, a), Branch(arms), Lookup(y, sp.Symbol("slope"), x)]
-    kept = live(program, [out])
-    assert kept == [Branch(tuple((condition, (body[1],)) for condition, body in arms))]
+    run = live(program, [out])
+    assert run == [Branch(tuple((condition, (body[1],)) for condition, body in arms))]
     assert live(program, [y]) == [program[2]]
     assert live(program, []) == []
 
@@ -184,12 +184,12 @@ def test_nothing_that_is_computed_early_reads_what_is_known_late():
     statements, parameters, inputs = _isothermal_program()
     parts = staged(statements, parameters, inputs)
     system = isothermal()
-    known = set(system.parameters)
+    names = set(system.parameters)
     for name, more in (("constants", ()), ("held", inputs), ("stage", system.states)):
-        known |= set(more)
+        names |= set(more)
         for statement in getattr(parts, name):
-            assert reads(statement) <= known
-            known |= set(targets(statement))
+            assert reads(statement) <= names
+            names |= set(targets(statement))
 
 
 def _isothermal_program():

@@ -42,9 +42,9 @@ def test_every_command_has_a_page_and_every_page_is_of_a_command():
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_the_help_of_a_command_has_a_sentence_for_each_of_its_options(command):
-    found = arguments(command)
-    assert found
-    assert [a.name for a in found if not (a.parameter.help or "").rstrip().endswith(".")] == []
+    words = arguments(command)
+    assert words
+    assert [a.name for a in words if not (a.parameter.help or "").rstrip().endswith(".")] == []
 
 
 @pytest.mark.slow

@@ -26,15 +26,15 @@ PAGES = {page.relative_to(ROOT).as_posix(): page for page in console.pages()}
 @fits_once()
 @pytest.mark.parametrize("page", PAGES)
 def test_the_commands_of_a_page_print_what_it_shows(blank, page):
-    found = console.differences(PAGES[page].read_text(encoding="utf-8"), long=False)
-    assert not found, "\n".join([*map(str, found), f"if that is right: python benchmarks/docs.py {page} --write"])
+    changes = console.differences(PAGES[page].read_text(encoding="utf-8"), long=False)
+    assert not changes, "\n".join([*map(str, changes), f"if that is right: python benchmarks/docs.py {page} --write"])
 
 
 def test_the_readme_shows_what_the_first_hour_prints():
     readme, source = (path.read_text(encoding="utf-8") for path in (console.README, console.SOURCE))
     assert len([step for block in console.blocks(readme) for step in block.steps]) == 3
-    found = console.excerpts(readme, source)
-    assert not found, "\n".join([*map(str, found), "if that is right: python benchmarks/docs.py README.md --write"])
+    texts = console.excerpts(readme, source)
+    assert not texts, "\n".join([*map(str, texts), "if that is right: python benchmarks/docs.py README.md --write"])
     assert len(console.excerpts(readme, source.replace("trust    good", "trust    none"))) == 2
 
 
@@ -75,9 +75,9 @@ def test_a_page_whose_outputs_agree_to_two_digits_has_no_differences():
 
 
 def test_a_long_block_runs_only_where_it_is_wanted_and_can_be_rewritten():
-    found = console.differences(PAGE, long=True)
-    assert [(one.step.command, one.printed) for one in found] == [("cat note.txt", "two 22\n")]
-    assert console.rewritten(PAGE, found) == PAGE.replace("three\n", "two 22\n")
+    changes = console.differences(PAGE, long=True)
+    assert [(one.step.command, one.printed) for one in changes] == [("cat note.txt", "two 22\n")]
+    assert console.rewritten(PAGE, changes) == PAGE.replace("three\n", "two 22\n")
 
 
 @pytest.mark.parametrize(
@@ -107,5 +107,5 @@ def test_texts_that_mean_the_same_are_the_same_and_others_are_not(expected, prin
 
 def test_an_output_is_shortened_as_it_was_before():
     old = "```console\n$ seq 9\n0\n...\n8\n9\n```\n"
-    found = console.differences(old, long=False)
-    assert console.rewritten(old, found) == "```console\n$ seq 9\n1\n...\n8\n9\n```\n"
+    changes = console.differences(old, long=False)
+    assert console.rewritten(old, changes) == "```console\n$ seq 9\n1\n...\n8\n9\n```\n"

@@ -29,10 +29,10 @@ def test_clutchid_and_scipy_agree_with_the_reference_on_a_short_recording(peers)
     problem, simulation = peers("problem").Problem(0.2), peers("simulation")
     # steps of 1 ms through an impact on an end stop, and a tolerance of 1e-6: see docs/benchmarks.md for the first
     bounds = {"clutchid, compiled loop": 30e-6, "clutchid.simulate": 30e-6, "SciPy, LSODA": 1e-6}
-    chosen = [each for each in simulation.PEERS if each.name in bounds]
+    chosen = [peer for peer in simulation.PEERS if peer.name in bounds]
     assert len(chosen) == 3
-    for each in chosen:
-        assert simulation.largest_error(problem, each.prepare(problem)().value) < bounds[each.name]
+    for peer in chosen:
+        assert simulation.largest_error(problem, peer.prepare(problem)().value) < bounds[peer.name]
 
 
 def test_the_page_names_a_peer_that_is_not_installed_as_absent(peers):
@@ -48,11 +48,11 @@ def test_the_model_without_branches_has_the_rates_of_the_model(peers):
     problem, plain, equations = peers("problem").Problem(0.1), peers("plain"), peers("equations")
     expected = plain.scalar_rates(equations.python_text(problem.values))
     choose = plain.Operations(math.sqrt, max, lambda condition, yes, no: yes if condition else no)
-    found, random = problem.model.rates(choose), np.random.default_rng(0)
+    rates_of_change, random = problem.model.rates(choose), np.random.default_rng(0)
     low, high = [-1e-3, -0.3, 1.0e5, 0.8e5, -2e-4], [26e-3, 0.3, 9.1e5, 1.3e5, 2e-4]
     for _ in range(200):
         x, u = random.uniform(low, high).tolist(), random.uniform(0.0, 1.0, 2).tolist()
-        assert found(x, u, []) == pytest.approx(expected(*x, *u, problem.table), rel=1e-12)
+        assert rates_of_change(x, u, []) == pytest.approx(expected(*x, *u, problem.table), rel=1e-12)
 
 
 def test_the_exported_c_follows_as_the_observer_does_and_the_page_has_its_slowest_steps(peers):

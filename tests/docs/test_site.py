@@ -40,17 +40,17 @@ class Page(HTMLParser):
         self.feed(text)
 
     def handle_starttag(self, tag, attrs):
-        found = dict(attrs)
-        self.ids |= {found[name] for name in ("id", "name") if found.get(name)}
-        if tag == "a" and found.get("href"):
-            self.links.append(found["href"])
+        entries = dict(attrs)
+        self.ids |= {entries[name] for name in ("id", "name") if entries.get(name)}
+        if tag == "a" and entries.get("href"):
+            self.links.append(entries["href"])
         # of the links of the head only those that a browser loads
         if (
             tag in LOADED
-            and found.get(LOADED[tag])
-            and found.get("rel") not in {"index", "search", "next", "prev", "canonical"}
+            and entries.get(LOADED[tag])
+            and entries.get("rel") not in {"index", "search", "next", "prev", "canonical"}
         ):
-            self.loaded.append(found[LOADED[tag]])
+            self.loaded.append(entries[LOADED[tag]])
 
 
 @pytest.fixture(scope="module")
@@ -60,8 +60,8 @@ def site(tmp_path_factory):
     pytest.importorskip("furo", reason="the extra docs is not installed: no furo to build the site with")
     out = tmp_path_factory.mktemp("site")
     command = [sys.executable, DOCS / "make_site.py", out, "--jobs", "1"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (done.stdout, done.stderr, done.returncode) == (f"written: {out}/index.html\n", "", 0)
+    process = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (process.stdout, process.stderr, process.returncode) == (f"written: {out}/index.html\n", "", 0)
     return out
 
 

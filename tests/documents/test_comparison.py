@@ -40,10 +40,10 @@ def test_the_section_says_where_both_loads_reach_half_of_their_peaks(fitted):
 
 
 def test_the_table_has_both_loads_and_their_difference_at_every_millimetre(fitted):
-    found = comparison(with_baseline(fitted, share=0.8))
-    table = change_table(found)
+    compared = comparison(with_baseline(fitted, share=0.8))
+    table = change_table(compared)
     positions = np.array(table.column("position"))
-    assert positions == pytest.approx(1e-3 * np.arange(1, 1 + int(found.reach * 1e3)))
+    assert positions == pytest.approx(1e-3 * np.arange(1, 1 + int(compared.reach * 1e3)))
     expected = np.subtract(table.column("present"), table.column("calibrated"))
     np.testing.assert_allclose(table.column("change"), expected, atol=1e-6)
     assert table.column("share") == pytest.approx([0.25] * positions.size)

@@ -42,18 +42,18 @@ def test_a_row_of_panels_for_each_measured_column(diagnosis):
 
 
 def test_correlations_are_drawn_as_they_are_with_lags_in_milliseconds(diagnosis):
-    found = diagnosis.columns["position"].fast
+    fast = diagnosis.columns["position"].fast
     _bounds, stems = colour_figure(diagnosis).axes[0].collections
     ends = np.array([path.vertices[-1] for path in stems.get_paths()])
-    np.testing.assert_allclose(ends[:, 0], found.lag[1:] * 1e3)
-    np.testing.assert_allclose(ends[:, 1], found.autocorrelation[1:])
+    np.testing.assert_allclose(ends[:, 0], fast.lag[1:] * 1e3)
+    np.testing.assert_allclose(ends[:, 1], fast.autocorrelation[1:])
 
 
 def test_an_input_that_does_not_move_is_said_not_drawn(fitted):
     one = fitted.recordings["first"]
     still = one.measured.with_columns(duty_exhaust=np.zeros(len(one.measured)))
-    found = diagnosed(replace(fitted, recordings={"first": replace(one, measured=still)}), "first")
-    assert [text.get_text() for text in colour_figure(found).axes[2].texts] == ["constant"]
+    diagnosis = diagnosed(replace(fitted, recordings={"first": replace(one, measured=still)}), "first")
+    assert [text.get_text() for text in colour_figure(diagnosis).axes[2].texts] == ["constant"]
 
 
 def test_bars_have_the_height_of_the_errors_by_region(diagnosis):
@@ -102,5 +102,5 @@ def test_the_poorest_recordings_come_first(fitted):
 def test_a_recording_too_short_for_a_colour_is_drawn_all_the_same(fitted):
     one = fitted.recordings["first"]
     short = replace(one, measured=one.measured.slice(0, 40), simulated=one.simulated.slice(0, 40))
-    found = diagnosed(replace(fitted, recordings={"first": short}), "first")
-    assert len(residual_blocks(fitted, found)) >= 2
+    diagnosis = diagnosed(replace(fitted, recordings={"first": short}), "first")
+    assert len(residual_blocks(fitted, diagnosis)) >= 2

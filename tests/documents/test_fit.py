@@ -198,12 +198,12 @@ def test_an_error_while_drawing_leaves_the_old_page(fitted, tmp_path):
 def reading(fitted, **changes):
     """A reading from position alone, whose recordings lack supply pressure and temperature."""
     assumed = (Assumption("P_S", ("first",), 8.9e5, 0.5e5, False), Assumption("T_0", ("first",), 293.15, 13.0, False))
-    known = with_baseline(fitted)
+    calibration = with_baseline(fitted)
     own = {f"{name}@first": Estimate(value, unit, std, value - 2 * std, value + 2 * std)
            for name, value, unit, std in (("P_S", 8.91e5, "Pa", 5e3), ("T_0", 293.3, "K", 0.5))}  # fmt: skip
-    parameters = {**known.parameters, **own}
+    parameters = {**calibration.parameters, **own}
     covariance = np.diag([e.std**2 for e in parameters.values()])
-    return replace(known, parameters=parameters, covariance=covariance, assumed=assumed, **changes)
+    return replace(calibration, parameters=parameters, covariance=covariance, assumed=assumed, **changes)
 
 
 def test_the_interval_of_what_was_not_recorded_is_the_assumed_one(fitted):

@@ -26,19 +26,19 @@ def written(capsys):
 
 
 def test_a_fit_without_a_calibration_has_null_in_its_place(fitted, written):
-    found = written(fitted)
+    text = written(fitted)
     for key in ("calibration", "calibrated_load_curve", "load_change"):
-        assert found[key] is None
-    assert found["readings"] == {}
-    assert (found["trust"], found["reasons"]) == ("good", [])
-    assert found["trust"] == found["verdict"]["trust"]
+        assert text[key] is None
+    assert text["readings"] == {}
+    assert (text["trust"], text["reasons"]) == ("good", [])
+    assert text["trust"] == text["verdict"]["trust"]
 
 
 def test_a_reading_has_the_calibration_its_load_and_the_difference(fitted, written):
-    found = written(with_baseline(fitted, share=0.8))
-    assert found["calibration"] == ORIGIN._asdict()
-    assert set(found["calibration"]) == {"name", "created", "sha256", "trust"}
-    now, before, change = (found[key] for key in ("load_curve", "calibrated_load_curve", "load_change"))
+    text = written(with_baseline(fitted, share=0.8))
+    assert text["calibration"] == ORIGIN._asdict()
+    assert set(text["calibration"]) == {"name", "created", "sha256", "trust"}
+    now, before, change = (text[key] for key in ("load_curve", "calibrated_load_curve", "load_change"))
     assert set(before) == set(now) == {"position_m", "force_N", "low_N", "high_N"}
     assert before["position_m"] == change["position_m"] == now["position_m"]
     assert {len(values) for values in before.values()} == {101}
@@ -55,20 +55,20 @@ def test_a_calibration_that_is_from_no_file_is_there_without_a_name(fitted, writ
 
 
 def test_a_calibration_of_an_older_file_is_named_and_not_compared(fitted, written):
-    found = written(with_baseline(fitted, theta=(), theta_covariance=np.zeros((0, 0))))
-    assert found["calibration"]["name"] == "CAL.toml"
-    assert found["calibrated_load_curve"] is None
-    assert found["load_change"] is None
+    text = written(with_baseline(fitted, theta=(), theta_covariance=np.zeros((0, 0))))
+    assert text["calibration"]["name"] == "CAL.toml"
+    assert text["calibrated_load_curve"] is None
+    assert text["load_change"] is None
 
 
 @pytest.mark.parametrize("end", [np.inf, np.nan])
 def test_what_is_not_finite_is_null(fitted, written, end):
     curve, nowhere = fitted.load_curve, np.full(101, end)
     lost = replace(with_baseline(fitted), load_curve=LoadCurve(curve.position, curve.force, -nowhere, nowhere))
-    found = written(lost)
-    assert found["load_change"]["high_N"] == found["load_change"]["low_N"] == [None] * 101
-    assert found["load_change"]["half_load"]["now"]["low_m"] is None
-    assert found["trust"] == "none"
+    text = written(lost)
+    assert text["load_change"]["high_N"] == text["load_change"]["low_N"] == [None] * 101
+    assert text["load_change"]["half_load"]["now"]["low_m"] is None
+    assert text["trust"] == "none"
 
 
 def test_recordings_read_alone_are_there_by_name(fitted, written):

@@ -108,13 +108,13 @@ def test_a_load_that_was_not_freed_has_no_interval_and_is_said_to_be_fixed(fitte
 
 
 def test_what_changed_since_the_calibration_is_its_load_shift_and_other_changes(fitted):
-    known = with_baseline(fitted, share=0.8)
-    lines = rows_of(known, "load")[1].splitlines()
+    calibration = with_baseline(fitted, share=0.8)
+    lines = rows_of(calibration, "load")[1].splitlines()
     assert lines[3].split() == ["+25", "%"] * 4
-    (since,) = rows_of(known, "since")
+    (since,) = rows_of(calibration, "since")
     assert since.startswith("CAL.toml (2026-11-22, trust good): half-load position +0.00 mm")
     assert since.endswith("no other change found")
-    (since,) = rows_of(replace(known, changes=(change(), change("C_ve"))), "since")
+    (since,) = rows_of(replace(calibration, changes=(change(), change("C_ve"))), "since")
     assert f"{VALVES} changed in first (90 %: C_vs 1.9e-08 -> 2.1e-08 m³/(Pa·s), C_ve" in since
     assert "no other" not in since
 
@@ -150,9 +150,9 @@ def test_without_a_calibration_the_truck_of_the_paper_is_said_to_be_assumed(fitt
 
 
 def test_recordings_read_alone_have_a_line_each(fitted):
-    known = with_baseline(fitted)
-    readings = {"[red]day 1": known, "day 2": with_baseline(fitted, share=1.0), "unread": fitted}
-    lines = rows_of(replace(known, readings=readings), "alone")
+    calibration = with_baseline(fitted)
+    readings = {"[red]day 1": calibration, "day 2": with_baseline(fitted, share=1.0), "unread": fitted}
+    lines = rows_of(replace(calibration, readings=readings), "alone")
     assert len(lines) == 2
     assert re.fullmatch(r"\[red\]day 1: \+\d+ N \(\+25 %\) at 6 mm, half-load \+0\.00 mm, trust good", lines[0])
     assert lines[1].startswith("day 2: +0 N (+0 %) at 6 mm")

@@ -126,13 +126,13 @@ def test_the_page_has_every_section_and_says_how_many_vehicles_and_recordings_by
 
 
 def test_the_table_of_all_vehicles_has_every_one_by_name_with_a_link_to_its_page():
-    found = parsed([vehicle(f"V{i}") for i in (10, 9, 2)])
-    rows = found.tables["All vehicles"][2:]
+    content = parsed([vehicle(f"V{i}") for i in (10, 9, 2)])
+    rows = content.tables["All vehicles"][2:]
     assert [row[0] for row in rows] == ["V2", "V9", "V10"]
     assert rows[0][1:] == [
         "A", "2026-05-01", "10", "9", "0.100", "0.070\xa0to\xa00.130", "2.0", "0.010", "100", "50\xa0to\xa0200", "",
     ]  # fmt: skip
-    assert found.addresses.count("vehicles/V2.html") == 2  # here and among the worst
+    assert content.addresses.count("vehicles/V2.html") == 2  # here and among the worst
     assert parsed([vehicle("V1", page="")]).tables["All vehicles"][2][0] == "V1"
 
 
@@ -229,10 +229,10 @@ def test_a_fleet_without_a_reading_has_no_figure_but_its_vehicles_and_reasons():
 
 def test_an_empty_fleet_and_one_vehicle_have_a_page():
     assert "0 vehicles, 0 recordings" in page_of(document_of(FleetWear([], []), "c"))
-    one = page_of(document_of(FleetWear([vehicle("V1")], []), "c"))
-    assert "1 vehicle, 10 recordings" in one
-    assert "Every recording counts." in one
-    assert "No vehicle stands out." in one
+    text = page_of(document_of(FleetWear([vehicle("V1")], []), "c"))
+    assert "1 vehicle, 10 recordings" in text
+    assert "Every recording counts." in text
+    assert "No vehicle stands out." in text
 
 
 def rated(rates, **other):
@@ -243,7 +243,7 @@ def test_a_rate_beyond_the_robust_score_of_its_type_is_odd():
     rates = 1e-10 * np.array([0.8, 0.9, 1.0, 1.0, 1.1, 1.1, 1.2, 2.0, 0.1])
     deviation = np.median(abs(rates - 1e-10))
     odd = odd_vehicles(rated(rates), spans_of(rated(rates)))
-    assert [(one.vehicle.name, one.mark) for one in odd] == [("V7", "fast"), ("V8", "slow")]
+    assert [(vehicle.vehicle.name, vehicle.mark) for vehicle in odd] == [("V7", "fast"), ("V8", "slow")]
     assert odd[0].score == pytest.approx(0.6745 * 1e-10 / deviation)
     assert odd[0].reason == (
         "0.020 mm per 100,000 strokes; the median of the 9 vehicles of type A is 0.010 mm; robust z score +6.7."
@@ -351,8 +351,8 @@ def test_a_browser_sorts_and_filters_by_the_address_with_unknown_values_last(tmp
     options = ("--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}")
     command = ["chromium", *options, "--virtual-time-budget=20000", "--dump-dom", (tmp_path / "x.html").as_uri()]
     run = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
-    found = json.loads(unescape(re.search("<title>(.*?)</title>", run.stdout, re.DOTALL)[1]))
-    assert dict(zip(expected, found, strict=True)) == expected
+    content = json.loads(unescape(re.search("<title>(.*?)</title>", run.stdout, re.DOTALL)[1]))
+    assert dict(zip(expected, content, strict=True)) == expected
 
 
 @pytest.mark.parametrize(

@@ -103,7 +103,7 @@ def test_faults_are_on_the_page_in_words_with_their_seconds(undrawn, plant, log)
 
 
 def test_the_sentence_has_the_load_at_half_stroke_and_its_change_in_shares_of_the_peak(run):
-    before, after = (float(one.force[50]) for one in loads(run)[1:])
+    before, after = (float(load.force[50]) for load in loads(run)[1:])
     share = 100 * (after - before) / loads(run).before.force.max()
     expected = f"load at 12.5 mm {before:.0f} → {after:.0f} N ({share:+.1f} % of the peak), {len(run.strokes)} strokes"
     assert load_sentence(run) == expected

@@ -15,8 +15,8 @@ NONE = dict.fromkeys(LIVE_FLAGS, 0)
 def followed(plant, recorded_by):
     """An observer that has followed a worn actuator block by block, and the last block."""
     worn = plant.replace({name: 1.1 * plant.value(name) for name in plant.load.names})
-    log, one = recorded_by(worn, seconds=6.0), observer(plant)
-    run = live_run(one, start(one))
+    log, estimator = recorded_by(worn, seconds=6.0), observer(plant)
+    run = live_run(estimator, start(estimator))
     for begin in range(0, len(log), 1000):
         run, part = after_block(run, log.slice(begin, begin + 1000), NONE)
     return run, part

@@ -44,9 +44,9 @@ def shown(fitted):
     def show(fit):
         document = document_of(fit, "c")
         terminal = text_of(document.rows_on(On.FULL), 10_000)
-        found = json.dumps(document.data(), ensure_ascii=False)
+        text = json.dumps(document.data(), ensure_ascii=False)
         page, printed, notebook = flat(page_of(document)), flat(str(fit)), flat(fit._repr_html_())
-        return {"terminal": terminal, "page": page, "JSON": found, "print": printed, "notebook": notebook}
+        return {"terminal": terminal, "page": page, "JSON": text, "print": printed, "notebook": notebook}
 
     return show
 
@@ -102,11 +102,11 @@ def test_two_states_of_wear_are_no_change_of_the_valves_and_lead_to_track(fitted
     places = shown(fit)
     assert not any("valves changed" in text for text in places.values())
     assert "the difference between them was explained by valves: that is no change" in places["page"]
-    found = fit_json(fit)["states_of_wear"]
-    assert found["groups"] == [["new"], ["worn"]]
-    assert found["recordings"] == ["new", "worn"]
-    assert found["load_percent"] == pytest.approx(20.0)
-    assert 0.0 < found["load_allowed_percent"] < 20.0
+    states_of_wear = fit_json(fit)["states_of_wear"]
+    assert states_of_wear["groups"] == [["new"], ["worn"]]
+    assert states_of_wear["recordings"] == ["new", "worn"]
+    assert states_of_wear["load_percent"] == pytest.approx(20.0)
+    assert 0.0 < states_of_wear["load_allowed_percent"] < 20.0
     _, why, what = next_step(fit, COMMAND)
     assert why == "follow the wear"
     assert what == "clutchid track new.csv worn.csv --start CAL.toml --out WEAR.parquet"

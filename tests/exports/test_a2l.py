@@ -40,8 +40,8 @@ class Exported:
     def items(self) -> dict[str, str]:
         """Symbols by the names of measurements, characteristics and axes."""
         block = r"/begin (MEASUREMENT|CHARACTERISTIC|AXIS_PTS) (\S+) .*?/end \1"
-        found = re.finditer(block, self.text, re.DOTALL)
-        return {m[2]: re.search(r'SYMBOL_LINK "(.+?)" 0', m[0])[1] for m in found}
+        matches = re.finditer(block, self.text, re.DOTALL)
+        return {m[2]: re.search(r'SYMBOL_LINK "(.+?)" 0', m[0])[1] for m in matches}
 
     def application(self, statements: str, folder: Path) -> Path:
         """A source with the variables that the A2L names, and a main of some statements."""
@@ -215,9 +215,9 @@ def run_a2ltool(*options: str | Path) -> subprocess.CompletedProcess[str]:
 def test_a2ltool_finds_no_problem(exported: Exported, tmp_path: Path) -> None:
     file = tmp_path / "release.a2l"
     file.write_text(exported.text)
-    done = run_a2ltool("--strict", "--check", file)
-    assert done.returncode == 0
-    assert "No problems found" in done.stdout
+    process = run_a2ltool("--strict", "--check", file)
+    assert process.returncode == 0
+    assert "No problems found" in process.stdout
 
 
 @a2ltool
@@ -253,8 +253,8 @@ def test_a2ltool_finds_a_spoiled_file(exported: Exported, tmp_path: Path, spoil:
     file, spoiled = tmp_path / "release.a2l", spoil(exported.text)
     assert spoiled != exported.text
     file.write_text(spoiled)
-    done = run_a2ltool("--strict", "--check", file)
-    assert done.returncode != 0 or "No problems found" not in done.stdout
+    process = run_a2ltool("--strict", "--check", file)
+    assert process.returncode != 0 or "No problems found" not in process.stdout
 
 
 @a2ltool
@@ -271,8 +271,8 @@ def test_addresses_from_an_elf_file_are_those_of_the_program(exported: Exported,
     file.write_text(exported.text)
     for update in ("FULL", "ADDRESSES"):
         strict = ("--strict", "--update", update, "--update-mode", "STRICT", "--elffile", program)
-        done = run_a2ltool(*strict, "--output", filled, file)
-        assert (done.returncode, done.stderr) == (0, "")
+        process = run_a2ltool(*strict, "--output", filled, file)
+        assert (process.returncode, process.stderr) == (0, "")
         text = filled.read_text()
         assert addresses(text) == truth
     listed = map(str.split, subprocess.check_output(["nm", str(program)], text=True).splitlines())

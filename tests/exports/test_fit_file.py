@@ -52,31 +52,31 @@ def test_the_table_is_the_load_curve_and_the_parameters_are_those_of_the_fit(
     fitted: Fit, tmp_path: Path, name: str
 ) -> None:
     write_matlab(fitted, tmp_path / name)
-    found, curve = loaded(tmp_path / name), fitted.load_curve
+    content, curve = loaded(tmp_path / name), fitted.load_curve
     columns = {"position_m": curve.position, "force_N": curve.force, "low_N": curve.low, "high_N": curve.high}
     for key, values in columns.items():
-        assert np.array_equal(found["load"][key], values)
-    assert tuple(found["load"]["knots_m"]) == fitted.actuator.load.knots
-    assert tuple(found["load"]["weights"]) == fitted.actuator.load.theta
-    assert found["load"]["phi2_slope"] == 1.0
-    assert found["model"] == {"variant": "isothermal"}
-    assert found["parameters"].keys() == set(fitted.actuator.names)
-    for key, entry in found["parameters"].items():
+        assert np.array_equal(content["load"][key], values)
+    assert tuple(content["load"]["knots_m"]) == fitted.actuator.load.knots
+    assert tuple(content["load"]["weights"]) == fitted.actuator.load.theta
+    assert content["load"]["phi2_slope"] == 1.0
+    assert content["model"] == {"variant": "isothermal"}
+    assert content["parameters"].keys() == set(fitted.actuator.names)
+    for key, entry in content["parameters"].items():
         assert entry["value"] == fitted.actuator.value(key)
         estimate = fitted.parameters.get(key)
         expected = (estimate.std, estimate.low, estimate.high) if estimate else (np.nan,) * 3
         assert np.array_equal([entry["std"], entry["low"], entry["high"]], expected, equal_nan=True)
-    assert found["parameters"]["C_vs"]["unit"] == "m^3/(Pa*s)"
-    assert found["created_by"].startswith("clutchid ")
+    assert content["parameters"]["C_vs"]["unit"] == "m^3/(Pa*s)"
+    assert content["created_by"].startswith("clutchid ")
 
 
 @pytest.mark.parametrize("name", ["worn.mat", "worn.m"])
 def test_the_reach_and_the_warnings_are_there(fitted: Fit, tmp_path: Path, name: str) -> None:
     warned = replace(fitted, warnings=("theta_3 lies at its lower bound 0 N/m.", "a second one."))
     write_matlab(warned, tmp_path / name)
-    found = loaded(tmp_path / name)
-    assert list(found["warnings"]) == list(warned.warnings)
-    assert found["load"]["reach_m"] == reach(fitted)
+    content = loaded(tmp_path / name)
+    assert list(content["warnings"]) == list(warned.warnings)
+    assert content["load"]["reach_m"] == reach(fitted)
     write_matlab(fitted, tmp_path / name)
     assert len(loaded(tmp_path / name)["warnings"]) == len(fitted.warnings)
 
@@ -102,34 +102,34 @@ def test_recordings_have_their_hash_initial_states_and_own_parameters(odd: Fit, 
 def compared(fitted: Fit) -> Fit:
     """A fit as if it had started from a calibration, with two changes, and not to be trusted without care."""
     values = {"D_v": (2100.0, 2570.0, 35.0, "N·s/m"), "T_0": (293.0, 277.3, 0.9, "K")}
-    changes = tuple(Change("first", name, *each, 0.993, "temperature") for name, each in values.items())
+    changes = tuple(Change("first", name, *value, 0.993, "temperature") for name, value in values.items())
     return with_baseline(replace(fitted, converged=False, changes=changes))
 
 
 def test_a_result_carries_its_verdict_the_calibrated_load_and_what_has_changed(compared: Fit, tmp_path: Path) -> None:
     write_matlab(compared, tmp_path / "worn.mat")
-    found = loaded(tmp_path / "worn.mat")
-    assert found["trust"] == compared.verdict.trust == "with care"
-    assert [*np.atleast_1d(found["reasons"])] == [*compared.verdict.reasons]
-    assert found["calibration"]["name"] == "CAL.toml"
+    content = loaded(tmp_path / "worn.mat")
+    assert content["trust"] == compared.verdict.trust == "with care"
+    assert [*np.atleast_1d(content["reasons"])] == [*compared.verdict.reasons]
+    assert content["calibration"]["name"] == "CAL.toml"
     calibrated = compared.comparison.calibrated
-    assert np.array_equal(found["calibrated_load_curve"]["force_N"], calibrated.force)
-    assert np.array_equal(found["load_change"]["difference_N"], compared.load_curve.force - calibrated.force)
-    assert found["load_change"]["half_load"]["shift"]["position_m"] == compared.comparison.shift.position
-    assert [change["name"] for change in found["changes"]] == ["D_v", "T_0"]
-    assert {**found["changes"][0]} == {
+    assert np.array_equal(content["calibrated_load_curve"]["force_N"], calibrated.force)
+    assert np.array_equal(content["load_change"]["difference_N"], compared.load_curve.force - calibrated.force)
+    assert content["load_change"]["half_load"]["shift"]["position_m"] == compared.comparison.shift.position
+    assert [change["name"] for change in content["changes"]] == ["D_v", "T_0"]
+    assert {**content["changes"][0]} == {
         "recording": "first", "name": "D_v", "before": 2100.0, "after": 2570.0, "std": 35.0, "unit": "N*s/m",
         "probability": 0.993,
     }  # fmt: skip
-    assert [*found["covariance"]["names"]] == [*compared.parameters]
-    assert np.array_equal(found["covariance"]["matrix"], compared.covariance)
+    assert [*content["covariance"]["names"]] == [*compared.parameters]
+    assert np.array_equal(content["covariance"]["matrix"], compared.covariance)
 
 
 def test_without_a_calibration_nothing_is_compared(fitted: Fit, tmp_path: Path) -> None:
     write_matlab(fitted, tmp_path / "fit.m")
-    found = loaded(tmp_path / "fit.m")
-    assert found["changes"] == []
-    assert not {"calibration", "calibrated_load_curve", "load_change"} & found.keys()
+    content = loaded(tmp_path / "fit.m")
+    assert content["changes"] == []
+    assert not {"calibration", "calibrated_load_curve", "load_change"} & content.keys()
 
 
 def test_both_files_have_the_same_struct(odd: Fit, compared: Fit, tmp_path: Path) -> None:
@@ -167,9 +167,9 @@ def test_the_table_interpolates_the_load_to_a_thousandth_of_its_peak(tmp_path: P
 
 def test_a_parameter_of_a_valve_that_does_not_exist_is_left_out(fitted: Fit, tmp_path: Path) -> None:
     write_matlab(replace(fitted, actuator=Actuator(equipment=Equipment(valves="supply"))), tmp_path / "lift.mat")
-    found = loaded(tmp_path / "lift.mat")
-    assert "C_ve" not in found["parameters"]
-    assert found["actuator"]["valves"] == "supply"
+    content = loaded(tmp_path / "lift.mat")
+    assert "C_ve" not in content["parameters"]
+    assert content["actuator"]["valves"] == "supply"
 
 
 def test_weights_of_b_splines_come_with_their_knots(fitted: Fit, tmp_path: Path) -> None:
@@ -228,11 +228,11 @@ def test_octave_reads_the_same_struct_from_both_files(
     for name in ("odd.m", "odd.mat"):
         write_matlab(odd, tmp_path / name)
     program = "load odd.mat; [c, f] = odd; printf('%d %.17g', isequaln(c, clutchid), f(5.125e-3))"
-    done = subprocess.run(
+    process = subprocess.run(
         [octave, "--norc", "--eval", program], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False
     )
-    same, force = done.stdout.split()
-    assert same == "1", done.stderr
+    same, force = process.stdout.split()
+    assert same == "1", process.stderr
     curve = odd.load_curve
     assert float(force) == pytest.approx(np.interp(5.125e-3, curve.position, curve.force), rel=1e-14)
 

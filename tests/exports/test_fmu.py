@@ -189,8 +189,8 @@ def compiled(exported: Exported) -> Exported:
 
 @pytest.fixture(scope="module")
 def modules(plant: Actuator) -> dict[str, CSource]:
-    found = observer(plant)
-    return observer_c99(found, start(found), STYLE, "a test")
+    estimator = observer(plant)
+    return observer_c99(estimator, start(estimator), STYLE, "a test")
 
 
 @pytest.fixture(scope="module")
@@ -362,10 +362,10 @@ def test_without_a_compiler_an_fmu_has_only_sources(monkeypatch, plant):
 
 def test_a_compiler_that_fails_is_an_error_with_its_words(plant, modules, made):
     compiled(made("observer", 2))
-    found = observer(plant)
+    estimator = observer(plant)
     broken = {**modules, "clutch": replace(modules["clutch"], source="int x = unknown_name;\n")}
     with pytest.raises(ExportError, match="unknown_name"):
-        observer_fmu(found, start(found), STYLE, broken, "a test")
+        observer_fmu(estimator, start(estimator), STYLE, broken, "a test")
 
 
 def test_a_name_that_c_does_not_take_is_refused(plant):
@@ -384,8 +384,8 @@ def test_its_sources_compile_without_a_warning(runs, header, tmp_path):
         (tmp_path / "headers" / name).write_text(template(f"{name}.j2", "clutchid.exports").render())
     sources = sorted(str(file) for file in (runs.folder / "sources").glob("*_fmu.c"))
     command = ["cc", *STRICT, "-O1", f"-I{tmp_path / 'headers'}", "-c", "-o", str(tmp_path / "fmu.o"), *sources]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.stderr == ""
+    process = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert process.stderr == ""
 
 
 def test_its_library_has_every_function_of_the_standard_and_no_other(runs):
@@ -407,8 +407,8 @@ def test_steps_of_the_observer_are_those_of_the_replay(observing, modules, input
     subprocess.run(["cc", "-std=c99", "-O0", "-o", str(folder / "replay"), *files, "-lm"], check=True)
     columns = [inputs[name][:n] for name in ("position_measured", "duty_supply", "duty_exhaust")]
     samples = np.column_stack([*columns, np.full(n, np.nan), np.where(np.arange(n) > 0, 1000.0, 0.0)])
-    done = subprocess.run([str(folder / "replay")], input=samples.tobytes(), capture_output=True, check=True)
-    replayed = np.frombuffer(done.stdout)
+    process = subprocess.run([str(folder / "replay")], input=samples.tobytes(), capture_output=True, check=True)
+    replayed = np.frombuffer(process.stdout)
     instance = observing.instance().begin(load_position=5e-3)
     found = instance.follow(inputs, names, 0, n)
     np.testing.assert_array_equal(found, replayed[: len(names) * n].reshape(n, -1))
@@ -594,12 +594,12 @@ def test_the_library_for_windows_gives_the_numbers_of_that_for_linux(runs, input
         of_platform = addresses(measured[0].read_text())
         numbers += [f"@{of_platform[f'{runs.name}.{name}']:X}" for name in names[4:]]
     samples = "\n".join(" ".join(float(values[k]).hex() for values in used.values()) for k in range(n))
-    done = subprocess.run(
+    process = subprocess.run(
         ["wine64", loader, library, str(runs.version), runs.token, str(len(used)), *numbers],
         input=samples, capture_output=True, text=True, check=False, env={**os.environ, "WINEDEBUG": "-all"},
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    on_windows = np.array([[float.fromhex(value) for value in line.split()] for line in done.stdout.splitlines()])
+    assert process.returncode == 0, process.stderr
+    on_windows = np.array([[float.fromhex(value) for value in line.split()] for line in process.stdout.splitlines()])
     on_linux = runs.instance().begin().follow(used, names, 0, n)
     assert on_windows.shape == on_linux.shape
     for value, expected in zip(on_windows.T, on_linux.T, strict=True):  # the C libraries differ in the last bit

@@ -10,11 +10,11 @@ from clutchid.observer.health import FLAGS, LIVE_FLAGS
 
 def test_the_dbc_has_the_signals_that_are_sent():
     read = messages_in(results_dbc())
-    assert [(one.name, one.identifier, one.length) for one in read] == [
-        (one.name, one.identifier, LENGTH) for one in MESSAGES
+    assert [(reading.name, reading.identifier, reading.length) for reading in read] == [
+        (reading.name, reading.identifier, LENGTH) for reading in MESSAGES
     ]
-    for one, sent in zip(read, MESSAGES, strict=True):
-        assert {(s.name, s.begin, s.length, s.scale, s.offset, s.unit) for s in one.groups[0].signals} == {
+    for reading, sent in zip(read, MESSAGES, strict=True):
+        assert {(s.name, s.begin, s.length, s.scale, s.offset, s.unit) for s in reading.groups[0].signals} == {
             (s.name, s.begin, s.length, s.scale, s.offset, s.unit) for s in sent.signals
         }
     assert {*FLAGS, *LIVE_FLAGS} <= {signal.name for signal in MESSAGES[-1].signals}

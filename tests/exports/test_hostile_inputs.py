@@ -42,9 +42,9 @@ def log(plant, recorded_by):
 
 @pytest.fixture(scope="module")
 def one(plant, log):
-    known = RecordedConditions(supply=9.5e5, supply_estimated=plant.value("P_S"))
+    conditions = RecordedConditions(supply=9.5e5, supply_estimated=plant.value("P_S"))
     rest = vented_rest(log.slice(0, 4000))
-    return observer(plant, calibration=Calibration((), np.zeros((0, 0)), conditions=known, nis=0.05, rest=rest))
+    return observer(plant, calibration=Calibration((), np.zeros((0, 0)), conditions=conditions, nis=0.05, rest=rest))
 
 
 def every(log, n, first=0):
@@ -292,8 +292,8 @@ def test_a_block_is_of_the_values_that_a_tool_has_changed(one, tmp_path):
 
     def run(block):
         program = compiled([tmp_path / "main.c", *sources], tmp_path / "main", "-I", str(tmp_path / "src"))
-        done = subprocess.run([program], input=block, capture_output=True, check=True)
-        return done.stdout, done.stderr.decode()
+        process = subprocess.run([program], input=block, capture_output=True, check=True)
+        return process.stdout, process.stderr.decode()
 
     stored, first = run(b"")
     assert (first, run(stored)[1]) == ("0", "1")

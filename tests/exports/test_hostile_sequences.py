@@ -83,8 +83,8 @@ int main(int count, char **words)
 
 @pytest.fixture(scope="module")
 def one(plant):
-    known = RecordedConditions(supply=9e5, supply_estimated=plant.value("P_S"))
-    return observer(plant, calibration=Calibration((), np.zeros((0, 0)), conditions=known, nis=0.05))
+    conditions = RecordedConditions(supply=9e5, supply_estimated=plant.value("P_S"))
+    return observer(plant, calibration=Calibration((), np.zeros((0, 0)), conditions=conditions, nis=0.05))
 
 
 @pytest.fixture(scope="module")

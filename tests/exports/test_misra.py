@@ -30,8 +30,8 @@ def reported(folder):
         "-q",
         "--template={id}",
     ]
-    done = subprocess.run([*command, *folder.glob("*.c")], capture_output=True, text=True, check=True)
-    return Counter(re.findall(r"misra-c2012-(\d+\.\d+)", done.stderr))
+    process = subprocess.run([*command, *folder.glob("*.c")], capture_output=True, text=True, check=True)
+    return Counter(re.findall(r"misra-c2012-(\d+\.\d+)", process.stderr))
 
 
 @pytest.mark.parametrize(

@@ -23,10 +23,10 @@ def test_an_observer_with_own_friction_and_own_states_computes_in_c_what_it_does
     monkeypatch.syspath_prepend(str(EXAMPLES))
     from maxwell_slip import maxwell_slip
 
-    one, style = observer(Actuator(model=maxwell_slip, load=Load())), CStyle("own", real, "one")
-    log = recorded_by(one.actuator, seconds=4.0)
-    done = write_export(one, begun(one, start(one)), tmp_path, style, "own model", check=log)
+    estimator, style = observer(Actuator(model=maxwell_slip, load=Load())), CStyle("own", real, "one")
+    log = recorded_by(estimator.actuator, seconds=4.0)
+    export = write_export(estimator, begun(estimator, start(estimator)), tmp_path, style, "own model", check=log)
     sys.modules.pop("maxwell_slip", None)
-    assert done.parity is not None
-    assert done.parity.flags == {}
-    assert done.parity.holds(style)
+    assert export.parity is not None
+    assert export.parity.flags == {}
+    assert export.parity.holds(style)

@@ -76,8 +76,10 @@ def faulty(log):
 @pytest.fixture(scope="module")
 def observer_of(switched, log):
     """The observer of a method, with all that a calibration can tell it."""
-    known = RecordedConditions(temperature=290.0, supply=9.5e5, supply_estimated=switched.value("P_S"))
-    calibration = Calibration((), np.zeros((0, 0)), conditions=known, nis=0.05, rest=vented_rest(log.slice(0, 4000)))
+    conditions = RecordedConditions(temperature=290.0, supply=9.5e5, supply_estimated=switched.value("P_S"))
+    calibration = Calibration(
+        (), np.zeros((0, 0)), conditions=conditions, nis=0.05, rest=vented_rest(log.slice(0, 4000))
+    )
     return cache(lambda method: observer(switched, method, calibration=calibration))
 
 
@@ -95,11 +97,11 @@ def found_by(observer_of, tmp_path_factory):
         return program(method, style, begun(observer_of(method), start(observer_of(method))), begins)
 
     def found(method, style, log, saved=None):
-        one, begins = observer_of(method), begins_us(log)
-        state = begun(one, saved or start(one))
+        estimator, begins = observer_of(method), begins_us(log)
+        state = begun(estimator, saved or start(estimator))
         made = program(method, style, state, begins) if saved else calibrated(method, style, begins)
-        outputs = replayed(made, one, log)
-        return outputs, parity(one, state, log, outputs)
+        outputs = replayed(made, estimator, log)
+        return outputs, parity(estimator, state, log, outputs)
 
     return found
 
@@ -170,16 +172,16 @@ def test_a_filter_that_diverges_goes_back_to_the_last_stroke_and_starts_anew(fou
 
 def test_the_model_and_the_paper_s_load_are_exported_too(found_by, plant, recorded_by):
     actuator = Actuator(plant.parameters, Load((9.0e5, -0.3e5, 0.6e5)), "isothermal")
-    one, log = observer(actuator, "paper"), recorded_by(actuator, driven=1)
-    state, style = start(one), CStyle(real="double")
-    outputs = replay(one, observer_c99(one, state, style, "test"), style, log, compiler())
-    compared = parity(one, state, log, outputs)
+    estimator, log = observer(actuator, "paper"), recorded_by(actuator, driven=1)
+    state, style = start(estimator), CStyle(real="double")
+    outputs = replay(estimator, observer_c99(estimator, state, style, "test"), style, log, compiler())
+    compared = parity(estimator, state, log, outputs)
     assert compared.holds(style), compared
 
 
 def test_an_export_goes_on_from_what_a_saved_state_has_learnt(found_by, observer_of, log):
-    one = observer_of("joint")
-    saved, _ = observe(one, start(one), log)
+    estimator = observer_of("joint")
+    saved, _ = observe(estimator, start(estimator), log)
     _, compared = found_by("joint", CStyle(real="double"), log, saved)
     assert compared.holds(CStyle(real="double")), compared
     assert compared.strokes[0] > saved.strokes.ended > 0
@@ -219,19 +221,19 @@ int main(int count, char **words)
 
 
 def test_a_restart_goes_on_from_memory_and_a_damaged_one_from_the_calibration(observer_of, log, tmp_path):
-    one, folder = observer_of("joint"), tmp_path / "src"
-    write_sources(one, CStyle(real="double"), folder)
+    estimator, folder = observer_of("joint"), tmp_path / "src"
+    write_sources(estimator, CStyle(real="double"), folder)
     (folder / "main.c").write_text("#include <stdlib.h>\n" + MEMORY)
     program = tmp_path / "main"
     subprocess.run(["cc", "-O0", "-o", program, *folder.glob("*.c"), "-lm"], check=True)
-    given = samples_of(log.slice(0, 5000)).tobytes()
+    data = samples_of(log.slice(0, 5000)).tobytes()
 
     def run(*words):
-        lines = subprocess.run([program, *words], input=given, capture_output=True, check=True).stdout.split()
+        lines = subprocess.run([program, *words], input=data, capture_output=True, check=True).stdout.split()
         return [float(word) for word in lines]
 
     force, strokes, size, again, strokes_again = run()
-    calibrated = float(one.actuator.load.force(np.array([6e-3]))[0])
+    calibrated = float(estimator.actuator.load.force(np.array([6e-3]))[0])
     assert abs(again - force) < 0.25 * abs(force - calibrated)
     assert strokes_again == strokes > 0
     for at in (0, 4, 8, 12, int(size) - 9, int(size) // 2):
@@ -244,8 +246,8 @@ def test_a_restart_goes_on_from_memory_and_a_damaged_one_from_the_calibration(ob
     [*(("joint", *style) for style in STYLES), ("joint-reduced", *STYLES[0]), ("states", *STYLES[3])],
 )
 def test_it_compiles_without_a_warning_and_float_knows_no_double(observer_of, tmp_path, method, real, rates):
-    one = observer_of(method)
-    modules = observer_c99(one, start(one), CStyle("own_name", real, rates), "test")
+    estimator = observer_of(method)
+    modules = observer_c99(estimator, start(estimator), CStyle("own_name", real, rates), "test")
     for file, text in source_files(modules).items():
         (tmp_path / file).write_text(text)
     sources = sorted(tmp_path.glob("*.c"))
@@ -267,14 +269,14 @@ def test_what_cannot_be_exported_is_a_sentence(switched):
     for name in ("2nd", "a b", "", "int", "x" * 40):
         with pytest.raises(ParameterError, match="no C identifier"):
             CStyle(name)
-    one = observer(switched, "adaptive")
+    estimator = observer(switched, "adaptive")
     with pytest.raises(ParameterError, match="joint, joint-reduced, states and paper are exported"):
-        observer_c99(one, start(one), CStyle(), "test")
+        observer_c99(estimator, start(estimator), CStyle(), "test")
 
 
 def test_a_title_cannot_end_the_comment_that_it_stands_in(switched):
-    one = observer(switched, "states")
-    code = observer_c99(one, start(one), CStyle(), "cal */ int spoiled; /*.toml")["clutch"]
+    estimator = observer(switched, "states")
+    code = observer_c99(estimator, start(estimator), CStyle(), "cal */ int spoiled; /*.toml")["clutch"]
     assert "*/ int spoiled" not in code.header
     assert "cal * / int spoiled; / *.toml" in code.header
 

@@ -46,12 +46,12 @@ def in_c(learning, tmp_path_factory):
     program = replay(style, write_sources(learning, style, tmp_path_factory.mktemp("c") / "src"), at, 0)
 
     def run(log):
-        found = np.frombuffer(
+        samples = np.frombuffer(
             subprocess.run([program], input=samples_of(log).tobytes(), capture_output=True, check=True).stdout
         )
         n = len(log) * len(COLUMNS)
-        strokes = found[:n].reshape(-1, len(COLUMNS))[:, COLUMNS.index("strokes")]
-        return strokes, found[n : n + BAND * at.size].reshape(-1, BAND)[:, :3]
+        strokes = samples[:n].reshape(-1, len(COLUMNS))[:, COLUMNS.index("strokes")]
+        return strokes, samples[n : n + BAND * at.size].reshape(-1, BAND)[:, :3]
 
     return run
 

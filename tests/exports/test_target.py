@@ -65,8 +65,8 @@ def outputs_of(folder: Path, style: CStyle, samples: FloatArray) -> FloatArray:
         "-lm",
     ]
     subprocess.run(command, check=True)
-    done = subprocess.run([folder / "replay"], input=samples.tobytes(), capture_output=True, check=True)
-    rows = np.frombuffer(done.stdout)[: len(samples) * len(OUTPUTS)]
+    process = subprocess.run([folder / "replay"], input=samples.tobytes(), capture_output=True, check=True)
+    rows = np.frombuffer(process.stdout)[: len(samples) * len(OUTPUTS)]
     return rows.reshape(len(samples), len(OUTPUTS))
 
 

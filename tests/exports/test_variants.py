@@ -86,15 +86,15 @@ def built(calibrations, style, main, folder):
 
 
 def run(program, samples):
-    done = subprocess.run([program], input=samples.tobytes(), capture_output=True, check=True)
-    return np.frombuffer(done.stdout)
+    process = subprocess.run([program], input=samples.tobytes(), capture_output=True, check=True)
+    return np.frombuffer(process.stdout)
 
 
 @pytest.mark.parametrize("style", STYLES, ids=lambda style: f"{style.real}-{style.rates}")
 def test_two_calibrations_share_the_code_and_have_the_outputs_of_two_exports(calibrations, samples, tmp_path, style):
     outputs = run(built(calibrations, style, BOTH, tmp_path), np.stack(samples, axis=1)).reshape(-1, 2, len(OUTPUTS))
-    for i, one in enumerate(calibrations):
-        program = replay(style, write_sources(one, style, tmp_path / f"alone{i}"), np.zeros(1), 0)
+    for i, calibration in enumerate(calibrations):
+        program = replay(style, write_sources(calibration, style, tmp_path / f"alone{i}"), np.zeros(1), 0)
         alone = run(program, samples[i])[: len(samples[i]) * len(OUTPUTS)].reshape(-1, len(OUTPUTS))
         np.testing.assert_array_equal(outputs[:, i], alone)
     assert outputs[-1, 0, 8] > 0
@@ -154,23 +154,23 @@ CHANGED = """
 def test_a_calibration_may_be_changed_while_it_runs(plant, recorded_by, tmp_path, style):
     """A tool writes a parameter that adapts, and one that does not; what was learnt and the motion go on."""
     log = recorded_by(plant, seconds=6.0)
-    one = observer(plant)
-    at = [c.base for c in one.joint.coordinates].index("F_C")
-    area = one.actuator.parameter_names.index("A_A")
+    estimator = observer(plant)
+    at = [c.base for c in estimator.joint.coordinates].index("F_C")
+    area = estimator.actuator.parameter_names.index("A_A")
 
     mean = f"ram.filter.parameters[{at}].mean"
     changes = f"""
         if (change == 'm') {{ {mean} *= 1.3F; ram.derived.p[{area}] *= 0.98F; }}
         if (change == 'a') {{ {mean} *= 1.0F; }}
     """
-    program = built([one, one], style, CHANGED.replace("AT", "4000").replace("CHANGES", changes), tmp_path)
+    program = built([estimator, estimator], style, CHANGED.replace("AT", "4000").replace("CHANGES", changes), tmp_path)
 
     def changed(change):
-        done = subprocess.run(
+        process = subprocess.run(
             [program], input=samples_of(log).tobytes(), capture_output=True, check=True, env={"CHANGE": change}
         )
-        found = np.frombuffer(done.stdout)
-        return found[:-1].reshape(-1, len(OUTPUTS)), found[-1], done.stderr.decode()
+        samples = np.frombuffer(process.stdout)
+        return samples[:-1].reshape(-1, len(OUTPUTS)), samples[-1], process.stderr.decode()
 
     plain, force, said = changed("none")
     assert said.split()[1:] == ["1", "1", "1"]

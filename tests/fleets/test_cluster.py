@@ -102,8 +102,8 @@ def test_the_workers_of_a_scheduler_do_the_same_work_once_each_and_raise_sentenc
     for place in (Workers(scheduler=address), Workers(2)):
         with pytest.raises(DataError, match="it is so"):
             list(results(own_error, [1], place))
-    found = results(abs, iter(range(1010)), Workers(scheduler=address))  # more than fit at the scheduler
-    assert sorted((one.item, one.result) for one in found) == [(n, n) for n in range(1010)]
+    rows = results(abs, iter(range(1010)), Workers(scheduler=address))  # more than fit at the scheduler
+    assert sorted((one.item, one.result) for one in rows) == [(n, n) for n in range(1010)]
 
 
 @pytest.mark.usefixtures("patient")
@@ -123,10 +123,10 @@ def test_an_item_whose_worker_of_dask_is_lost_is_given_to_another_one(scheduler,
     address, worker, started = scheduler
     worker("--no-nanny")
     worker("--no-nanny")
-    found = results(time.sleep, [0.2] * 20, Workers(scheduler=address))
-    next(found)
+    rows = results(time.sleep, [0.2] * 20, Workers(scheduler=address))
+    next(rows)
     started[1].kill()
-    assert [one.result for one in found] == [None] * 19
+    assert [one.result for one in rows] == [None] * 19
 
 
 def test_a_scheduler_that_is_lost_is_a_sentence_and_what_is_done_was_given(scheduler, capfd, monkeypatch):
@@ -134,8 +134,8 @@ def test_a_scheduler_that_is_lost_is_a_sentence_and_what_is_done_was_given(sched
     worker()
     done = []
     with pytest.raises(SolveError, match="the connection to the scheduler"):  # noqa: PT012
-        for one in results(time.sleep, [0.05] * 200, Workers(scheduler=address)):
-            done.append(one)
+        for result in results(time.sleep, [0.05] * 200, Workers(scheduler=address)):
+            done.append(result)
             if len(done) == 5:
                 monkeypatch.setattr(cluster, "ANSWER", 2.0)
                 started[0].kill()
@@ -150,9 +150,9 @@ def test_local_workers_open_no_port_and_need_no_dask():
         "for one in (this, *this.children(recursive=True)): print(one.net_connections())\n"
         "assert 'distributed' not in sys.modules"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert set(done.stdout.split()) == {"[]"}, "a process and its workers"
-    assert len(done.stdout.split()) >= 2
+    process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert set(process.stdout.split()) == {"[]"}, "a process and its workers"
+    assert len(process.stdout.split()) >= 2
 
 
 @pytest.fixture(scope="module")
@@ -170,8 +170,8 @@ def test_a_scheduler_with_certificates_does_the_work_of_who_has_one(tmp_path, ce
     tls = [str(part) for pair in zip(options, certificates, strict=True) for part in pair]
     with _started(tmp_path, *tls, "--protocol", "tls") as (address, worker, _):
         worker(*tls)
-        found = results(abs, range(9), Workers(scheduler=address, tls=certificates))
-        assert sorted(one.result for one in found) == list(range(9))
+        rows = results(abs, range(9), Workers(scheduler=address, tls=certificates))
+        assert sorted(one.result for one in rows) == list(range(9))
         with pytest.raises(ParameterError, match="needs certificates"):
             list(results(abs, range(9), Workers(scheduler=address)))
         strangers = Security.temporary()

@@ -38,10 +38,10 @@ def keys(fleet):
 
 
 def test_each_folder_of_recordings_is_a_vehicle(depot):
-    found = fleet_of(depot / "fleet", depot / "cal.toml")
-    assert keys(found) == [("V1", "a"), ("V1", "b"), ("V2", "a"), ("V2", "b")]
-    assert {job.start for job in found.jobs} == {depot / "cal.toml"}
-    assert found.jobs[2].path == depot / "fleet" / "V2" / "a.parquet"
+    fleet = fleet_of(depot / "fleet", depot / "cal.toml")
+    assert keys(fleet) == [("V1", "a"), ("V1", "b"), ("V2", "a"), ("V2", "b")]
+    assert {job.start for job in fleet.jobs} == {depot / "cal.toml"}
+    assert fleet.jobs[2].path == depot / "fleet" / "V2" / "a.parquet"
 
 
 def test_a_table_says_vehicle_and_type_and_finds_the_files_below_it(depot):
@@ -101,8 +101,8 @@ def test_results_of_a_run_are_no_recordings_and_a_link_to_a_file_that_is_gone_is
     for name in ("run.sqlite", "results.parquet", "curves/part-00000.parquet"):
         (results / name).touch()
     (depot / "fleet" / "V2" / "c.parquet").symlink_to(depot / "share" / "c.parquet")
-    found = keys(fleet_of(depot / "fleet", depot / "cal.toml"))
-    assert found == [("V1", "a"), ("V1", "b"), ("V2", "a"), ("V2", "b"), ("V2", "c")]
+    names = keys(fleet_of(depot / "fleet", depot / "cal.toml"))
+    assert names == [("V1", "a"), ("V1", "b"), ("V2", "a"), ("V2", "b"), ("V2", "c")]
 
 
 def test_hidden_files_and_folders_are_no_recordings(depot):
@@ -121,9 +121,9 @@ def test_names_that_are_no_text_are_shown_by_their_bytes(depot):
     folder.mkdir()
     for name in (b"\xff\xfe.parquet", b"\xff\xff.parquet"):
         (folder / os.fsdecode(name)).touch()
-    found = fleet_of(depot / "fleet", depot / "cal.toml")
-    assert keys(found)[-2:] == [(r"V\xfc3", r"\xff\xfe"), (r"V\xfc3", r"\xff\xff")]
+    fleet = fleet_of(depot / "fleet", depot / "cal.toml")
+    assert keys(fleet)[-2:] == [(r"V\xfc3", r"\xff\xfe"), (r"V\xfc3", r"\xff\xff")]
     (depot / "cals").mkdir()
     (depot / "cals" / "V1.toml").touch()
     problems = [job.problem for job in fleet_of(depot / "fleet", depot / "cals").jobs]
-    assert any(one.startswith(r"there is no calibration of vehicle 'V\xfc3'") for one in problems)
+    assert any(problem.startswith(r"there is no calibration of vehicle 'V\xfc3'") for problem in problems)

@@ -20,11 +20,11 @@ from fixtures.commands import without_workers
 def statuses(tmp_path, status):
     """What becomes of one file under two vehicles that ended with a status."""
     jobs = tuple(FleetJob(vehicle, "r", "", tmp_path, tmp_path) for vehicle in ("V1", "V2"))
-    with store(tmp_path / status, {}) as one:
+    with store(tmp_path / status, {}) as stored:
         for job in jobs:
             read = RecordingResult(tmp_path, WearReading(status, "its sentence", "none", None), sha256="same")
-            one.put(StoredResult(job.vehicle, job.recording, "", "", read, 0.0))
-        return [row.read.reading[:2] for row in rows_of(Fleet(tmp_path, jobs, {}), one)]
+            stored.put(StoredResult(job.vehicle, job.recording, "", "", read, 0.0))
+        return [row.read.reading[:2] for row in rows_of(Fleet(tmp_path, jobs, {}), stored)]
 
 
 def test_the_same_recording_counts_once_but_the_same_broken_file_is_broken_twice(tmp_path):
@@ -37,15 +37,15 @@ def test_a_file_that_goes_before_it_is_read_is_a_row(tmp_path):
     gone, start = tmp_path / "gone.parquet", tmp_path / "cal.toml"
     start.touch()
     fleet = Fleet(tmp_path, (FleetJob("V1", "gone", "", gone, start),), {})
-    with store(tmp_path / "out", {}) as one:
-        (task,) = tasks(fleet, ReadingOptions(), one)
+    with store(tmp_path / "out", {}) as stored:
+        (task,) = tasks(fleet, ReadingOptions(), stored)
         read = read_recording(ReadingOptions(), task.start, gone)
         assert read.reading.status == "bad_input"
         assert "gone.parquet: there is no such file" in read.reading.message
-        one.put(StoredResult("V1", "gone", task.inputs, task.file, read, 0.0))
-        assert not tasks(fleet, ReadingOptions(), one)
+        stored.put(StoredResult("V1", "gone", task.inputs, task.file, read, 0.0))
+        assert not tasks(fleet, ReadingOptions(), stored)
         gone.touch()
-        assert tasks(fleet, ReadingOptions(), one), "it has come back"
+        assert tasks(fleet, ReadingOptions(), stored), "it has come back"
 
 
 def test_what_a_result_was_made_from_is_read_again_when_it_changes(tmp_path, monkeypatch):
@@ -54,15 +54,15 @@ def test_what_a_result_was_made_from_is_read_again_when_it_changes(tmp_path, mon
         path.write_text("before")
     fleet = Fleet(tmp_path, (FleetJob("V1", "r", "", recording, start),), {})
     options = ReadingOptions(channel_map=channels)
-    with store(tmp_path / "out", {}) as one:
+    with store(tmp_path / "out", {}) as stored:
 
         def is_read(options=options, **retry):
             """Whether the recording is read now; then it is done."""
-            todo = tasks(fleet, options, one, **retry)
+            todo = tasks(fleet, options, stored, **retry)
             for task in todo:
                 lost = WearReading("killed", "lost", "none", None)
                 read = RecordingResult(recording, lost, sha256=checksum_of(recording))
-                one.put(StoredResult("V1", "r", task.inputs, task.file, read, 0.0))
+                stored.put(StoredResult("V1", "r", task.inputs, task.file, read, 0.0))
             return bool(todo)
 
         assert is_read()
@@ -85,13 +85,13 @@ def test_a_file_that_could_not_be_read_is_tried_again_without_a_change(tmp_path)
     recording.touch()
     start.touch()
     fleet = Fleet(tmp_path, (FleetJob("V1", "r", "", recording, start),), {})
-    with store(tmp_path / "out", {}) as one:
-        (task,) = tasks(fleet, ReadingOptions(), one)
+    with store(tmp_path / "out", {}) as stored:
+        (task,) = tasks(fleet, ReadingOptions(), stored)
         for checksum, again in (("", 1), (checksum_of(recording), 0)):
             failed = WearReading("bad_input", "cannot be read.", "none", None)
             read = RecordingResult(recording, failed, sha256=checksum)
-            one.put(StoredResult("V1", "r", task.inputs, task.file, read, 0.0))
-            assert len(tasks(fleet, ReadingOptions(), one)) == again
+            stored.put(StoredResult("V1", "r", task.inputs, task.file, read, 0.0))
+            assert len(tasks(fleet, ReadingOptions(), stored)) == again
 
 
 def test_a_calibration_that_changes_while_a_worker_lives_is_read_again(tmp_path):
@@ -125,7 +125,7 @@ def test_recordings_of_several_folders_without_a_table_are_warned_of(tmp_path):
     (tmp_path / "cal.toml").touch()
     tracked = track(paths, tmp_path / "cal.toml")
     assert "the recordings lie in 2 folders (V1, V2) and are taken for those of one" in tracked.wear.warnings[0]
-    assert not any("folders" in one for one in track(paths[:1], tmp_path / "cal.toml").wear.warnings)
+    assert not any("folders" in warning for warning in track(paths[:1], tmp_path / "cal.toml").wear.warnings)
 
 
 def test_a_refused_recording_is_one_line_that_says_which_command_has_force(tmp_path):

@@ -30,13 +30,13 @@ def kept(name, vehicle="V1", status="ok"):
 
 
 def test_a_result_comes_back_as_it_was(tmp_path):
-    with store(tmp_path / "out", ABOUT) as one:
-        one.put(kept("r2"))
-        one.put(kept("r1", "V2"))
-        one.put(kept("r1"))
-    with store(tmp_path / "out", ABOUT) as one:
-        found = list(one.results())
-        assert one.keys()["V1", "r2"] == ("inputs", "12 34", "abc", "ok")
+    with store(tmp_path / "out", ABOUT) as stored:
+        stored.put(kept("r2"))
+        stored.put(kept("r1", "V2"))
+        stored.put(kept("r1"))
+    with store(tmp_path / "out", ABOUT) as stored:
+        found = list(stored.results())
+        assert stored.keys()["V1", "r2"] == ("inputs", "12 34", "abc", "ok")
     assert [(k.vehicle, k.recording) for k in found] == [("V1", "r1"), ("V1", "r2"), ("V2", "r1")]
     before, after = kept("r1").read, found[0].read
     assert after.reading[:3] == before.reading[:3]
@@ -52,8 +52,8 @@ def test_a_folder_of_something_else_is_refused_unchanged(tmp_path):
     (tmp_path / "mine" / "letter.txt").write_text("dear")
     refused(tmp_path / "mine", "is not empty and has no run of a fleet")
     assert [path.name for path in (tmp_path / "mine").iterdir()] == ["letter.txt"]
-    with store(tmp_path / "out", ABOUT) as one:
-        one.put(kept("r1"))
+    with store(tmp_path / "out", ABOUT) as stored:
+        stored.put(kept("r1"))
     words = "has a run whose verb is fit, not track; name another folder"
     refused(tmp_path / "out", words, {**ABOUT, "verb": "track"})
 
@@ -67,26 +67,26 @@ def test_only_one_run_at_a_time_works_in_a_folder(tmp_path):
 @pytest.mark.slow
 def test_a_full_disk_is_a_sentence_and_what_was_written_before_is_whole(tmp_path):
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    with store(tmp_path, ABOUT) as one:
-        one.put(kept("first"))
+    with store(tmp_path, ABOUT) as stored:
+        stored.put(kept("first"))
 
-    def fill(one, count):
+    def fill(stored, count):
         for k in range(count):
-            one.put(kept(f"r{k}"))
-            one.saved()
+            stored.put(kept(f"r{k}"))
+            stored.saved()
 
     try:
         resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, limits[1]))
-        with pytest.raises(ExportError, match="Make room on the disk"), store(tmp_path, ABOUT) as one:
-            fill(one, 2000)
+        with pytest.raises(ExportError, match="Make room on the disk"), store(tmp_path, ABOUT) as stored:
+            fill(stored, 2000)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    with store(tmp_path, ABOUT) as one:
-        names = [k.recording for k in one.results()]
+    with store(tmp_path, ABOUT) as stored:
+        names = [k.recording for k in stored.results()]
         assert "first" in names
-        fill(one, 50)
-    with store(tmp_path, ABOUT) as one:
-        assert {*names, *(f"r{k}" for k in range(50))} == {k.recording for k in one.results()}
+        fill(stored, 50)
+    with store(tmp_path, ABOUT) as stored:
+        assert {*names, *(f"r{k}" for k in range(50))} == {k.recording for k in stored.results()}
 
 
 def test_a_file_that_is_no_store_of_this_version_is_refused(tmp_path):
@@ -101,8 +101,8 @@ def test_a_file_that_is_no_store_of_this_version_is_refused(tmp_path):
 def test_a_run_that_has_done_nothing_may_become_another(tmp_path):
     with store(tmp_path, ABOUT):
         pass
-    with store(tmp_path, {**ABOUT, "verb": "track"}) as one:
-        one.put(kept("r1"))
+    with store(tmp_path, {**ABOUT, "verb": "track"}) as stored:
+        stored.put(kept("r1"))
     refused(tmp_path, "has a run whose verb is track, not fit")
 
 
@@ -122,24 +122,24 @@ def edited(path, *statements):
 
 def filled(folder, count=60):
     """The file of a run with results, and these by recording, as text."""
-    with store(folder, ABOUT) as one:
+    with store(folder, ABOUT) as stored:
         for k in range(count):
-            one.put(kept(f"r{k:02d}", f"V{k % 3}"))
-        found = {k.recording: repr(k) for k in one.results()}
+            stored.put(kept(f"r{k:02d}", f"V{k % 3}"))
+        found = {k.recording: repr(k) for k in stored.results()}
     return folder / "run.sqlite", found
 
 
 def resumed(folder, before):
     """Recordings that are to be read again after a damage; all others are as they were, and then all are again."""
-    with store(folder, ABOUT) as one:
-        left = {k.recording: repr(k) for k in one.results()}
-        assert {name for _, name in one.keys()} == left.keys()  # noqa: SIM118
+    with store(folder, ABOUT) as stored:
+        left = {k.recording: repr(k) for k in stored.results()}
+        assert {name for _, name in stored.keys()} == left.keys()  # noqa: SIM118
         assert left.items() <= before.items()
         lost = before.keys() - left.keys()
         for name in lost:
-            one.put(kept(name, f"V{int(name[1:]) % 3}"))
-    with store(folder, ABOUT) as one:
-        assert {k.recording: repr(k) for k in one.results()} == before
+            stored.put(kept(name, f"V{int(name[1:]) % 3}"))
+    with store(folder, ABOUT) as stored:
+        assert {k.recording: repr(k) for k in stored.results()} == before
     return lost
 
 

@@ -19,11 +19,11 @@ pytestmark = pytest.mark.slow
 
 def written(out, fleet, read):
     """The files of a run in which every recording was read by a function; vehicles with their pages."""
-    with store(out, {}) as one:
+    with store(out, {}) as stored:
         for job in fleet.jobs:
-            one.put(StoredResult(job.vehicle, job.recording, "", "", read(job), 0.0))
-        write_results(fleet, one, out)
-        write_vehicles(vehicles_of(fleet, one, {"": LifeLimits()}), "clutchid fleet", out, trends=True)
+            stored.put(StoredResult(job.vehicle, job.recording, "", "", read(job), 0.0))
+        write_results(fleet, stored, out)
+        write_vehicles(vehicles_of(fleet, stored, {"": LifeLimits()}), "clutchid fleet", out, trends=True)
     rows = pl.read_parquet(out / "vehicles.parquet")["vehicle"].to_list()
     return rows, [path.name for path in (out / "vehicles").iterdir()]
 

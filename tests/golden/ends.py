@@ -170,9 +170,9 @@ class Replay:
                 problem = replace(problem, noise=replace(problem.noise, measured=end["scales"]))
             result = SearchResult(problem, solution(problem, end))
             if number in self.again:
-                found = method.search(logs, actuator, free, calibration, progress)
+                match = method.search(logs, actuator, free, calibration, progress)
                 self.searched[f"{number} {end['what']} in {', '.join(end['recordings'])}"] = _compared(
-                    method, result, found
+                    method, result, match
                 )
             return result
 

@@ -50,12 +50,12 @@ def program(group, *arguments, given=""):
     """What `results.py` prints: with one thread, so that it may need a process of its own."""
     if not arguments and ONE_THREAD.items() <= os.environ.items():
         return json.loads(results.evaluated(group, given))
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-m", "golden.results", group, *arguments],
         cwd=HERE.parent, env={**os.environ, **ONE_THREAD}, input=given, capture_output=True, text=True, check=False,
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+    assert process.returncode == 0, process.stderr
+    return json.loads(process.stdout)
 
 
 def ends_of(group):
@@ -96,9 +96,9 @@ def written(value, share):
 @pytest.mark.parametrize("group", GROUPS)
 def test_results_are_what_they_were(group):
     now = evaluated(group)["results"]
-    kept = json.loads((HERE / f"{group}.json").read_text(encoding="utf-8"))
-    lines = differences(kept, now, partial(tolerance, group))
-    assert not lines, f"{len(lines)} of {len(kept)} results are different:\n" + "\n".join(lines)
+    content = json.loads((HERE / f"{group}.json").read_text(encoding="utf-8"))
+    lines = differences(content, now, partial(tolerance, group))
+    assert not lines, f"{len(lines)} of {len(content)} results are different:\n" + "\n".join(lines)
 
 
 @pytest.mark.parametrize("group", AGAIN)

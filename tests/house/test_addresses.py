@@ -48,8 +48,10 @@ def test_what_is_no_address_passes(tmp_path):
 
 @pytest.mark.skipif(not (ROOT / ".git").exists(), reason="the repository is needed.")
 def test_no_tracked_file_names_one():
-    done = subprocess.run(["bash", ROOT / ".ci" / "addresses"], cwd=ROOT, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout) == (0, "")
+    process = subprocess.run(
+        ["bash", ROOT / ".ci" / "addresses"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert (process.returncode, process.stdout) == (0, "")
     assert ".ci/addresses" in (ROOT / ".ci" / "lint").read_text()
 
 
@@ -62,9 +64,9 @@ def test_the_bill_of_materials_has_every_library_and_names_what_lacks_a_version(
     content = json.loads(written(ROOT).stdout)
     assert (content["bomFormat"], content["specVersion"]) == ("CycloneDX", "1.5")
     pins = [line for line in (ROOT / "constraints.txt").read_text().splitlines() if "==" in line]
-    assert sorted(f"{one['name']}=={one['version']}" for one in content["components"]) == sorted(pins)
+    assert sorted(f"{component['name']}=={component['version']}" for component in content["components"]) == sorted(pins)
     (tmp_path / "pyproject.toml").write_text((ROOT / "pyproject.toml").read_text())
     (tmp_path / "constraints.txt").write_text("\n".join(pin for pin in pins if not pin.startswith("polars")))
-    done = written(tmp_path)
-    assert (done.returncode, "has no version of polars" in done.stderr) == (1, True)
+    text = written(tmp_path)
+    assert (text.returncode, "has no version of polars" in text.stderr) == (1, True)
     assert tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["name"] == "clutchid"

@@ -29,8 +29,8 @@ def docstring(name):
 
 
 def section(text, heading):
-    found = re.search(rf"^{heading}\n-+\n(.*?)(?=\n\n\S[^\n]*\n---|\Z)", text, re.MULTILINE | re.DOTALL)
-    return found[1] if found else ""
+    match = re.search(rf"^{heading}\n-+\n(.*?)(?=\n\n\S[^\n]*\n---|\Z)", text, re.MULTILINE | re.DOTALL)
+    return match[1] if match else ""
 
 
 FUNCTIONS = [name for name in clutchid.__all__ if inspect.isfunction(getattr(clutchid, name))]

@@ -49,12 +49,12 @@ def docstrings(room: str = "") -> dict[str, str | None]:
 
 def equations_in(text: str) -> set[int]:
     """Numbers of the equations that a docstring names: 'Eq. (10)', 'Eqs. (6)-(9)', 'Eqs. (4) and (5)'."""
-    found: set[int] = set()
+    names: set[int] = set()
     for start in re.finditer(r"Eqs?\.\s+((?:\(\d+\)(?:\s*(?:-|,|and)\s*)*)+)", text):
-        found |= {int(number) for number in re.findall(r"\((\d+)\)", start[1])}
+        names |= {int(number) for number in re.findall(r"\((\d+)\)", start[1])}
         for first, last in re.findall(r"\((\d+)\)\s*-\s*\((\d+)\)", start[1]):
-            found |= set(range(int(first), int(last) + 1))
-    return found
+            names |= set(range(int(first), int(last) + 1))
+    return names
 
 
 @pytest.mark.slow
@@ -93,7 +93,7 @@ def test_every_equation_of_the_paper_is_named_where_it_stands():
 
 
 def test_single_equations_lead_to_their_functions():
-    found = docstrings("model/")
+    texts = docstrings("model/")
     expected = {
         1: "motion.py:acceleration", 2: "friction.py:friction_force", 3: "friction.py:deflection_rate",
         4: "chambers.py:pressure_rate", 5: "chambers.py:pressure_rate", 6: "valves.py:psi", 9: "valves.py:psi",
@@ -102,7 +102,7 @@ def test_single_equations_lead_to_their_functions():
         17: "load.py:phi_3", 18: "load.py:xi_1", 23: "isothermal.py:isothermal", 25: "static.py:static_load",
         26: "static.py:static_pressure",
     }  # fmt: skip
-    assert {n: place for n, place in expected.items() if n not in equations_in(found[place] or "")} == {}
+    assert {n: place for n, place in expected.items() if n not in equations_in(texts[place] or "")} == {}
 
 
 def test_every_name_that_the_package_offers_exists_and_is_documented():

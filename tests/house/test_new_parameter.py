@@ -79,13 +79,13 @@ def answers(tmp_path_factory):
         assert text.count(before) == 1
         path.write_text(text.replace(before, after), encoding="utf-8")
     keep_machine_code(folder / "cache")
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", QUESTIONS, str(ROOT / "docs" / "make_equations.py")],
         env={**os.environ, "PYTHONPATH": str(folder), "CLUTCHID_CACHE": str(folder / "cache")},
         cwd=folder, capture_output=True, text=True, check=False,
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+    assert process.returncode == 0, process.stderr
+    return json.loads(process.stdout)
 
 
 def test_a_new_parameter_acts_is_read_printed_and_freed_drifts_changes_with_its_group_and_adapts(answers):

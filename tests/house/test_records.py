@@ -66,7 +66,7 @@ def made(hint, known):
     if origin in (typing.Union, types.UnionType):
         return made(arguments[0], known)
     if origin is tuple:
-        return tuple(made(one, known) for one in arguments if one is not Ellipsis)
+        return tuple(made(argument, known) for argument in arguments if argument is not Ellipsis)
     if origin is frozenset:
         return frozenset({made(arguments[0], known)})
     if origin in (abc.Sequence, abc.Collection, abc.Iterable, list):
@@ -80,7 +80,11 @@ def made(hint, known):
 
 
 def _fields(kind):
-    return {name: one for name, one in annotations(kind).items() if typing.get_origin(one) is not typing.ClassVar}
+    return {
+        name: annotation
+        for name, annotation in annotations(kind).items()
+        if typing.get_origin(annotation) is not typing.ClassVar
+    }
 
 
 def same(one, other):
@@ -102,8 +106,8 @@ def same(one, other):
 @pytest.mark.slow
 def test_every_public_record_can_be_pickled_and_copied(examples):
     """Those of the annotations of ``clutchid.__all__`` and in their fields; one of a new kind is made by them."""
-    records = [one for example in examples for one in records_of(example)]
-    known = {kind: one for one in records for kind in type(one).__mro__ if is_record(kind)}
+    records = [record for example in examples for record in records_of(example)]
+    known = {kind: record for record in records for kind in type(record).__mro__ if is_record(kind)}
     missing = []
     for kind in public_records() - set(known):
         try:
@@ -147,7 +151,7 @@ def test_records_pass_through_a_pool_of_new_processes_and_a_new_process_has_all_
         "import pickle, sys; fit, simulation, log = pickle.load(open(sys.argv[1], 'rb')); print(fit.verdict.trust); "
     )
     shown += "log.plot; simulation.plot"
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", shown, tmp_path / "fit.pickle"], capture_output=True, text=True, check=False
     )
-    assert (done.stdout.strip(), done.stderr) == (fit.verdict.trust, "")
+    assert (process.stdout.strip(), process.stderr) == (fit.verdict.trust, "")

@@ -201,9 +201,9 @@ def test_a_travel_that_vanishes_leads_to_the_valve_that_opens_at_once():
     def moved(travel: float) -> np.ndarray:
         parameters = Parameters(T_pwm=0.0093, s_vs=0.21, s_ve=0.17, t_vs=travel, t_ve=travel)
         names = ("C_vs", "s_vs", "t_vs")
-        done = simulate(Actuator(parameters, Load(), "energy-balance"), pulsed(), sensitivities=names)
-        assert all(np.isfinite(done.sensitivities[name]).all() for name in names)
-        return done.log["position"]
+        simulation = simulate(Actuator(parameters, Load(), "energy-balance"), pulsed(), sensitivities=names)
+        assert all(np.isfinite(simulation.sensitivities[name]).all() for name in names)
+        return simulation.log["position"]
 
     at_once, short, long = moved(0.0), moved(1e-6), moved(0.1)
     # an edge is off by an eighth of 1e-6 of a period: 1e-9 s of at most 0.3 m/s; forty edges

@@ -56,29 +56,29 @@ def test_the_papers_lugre_fits_the_tribometer_to_88_percent_over_any_20_s_in_fre
 
 
 def test_friction_of_one_20_s_predicts_the_rest_of_the_tribometer_record_to_88_percent(tribometer):
-    found = fit_lugre(window(tribometer, 12.0))
-    known = {name: value for name, value in found.values.items() if name != "force_zero"}
+    friction = fit_lugre(window(tribometer, 12.0))
+    known = {name: value for name, value in friction.values.items() if name != "force_zero"}
     assert fit_lugre(window(tribometer, 32.0, 170.0), fixed=known).fit_percent >= 88.0
 
 
 def test_the_tribometer_has_the_friction_that_was_found_independently(tribometer):
-    found = fit_lugre(window(tribometer, 12.0)).parameters
+    parameters = fit_lugre(window(tribometer, 12.0)).parameters
     # README.txt of the data: 2.80 N, 33.9 N/mm, 0.48 N s/mm, D_zdot held at 0
     for name, value in {"F_C": 2.80, "K_z": 33.9e3, "D_v": 480.0}.items():
-        assert found[name].low <= value <= found[name].high
-    assert found["D_zdot"].value == 0.0
+        assert parameters[name].low <= value <= parameters[name].high
+    assert parameters["D_zdot"].value == 0.0
 
 
 def test_the_cylinders_friction_grows_with_pressure_and_a_constant_is_called_inadequate(cylinder):
-    found = coulomb_friction(cylinder)
-    frictions = [level.friction.value for level in found.levels]
+    friction = coulomb_friction(cylinder)
+    frictions = [level.friction.value for level in friction.levels]
     # README.txt of the data: 4.0 N at 1 bar, 7.9 N at 7 bar
-    assert found.levels[0].friction.low <= 4.0 <= found.levels[0].friction.high
-    assert found.levels[3].friction.low <= 7.9 <= found.levels[3].friction.high
+    assert friction.levels[0].friction.low <= 4.0 <= friction.levels[0].friction.high
+    assert friction.levels[3].friction.low <= 7.9 <= friction.levels[3].friction.high
     assert frictions == sorted(frictions)
-    assert found.test.p_value < 1e-6
-    assert found.slope.low > 0.0
-    sentence = conclusions(found)[0]
+    assert friction.test.p_value < 1e-6
+    assert friction.slope.low > 0.0
+    sentence = conclusions(friction)[0]
     assert "a constant F_C is inadequate" in sentence
     assert "energy-balance-stribeck" in sentence
 
@@ -90,8 +90,8 @@ def test_the_area_of_the_cylinder_comes_out_of_the_forces(cylinder):
 
 
 def test_running_in_and_the_speeds_of_the_machine_are_reported(cylinder):
-    found = coulomb_friction(cylinder)
-    text = "\n".join(conclusions(found)[1:])
-    assert found.levels[3].drifts
+    friction = coulomb_friction(cylinder)
+    text = "\n".join(conclusions(friction)[1:])
+    assert friction.levels[3].drifts
     assert "drifts between 7.19 and 8.37 N over its 9 cycles" in text
     assert "the speed out differs between levels, 5.4 to 10.0 mm/s" in text

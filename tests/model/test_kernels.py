@@ -62,5 +62,5 @@ def test_simulations_call_the_kernels_with_the_signatures_that_are_compiled_ahea
         "for kernel in (module.run, module.run_all, module.linearise, module.opening, module.passed_pulses):\n"
         "    assert len(kernel.signatures) == 1, (kernel, kernel.signatures)\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert process.returncode == 0, process.stderr

@@ -63,12 +63,12 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 def test_the_search_ends_where_scipy_ends(case):
     residuals, slopes, start, low, high = CASES[case]
-    found = searched(linearised(residuals, slopes), start, low, high, tolerance=1e-14)
+    search_result = searched(linearised(residuals, slopes), start, low, high, tolerance=1e-14)
     there = expected(np.clip(start, np.array(low) + 1e-6, np.array(high) - 1e-6), residuals, slopes, (low, high))
-    assert found.status == "converged"
+    assert search_result.status == "converged"
     # both stop when the cost changes by some 1e-14; it is quadratic in x, so x is good to about 1e-7
-    np.testing.assert_allclose(found.x, there.x, rtol=0, atol=1e-6)
-    assert found.at.cost <= there.cost * (1 + 1e-9) + 1e-20
+    np.testing.assert_allclose(search_result.x, there.x, rtol=0, atol=1e-6)
+    assert search_result.at.cost <= there.cost * (1 + 1e-9) + 1e-20
 
 
 def test_an_active_bound_is_met_exactly():
@@ -76,16 +76,16 @@ def test_an_active_bound_is_met_exactly():
 
 
 def test_a_bound_is_left_again_when_the_data_ask_for_it():
-    found = searched(linearised(decay, decay_slopes), [1, 1, 0.45], [0, 0, 0.45], [5, 5, 2])
+    search_result = searched(linearised(decay, decay_slopes), [1, 1, 0.45], [0, 0, 0.45], [5, 5, 2])
     there = expected([1, 1, 1])
     assert there.x[2] > 0.46
-    np.testing.assert_allclose(found.x, there.x, atol=1e-6)
+    np.testing.assert_allclose(search_result.x, there.x, atol=1e-6)
 
 
 def test_a_failing_trial_point_only_shortens_the_step():
     evaluate = linearised(decay, decay_slopes)
-    found = searched(lambda x: Failure("too fast") if x[1] > 1.4 else evaluate(x), [1, 0.1, 0])
-    np.testing.assert_allclose(found.x, expected([1, 0.1, 0]).x, atol=1e-6)
+    search_result = searched(lambda x: Failure("too fast") if x[1] > 1.4 else evaluate(x), [1, 0.1, 0])
+    np.testing.assert_allclose(search_result.x, expected([1, 0.1, 0]).x, atol=1e-6)
 
 
 def test_a_search_that_fails_everywhere_stalls_at_its_start():
@@ -97,8 +97,8 @@ def test_a_search_that_fails_everywhere_stalls_at_its_start():
 
 
 def test_a_search_that_may_not_evaluate_any_more_says_so():
-    found = searched(linearised(rosenbrock, rosenbrock_slopes), [-1.2, 1.0], tolerance=1e-14, max_evaluations=3)
-    assert (found.status, found.evaluations) == ("limit", 3)
+    search_result = searched(linearised(rosenbrock, rosenbrock_slopes), [-1.2, 1.0], tolerance=1e-14, max_evaluations=3)
+    assert (search_result.status, search_result.evaluations) == ("limit", 3)
 
 
 def test_a_silent_column_stays_at_its_start():

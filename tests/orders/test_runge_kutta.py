@@ -46,9 +46,9 @@ def run(variant: str, parts: int) -> tuple[np.ndarray, np.ndarray]:
     n = round(1000 * SECONDS) * parts + 1
     log = Log(np.arange(n) * (1e-3 / parts), {"duty_supply": np.full(n, 0.2), "duty_exhaust": np.zeros(n)})
     names = NAMES if variant == "isothermal" else RICH
-    done = simulate(VARIANT[variant], log, starts=[START], sensitivities=names)
-    states = np.column_stack([done.log[STATES[name].column][::parts] for name in VARIANTS[variant]])
-    return states, np.stack([done.sensitivities[name][::parts] for name in names], axis=2)
+    simulation = simulate(VARIANT[variant], log, starts=[START], sensitivities=names)
+    states = np.column_stack([simulation.log[STATES[name].column][::parts] for name in VARIANTS[variant]])
+    return states, np.stack([simulation.sensitivities[name][::parts] for name in names], axis=2)
 
 
 def order(errors: list[float]) -> float:

@@ -143,8 +143,8 @@ def test_an_on_off_unit_has_no_carrier_in_its_pressure(plant, recorded_by):
 def test_the_phase_of_an_on_off_unit_is_that_of_its_commands(plant):
     bang = commanded(4000, 2, shift=1)
     for with_pressure in (True, False):
-        found = pulsed(bang, plant.replace({"T_pwm": 2e-3}), with_pressure).actuator.parameters.s_pwm
-        assert apart(found, 0.5) < 1e-6
+        s_pwm = pulsed(bang, plant.replace({"T_pwm": 2e-3}), with_pressure).actuator.parameters.s_pwm
+        assert apart(s_pwm, 0.5) < 1e-6
 
 
 def test_the_phase_in_a_pressure_is_found_less_the_lag_of_its_sensor(plant, switched, recorded_by):

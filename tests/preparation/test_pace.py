@@ -96,7 +96,8 @@ def test_a_piston_faster_than_any_class_keeps_its_steps(track, stiff):
     assert SPEED_MARGIN < 0.4
     kept = with_steps(replace(track, measured=fast), stiff, 1.05)
     assert all(
-        np.array_equal(one.substeps, other.substeps) for one, other in zip(kept.windows, track.windows, strict=True)
+        np.array_equal(window.substeps, other.substeps)
+        for window, other in zip(kept.windows, track.windows, strict=True)
     )
 
 

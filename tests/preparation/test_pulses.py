@@ -59,23 +59,23 @@ def between(worn, driven):
 
 
 def test_a_recorder_of_1_khz_needs_nothing(switched, drive_log):
-    found = pulsed(drive_log, switched, True)
-    assert found.log is drive_log
-    assert found.warning is None
+    pulse = pulsed(drive_log, switched, True)
+    assert pulse.log is drive_log
+    assert pulse.warning is None
 
 
 def test_the_phase_of_a_slow_recording_is_found(switched, bus):
     assert abs(centred(find_phase(bus, switched))) < 0.1
-    found = pulsed(bus, switched, False)
-    assert np.diff(found.log.time).max() < 1.1 * GRID_STEP
-    assert len(found.log) <= 12 * len(bus), "the samples, the starts of periods, and eleven intervals between"
-    assert found.phase_std == pytest.approx(STAMP_STD / PERIOD)
+    pulse = pulsed(bus, switched, False)
+    assert np.diff(pulse.log.time).max() < 1.1 * GRID_STEP
+    assert len(pulse.log) <= 12 * len(bus), "the samples, the starts of periods, and eleven intervals between"
+    assert pulse.phase_std == pytest.approx(STAMP_STD / PERIOD)
 
 
 @pytest.mark.slow
 def test_a_load_is_read_from_100_hz(switched, bus):
-    known = Calibration((), np.zeros((0, 0)))
-    fit = fit_with(SHOOTING, [bus], switched, FitRequest(("position",), ("load",), calibration=known))
+    calibration = Calibration((), np.zeros((0, 0)))
+    fit = fit_with(SHOOTING, [bus], switched, FitRequest(("position",), ("load",), calibration=calibration))
     y = np.linspace(0.5e-3, 20e-3, 40)
     true = 1.08 * switched.load.force(y)
     assert np.sqrt(np.mean((fit.actuator.load.force(y) - true) ** 2)) < 0.01 * true.max()
@@ -130,8 +130,8 @@ def test_a_recording_without_the_edges_of_on_off_valves_is_refused_in_one_senten
 
 @pytest.mark.slow
 def test_a_simulation_on_a_finer_raster_is_given_at_the_samples(adapted, worn_log):
-    one = adapted.recordings["worn"]
-    assert on_samples(one, worn_log) is one
-    coarse = on_samples(one, thinned(worn_log, 7))
-    assert np.array_equal(coarse.simulated["pressure_a"], one.simulated["pressure_a"][::7])
+    worn = adapted.recordings["worn"]
+    assert on_samples(worn, worn_log) is worn
+    coarse = on_samples(worn, thinned(worn_log, 7))
+    assert np.array_equal(coarse.simulated["pressure_a"], worn.simulated["pressure_a"][::7])
     assert len(coarse.measured) == len(coarse.simulated)

@@ -54,7 +54,7 @@ def test_the_time_of_each_item_is_its_own():
 
 def test_an_item_whose_worker_was_taken_away_is_done_again(tmp_path):
     items = [(tmp_path / str(n), n) for n in range(3)]
-    assert sorted(one.result for one in results(once_killed, items, 1)) == [0, 1, 2]
+    assert sorted(result.result for result in results(once_killed, items, 1)) == [0, 1, 2]
 
 
 def test_the_memory_that_other_work_has_left_behind_is_not_held_against_an_item():
@@ -111,7 +111,7 @@ def test_more_workers_than_the_machine_can_use_are_refused_before_any_starts(mon
 
 
 def test_every_worker_has_one_thread():
-    assert [one.result for one in results(os.getenv, THREADS, 1)] == ["1"] * len(THREADS)
+    assert [result.result for result in results(os.getenv, THREADS, 1)] == ["1"] * len(THREADS)
 
 
 def test_what_a_worker_leaves_on_the_disk_goes_with_it():

@@ -38,9 +38,9 @@ def test_friction_area_and_rise_are_found_whatever_the_pressure_adds(cylinder, f
 def test_a_rig_turned_round_has_the_same_friction_and_the_opposite_area(cylinder):
     logs = [cylinder(p, 4.0 + p / 1e5) for p in PRESSURES]
     turned = [log.with_columns(position=-log["position"], force=-log["force"]) for log in logs]
-    one, other = coulomb_friction(logs), coulomb_friction(turned)
-    assert other.area.value == pytest.approx(-one.area.value, rel=1e-9)
-    for a, b in zip(one.levels, other.levels, strict=True):
+    friction, other = coulomb_friction(logs), coulomb_friction(turned)
+    assert other.area.value == pytest.approx(-friction.area.value, rel=1e-9)
+    for a, b in zip(friction.levels, other.levels, strict=True):
         assert b.friction.value == pytest.approx(a.friction.value, rel=1e-9)
 
 
@@ -57,10 +57,10 @@ def test_intervals_cover_and_a_constant_friction_is_rejected_as_often_as_its_lev
     inside, slopes = np.zeros(4), 0
     for _ in range(trials):
         logs = [cylinder(p, 5.0 + s * generator.standard_normal(10)) for p, s in zip(PRESSURES, sigma, strict=True)]
-        found = coulomb_friction(logs)
-        inside += [level.friction.low <= 5.0 <= level.friction.high for level in found.levels]
-        slopes += found.slope.low <= 0.0 <= found.slope.high
-        rejected += found.test.p_value < 0.05
+        friction = coulomb_friction(logs)
+        inside += [level.friction.low <= 5.0 <= level.friction.high for level in friction.levels]
+        slopes += friction.slope.low <= 0.0 <= friction.slope.high
+        rejected += friction.test.p_value < 0.05
     # one of twenty levels looks as if it drifted, and then its interval is wider than asked for: 95 to 95.3 %
     low, high = binom.ppf(0.001, 4 * trials, 0.95), binom.ppf(0.999, 4 * trials, 0.953)
     assert low <= inside.sum() <= high, inside
@@ -72,20 +72,20 @@ def test_intervals_cover_and_a_constant_friction_is_rejected_as_often_as_its_lev
 def test_friction_that_grows_with_pressure_is_reported_with_the_variant_and_its_parameter(cylinder):
     generator = np.random.default_rng(7)
     logs = [cylinder(p, 3.0 + 1e-5 * p + 0.1 * generator.standard_normal(10)) for p in PRESSURES]
-    found = coulomb_friction(logs)
-    (sentence,) = conclusions(found)
+    friction = coulomb_friction(logs)
+    (sentence,) = conclusions(friction)
     assert sentence.startswith("a constant F_C is inadequate")
     assert "energy-balance-stribeck" in sentence
-    assert f"c_F = {found.slope.value:.3g} m²" in sentence
-    assert found.slope.low < 1e-5 < found.slope.high
+    assert f"c_F = {friction.slope.value:.3g} m²" in sentence
+    assert friction.slope.low < 1e-5 < friction.slope.high
 
 
 def test_a_constant_friction_is_reported_as_adequate(cylinder):
     generator = np.random.default_rng(8)
-    found = coulomb_friction([cylinder(p, 5.0 + 0.1 * generator.standard_normal(10)) for p in PRESSURES])
-    sentence = conclusions(found)[0]
-    assert sentence.startswith(f"one constant F_C = {found.constant.value:.3g} N")
-    assert found.constant.low <= 5.0 <= found.constant.high
+    friction = coulomb_friction([cylinder(p, 5.0 + 0.1 * generator.standard_normal(10)) for p in PRESSURES])
+    sentence = conclusions(friction)[0]
+    assert sentence.startswith(f"one constant F_C = {friction.constant.value:.3g} N")
+    assert friction.constant.low <= 5.0 <= friction.constant.high
 
 
 def test_friction_that_differs_without_growing_is_not_sold_as_pressed_seals(cylinder):
@@ -99,28 +99,28 @@ def test_friction_that_differs_without_growing_is_not_sold_as_pressed_seals(cyli
 
 def test_cycles_that_drift_count_as_one_and_are_reported(cylinder):
     drifting = cylinder(1e5, np.linspace(4.0, 5.0, 10))
-    found = coulomb_friction([drifting, cylinder(3e5, 6.0)])
-    level = found.levels[0]
+    friction = coulomb_friction([drifting, cylinder(3e5, 6.0)])
+    level = friction.levels[0]
     assert level.drifts
     # one cycle: the standard deviation of ten values from 4 to 5
     assert level.friction.std == pytest.approx(np.std(np.linspace(4, 5, 10), ddof=1), rel=1e-6)
-    assert any("drifts between 4.00 and 5.00 N over its 10 cycles" in sentence for sentence in conclusions(found))
+    assert any("drifts between 4.00 and 5.00 N over its 10 cycles" in sentence for sentence in conclusions(friction))
 
 
 def test_one_recording_with_two_held_pressures_has_two_levels(cylinder):
     one, other = cylinder(1e5, 4.0), cylinder(3e5, 6.0)
     columns = {name: np.concatenate([one[name], other[name]]) for name in one.columns}
-    found = coulomb_friction([Log(np.concatenate([one.time, one.time + 60.0]), columns, "both")], ambient=1e5)
-    assert [round(level.friction.value, 6) for level in found.levels] == [4.0, 6.0]
+    friction = coulomb_friction([Log(np.concatenate([one.time, one.time + 60.0]), columns, "both")], ambient=1e5)
+    assert [round(level.friction.value, 6) for level in friction.levels] == [4.0, 6.0]
 
 
 def test_one_level_tells_its_friction_and_that_the_area_is_needed(cylinder):
     log = cylinder(1e5, 4.0)
-    found = coulomb_friction([log])
-    assert found.test is None
+    friction = coulomb_friction([log])
+    assert friction.test is None
     # 4 kPa on 5 cm² are still in it
-    assert found.levels[0].friction.value == pytest.approx(6.0, rel=1e-9)
-    assert any("give `area`" in sentence for sentence in conclusions(found))
+    assert friction.levels[0].friction.value == pytest.approx(6.0, rel=1e-9)
+    assert any("give `area`" in sentence for sentence in conclusions(friction))
     known = coulomb_friction([log], area=5e-4)
     assert known.levels[0].friction.value == pytest.approx(4.0, rel=1e-9)
     assert not any("give `area`" in sentence for sentence in conclusions(known))
@@ -129,33 +129,33 @@ def test_one_level_tells_its_friction_and_that_the_area_is_needed(cylinder):
 def test_an_area_that_is_not_certain_widens_the_friction(cylinder):
     generator = np.random.default_rng(11)
     wander = [0.5 * generator.standard_normal(10) for _ in range(2)]
-    found = coulomb_friction([cylinder(p, 4.0, zero=z) for p, z in zip(PRESSURES[:2], wander, strict=True)])
+    friction = coulomb_friction([cylinder(p, 4.0, zero=z) for p, z in zip(PRESSURES[:2], wander, strict=True)])
     # the zero wanders from cycle to cycle, which both strokes of a cycle share: friction scatters by nothing of its own
-    for level in found.levels:
+    for level in friction.levels:
         assert np.ptp(level.cycles) < 1e-9
-        assert level.friction.std == pytest.approx(found.area.std * 4e3, rel=1e-6)
-        assert level.friction.degrees_of_freedom == pytest.approx(found.area.degrees_of_freedom, rel=1e-6)
+        assert level.friction.std == pytest.approx(friction.area.std * 4e3, rel=1e-6)
+        assert level.friction.degrees_of_freedom == pytest.approx(friction.area.degrees_of_freedom, rel=1e-6)
         assert level.friction.low <= 4.0 <= level.friction.high
 
 
 def test_single_cycles_have_no_interval_and_no_test(cylinder):
     logs = [cylinder(p, 4.0).slice(0, 120) for p in PRESSURES[:3]]
-    found = coulomb_friction(logs)
-    assert [level.cycles.size for level in found.levels] == [1, 1, 1]
-    assert [level.friction.value for level in found.levels] == pytest.approx([4.0] * 3, rel=1e-9)
-    assert all(np.isinf(level.friction.std) for level in found.levels)
-    assert found.test is None
-    assert implied(found) == {}
-    assert "no interval" in conclusions(found)[0]
+    friction = coulomb_friction(logs)
+    assert [level.cycles.size for level in friction.levels] == [1, 1, 1]
+    assert [level.friction.value for level in friction.levels] == pytest.approx([4.0] * 3, rel=1e-9)
+    assert all(np.isinf(level.friction.std) for level in friction.levels)
+    assert friction.test is None
+    assert implied(friction) == {}
+    assert "no interval" in conclusions(friction)[0]
 
 
 def test_without_a_pressure_there_is_one_level_and_no_area(cylinder):
     log = cylinder(1e5, 4.0)
     bare = Log(log.time, {name: log[name] for name in ("position", "force")}, "bare")
-    found = coulomb_friction([bare])
-    assert np.isnan(found.levels[0].pressure)
-    assert found.area is None
-    assert conclusions(found)[0].startswith("F_C = 6 N")
+    friction = coulomb_friction([bare])
+    assert np.isnan(friction.levels[0].pressure)
+    assert friction.area is None
+    assert conclusions(friction)[0].startswith("F_C = 6 N")
     with pytest.raises(ParameterError, match="area"):
         coulomb_friction([bare], area=5e-4)
     with pytest.raises(DataError, match="fit them separately"):

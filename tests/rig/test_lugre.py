@@ -46,12 +46,12 @@ def test_the_derivatives_of_the_force_are_those_of_differences(tribometer, block
 
 
 def test_friction_and_start_are_found_from_a_recording_without_noise(tribometer, block):
-    found = fit_lugre(tribometer(start=5e-5))
-    assert found.status == "ok"
+    friction = fit_lugre(tribometer(start=5e-5))
+    assert friction.status == "ok"
     # the search ends where a step would gain 1e-10 of the cost, so within its square root of the scale
-    assert dict(found.values) == pytest.approx(block, rel=1e-4)
-    assert found.starts[0] == pytest.approx(5e-5, rel=1e-3)
-    assert found.fit_percent > 99.99
+    assert dict(friction.values) == pytest.approx(block, rel=1e-4)
+    assert friction.starts[0] == pytest.approx(5e-5, rel=1e-3)
+    assert friction.fit_percent > 99.99
 
 
 @settings(max_examples=10)
@@ -77,19 +77,19 @@ def test_the_softer_bristle_with_much_damping_is_not_taken_for_the_friction(trib
     values = {"F_C": 2.0, "K_z": 2.0 / distance, "D_v": 600.0, "D_zdot": damping * 2e3, "force_zero": 0.1}
     log = tribometer(values)
     noise = 0.05 * np.random.default_rng(12).standard_normal(len(log))
-    found = fit_lugre(log.with_columns(force=log["force"] + noise))
+    friction = fit_lugre(log.with_columns(force=log["force"] + noise))
     # the second minimum misses by a tenth and more; 4000 samples tell a rms to 1 / sqrt(8000), four times that
-    assert found.rms < 0.05 * (1 + 4 / np.sqrt(8000))
+    assert friction.rms < 0.05 * (1 + 4 / np.sqrt(8000))
 
 
 def test_a_recording_turned_round_has_the_same_friction_and_the_opposite_start(tribometer):
     log = tribometer(start=5e-5)
-    one = fit_lugre(log)
+    friction = fit_lugre(log)
     other = fit_lugre(log.with_columns(position=-log["position"], force=-log["force"]))
     for name in NAMES:
-        assert other.values[name] == pytest.approx(one.values[name], rel=1e-6)
-    assert other.values["force_zero"] == pytest.approx(-one.values["force_zero"], rel=1e-6)
-    assert other.starts[0] == pytest.approx(-one.starts[0], rel=1e-6)
+        assert other.values[name] == pytest.approx(friction.values[name], rel=1e-6)
+    assert other.values["force_zero"] == pytest.approx(-friction.values["force_zero"], rel=1e-6)
+    assert other.starts[0] == pytest.approx(-friction.starts[0], rel=1e-6)
 
 
 def test_nineteen_of_twenty_intervals_contain_the_friction_when_noise_is_coloured(tribometer, block, coloured):
@@ -101,9 +101,9 @@ def test_nineteen_of_twenty_intervals_contain_the_friction_when_noise_is_coloure
             force=clean["force"] + 0.1 * coloured(generator, len(clean), 0.8),
             position=clean["position"] + 1e-7 * generator.standard_normal(len(clean)),
         )
-        found = fit_lugre(noisy)
+        friction = fit_lugre(noisy)
         for name in inside:
-            one = found.parameters[name]
+            one = friction.parameters[name]
             inside[name] += one.low <= block[name] <= one.high
             squares[name] += (1.96 * (one.value - block[name]) / (one.high - one.value)) ** 2
     # Bartlett's weights cut tails: a tenth of the standard error at most where scores change sign within a stroke, and
@@ -118,18 +118,18 @@ def test_nineteen_of_twenty_intervals_contain_the_friction_when_noise_is_coloure
 def test_an_interval_does_not_reach_below_what_friction_can_be(tribometer, block, coloured):
     log = tribometer({**block, "D_v": 20.0})
     noise = 0.3 * coloured(np.random.default_rng(13), len(log), 0.8)
-    found = fit_lugre(log.with_columns(force=log["force"] + noise)).parameters["D_v"]
-    assert found.value - 1.96 * found.std < 0.0
-    assert found.low == 0.0
+    D_v = fit_lugre(log.with_columns(force=log["force"] + noise)).parameters["D_v"]
+    assert D_v.value - 1.96 * D_v.std < 0.0
+    assert D_v.low == 0.0
 
 
 def test_a_hole_ends_a_piece_and_the_next_one_has_a_start_of_its_own(tribometer, block):
     log = tribometer()
     columns = {name: np.delete(values, slice(1500, 1900)) for name, values in log.columns.items()}
-    found = fit_lugre(Log(np.delete(log.time, slice(1500, 1900)), columns, "hole"))
-    assert len(found.starts) == 2
+    friction = fit_lugre(Log(np.delete(log.time, slice(1500, 1900)), columns, "hole"))
+    assert len(friction.starts) == 2
     # at the hole the velocity is one-sided over two samples: a share of 1e-3 of the samples, off by 1e-2
-    assert dict(found.values) == pytest.approx(block, rel=1e-2)
+    assert dict(friction.values) == pytest.approx(block, rel=1e-2)
 
 
 def test_missing_forces_are_left_out_and_missing_positions_end_a_piece(tribometer, block):
@@ -137,11 +137,11 @@ def test_missing_forces_are_left_out_and_missing_positions_end_a_piece(tribomete
     force, position = log["force"].copy(), log["position"].copy()
     force[::7] = np.nan
     position[2000:2100] = np.nan
-    found = fit_lugre(log.with_columns(force=force, position=position))
-    assert len(found.starts) == 2
-    assert np.isnan(found.force[2000:2100]).all()
-    assert np.isfinite(found.force[:2000]).all()
-    assert found.values["F_C"] == pytest.approx(block["F_C"], rel=1e-2)
+    friction = fit_lugre(log.with_columns(force=force, position=position))
+    assert len(friction.starts) == 2
+    assert np.isnan(friction.force[2000:2100]).all()
+    assert np.isfinite(friction.force[:2000]).all()
+    assert friction.values["F_C"] == pytest.approx(block["F_C"], rel=1e-2)
 
 
 def test_fixed_friction_is_a_check_whose_start_and_zero_alone_are_free(tribometer, block):
@@ -160,11 +160,11 @@ def test_damping_at_its_bound_is_reported(tribometer, block):
     # less force wherever the bristle moves: damping that is negative
     (segment,) = segments(log, WINDOW)
     slope = free_run(segment, [block[name] for name in NAMES], 0.0)[1][:, NAMES.index("D_zdot")]
-    found = fit_lugre(log.with_columns(force=log["force"] - 100.0 * slope))
-    assert found.values["D_zdot"] == 0.0
-    assert np.isinf(found.parameters["D_zdot"].std)
-    assert found.status == "warning"
-    assert "D_zdot lies at a bound" in found.warnings[0]
+    friction = fit_lugre(log.with_columns(force=log["force"] - 100.0 * slope))
+    assert friction.values["D_zdot"] == 0.0
+    assert np.isinf(friction.parameters["D_zdot"].std)
+    assert friction.status == "warning"
+    assert "D_zdot lies at a bound" in friction.warnings[0]
 
 
 @pytest.mark.parametrize(
@@ -207,9 +207,9 @@ def rigid(tribometer, share_of_reach):
 @pytest.mark.parametrize("share", [1e-3, 1.3e-4])
 def test_a_contact_that_hardly_yields_is_found_from_a_recording_without_noise(tribometer, share):
     log, values = rigid(tribometer, share)
-    found = fit_lugre(log)
-    assert found.warnings == ()
-    assert dict(found.values) == pytest.approx(values, rel=1e-3)
+    friction = fit_lugre(log)
+    assert friction.warnings == ()
+    assert dict(friction.values) == pytest.approx(values, rel=1e-3)
 
 
 def test_intervals_contain_a_friction_whose_contact_hardly_yields(tribometer, coloured):
@@ -217,9 +217,9 @@ def test_intervals_contain_a_friction_whose_contact_hardly_yields(tribometer, co
     log, generator, trials = log.slice(0, 2000), np.random.default_rng(2), 8
     inside = dict.fromkeys(values, 0)
     for _ in range(trials):
-        found = fit_lugre(log.with_columns(force=log["force"] + 0.1 * coloured(generator, len(log), 0.8)))
+        friction = fit_lugre(log.with_columns(force=log["force"] + 0.1 * coloured(generator, len(log), 0.8)))
         for name, value in values.items():
-            inside[name] += found.parameters[name].low <= value <= found.parameters[name].high
+            inside[name] += friction.parameters[name].low <= value <= friction.parameters[name].high
     # as for a soft contact: between 92.2 and 95 % of the cases
     assert all(count >= binom.ppf(0.001, trials, 0.922) for count in inside.values()), inside
 
@@ -227,46 +227,48 @@ def test_intervals_contain_a_friction_whose_contact_hardly_yields(tribometer, co
 def test_a_stiffness_beyond_the_resolution_has_no_interval_and_leaves_the_others_honest(tribometer, coloured):
     log, values = rigid(tribometer, 1e-5)
     noise = 0.1 * coloured(np.random.default_rng(3), len(log), 0.8)
-    found = fit_lugre(log.with_columns(force=log["force"] + noise))
-    assert found.status == "warning"
-    assert "K_z lies at a bound" in found.warnings[0]
-    assert "--fix K_z=VALUE" in found.warnings[0]
-    assert np.isinf(found.parameters["K_z"].std)
-    assert np.isinf(found.parameters["D_zdot"].std)
+    friction = fit_lugre(log.with_columns(force=log["force"] + noise))
+    assert friction.status == "warning"
+    assert "K_z lies at a bound" in friction.warnings[0]
+    assert "--fix K_z=VALUE" in friction.warnings[0]
+    assert np.isinf(friction.parameters["K_z"].std)
+    assert np.isinf(friction.parameters["D_zdot"].std)
     for name in ("F_C", "D_v", "force_zero"):
-        assert np.isfinite(found.parameters[name].std)
-        assert found.parameters[name].low <= values[name] <= found.parameters[name].high
+        assert np.isfinite(friction.parameters[name].std)
+        assert friction.parameters[name].low <= values[name] <= friction.parameters[name].high
 
 
 def test_a_stiffness_that_the_noise_of_the_position_hides_has_no_interval(tribometer):
     log, values = rigid(tribometer, 1.3e-4)
     generator = np.random.default_rng(4)
     position = log["position"] + 1e-6 * generator.standard_normal(len(log))
-    found = fit_lugre(log.with_columns(position=position, force=log["force"] + 0.1 * generator.standard_normal(4000)))
-    assert found.values["K_z"] < 0.5 * values["K_z"]
-    assert np.isinf(found.parameters["K_z"].std)
-    assert "the noise of the position, 0.001 mm, hides the stiffness" in found.warnings[0]
-    assert found.parameters["F_C"].low <= values["F_C"] <= found.parameters["F_C"].high
+    friction = fit_lugre(
+        log.with_columns(position=position, force=log["force"] + 0.1 * generator.standard_normal(4000))
+    )
+    assert friction.values["K_z"] < 0.5 * values["K_z"]
+    assert np.isinf(friction.parameters["K_z"].std)
+    assert "the noise of the position, 0.001 mm, hides the stiffness" in friction.warnings[0]
+    assert friction.parameters["F_C"].low <= values["F_C"] <= friction.parameters["F_C"].high
 
 
 def test_the_inertia_of_the_moving_parts_is_taken_from_the_force(tribometer, block):
     log = tribometer()
     acceleration = np.gradient(np.gradient(log["position"], log.time), log.time)
     heavy = log.with_columns(force=log["force"] + 600.0 * acceleration)
-    found = fit_lugre(heavy, inertia=600.0)
+    friction = fit_lugre(heavy, inertia=600.0)
     # an acceleration averaged over 20 ms of a period of 4 s: within (2 pi 0.02 / 4)^2 of a quarter of the force
     for name in ("F_C", "K_z", "D_v"):
-        assert found.values[name] == pytest.approx(block[name], rel=1e-2)
-    assert found.fit_percent > 99.0
-    assert fit_lugre(heavy).fit_percent < found.fit_percent - 5.0
+        assert friction.values[name] == pytest.approx(block[name], rel=1e-2)
+    assert friction.fit_percent > 99.0
+    assert fit_lugre(heavy).fit_percent < friction.fit_percent - 5.0
 
 
 def test_a_force_that_the_law_does_not_explain_is_a_poor_fit(tribometer):
     log = tribometer()
     spring = 8e3 * log["position"]
-    found = fit_lugre(log.with_columns(force=log["force"] + spring * np.sin(log.time)))
-    assert found.fit_percent < 70.0
-    assert any("the fit is poor" in warning for warning in found.warnings)
+    friction = fit_lugre(log.with_columns(force=log["force"] + spring * np.sin(log.time)))
+    assert friction.fit_percent < 70.0
+    assert any("the fit is poor" in warning for warning in friction.warnings)
 
 
 def test_the_noise_of_a_position_is_that_of_its_quantisation_or_of_its_samples():

@@ -7,24 +7,24 @@ from clutchid.rig.coulomb import cycles, passes
 
 
 def test_ten_cycles_are_twenty_passes_with_the_speeds_and_forces_of_the_rig(cylinder):
-    found = passes(cylinder(2e5, 5.0))
-    assert len(found) == 20
-    for one in found:
+    passed = passes(cylinder(2e5, 5.0))
+    assert len(passed) == 20
+    for one in passed:
         out = one.speed > 0
         assert np.isclose(one.speed, 0.01 if out else -0.02, rtol=1e-9)
         assert np.isclose(one.pressure, 3e5 + (4e3 if out else -4e3), rtol=1e-12)
         assert np.isclose(one.force, 0.3 + 5e-4 * 2e5 + (1 if out else -1) * (5.0 + 2.0), rtol=1e-12)
-    assert len(cycles(found)) == 10
+    assert len(cycles(passed)) == 10
 
 
 def test_a_pass_with_a_hole_is_left_out_and_its_neighbour_waits_for_the_next(cylinder):
     log = cylinder(2e5, 5.0)
     gone = (log.time > 13.9) & (log.time < 14.5)  # inside the third pass out
     whole = Log(log.time[~gone], {name: values[~gone] for name, values in log.columns.items()})
-    found = passes(whole)
-    assert len(found) == 19
+    passed = passes(whole)
+    assert len(passed) == 19
     # without it two passes back follow each other: one of them is alone
-    assert len(cycles(found)) == 9
+    assert len(cycles(passed)) == 9
 
 
 def test_missing_forces_are_left_out_of_a_mean_and_a_pass_without_most_of_them_is_dropped(cylinder):

@@ -30,20 +30,20 @@ def test_strokes_and_rests_alternate_and_their_borders_are_found(made, full_stro
 def test_the_summary_of_a_stroke(made, full_strokes):
     log = made(full_strokes([2.0], 6.0), zero=-3e-3, pressure=True)
     _, stroke, _ = cut(log)
-    found = stroke.summary
+    summary = stroke.summary
     # a bin's median of ten samples with 20 um of noise and 12 um of quantisation is off by less than 50 um
-    assert found.level == pytest.approx(-3e-3, abs=5e-5)
-    assert found.lowest == pytest.approx(-3e-3, abs=5e-5)
-    assert found.highest == pytest.approx(REACH - 3e-3, abs=5e-5)
-    assert found.reach == pytest.approx(REACH, abs=1e-4)
+    assert summary.level == pytest.approx(-3e-3, abs=5e-5)
+    assert summary.lowest == pytest.approx(-3e-3, abs=5e-5)
+    assert summary.highest == pytest.approx(REACH - 3e-3, abs=5e-5)
+    assert summary.reach == pytest.approx(REACH, abs=1e-4)
     # and a speed over 40 ms by less than 2 * 50 um / 40 ms
-    assert found.opening_speed == pytest.approx(REACH / 0.15, abs=2.5e-3)
-    assert found.closing_speed == pytest.approx(REACH / 0.3, abs=2.5e-3)
-    assert found.vented_rest == pytest.approx(2.0, abs=0.03)
-    assert (found.supply_pulses, found.exhaust_pulses) == (1, 1)
-    assert found.duty_steps in (3, 4)  # the exhaust closes within a bin of the end
-    assert found.missing == 0.0
-    assert found.pressure
+    assert summary.opening_speed == pytest.approx(REACH / 0.15, abs=2.5e-3)
+    assert summary.closing_speed == pytest.approx(REACH / 0.3, abs=2.5e-3)
+    assert summary.vented_rest == pytest.approx(2.0, abs=0.03)
+    assert (summary.supply_pulses, summary.exhaust_pulses) == (1, 1)
+    assert summary.duty_steps in (3, 4)  # the exhaust closes within a bin of the end
+    assert summary.missing == 0.0
+    assert summary.pressure
 
 
 @pytest.mark.parametrize(

@@ -98,11 +98,11 @@ def test_a_vibration_is_a_rest_and_the_slowest_ramp_of_the_protocol_is_not():
 
 
 def test_several_recordings_count_together():
-    one = excitation(course(duty_supply=np.full(5000, 0.05)))
+    excited = excitation(course(duty_supply=np.full(5000, 0.05)))
     short = excitation(course().slice(0, 1020))
-    both = joined([one, short])
+    both = joined([excited, short])
     assert (both.recordings, both.vented_rests) == (2, 3)
-    assert both.reach == one.reach
+    assert both.reach == excited.reach
     assert both.highest_supply == 0.05
     assert both.regions[0].opening == 2
     with pytest.raises(DataError, match="at least one"):
@@ -122,11 +122,11 @@ def test_a_recording_with_everything_misses_nothing(truth, driven):
 
 def test_a_short_reach_is_reported_with_the_correlation_that_it_causes(truth, driven):
     log = driven(reach=0.0086)
-    found = excitation(log)
+    excited = excitation(log)
     words = (
-        f"this log reaches {found.reach * 1e3:.1f} mm; the correlation of theta_2 and theta_3 is -0.99: reach 11.5 mm"
+        f"this log reaches {excited.reach * 1e3:.1f} mm; the correlation of theta_2 and theta_3 is -0.99: reach 11.5 mm"
     )
-    assert missing(found, truth, information(truth, log, truth.load.names))[0].startswith(words)
+    assert missing(excited, truth, information(truth, log, truth.load.names))[0].startswith(words)
 
 
 def test_load_weights_beyond_the_reach_are_reported_together_in_sentences_that_agree_in_number(driven):
@@ -150,9 +150,9 @@ def test_load_weights_beyond_the_reach_are_reported_together_in_sentences_that_a
 
 def test_a_valve_that_is_never_fully_open_is_the_reason_for_its_silence():
     t = np.arange(0.0, 5.0, 1e-3)
-    found = excitation(course(duty_supply=0.4 * (t > 1.0) * (t < 1.1), duty_exhaust=np.ones(5000)))
+    excited = excitation(course(duty_supply=0.4 * (t > 1.0) * (t < 1.1), duty_exhaust=np.ones(5000)))
     nothing = Information(("C_vs", "C_ve", "K_stop"), np.zeros((3, 3)))
-    sentences = missing(found, Actuator(), nothing)
+    sentences = missing(excited, Actuator(), nothing)
     assert sentences == [
         "this log contains no information about C_vs: duty_supply never exceeds 0.40, but the valve is fully open from "
         "0.93 on; open it further.",

@@ -41,12 +41,12 @@ def test_the_first_block_tells_level_and_reach():
 
 
 def test_an_outlying_reach_fades_by_a_fiftieth_of_what_it_is_too_much_with_every_block_that_moves():
-    known = after(None, block())
-    known = RestLevel(known.level, 2 * REACH, known.noise, 0.0)
+    level = after(None, block())
+    level = RestLevel(level.level, 2 * REACH, level.noise, 0.0)
     for number in range(1, 20):
-        known = after(known, block(seed=number))
+        level = after(level, block(seed=number))
         # each block sees the reach but for the noise of its highest bin
-        assert known.reach == pytest.approx(REACH + 0.98**number * REACH, abs=1e-4)
+        assert level.reach == pytest.approx(REACH + 0.98**number * REACH, abs=1e-4)
 
 
 def test_a_longer_reach_counts_at_once_and_a_rest_forgets_none():
@@ -187,10 +187,10 @@ def test_a_bin_is_ten_milliseconds_or_one_sample(interval, expected):
 
 
 def test_a_bin_is_at_rest_within_the_band_on_either_side_of_the_level_and_still_where_it_creeps_no_more():
-    known = RestLevel(level=1e-3, reach=20e-3, noise=0.0, quantum=0.0)
-    assert (known.band, known.creep) == (0.4e-3, 0.2e-3)
+    level = RestLevel(level=1e-3, reach=20e-3, noise=0.0, quantum=0.0)
+    assert (level.band, level.creep) == (0.4e-3, 0.2e-3)
     steps = [0.55e-3, 0.65e-3, 1e-3, 1.35e-3, 1.45e-3]
-    found = relative_to_rest(raw_bins(samples(np.repeat(steps, 30)), 10, np.nan), known, 3)
+    found = relative_to_rest(raw_bins(samples(np.repeat(steps, 30)), 10, np.nan), level, 3)
     assert found.inside.tolist() == np.repeat([False, True, True, True, False], 3).tolist()
     # the steps are 0.1, 0.35, 0.35 and 0.1 mm high
     moving = [(1, 2), (2, 0), (2, 2), (3, 0)]

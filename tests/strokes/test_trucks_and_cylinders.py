@@ -20,8 +20,8 @@ EXPECTED = {
 @pytest.mark.parametrize("manoeuvre", EXPECTED)
 @pytest.mark.parametrize("number", [0, 1, 5])
 def test_a_drive_has_the_label_of_its_manoeuvre(manoeuvre, number):
-    done = drive(truck(number), manoeuvre=manoeuvre, seconds=20.0, seed=number, dropouts=5)
-    moved = done.log.with_columns(position=done.log["position"] - 4e-3)
+    driven = drive(truck(number), manoeuvre=manoeuvre, seconds=20.0, seed=number, dropouts=5)
+    moved = driven.log.with_columns(position=driven.log["position"] - 4e-3)
     strokes = [section for section in cut(moved) if section.kind == "stroke"]
     complete = strokes[:-1]  # the recording ends anywhere
     assert complete
@@ -30,9 +30,9 @@ def test_a_drive_has_the_label_of_its_manoeuvre(manoeuvre, number):
 
 @pytest.mark.parametrize("recorder", ["controller", "bus"])
 def test_a_stroke_leaves_the_rest_when_the_supply_opens(recorder):
-    done = drive(truck(2), manoeuvre="strokes", seconds=20.0, seed=3, recorder=recorder)
-    strokes = [section for section in cut(done.log) if section.kind == "stroke"]
-    opens = np.flatnonzero(np.diff((done.wanted > 0).astype(int), prepend=0) == 1) * 1e-3
+    driven = drive(truck(2), manoeuvre="strokes", seconds=20.0, seed=3, recorder=recorder)
+    strokes = [section for section in cut(driven.log) if section.kind == "stroke"]
+    opens = np.flatnonzero(np.diff((driven.wanted > 0).astype(int), prepend=0) == 1) * 1e-3
     assert len(strokes) == len(opens)
     for section, wanted in zip(strokes, opens, strict=True):
         # a bin, a period of the valves, and on the bus two messages and the drift of its clock
@@ -45,9 +45,9 @@ def test_a_cylinder_that_cycles_without_a_rest_is_bang_bang(data):
     )
     log = Log(time, {"position": 1e-3 * position, "pressure_a": pressure})
     (section,) = cut(log)
-    found = section.summary
+    summary = section.summary
     assert section.label == "bang-bang"
     # quantised in steps of 0.204 mm; the README gives 16.7 to 107.8 mm
-    assert found.lowest == pytest.approx(16.7e-3, abs=3e-4)
-    assert found.highest == pytest.approx(107.8e-3, abs=3e-4)
-    assert found.level == pytest.approx(found.lowest, abs=3e-4)
+    assert summary.lowest == pytest.approx(16.7e-3, abs=3e-4)
+    assert summary.highest == pytest.approx(107.8e-3, abs=3e-4)
+    assert summary.level == pytest.approx(summary.lowest, abs=3e-4)

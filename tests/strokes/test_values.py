@@ -43,37 +43,39 @@ def corrupted(log, channel, code, places, length):
 def test_what_is_no_value_is_missing_counted_and_said_with_its_time(log, channel, count):
     for code in CODES[channel]:
         bad, wrong = corrupted(log, channel, code, *count)
-        found = values_of(bad, ACTUATOR)
-        missing = np.isnan(found.log[channel])
+        values = values_of(bad, ACTUATOR)
+        missing = np.isnan(values.log[channel])
         assert np.array_equal(missing & wrong, wrong), code
         assert not np.any(missing & (bad[channel] == log[channel]))
         if wrong.any():
             first = log.time[np.argmax(missing)]
-            assert sum(fault.samples for fault in found.faults) == missing.sum()
-            assert any(f"{channel}: " in text and f"at {first:.3f} s" in text for text in found.warned.warnings)
-        assert np.array_equal(values_of(found.log, ACTUATOR).log[channel], found.log[channel], equal_nan=True)
+            assert sum(fault.samples for fault in values.faults) == missing.sum()
+            assert any(f"{channel}: " in text and f"at {first:.3f} s" in text for text in values.warned.warnings)
+        assert np.array_equal(values_of(values.log, ACTUATOR).log[channel], values.log[channel], equal_nan=True)
 
 
 def test_a_supply_or_a_duty_cycle_outside_of_what_there_is_counts_as_missing(log):
     bad = log.with_columns(pressure_supply=np.where(log.time < 1.0, 9.5, 9.5e5))
-    found = values_of(bad, ACTUATOR)
-    assert np.array_equal(np.isnan(found.log["pressure_supply"]), log.time < 1.0)
-    assert found.faults[0].sentence.startswith("pressure_supply: 1,000 samples outside what an air supply has (3 to 16")
+    values = values_of(bad, ACTUATOR)
+    assert np.array_equal(np.isnan(values.log["pressure_supply"]), log.time < 1.0)
+    assert values.faults[0].sentence.startswith(
+        "pressure_supply: 1,000 samples outside what an air supply has (3 to 16"
+    )
     duty = log["duty_supply"].copy()
     duty[[100, 4000]] = 655.35
-    found = values_of(log.with_columns(duty_supply=duty), ACTUATOR)
-    assert np.flatnonzero(np.isnan(found.log["duty_supply"])).tolist() == [100, 4000]
+    values = values_of(log.with_columns(duty_supply=duty), ACTUATOR)
+    assert np.flatnonzero(np.isnan(values.log["duty_supply"])).tolist() == [100, 4000]
 
 
 @pytest.mark.parametrize(("step", "at"), [*product((-2e-3, -1e-3, 1e-3, 2e-3), (1500, 3000, 6200))])
 def test_a_position_that_jumps_and_stays_ends_a_segment_and_has_another_zero(log, step, at):
-    found = values_of(log.with_columns(position=log["position"] + step * (np.arange(len(log)) >= at)), ACTUATOR)
-    (fault,) = found.faults
+    values = values_of(log.with_columns(position=log["position"] + step * (np.arange(len(log)) >= at)), ACTUATOR)
+    (fault,) = values.faults
     assert (fault.kind, fault.first) == ("seam", log.time[at])
     assert f"at {log.time[at]:.3f} s" in fault.sentence
-    assert np.flatnonzero(np.isnan(found.log["duty_supply"])).tolist() == [at]
-    assert not np.isnan(found.log["position"]).any()
-    (problem,) = other_zeros(found)
+    assert np.flatnonzero(np.isnan(values.log["duty_supply"])).tolist() == [at]
+    assert not np.isnan(values.log["position"]).any()
+    (problem,) = other_zeros(values)
     assert f"jumps at {log.time[at]:.3f} s" in problem
     assert "cut the recording there" in problem
 

@@ -61,10 +61,10 @@ VENTING = (0.5, decay(4e4, 0.06), *OPEN)
     "options", [{}, {"rate": 100.0, "noise": 700.0}, {"noise": 0.0, "quantum": 0.0}], ids=["1 kHz", "100 Hz", "exact"]
 )
 def test_settled_rests_show_the_vented_pressure(phases, options):
-    found = vented_pressure(recording(*phases, **options))
-    assert found is not None
-    assert abs(found.mean - AMBIENT) < 3.0 * found.std
-    assert 100.0 <= found.std < 2.5e3
+    vented = vented_pressure(recording(*phases, **options))
+    assert vented is not None
+    assert abs(vented.mean - AMBIENT) < 3.0 * vented.std
+    assert 100.0 <= vented.std < 2.5e3
 
 
 @pytest.mark.parametrize(
@@ -94,8 +94,8 @@ def test_what_is_not_settled_does_not_count(phases):
 def test_a_slow_decay_that_the_noise_hides_is_in_the_standard_deviation():
     """At the start nothing shows how fast the chamber vents."""
     for seed in range(20):
-        found = vented_pressure(recording((0.2, decay(2e3, 0.5), *OPEN), STROKE, HOLD, seed=seed))
-        assert found is None or abs(found.mean - AMBIENT) < 3.0 * found.std
+        vented = vented_pressure(recording((0.2, decay(2e3, 0.5), *OPEN), STROKE, HOLD, seed=seed))
+        assert vented is None or abs(vented.mean - AMBIENT) < 3.0 * vented.std
 
 
 def test_several_rests_know_it_better_than_one_and_one_that_lies_higher_is_left_out():
@@ -111,8 +111,8 @@ def test_columns_of_a_slower_sensor_show_it_too():
     """They have a sample in ten, and none between."""
     log = recording((0.3, AMBIENT, *CLOSED), STROKE, HOLD, DOWN, VENTING)
     every = np.where(np.arange(len(log)) % 10 == 0, 1.0, np.nan)
-    found = vented_pressure(log.with_columns(**{name: log[name] * every for name in ("pressure_a", "position")}))
-    assert abs(found.mean - AMBIENT) < 3.0 * found.std
+    vented = vented_pressure(log.with_columns(**{name: log[name] * every for name in ("pressure_a", "position")}))
+    assert abs(vented.mean - AMBIENT) < 3.0 * vented.std
 
 
 def test_a_recording_without_a_needed_column_shows_nothing():

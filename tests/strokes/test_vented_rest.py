@@ -115,9 +115,9 @@ def test_on_virtual_trucks_the_interval_contains_the_truth(family, number):
         {"change": "seals"}, {"change": "cold"}, {"wear": 2e-3, "cycles": 6e5},
         {"offset": 3e-4}, {"offset": -3e-4, "change": "seals"}, {"sensor_zero": "kept", "wear": 2e-3},
     ):  # fmt: skip
-        done = drive(kind, seconds=20, seed=2, pressure=False, **options)
+        driven = drive(kind, seconds=20, seed=2, pressure=False, **options)
         for begin in (0, 1000):  # with and without the rest at the stop
-            shift = rest_shift(before, vented_rest(done.log.slice(begin, len(done.log))))
-            assert shift.low <= done.truth.shift <= shift.high
-            assert shift.moved <= (done.truth.shift != 0.0)
-            assert begin or shift.moved == (done.truth.shift != 0.0)
+            shift = rest_shift(before, vented_rest(driven.log.slice(begin, len(driven.log))))
+            assert shift.low <= driven.truth.shift <= shift.high
+            assert shift.moved <= (driven.truth.shift != 0.0)
+            assert begin or shift.moved == (driven.truth.shift != 0.0)

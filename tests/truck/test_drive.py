@@ -39,15 +39,15 @@ def first_time(done, condition) -> float:
 def test_a_stroke_with_the_papers_parameters_takes_about_the_times_of_the_specification():
     supply, exhaust = np.zeros(1400), np.zeros(1400)
     supply[:400], exhaust[400:] = 1, 1
-    done = respond(Truck(), supply, exhaust)
-    y = done.truth.states["position"]
+    response = respond(Truck(), supply, exhaust)
+    y = response.truth.states["position"]
     # computed for the paper's isothermal plant: 6.5 mm in 70 ms, 20 mm in 0.142 s, 25 to 1 mm in 0.5 s. Filling
     # without losing the heat of compression is quicker, by up to gamma where it is adiabatic, here by a fifth
-    assert first_time(done, y > 6.5e-3) == pytest.approx(0.070, rel=0.25)
-    assert first_time(done, y > 20e-3) == pytest.approx(0.142, rel=0.2)
-    back = done.truth.time > 0.4
-    assert first_time(done, back & (y < 1e-3)) - 0.4 == pytest.approx(0.5, rel=0.2)
-    assert 0.15 < done.truth.states["velocity"].max() < 0.3
+    assert first_time(response, y > 6.5e-3) == pytest.approx(0.070, rel=0.25)
+    assert first_time(response, y > 20e-3) == pytest.approx(0.142, rel=0.2)
+    back = response.truth.time > 0.4
+    assert first_time(response, back & (y < 1e-3)) - 0.4 == pytest.approx(0.5, rel=0.2)
+    assert 0.15 < response.truth.states["velocity"].max() < 0.3
 
 
 def test_duty_cycles_are_between_0_and_1_and_never_of_both_valves_at_once(shift):
@@ -89,39 +89,39 @@ def test_the_measured_position_is_the_true_one_with_lag_noise_and_quanta(shift):
 def test_holding_is_steady_and_near_what_is_wanted():
     # the dead band of the controller, the noise, and what the piston still moves after the last pulse
     for number in (0, 1, 2, 5):
-        done = drive(truck(number), manoeuvre="staircase", seconds=6, seed=1)
-        changes = np.flatnonzero(np.diff(done.wanted) != 0) + 1
-        spans = [(a, b) for a, b in pairwise(changes) if done.wanted[a] > 1e-3]
-        off = [done.truth.states["position"][b - 100 : b] - done.wanted[a] for a, b in spans]
+        driven = drive(truck(number), manoeuvre="staircase", seconds=6, seed=1)
+        changes = np.flatnonzero(np.diff(driven.wanted) != 0) + 1
+        spans = [(a, b) for a, b in pairwise(changes) if driven.wanted[a] > 1e-3]
+        off = [driven.truth.states["position"][b - 100 : b] - driven.wanted[a] for a, b in spans]
         assert np.median(np.abs(off)) < 0.5e-3
         assert np.median(np.ptp(off, axis=1)) < 0.2e-3
 
 
 @pytest.mark.parametrize("number", range(8))
 def test_a_mix_visits_the_whole_stroke_at_pressures_and_temperatures_of_a_truck(number):
-    done = drive(truck(number), seed=number)
-    x = done.truth.states
+    driven = drive(truck(number), seed=number)
+    x = driven.truth.states
     assert x["position"].min() < 0.5e-3
     assert x["position"].max() > 20e-3
     assert np.all(np.histogram(x["position"], np.arange(0, 21e-3, 1e-3))[0] > 100)  # 0.1 s in every millimetre
     assert 0.9e5 < x["pressure_a"].min() < 1.15e5
     assert 4e5 < x["pressure_a"].max() < 8e5
     assert 0.01e5 < np.ptp(x["pressure_supply"]) < 1.5e5
-    assert x["temperature_a"].max() > done.truth.truck.T_0 + 25
-    assert x["temperature_a"].min() < done.truth.truck.T_0 - 15
+    assert x["temperature_a"].max() > driven.truth.truck.T_0 + 25
+    assert x["temperature_a"].min() < driven.truth.truck.T_0 - 15
 
 
 @pytest.mark.parametrize("name", MANOEUVRES)
 def test_every_manoeuvre_can_be_driven_new_and_worn(name):
     for wear in (0.0, 3e-3):
-        done = drive(truck(11), manoeuvre=name, seconds=8, wear=wear, cycles=3e5)
-        assert np.ptp(done.truth.states["position"]) > 5e-3
-        assert np.all(np.isfinite(done.log["position"]))
+        driven = drive(truck(11), manoeuvre=name, seconds=8, wear=wear, cycles=3e5)
+        assert np.ptp(driven.truth.states["position"]) > 5e-3
+        assert np.all(np.isfinite(driven.log["position"]))
 
 
 def test_the_validation_protocol_goes_as_published():
-    done = drive(Truck(), manoeuvre="validation", seconds=30)
-    full, wanted = done.wanted.max(), done.wanted
+    driven = drive(Truck(), manoeuvre="validation", seconds=30)
+    full, wanted = driven.wanted.max(), driven.wanted
     drops = np.flatnonzero(np.diff(wanted) < -0.02 * full)
     levels = [round(100 * float(wanted[k + 1] / full)) for k in drops]
     assert levels[:8] == [0, 0, 70, 60, 50, 40, 30, 20]
@@ -131,13 +131,13 @@ def test_the_validation_protocol_goes_as_published():
 
 def test_the_truth_has_the_load_in_the_zero_of_the_sensor():
     worn = aged(Truck(i_w=0.5, e_y=3e-5), wear=2e-3)
-    done = drive(worn, seconds=2)
-    truth = done.truth
+    driven = drive(worn, seconds=2)
+    truth = driven.truth
     # the engaged rest moved by 1 mm, the spring presses the piston into the stop by (40 N / 1.15e9)^(2/3), e_y on top
     assert truth.zero == pytest.approx(-1e-3 - (38.5 / 1.15e9) ** (2 / 3) - 3e-5, abs=1e-6)
     assert truth.load(GRID) == pytest.approx(truth.curve.force(GRID + truth.zero))
-    assert np.median(done.log["position"][:250]) == pytest.approx(3e-5, abs=1.5e-5)
-    assert done.truth.states["position"][0] == pytest.approx(3e-5, abs=1e-9)
+    assert np.median(driven.log["position"][:250]) == pytest.approx(3e-5, abs=1.5e-5)
+    assert driven.truth.states["position"][0] == pytest.approx(3e-5, abs=1e-9)
 
 
 def test_a_truth_file_has_the_form_of_the_shared_data(tmp_path, shift, shared):
@@ -161,13 +161,13 @@ def test_a_truth_that_cannot_be_written_is_one_sentence(tmp_path, shift):
 
 
 def test_a_stuck_sensor_shows_one_value_and_misleads_the_controller():
-    done = drive(Truck(), manoeuvre="creep", seconds=5, seed=1, stuck=(2.0, 3.0))
+    driven = drive(Truck(), manoeuvre="creep", seconds=5, seed=1, stuck=(2.0, 3.0))
     fine = drive(Truck(), manoeuvre="creep", seconds=5, seed=1)
-    inside = (done.log.time >= 2.0) & (done.log.time < 3.0)
-    assert np.unique(done.log["position"][inside]).size == 1
-    before = done.log.time < 2.0
-    assert np.array_equal(done.log["position"][before], fine.log["position"][before])
-    assert np.abs(done.truth.states["position"] - fine.truth.states["position"])[inside].max() > 1e-3
+    inside = (driven.log.time >= 2.0) & (driven.log.time < 3.0)
+    assert np.unique(driven.log["position"][inside]).size == 1
+    before = driven.log.time < 2.0
+    assert np.array_equal(driven.log["position"][before], fine.log["position"][before])
+    assert np.abs(driven.truth.states["position"] - fine.truth.states["position"])[inside].max() > 1e-3
 
 
 def test_a_warm_process_drives_without_the_library_of_formulas():

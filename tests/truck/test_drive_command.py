@@ -75,8 +75,8 @@ def test_a_drive_records_temperature_and_supply_where_they_are_asked_for(tmp_pat
     plain, with_them = tmp_path / "plain.csv", tmp_path / "with.csv"
     assert drive(out=plain, family=family, truck=2, seconds=1, temperature=5.0) == 0
     assert drive(out=with_them, family=family, truck=2, seconds=1, temperature=5.0, conditions=True) == 0
-    one, other = clutchid.read(plain), clutchid.read(with_them)
-    assert set(other.columns) - set(one.columns) == {"temperature_ambient", "pressure_supply"}
-    assert all((one[name] == other[name]).all() for name in one.columns), "nothing else differs"
+    log, other = clutchid.read(plain), clutchid.read(with_them)
+    assert set(other.columns) - set(log.columns) == {"temperature_ambient", "pressure_supply"}
+    assert all((log[name] == other[name]).all() for name in log.columns), "nothing else differs"
     assert other["temperature_ambient"].mean() == pytest.approx(278.15, abs=5.0)
     assert 6e5 < other["pressure_supply"].min() < other["pressure_supply"].max() < 1.2e6

@@ -45,19 +45,19 @@ def test_every_truck_can_wear_to_the_end_of_its_facing(number, family):
 
 @pytest.mark.parametrize("family", FILES)
 def test_a_recording_of_either_family_has_the_columns_of_the_contract(family):
-    done = drive(truck(3, family), seconds=1, seed=1)
-    assert list(done.log.columns) == ["position", "duty_supply", "duty_exhaust", "pressure_a"]
+    driven = drive(truck(3, family), seconds=1, seed=1)
+    assert list(driven.log.columns) == ["position", "duty_supply", "duty_exhaust", "pressure_a"]
     bus = drive(truck(3, family), seconds=4, recorder="bus", dropouts=2, pressure=False).log
     assert 395 <= len(bus) <= 401
     assert "pressure_a" not in bus
-    assert {"pressure_a", "pressure_b", "pressure_supply", "position"} <= set(done.truth.log.columns)
+    assert {"pressure_a", "pressure_b", "pressure_supply", "position"} <= set(driven.truth.log.columns)
 
 
 @pytest.mark.parametrize("family", FILES)
 def test_the_same_seed_gives_the_same_bytes_and_another_one_does_not(family):
     def content(seed: int) -> bytes:
-        done = drive(truck(3, family), seconds=3, seed=seed, wear=1e-3, recorder="bus", dropouts=3)
-        return b"".join([done.log.time.tobytes(), *(v.tobytes() for v in done.log.columns.values())])
+        driven = drive(truck(3, family), seconds=3, seed=seed, wear=1e-3, recorder="bus", dropouts=3)
+        return b"".join([driven.log.time.tobytes(), *(v.tobytes() for v in driven.log.columns.values())])
 
     assert content(5) == content(5)
     assert content(5) != content(6)
@@ -74,10 +74,10 @@ def at_rest(t):
     """The states of a truck 6 s after a pulse, the force of its air on the piston and its load there in N."""
     supply = np.zeros(6000)
     supply[100:180] = 0.6
-    done = respond(t, supply, np.zeros(6000))
-    x = {name: values[-1] for name, values in done.truth.states.items()}
+    response = respond(t, supply, np.zeros(6000))
+    x = {name: values[-1] for name, values in response.truth.states.items()}
     air = t.A_A * (x["pressure_a"] - t.P_0) - t.A_B * (x["pressure_b"] - t.P_0)
-    return x, air, done.truth.load(np.array([x["position"]]))[0]
+    return x, air, response.truth.load(np.array([x["position"]]))[0]
 
 
 @pytest.mark.parametrize("family", FILES)
@@ -138,9 +138,9 @@ def test_a_recording_under_a_change_is_that_of_the_changed_truck(family):
 @pytest.mark.parametrize(("family", "numbers"), [("A", (0, 4, 8, 13, 14)), ("B", range(6))])
 def test_a_tick_is_fine_enough_for_every_truck(lab, family, numbers):
     for number in numbers:
-        done = drive(truck(number, family), seconds=6, seed=number, wear=1e-3)
-        duties = np.column_stack([done.log["duty_supply"], done.log["duty_exhaust"]])
-        rough, fine = (lab.states(done.truth.truck, duties, substeps)[:, 0] for substeps in (1, 4))
+        driven = drive(truck(number, family), seconds=6, seed=number, wear=1e-3)
+        duties = np.column_stack([driven.log["duty_supply"], driven.log["duty_exhaust"]])
+        rough, fine = (lab.states(driven.truth.truck, duties, substeps)[:, 0] for substeps in (1, 4))
         assert np.ptp(fine) > 15e-3
         # a tenth of the noise and of the quantum of the position sensor
         assert np.abs(rough - fine).max() < 1e-6

@@ -87,10 +87,10 @@ def test_a_hybrid_is_driven_changed_and_worn_like_any_truck(seed):
     kind = truck(0, f"h:{seed}")
     for change in CHANGES:
         assert changed(kind, change) != kind
-    done = drive(kind, seconds=3.0, seed=1, wear=1.5e-3, change="warm", conditions=True)
-    assert done.truth.states["position"].max() > 0.018
-    assert {"pressure_a", "pressure_b", "pressure_supply", "mass_a"} <= set(done.truth.states)
-    assert done.truth.shift == pytest.approx(-kind.i_w * 1.5e-3 if kind.zero == "kept" else 0.0, abs=1e-6)
+    driven = drive(kind, seconds=3.0, seed=1, wear=1.5e-3, change="warm", conditions=True)
+    assert driven.truth.states["position"].max() > 0.018
+    assert {"pressure_a", "pressure_b", "pressure_supply", "mass_a"} <= set(driven.truth.states)
+    assert driven.truth.shift == pytest.approx(-kind.i_w * 1.5e-3 if kind.zero == "kept" else 0.0, abs=1e-6)
 
 
 @pytest.mark.slow
@@ -109,8 +109,8 @@ def test_air_that_crosses_the_border_of_a_hybrid_is_what_is_inside(lab, seed):
 @pytest.mark.parametrize("seed", OPPOSITE)
 def test_a_tick_is_fine_enough_for_a_hybrid(lab, seed):
     kind = truck(0, f"h:{seed}")
-    done = drive(kind, seconds=6, seed=seed)
-    duties = np.column_stack([done.log["duty_supply"], done.log["duty_exhaust"]])
+    driven = drive(kind, seconds=6, seed=seed)
+    duties = np.column_stack([driven.log["duty_supply"], driven.log["duty_exhaust"]])
     rough, fine = (lab.states(kind, duties, substeps)[:, 0] for substeps in (1, 4))
     assert np.ptp(fine) > 15e-3
     # a tenth of the noise and of the quantum of the position sensor

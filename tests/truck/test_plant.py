@@ -44,8 +44,8 @@ def rates(truck: Truck, air: dict[str, tuple[float, float]], f_l: float = 0.0, *
     held = [0.0] * len(SYSTEM.inputs)
     parameters = [known[name] for name in SYSTEM.parameter_names()]
     values = equations()["terms"]([state[name] for name in STATES], held, parameters, f_l)
-    found = dict(zip((row[0] for row in equations()["TERMS"]), values, strict=True))
-    return {name: found[f"d_{name}"] for name in STATES}
+    entries = dict(zip((row[0] for row in equations()["TERMS"]), values, strict=True))
+    return {name: entries[f"d_{name}"] for name in STATES}
 
 
 def pressures(**changed: float) -> dict[str, tuple[float, float]]:
@@ -65,10 +65,10 @@ def pressures(**changed: float) -> dict[str, tuple[float, float]]:
     ids=["seal forth", "seal back", "leak outwards", "leak inwards", "breather outwards", "breather inwards"],
 )
 def test_air_takes_the_temperature_along_from_where_it_comes(way, air, source, chambers):
-    found = rates(SEALED.replace(way), air)
+    rates_of_change = rates(SEALED.replace(way), air)
     kelvin = T.T_0 if source == "outside" else air[source][1]
     for name in AIR:
-        flow, power = found[f"m_{name}"], found[f"U_{name}"]
+        flow, power = rates_of_change[f"m_{name}"], rates_of_change[f"U_{name}"]
         # 1 kg/s carries c_p T; the piston stands and the walls take nothing
         assert power == pytest.approx(C_P * kelvin * flow, rel=1e-12)
         assert (flow > 0) - (flow < 0) == chambers.get(name, 0)
@@ -76,9 +76,9 @@ def test_air_takes_the_temperature_along_from_where_it_comes(way, air, source, c
 
 def test_the_seal_leaks_from_one_chamber_into_the_other_and_nothing_is_lost():
     for air in (pressures(A=4e5, B=1.5e5), pressures(A=1.5e5, B=4e5)):
-        found = rates(SEALED.replace({"C_AB": 2e-11}), air)
-        assert found["m_A"] == -found["m_B"] != 0.0
-        assert found["U_A"] == pytest.approx(-found["U_B"], rel=1e-12)
+        rates_of_change = rates(SEALED.replace({"C_AB": 2e-11}), air)
+        assert rates_of_change["m_A"] == -rates_of_change["m_B"] != 0.0
+        assert rates_of_change["U_A"] == pytest.approx(-rates_of_change["U_B"], rel=1e-12)
 
 
 @pytest.mark.parametrize(("valve", "source", "sink"), [("x_s", "S", "A"), ("x_e", "A", None)])
@@ -94,46 +94,46 @@ def test_an_open_valve_passes_air_with_the_heat_of_what_is_before_it_in_proporti
 
 
 def test_the_compressor_fills_the_reservoir_with_air_of_the_ambience():
-    found = rates(SEALED.replace({"G_S": 5e-7}), pressures(S=8e5), p_G=9e5)
-    assert found["m_S"] == pytest.approx(5e-7 * 1e5, rel=1e-12)
-    assert found["U_S"] == pytest.approx(C_P * T.T_0 * found["m_S"], rel=1e-12)
+    rates_of_change = rates(SEALED.replace({"G_S": 5e-7}), pressures(S=8e5), p_G=9e5)
+    assert rates_of_change["m_S"] == pytest.approx(5e-7 * 1e5, rel=1e-12)
+    assert rates_of_change["U_S"] == pytest.approx(C_P * T.T_0 * rates_of_change["m_S"], rel=1e-12)
 
 
 def test_walls_give_each_chamber_heat_through_its_own_area_and_the_reservoir_by_its_own_number():
     warm = {name: (p, T.T_0) for name, (p, _) in AIR.items()}
     walls = SEALED.replace({"h_A": 50.0, "h_B": 30.0, "UA_S": 7.0, "dT_w": 40.0})
-    found = rates(walls, warm)
+    rates_of_change = rates(walls, warm)
     area = {"A": 2 * T.A_A, "B": 2 * T.A_B}
     length = {"A": T.V_0A / T.A_A + 8e-3, "B": T.V_0B / T.A_B + T.y_max - 8e-3}
     for name, h in (("A", 50.0), ("B", 30.0)):
         A = area[name] / 2
         surface = area[name] + 2 * math.sqrt(math.pi * A) * length[name]
         expected = h * math.sqrt(warm[name][0] * T.T_0 / (1e5 * 293.15)) * surface * 40.0
-        assert found[f"U_{name}"] == pytest.approx(expected, rel=1e-12)
-    assert found["U_S"] == pytest.approx(0.0, abs=1e-9)
+        assert rates_of_change[f"U_{name}"] == pytest.approx(expected, rel=1e-12)
+    assert rates_of_change["U_S"] == pytest.approx(0.0, abs=1e-9)
     assert rates(walls, AIR)["U_S"] == pytest.approx(7.0 * (T.T_0 - 310.0), rel=1e-12)
 
 
 def test_a_moving_piston_works_on_the_air_of_both_chambers():
-    found = rates(SEALED, AIR, v=0.2)
-    assert found["y"] == 0.2
-    assert found["U_A"] == pytest.approx(-4e5 * T.A_A * 0.2, rel=1e-12)
-    assert found["U_B"] == pytest.approx(1.5e5 * T.A_B * 0.2, rel=1e-12)
+    rates_of_change = rates(SEALED, AIR, v=0.2)
+    assert rates_of_change["y"] == 0.2
+    assert rates_of_change["U_A"] == pytest.approx(-4e5 * T.A_A * 0.2, rel=1e-12)
+    assert rates_of_change["U_B"] == pytest.approx(1.5e5 * T.A_B * 0.2, rel=1e-12)
 
 
 @pytest.mark.parametrize("v", [0.03, -0.03])
 def test_every_force_acts_on_the_piston_with_its_own_numbers(v):
     t = SEALED.replace({"dT_w": 30.0, "beta": 0.0125, "c_F": 2e-4, "R_S": 1.5, "v_S": 0.02, "v_z": 0.05, "mu_h": 0.04})
     z, z_h, f_l = 1.1e-4, -2e-5, 3000.0
-    found = rates(t, AIR, f_l, v=v, z=z, z_h=z_h)
+    rates_of_change = rates(t, AIR, f_l, v=v, z=z, z_h=z_h)
     g = (t.F_C + t.c_F * (4e5 - 1.5e5)) * (1 + 0.5 / (1 + 1.5**2))
     z_dot = v - t.K_z * abs(v) / g * z
     viscous = t.D_v * math.exp(-0.0125 * (t.T_0 + 30.0 - 293.15))
     seal = t.K_z * z + t.D_z / (1 + 0.6**2) * z_dot + viscous * v
     pushed = t.A_A * (4e5 - t.P_0) - t.A_B * (1.5e5 - t.P_0)
-    assert found["v"] == pytest.approx((pushed - f_l - t.K_h * z_h - seal) / t.M, rel=1e-12)
-    assert found["z"] == pytest.approx(z_dot, rel=1e-12)
-    assert found["z_h"] == pytest.approx(v - t.K_h * abs(v) / (t.F_h + 0.04 * f_l) * z_h, rel=1e-12)
+    assert rates_of_change["v"] == pytest.approx((pushed - f_l - t.K_h * z_h - seal) / t.M, rel=1e-12)
+    assert rates_of_change["z"] == pytest.approx(z_dot, rel=1e-12)
+    assert rates_of_change["z_h"] == pytest.approx(v - t.K_h * abs(v) / (t.F_h + 0.04 * f_l) * z_h, rel=1e-12)
 
 
 @pytest.mark.parametrize("v", [0.05, -0.05])

@@ -59,24 +59,24 @@ def test_each_valve_has_its_own_four_times():
 def test_each_sensor_has_its_own_lag():
     supply = np.zeros(200)
     supply[:60] = 1.0
-    done = respond(Truck(tau_y=1e-3, tau_p=6e-3), supply, np.zeros(200))
+    response = respond(Truck(tau_y=1e-3, tau_p=6e-3), supply, np.zeros(200))
     for name, true, tau in (
-        ("position", done.truth.states["position"], 1e-3),
-        ("pressure_a", done.truth.states["pressure_a"], 6e-3),
+        ("position", response.truth.states["position"], 1e-3),
+        ("pressure_a", response.truth.states["pressure_a"], 6e-3),
     ):
         out = [true[0]]
         for before, now in pairwise(true):
             out.append(lagged(out[-1], before, now, tau, SAMPLE))
         # the sensor is fed tick by tick, the twin with straight lines over a millisecond
         rate = np.abs(np.diff(true)).max() / SAMPLE
-        assert np.abs(done.log[name] - out).max() < 2 * TICK * rate
-        assert np.abs(done.log[name] - true).max() > 5 * TICK * rate
+        assert np.abs(response.log[name] - out).max() < 2 * TICK * rate
+        assert np.abs(response.log[name] - true).max() > 5 * TICK * rate
 
 
 def test_the_controller_gives_each_valve_its_own_dead_zone():
-    done = drive(Truck(T_pwm=0.01, t_1s=1e-3, t_1e=4e-3), manoeuvre="creep", seconds=6.0)
+    driven = drive(Truck(T_pwm=0.01, t_1s=1e-3, t_1e=4e-3), manoeuvre="creep", seconds=6.0)
     for name, dead in (("duty_supply", 0.1), ("duty_exhaust", 0.4)):
-        duty = done.log[name]
+        duty = driven.log[name]
         # a timer of 100 steps
         assert dead - 0.006 <= duty[duty > 0].min() < dead + 0.1
 
@@ -95,9 +95,9 @@ def test_a_morning_begins_anywhere_on_the_saw_tooth_and_mostly_on_its_longer_sid
 
 @pytest.mark.parametrize("wear", [0.0, 2e-3])
 def test_the_transmission_goes_up_to_two_millimetres_before_the_far_stop(wear):
-    done = drive(Truck(i_w=0.5), manoeuvre="strokes", seconds=2.0, wear=wear)
+    driven = drive(Truck(i_w=0.5), manoeuvre="strokes", seconds=2.0, wear=wear)
     # the rest of a worn clutch lies nearer to the cylinder
-    assert done.wanted.max() == pytest.approx(25e-3 + 0.5 * wear - 2e-3, rel=1e-12)
+    assert driven.wanted.max() == pytest.approx(25e-3 + 0.5 * wear - 2e-3, rel=1e-12)
 
 
 def test_the_truth_says_where_the_clutch_takes_hold_in_the_zero_of_the_sensor():

@@ -126,12 +126,12 @@ def test_the_sensor_shows_the_scaled_position_and_the_truth_does_not():
     truck = TruckB(e_lin=0.01, tau_y=0.0, e_y=2e-5)
     duty = np.zeros(400)
     duty[10:250] = 1.0
-    done = respond(truck, duty, np.zeros(400))
-    true = done.truth.states["position"]
+    response = respond(truck, duty, np.zeros(400))
+    true = response.truth.states["position"]
     assert np.ptp(true) > 0.02
     wave = 0.01 * truck.y_max / (2 * math.pi) * np.sin(2 * math.pi * (true - truck.e_y) / truck.y_max)
     # the zero of the sensor lies at the rest, but for the error of its estimate, of which the gain takes its share
-    assert done.log["position"] - true == pytest.approx(wave, abs=1e-9)
+    assert response.log["position"] - true == pytest.approx(wave, abs=1e-9)
 
 
 def test_noise_has_its_size_and_its_colour():

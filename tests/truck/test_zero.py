@@ -50,9 +50,9 @@ def test_the_true_load_over_the_travel_from_the_vented_rest_does_not_depend_on_t
         shift_drive(kind, wear=WEAR, sensor_zero=zero, offset=offset)
         for zero, offset in (("learned", 0.0), ("kept", 0.0), ("kept", -3e-4))
     ]
-    for done in loads[1:]:
-        assert done.truth.load(travel) == pytest.approx(loads[0].truth.load(travel), rel=1e-12)
-        assert done.truth.touch == pytest.approx(loads[0].truth.touch, abs=1e-15)
+    for load in loads[1:]:
+        assert load.truth.load(travel) == pytest.approx(loads[0].truth.load(travel), rel=1e-12)
+        assert load.truth.touch == pytest.approx(loads[0].truth.touch, abs=1e-15)
     loads[-1].write_truth(tmp_path / "truth.json", "x")
     written = json.loads((tmp_path / "truth.json").read_text())["logs"]["x"]
     assert written["rest_shift_m"] == loads[-1].truth.shift

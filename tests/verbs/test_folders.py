@@ -65,7 +65,7 @@ def test_a_recording_is_found_under_every_name_that_is_read(forms, still, name):
     assert (log.name, len(log)) == (stem, len(still))
     assert is_recording(folder / name)
     assert name_of(folder / name) == stem
-    assert name in [one["name"] for one in folder_listing("", folder.resolve())["files"]]
+    assert name in [file["name"] for file in folder_listing("", folder.resolve())["files"]]
 
 
 def one_of_each(forms, to, names=NAMES):
@@ -98,7 +98,7 @@ def test_fleet_and_track_read_all_of_them(forms, tmp_path, cal):
     run = clutchid.fleet(tmp_path / "fleet", cal, tmp_path / "out", dbc=[forms[1]])
     said = pl.read_parquet(tmp_path / "out" / "results.parquet")["message"].to_list()
     read = clutchid.track(vehicle, cal, dbc=[forms[1]]).wear.readings
-    for sentences in (said, [one.message for one in read]):
+    for sentences in (said, [reading.message for reading in read]):
         ends = Counter(sentence.partition(": ")[2] for sentence in sentences)
         assert len(sentences) == len(names) == 2 * sum(bool(row.suffixes) for row in FORMATS)
         assert len(ends) == 1, "every one is refused for the same reason, which stands in its samples"
@@ -187,8 +187,8 @@ def test_track_reads_what_its_table_names_and_no_table_as_a_recording(tmp_path, 
     table = tmp_path / "trips.csv"
     table.write_text("recording,vehicle,strokes\na.csv,V1,1\nb.bin,V1,2\nc,V1,3\n")
     tracked = clutchid.track(tmp_path, cal, table=table)
-    assert [one.name for one in tracked.wear.dated] == ["a", "b.bin", "c"]
-    messages = [one.message for one in tracked.wear.readings]
+    assert [reading.name for reading in tracked.wear.dated] == ["a", "b.bin", "c"]
+    messages = [reading.message for reading in tracked.wear.readings]
     assert messages[0].partition(": ")[2] == messages[1].partition(": ")[2]
     assert messages[2] == "the table names it, but its file is not there."
     assert tracked.left_out == "2 files are not read as recordings: 2 .toml."

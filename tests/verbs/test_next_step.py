@@ -64,12 +64,12 @@ def test_the_actuator_of_the_start_file_stays_unless_it_is_that_of_the_paper(fit
 
 
 def test_how_recordings_are_read_stays_and_force_only_for_the_same_recordings(fitted, calibrated):
-    given = command("a.csv", save=["F.toml"], files=ReadingText(map=Path("M.toml")), force=True)
-    words = shlex.split(next_step(fitted, given).command)
+    process = command("a.csv", save=["F.toml"], files=ReadingText(map=Path("M.toml")), force=True)
+    words = shlex.split(next_step(fitted, process).command)
     assert words[:6] == ["clutchid", "calibrate", "a.csv", "--map", "M.toml", "--force"]
-    words = shlex.split(next_step(calibrated, given).command)
+    words = shlex.split(next_step(calibrated, process).command)
     assert words == ["clutchid", "estimate", "WORN.csv", "--map", "M.toml", "--start", "F.toml"]
-    read = replace(given, report=Path("a.html"))
+    read = replace(process, report=Path("a.html"))
     words = shlex.split(next_step(with_baseline(fitted), read).command)
     assert words[:6] == ["clutchid", "simulate", "a.csv", "--map", "M.toml", "--force"]
     assert words[6:] == ["--parameters", "F.toml", "--out", "a-pressure.csv"]

@@ -15,18 +15,18 @@ WEAR = "wear [mm],half_load [mm],load [N]\n"
 
 
 def rows(*listed):
-    return {one.recording: one for one in listed}
+    return {entry.recording: entry for entry in listed}
 
 
 def test_the_clock_of_the_file_counts_before_the_table_and_the_name():
     table = rows(Listed("b_2026-03-01", begin=datetime(2026, 1, 5, tzinfo=UTC)), Listed("c", begin=None))
     clocks = ["", "2026-02-03T04:05:06+00:00", "2025-12-31T00:00:00"]
-    found = arranged(["a_20260101", "b_2026-03-01", "c"], clocks, table)
-    assert found.order == (2, 0, 1)
-    assert [one.source for one in found.dated] == ["name", "file", "file"]
-    assert found.axis == "days"
-    assert found.s == pytest.approx([0.0, 1.0, 34.17021], abs=1e-4)
-    assert found.warnings == (
+    history = arranged(["a_20260101", "b_2026-03-01", "c"], clocks, table)
+    assert history.order == (2, 0, 1)
+    assert [one.source for one in history.dated] == ["name", "file", "file"]
+    assert history.axis == "days"
+    assert history.s == pytest.approx([0.0, 1.0, 34.17021], abs=1e-4)
+    assert history.warnings == (
         "b_2026-03-01: the file is of 2026-02-03 04:05, the table says 2026-01-05 00:00; the file counts.",
         "b_2026-03-01: its name is of 2026-03-01, the file of 2026-02-03; the file counts.",
     )
@@ -41,17 +41,17 @@ def test_a_name_that_agrees_to_a_day_is_no_contradiction():
 
 
 def test_a_clock_that_restarted_is_not_used():
-    found = arranged(["a", "b"], ["1970-01-01T03:00:00", ""], rows(
+    history = arranged(["a", "b"], ["1970-01-01T03:00:00", ""], rows(
         Listed("a", begin=datetime(2026, 5, 1, tzinfo=UTC)), Listed("b", begin=datetime(2026, 4, 1, tzinfo=UTC))
     ))  # fmt: skip
-    assert found.order == (1, 0)
-    assert found.warnings == ("a: its clock says 1970-01-01, so it had restarted, and is not used.",)
+    assert history.order == (1, 0)
+    assert history.warnings == ("a: its clock says 1970-01-01, so it had restarted, and is not used.",)
 
 
 def test_strokes_are_the_axis_before_distance_and_time():
     table = rows(Listed("a", odometer=100.0, strokes=5e3), Listed("b", odometer=50.0, strokes=9e3))
-    found = arranged(["a", "b"], ["2026-01-01", "2026-01-02"], table)
-    assert (found.axis, list(found.s)) == ("strokes", [5e3, 9e3])
+    history = arranged(["a", "b"], ["2026-01-01", "2026-01-02"], table)
+    assert (history.axis, list(history.s)) == ("strokes", [5e3, 9e3])
     without = rows(Listed("a", odometer=100.0), Listed("b", odometer=150.0))
     assert arranged(["a", "b"], ["2026-01-01", "2026-01-02"], without).axis == "km"
     back = arranged(["a", "b"], ["2026-01-01", "2026-01-02"], rows(Listed("a", strokes=9.0), Listed("b", strokes=5.0)))
@@ -60,9 +60,9 @@ def test_strokes_are_the_axis_before_distance_and_time():
 
 
 def test_without_any_time_the_names_are_sorted_as_people_count():
-    found = arranged(["run10", "run9"], ["", ""], {})
-    assert (found.order, found.axis) == ((1, 0), "recordings")
-    assert found.warnings == ("no recording has a time; they are taken in the order of their names.",)
+    history = arranged(["run10", "run9"], ["", ""], {})
+    assert (history.order, history.axis) == ((1, 0), "recordings")
+    assert history.warnings == ("no recording has a time; they are taken in the order of their names.",)
     some = arranged(["a", "b_20260102"], ["", ""], {})
     assert some.order == (1, 0)
     assert "put after the others" in some.warnings[0]

@@ -31,19 +31,19 @@ def test_a_learned_zero_never_moves():
 
 
 def test_a_kept_zero_falls_with_wear():
-    found = causes(-FALL * np.arange(60))
-    assert found[0] == ""
-    assert found[-1] == "wear"
-    assert not any("!" in one for one in found)
+    reasons = causes(-FALL * np.arange(60))
+    assert reasons[0] == ""
+    assert reasons[-1] == "wear"
+    assert not any("!" in one for one in reasons)
 
 
 @pytest.mark.parametrize("step", [3e-4, -3e-4])
 @pytest.mark.parametrize("pace", [0.0, FALL])
 def test_a_sensor_moves_at_once_upwards_or_faster_than_wear(step, pace):
     values = -pace * np.arange(40) + step * (np.arange(40) >= 20)
-    found = causes(values)
-    assert found[20] == "!sensor"
-    assert sum("!" in one for one in found) == 1
+    reasons = causes(values)
+    assert reasons[20] == "!sensor"
+    assert sum("!" in one for one in reasons) == 1
 
 
 def test_a_step_is_found_across_recordings_without_a_rest():
@@ -73,27 +73,27 @@ def life_of(shifts, rests, *, loads=None, table=None, limit=1e-3):
 
 
 def test_a_sensor_that_moves_is_an_alarm_of_its_own_and_no_wear():
-    found = life_of(1e-6 * np.arange(30), np.where(np.arange(30) < 15, 0.0, 3e-4))
-    (alarm,) = found.alarms
+    life = life_of(1e-6 * np.arange(30), np.where(np.arange(30) < 15, 0.0, 3e-4))
+    (alarm,) = life.alarms
     assert (alarm.kind, alarm.after, alarm.before) == ("sensor moved", "r14", "r15")
     assert alarm.rest == pytest.approx(3e-4)
     assert "vented rest by +0.30 mm, which is no wear" in alarm_words(alarm)
-    assert found.left is not None
-    assert [one.cause for one in found.rests].count("sensor") == 1
+    assert life.left is not None
+    assert [rest.cause for rest in life.rests].count("sensor") == 1
 
 
 def test_what_is_left_is_unknown_after_a_sudden_change():
     shifts = 1e-6 * np.arange(40) + 3e-4 * (np.arange(40) >= 20)
-    found = life_of(shifts, np.zeros(40))
-    assert [alarm.kind for alarm in found.alarms] == ["sudden"]
-    assert found.left is None
-    assert left_words(found) == "unknown after the load changed suddenly before r20: find the cause"
-    assert any("unknown after" in line for line in wear_lines(found))
+    life = life_of(shifts, np.zeros(40))
+    assert [alarm.kind for alarm in life.alarms] == ["sudden"]
+    assert life.left is None
+    assert left_words(life) == "unknown after the load changed suddenly before r20: find the cause"
+    assert any("unknown after" in line for line in wear_lines(life))
 
 
 def test_a_life_without_an_end_in_sight_is_said_without_a_number_of_strokes():
-    found = life_of(1e-6 * np.arange(30), np.zeros(30))
-    endless = replace(found, left=(4.3e5, np.inf, np.inf), axis="strokes", limit=3.5e-3)
+    life = life_of(1e-6 * np.arange(30), np.zeros(30))
+    endless = replace(life, left=(4.3e5, np.inf, np.inf), axis="strokes", limit=3.5e-3)
     assert left_words(endless) == "no end in sight to 3.50 mm of shift (430,000 strokes to no end in sight, 90 %)"
     known = replace(endless, left=(2.2e5, 4.6e5, np.inf))
     assert left_words(known) == "460,000 strokes to 3.50 mm of shift (220,000 to no end in sight, 90 %)"
@@ -103,9 +103,9 @@ def test_no_wear_is_given_beyond_the_end_of_its_table():
     wear = np.linspace(0.0, 3.5e-3, 8)
     table = WearTable(wear, 0.05 * wear, 20.0 * wear)
     true = 1e-4 * np.arange(60)
-    found = life_of(0.05 * true, np.zeros(60), loads=20.0 * true, table=table, limit=None)
-    for band in (found.then["wear"], found.now["wear"]):
+    life = life_of(0.05 * true, np.zeros(60), loads=20.0 * true, table=table, limit=None)
+    for band in (life.then["wear"], life.now["wear"]):
         assert max(side.max() for side in band) == 3.5e-3
-    (line,) = [line for line in wear_lines(found) if line.startswith("now")]
+    (line,) = [line for line in wear_lines(life) if line.startswith("now")]
     assert "facing worn beyond the end of its table, 3.50 mm" in line
-    assert found.left.median == 0.0
+    assert life.left.median == 0.0

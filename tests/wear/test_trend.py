@@ -97,9 +97,9 @@ def test_filter_and_smoother_are_batch_least_squares():
         total, number = total + steps[k].deviance, number + 2
         scale = (10.0 + total) / (10.0 + number)
     solution = np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0].reshape(6, n)
-    found = np.array([mean for mean, _ in smoothed(steps)])
+    values = np.array([mean for mean, _ in smoothed(steps)])
     std = np.sqrt(np.diag(prior))
-    assert found / std == pytest.approx(solution / std, abs=1e-5)
+    assert values / std == pytest.approx(solution / std, abs=1e-5)
 
 
 def test_a_replaced_clutch_is_found_within_two_recordings():

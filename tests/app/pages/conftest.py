@@ -34,9 +34,9 @@ def browser():
     if CHROMIUM is None:
         pytest.skip("there is no chromium on this machine: pages are not opened.")
     with api.sync_playwright() as playwright:
-        one = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield one
-        one.close()
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield browser
+        browser.close()
 
 
 @pytest.fixture(scope="session")
@@ -72,11 +72,11 @@ def files(tmp_path_factory):
 def server(files):
     """The address of a server whose folder is that of the files."""
     command = [sys.executable, "-m", "clutchid", "app", "--no-browser", "--folder", str(files)]
-    one = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    yield one.stdout.readline().strip()
-    one.send_signal(signal.SIGINT)
-    _, said = one.communicate(timeout=20)
-    assert one.returncode == 0
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    yield process.stdout.readline().strip()
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=20)
+    assert process.returncode == 0
     assert said == ""
 
 
@@ -85,22 +85,22 @@ def page(browser, server):
     """The page as it was opened first; it must ask nothing elsewhere, and report no error."""
     context = browser.new_context(viewport={"width": 1400, "height": 950}, color_scheme="light")
     context.set_default_timeout(180_000)
-    one = context.new_page()
+    tab = context.new_page()
     faults = []
-    one.on("pageerror", lambda error: faults.append(str(error)))
-    one.on(
+    tab.on("pageerror", lambda error: faults.append(str(error)))
+    tab.on(
         "console",
         lambda message: faults.append(message.text) if message.type == "error" and "422" not in message.text else None,
     )
-    one.on("dialog", lambda dialog: (faults.append(dialog.message), dialog.dismiss()))
+    tab.on("dialog", lambda dialog: (faults.append(dialog.message), dialog.dismiss()))
     base = server.partition("/?")[0]
-    one.on(
+    tab.on(
         "request",
         lambda request: None if request.url.startswith((base, "blob:", "data:")) else faults.append(request.url),
     )
-    one.goto(server)
-    one.locator(".empty").wait_for()
-    yield one
+    tab.goto(server)
+    tab.locator(".empty").wait_for()
+    yield tab
     context.close()
     assert faults == []
 
@@ -111,8 +111,8 @@ def findings(page):
 
     def find():
         page.evaluate(AXE)
-        found = page.evaluate("axe.run(document, {resultTypes: ['violations']})")
-        return [f"{one['id']}: {one['nodes'][0]['html'][:120]}" for one in found["violations"]]
+        value = page.evaluate("axe.run(document, {resultTypes: ['violations']})")
+        return [f"{violation['id']}: {violation['nodes'][0]['html'][:120]}" for violation in value["violations"]]
 
     return find
 

@@ -183,7 +183,7 @@ def test_a_position_without_noise_is_stuck_where_an_open_valve_does_not_move_it(
     time = np.arange(0, 4, 1e-3)
     supply, exhaust = 1.0 * (time % 1 < 0.2), 1.0 * (time % 1 >= 0.5)
     log = Log(time, {"position": np.zeros(time.size), "duty_supply": supply, "duty_exhaust": exhaust})
-    (stuck,) = (one for one in inspect(log).checks if one.name == "stuck position")
+    (stuck,) = (check for check in inspect(log).checks if check.name == "stuck position")
     assert stuck.grade == "bad"
     assert "leave these samples empty" in stuck.sentence
 

@@ -20,8 +20,8 @@ from fixtures.changed_logs import thinned
 
 
 def not_good(log, actuator=None):
-    found = inspect(log, actuator).checks
-    return {f.name: f.grade for f in found if f.grade != "good"}
+    checks = inspect(log, actuator).checks
+    return {f.name: f.grade for f in checks if f.grade != "good"}
 
 
 @pytest.mark.parametrize("number", [1, 3, 7, 9, 16])
@@ -39,9 +39,9 @@ def test_every_manoeuvre_is_without_a_warning_in_the_controller(recorded, manoeu
 
 @pytest.mark.parametrize("manoeuvre", sorted(MANOEUVRES))
 def test_on_the_bus_only_the_rate_is_slow(recorded, manoeuvre):
-    found = not_good(recorded(4, manoeuvre, recorder="bus"))
-    assert found.pop("sample rate") == "suspect"
-    assert set(found.values()) <= {"undetermined"}
+    reasons = not_good(recorded(4, manoeuvre, recorder="bus"))
+    assert reasons.pop("sample rate") == "suspect"
+    assert set(reasons.values()) <= {"undetermined"}
 
 
 def test_the_recordings_of_the_three_trucks_are_good(shared):
@@ -116,9 +116,9 @@ def test_coarse_steps_are_no_shift(recorded, found, number):
 
 
 def test_a_simulation_without_noise_is_not_saturated_nor_stuck(drive, truth):
-    found = not_good(drive, truth)
-    assert set(found.values()) == {"undetermined"}
-    assert {"saturation of position", "supply pressure"} <= set(found)
+    reasons = not_good(drive, truth)
+    assert set(reasons.values()) == {"undetermined"}
+    assert {"saturation of position", "supply pressure"} <= set(reasons)
 
 
 def test_an_end_stop_is_no_saturation_because_noise_goes_on(recorded, found):

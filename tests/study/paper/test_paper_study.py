@@ -58,7 +58,7 @@ def test_the_printed_loads_of_another_truck_have_nothing_of_this_recording_besid
     panels = figure_5(study.cases, logs[0], true_load(logs[0])).axes
     labels = [{line.get_label() for line in axis.get_lines()} for axis in panels]
     of_this = {"true load", "Eq. (25), slow"}
-    assert [of_this & found for found in labels] == [of_this, of_this, of_this, set()]
+    assert [of_this & label for label in labels] == [of_this, of_this, of_this, set()]
 
 
 def test_the_page_loads_nothing_and_every_number_of_every_table_stands_on_it(study, html, loads_nothing):

@@ -134,10 +134,10 @@ def test_a_workflow_that_fails_is_a_row_with_its_reason(short, tmp_path, monkeyp
     with without_workers():
         (result,) = proving.prove("broken_workflow:run", [5], tmp_path / "out")
     assert result["failed"] == "ValueError: no idea"
-    found = proving.stored_results(tmp_path / "out", [5])
-    table = standings(found)
+    results = proving.stored_results(tmp_path / "out", [5])
+    table = standings(results)
     assert table.column("failed") == (1,)
-    assert every_recording(found).column("failed") == ("ValueError: no idea",)
+    assert every_recording(results).column("failed") == ("ValueError: no idea",)
     assert coverage([result]) == (None, None)
 
 
@@ -237,13 +237,13 @@ def test_a_proof_of_the_other_family_under_a_change_has_a_folder_and_a_row_of_it
         proving.prove(name, [4], out)
         (result,) = proving.prove(name, [4], out, both)
     assert (result["family"], result["change"], result["failed"]) == ("B", "cold + valves", None)
-    found = proving.stored_results(out, [4])
-    assert list(found) == ["another_quick_workflow_run", "another_quick_workflow_run@B+cold+valves"]
-    table = standings(found)
+    results = proving.stored_results(out, [4])
+    assert list(results) == ["another_quick_workflow_run", "another_quick_workflow_run@B+cold+valves"]
+    table = standings(results)
     assert table.column("workflow") == ("another_quick_workflow_run",) * 2
     assert table.column("family") == ("A", "B")
     assert table.column("change") == ("none", "cold + valves")
-    assert every_recording(found).column("family") == ("A", "A", "B", "B")
+    assert every_recording(results).column("family") == ("A", "A", "B", "B")
 
 
 def test_the_calibration_is_unchanged_and_the_worn_recordings_are_changed_all_together(short):
