@@ -32,9 +32,12 @@ def opened(idle):
         ({**FIT, "options": {"bounds": ["C_vs=x"]}}, "--bounds C_vs=x: write NAME=LOW:HIGH in SI units"),
         ({**FIT, "options": {"prior": ["P_S=1±0"]}}, "--prior P_S=1±0: write NAME=VALUE±STD"),
         ({**FIT, "options": {"ambient": "1bar(g)"}}, "--ambient 1bar(g): an absolute pressure between"),
-        ({**FIT, "options": {"method": "magic"}}, "--method magic: is not known"),
-        ({**FIT, "options": {"zero": "maybe"}}, "--zero maybe: is not known"),
-        ({**FIT, "options": {"model": "x.py:y"}}, "options: model is not known"),
+        ({**FIT, "options": {"method": "magic"}}, "options method: no method 'magic'"),
+        ({**FIT, "options": {"zero": "maybe"}}, "options zero: no zero 'maybe'. Known are subtract, keep."),
+        ({**FIT, "options": {"model": "x.py:y"}}, "option 'model'"),
+        ({**FIT, "options": {"bounds": "C_vs=1:2"}}, "options bounds = 'C_vs=1:2': a list of texts is needed"),
+        ({**FIT, "options": {"prior": [3]}}, "options prior = 3: a text in quotes is needed"),
+        ({**FIT, "options": {"ambient": 1e5}}, "options ambient = 100000.0: a text in quotes is needed"),
         ({**FIT, "options": [1]}, "options: a table is needed"),
     ],
 )
@@ -153,5 +156,5 @@ def test_options_that_are_left_empty_are_left_out():
     files = (File(Path("cal.csv"), name="cal.csv"),)
     asked = fit_command("calibrate", {"free": " ", "method": "", "prior": [], "force": False}, files)
     assert asked.words == ("calibrate", "cal.csv")
-    with pytest.raises(ParameterError, match="a text is needed"):
+    with pytest.raises(ParameterError, match="options free = 3: a text in quotes is needed"):
         fit_command("calibrate", {"free": 3}, files)

@@ -8,8 +8,10 @@ from typing import Any
 
 from clutchid.app.records import File
 from clutchid.errors import ParameterError
+from clutchid.files.records import read
+from clutchid.names import unknown_names
 from clutchid.verbs.commands import FitCommand, typed
-from clutchid.verbs.options import USUAL, ReadingText, RequestText, bounds, pressure, priors
+from clutchid.verbs.options import USUAL, ReadingText, RequestText, pressure
 
 #: Defaults of a fit on the page by verb: those of the commands of the same name.
 VERBS = {
@@ -21,8 +23,8 @@ VERBS = {
 #: Methods of a fit; an empty text leaves the choice to it.
 METHODS = ("", "simulation", "shooting", "prediction-error")
 
-_TEXTS = {"measure": None, "free": None, "method": METHODS, "zero": ("", "subtract", "keep"), "ambient": None}
-_LISTS = {"bounds": bounds, "prior": priors}
+#: Options of a fit that the page has; a model of one's own is a file that would be executed.
+_SEARCH = ("measure", "free", "method", "zero", "bounds", "prior")
 
 
 def fit_command(
@@ -37,29 +39,17 @@ def fit_command(
     """
     if not isinstance(options, dict):
         raise ParameterError("options: a table is needed.")
-    names = {*_TEXTS, *_LISTS, "force"}
-    if unknown := sorted(map(str, {*options} - names)):
-        raise ParameterError(f"options: {', '.join(unknown)} is not known; {', '.join(sorted(names))}.")
-    stated: dict[str, Any] = {}
-    for name, choices in _TEXTS.items():
-        text = options.get(name, "")
-        if not isinstance(text, str):
-            raise ParameterError(f"--{name}: a text is needed.")
-        if choices and text.strip() not in choices:
-            raise ParameterError(f"--{name} {text}: is not known; {', '.join(filter(None, choices))}.")
-        stated |= {name: text.strip()} if text.strip() else {}
-    for name, parse in _LISTS.items():
-        items = options.get(name, [])
-        if not isinstance(items, list) or not all(isinstance(item, str) for item in items):
-            raise ParameterError(f"--{name}: a list of texts is needed.")
-        parse(items)
-        stated |= {name: items} if items else {}
-    ambient = stated.pop("ambient", None)
-    pressure(ambient)
+    if unknown := unknown_names(map(str, options), (*_SEARCH, "ambient", "force"), "option"):
+        raise ParameterError("\n".join(unknown))
+    stated = {name: value.strip() if isinstance(value, str) else value for name, value in options.items()}
+    stated = {name: value for name, value in stated.items() if value not in ("", [])}
+    force, ambient = bool(stated.pop("force", False)), stated.pop("ambient", None)
+    search = read(RequestText, stated, "options")
+    search.request(verb)
+    pressure(None if ambient is None else read(str, ambient, "options ambient"))
     return FitCommand(
         verb=verb, logs=_names(files), verify=_names(verify), start=None if start is None else Path(start),
-        search=RequestText(**stated), files=ReadingText(ambient=ambient, map=_map_of([*files, *verify])),
-        force=bool(options.get("force")),
+        search=search, files=ReadingText(ambient=ambient, map=_map_of([*files, *verify])), force=force,
     )  # fmt: skip
 
 

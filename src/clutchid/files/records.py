@@ -61,7 +61,7 @@ _SHOWN = 60
 #: Types in messages; the others are sections.
 _NOUNS: Mapping[Any, str] = {
     float: "number", int: "whole number", str: "text in quotes", bool: "flag, true or false,",
-    tuple: "list of the right length", np.ndarray: "list of numbers, in rows of equal length,",
+    tuple: "list of the right length", list: "list of texts", np.ndarray: "list of numbers, in rows of equal length,",
 }  # fmt: skip
 
 T = TypeVar("T")
@@ -114,8 +114,8 @@ def read(kind: type[T], content: object, where: str, rules: Mapping[str, Rule] =
     Parameters
     ----------
     kind
-        A record, or float, int, bool, str, a Literal, an array of floats, or tuples or mappings of these. A record
-        may also stand as a list of its fields.
+        A record, or float, int, bool, str, a Literal, an array of floats, or lists, tuples or mappings of these. A
+        record may also stand as a list of its fields.
     content
         Of a TOML file.
     where
@@ -216,10 +216,10 @@ def _origin(kind: Any) -> Any:
 
 def _value(kind: Any, origin: Any, inner: tuple[Any, ...], content: Any, where: str) -> Any:
     """A list, number, text or flag; None if it is not of this kind."""
-    if isinstance(content, list) and origin is tuple:
-        kinds = inner[:1] * len(content) if inner[1:] == (...,) else inner
+    if isinstance(content, list) and origin in (tuple, list):
+        kinds = inner[:1] * len(content) if origin is list or inner[1:] == (...,) else inner
         same = len(kinds) == len(content)
-        return tuple(_read(of, item, where, {}) for of, item in zip(kinds, content, strict=True)) if same else None
+        return origin(_read(of, item, where, {}) for of, item in zip(kinds, content, strict=True)) if same else None
     if isinstance(content, list) and origin is np.ndarray:
         return _array(content)
     if kind is float and is_number(content):
