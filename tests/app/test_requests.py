@@ -25,7 +25,7 @@ def opened(idle):
     [
         ({**FIT, "verb": "explode"}, "explode: is not known; calibrate or estimate"),
         ({**FIT, "recordings": []}, "no recording given to calibrate"),
-        ({**FIT, "recordings": "recording-1"}, "a list of texts is needed"),
+        ({**FIT, "recordings": "recording-1"}, "recordings = 'recording-1': a list of texts is needed"),
         ({**FIT, "recordings": ["recording-9"]}, "has been removed"),
         ({**FIT, "verb": "estimate"}, "no --start: a load is estimated from position alone with a calibration"),
         ({**FIT, "verb": "estimate", "start": "result-7"}, "this calibration has been removed"),

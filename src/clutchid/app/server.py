@@ -8,7 +8,6 @@ import json
 import math
 import mimetypes
 import socket
-import tomllib
 import webbrowser
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from dataclasses import asdict
@@ -33,6 +32,7 @@ from clutchid.app.session import Session
 from clutchid.app.uploads import allowed_path, check_size, folder_listing, is_opened, is_table, receive
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.files import not_an_address, reason_of
+from clutchid.files.records import read, toml_of
 from clutchid.log.units import UNITS
 from clutchid.names import printable
 from clutchid.verbs.failures import failure
@@ -170,9 +170,8 @@ async def _received(session: Session, request: Request, kind: str = "recording",
 
 
 async def _open_path(session: Session, request: Request) -> Response:
-    body = await _body(request)
-    path = allowed_path(_text(body, "path"), session.below, session.named)
-    return JSONResponse({"id": _open_any(session, path)})
+    (path,) = _texts(await _body(request), "path")
+    return JSONResponse({"id": _open_any(session, allowed_path(path, session.below, session.named))})
 
 
 def _open_any(session: Session, path: Path) -> str:
@@ -210,26 +209,12 @@ async def _set_map(session: Session, request: Request) -> Response:
     body = await _body(request)
     channels, rate, ambient = body.get("channels"), body.get("rate"), body.get("ambient", "")
     if isinstance(body.get("toml"), str):
-        channels = _toml_of(body["toml"])
+        channels = toml_of(body["toml"].encode(), "map", "channel map")
         rate = channels.pop("rate", None)
     if not isinstance(channels, dict) or not isinstance(ambient, str) or not isinstance(rate, int | float | None):
         raise ParameterError("map: channels by quantity are needed.")
     session.set_map(request.path_params["id"], channels, rate, ambient)
     return JSONResponse({})
-
-
-def _toml_of(text: str) -> dict[str, Any]:
-    """Entries of a channel map that was written to a file.
-
-    Raises
-    ------
-    ParameterError
-        If it is no TOML.
-    """
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ParameterError(f"map: is no TOML file: {error}.") from None
 
 
 async def _map_file(session: Session, request: Request) -> Response:
@@ -248,15 +233,16 @@ async def _cut(session: Session, request: Request) -> Response:
 
 async def _fit(session: Session, request: Request) -> Response:
     body = await _body(request)
-    recordings, verify = _texts(body, "recordings"), _texts(body, "verify")
+    recordings, verify = (read(list[str], body.get(name, []), name) for name in ("recordings", "verify"))
     start = body.get("start") or None
-    id_ = session.fit(_text(body, "verb"), recordings, verify, start, body.get("options", {}))
+    (verb,) = _texts(body, "verb")
+    id_ = session.fit(verb, recordings, verify, start, body.get("options", {}))
     return JSONResponse({"id": id_})
 
 
 async def _observe(session: Session, request: Request) -> Response:
     body = await _body(request)
-    recording, start, method = (_text(body, name) for name in ("recording", "start", "method"))
+    recording, start, method = _texts(body, "recording", "start", "method")
     return JSONResponse({"id": session.observe(recording, start, method, force=bool(body.get("force")))})
 
 
@@ -271,12 +257,12 @@ async def _upload_table(session: Session, request: Request) -> Response:
 
 
 async def _open_table(session: Session, request: Request) -> Response:
-    path = allowed_path(_text(await _body(request), "path"), session.below, ())
-    return JSONResponse({"id": session.open_table(path)})
+    (path,) = _texts(await _body(request), "path")
+    return JSONResponse({"id": session.open_table(allowed_path(path, session.below, ()))})
 
 
 async def _open_vehicle(session: Session, request: Request) -> Response:
-    name = _text(await _body(request), "vehicle")
+    (name,) = _texts(await _body(request), "vehicle")
     return JSONResponse({"id": session.open_vehicle(request.path_params["id"], name)})
 
 
@@ -285,8 +271,8 @@ async def _cancel(session: Session, request: Request) -> Response:
 
 
 async def _export(session: Session, request: Request) -> Response:
-    body = await _body(request)
-    session.export(request.path_params["id"], _text(body, "to"), _text(body, "method"))
+    to, method = _texts(await _body(request), "to", "method")
+    session.export(request.path_params["id"], to, method)
     return JSONResponse({})
 
 
@@ -326,18 +312,9 @@ async def _body(request: Request) -> dict[str, Any]:
     return body
 
 
-def _text(body: dict[str, Any], name: str) -> str:
-    value = body.get(name)
-    if not isinstance(value, str):
-        raise ParameterError(f"{name}: a text is needed.")
-    return value
-
-
-def _texts(body: dict[str, Any], name: str) -> list[str]:
-    value = body.get(name, [])
-    if not isinstance(value, list) or not all(isinstance(text, str) for text in value):
-        raise ParameterError(f"{name}: a list of texts is needed.")
-    return value
+def _texts(body: dict[str, Any], *names: str) -> tuple[str, ...]:
+    """Entries of an object that are texts."""
+    return tuple(read(str, body.get(name), name) for name in names)
 
 
 def bound(port: int, host: str = LOOPBACK[0]) -> socket.socket:
