@@ -85,3 +85,9 @@ def test_bad_input_is_a_sentence_and_nothing_is_written(folder, tmp_path, capsys
     said = " ".join(capsys.readouterr().err.split())
     assert words in said
     assert not (tmp_path / "observer").exists()
+
+
+def test_a_folder_that_cannot_be_made_is_a_sentence(folder, tmp_path, capsys):
+    (tmp_path / "observer").touch()
+    assert exported(folder, tmp_path) == 2
+    assert "the folder cannot be created (Not a directory)" in " ".join(capsys.readouterr().err.split())

@@ -27,7 +27,7 @@ from clutchid.exports.parity import (
 )
 from clutchid.exports.requirements import requirement_files
 from clutchid.exports.target import SAMPLE_COSTS, example_files, vectors
-from clutchid.files import not_an_address, write_bytes
+from clutchid.files import make_folder, not_an_address, write_bytes
 from clutchid.log import Log, sample_interval
 from clutchid.observer.observer import Observer
 from clutchid.observer.state import ObserverState
@@ -191,7 +191,7 @@ def write_export(
 def _write(folder: Path, files: Mapping[str, str | bytes]) -> None:
     for name, text in files.items():
         path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(path.parent, "--out")
         write_bytes(text.encode() if isinstance(text, str) else text, path)
 
 

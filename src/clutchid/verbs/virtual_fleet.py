@@ -14,7 +14,7 @@ import numpy as np
 
 from clutchid.errors import ExportError, SolveError
 from clutchid.estimation.assess.comparison import ENGAGING, half_load
-from clutchid.files import atomic_write, not_an_address
+from clutchid.files import atomic_write, make_folder, not_an_address
 from clutchid.log import FloatArray
 from clutchid.measurements import write
 from clutchid.processes import LostWork, check_workers, results
@@ -97,12 +97,8 @@ def _new_folders(out: Path, visits: Iterable[Visit]) -> None:
     not_an_address(out, "--out")
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise ExportError(f"--out {out}: exists already; name a new folder for the fleet.")
-    try:
-        (out / _CALIBRATIONS).mkdir(parents=True)
-        for vehicle in {visit.vehicle for visit in visits}:
-            (out / _RECORDINGS / vehicle).mkdir(parents=True)
-    except OSError as error:
-        raise ExportError(f"--out {out}: the folder cannot be created ({error.strerror}).") from error
+    for folder in (_CALIBRATIONS, *{f"{_RECORDINGS}/{visit.vehicle}" for visit in visits}):
+        make_folder(out / folder, "--out")
 
 
 def _write_calibration(folder: Path, family: str, number: int) -> None:

@@ -118,12 +118,10 @@ def test_a_study_without_pressure_and_without_a_known_load_is_whole(blank, drive
     assert study.cases[0].fit.parameters["theta_1"].value == pytest.approx(9e5, rel=1e-5)
 
 
-@pytest.mark.parametrize(
-    ("out", "words"), [("file", "is a file, the study needs a folder"), ("file/out", "the folder cannot be created")]
-)
-def test_a_folder_that_is_a_file_or_below_one_is_refused_in_one_sentence(logs, tmp_path, out, words):
+@pytest.mark.parametrize("out", ["file", "file/out"])
+def test_a_folder_that_is_a_file_or_below_one_is_refused_in_one_sentence(logs, tmp_path, out):
     (tmp_path / "file").write_text("mine")
-    with pytest.raises(ExportError, match=words):
+    with pytest.raises(ExportError, match=r"^--out .*: the folder cannot be created"):
         paper_study(*logs, tmp_path / out)
     assert (tmp_path / "file").read_text() == "mine"
 
@@ -161,7 +159,7 @@ def test_a_study_that_cannot_write_its_last_file_leaves_nothing_in_a_new_folder(
 @pytest.mark.parametrize("name", ["index.html", "figure_2.png", "figure_8.png", "table_1.csv", "pressure_errors.csv"])
 def test_a_folder_in_the_place_of_a_file_is_refused_before_the_study(name, logs, tmp_path):
     (tmp_path / name).mkdir()
-    with pytest.raises(ExportError, match=f"{name} is a folder") as caught:
+    with pytest.raises(ExportError, match=f"{name}: .*folder") as caught:
         paper_study(*logs, tmp_path, lambda *told: pytest.fail("the study was begun"))
     assert len(str(caught.value).splitlines()) == 1
     assert [path.name for path in tmp_path.iterdir()] == [name]

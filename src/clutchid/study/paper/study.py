@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -11,8 +10,7 @@ from pathlib import Path
 from clutchid.documents.figures import png
 from clutchid.documents.html import page_of
 from clutchid.documents.tables import ReportTable, to_csv
-from clutchid.errors import ExportError
-from clutchid.files import check_writable, not_an_address, write_bytes
+from clutchid.files import check_writable, make_folder, write_bytes
 from clutchid.log import Log
 from clutchid.study.paper.figures import FIGURES
 from clutchid.study.paper.page import study_page
@@ -89,8 +87,9 @@ def _folder(out: Path) -> Iterator[None]:
     folder = out.resolve()
     missing = [parent for parent in (folder, *folder.parents) if not parent.exists()]
     try:
-        _make(out)
-        _check_files(out)
+        make_folder(folder, "--out")
+        for name in _names():
+            check_writable(folder / name)
         yield
     except BaseException:
         if missing:  # then all files in the folder are from this study
@@ -101,33 +100,6 @@ def _folder(out: Path) -> Iterator[None]:
             with suppress(OSError):
                 parent.rmdir()
         raise
-
-
-def _make(out: Path) -> None:
-    advice = "choose another one with --out."
-    not_an_address(out, "--out")
-    try:
-        out.resolve().mkdir(parents=True, exist_ok=True)
-    except FileExistsError as error:
-        raise ExportError(f"{out}: is a file, the study needs a folder; {advice}") from error
-    except OSError as error:
-        raise ExportError(
-            f"{out}: the folder cannot be created ({error.strerror or 'no reason given'}); {advice}"
-        ) from error
-    try:
-        with tempfile.TemporaryFile(dir=out.resolve()):
-            pass
-    except OSError as error:
-        raise ExportError(f"{out}: the folder is write-protected ({error.strerror}); {advice}") from error
-
-
-def _check_files(out: Path) -> None:
-    folders = [name for name in _names() if (out.resolve() / name).is_dir()]
-    if folders:
-        what = f"{folders[0]} is a folder" if len(folders) == 1 else f"{', '.join(folders)} are folders"
-        raise ExportError(f"{out}: {what}, but the study writes a file there; choose another folder with --out.")
-    for name in _names():
-        check_writable(out / name)
 
 
 def _command(fit_log: Log, verify_log: Log, out: Path) -> str:
