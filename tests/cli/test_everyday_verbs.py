@@ -55,13 +55,6 @@ def test_an_estimate_without_a_calibration_says_what_to_do(call, recordings):
     assert (code, json.loads(out)["status"]) == (2, "bad_input")
 
 
-@pytest.mark.parametrize("verb", ["calibrate", "estimate", "fit"])
-def test_a_verb_without_a_recording_names_itself(call, verb):
-    start = () if verb != "estimate" else ("--start", "CAL.toml")
-    code, _, err = call(verb, *start)
-    assert (code, f"no recording given; clutchid {verb} LOG.csv" in err) == (2, True)
-
-
 def test_a_result_is_saved_in_several_files(call, recordings, tmp_path):
     saves = ("--save", "fit.toml", "--save", "fit.mat", "--save", "fit_m.m")
     code, out, _ = call("fit", recordings[1], *saves)
@@ -76,9 +69,3 @@ def test_values_of_the_paper_that_come_from_a_start_file_are_no_missing_option(c
     assert code == 0
     assert "assumed  parameters not fitted are those of the paper's truck: no calibration" in out
     assert "no --start" not in out
-
-
-def test_two_files_of_the_same_name_are_bad_input(call, recordings, tmp_path):
-    code, _, err = call("fit", recordings[1], "--save", "fit.toml", "--save", "./fit.toml")
-    assert (code, "is the file of --save too; name another file" in err) == (2, True)
-    assert [*tmp_path.iterdir()] == []

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from clutchid.log import Log
-from clutchid.measurements import write
 from fixtures.commands import called
 from fixtures.friction import simulated_force
 
@@ -90,14 +89,3 @@ def test_a_fixed_stiffness_and_an_inertia_reach_the_fit(monkeypatch, capsys):
 def test_an_option_that_cannot_be_is_one_sentence(monkeypatch, capsys, arguments, sentence):
     assert friction(monkeypatch, block(), *arguments) == 2
     assert sentence in capsys.readouterr().err
-
-
-def test_standard_columns_are_read_without_a_warning_and_a_poor_fit_is_said_to_be_poor(tmp_path, capsys):
-    (log,) = block()
-    file = tmp_path / "rig.csv"
-    write(log, file)
-    assert called("friction", file, "--law", "lugre") == 0
-    assert capsys.readouterr().err == ""
-    write(log.with_columns(force=log["force"] * np.sin(log.time) ** 2 + log["force"] / 4), file)
-    called("friction", file, "--law", "lugre")
-    assert "the fit is poor" in capsys.readouterr().err

@@ -160,11 +160,21 @@ def test_force_goes_on_at_every_door(verb, folder, capsys, tmp_path):
     assert by_page(verb, path, start, tmp_path, force=True).agrees(answer)
 
 
+def test_a_simulation_is_refused_as_well_and_goes_on_with_the_sentence_as_a_warning(folder, capsys, tmp_path):
+    path, out = folder / "with the valves swapped.csv", tmp_path / "s.csv"
+    for extra, code in (([], 2), (["--force"], 0)):
+        assert called("simulate", path, "--parameters", folder / "cal.toml", "--out", out, *extra) == code
+        assert out.exists() == (code == 0)
+        assert "duty cycles are swapped" in capsys.readouterr().err
+
+
 def test_a_log_that_has_been_read_is_checked_as_its_file_is(folder):
     path = folder / "with the position the wrong way round.csv"
     log = clutchid.read(path)
     answer = by_python("estimate", path, folder / "cal.toml")
     assert answer.sentence
     assert by_python("estimate", log, folder / "cal.toml").agrees(answer)
+    short = by_python("estimate", log.slice(0, 1), folder / "cal.toml")
+    assert "the position has 1 samples in 0 s, less than a stroke, so nothing can be fitted" in short.sentence
     with pytest.raises(clutchid.ParameterError, match=r"ambient = 100000\.0: says how a file is read"):
         clutchid.estimate(log, folder / "cal.toml", ambient=1e5)

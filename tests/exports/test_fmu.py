@@ -23,7 +23,7 @@ from sympy import symbols
 
 from clutchid.codegen.c99 import CSource
 from clutchid.codegen.templates import template
-from clutchid.errors import ExportError, ParameterError
+from clutchid.errors import ExportError
 from clutchid.exports import fmu
 from clutchid.exports.c99 import CStyle, observer_c99
 from clutchid.exports.fmu import XCP, a2ltool, missing_parts, model_fmu, observer_fmu, platforms
@@ -366,11 +366,6 @@ def test_a_compiler_that_fails_is_an_error_with_its_words(plant, modules, made):
     broken = {**modules, "clutch": replace(modules["clutch"], source="int x = unknown_name;\n")}
     with pytest.raises(ExportError, match="unknown_name"):
         observer_fmu(estimator, start(estimator), STYLE, broken, "a test")
-
-
-def test_a_name_that_c_does_not_take_is_refused(plant):
-    with pytest.raises(ParameterError, match="no C identifier"):
-        model_fmu(plant, "truck 1")
 
 
 @pytest.mark.parametrize("header", ["clutchid", "fmpy"])

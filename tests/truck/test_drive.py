@@ -65,7 +65,8 @@ def test_a_duty_cycle_is_held_for_a_period(shift):
 
 
 def test_options_of_the_recorder_do_not_change_the_drive(shift):
-    again = drive(Truck(), manoeuvre="gear-shift", seconds=10, seed=4, pressure=False, dropouts=2)
+    again = drive(Truck(), manoeuvre="gear-shift", seconds=10, seed=4, pressure=False, dropouts=2, conditions=True)
+    assert set(again.log.columns) ^ set(shift.log.columns) == {"pressure_a", "temperature_ambient", "pressure_supply"}
     seen = np.isfinite(again.log["position"])
     assert np.array_equal(again.log["position"][seen], shift.log["position"][seen])
     assert np.array_equal(again.truth.states["pressure_a"], shift.truth.states["pressure_a"])

@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from clutchid.cli.drive import drive as command
 from clutchid.errors import ParameterError
-from clutchid.measurements import read
 from clutchid.preparation.inspection import inspect
 from clutchid.truck import Truck, TruckB, aged, changed, drive, load_curve, respond, truck
 from clutchid.truck.families import FILES, ranges
@@ -135,7 +133,9 @@ def test_a_recording_under_a_change_is_that_of_the_changed_truck(family):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("family", "numbers"), [("A", (0, 4, 8, 13, 14)), ("B", range(6))])
+@pytest.mark.parametrize(
+    ("family", "numbers"), [("A", (0, 4, 8, 13, 14)), ("B", range(6)), ("h:3", (0,)), ("h:12", (0,))]
+)
 def test_a_tick_is_fine_enough_for_every_truck(lab, family, numbers):
     for number in numbers:
         driven = drive(truck(number, family), seconds=6, seed=number, wear=1e-3)
@@ -151,15 +151,6 @@ def test_an_unknown_family_or_change_is_named_in_one_sentence():
         truck(0, family="C")
     with pytest.raises(ParameterError, match="did you mean 'cold'"):
         drive(Truck(), seconds=1, change="colt")
-
-
-def test_the_command_records_the_second_family_under_a_change(tmp_path, capsys):
-    out = tmp_path / "log.parquet"
-    assert command(out=out, family="B", truck=2, seconds=1, change=["cold"]) == 0
-    expected = drive(truck(2, "B"), seconds=1, change="cold").log["position"]
-    assert np.array_equal(read(out)["position"], expected)
-    assert command(out=tmp_path / "other.csv", seconds=1, family="Z") == 2
-    assert capsys.readouterr().err.count("\n") == 1
 
 
 def test_fingers_that_are_too_soft_snap_through():

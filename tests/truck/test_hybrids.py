@@ -6,9 +6,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from clutchid.cli.drive import drive as command
 from clutchid.errors import ParameterError
-from clutchid.measurements import read
 from clutchid.truck import CHANGES, Truck, aged, changed, drive, respond, truck
 from clutchid.truck.families import hybrid_letters
 from clutchid.truck.kinds import kind_of
@@ -105,18 +103,6 @@ def test_air_that_crosses_the_border_of_a_hybrid_is_what_is_inside(lab, seed):
     assert np.abs(mass - mass[0] - x["m_in"]).max() < np.finfo(float).eps * 30000 * size
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", OPPOSITE)
-def test_a_tick_is_fine_enough_for_a_hybrid(lab, seed):
-    kind = truck(0, f"h:{seed}")
-    driven = drive(kind, seconds=6, seed=seed)
-    duties = np.column_stack([driven.log["duty_supply"], driven.log["duty_exhaust"]])
-    rough, fine = (lab.states(kind, duties, substeps)[:, 0] for substeps in (1, 4))
-    assert np.ptp(fine) > 15e-3
-    # a tenth of the noise and of the quantum of the position sensor
-    assert np.abs(rough - fine).max() < 1e-6
-
-
 def test_trucks_of_every_kind_survive_pickling():
     for kind in (Truck(), truck(3, "B"), truck(0, "h:2")):
         assert pickle.loads(pickle.dumps(kind)) == kind
@@ -126,9 +112,3 @@ def test_trucks_of_every_kind_survive_pickling():
 def test_what_is_no_hybrid_is_named_in_one_sentence(family):
     with pytest.raises(ParameterError, match="must be A or B, or a hybrid h:SEED"):
         truck(0, family)
-
-
-def test_the_command_records_a_hybrid(tmp_path):
-    out = tmp_path / "log.parquet"
-    assert command(out=out, family="h:0", truck=1, seconds=1) == 0
-    assert np.array_equal(read(out)["position"], drive(truck(1, "h:0"), seconds=1).log["position"])
