@@ -30,16 +30,14 @@ BINS = 1500
 _LEGEND_SHARE = 0.85
 
 
-def new_figure(
-    heights: Sequence[float], columns: int = 1, *, share_x: bool = True, share_y: bool = True
-) -> tuple[Figure, list[Axes]]:
+def new_figure(heights: Sequence[float], columns: int = 1, *, share_x: bool = True) -> tuple[Figure, list[Axes]]:
     """An empty figure with a panel per entry of `heights` (inches) and column, row by row.
 
     By default, panels in a column share x, and panels in a row share y.
     """
     from matplotlib.figure import Figure
 
-    rows: Literal["row", "none"] = "row" if columns > 1 and share_y else "none"
+    rows: Literal["row", "none"] = "row" if columns > 1 else "none"
     figure = Figure(figsize=(STYLE.width, sum(heights)), dpi=STYLE.dpi, facecolor="white", layout="constrained")
     grid = figure.subplots(
         len(heights), columns, sharex="col" if share_x else False, sharey=rows, squeeze=False,

@@ -26,6 +26,7 @@ from clutchid.verbs.folders import (
     no_recordings,
 )
 from clutchid.verbs.reading import by_suffix
+from clutchid.verbs.start import compile_models
 from clutchid.verbs.wear_reading import ReadingOptions, RecordingResult, checksum_of, read_recording, unless_lost
 from clutchid.wear.history import Listed
 from clutchid.wear.tables import read_fleet_table
@@ -245,13 +246,7 @@ def compile_first(calibrations: Iterable[Path]) -> None:
 
     Workers on other machines compile once a machine, by themselves.
     """
-    Pool().do(_compiled, tuple(calibrations))
-
-
-def _compiled(calibrations: Iterable[Path]) -> None:
-    from clutchid.verbs.start import compile_models
-
-    compile_models(calibrations)
+    Pool().do(compile_models, tuple(calibrations))
 
 
 def _work(options: ReadingOptions, task: FleetTask) -> RecordingResult:
