@@ -166,10 +166,10 @@ def rewrite_asserts(config: pytest.Config) -> None:
         return
     compile_dir(ROOT / "src", quiet=1)
     for file in (*HERE.rglob("test_*.py"), *HERE.rglob("conftest.py")):
-        kept = rewrite.get_cache_dir(file) / (file.stem + rewrite.PYC_TAIL)
-        if rewrite._read_pyc(file, kept) is None and rewrite.try_makedirs(kept.parent):
+        stored = rewrite.get_cache_dir(file) / (file.stem + rewrite.PYC_TAIL)
+        if rewrite._read_pyc(file, stored) is None and rewrite.try_makedirs(stored.parent):
             origin, code = rewrite._rewrite_test(file, config)
-            rewrite._write_pyc(config.stash[rewrite.assertstate_key], code, origin, kept)
+            rewrite._write_pyc(config.stash[rewrite.assertstate_key], code, origin, stored)
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -273,7 +273,7 @@ def closed_loop(actuator: Actuator, wanted: np.ndarray, name: str) -> Log:
     q = actuator.parameters
     vented = {"p_A": q.P_0, "p_B": q.P_0, "T_A": q.T_w, "T_B": q.T_w, "p_S": q.P_S, "p_G": q.P_S}
     x = np.array([vented.get(state, 0.0) for state in VARIANTS[actuator.model]])
-    dt, one = np.array([1e-3]), np.ones(1, dtype=np.int32)
+    dt, substep = np.array([1e-3]), np.ones(1, dtype=np.int32)
     never, nothing, two = np.zeros(2, dtype=np.uint8), np.zeros((2, 2)), np.empty((2, x.size))
     inputs, states = np.zeros((n, len(system(actuator.model).inputs))), np.empty((n, x.size))
     for k in range(n):
@@ -281,6 +281,6 @@ def closed_loop(actuator: Actuator, wanted: np.ndarray, name: str) -> Log:
         error = wanted[k] - x[0]
         duty = min(1.0, 0.05 + 150 * (abs(error) - 1e-4)) if abs(error) > 1e-4 else 0.0
         inputs[k, 0 if error > 0 else 1] = duty if wanted[k] > 0 or error < 0 else 0.0
-        module.run(x, np.array([inputs[k], inputs[k]]), p, dt, one, never, nothing, breakpoints, table, two)
+        module.run(x, np.array([inputs[k], inputs[k]]), p, dt, substep, never, nothing, breakpoints, table, two)
     columns = {"position": states[:, 0], "duty_supply": inputs[:, 0], "duty_exhaust": inputs[:, 1]}
     return Log(np.arange(n) * 1e-3, {**columns, "pressure_a": states[:, 2]}, name)

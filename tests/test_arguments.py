@@ -11,9 +11,9 @@ from clutchid.arguments import checked
 from fixtures.public_records import annotations
 
 FUNCTIONS = {name: getattr(clutchid, name) for name in clutchid.__all__}
-FUNCTIONS = {name: found for name, found in FUNCTIONS.items() if inspect.isfunction(found)}
+FUNCTIONS = {name: item for name, item in FUNCTIONS.items() if inspect.isfunction(item)}
 
-ARGUMENTS = [(name, place) for name, found in FUNCTIONS.items() for place in inspect.signature(found).parameters]
+ARGUMENTS = [(name, place) for name, item in FUNCTIONS.items() for place in inspect.signature(item).parameters]
 
 #: Wrong kinds, of which an argument may admit some.
 WRONG = (
@@ -54,7 +54,7 @@ def test_an_argument_of_a_wrong_kind_is_one_sentence(name, place):
         assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("name", [name for name, found in FUNCTIONS.items() if inspect.signature(found).parameters])
+@pytest.mark.parametrize("name", [name for name, item in FUNCTIONS.items() if inspect.signature(item).parameters])
 def test_every_public_function_checks_its_arguments(name):
     function = FUNCTIONS[name]
     assert hasattr(function, "__wrapped__")

@@ -97,9 +97,9 @@ class Served:
             got.append(message)
 
         await self.app(scope, receive, send)
-        start = next((one for one in got if one["type"] == "http.response.start"), None)
+        start = next((event for event in got if event["type"] == "http.response.start"), None)
         assert start is not None
-        body = b"".join(one.get("body", b"") for one in got if one["type"] == "http.response.body")
+        body = b"".join(event.get("body", b"") for event in got if event["type"] == "http.response.body")
         return Answer(start["status"], {name.decode(): value.decode() for name, value in start["headers"]}, body)
 
     def get(self, id_):

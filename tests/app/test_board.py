@@ -26,14 +26,17 @@ def board():
 
 
 def test_a_late_page_gets_each_record_once_in_its_newest_version(board):
-    assert [(one.id, one.item.status) for one in board.since(0)] == [("result-2", "waiting"), ("recording-1", "ready")]
+    assert [(update.id, update.item.status) for update in board.since(0)] == [
+        ("result-2", "waiting"),
+        ("recording-1", "ready"),
+    ]
 
 
 def test_a_page_that_has_lost_the_connection_gets_what_it_missed(board):
     seen = board.since(0)[-1].number
     assert board.since(seen) == []
     board.update("result-2", name="second")
-    assert [one.content()["content"]["name"] for one in board.since(seen)] == ["second"]
+    assert [update.content()["content"]["name"] for update in board.since(seen)] == ["second"]
 
 
 def test_a_record_that_was_removed_is_said_to_be_gone_and_stays_so(board):

@@ -50,12 +50,12 @@ def left(tmp_path):
 
 @pytest.mark.slow
 def test_the_jobs_of_a_killed_server_end_and_the_next_one_removes_its_folder(started, tmp_path):
-    one, address = started()
+    server, address = started()
     opener(address)
-    wait_for(lambda: psutil.Process(one.pid).children())
-    children = psutil.Process(one.pid).children(recursive=True)
-    one.kill()
-    one.wait()
+    wait_for(lambda: psutil.Process(server.pid).children())
+    children = psutil.Process(server.pid).children(recursive=True)
+    server.kill()
+    server.wait()
     wait_for(lambda: not any(child.is_running() and child.status() != psutil.STATUS_ZOMBIE for child in children), 10.0)
     (dead,) = left(tmp_path)
     started()
@@ -66,11 +66,11 @@ def test_the_jobs_of_a_killed_server_end_and_the_next_one_removes_its_folder(sta
 def test_two_servers_stand_beside_each_other_print_their_addresses_and_leave_nothing(started, tmp_path):
     """The second one can be reached from other machines, and says so."""
     servers = [started(), started("--host", "0.0.0.0")]
-    one, other = (address for _, address in servers)
-    assert one.startswith("http://127.0.0.1:")
-    assert one.partition("/?")[0] != other.partition("/?")[0]
-    opener(one), opener(other)
-    for refused in (other.partition("?")[0], other.partition("token=")[0] + "token=" + one.partition("token=")[2]):
+    first, other = (address for _, address in servers)
+    assert first.startswith("http://127.0.0.1:")
+    assert first.partition("/?")[0] != other.partition("/?")[0]
+    opener(first), opener(other)
+    for refused in (other.partition("?")[0], other.partition("token=")[0] + "token=" + first.partition("token=")[2]):
         with pytest.raises(urllib.error.HTTPError, match="403"):
             opener(refused)
     assert len(left(tmp_path)) == 2
@@ -84,15 +84,15 @@ def test_two_servers_stand_beside_each_other_print_their_addresses_and_leave_not
 
 @pytest.mark.slow
 def test_a_file_of_the_command_line_is_opened_and_what_is_kept_is_named(started, tmp_path, recorded):
-    one, address = started(recorded / "cal.csv", "--keep")
+    server, address = started(recorded / "cal.csv", "--keep")
     asked = opener(address)
     events = asked.open(address.partition("/?")[0] + "/api/events", timeout=60)
     names = (json.loads(line[5:])["content"].get("name") for line in events if line.startswith(b"data:"))
     assert next(name for name in names if name) == "cal.csv"
-    one.send_signal(signal.SIGINT)
-    assert one.wait(20) == 0
-    (kept,) = left(tmp_path)
-    assert str(kept) in one.stdout.read()
+    server.send_signal(signal.SIGINT)
+    assert server.wait(20) == 0
+    (folder,) = left(tmp_path)
+    assert str(folder) in server.stdout.read()
 
 
 def test_a_port_that_is_in_use_is_said(capsys):

@@ -22,13 +22,13 @@ def test_only_the_user_can_read_what_a_server_keeps(tmp_path):
 
 
 def test_a_folder_goes_with_its_server_unless_it_is_to_be_kept(tmp_path):
-    gone, kept = new_folder(tmp_path), new_folder(tmp_path)
+    gone, stays = new_folder(tmp_path), new_folder(tmp_path)
     end_folder(gone, keep=False)
-    end_folder(kept, keep=True)
-    assert (gone.exists(), kept.exists()) == (False, True)
-    (kept / "lock.json").write_text(json.dumps({"pid": 2**22 + 1, "born": 0.0}))
+    end_folder(stays, keep=True)
+    assert (gone.exists(), stays.exists()) == (False, True)
+    (stays / "lock.json").write_text(json.dumps({"pid": 2**22 + 1, "born": 0.0}))
     sweep(tmp_path)
-    assert kept.exists()
+    assert stays.exists()
 
 
 @pytest.mark.parametrize(

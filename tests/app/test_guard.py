@@ -78,11 +78,11 @@ def test_every_answer_allows_the_page_its_own_files_only(idle, path, cookie):
 
 
 def test_secrets_cannot_be_guessed_and_two_servers_have_two_cookies():
-    one, other = Access(1), Access(2)
-    assert len({one.token, one.cookie, other.token, other.cookie}) == 4
-    assert all(len(text) >= 43 for text in (one.token, one.cookie))
-    assert one.name != other.name
-    assert re.fullmatch(r"http://127\.0\.0\.1:1/\?token=[\w-]+", one.address)
+    first, other = Access(1), Access(2)
+    assert len({first.token, first.cookie, other.token, other.cookie}) == 4
+    assert all(len(text) >= 43 for text in (first.token, first.cookie))
+    assert first.name != other.name
+    assert re.fullmatch(r"http://127\.0\.0\.1:1/\?token=[\w-]+", first.address)
 
 
 def test_a_web_socket_is_not_answered(idle):
@@ -154,9 +154,9 @@ def test_all_addresses_are_those_of_this_machine_and_no_wildcard():
     ("host", "address"), [("127.0.0.1", "127.0.0.1"), ("localhost", "127.0.0.1"), ("0.0.0.0", "0.0.0.0")]
 )
 def test_the_server_listens_where_it_is_told_and_on_this_machine_by_default(host, address):
-    for one in (bound(0, host), *([bound(0)] if host == "127.0.0.1" else [])):
-        with one:
-            assert one.getsockname()[0] == address
+    for listener in (bound(0, host), *([bound(0)] if host == "127.0.0.1" else [])):
+        with listener:
+            assert listener.getsockname()[0] == address
 
 
 @pytest.mark.parametrize("host", ["192.0.2.1", "no.such.name.invalid", "::1", "a" * 300])

@@ -29,19 +29,19 @@ def processes():
 
 
 def fits_running(served):
-    return [one for one in served.all(Job) if one["do"] == "FitRecordings" and one["status"] == "running"]
+    return [job for job in served.all(Job) if job["do"] == "FitRecordings" and job["status"] == "running"]
 
 
 def test_a_cancelled_job_ends_at_once_without_an_orphan(spread, cal):
     id_ = spread.ask("POST", "/api/fits", {"verb": "calibrate", "recordings": [cal]}).json["id"]
-    wait_for(lambda: any(one["stage"] == "preparation" for one in fits_running(spread)))
+    wait_for(lambda: any(running["stage"] == "preparation" for running in fits_running(spread)))
     second = spread.ask("POST", "/api/fits", {"verb": "calibrate", "recordings": [cal]}).json["id"]
     assert spread.get(second)["status"] == "waiting"
     (job,) = fits_running(spread)
     process = spread.session.jobs._jobs[job["id"]].process.pid
     for about in (second, id_):
-        (one,) = [job for job in spread.all(Job) if job["about"] == about]
-        assert spread.ask("DELETE", f"/api/jobs/{one['id']}").json == {"cancelled": True}
+        (running,) = [job for job in spread.all(Job) if job["about"] == about]
+        assert spread.ask("DELETE", f"/api/jobs/{running['id']}").json == {"cancelled": True}
     wait_for(lambda: process not in processes(), 5.0)
     assert spread.get(id_)["status"] == "cancelled"
     assert spread.ask("DELETE", "/api/jobs/job-99").json == {"cancelled": False}

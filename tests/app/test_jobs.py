@@ -50,20 +50,20 @@ def repeated(served, id_, folder, monkeypatch):
 def test_a_calibration_is_that_of_the_python_that_is_shown_and_has_its_files(
     working, calibrated, recorded, monkeypatch
 ):
-    found = working.get(calibrated)["found"]
+    content = working.get(calibrated)["found"]
     expected = fit_json(repeated(working, calibrated, recorded, monkeypatch)["fit"])
     assert (recorded / "load.png").stat().st_size > 0
-    assert found["parameters"] == expected["parameters"]
-    assert found["load_curve"]["force_N"] == expected["load_curve"]["force_N"]
-    assert set(found["files"]) == {"fit.toml", "fit.m", "fit.mat", "report.html", "result.json"}
-    assert (found["failures"], found["is_calibration"], found["next"]["kind"]) == ([], True, "estimate")
+    assert content["parameters"] == expected["parameters"]
+    assert content["load_curve"]["force_N"] == expected["load_curve"]["force_N"]
+    assert set(content["files"]) == {"fit.toml", "fit.m", "fit.mat", "report.html", "result.json"}
+    assert (content["failures"], content["is_calibration"], content["next"]["kind"]) == ([], True, "estimate")
     function = working.ask("GET", f"/api/results/{calibrated}/files/fit.m")
     (name,) = re.findall(rb"^function \[clutchid, load_force\] = (\w+)\(\)", function.body)
     assert name.startswith(b"calibrate_")
     assert function.headers["content-disposition"].endswith(f"''{name.decode()}.m")
     report = working.ask("GET", f"/api/results/{calibrated}/files/report.html")
     assert report.headers["content-security-policy"].startswith("sandbox allow-scripts; default-src 'none'")
-    stages = working.get(next(one["id"] for one in working.all(Job) if one["do"] == "FitRecordings"))
+    stages = working.get(next(job["id"] for job in working.all(Job) if job["do"] == "FitRecordings"))
     assert (stages["share"], stages["stage"]) == (1.0, "writing")
 
 
@@ -72,10 +72,10 @@ def test_a_worn_clutch_is_compared_with_the_calibration(working, calibrated, rec
     working.wait(worn, "ready")
     body = {"verb": "estimate", "recordings": [worn], "start": calibrated}
     id_ = working.ask("POST", "/api/fits", body).json["id"]
-    found = working.wait(id_, "done")["found"]
-    assert found["calibrated_load_curve"]["force_N"]
-    assert found["calibration"]["name"] == "CAL.toml"  # as in the command that is shown
-    assert "residual position" in found["recordings"][0]["columns"]
+    content = working.wait(id_, "done")["found"]
+    assert content["calibrated_load_curve"]["force_N"]
+    assert content["calibration"]["name"] == "CAL.toml"  # as in the command that is shown
+    assert "residual position" in content["recordings"][0]["columns"]
 
 
 def test_a_saved_calibration_is_opened_again(working, calibrated):
@@ -150,8 +150,8 @@ def test_a_file_that_ends_its_reader_is_said_in_the_sentence_of_the_command_line
 def test_an_export_is_a_zip_file_of_the_result(working, calibrated):
     assert working.ask("POST", f"/api/results/{calibrated}/export", {"to": "c,a2l", "method": "joint"}).status == 200
     wait_for(lambda: working.get(calibrated)["exports"])
-    (one,) = working.get(calibrated)["exports"]
-    assert "the C agrees with Python" in one["words"]
+    (export,) = working.get(calibrated)["exports"]
+    assert "the C agrees with Python" in export["words"]
     assert working.ask("GET", f"/api/results/{calibrated}/files/export.zip").body[:2] == b"PK"
 
 
@@ -171,11 +171,11 @@ def test_a_recording_is_observed_as_by_the_library(working, calibrated, recorded
     working.wait(worn, "ready")
     body = {"recording": worn, "start": calibrated, "method": "joint"}
     id_ = working.ask("POST", "/api/observations", body).json["id"]
-    found = working.wait(id_, "done", "failed")["found"]
+    content = working.wait(id_, "done", "failed")["found"]
     expected = observe(recorded / "worn.csv", working.session.calibration_file(calibrated))
-    assert [row["time"] for row in found["loads"][1:]] == [row.time for row in expected.strokes]
-    assert found["loads"][-1]["curve"]["force_N"] == expected.strokes[-1].curve.force.tolist()
-    assert found["health"] == expected.health
+    assert [row["time"] for row in content["loads"][1:]] == [row.time for row in expected.strokes]
+    assert content["loads"][-1]["curve"]["force_N"] == expected.strokes[-1].curve.force.tolist()
+    assert content["health"] == expected.health
     answer = working.ask("GET", f"/api/observations/{id_}/plot?grid=0&columns=0,1&begin=1&end=2&width=2000")
     pressure = np.frombuffer(answer.body).reshape(3, -1)[2]
     assert pressure.size == pytest.approx(1000, abs=3)

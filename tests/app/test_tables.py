@@ -85,9 +85,9 @@ def test_each_table_of_a_run_opens_the_same_fleet(run, name):
 def test_a_table_of_wear_alone_is_a_fleet_as_well(run, tmp_path):
     (tmp_path / "several.parquet").write_bytes((run / "wear.parquet").read_bytes())
     (tmp_path / "results.parquet").write_bytes((run / "results.parquet").read_bytes())
-    found, whole = (shown(path)["vehicles"] for path in (tmp_path / "several.parquet", run / "vehicles.parquet"))
+    alone, whole = (shown(path)["vehicles"] for path in (tmp_path / "several.parquet", run / "vehicles.parquet"))
     for column in ("vehicle", "counted", "left", "shift", "trust"):
-        assert found[column] == whole[column]
+        assert alone[column] == whole[column]
 
 
 def test_a_fleet_without_trends_has_loads_and_trust(run, tmp_path):
@@ -219,8 +219,8 @@ def test_a_job_reads_a_fleet_and_its_vehicles_and_says_what_is_none(working, run
         (below / "run" / path.relative_to(run)).write_bytes(path.read_bytes())
     fleet = working.ask("POST", "/api/tables", {"path": "run/results.parquet"}).json["id"]
     assert working.wait(fleet, "done", "failed")["found"]["count"] == 3
-    one = working.ask("POST", f"/api/tables/{fleet}/vehicles", {"vehicle": REPLACED}).json["id"]
-    assert working.wait(one, "done", "failed")["found"]["trend"]["alarms"][0]["kind"] == "replaced"
+    vehicle = working.ask("POST", f"/api/tables/{fleet}/vehicles", {"vehicle": REPLACED}).json["id"]
+    assert working.wait(vehicle, "done", "failed")["found"]["trend"]["alarms"][0]["kind"] == "replaced"
     other = working.ask("POST", "/api/tables", {"path": "run/curves/part-00000.parquet"}).json["id"]
     said = working.wait(other, "done", "failed")
     assert (said["status"], said["bad_input"]) == ("failed", True)

@@ -68,14 +68,14 @@ class Compiled:
         carry = np.zeros_like(x)
         library, step = self.library(), ctypes.c_float if self.real is np.float32 else ctypes.c_double
         constants, held = ctypes.create_string_buffer(1 << 14), ctypes.create_string_buffer(1 << 14)
-        kept = [self.array(part) for part in table or ()]
+        arrays = [self.array(part) for part in table or ()]
         tables = []
         if table:
-            functions, pieces = kept[2].shape[:2]
+            functions, pieces = arrays[2].shape[:2]
             places = np.arange(functions)
             reach = np.column_stack([0 * places, 0 * places + pieces - 1, pieces * places]).astype(np.intc)
-            basis = Basis(functions, kept[2].ctypes.data, reach.ctypes.data)
-            tables = [ctypes.byref(self.table(*kept[:2])), ctypes.byref(basis), ctypes.create_string_buffer(64)]
+            basis = Basis(functions, arrays[2].ctypes.data, reach.ctypes.data)
+            tables = [ctypes.byref(self.table(*arrays[:2])), ctypes.byref(basis), ctypes.create_string_buffer(64)]
         getattr(library, f"{self.name}_constants")(pointer(p), constants)
         getattr(library, f"{self.name}_hold")(pointer(u), pointer(p), constants, held)
         common = (
@@ -98,10 +98,10 @@ def pointer(array: NDArray) -> ctypes.c_void_p:
 
 @pytest.fixture(scope="session")
 def compiler() -> str:
-    found = shutil.which("cc") or shutil.which("gcc")
-    if found is None:
+    path = shutil.which("cc") or shutil.which("gcc")
+    if path is None:
         pytest.skip("no C compiler (cc or gcc) on this machine")
-    return found
+    return path
 
 
 @pytest.fixture(scope="session")

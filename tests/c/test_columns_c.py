@@ -98,12 +98,12 @@ def test_the_pendulum_swings_alike_with_its_derivatives(build, swing, real, subs
         if real == "float":  # numbers that float holds, so that only its steps round
             x, S, u = (part.astype(np.float32).astype(np.float64) for part in (x, S, u))
         exact = stepped(swing, x, S, u, p, 0.01, substeps, (*table, basis), fill, 2)
-        found = module.step(x, S, u, p, 0.01, substeps, (*table, basis))
+        of_c = module.step(x, S, u, p, 0.01, substeps, (*table, basis))
         # Rates are sums of ten terms of at most 20, so ten roundings of 20 h; what is added to is rounded once a stage.
         # p and theta are rounded to float as well. All of it four times a step.
         bound = 4 * substeps * EPS[real] * (1.0 + 10 * 20 * 0.01)
-        np.testing.assert_allclose(found[0], exact[0], rtol=0, atol=bound * np.abs(exact[0]).max(initial=1.0))
-        np.testing.assert_allclose(found[1], exact[1], rtol=0, atol=bound * np.abs(exact[1]).max(initial=1.0))
+        np.testing.assert_allclose(of_c[0], exact[0], rtol=0, atol=bound * np.abs(exact[0]).max(initial=1.0))
+        np.testing.assert_allclose(of_c[1], exact[1], rtol=0, atol=bound * np.abs(exact[1]).max(initial=1.0))
 
 
 #: Largest terms in the rates of the paper's model, in its states: m/s, m/s², Pa/s, Pa/s, m/s. Forces are 8 bar on
@@ -142,11 +142,11 @@ def test_the_papers_model_takes_the_same_step_with_its_derivatives(build, real):
     fill, h = columns_of(module, Parameters.names(), FREE["isothermal"]), 1e-3
     for x, S, u, p, table in actuator_case(real):
         exact = stepped(module, x, S, u, p, h, 1, table, fill, 3)
-        found = compiled.step(x, S, u, p, h, 1, table)
+        of_c = compiled.step(x, S, u, p, h, 1, table)
         # Some 30 operations from the states to a rate, four stages, each rounds what is largest in it.
         bound = 4 * 30 * EPS[real] * (SCALE + h * LARGEST)
-        np.testing.assert_array_less(np.abs(found[0] - exact[0]), bound)
-        wrong = np.abs(found[1] - exact[1]) * sizes(Actuator(load=Load((9e5, -0.3e5, 0.6e5))))
+        np.testing.assert_array_less(np.abs(of_c[0] - exact[0]), bound)
+        wrong = np.abs(of_c[1] - exact[1]) * sizes(Actuator(load=Load((9e5, -0.3e5, 0.6e5))))
         assert (wrong < GROWTH * bound[:, None]).all()
 
 
@@ -170,8 +170,8 @@ def test_without_free_parameters_states_and_weights_keep_their_columns(build):
 def test_a_state_that_changes_by_less_than_its_rounding_does_not_stand_still(build, real):
     x, k = sp.symbols("x k", real=True)
     module, eps = build(System("growth", (x,), (), (k,), (), (k * x,)), real, derivatives=()), EPS[real]
-    found, _ = module.step([1.0], [[1.0]], [], [0.1 * eps], 1000.0, 1000)  # a tenth of the last place, a thousand times
-    assert float(found[0]) - 1.0 == pytest.approx(100 * float(eps), abs=float(eps))
+    end, _ = module.step([1.0], [[1.0]], [], [0.1 * eps], 1000.0, 1000)  # a tenth of the last place, a thousand times
+    assert float(end[0]) - 1.0 == pytest.approx(100 * float(eps), abs=float(eps))
 
 
 def test_a_derivative_to_no_parameter_is_refused():

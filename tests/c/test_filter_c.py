@@ -258,15 +258,15 @@ PROCEDURES = {"combine_load", "refresh"}
 
 
 def in_python(m, calls, g, name):
-    given = InPython(m, calls, deepcopy(g))
-    result = FUNCTIONS[name][0](given)
-    return given.after([] if result is None else result)
+    arguments = InPython(m, calls, deepcopy(g))
+    result = FUNCTIONS[name][0](arguments)
+    return arguments.after([] if result is None else result)
 
 
 def in_c(c, g, name):
-    given = InC(c, deepcopy(g))
-    result = FUNCTIONS[name][1](given)
-    return given.after([] if result is None or name in PROCEDURES else result)
+    arguments = InC(c, deepcopy(g))
+    result = FUNCTIONS[name][1](arguments)
+    return arguments.after([] if result is None or name in PROCEDURES else result)
 
 
 @pytest.fixture(scope="module")
@@ -307,8 +307,8 @@ def test_in_double_c_computes_bit_by_bit_what_the_text_of_a_kernel_says(joint_of
         g = drawn(seed)
         expected = in_python(plain, (rest, nothing), g, name)
         before = flat(g.state[:7], g.derived, g.p, g.load, np.zeros_like(expected[-1]))
-        for found, one in zip(in_c(c, g, name), expected, strict=True):
-            np.testing.assert_array_equal(found, one)
+        for of_c, value in zip(in_c(c, g, name), expected, strict=True):
+            np.testing.assert_array_equal(of_c, value)
         changed |= any(not np.array_equal(*both) for both in zip(before, expected, strict=True))
     assert changed
 
@@ -318,11 +318,11 @@ def test_in_double_c_computes_bit_by_bit_what_the_text_of_a_kernel_says(joint_of
 ROUNDINGS = 12 * 8
 
 
-def assert_close(found, expected, eps):
+def assert_close(values, expected, eps):
     """Within roundings of what is largest in what they are made from, at most 20² (an outlier times its gain)."""
-    for one, other in zip(found, expected, strict=True):
+    for value, other in zip(values, expected, strict=True):
         np.testing.assert_allclose(
-            one, other, rtol=ROUNDINGS * eps, atol=ROUNDINGS * eps * np.nanmax(np.abs(other), initial=1.0)
+            value, other, rtol=ROUNDINGS * eps, atol=ROUNDINGS * eps * np.nanmax(np.abs(other), initial=1.0)
         )
 
 
@@ -361,20 +361,20 @@ def test_a_filter_of_the_states_alone_compiles_strictly_and_corrects_them(joint_
     arrays = FilterArrays(g.model, free, derived, sensors, g.settings, AS_PLANNED, window, room)
     plain.begin_correction(state, arrays, g.values)
     plain.end_correction(nothing, state, arrays, (expected, np.zeros((M, ROWS + 1)), NO_ROWS))
-    found = *c.arrays(in_c), np.array(c.correction.errors)
+    of_c = *c.arrays(in_c), np.array(c.correction.errors)
     if real == "double":
-        for one, other in zip(found, (*state[:7], expected), strict=True):
-            np.testing.assert_array_equal(one, other)
-    assert_close(found, (*state[:7], expected), 2.0**-52 if real == "double" else 2.0**-23)
+        for value, other in zip(of_c, (*state[:7], expected), strict=True):
+            np.testing.assert_array_equal(value, other)
+    assert_close(of_c, (*state[:7], expected), 2.0**-52 if real == "double" else 2.0**-23)
 
 
 def test_what_is_neither_a_number_nor_finite_is_left_out(joint_of):
     c, g = joint_of(SIZE), drawn(1)
     for value in (np.nan, np.inf, -np.inf):
         g.values[:], g.state.wear[:] = value, 0
-        given = InC(c, deepcopy(g))
-        assert np.isnan(given.corrected()).all()
-        after = c.arrays(given.state)
+        arguments = InC(c, deepcopy(g))
+        assert np.isnan(arguments.corrected()).all()
+        after = c.arrays(arguments.state)
         assert np.array_equal(after[0], g.state.x)
         assert np.array_equal(after[2], g.state.theta)
         assert np.array_equal(after[3], g.state.T)
@@ -384,9 +384,9 @@ def test_parameters_move_only_while_the_piston_is_fast(joint_of):
     c, g = joint_of(SIZE), drawn(1)
     for speed, moves in ((0.2, False), (-0.3, True), (0.3, True)):
         g.state[0][1] = speed
-        given = InC(c, deepcopy(g))
-        given.corrected()
-        assert np.array_equal(c.arrays(given.state)[2], g.state[2]) is not moves
+        arguments = InC(c, deepcopy(g))
+        arguments.corrected()
+        assert np.array_equal(c.arrays(arguments.state)[2], g.state[2]) is not moves
 
 
 @pytest.mark.parametrize("real", ["double", "float"])

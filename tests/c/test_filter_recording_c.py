@@ -92,8 +92,8 @@ def test_in_double_a_recording_is_followed_bit_by_bit_as_the_text_says(case, fil
     count = 1500
     state, outputs = filter_of("double").follow(tuple(case.state), case.given, count)
     expected, *others = plainly_followed(case, filter_of("double"), count, monkeypatch)
-    for one, other in zip((*state, *outputs), (*expected[:7], *others), strict=True):
-        np.testing.assert_array_equal(one, other)
+    for value, other in zip((*state, *outputs), (*expected[:7], *others), strict=True):
+        np.testing.assert_array_equal(value, other)
 
 
 #: Roundings of a state: 4 stages of some 100, over 1800 steps, in which the slowest state forgets, see
@@ -103,17 +103,17 @@ ROUNDINGS = 4 * 100 * 1800
 
 def test_in_double_a_recording_is_followed_as_by_the_compiled_kernels_up_to_rounding(case, filter_of):
     state, (errors, states, deviations) = filter_of("double").follow(tuple(case.state), case.given, SAMPLES)
-    found, bound = case.found, ROUNDINGS * 2.0**-52
-    assert np.abs((state[2] - found.state.theta) / case.prior).max() < bound
-    assert (np.abs(states - found.states).max(axis=0) < bound * np.abs(found.states).max(axis=0)).all()
-    assert np.array_equal(np.isnan(errors), np.isnan(found.errors))
-    np.testing.assert_allclose(deviations, found.deviations, rtol=bound)
+    of_kernels, bound = case.found, ROUNDINGS * 2.0**-52
+    assert np.abs((state[2] - of_kernels.state.theta) / case.prior).max() < bound
+    assert (np.abs(states - of_kernels.states).max(axis=0) < bound * np.abs(of_kernels.states).max(axis=0)).all()
+    assert np.array_equal(np.isnan(errors), np.isnan(of_kernels.errors))
+    np.testing.assert_allclose(deviations, of_kernels.deviations, rtol=bound)
 
 
 def test_in_float_weights_and_pressure_are_those_of_double(case, filter_of):
     """The bounds of a prototype that kept covariance, gains, weights and states in float, and moved them in double."""
     state, (_, states, deviations) = filter_of("float").follow(tuple(case.state), case.given, SAMPLES)
-    found, p_A = case.found, case.made.mapped.actuator.states.index("p_A")
-    assert np.abs((state[2] - found.state.theta) / case.prior).max() < 3e-4
-    assert np.sqrt(np.mean((states - found.states)[:, p_A] ** 2)) < 5.0
-    np.testing.assert_allclose(deviations[:, p_A], found.deviations[:, p_A], rtol=1e-2)
+    of_kernels, p_A = case.found, case.made.mapped.actuator.states.index("p_A")
+    assert np.abs((state[2] - of_kernels.state.theta) / case.prior).max() < 3e-4
+    assert np.sqrt(np.mean((states - of_kernels.states)[:, p_A] ** 2)) < 5.0
+    np.testing.assert_allclose(deviations[:, p_A], of_kernels.deviations[:, p_A], rtol=1e-2)

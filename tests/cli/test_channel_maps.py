@@ -71,9 +71,9 @@ def test_look_checks_with_the_map_that_it_proposes(tmp_path, log, capsys):
 def test_a_map_reads_a_file_that_lacks_its_pressure_unless_that_is_measured(tmp_path, log, worn, capsys):
     chosen, second = tmp_path / "MAP.toml", in_german(worn, tmp_path / "worn.mf4")
     assert called("look", in_german(log, tmp_path / "cal.mf4"), "--save", chosen) == 0
-    found = read(second, channels=chosen)
-    assert "pressure_a" not in found
-    assert "pressure_a: this file has no channel 'Druck_Zylinder', and is read without it." in found.warnings
+    log_of_map = read(second, channels=chosen)
+    assert "pressure_a" not in log_of_map
+    assert "pressure_a: this file has no channel 'Druck_Zylinder', and is read without it." in log_of_map.warnings
     assert called("fit", second, "--map", chosen, "--measure", "position,pressure_a") == 2
     assert "pressure_a: there is no channel 'Druck_Zylinder'" in capsys.readouterr().err
     assert called("look", second, "--map", chosen) == 0

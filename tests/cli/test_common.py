@@ -18,9 +18,9 @@ def passing():
 
 def test_a_line_a_minute_says_what_is_done_the_rate_and_the_time_left(passing, capsys):
     with progress_of("fleet", clock=passing) as progress:
-        for done in range(1, 31):
+        for count in range(1, 31):
             passing.return_value += 10.0
-            progress(done, 120)
+            progress(count, 120)
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 30 * 10.0 / EVERY
     assert lines[0] == "fleet: 6 of 120 recordings, 6 a minute, 19 min left"
@@ -29,9 +29,9 @@ def test_a_line_a_minute_says_what_is_done_the_rate_and_the_time_left(passing, c
 
 def test_work_of_less_than_a_minute_says_nothing(passing, capsys):
     with progress_of("track", clock=passing) as progress:
-        for done in range(1, 60):
+        for count in range(1, 60):
             passing.return_value += 1.0
-            progress(done, 60)
+            progress(count, 60)
     assert capsys.readouterr() == ("", "")
 
 
@@ -44,15 +44,15 @@ def test_on_a_terminal_there_is_a_bar_and_no_line(passing, capsys, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("done", "seconds", "words"),
+    ("count", "seconds", "words"),
     [
         (50, 20.0, "50 of 1,000 trucks, 2.5 a second, 6 min left"),
         (1, 600.0, "1 of 1,000 trucks, 6 an hour, 7 d left"),
         (1000, 1.0, "1,000 of 1,000 trucks, 1,000 a second, 0 s left"),
     ],
 )
-def test_a_rate_is_in_the_unit_of_time_in_which_it_is_one_or_more(done, seconds, words):
-    assert progress_words(done, 1000, "trucks", seconds) == words
+def test_a_rate_is_in_the_unit_of_time_in_which_it_is_one_or_more(count, seconds, words):
+    assert progress_words(count, 1000, "trucks", seconds) == words
 
 
 def test_what_a_reset_takes_needs_a_reset():

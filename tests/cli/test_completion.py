@@ -31,8 +31,8 @@ def test_bash_completes_the_commands_and_options_after_a_new_start(install, tmp_
     assert "bash" in process.stdout.splitlines()[-1]
     assert str(script) in (tmp_path / ".bashrc").read_text(encoding="utf-8")
     asked = f"source {script}; COMP_WORDS=(clutchid fit --sa); COMP_CWORD=2; _clutchid; echo ${{COMPREPLY[@]}}"
-    found = subprocess.run(["bash", "-c", asked], capture_output=True, text=True, timeout=30, check=True)
-    assert found.stdout.strip() == "--save"
+    shell = subprocess.run(["bash", "-c", asked], capture_output=True, text=True, timeout=30, check=True)
+    assert shell.stdout.strip() == "--save"
     again = install("--shell", "bash")
     assert again.returncode == 0
     assert (tmp_path / ".bashrc").read_text(encoding="utf-8").count(str(script)) <= 2  # one line has it twice

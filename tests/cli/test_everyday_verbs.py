@@ -32,10 +32,10 @@ def recordings(tmp_path_factory):
 def options(verb):
     """Names, help and default of all options of a verb but its own."""
     parsed = app()[verb].assemble_argument_collection(parse_docstring=True)
-    found = {
+    of_verb = {
         entry.name: (entry.names, entry.parameter.help, entry.field_info.default) for entry in parsed if entry.names
     }
-    return {name: rest for name, rest in found.items() if name.startswith("--") and name not in OWN}
+    return {name: rest for name, rest in of_verb.items() if name.startswith("--") and name not in OWN}
 
 
 @pytest.mark.parametrize("verb", ["calibrate", "estimate"])

@@ -111,13 +111,13 @@ def test_a_summary_has_few_lines_of_at_most_80_columns_and_a_command(fitted, cap
 
 @pytest.mark.parametrize("verbose", [False, True])
 def test_long_names_and_sentences_are_wrapped_and_their_marks_are_text(fitted, capsys, verbose):
-    (one,) = fitted.recordings.values()
+    (recording,) = fitted.recordings.values()
     name = "[red]a[/red] :smile: \x1b[31m\n" + "long" * 40
     named = replace(
         fitted,
-        recordings={name: one},
+        recordings={name: recording},
         baseline=replace(fitted.baseline, origin=Origin(name, name, name, name), converged=False),
-        verification={name: one},
+        verification={name: recording},
         notes=(f"{name} has a note",),
     )
     _, out, err = shown(replace(named, readings={name: named}), capsys, verbose=verbose)
@@ -238,7 +238,7 @@ def test_recordings_of_one_wear_are_of_one_state_and_of_another_wear_of_two(truc
     worn = read(2.5e-3, 21), read(2.5e-3, 22)
     assert states(*slight) is None
     assert states(*worn) is None
-    assert all(states(one, other) is not None for one in slight for other in worn)
+    assert all(states(first, other) is not None for first in slight for other in worn)
     assert [len(group) for group in states(*slight, *worn).groups] == [2, 2]
 
 

@@ -78,22 +78,22 @@ def observed(folder):
 
 def test_every_recording_is_a_row_with_a_status_and_a_sentence(tracked):
     rows = pl.read_parquet(tracked / "results.parquet")
-    found = {row["recording"]: row for row in rows.iter_rows(named=True)}
-    assert list(found) == ["r0", "r0_again", "r1", "r2", "cut", "gone", "other"]
-    assert {name: row["status"] for name, row in found.items() if row["status"] not in ("ok", "warning")} == {
+    by_name = {row["recording"]: row for row in rows.iter_rows(named=True)}
+    assert list(by_name) == ["r0", "r0_again", "r1", "r2", "cut", "gone", "other"]
+    assert {name: row["status"] for name, row in by_name.items() if row["status"] not in ("ok", "warning")} == {
         "cut": "bad_input", "gone": "bad_input", "other": "bad_input",
     }  # fmt: skip
-    assert "the same recording as r0 of V1; it counts once" in found["r0_again"]["message"]
-    assert "cut.parquet" in found["cut"]["message"]
-    assert "its file is not there" in found["gone"]["message"]
-    assert "no calibration of type 'T2'" in found["other"]["message"]
-    assert {name: bool(row["reason"]) for name, row in found.items()} == {
+    assert "the same recording as r0 of V1; it counts once" in by_name["r0_again"]["message"]
+    assert "cut.parquet" in by_name["cut"]["message"]
+    assert "its file is not there" in by_name["gone"]["message"]
+    assert "no calibration of type 'T2'" in by_name["other"]["message"]
+    assert {name: bool(row["reason"]) for name, row in by_name.items()} == {
         "r0": False, "r0_again": True, "r1": False, "r2": False, "cut": True, "gone": True, "other": True,
     }  # fmt: skip
     worn = pl.read_parquet(tracked / "wear.parquet")
     assert worn["reason"].to_list() == rows["reason"].to_list()
     for k in range(len(WEAR)):
-        row = found[f"r{k}"]
+        row = by_name[f"r{k}"]
         assert row["peak_low_N"] < row["peak_N"] < row["peak_high_N"]
         assert row["half_load_low_mm"] < row["half_load_mm"] < row["half_load_high_mm"]
         assert len(row["sha256"]) == 64
@@ -145,12 +145,12 @@ def test_what_is_done_is_not_done_again_and_what_has_changed_is(undrawn, folder,
     assert ", 0 read in this run" in read_now()
     assert content(tracked) == before
     assert {name: (pages / name).stat().st_mtime_ns for name in made} == made
-    kept = again.read_bytes()
+    content_before = again.read_bytes()
     shutil.copy(folder / "trucks" / "V1" / "r2.parquet", again)
     assert ", 1 read in this run" in read_now()
     assert (pages / "V1.html").stat().st_mtime_ns > made["V1.html"]
     assert (pages / "V2.html").stat().st_mtime_ns == made["V2.html"]
-    again.write_bytes(kept)
+    again.write_bytes(content_before)
     assert ", 1 read in this run" in read_now()
     assert content(tracked) == before
 

@@ -58,7 +58,7 @@ def test_an_option_is_in_the_same_group_in_every_command():
     for command in COMMANDS:
         for a in options(command):
             groups.setdefault(a.name, set()).update(group.name for group in a.parameter.group)
-    assert {name for name, found in groups.items() if len(found) > 1} == HOMONYMS
+    assert {name for name, groups_of_name in groups.items() if len(groups_of_name) > 1} == HOMONYMS
     assert set().union(*groups.values()) == set(GROUPS)
 
 

@@ -36,18 +36,18 @@ def folder(tmp_path_factory, plant):
 
 
 def observed(folder, log, *options):
-    given = ("--start", folder / "cal.toml", "--dbc", folder / "bus.dbc", "--map", folder / "map.toml")
-    return called("observe", log, *given, *options)
+    words = ("--start", folder / "cal.toml", "--dbc", folder / "bus.dbc", "--map", folder / "map.toml")
+    return called("observe", log, *words, *options)
 
 
 @pytest.fixture
 def messages(folder):
     """The frames of the log as messages with the stamps of the file."""
-    found = []
+    frames = []
     for block in frame_log(folder / "truck.blf").blocks():
         rows = zip(block.stamp.tolist(), block.identifier.tolist(), block.data, block.length.tolist(), strict=True)
-        found += [message(stamp, identifier, bytes(data[:length])) for stamp, identifier, data, length in rows]
-    return found
+        frames += [message(stamp, identifier, bytes(data[:length])) for stamp, identifier, data, length in rows]
+    return frames
 
 
 @pytest.fixture
@@ -83,10 +83,10 @@ def test_a_truck_on_a_bus_gives_the_numbers_of_its_log_bit_for_bit(call, folder,
 @pytest.mark.slow
 def test_frames_that_come_out_of_order_are_put_in_their_place(call, folder, tmp_path, messages):
     order = random.Random(1)
-    mixed = sorted(messages, key=lambda one: one.timestamp + order.uniform(0.0, 0.02))
+    mixed = sorted(messages, key=lambda frame: frame.timestamp + order.uniform(0.0, 0.02))
     first = min(range(len(mixed)), key=lambda i: mixed[i].timestamp)
     mixed.insert(0, mixed.pop(first))  # the first frame is the origin of time
-    assert [one.timestamp for one in mixed] != [one.timestamp for one in messages]
+    assert [frame.timestamp for frame in mixed] != [frame.timestamp for frame in messages]
     code, _, errors = call(mixed)
     assert (code, errors) == (0, "")
     same(folder, tmp_path)
@@ -215,7 +215,7 @@ def test_without_a_dbc_or_with_another_one_there_is_one_sentence(call, folder, t
     before = set(threading.enumerate())  # other tests of this process may have left some
     assert called("observe", "can:virtual:truck", "--start", folder / "cal.toml", "--out", "est.parquet") == 2
     assert "give the DBC of it with --dbc FILE" in " ".join(capsys.readouterr().err.split())
-    other = [message(one.timestamp, 0x555, bytes(8)) for one in messages]
+    other = [message(frame.timestamp, 0x555, bytes(8)) for frame in messages]
     code, _, errors = call(other)
     assert code == 2
     assert "truck: no frame came that the DBC knows" in errors

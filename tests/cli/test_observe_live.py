@@ -255,7 +255,7 @@ def test_a_file_that_grows_is_followed_on_from_a_state_and_another_one_is_refuse
         return code, errors
 
     assert follow(lines[: CUT + 1], "one.parquet") == (0, "")
-    kept = (tmp_path / "state.toml").read_text()
+    state = (tmp_path / "state.toml").read_text()
     code, said = follow(lines[: CUT + 1], "two.parquet", "--resume", "state.toml")
     assert code == 2
     assert "log: has no sample behind 2.344 s, where state.toml is" in said
@@ -268,7 +268,7 @@ def test_a_file_that_grows_is_followed_on_from_a_state_and_another_one_is_refuse
     assert code == 2
     assert "log: has other samples up to 2.344 s than the recording that state.toml comes from" in said
     assert not (tmp_path / "two.parquet").exists()
-    assert (tmp_path / "state.toml").read_text() == kept
+    assert (tmp_path / "state.toml").read_text() == state
     assert follow(lines, "est.parquet", "--resume", "state.toml") == (0, "")
     same("one", "est")
 

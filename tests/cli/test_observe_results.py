@@ -81,7 +81,7 @@ def test_published_lines_have_the_numbers_of_the_files_bit_for_bit(observe, fold
     assert [line["stroke"] for line in strokes] == by_stroke["stroke [1]"].to_list()
     assert [line["load_curve"]["force_N"][10] for line in strokes] == by_stroke["load_05000um [N]"].to_list()
     theta = [line["parameters"]["theta_1"] for line in strokes]
-    assert [one["std"] for one in theta] == by_stroke["theta_1_std [N]"].to_list()
+    assert [estimate["std"] for estimate in theta] == by_stroke["theta_1_std [N]"].to_list()
     assert lines[lines.index(strokes[0]) - 1]["time [s]"] == strokes[0]["time [s]"]
 
 

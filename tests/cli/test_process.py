@@ -122,7 +122,7 @@ READING = [
 
 @posix
 @pytest.mark.parametrize(
-    ("command", "address"), [*(("look @", one) for one in ADDRESSES), *((one, ADDRESSES[0]) for one in READING)]
+    ("command", "address"), [*(("look @", at) for at in ADDRESSES), *((line, ADDRESSES[0]) for line in READING)]
 )
 def test_an_address_is_refused_with_what_to_do(command, address, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
@@ -205,14 +205,14 @@ def test_one_signal_ends_a_command_that_waits_for_a_reader_that_has_stalled(tmp_
 
 @posix
 def test_an_output_that_no_file_can_be_is_refused(tmp_path):
-    one, other = tmp_path / "one.toml", tmp_path / "other.toml"
-    one.symlink_to(other)
-    other.symlink_to(one)
+    first, other = tmp_path / "one.toml", tmp_path / "other.toml"
+    first.symlink_to(other)
+    other.symlink_to(first)
     loop = r"one\.toml: cannot be written \(.*(loop|links)"
     with pytest.raises(ExportError, match=loop):
-        check_writable(one)
+        check_writable(first)
     with pytest.raises(ExportError, match=loop):
-        check_outputs({"--out": one}, [("the recording", tmp_path / "log.csv")])
+        check_outputs({"--out": first}, [("the recording", tmp_path / "log.csv")])
     with pytest.raises(ExportError, match=r"cannot be written \(File name too long\); name another file"):
         check_writable(tmp_path / ("a" * 300))
 

@@ -406,9 +406,9 @@ def test_where_others_can_write_to_every_folder_a_process_has_one_of_its_own_and
         [sys.executable, "-c", HOSTILE, source], capture_output=True, text=True, check=True,
         env={**os.environ, "TMPDIR": str(tmp_path / "temporary")},
     )  # fmt: skip
-    one, two = (Path(line).parents[1] for line in process.stdout.split())
-    assert one == two
-    assert one.parent == tmp_path / "temporary"
+    first, two = (Path(line).parents[1] for line in process.stdout.split())
+    assert first == two
+    assert first.parent == tmp_path / "temporary"
     assert list((tmp_path / "temporary").iterdir()) == planted[1:]
 
 

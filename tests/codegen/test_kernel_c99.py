@@ -47,12 +47,12 @@ def test_the_rule_for_values_has_the_verdicts_of_the_kernel(tmp_path):
     y[2700:] += 6e-3
     y[2500:2600] = y[2500]
     mine, theirs, since = new_watch(), new_watch(), np.zeros(2)
-    found = [
+    pairs = [
         (in_c(mine, LIMITS, 1e-3 * i, value, 0.0, 0.0, since),
          plausible.judge_next(theirs, LIMITS, 1e-3 * i, value, 0.0, 0.0, since))
         for i, value in enumerate(y.tolist())
     ]  # fmt: skip
-    verdicts = np.array(found)
+    verdicts = np.array(pairs)
     assert np.array_equal(verdicts[:, 0], verdicts[:, 1])
     assert set(verdicts[:, 0]) >= {rule.VALUE, rule.BEYOND, rule.STEP, rule.SEAM}
     np.testing.assert_allclose(mine, theirs, rtol=1e-12)

@@ -50,15 +50,15 @@ def test_machine_code_is_not_that_of_another_layout_of_the_arrays(tmp_path, monk
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
     monkeypatch.setattr(clutchid, "__path__", [*clutchid.__path__, str(tmp_path)])
     (tmp_path / "taking_of_test.py").write_text(TAKING)
-    found = []
+    counts = []
     for column in (0, 1):
         (tmp_path / "layout_of_test.py").write_text(f"COLUMN = {column}  # of {column + 1}\n")
         monkeypatch.delitem(sys.modules, "clutchid.layout_of_test", raising=False)
         importlib.invalidate_caches()
         kernels_in.cache_clear()
-        found.append(kernels_in("clutchid.taking_of_test").taken(np.array([3.0, 4.0])))
+        counts.append(kernels_in("clutchid.taking_of_test").taken(np.array([3.0, 4.0])))
     kernels_in.cache_clear()
-    assert found == [3.0, 4.0]
+    assert counts == [3.0, 4.0]
 
 
 def test_no_two_modules_that_are_compiled_together_define_the_same_name(source):

@@ -35,11 +35,11 @@ fractions = st.fractions(-4, 4, max_denominator=9)
 @pytest.mark.slow
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(arithmetic, fractions, fractions, fractions)
-def test_printed_arithmetic_is_exact_in_rational_numbers(expression, one, two, three):
+def test_printed_arithmetic_is_exact_in_rational_numbers(expression, first, two, three):
     assume(all(number.q <= 1000 and abs(number.p) < 1000 for number in expression.atoms(sp.Rational)))
     text = EXACT.print(expression)
-    printed = eval(text, {"Fraction": Fraction, "a": one, "b": two, "x": three})
-    exact = sp.Rational(*_ratio(expression, {a: one, b: two, x: three}))
+    printed = eval(text, {"Fraction": Fraction, "a": first, "b": two, "x": three})
+    exact = sp.Rational(*_ratio(expression, {a: first, b: two, x: three}))
     assert sp.Rational(Fraction(printed).numerator, Fraction(printed).denominator) == exact
 
 

@@ -166,7 +166,7 @@ def test_no_two_kernels_define_the_same_function(assorted, compiled):
     kernels.module.linearise(x, np.zeros((1, 1)), np.array([1.0, 1.0]), *table, rates, jacobian)
     folder = Path(kernels.module.__file__).parent / "__pycache__"  # another process of the run may have compiled them
     objects = [path.read_bytes() for k in ("run_all", "linearise") for path in folder.glob(f"*.{k}-*.nbc")]
-    one, other = (set(re.findall(rb"\w*step_jacobian[\w.$]*", code)) for code in objects)
-    assert one
+    first, other = (set(re.findall(rb"\w*step_jacobian[\w.$]*", code)) for code in objects)
+    assert first
     assert other
-    assert not one & other
+    assert not first & other

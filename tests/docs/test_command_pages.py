@@ -54,7 +54,7 @@ def test_the_page_of_a_command_has_an_example_its_exit_codes_and_no_list_of_opti
     assert f"$ clutchid {command} " in page
     assert "## Exit codes\n\n0: done" in page or "## Exit codes\n\n0: the file" in page
     assert re.findall(r"^\| *`(--[a-z-]+)", page, re.MULTILINE) == []
-    every = set().union(*(options(one) for one in COMMANDS)) | GENERAL
+    every = set().union(*(options(name) for name in COMMANDS)) | GENERAL
     assert set(re.findall(r"`(--[a-z][a-z-]*)", page)) - every == set()
 
 
@@ -63,4 +63,4 @@ def test_the_page_of_a_command_has_an_example_its_exit_codes_and_no_list_of_opti
 def test_every_example_of_a_command_uses_its_options_only(page):
     calls = re.findall(r"clutchid ((?:\w|-)+)((?:[^`#\n\\]|\\\n)*)", page.read_text(encoding="utf-8"))
     unknown = {(verb, *sorted(named(rest) - options(verb) - GENERAL)) for verb, rest in calls if verb in COMMANDS}
-    assert {found for found in unknown if len(found) > 1} == set()
+    assert {option for option in unknown if len(option) > 1} == set()

@@ -76,7 +76,7 @@ def test_a_page_whose_outputs_agree_to_two_digits_has_no_differences():
 
 def test_a_long_block_runs_only_where_it_is_wanted_and_can_be_rewritten():
     changes = console.differences(PAGE, long=True)
-    assert [(one.step.command, one.printed) for one in changes] == [("cat note.txt", "two 22\n")]
+    assert [(change.step.command, change.printed) for change in changes] == [("cat note.txt", "two 22\n")]
     assert console.rewritten(PAGE, changes) == PAGE.replace("three\n", "two 22\n")
 
 

@@ -123,8 +123,8 @@ def test_the_index_of_the_search_has_the_words_of_the_model(site, word, page):
     """Words are those of the index, which cuts endings off: LuGre is 'lugr'."""
     text = (site / "searchindex.js").read_text(encoding="utf-8")
     index = json.loads(text[text.index("{") : text.rindex("}") + 1])
-    found = index["terms"].get(word, []), index["titleterms"].get(word, [])
-    numbers = {n for one in found for n in (one if isinstance(one, list) else [one])}
+    entries = index["terms"].get(word, []), index["titleterms"].get(word, [])
+    numbers = {n for entry in entries for n in (entry if isinstance(entry, list) else [entry])}
     assert page in {index["docnames"][n] for n in numbers}
 
 

@@ -104,8 +104,8 @@ def test_without_a_calibration_there_is_no_section(fitted):
 @pytest.mark.slow
 def test_foreign_names_do_nothing_on_the_page(undrawn, fitted, loads_nothing):
     change = Change(HOSTILE, "C_vs", 1.0, 2.0, 0.1, HOSTILE, 0.9, HOSTILE)
-    known = replace(with_baseline(fitted, origin=Origin(*[HOSTILE] * 4), converged=False), changes=(change,))
-    html = page_of(document_of(replace(known, readings={HOSTILE: known}), "clutchid fit"))
+    calibrated = replace(with_baseline(fitted, origin=Origin(*[HOSTILE] * 4), converged=False), changes=(change,))
+    html = page_of(document_of(replace(calibrated, readings={HOSTILE: calibrated}), "clutchid fit"))
     assert "<script" not in html
     assert "&lt;script&gt;" in html
     assert loads_nothing(html)

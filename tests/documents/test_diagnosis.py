@@ -50,9 +50,9 @@ def test_correlations_are_drawn_as_they_are_with_lags_in_milliseconds(diagnosis)
 
 
 def test_an_input_that_does_not_move_is_said_not_drawn(fitted):
-    one = fitted.recordings["first"]
-    still = one.measured.with_columns(duty_exhaust=np.zeros(len(one.measured)))
-    diagnosis = diagnosed(replace(fitted, recordings={"first": replace(one, measured=still)}), "first")
+    recording = fitted.recordings["first"]
+    still = recording.measured.with_columns(duty_exhaust=np.zeros(len(recording.measured)))
+    diagnosis = diagnosed(replace(fitted, recordings={"first": replace(recording, measured=still)}), "first")
     assert [text.get_text() for text in colour_figure(diagnosis).axes[2].texts] == ["constant"]
 
 
@@ -88,19 +88,19 @@ def test_what_is_missing_comes_with_a_manoeuvre(fitted):
 
 
 def test_nothing_missing_is_said_and_no_manoeuvre_is_looked_for(fitted):
-    found = replace(evidence(fitted), missing=())
+    basis = replace(evidence(fitted), missing=())
     said = "The excitation is sufficient: reach, directions and vented rests."
-    assert information_blocks(fitted, found) == [Text(said)]
+    assert information_blocks(fitted, basis) == [Text(said)]
 
 
 def test_the_poorest_recordings_come_first(fitted):
-    found = replace(evidence(fitted), predictions={"a": 95.0, "b": 60.0, "c": 80.0})
-    assert worst_first(found, ["a", "b", "c", "d"]) == ["b", "c", "a", "d"]
+    basis = replace(evidence(fitted), predictions={"a": 95.0, "b": 60.0, "c": 80.0})
+    assert worst_first(basis, ["a", "b", "c", "d"]) == ["b", "c", "a", "d"]
 
 
 @pytest.mark.slow
 def test_a_recording_too_short_for_a_colour_is_drawn_all_the_same(fitted):
-    one = fitted.recordings["first"]
-    short = replace(one, measured=one.measured.slice(0, 40), simulated=one.simulated.slice(0, 40))
+    recording = fitted.recordings["first"]
+    short = replace(recording, measured=recording.measured.slice(0, 40), simulated=recording.simulated.slice(0, 40))
     diagnosis = diagnosed(replace(fitted, recordings={"first": short}), "first")
     assert len(residual_blocks(fitted, diagnosis)) >= 2

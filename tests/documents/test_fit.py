@@ -59,8 +59,8 @@ def test_the_tables_hold_the_numbers_of_the_fit(fitted):
 
 
 def test_several_recordings_get_a_row_for_all_together(fitted):
-    one = fitted.recordings["first"]
-    both = replace(fitted, recordings={"a": one, "b": one})
+    recording = fitted.recordings["first"]
+    both = replace(fitted, recordings={"a": recording, "b": recording})
     assert error_table(both).column("recording") == ("a", "b", "all fitted", "checked")
 
 
@@ -117,9 +117,9 @@ def test_a_failed_fit_has_a_page_that_says_so(fitted, loads_nothing):
 
 
 def test_a_hostile_recording_name_is_escaped(undrawn, fitted):
-    one = fitted.recordings["first"]
+    recording = fitted.recordings["first"]
     name = "<img src=x onerror=alert(1)>"
-    html = page_of(document_of(replace(fitted, recordings={name: one}, verification={}), COMMAND))
+    html = page_of(document_of(replace(fitted, recordings={name: recording}, verification={}), COMMAND))
     assert "<img src=x" not in html
     assert "&lt;img src=x" in html
 
@@ -140,16 +140,16 @@ def test_by_shooting_a_verified_recording_is_drawn_as_its_sensors_see_it(undrawn
 
     monkeypatch.setattr(module, "recording_figure", figure)
     document_of(replace(fitted, method="shooting", actuator=fitted.actuator.replace({"e_y": 1e-4}))).sections()
-    for name, one in {**fitted.recordings, **fitted.verification}.items():
-        difference = drawn[name].simulated["position"] - one.simulated["position"]
+    for name, recording in {**fitted.recordings, **fitted.verification}.items():
+        difference = drawn[name].simulated["position"] - recording.simulated["position"]
         assert difference == pytest.approx(np.full(difference.size, 1e-4))
 
 
 def test_of_many_recordings_the_worst_are_drawn_and_the_page_stays_small(undrawn, fitted, html):
-    one = fitted.recordings["first"]
+    recording = fitted.recordings["first"]
     names = [f"log{i}" for i in range(MAX_DRAWN + 3)]
-    late = replace(one, measured=one.measured.with_columns(position=one.measured["position"] + 2e-3))
-    many = replace(fitted, recordings={name: late if name == "log5" else one for name in names}, verification={})
+    late = replace(recording, measured=recording.measured.with_columns(position=recording.measured["position"] + 2e-3))
+    many = replace(fitted, recordings={name: late if name == "log5" else recording for name in names}, verification={})
     page = page_of(document_of(many, COMMAND))
     assert page.count("<img ") == 1 + 3 * MAX_DRAWN
     assert "log5 (fitted)" in page
@@ -158,12 +158,12 @@ def test_of_many_recordings_the_worst_are_drawn_and_the_page_stays_small(undrawn
 
 
 def test_a_long_recording_is_thinned_and_its_worst_half_minute_drawn_closer(fitted):
-    one = fitted.recordings["first"]
+    recording = fitted.recordings["first"]
 
     def longer(log):
         return Log(np.arange(160_000) * 1e-3, {n: np.tile(v, 40) for n, v in log.columns.items()}, "first")
 
-    long = replace(one, measured=longer(one.measured), simulated=longer(one.simulated))
+    long = replace(recording, measured=longer(recording.measured), simulated=longer(recording.simulated))
     html = page_of(document_of(replace(fitted, recordings={"first": long}, verification={}), COMMAND))
     assert "The 30 s with the largest error of the position." in html
     assert html.count("<img ") == 1 + 2 + 2
@@ -184,7 +184,7 @@ def test_a_load_beyond_the_reach_where_the_clutch_engages_is_not_stated(undrawn,
 )
 def test_the_page_says_what_the_errors_of_a_method_are(undrawn, fitted, method, words):
     html = page_of(document_of(replace(fitted, method=method), COMMAND))
-    assert all(each in html for each in (*words, "Limits of the verdict"))
+    assert all(text in html for text in (*words, "Limits of the verdict"))
 
 
 def test_an_error_while_drawing_leaves_the_old_page(fitted, tmp_path):
@@ -243,8 +243,8 @@ def test_the_application_has_what_is_assumed_and_no_change_where_terminal_and_pa
 def test_residuals_are_those_of_the_fit_seen_through_its_sensors(fitted):
     offset = replace(fitted, method="shooting", actuator=fitted.actuator.replace({"e_y": 1e-4}))
     for name, columns in compared_columns(offset).items():
-        one = {**offset.recordings, **offset.verification}[name]
-        expected = one.measured["position"] - one.simulated["position"] - 1e-4
+        recording = {**offset.recordings, **offset.verification}[name]
+        expected = recording.measured["position"] - recording.simulated["position"] - 1e-4
         np.testing.assert_allclose(columns["residual position"], expected, atol=1e-12)
     assert "simulated pressure_a" in compared_columns(offset)["checked"]
 

@@ -73,8 +73,8 @@ def test_what_is_not_finite_is_null(fitted, written, end):
 
 def test_recordings_read_alone_are_there_by_name(fitted, written):
     change = Change("first", "C_vs", 1.0, 2.0, 0.1, "1", 0.75, "valves")
-    one = replace(with_baseline(fitted), changes=(change,))
-    reading = written(replace(one, readings={'[red]"a\n': one}))["readings"]['[red]"a\n']
+    alone = replace(with_baseline(fitted), changes=(change,))
+    reading = written(replace(alone, readings={'[red]"a\n': alone}))["readings"]['[red]"a\n']
     assert reading["trust"] == "good"
     assert reading["changes"][0]["after"] == 2.0
     assert reading["changes"][0]["probability"] == 0.75

@@ -27,11 +27,11 @@ def rows_on(fit, medium=On.BRIEF):
 
 def rows_of(fit, label, medium=On.BRIEF):
     """Texts of the rows under a label, and of those that follow without one."""
-    found, current = [], ""
+    texts, current = [], ""
     for row in rows_on(fit, medium):
         current = row.label or current
-        found += [row.text] if current == label else []
-    return found
+        texts += [row.text] if current == label else []
+    return texts
 
 
 def with_band(fit, half):
@@ -180,7 +180,7 @@ def test_a_few_other_parameters_are_shown_and_many_are_counted(fitted):
 def test_errors_are_said_to_be_over_windows_where_they_are_and_many_verified_ones_are_counted(fitted):
     (text,) = rows_of(replace(fitted, method="shooting"), "errors")
     assert "rms over windows of 0.1 s; checked, verified: position" in text
-    many = {f"v{i}": one for one in fitted.verification.values() for i in range(4)}
+    many = {f"v{i}": recording for recording in fitted.verification.values() for i in range(4)}
     (text,) = rows_of(replace(fitted, verification=many), "errors")
     assert text.endswith("2 more: --verbose")
     assert "v1, verified" in text
@@ -197,11 +197,11 @@ def test_two_reasons_are_shown_and_in_full_all_of_them(fitted):
 
 
 def test_in_full_nothing_stands_in_the_summary_and_in_the_text_below(fitted):
-    known = replace(with_baseline(fitted), changes=(change(),))
-    text = text_of(rows_on(known, On.FULL))
+    calibrated = replace(with_baseline(fitted), changes=(change(),))
+    text = text_of(rows_on(calibrated, On.FULL))
     for once in (VALVES, "fitted first: position", "converged"):
         assert text.count(once) == 1, once
-    for name in known.parameters:
+    for name in calibrated.parameters:
         assert f"\n{name} " in text
     assert "no other change" in "\n".join(rows_of(with_baseline(fitted), "since", On.FULL))
 

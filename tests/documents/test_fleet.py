@@ -149,12 +149,12 @@ def test_hostile_names_are_shown_and_never_run(tmp_path):
     reasons = [ReasonCount(HOSTILE, HOSTILE, 1, HOSTILE)]
     write_page(document_of(FleetWear(rows, reasons), HOSTILE), tmp_path / "x.html")
     html = (tmp_path / "x.html").read_text(encoding="utf-8")
-    found = Parsed(html)
-    assert found.handlers == []
-    assert len(found.scripts) == html.count("<script") == html.count("</script") == 1
-    assert "alert" not in found.scripts[0]
-    assert all(re.match(r"vehicles/[\w%./-]+$|#|data:image/", address) for address in found.addresses)
-    assert [row[0] for row in found.tables["All vehicles"][2:]] == [HOSTILE, "W", "??"]
+    page = Parsed(html)
+    assert page.handlers == []
+    assert len(page.scripts) == html.count("<script") == html.count("</script") == 1
+    assert "alert" not in page.scripts[0]
+    assert all(re.match(r"vehicles/[\w%./-]+$|#|data:image/", address) for address in page.addresses)
+    assert [row[0] for row in page.tables["All vehicles"][2:]] == [HOSTILE, "W", "??"]
 
 
 def test_the_script_of_the_page_loads_nothing_and_names_no_server():
@@ -267,9 +267,9 @@ def test_a_rate_is_compared_only_within_its_type_and_with_enough_vehicles():
 def test_alarms_and_missing_readings_are_odd_and_marked_among_all():
     rows = [vehicle("V1", alarms=("the load changed",), counted=4), vehicle("V2", counted=5), vehicle("V3")]
     odd = odd_vehicles(rows, spans_of(rows))
-    assert [(one.vehicle.name, one.mark) for one in odd] == [("V1", "alarm"), ("V1", "few readings")]
+    assert [(entry.vehicle.name, entry.mark) for entry in odd] == [("V1", "alarm"), ("V1", "few readings")]
     expected = ["The load changed.", "4 of 10 recordings count; by status: 9 ok, 1 failed."]
-    assert [one.reason for one in odd] == expected
+    assert [entry.reason for entry in odd] == expected
     assert all_table(rows, odd, spans_of(rows)).column("odd") == ("alarm, few readings", "", "")
     assert "#filter=few+readings" in parsed(rows).addresses
 

@@ -112,9 +112,9 @@ def test_the_sentence_has_the_load_at_half_stroke_and_its_change_in_shares_of_th
 def test_after_a_resumed_run_the_calibrated_load_is_still_that_of_the_calibration(run, plant, log):
     first = observe_recording(run.observer, log.slice(0, 3000))
     rest = observe_recording(run.observer, log.slice(3000, len(log)), first.after)
-    one, other = (observe_json(each, ORIGIN) for each in (run, rest))
-    assert one["calibrated_load_curve"] == other["calibrated_load_curve"]
-    assert one["load_curve"] == other["load_curve"]
+    whole, other = (observe_json(part, ORIGIN) for part in (run, rest))
+    assert whole["calibrated_load_curve"] == other["calibrated_load_curve"]
+    assert whole["load_curve"] == other["load_curve"]
     assert loads(rest).before.force.tolist() == loads(first).after.force.tolist()
 
 

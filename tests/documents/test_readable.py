@@ -92,9 +92,9 @@ def test_a_legend_is_no_wider_than_its_figure_however_long_its_words_are():
         axis.plot([0, 1], [0, k], label=f"{k} $ {'words ' * 5}")
     legend(axis, 4)
     figure.draw_without_rendering()
-    found = axis.get_legend()
-    assert found._ncols < 4
-    assert found.get_window_extent().width < figure.get_window_extent().width
+    box = axis.get_legend()
+    assert box._ncols < 4
+    assert box.get_window_extent().width < figure.get_window_extent().width
 
 
 @pytest.mark.slow

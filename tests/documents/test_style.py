@@ -68,10 +68,10 @@ PALETTES = {
 def test_any_two_colours_of_a_palette_are_apart_for_every_sight(palette):
     colours = PALETTES[palette]
     close = {
-        (one, other, sight): round(float(distance), 3)
-        for one, other in combinations(colours, 2)
+        (first, other, sight): round(float(distance), 3)
+        for first, other in combinations(colours, 2)
         for sight in SIGHT
-        if (distance := np.linalg.norm(lab(colours[one], sight) - lab(colours[other], sight))) < APART
+        if (distance := np.linalg.norm(lab(colours[first], sight) - lab(colours[other], sight))) < APART
     }
     assert close == {}
 

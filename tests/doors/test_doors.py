@@ -63,7 +63,7 @@ class Answer(NamedTuple):
 
     def agrees(self, other: Answer) -> bool:
         """Whether a force is the same up to rounding, and the sentences are the same."""
-        same = [one == pytest.approx(two, rel=1e-9) for one, two in zip(self[::2], other[::2], strict=True)]
+        same = [first == pytest.approx(two, rel=1e-9) for first, two in zip(self[::2], other[::2], strict=True)]
         return self.sentence == other.sentence and (any(same) or bool(self.sentence))
 
 

@@ -165,12 +165,12 @@ def test_the_mask_of_a_flag_has_the_bit_that_it_has_in_c(exported: Exported) -> 
 
 
 @pytest.mark.parametrize(
-    ("one", "other", "alike"),
+    ("first", "other", "alike"),
     [("N·s/m", "N*s/m", True), ("m³/(Pa·s)", "m^3/(Pa*s)", True), ("N·m", "N/m", False), ("1/m", "m", False)],
 )
-def test_units_share_a_conversion_only_if_they_are_the_same(one: str, other: str, alike: bool) -> None:
-    assert (unit_of(one).name == unit_of(other).name) is alike
-    assert (unit_of(one) == unit_of(other)) is alike
+def test_units_share_a_conversion_only_if_they_are_the_same(first: str, other: str, alike: bool) -> None:
+    assert (unit_of(first).name == unit_of(other).name) is alike
+    assert (unit_of(first) == unit_of(other)) is alike
 
 
 def test_names_limits_and_references_are_sound(exported: Exported) -> None:

@@ -85,13 +85,13 @@ def test_a_recording_and_a_fit_have_no_variable_in_common(fitted: Fit, tmp_path:
     write_matlab(fitted, tmp_path / "worn.mat")
     write(Log(np.arange(3.0), {"position": np.zeros(3)}, metadata={"truck": "7"}), tmp_path / "states.mat")
     ours = [set(loadmat(tmp_path / name)) for name in ("worn.mat", "states.mat")]
-    assert {one for one in ours[0] & ours[1] if not one.startswith("__")} == set()
+    assert {variable for variable in ours[0] & ours[1] if not variable.startswith("__")} == set()
 
 
 def test_recordings_have_their_hash_initial_states_and_own_parameters(odd: Fit, tmp_path: Path) -> None:
     write_matlab(odd, tmp_path / "odd.m")
-    one, other = loaded(tmp_path / "odd.m")["recordings"]
-    assert (one["name"], one["sha256"]) == ("a", "abc123")
+    first, other = loaded(tmp_path / "odd.m")["recordings"]
+    assert (first["name"], first["sha256"]) == ("a", "abc123")
     assert other["name"] == "Bar's '); x"
     assert (other["position_start_m"], other["pressure_a_start_Pa"]) == ([0.001, 0.0021], [2e5, 3e5])
     assert other["parameters"]["F_C"]["value"] == 61.0

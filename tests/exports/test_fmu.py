@@ -299,8 +299,8 @@ def test_fmi_3_gives_the_numbers_of_fmi_2_bit_by_bit(made, inputs, part):
 def test_the_load_is_an_array_in_fmi_3(made, inputs, plant):
     two, three = compiled(made("observer", 2)), compiled(made("observer", 3))
     instance, scalar = three.instance().begin(), two.instance().begin()
-    for one in (instance, scalar):
-        one.follow(inputs, ["load"], 0, 600)
+    for variable in (instance, scalar):
+        variable.follow(inputs, ["load"], 0, 600)
     grid = np.linspace(1e-3, 8e-3, three.variables["curve.position"].size)
     assert instance.put({"curve.position": grid}) == 0
     curve = np.reshape(instance.get(["curve.load", "curve.load_low", "curve.load_high"]), (3, -1))
@@ -405,11 +405,11 @@ def test_steps_of_the_observer_are_those_of_the_replay(observing, modules, input
     process = subprocess.run([str(folder / "replay")], input=samples.tobytes(), capture_output=True, check=True)
     replayed = np.frombuffer(process.stdout)
     instance = observing.instance().begin(load_position=5e-3)
-    found = instance.follow(inputs, names, 0, n)
-    np.testing.assert_array_equal(found, replayed[: len(names) * n].reshape(n, -1))
+    steps = instance.follow(inputs, names, 0, n)
+    np.testing.assert_array_equal(steps, replayed[: len(names) * n].reshape(n, -1))
     load = replayed[len(names) * n :][:3]
     np.testing.assert_array_equal(instance.get(["load", "load_low", "load_high"]), load)
-    assert np.isfinite(found[:, 0]).all()
+    assert np.isfinite(steps[:, 0]).all()
 
 
 def test_an_observer_takes_a_sample_a_millisecond_whatever_the_step(observing, inputs):
@@ -449,8 +449,8 @@ def test_steps_of_the_model_are_those_of_a_simulation(model, plant, inputs, tmp_
     simulated = simulate(actuator, log).log
     instance = exported.instance().begin()
     names = ["position", "velocity", "pressure_a", "pressure_b"]
-    found = np.array([instance.get(names), *instance.follow(duties, names, 0, n - 1)])
-    for name, values in zip(names, found.T, strict=True):
+    steps = np.array([instance.get(names), *instance.follow(duties, names, 0, n - 1)])
+    for name, values in zip(names, steps.T, strict=True):
         np.testing.assert_allclose(values, simulated[name], rtol=0, atol=1e-8 * np.ptp(simulated[name]))
     position = np.array(instance.get(["position"]))
     assert instance.get(["load"])[0] == pytest.approx(actuator.load.force(position)[0], rel=1e-9)
@@ -473,8 +473,8 @@ def test_a_model_of_ones_own_is_exported_with_its_states_and_parameters(inputs, 
     duties = given(compiled(exported), inputs)
     log = Log(np.arange(n) * STEP, {name: values[:n] for name, values in duties.items()})
     simulated = simulate(Actuator(model=element), log).log
-    found = exported.instance().begin().follow(duties, ["position", "z_2"], 0, n - 1)
-    np.testing.assert_allclose(found[:, 0], simulated["position"][1:], rtol=0, atol=1e-12)
+    steps = exported.instance().begin().follow(duties, ["position", "z_2"], 0, n - 1)
+    np.testing.assert_allclose(steps[:, 0], simulated["position"][1:], rtol=0, atol=1e-12)
 
 
 def test_a_model_takes_other_parameters_and_another_start(modelled, plant):
@@ -502,16 +502,16 @@ def test_a_valve_that_does_not_exist_has_no_input(plant, tmp_path):
 def test_a_state_that_is_restored_goes_on_as_before(runs, inputs):
     used, names, instance = given(runs, inputs), outputs_of(runs), runs.instance().begin()
     instance.follow(used, names, 0, 700)
-    kept, size = ctypes.c_void_p(), ctypes.c_size_t()
-    assert instance.call("GetFMUstate", ctypes.byref(kept)) == 0
-    assert instance.call("SerializedFMUstateSize", kept, ctypes.byref(size)) == 0
+    state, size = ctypes.c_void_p(), ctypes.c_size_t()
+    assert instance.call("GetFMUstate", ctypes.byref(state)) == 0
+    assert instance.call("SerializedFMUstateSize", state, ctypes.byref(size)) == 0
     written = (ctypes.c_char * size.value)()
-    assert instance.call("SerializeFMUstate", kept, written, size) == 0
+    assert instance.call("SerializeFMUstate", state, written, size) == 0
     on = instance.follow(used, names, 700, 1400)
-    assert instance.call("SetFMUstate", kept) == 0
+    assert instance.call("SetFMUstate", state) == 0
     np.testing.assert_array_equal(instance.follow(used, names, 700, 1400), on)
-    assert instance.call("FreeFMUstate", ctypes.byref(kept)) == 0
-    assert kept.value is None
+    assert instance.call("FreeFMUstate", ctypes.byref(state)) == 0
+    assert state.value is None
     other, read = runs.instance(), ctypes.c_void_p()
     assert other.call("DeSerializeFMUstate", written, size, ctypes.byref(read)) == 0
     assert other.call("SetFMUstate", read) == 0
@@ -523,9 +523,9 @@ def test_a_state_that_is_restored_goes_on_as_before(runs, inputs):
 def test_instances_do_not_disturb_each_other_and_a_reset_begins_anew(runs, inputs):
     used, names = given(runs, inputs), outputs_of(runs)
     alone = runs.instance().begin().follow(used, names, 0, 800)
-    one, two = runs.instance().begin(), runs.instance().begin()
+    instance, two = runs.instance().begin(), runs.instance().begin()
     backwards = {name: values[::-1] for name, values in used.items()}
-    both = [(one.follow(used, names, k, k + 1)[0], two.follow(backwards, names, k, k + 1)[0]) for k in range(800)]
+    both = [(instance.follow(used, names, k, k + 1)[0], two.follow(backwards, names, k, k + 1)[0]) for k in range(800)]
     np.testing.assert_array_equal(np.array([first for first, _ in both]), alone)
     assert two.call("Reset") == 0
     np.testing.assert_array_equal(two.begin().follow(used, names, 0, 800), alone)

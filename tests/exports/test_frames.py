@@ -20,7 +20,7 @@ def test_the_dbc_has_the_signals_that_are_sent():
     assert {*FLAGS, *LIVE_FLAGS} <= {signal.name for signal in MESSAGES[-1].signals}
 
 
-@pytest.mark.parametrize("message", MESSAGES, ids=lambda one: one.name)
+@pytest.mark.parametrize("message", MESSAGES, ids=lambda sent: sent.name)
 def test_values_come_back_to_half_a_step_and_do_not_touch_each_other(message):
     random = np.random.default_rng(1)
     most = [s.offset + s.scale * ((1 << s.length) - (2 if s.length > 1 else 1)) for s in message.signals]

@@ -41,7 +41,7 @@ def log(plant, recorded_by):
 
 
 @pytest.fixture(scope="module")
-def one(plant, log):
+def estimator(plant, log):
     conditions = RecordedConditions(supply=9.5e5, supply_estimated=plant.value("P_S"))
     rest = vented_rest(log.slice(0, 4000))
     return observer(plant, calibration=Calibration((), np.zeros((0, 0)), conditions=conditions, nis=0.05, rest=rest))
@@ -90,14 +90,14 @@ FAULTS = {
 
 
 @pytest.fixture(scope="module")
-def load_of(one, log):
+def load_of(estimator, log):
     """The load where the clutch engages after a recording, in % of its peak, and the run: load_of(log)."""
 
     @cache
     def found(name):
-        run = observe_recording(one, FAULTS[name][0](log) if name else log)
-        force = one.load(run.after).force(np.linspace(0.0, 2e-2, 100))
-        return 100.0 * curve(one, run.after, ENGAGING).force / force.max(), run
+        run = observe_recording(estimator, FAULTS[name][0](log) if name else log)
+        force = estimator.load(run.after).force(np.linspace(0.0, 2e-2, 100))
+        return 100.0 * curve(estimator, run.after, ENGAGING).force / force.max(), run
 
     return found
 
@@ -114,22 +114,22 @@ def test_the_load_stays_what_it_was_and_a_flag_says_why(load_of, fault):
 
 
 @pytest.fixture(scope="module")
-def program(one, log, tmp_path_factory):
+def program(estimator, log, tmp_path_factory):
     """The observer in C with the program that runs a recording through it."""
     cc = compiler() or pytest.skip("no C compiler on this machine")
-    modules = observer_c99(one, start(one), DOUBLE, "a test")
-    return replay_program(one, modules, DOUBLE, begins_us(log), cc, tmp_path_factory.mktemp("c"))
+    modules = observer_c99(estimator, start(estimator), DOUBLE, "a test")
+    return replay_program(estimator, modules, DOUBLE, begins_us(log), cc, tmp_path_factory.mktemp("c"))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("fault", FAULTS)
-def test_c_follows_the_same_rules(one, log, program, fault):
+def test_c_follows_the_same_rules(estimator, log, program, fault):
     disturbed = FAULTS[fault][0](log)
-    in_c = replayed(program, one, disturbed)
-    compared = parity(one, start(one), disturbed, in_c)
+    in_c = replayed(program, estimator, disturbed)
+    compared = parity(estimator, start(estimator), disturbed, in_c)
     assert compared.flags == {}
     assert compared.holds(DOUBLE), compared
-    trust = observed_verdict(indicators(observe_recording(one, disturbed))).trust
+    trust = observed_verdict(indicators(observe_recording(estimator, disturbed))).trust
     assert TRUSTS[int(in_c.outputs[-1, COLUMNS.index("trust")])] == trust
 
 
@@ -154,18 +154,18 @@ def test_a_sensor_that_moves_by_less_than_a_jump_is_found_by_rests_that_agree(pl
     assert compared.holds(DOUBLE), compared
 
 
-def test_samples_that_repeat_others_change_nothing(one, log):
+def test_samples_that_repeat_others_change_nothing(estimator, log):
     """A coarse clock, or a task that is called twice."""
     rows = np.sort(np.append(np.arange(len(log)), np.arange(100, 3000, 50)))
     later = np.where(np.diff(rows, prepend=-1) == 0, 5e-5, 0.0)
     columns = {name: values[rows] for name, values in log.columns.items()}
-    run = observe_recording(one, replace(log, time=log.time[rows] + later, columns=columns))
+    run = observe_recording(estimator, replace(log, time=log.time[rows] + later, columns=columns))
     assert run.health["repeated"] == pytest.approx(1e-3 * (rows.size - len(log)))
-    np.testing.assert_array_equal(run.after.theta, observe_recording(one, log).after.theta)
+    np.testing.assert_array_equal(run.after.theta, observe_recording(estimator, log).after.theta)
 
 
-def test_every_flag_of_python_is_one_of_c(one):
-    header = observer_c99(one, start(one), DOUBLE, "a test")["clutch"].header
+def test_every_flag_of_python_is_one_of_c(estimator):
+    header = observer_c99(estimator, start(estimator), DOUBLE, "a test")["clutch"].header
     assert all(f"clutch_{flag} = " in header for flag in FLAGS)
 
 
@@ -262,9 +262,9 @@ int main(void)
 """
 
 
-def words_of(one, style, main, folder, *linking):
+def words_of(estimator, style, main, folder, *linking):
     """Words that a program in C prints that calls an observer."""
-    sources = write_sources(one, style, folder / "src")
+    sources = write_sources(estimator, style, folder / "src")
     (folder / "main.c").write_text(main)
     options = ("-I", str(folder / "src"), "-fsanitize=undefined,address", "-fno-sanitize-recover=all")
     program = compiled([folder / "main.c", *sources], folder / "main", *options, *linking)
@@ -272,21 +272,21 @@ def words_of(one, style, main, folder, *linking):
 
 
 @pytest.mark.slow
-def test_a_block_is_not_written_before_the_start_and_the_newer_sound_one_of_two_counts(one, tmp_path):
-    assert words_of(one, DOUBLE, MEMORY, tmp_path) == ["0", "1", "1", "1", "1", "0", "1"]
+def test_a_block_is_not_written_before_the_start_and_the_newer_sound_one_of_two_counts(estimator, tmp_path):
+    assert words_of(estimator, DOUBLE, MEMORY, tmp_path) == ["0", "1", "1", "1", "1", "0", "1"]
 
 
 @pytest.mark.slow
-def test_a_slow_task_that_never_runs_is_a_flag(one, tmp_path):
-    soon, late, repeated = words_of(one, CStyle(real="double", rates="two"), LATE, tmp_path)
+def test_a_slow_task_that_never_runs_is_a_flag(estimator, tmp_path):
+    soon, late, repeated = words_of(estimator, CStyle(real="double", rates="two"), LATE, tmp_path)
     assert (soon, repeated) == ("0", "1")
     assert int(late) >= 90
 
 
 @pytest.mark.slow
-def test_a_block_is_of_the_values_that_a_tool_has_changed(one, tmp_path):
+def test_a_block_is_of_the_values_that_a_tool_has_changed(estimator, tmp_path):
     """What is stored is in standard deviations from values that a measurement tool may calibrate."""
-    sources = write_sources(one, DOUBLE, tmp_path / "src")
+    sources = write_sources(estimator, DOUBLE, tmp_path / "src")
     (tmp_path / "main.c").write_text(CALIBRATED)
     data = tmp_path / "src" / "clutch_data.c"
 
@@ -303,9 +303,9 @@ def test_a_block_is_of_the_values_that_a_tool_has_changed(one, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_late_sample_moves_no_more_columns_than_one_in_time(one, tmp_path):
+def test_a_late_sample_moves_no_more_columns_than_one_in_time(estimator, tmp_path):
     """Columns are two thirds of a step: a late sample that moves them step by step takes the time of several."""
-    words = words_of(one, DOUBLE, COLUMNS_MOVED, tmp_path, "-Wl,--wrap=clutch_model_step_columns")
+    words = words_of(estimator, DOUBLE, COLUMNS_MOVED, tmp_path, "-Wl,--wrap=clutch_model_step_columns")
     usual, five, _, twenty = np.array(words, dtype=int).reshape(2, 4, 3).transpose(1, 0, 2)
     assert np.all(usual[:, 1] < five[:, 1])
     assert np.all(five[:, 1] < twenty[:, 1])

@@ -82,7 +82,7 @@ int main(int count, char **words)
 
 
 @pytest.fixture(scope="module")
-def one(plant):
+def estimator(plant):
     conditions = RecordedConditions(supply=9e5, supply_estimated=plant.value("P_S"))
     return observer(plant, calibration=Calibration((), np.zeros((0, 0)), conditions=conditions, nis=0.05))
 
@@ -97,14 +97,14 @@ def strokes(drive_log):
 
 @pytest.mark.parametrize("rates", ["one", "two"])
 @pytest.mark.parametrize("real", ["float", "double"])
-def test_a_million_samples_of_anything_leave_a_finite_load(one, strokes, tmp_path, real, rates):
-    bad, *_ = run(one, CStyle(real=real, rates=rates), tmp_path, strokes, SAMPLES, wild=True)
+def test_a_million_samples_of_anything_leave_a_finite_load(estimator, strokes, tmp_path, real, rates):
+    bad, *_ = run(estimator, CStyle(real=real, rates=rates), tmp_path, strokes, SAMPLES, wild=True)
     assert bad == 0
 
 
-def test_hours_of_strokes_through_the_wrap_of_the_microseconds_end_at_the_load(one, plant, strokes, tmp_path):
+def test_hours_of_strokes_through_the_wrap_of_the_microseconds_end_at_the_load(estimator, plant, strokes, tmp_path):
     samples = round(HOURS * 3.6e6)
-    bad, ended, low, force, high = run(one, CStyle(), tmp_path, strokes, samples, wild=False)
+    bad, ended, low, force, high = run(estimator, CStyle(), tmp_path, strokes, samples, wild=False)
     true = plant.load.force(6e-3)
     assert bad == 0
     assert ended == pytest.approx(2.0 * samples / len(strokes), abs=2.0)
@@ -112,9 +112,9 @@ def test_hours_of_strokes_through_the_wrap_of_the_microseconds_end_at_the_load(o
     assert force == pytest.approx(true, rel=0.01)
 
 
-def run(one, style, folder, strokes, samples, *, wild):
+def run(estimator, style, folder, strokes, samples, *, wild):
     """Samples with a load that is none, strokes, and the load at 6 mm with its band after so many samples."""
-    sources = write_sources(one, style, folder / "src")
+    sources = write_sources(estimator, style, folder / "src")
     (folder / "main.c").write_text(HOSTILE)
     strokes.astype(np.float64).tofile(folder / "strokes")
     options = (

@@ -42,10 +42,10 @@ def reported(folder):
 def test_only_rules_with_a_reason_are_reported(plant, tmp_path, method, style):
     paper = Actuator(plant.parameters, Load((9.0e5, -0.3e5, 0.6e5)), "isothermal")
     write_sources(observer(paper if method == "paper" else plant, method), style, tmp_path / "src")
-    found = reported(tmp_path / "src")
-    assert found, "the addon runs"
-    assert set(found) <= set(DEVIATIONS)
-    assert not {rule: count for rule, count in found.items() if count > DEVIATIONS[rule].places}
+    rules = reported(tmp_path / "src")
+    assert rules, "the addon runs"
+    assert set(rules) <= set(DEVIATIONS)
+    assert not {rule: count for rule, count in rules.items() if count > DEVIATIONS[rule].places}
 
 
 def test_a_rule_without_a_reason_is_found(plant, tmp_path):

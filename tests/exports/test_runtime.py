@@ -128,13 +128,13 @@ def test_in_float_the_load_is_that_of_double_also_with_faults(found_by, log, fau
 
 def test_two_rates_have_the_numbers_of_one_also_with_faults(found_by, faulty):
     for real in ("double", "float"):
-        (one, compared), (two, _) = (
+        (single, compared), (two, _) = (
             found_by("joint", CStyle(real=real, rates=rates), faulty) for rates in ("one", "two")
         )
         # trust is judged by the flags so far, when a correction goes on
         same = [i for i, name in enumerate(COLUMNS) if name != "trust"]
-        np.testing.assert_array_equal(one.outputs[:, same], two.outputs[:, same])
-        for alike, other in zip(one[1:], two[1:], strict=True):
+        np.testing.assert_array_equal(single.outputs[:, same], two.outputs[:, same])
+        for alike, other in zip(single[1:], two[1:], strict=True):
             np.testing.assert_array_equal(alike, other)
         assert compared.strokes[0] == compared.strokes[1] > 2
 

@@ -190,8 +190,8 @@ def test_a_calibration_may_be_changed_while_it_runs(plant, recorded_by, tmp_path
 
 def test_an_export_of_another_kind_has_another_code(plant):
     codes = {
-        observer_c99(one, start(one), style, "a test")["clutch"].source.split("#define CODE ")[1].split()[0]
-        for one, style in (
+        observer_c99(estimator, start(estimator), style, "a test")["clutch"].source.split("#define CODE ")[1].split()[0]
+        for estimator, style in (
             (observer(plant), CStyle()),
             (observer(plant), CStyle(rates="two")),
             (observer(plant, "states"), CStyle()),

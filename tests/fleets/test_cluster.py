@@ -103,20 +103,20 @@ def test_the_workers_of_a_scheduler_do_the_same_work_once_each_and_raise_sentenc
         with pytest.raises(DataError, match="it is so"):
             list(results(own_error, [1], place))
     rows = results(abs, iter(range(1010)), Workers(scheduler=address))  # more than fit at the scheduler
-    assert sorted((one.item, one.result) for one in rows) == [(n, n) for n in range(1010)]
+    assert sorted((row.item, row.result) for row in rows) == [(n, n) for n in range(1010)]
 
 
 @pytest.mark.usefixtures("patient")
 def test_what_ends_its_process_on_a_scheduler_is_named_and_the_workers_of_dask_live_on(limited):
     address, worker = limited
     bad = [("SIGKILL", 100), ("slow", 102), ("memory", 103), ("error", 104)]
-    done = list(results(faulty, [*GOOD[:5], *bad, *GOOD[5:]], Workers(scheduler=address, seconds=5.0)))
-    found = {one.item: one.result for one in done}
-    assert [found[item] for item in GOOD] == [n for _, n in GOOD]
-    assert [found[item].status for item in bad] == ["killed", "timed_out", "killed", "failed"]
-    assert "needs more than 0.6 GB of memory" in found["memory", 103].message, "that of the worker of Dask"
+    finished = list(results(faulty, [*GOOD[:5], *bad, *GOOD[5:]], Workers(scheduler=address, seconds=5.0)))
+    by_item = {work.item: work.result for work in finished}
+    assert [by_item[item] for item in GOOD] == [n for _, n in GOOD]
+    assert [by_item[item].status for item in bad] == ["killed", "timed_out", "killed", "failed"]
+    assert "needs more than 0.6 GB of memory" in by_item["memory", 103].message, "that of the worker of Dask"
     left = psutil.Process(worker.pid).children(recursive=True)
-    assert not [one for one in left if "clutchid.processes" in " ".join(one.cmdline())], "they rest when all is done"
+    assert not [work for work in left if "clutchid.processes" in " ".join(work.cmdline())], "they rest when all is done"
 
 
 def test_an_item_whose_worker_of_dask_is_lost_is_given_to_another_one(scheduler, tmp_path):
@@ -126,20 +126,20 @@ def test_an_item_whose_worker_of_dask_is_lost_is_given_to_another_one(scheduler,
     rows = results(time.sleep, [0.2] * 20, Workers(scheduler=address))
     next(rows)
     started[1].kill()
-    assert [one.result for one in rows] == [None] * 19
+    assert [row.result for row in rows] == [None] * 19
 
 
 def test_a_scheduler_that_is_lost_is_a_sentence_and_what_is_done_was_given(scheduler, capfd, monkeypatch):
     address, worker, started = scheduler
     worker()
-    done = []
+    finished = []
     with pytest.raises(SolveError, match="the connection to the scheduler"):  # noqa: PT012
         for result in results(time.sleep, [0.05] * 200, Workers(scheduler=address)):
-            done.append(result)
-            if len(done) == 5:
+            finished.append(result)
+            if len(finished) == 5:
                 monkeypatch.setattr(cluster, "ANSWER", 2.0)
                 started[0].kill()
-    assert 5 <= len(done) < 200
+    assert 5 <= len(finished) < 200
     assert "distributed" not in capfd.readouterr().err, "Dask's own words are not shown"
 
 
@@ -171,7 +171,7 @@ def test_a_scheduler_with_certificates_does_the_work_of_who_has_one(tmp_path, ce
     with _started(tmp_path, *tls, "--protocol", "tls") as (address, worker, _):
         worker(*tls)
         rows = results(abs, range(9), Workers(scheduler=address, tls=certificates))
-        assert sorted(one.result for one in rows) == list(range(9))
+        assert sorted(row.result for row in rows) == list(range(9))
         with pytest.raises(ParameterError, match="needs certificates"):
             list(results(abs, range(9), Workers(scheduler=address)))
         strangers = Security.temporary()

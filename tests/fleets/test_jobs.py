@@ -48,11 +48,11 @@ def test_a_table_says_vehicle_and_type_and_finds_the_files_below_it(depot):
     path = table(depot, "a,V1,T1", "a,V2,T2", "b.mf4,V2,T2", "c,V2,T2", "d,V3,T3")
     cals = calibrations(depot, "T1", "V2")
     for source in (path, depot / "fleet"):
-        found = {(job.vehicle, job.recording): job for job in fleet_of(source, cals).jobs}
-        assert found["V1", "a"].path == depot / "fleet" / "V1" / "a.parquet"
-        assert (found["V1", "a"].start, found["V2", "a"].start) == (cals / "T1.toml", cals / "V2.toml")
-        assert found["V2", "b"].path == depot / "fleet" / "V2" / "b.mf4"
-        assert "its file is not there" in found["V2", "c"].problem
+        jobs = {(job.vehicle, job.recording): job for job in fleet_of(source, cals).jobs}
+        assert jobs["V1", "a"].path == depot / "fleet" / "V1" / "a.parquet"
+        assert (jobs["V1", "a"].start, jobs["V2", "a"].start) == (cals / "T1.toml", cals / "V2.toml")
+        assert jobs["V2", "b"].path == depot / "fleet" / "V2" / "b.mf4"
+        assert "its file is not there" in jobs["V2", "c"].problem
     (depot / "fleet" / "d.csv").touch()
     job = fleet_of(path, cals).jobs[-1]
     assert job.start is None

@@ -113,7 +113,7 @@ def test_a_full_disk_under_a_table_is_a_sentence_and_the_table_before_is_whole(t
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert pl.read_parquet(path)["a"].to_list() == [1]
-    assert [one.name for one in tmp_path.iterdir()] == ["results.parquet"]
+    assert [path_left.name for path_left in tmp_path.iterdir()] == ["results.parquet"]
 
 
 @without_workers()

@@ -35,10 +35,10 @@ def test_a_result_comes_back_as_it_was(tmp_path):
         stored.put(kept("r1", "V2"))
         stored.put(kept("r1"))
     with store(tmp_path / "out", ABOUT) as stored:
-        found = list(stored.results())
+        rows = list(stored.results())
         assert stored.keys()["V1", "r2"] == ("inputs", "12 34", "abc", "ok")
-    assert [(k.vehicle, k.recording) for k in found] == [("V1", "r1"), ("V1", "r2"), ("V2", "r1")]
-    before, after = kept("r1").read, found[0].read
+    assert [(k.vehicle, k.recording) for k in rows] == [("V1", "r1"), ("V1", "r2"), ("V2", "r1")]
+    before, after = kept("r1").read, rows[0].read
     assert after.reading[:3] == before.reading[:3]
     assert (after.clock, after.sha256, after.changes) == (before.clock, before.sha256, before.changes)
     np.testing.assert_array_equal(after.reading.measurement, before.reading.measurement)
@@ -125,8 +125,8 @@ def filled(folder, count=60):
     with store(folder, ABOUT) as stored:
         for k in range(count):
             stored.put(kept(f"r{k:02d}", f"V{k % 3}"))
-        found = {k.recording: repr(k) for k in stored.results()}
-    return folder / "run.sqlite", found
+        results = {k.recording: repr(k) for k in stored.results()}
+    return folder / "run.sqlite", results
 
 
 def resumed(folder, before):

@@ -29,7 +29,7 @@ def written(out, fleet, read):
 
 
 @pytest.mark.parametrize(
-    ("vehicles", "kept"),
+    ("vehicles", "plain"),
     [
         (("A0", "a0"), "A0.html"),
         (("n" * 300, "n" * 299 + "m"), ""),
@@ -37,7 +37,7 @@ def written(out, fleet, read):
         (("aux", "COM1.7"), ""),
     ],
 )
-def test_every_vehicle_has_a_page_that_any_system_can_have(tmp_path, vehicles, kept):
+def test_every_vehicle_has_a_page_that_any_system_can_have(tmp_path, vehicles, plain):
     jobs = tuple(FleetJob(vehicle, "r", "", tmp_path / "r.parquet", tmp_path) for vehicle in sorted(vehicles))
 
     def read(job):
@@ -48,7 +48,7 @@ def test_every_vehicle_has_a_page_that_any_system_can_have(tmp_path, vehicles, k
     pages.remove("made.json")
     assert len({page.casefold() for page in pages}) == len(vehicles)
     assert max(len(page.encode()) for page in pages) < 200
-    assert not kept or kept in pages
+    assert not plain or plain in pages
     assert not any(map(is_device, pages))
 
 

@@ -70,18 +70,18 @@ def different(name: str, old: Any, new: Any, tolerance: float) -> str:
     """The worst difference of numbers beyond the allowed one, or of anything else; empty if there is none."""
     if any(value is None or isinstance(value, (bool, int, str)) for value in (old, new)):
         return "" if type(old) is type(new) and old == new else f"kept {old!r}, now {new!r}"
-    one, other = as_numbers(old), as_numbers(new)
-    if one.shape != other.shape:
-        return f"kept {one.size} values, now {other.size}"
-    same = (one == other) | (np.isnan(one) & np.isnan(other))
+    first, other = as_numbers(old), as_numbers(new)
+    if first.shape != other.shape:
+        return f"kept {first.size} values, now {other.size}"
+    same = (first == other) | (np.isnan(first) & np.isnan(other))
     with np.errstate(invalid="ignore"):
-        apart = np.where(same, 0.0, np.nan_to_num(np.abs(one - other), nan=np.inf))
+        apart = np.where(same, 0.0, np.nan_to_num(np.abs(first - other), nan=np.inf))
     allowed = tolerance * scale(name, old)
     if np.all(apart <= allowed):
         return ""
     at = int(np.argmax(apart / np.maximum(allowed, np.finfo(float).tiny)))
     place = f"[{at}]" if isinstance(old, list) else ""
-    return f"kept {one[at]:.10g}, now {other[at]:.10g}{place}: {apart[at]:.2g} apart, allowed {allowed[at]:.2g}"
+    return f"kept {first[at]:.10g}, now {other[at]:.10g}{place}: {apart[at]:.2g} apart, allowed {allowed[at]:.2g}"
 
 
 def as_numbers(values: Any) -> FloatArray:

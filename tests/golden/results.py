@@ -68,9 +68,9 @@ def flat(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
 def parts(covariance: FloatArray) -> Numbers:
     """Standard deviations of a covariance (k, k), and its correlations times a vector that any of them moves."""
     std = np.sqrt(np.diag(covariance))
-    known = np.isfinite(std) & (std > 0.0)
-    correlation = covariance[np.ix_(known, known)] / np.outer(std[known], std[known])
-    return {"std": std.tolist(), "correlation": (correlation @ np.cos(np.arange(known.sum()))).tolist()}
+    finite = np.isfinite(std) & (std > 0.0)
+    correlation = covariance[np.ix_(finite, finite)] / np.outer(std[finite], std[finite])
+    return {"std": std.tolist(), "correlation": (correlation @ np.cos(np.arange(finite.sum()))).tolist()}
 
 
 def of_fit(result: Fit) -> Numbers:

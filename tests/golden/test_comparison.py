@@ -44,15 +44,15 @@ def test_anything_else_is_listed_with_what_is_allowed(kept, now, line):
 
 
 def test_rounding_turns_one_number_of_a_group_not_two():
-    kept, now = {"/a": "1.0 N", "/b": "the 1.0 N", "/c": "20 %"}, {"/a": "1.1 N", "/b": "the 1.1 N", "/c": "20 %"}
-    assert differences(kept, now, lambda _: 1e-6) == []
-    assert len(differences(kept, {**now, "/c": "21 %"}, lambda _: 1e-6)) == 3
+    stored, now = {"/a": "1.0 N", "/b": "the 1.0 N", "/c": "20 %"}, {"/a": "1.1 N", "/b": "the 1.1 N", "/c": "20 %"}
+    assert differences(stored, now, lambda _: 1e-6) == []
+    assert len(differences(stored, {**now, "/c": "21 %"}, lambda _: 1e-6)) == 3
 
 
 def test_a_column_is_compared_with_its_range_and_names_are_the_same():
-    kept = {"/column samples": [0.5, 300.0, 300.1], "/gone": 1.0}
+    stored = {"/column samples": [0.5, 300.0, 300.1], "/gone": 1.0}
     (sample, gone, new) = sorted(
-        differences(kept, {"/column samples": [0.5, 300.0, 300.1 + 1e-6], "/new": 1.0}, lambda _: 1e-6)
+        differences(stored, {"/column samples": [0.5, 300.0, 300.1 + 1e-6], "/new": 1.0}, lambda _: 1e-6)
     )
     assert "allowed 5e-07" in sample
     # of a curve that passes through zero the largest number counts

@@ -107,15 +107,15 @@ def test_a_search_ends_where_it_did(group):
     assert len(searched) == len(AGAIN[group])
     if group == "trucks":
         # rounding may turn a reading of a quantised sensor, after which a closed loop takes another course
-        assert sum(one["other samples"] > 0 for one in searched.values()) <= 1, searched
+        assert sum(end["other samples"] > 0 for end in searched.values()) <= 1, searched
         return
-    for name, one in searched.items():
+    for name, end in searched.items():
         if "profile" in name:
-            assert one["half widths"] <= 2 * ROOT_TOLERANCE, (name, one)
+            assert end["half widths"] <= 2 * ROOT_TOLERANCE, (name, end)
             continue
-        gain, distance = allowed(group, one["cost"])
-        assert one["gain"] <= gain, (name, one)
-        assert one["distance"] <= distance, (name, one)
+        gain, distance = allowed(group, end["cost"])
+        assert end["gain"] <= gain, (name, end)
+        assert end["distance"] <= distance, (name, end)
 
 
 def allowed(group, cost):

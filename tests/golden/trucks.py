@@ -52,17 +52,22 @@ def of_load(curve: LoadTable) -> dict[str, Any]:
     return {"rest": curve.rest, "touch": curve.touch, "force": curve.force(at).tolist(), "size": size.tolist()}
 
 
-def of_drive(done: Drive) -> dict[str, Any]:
+def of_drive(driven: Drive) -> dict[str, Any]:
     """Columns of a recording, and its true position without a sensor that rounds."""
-    columns = {"time": done.log.time, **done.log.columns, "wanted": done.wanted, "true": done.truth.states["position"]}
-    truth = {"zero": done.truth.zero, "shift": done.truth.shift, "touch": done.truth.touch}
+    columns = {
+        "time": driven.log.time,
+        **driven.log.columns,
+        "wanted": driven.wanted,
+        "true": driven.truth.states["position"],
+    }
+    truth = {"zero": driven.truth.zero, "shift": driven.truth.shift, "touch": driven.truth.touch}
     return some(columns, 7) | truth
 
 
-def of_response(done: Drive) -> dict[str, Any]:
+def of_response(driven: Drive) -> dict[str, Any]:
     """All true states, and the columns of sensors without noise."""
-    truth = {f"true {name}": values for name, values in done.truth.states.items()}
-    return some({**truth, "position": done.log["position"], "pressure_a": done.log["pressure_a"]}, 4)
+    truth = {f"true {name}": values for name, values in driven.truth.states.items()}
+    return some({**truth, "position": driven.log["position"], "pressure_a": driven.log["pressure_a"]}, 4)
 
 
 def recordings(family: str, number: int, drive: Driven) -> Iterator[tuple[str, Drive]]:
@@ -100,6 +105,6 @@ def trucks(drive: Driven) -> dict[str, Any]:
                 "changes": {change: other(changed(kind, change), kind) for change in CHANGES},
                 "loads": {"new": of_load(load_curve(kind)), "worn": of_load(load_curve(aged(kind, 2e-3, 6e5)))},
                 "response": of_response(response(kind)),
-                **{name: of_drive(done) for name, done in recordings(family, number, drive)},
+                **{name: of_drive(driven) for name, driven in recordings(family, number, drive)},
             }
     return results

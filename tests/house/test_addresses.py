@@ -37,13 +37,13 @@ def checked(folder, text):
 
 @pytest.mark.parametrize("text", ADDRESSES)
 def test_an_address_of_a_registry_is_found(tmp_path, text):
-    done = checked(tmp_path, text)
-    assert (done.returncode, done.stdout.partition(":")[0]) == (1, "notes.md")
+    process = checked(tmp_path, text)
+    assert (process.returncode, process.stdout.partition(":")[0]) == (1, "notes.md")
 
 
 def test_what_is_no_address_passes(tmp_path):
-    done = checked(tmp_path, "\n".join(WORDS))
-    assert (done.returncode, done.stdout) == (0, "")
+    process = checked(tmp_path, "\n".join(WORDS))
+    assert (process.returncode, process.stdout) == (0, "")
 
 
 @pytest.mark.skipif(not (ROOT / ".git").exists(), reason="the repository is needed.")

@@ -38,13 +38,13 @@ def documented(tree: ast.Module) -> Iterator[tuple[str, str | None]]:
 @cache
 def docstrings(room: str = "") -> dict[str, str | None]:
     """Docstrings of all modules and public names of the package, or of a room, by ``file:name``."""
-    found = {}
+    texts = {}
     for path, tree in source_trees().items():
         if path.startswith(room):
             file = path.removeprefix(room)
-            found[file] = ast.get_docstring(tree)
-            found |= {f"{file}:{name}": text for name, text in documented(tree)}
-    return found
+            texts[file] = ast.get_docstring(tree)
+            texts |= {f"{file}:{name}": text for name, text in documented(tree)}
+    return texts
 
 
 def equations_in(text: str) -> set[int]:

@@ -43,8 +43,8 @@ def test_the_page_of_equations_has_every_equation_of_the_paper_and_their_names()
     headings = re.findall(r"^### (\(.*?\))(?: [A-Z])", text, re.MULTILINE)
     numbers = set()
     for heading in headings:
-        found = [int(number) for number in re.findall(r"\d+", heading)]
-        numbers |= set(range(found[0], found[-1] + 1)) if " to " in heading else set(found)
+        equations = [int(number) for number in re.findall(r"\d+", heading)]
+        numbers |= set(range(equations[0], equations[-1] + 1)) if " to " in heading else set(equations)
     assert sorted(numbers) == [number for number in range(1, 27) if number != 22]  # the paper has no Eq. (22)
     assert "### (2) LuGre friction" in text
     assert "Flow function psi" in text

@@ -32,19 +32,19 @@ class TwoDigits(doctest.OutputChecker):
         return len(want.splitlines()) == len(got.splitlines()) and all(self._alike(*pair, flags) for pair in pairs)
 
     def _alike(self, want, got, flags):
-        shown, found = _NUMBER.findall(want), _NUMBER.findall(got)
-        if len(shown) != len(found):
+        shown, printed = _NUMBER.findall(want), _NUMBER.findall(got)
+        if len(shown) != len(printed):
             return super().check_output(want, got, flags)
         return super().check_output(_NUMBER.sub("#", want), _NUMBER.sub("#", got), flags) and all(
-            map(near, shown, found)
+            map(near, shown, printed)
         )
 
 
-def near(shown, found):
+def near(shown, printed):
     """Whether two numbers agree to two digits, or but for one in the last digit shown."""
     mantissa, _, exponent = shown.partition("e")
     last = 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
-    return abs(float(shown) - float(found)) <= max(0.02 * abs(float(shown)), 1.001 * last)
+    return abs(float(shown) - float(printed)) <= max(0.02 * abs(float(shown)), 1.001 * last)
 
 
 @pytest.mark.slow
@@ -56,9 +56,9 @@ def test_the_examples_of_a_page_print_what_it_says(blank, name, tmp_path, monkey
     examples = "".join(re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL))
     monkeypatch.chdir(tmp_path)
     runner = doctest.DocTestRunner(TwoDigits(), optionflags=doctest.ELLIPSIS)
-    found = runner.run(doctest.DocTestParser().get_doctest(examples, {}, name, str(page), 1))
-    assert found.attempted > 10
-    assert found.failed == 0
+    outcome = runner.run(doctest.DocTestParser().get_doctest(examples, {}, name, str(page), 1))
+    assert outcome.attempted > 10
+    assert outcome.failed == 0
     assert {path.name for path in tmp_path.iterdir()} == WRITTEN[name]
 
 

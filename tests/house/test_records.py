@@ -56,26 +56,26 @@ SIMPLE = {
 }  # fmt: skip
 
 
-def made(hint, known):
-    """A value of an annotated kind: a record that is known, or of its fields; containers have one entry."""
+def made(hint, records_made):
+    """A value of an annotated kind: a record that has been made, or of its fields; containers have one entry."""
     origin, arguments = typing.get_origin(hint) or hint, typing.get_args(hint)
-    if hint in known or origin in SIMPLE:
-        return known[hint] if hint in known else SIMPLE[origin]
+    if hint in records_made or origin in SIMPLE:
+        return records_made[hint] if hint in records_made else SIMPLE[origin]
     if origin is typing.Literal:
         return arguments[0]
     if origin in (typing.Union, types.UnionType):
-        return made(arguments[0], known)
+        return made(arguments[0], records_made)
     if origin is tuple:
-        return tuple(made(argument, known) for argument in arguments if argument is not Ellipsis)
+        return tuple(made(argument, records_made) for argument in arguments if argument is not Ellipsis)
     if origin is frozenset:
-        return frozenset({made(arguments[0], known)})
+        return frozenset({made(arguments[0], records_made)})
     if origin in (abc.Sequence, abc.Collection, abc.Iterable, list):
-        return [made(arguments[0], known)]
+        return [made(arguments[0], records_made)]
     if origin in (abc.Mapping, dict):
-        return {made(arguments[0], known): made(arguments[1], known)}
+        return {made(arguments[0], records_made): made(arguments[1], records_made)}
     if is_record(hint):
-        known[hint] = hint(**{name: made(kind, known) for name, kind in _fields(hint).items()})
-        return known[hint]
+        records_made[hint] = hint(**{name: made(kind, records_made) for name, kind in _fields(hint).items()})
+        return records_made[hint]
     raise NotImplementedError(hint)
 
 
@@ -87,35 +87,35 @@ def _fields(kind):
     }
 
 
-def same(one, other):
+def same(first, other):
     """Whether two values have the same kinds and the same content."""
-    if type(one) is not type(other):
+    if type(first) is not type(other):
         return False
-    if is_record(type(one)):
-        names = getattr(one, "_fields", None) or [item.name for item in dataclasses.fields(one)]
-        return all(same(getattr(one, name), getattr(other, name)) for name in names)
-    if isinstance(one, abc.Mapping):
-        return [*one] == [*other] and all(same(one[key], other[key]) for key in one)
-    if isinstance(one, tuple | list):
-        return len(one) == len(other) and all(map(same, one, other))
-    if isinstance(one, np.ndarray | float):
-        return np.array_equal(one, other, equal_nan=True)
-    return type(one).__eq__ is object.__eq__ or bool(one == other)
+    if is_record(type(first)):
+        names = getattr(first, "_fields", None) or [item.name for item in dataclasses.fields(first)]
+        return all(same(getattr(first, name), getattr(other, name)) for name in names)
+    if isinstance(first, abc.Mapping):
+        return [*first] == [*other] and all(same(first[key], other[key]) for key in first)
+    if isinstance(first, tuple | list):
+        return len(first) == len(other) and all(map(same, first, other))
+    if isinstance(first, np.ndarray | float):
+        return np.array_equal(first, other, equal_nan=True)
+    return type(first).__eq__ is object.__eq__ or bool(first == other)
 
 
 @pytest.mark.slow
 def test_every_public_record_can_be_pickled_and_copied(examples):
     """Those of the annotations of ``clutchid.__all__`` and in their fields; one of a new kind is made by them."""
     records = [record for example in examples for record in records_of(example)]
-    known = {kind: record for record in records for kind in type(record).__mro__ if is_record(kind)}
+    record_of = {kind: record for record in records for kind in type(record).__mro__ if is_record(kind)}
     missing = []
-    for kind in public_records() - set(known):
+    for kind in public_records() - set(record_of):
         try:
-            made(kind, known)
+            made(kind, record_of)
         except (NotImplementedError, clutchid.ClutchidError, ValueError, TypeError, AttributeError) as error:
             missing.append(f"{kind.__name__}: {type(error).__name__} {error}")
     assert missing == [], "an example of each of these is needed above"
-    for value in known.values():
+    for value in record_of.values():
         for name, way in WAYS.items():
             assert same(value, way(value)), (name, type(value))
 

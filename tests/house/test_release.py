@@ -23,7 +23,7 @@ def text(name):
 def expanded(extra):
     """Names of the extras of users that an extra consists of."""
     inner = {name for line in EXTRAS[extra] for name in re.findall(r"[a-z]+", line.partition("[")[2])}
-    return {extra} | set().union(*(expanded(one) for one in inner)) if inner else {extra}
+    return {extra} | set().union(*(expanded(inner_extra) for inner_extra in inner)) if inner else {extra}
 
 
 def test_the_version_is_the_same_wherever_it_stands():

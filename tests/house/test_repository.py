@@ -28,13 +28,13 @@ def test_no_file_names_a_folder_of_somebodys_machine():
     # written in pieces, because this file is looked at too
     folders = ["/" + "work/", "/" + "root/", "/" + "home/[a-z]", "/" + "Users/[A-Za-z]", "/" + "tmp/w/"]
     own = re.compile("|".join(folders))
-    found = [
+    lines = [
         f"{path.relative_to(ROOT)}:{number}: {line.strip()[:80]}"
         for path in texts()
         for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1)
         if own.search(line)
     ]
-    assert found == []
+    assert lines == []
 
 
 def test_the_pins_are_names_and_numbers_only():

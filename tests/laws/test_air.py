@@ -44,8 +44,8 @@ def test_the_flow_function_lies_between_0_and_1_and_vanishes_where_no_pressure_d
 
 
 @given(st.floats(0, 1), st.floats(0, 1), shapes, critical)
-def test_a_smaller_drop_never_gives_more_flow(one, other, B, B_0):
-    low, high = sorted((one, other))
+def test_a_smaller_drop_never_gives_more_flow(first, other, B, B_0):
+    low, high = sorted((first, other))
     # not steeper than rounding allows: 1 - r^2 near r = 1 and (r - B_0)^2 near r = B_0 cancel
     assert flow_shape(high, B, B_0, 0.999) <= flow_shape(low, B, B_0, 0.999) + 1e-14
 
@@ -87,11 +87,11 @@ def test_the_iso_flow_function_is_1_where_choked_and_0_where_no_pressure_drops(r
 
 
 @given(st.floats(0, 1), st.floats(0, 1), choking, indices)
-def test_of_the_iso_flow_a_smaller_drop_never_gives_more_and_a_larger_index_never_either(one, other, b, m):
-    low, high = sorted((one, other))
+def test_of_the_iso_flow_a_smaller_drop_never_gives_more_and_a_larger_index_never_either(first, other, b, m):
+    low, high = sorted((first, other))
     # near r = 1 the difference of 1 and a square is rounded to 1e-16 of 1, and its power of 0.1 and more to 1e-14
     assert iso_shape(high, b, m, 0.999) <= iso_shape(low, b, m, 0.999) + 1e-13
-    assert iso_shape(one, b, 1.2 * m, 0.999) <= iso_shape(one, b, m, 0.999) + 1e-13
+    assert iso_shape(first, b, 1.2 * m, 0.999) <= iso_shape(first, b, m, 0.999) + 1e-13
 
 
 @given(st.floats(0, 1.2), critical, st.floats(0.91, 0.99999))

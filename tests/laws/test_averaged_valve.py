@@ -61,11 +61,11 @@ def strokes() -> Log:
 
 def test_a_carrier_leaves_the_exponent_without_influence():
     switched = Parameters(T_pwm=0.01, s_vs=0.07, s_ve=0.07)
-    one, other = (
+    first, other = (
         simulate(Actuator(switched.replace({"n_vs": n, "n_ve": n}), Load(), "energy-balance"), strokes()).log
         for n in (1.0, 2.0)
     )
-    assert np.array_equal(one["position"], other["position"])
+    assert np.array_equal(first["position"], other["position"])
 
 
 def test_a_spool_answers_a_step_of_its_duty_cycle_with_an_exponential():

@@ -55,13 +55,13 @@ def jumps(t: tuple[float, ...], at: int, power: int) -> float:
     breakpoints, c = b_spline_table(t)
     left = np.polynomial.polynomial.Polynomial
     step = breakpoints[at] - breakpoints[max(at - 1, 0)]
-    found = []
+    sizes = []
     for basis in c:
         before = left(basis[at]).deriv(power)(step) if power else left(basis[at])(step)
         after = left(basis[at + 1]).deriv(power)(0.0) if power else left(basis[at + 1])(0.0)
-        found.append(abs(before - after))
+        sizes.append(abs(before - after))
     smallest = min(b - a for a, b in pairwise(t))
-    return float(max(found) * smallest**power)
+    return float(max(sizes) * smallest**power)
 
 
 @settings(max_examples=40)

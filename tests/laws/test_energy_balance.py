@@ -62,8 +62,8 @@ def test_sealed_air_without_heat_is_adiabatic_and_sealed_air_of_constant_tempera
 
 
 @given(temperatures, temperatures)
-def test_cold_air_is_dense_so_more_of_it_flows(one, other):
-    cold, warm = sorted((one, other))
+def test_cold_air_is_dense_so_more_of_it_flows(first, other):
+    cold, warm = sorted((first, other))
     assert float(thermal_factor(T_0, cold)) >= float(thermal_factor(T_0, warm))
     assert float(thermal_factor(T_0, T_0)) == 1
 
@@ -142,8 +142,8 @@ def test_sealed_and_insulated_air_follows_the_adiabat_while_the_piston_springs(y
     # RK4 keeps p V^gamma but for its truncation, as tests/laws/test_air.py: (h lambda)^4
     tolerance = (step * stiffness(actuator)) ** 4
     for p, V, T in chambers(log, parameters):
-        for kept in (p * V**GAMMA, T * V ** (GAMMA - 1), p * V / T):
-            assert np.abs(kept / kept[0] - 1).max() < tolerance
+        for constant in (p * V**GAMMA, T * V ** (GAMMA - 1), p * V / T):
+            assert np.abs(constant / constant[0] - 1).max() < tolerance
         assert np.ptp(T) > 0.1
 
 

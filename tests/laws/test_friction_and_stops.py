@@ -34,14 +34,14 @@ def test_friction_never_gives_more_power_than_the_bristle_stores(v, part):
 
 
 @given(velocities, velocities, st.floats(1, 5), st.floats(1e-3, 0.1))
-def test_steady_friction_falls_from_static_to_coulomb_friction_and_knows_no_direction(one, other, R_S, v_S):
-    slow, fast = sorted((abs(one), abs(other)))
+def test_steady_friction_falls_from_static_to_coulomb_friction_and_knows_no_direction(first, other, R_S, v_S):
+    slow, fast = sorted((abs(first), abs(other)))
     at = [float(stribeck_force(v, P.F_C, R_S, v_S)) for v in (slow, fast, -fast)]
     rounded = 1 + 8 * 2.3e-16
     assert P.F_C / rounded <= at[1] <= at[0] * rounded <= P.F_C * R_S * rounded**2
     assert at[1] == at[2]
     assert float(stribeck_force(0.0, P.F_C, R_S, v_S)) == P.F_C * (1 + (R_S - 1))
-    assert float(stribeck_force(one, P.F_C, 1.0, v_S)) == P.F_C
+    assert float(stribeck_force(first, P.F_C, 1.0, v_S)) == P.F_C
 
 
 @given(st.floats(1e5, 1e6), st.floats(1e5, 1e6), st.floats(0, 1e-3))
@@ -92,8 +92,8 @@ def test_an_end_stop_never_pulls_and_a_free_piston_feels_nothing(d, d_dot):
 
 
 @given(st.floats(0, 1e-3), st.floats(0, 1e-3), st.floats(0, 0.3))
-def test_an_end_stop_pushes_harder_the_deeper_and_the_faster_it_is_hit(one, other, d_dot):
-    shallow, deep = sorted((one, other))
+def test_an_end_stop_pushes_harder_the_deeper_and_the_faster_it_is_hit(first, other, d_dot):
+    shallow, deep = sorted((first, other))
     assert pushed(shallow, d_dot) <= pushed(deep, d_dot) * (1 + 1e-15)
     assert pushed(deep, -d_dot) <= pushed(deep, d_dot)
 

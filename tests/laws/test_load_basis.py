@@ -61,8 +61,8 @@ def test_slopes_at_the_knots_are_those_of_the_paper(t, slope):
         (t_5, -1): (0, 1, 0), (t_5, +1): (0, 1, 0),
     }  # fmt: skip
     for (knot, side), wanted in expected.items():
-        for found, number in zip(slope_at(load, knot, side), wanted, strict=True):
-            assert number is None or abs(found - number) <= tolerance, (knot, side, found, number)
+        for of_basis, number in zip(slope_at(load, knot, side), wanted, strict=True):
+            assert number is None or abs(of_basis - number) <= tolerance, (knot, side, of_basis, number)
 
 
 @given(knots, st.floats(-0.02, 0.08))

@@ -90,7 +90,7 @@ def test_the_pressure_comes_back_from_the_position_alone_within_its_band(bench, 
 def test_the_simulation_with_the_position_as_input_does_not_look_at_the_measured_pressure(bench, halves, air):
     log = halves[0]
     blind = Log(log.time, {name: log[name] for name in ("position", "duty_supply")}, log.name)
-    seen, unseen = (simulate(air.actuator, one, partition=bench.INPUT).log for one in (log, blind))
+    seen, unseen = (simulate(air.actuator, log_of_run, partition=bench.INPUT).log for log_of_run in (log, blind))
     assert np.array_equal(seen["pressure_a"], unseen["pressure_a"])
 
 
@@ -117,9 +117,9 @@ def test_the_commands_of_the_documentation_run_as_they_stand(bench, halves, tmp_
         with pytest.raises(SystemExit) as ended:
             main(words)
         assert ended.value.code == 0, capsys.readouterr().err
-    done = read(tmp_path / "PRESSURE.csv")
-    assert fit_percent(halves[1]["pressure_a"], done["pressure_a"]) > 91.0
-    assert np.all(done["pressure_a low"] < done["pressure_a high"])
+    pressure = read(tmp_path / "PRESSURE.csv")
+    assert fit_percent(halves[1]["pressure_a"], pressure["pressure_a"]) > 91.0
+    assert np.all(pressure["pressure_a low"] < pressure["pressure_a high"])
 
 
 def _as_measured(log: Log, path: Path, pressure: bool) -> None:

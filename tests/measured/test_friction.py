@@ -57,8 +57,8 @@ def test_the_papers_lugre_fits_the_tribometer_to_88_percent_over_any_20_s_in_fre
 
 def test_friction_of_one_20_s_predicts_the_rest_of_the_tribometer_record_to_88_percent(tribometer):
     friction = fit_lugre(window(tribometer, 12.0))
-    known = {name: value for name, value in friction.values.items() if name != "force_zero"}
-    assert fit_lugre(window(tribometer, 32.0, 170.0), fixed=known).fit_percent >= 88.0
+    fixed = {name: value for name, value in friction.values.items() if name != "force_zero"}
+    assert fit_lugre(window(tribometer, 32.0, 170.0), fixed=fixed).fit_percent >= 88.0
 
 
 def test_the_tribometer_has_the_friction_that_was_found_independently(tribometer):

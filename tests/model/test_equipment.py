@@ -59,9 +59,9 @@ def test_a_valve_that_does_not_exist_passes_nothing_and_needs_no_column():
 
 
 def test_a_three_way_valve_vents_where_it_does_not_supply():
-    one = Log(STROKE, {"duty_supply": OPEN})
-    both = one.with_columns(duty_exhaust=1.0 - OPEN)
-    three_way = simulate(cylinder(Equipment(valves="3/2")), one).log
+    single = Log(STROKE, {"duty_supply": OPEN})
+    both = single.with_columns(duty_exhaust=1.0 - OPEN)
+    three_way = simulate(cylinder(Equipment(valves="3/2")), single).log
     assert np.array_equal(three_way["position"], simulate(cylinder(Equipment()), both).log["position"])
     # what was simulated has both columns and can be simulated again
     again = simulate(cylinder(Equipment(valves="3/2")), three_way).log

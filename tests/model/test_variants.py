@@ -62,8 +62,8 @@ def test_without_static_friction_and_pressed_seals_stribeck_is_the_plain_frictio
     plain = linearised(gas, x, u, R_S=1.0, c_F=0.0)
     stribeck = linearised(f"{gas}-stribeck", x, u, R_S=1.0, c_F=0.0)
     # The same terms in another order, K_z / F first or last, and others that are 0: a dozen roundings of the largest.
-    for one, other in zip(plain, stribeck, strict=True):
-        assert np.all(np.abs(one - other).max(axis=0) <= 12 * 2.3e-16 * np.abs(one).max(axis=0))
+    for first, other in zip(plain, stribeck, strict=True):
+        assert np.all(np.abs(first - other).max(axis=0) <= 12 * 2.3e-16 * np.abs(first).max(axis=0))
 
 
 def test_air_at_the_temperature_of_the_walls_and_full_of_heat_has_the_rates_of_the_isothermal_model(points):

@@ -23,8 +23,8 @@ def test_the_bound_lies_above_the_largest_eigenvalue_by_less_than_two_percent(si
 def test_a_rotation_and_a_stiff_chain_have_their_rates():
     rotation = np.array([[0.0, 300.0], [-300.0, 0.0]])
     chain = np.array([[-1.0, 1e9], [0.0, -250.0]])  # far from normal
-    one = np.ones(2)
-    assert bound(np.array([rotation]), one) == pytest.approx(300.0)
+    unit = np.ones(2)
+    assert bound(np.array([rotation]), unit) == pytest.approx(300.0)
     assert 250.0 <= bound(np.array([chain]), np.array([1e4, 1e-2])) <= 258.0
 
 

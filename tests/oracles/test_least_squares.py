@@ -91,9 +91,9 @@ def test_a_failing_trial_point_only_shortens_the_step():
 def test_a_search_that_fails_everywhere_stalls_at_its_start():
     start, free = np.ones(3), np.full(3, np.inf)
     there = linearised(decay, decay_slopes)(start)
-    found = minimise(lambda x: Failure("never"), (start, there), -free, free, tolerance=1e-12)
-    assert found.status == "stalled"
-    assert np.array_equal(found.x, start)
+    end = minimise(lambda x: Failure("never"), (start, there), -free, free, tolerance=1e-12)
+    assert end.status == "stalled"
+    assert np.array_equal(end.x, start)
 
 
 def test_a_search_that_may_not_evaluate_any_more_says_so():

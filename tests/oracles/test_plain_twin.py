@@ -40,10 +40,10 @@ STROKES = [
 def test_the_twin_and_the_package_hold_the_same_appendix(twin):
     parameters = Parameters()
     numbers = {name: getattr(parameters, name) for name in Parameters.names()}
-    known = twin.appendix | twin.beyond
-    assert {name: numbers[name] for name in known} == known
+    of_twin = twin.appendix | twin.beyond
+    assert {name: numbers[name] for name in of_twin} == of_twin
     # what the twin does not know is off
-    assert not any(numbers[name] for name in numbers.keys() - known.keys())
+    assert not any(numbers[name] for name in numbers.keys() - of_twin.keys())
 
 
 @pytest.mark.parametrize("numbers", ["Appendix", "all different"])

@@ -81,13 +81,13 @@ def test_long_recordings_are_summed_in_blocks_and_still_see_slow_colours():
     J = np.column_stack([np.ones(n), np.sin(np.arange(n) / 900)])
     # for regressors slow against the 50 samples of the colour, its variances add up to 1 / (1 - rho)^2
     expected = np.diag(np.linalg.inv(J.T @ J)) / (1 - rho) ** 2
-    found = np.zeros(2)
+    variances = np.zeros(2)
     for _ in range(trials):
         r = coloured(generator, n, rho)
-        found += np.diag(sandwich(factor_of(J), [J * r[:, None]]).matrix) / trials
+        variances += np.diag(sandwich(factor_of(J), [J * r[:, None]]).matrix) / trials
     # one estimate scatters by sqrt(4 b / 3 n) = 0.18 with b = 100 of 4000 blocks, the mean of 20 by 0.04; Bartlett's
     # weights lose 50 / (5 * 100) = 0.10 of the variance
-    assert np.all(np.abs(found / expected - (1 - 0.10)) < 3 * 0.04)
+    assert np.all(np.abs(variances / expected - (1 - 0.10)) < 3 * 0.04)
 
 
 def test_a_parameter_without_information_has_infinite_variance_and_leaves_the_others_alone():

@@ -74,8 +74,8 @@ def test_what_figures_3_and_4_can_show_over_some_3000_samples_has_our_sums_of_sq
     n, sign = 3000, (-1.0) ** np.arange(3000)
     still = Log(np.arange(n) * 1e-3, {"position": np.zeros(n), "pressure_a": np.zeros(n)})
     off = still.with_columns(position=rms_position * sign, pressure_a=rms_pressure * sign)
-    found = errors_over([(still, off)])
-    assert (found.position_rms, found.pressure_a_rms) == pytest.approx((rms_position, rms_pressure), rel=1e-12)
+    errors = errors_over([(still, off)])
+    assert (errors.position_rms, errors.pressure_a_rms) == pytest.approx((rms_position, rms_pressure), rel=1e-12)
     # the errors are read to 0.5 um or 5 um, and to 500 Pa; a square doubles that share
-    assert found.position_sse == pytest.approx(position, rel=2 * 0.006)
-    assert found.pressure_a_sse == pytest.approx(pressure, rel=2 * 0.028)
+    assert errors.position_sse == pytest.approx(position, rel=2 * 0.006)
+    assert errors.pressure_a_sse == pytest.approx(pressure, rel=2 * 0.028)

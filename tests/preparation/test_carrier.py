@@ -38,9 +38,9 @@ def log(switched, recorded_by):
     return recorded_by(switched, seconds=6.0, name="switched")
 
 
-def apart(one, other):
+def apart(first, other):
     """Distance of two phases on the circle, rounded: the phases that are tried are twentieths."""
-    return round(abs(centred(one - other)), 9)
+    return round(abs(centred(first - other)), 9)
 
 
 @pytest.mark.parametrize("wanted", [PERIOD, 0.02])
@@ -110,10 +110,10 @@ def test_a_late_pressure_sensor_shows_the_carrier_late(plant, switched, recorded
 @pytest.mark.parametrize("lag", [0.0, 2e-3])
 @pytest.mark.parametrize("phase", [PHASE, -0.15])
 def test_the_phase_is_found_from_position_alone_whatever_the_lag_of_its_sensor(switched, recorded_by, phase, lag):
-    known = switched.replace({"tau_y": lag, "e_y": 3e-5})
-    log = recorded_by(known.replace({"s_pwm": phase}), seconds=5.0).without("pressure_a")
+    lagging = switched.replace({"tau_y": lag, "e_y": 3e-5})
+    log = recorded_by(lagging.replace({"s_pwm": phase}), seconds=5.0).without("pressure_a")
     # the fine grid has steps of 0.02: a neighbour but one at most; a lag taken for a phase would be 0.1 off
-    assert apart(find_phase(log, known.replace({"s_pwm": 0.0})), phase) < 0.05
+    assert apart(find_phase(log, lagging.replace({"s_pwm": 0.0})), phase) < 0.05
 
 
 def test_a_centred_phase_is_the_same_phase():

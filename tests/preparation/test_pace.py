@@ -38,7 +38,7 @@ def sparse(track):
 
 
 def test_windows_take_fewer_steps_than_planned_and_never_more(track, fewer):
-    planned, taken = (np.array([window.substeps[0] for window in one.windows]) for one in (track, fewer))
+    planned, taken = (np.array([window.substeps[0] for window in prepared.windows]) for prepared in (track, fewer))
     assert np.all(taken <= planned)
     assert taken.mean() < 0.7 * planned.mean()
     assert np.all(track.segment.dt[0] / taken <= MAX_STEP * (1 + 1e-9))
@@ -77,8 +77,8 @@ def test_a_window_without_position_keeps_its_steps(track, stiff):
 
 def test_windows_of_a_slow_recording_take_the_steps_of_the_same_at_1_khz(track, fewer, sparse, stiff):
     planned, at_1_khz, slow = (
-        sum(int(window.substeps.sum()) for window in one.windows)
-        for one in (track, fewer, with_steps(sparse, stiff, 1.05))
+        sum(int(window.substeps.sum()) for window in prepared.windows)
+        for prepared in (track, fewer, with_steps(sparse, stiff, 1.05))
     )
     assert slow == pytest.approx(at_1_khz, rel=0.1)
     assert slow < 0.75 * planned
@@ -94,16 +94,16 @@ def test_a_piston_faster_than_any_class_keeps_its_steps(track, stiff):
     time = track.measured.time
     fast = track.measured.with_columns(position=0.5e-2 + 0.4 * (time % 0.02))
     assert SPEED_MARGIN < 0.4
-    kept = with_steps(replace(track, measured=fast), stiff, 1.05)
+    unchanged = with_steps(replace(track, measured=fast), stiff, 1.05)
     assert all(
         np.array_equal(window.substeps, other.substeps)
-        for window, other in zip(kept.windows, track.windows, strict=True)
+        for window, other in zip(unchanged.windows, track.windows, strict=True)
     )
 
 
 def test_a_larger_margin_asks_for_more_steps(track, stiff, fewer):
     more = with_steps(track, stiff, 2.0)
-    counts = [sum(int(window.substeps.sum()) for window in one.windows) for one in (fewer, more, track)]
+    counts = [sum(int(window.substeps.sum()) for window in prepared.windows) for prepared in (fewer, more, track)]
     assert counts[0] < counts[1] <= counts[2]
 
 

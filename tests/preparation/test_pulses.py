@@ -80,10 +80,10 @@ def test_a_load_is_read_from_100_hz(switched, bus):
     true = 1.08 * switched.load.force(y)
     assert np.sqrt(np.mean((fit.actuator.load.force(y) - true) ** 2)) < 0.01 * true.max()
     assert "s_pwm@bus" in fit.parameters
-    one = fit.recordings["bus"]
-    assert one.measured is bus
-    assert np.array_equal(one.simulated.time, bus.time)
-    assert np.sqrt(np.mean((one.simulated["position"] - bus["position"]) ** 2)) < 1e-3
+    recording = fit.recordings["bus"]
+    assert recording.measured is bus
+    assert np.array_equal(recording.simulated.time, bus.time)
+    assert np.sqrt(np.mean((recording.simulated["position"] - bus["position"]) ** 2)) < 1e-3
 
 
 @pytest.mark.slow
@@ -101,13 +101,13 @@ def test_a_load_is_read_from_duty_cycles_that_change_between_the_samples(continu
 
 
 def test_each_recording_has_its_duty_cycles_in_one_of_four_ways(switched, bus, between):
-    known = {period: replace(switched, duty_period=period) for period in (None, 0.0, 5e-3, 0.01, 0.02)}
+    actuators = {period: replace(switched, duty_period=period) for period in (None, 0.0, 5e-3, 0.01, 0.02)}
     whole = bus.with_columns(duty_supply=np.round(bus["duty_supply"]), duty_exhaust=np.round(bus["duty_exhaust"]))
-    assert {p: duties_in(bus, one) for p, one in known.items()} == {
+    assert {p: duties_in(bus, actuator) for p, actuator in actuators.items()} == {
         0.0: Duties.INTERPOLATED, **dict.fromkeys((None, 5e-3, 0.01, 0.02), Duties.LATCHED),
     }  # fmt: skip
-    assert duties_in(whole, known[0.01]) is Duties.UNKNOWN
-    averaged = {period: one.replace({"T_pwm": 0.0}) for period, one in known.items()}
+    assert duties_in(whole, actuators[0.01]) is Duties.UNKNOWN
+    averaged = {period: actuator.replace({"T_pwm": 0.0}) for period, actuator in actuators.items()}
     assert [duties_in(bus, averaged[period]) for period in (None, 0.0, 3e-3, 0.02) if period in averaged] == [
         Duties.RECORDED, Duties.INTERPOLATED, Duties.LATCHED,
     ]  # fmt: skip

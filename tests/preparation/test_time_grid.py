@@ -57,9 +57,9 @@ def test_a_period_without_a_sample_has_the_mean_of_its_neighbours_and_an_unknown
     duty = [fine["duty_supply"][numbers == n] for n in range(10)]
     assert [float(values[0]) for values in duty] == pytest.approx([0.2] * 3 + [0.4] + [0.6] * 6)
     assert all(np.ptp(values) == 0.0 for values in duty)
-    each = [float(np.sqrt(np.sum(open_std[numbers[:-1] == n] ** 2))) for n in range(9)]
+    deviations = [float(np.sqrt(np.sum(open_std[numbers[:-1] == n] ** 2))) for n in range(9)]
     half = 0.5 * 0.4 * PERIOD
-    assert each == pytest.approx([0, half, 0, half, 0, half, 0, 0, 0]), "also beside a change: it may be another"
+    assert deviations == pytest.approx([0, half, 0, half, 0, half, 0, 0, 0]), "also beside a change: it may be another"
 
 
 def test_messages_with_jitter_stay_in_their_periods():
@@ -123,8 +123,8 @@ def test_duty_cycles_of_messages_of_their_own_are_used_where_they_were_sent():
 def test_a_duty_cycle_that_is_missing_stays_missing():
     log = slow([0.2, 0.2, np.nan, 0.2, 0.2])
     sent = {name: (log.time - 0.005, np.nan_to_num(log[name])) for name in CLOSED}
-    for one in (log, replace(log, edges=sent)):
-        fine, _ = interpolated(one, 0.0, 0.005, CLOSED)
+    for recording in (log, replace(log, edges=sent)):
+        fine, _ = interpolated(recording, 0.0, 0.005, CLOSED)
         assert np.isnan(fine["duty_supply"][(fine.time > 0.0229) & (fine.time < 0.0329)]).all()
 
 

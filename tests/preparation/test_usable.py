@@ -42,10 +42,10 @@ def test_the_check_of_a_recording_and_a_simulation_say_it_with_the_same_words(pl
 @pytest.mark.slow
 def test_a_fit_says_it_and_its_errors_are_those_without_the_samples(plant, spiked):
     missing = spiked.with_columns(position=np.where(spiked["position"] > 0.06, np.nan, spiked["position"]))
-    found, expected = (fit(log, plant, free=plant.load.names[:1]) for log in (spiked, missing))
-    assert f"log: {SENTENCE}" in found.warnings
-    assert found.errors == expected.errors
-    assert found.actuator == expected.actuator
+    result, expected = (fit(log, plant, free=plant.load.names[:1]) for log in (spiked, missing))
+    assert f"log: {SENTENCE}" in result.warnings
+    assert result.errors == expected.errors
+    assert result.actuator == expected.actuator
 
 
 def test_a_position_with_two_zeros_is_refused_with_what_to_do(plant, drive_log, zeroed_anew):

@@ -31,14 +31,14 @@ def children():
 def test_what_ends_its_worker_is_named_and_all_else_is_done_once():
     bad = [("SIGKILL", 100), ("SIGSEGV", 101), ("slow", 102), ("memory", 103), ("error", 104)]
     items = [*GOOD[:15], *bad, *GOOD[15:]]
-    done = list(results(faulty, iter(items), 2, Limits(5.0, 600_000_000)))
-    assert sorted(one.item for one in done) == sorted(items)
-    found = {one.item: one.result for one in done}
-    assert [found[item] for item in GOOD] == [n for _, n in GOOD]
-    assert {kind: found[kind, n].status for kind, n in bad} == {
+    finished = list(results(faulty, iter(items), 2, Limits(5.0, 600_000_000)))
+    assert sorted(work.item for work in finished) == sorted(items)
+    by_item = {work.item: work.result for work in finished}
+    assert [by_item[item] for item in GOOD] == [n for _, n in GOOD]
+    assert {kind: by_item[kind, n].status for kind, n in bad} == {
         "SIGKILL": "killed", "SIGSEGV": "killed", "slow": "timed_out", "memory": "killed", "error": "failed",
     }  # fmt: skip
-    said = {kind: found[kind, n].message for kind, n in bad}
+    said = {kind: by_item[kind, n].message for kind, n in bad}
     assert "(SIGKILL, as where memory runs out), twice" in said["SIGKILL"]
     assert "(SIGSEGV), twice" in said["SIGSEGV"]
     assert "took longer than 5 s" in said["slow"]
@@ -47,7 +47,7 @@ def test_what_ends_its_worker_is_named_and_all_else_is_done_once():
 
 
 def test_the_time_of_each_item_is_its_own():
-    slow, quick = sorted(results(time.sleep, [0.5, 0.0], 1), key=lambda one: -one.item)
+    slow, quick = sorted(results(time.sleep, [0.5, 0.0], 1), key=lambda work: -work.item)
     assert 0.5 <= slow.seconds < 0.5 + quick.seconds + 5.0
     assert quick.seconds < 0.5
 
@@ -154,7 +154,7 @@ def test_every_worker_ends_with_the_process_that_waits_for_it():
                 time.sleep(0.05)
                 children[case] = psutil.Process(program.pid).children(recursive=True)
         time.sleep(1.5)  # they are at work
-        workers = {case: [one for one in found if one.name() != "sleep"] for case, found in children.items()}
+        workers = {case: [member for member in group if member.name() != "sleep"] for case, group in children.items()}
         for (_, how), program in programs.items():
             program.send_signal(how)
         for case, program in programs.items():

@@ -24,15 +24,15 @@ PRESSURES = (1e5, 3e5, 5e5, 7e5)
 )
 def test_friction_area_and_rise_are_found_whatever_the_pressure_adds(cylinder, friction, rise, area, zero):
     c_F = rise * friction / 1e6
-    found = coulomb_friction([cylinder(p, friction + c_F * p, area, zero) for p in PRESSURES])
+    result = coulomb_friction([cylinder(p, friction + c_F * p, area, zero) for p in PRESSURES])
     # forces of area * 7e5 Pa with 16 digits, their differences of a thousandth: 1e-9 of the largest
     rounding = 1e-9 * (area * 7e5 + friction + 50.0)
-    assert found.area.value == pytest.approx(area, abs=rounding / 6e5)
-    for level, p in zip(found.levels, PRESSURES, strict=True):
+    assert result.area.value == pytest.approx(area, abs=rounding / 6e5)
+    for level, p in zip(result.levels, PRESSURES, strict=True):
         assert level.pressure == pytest.approx(p, rel=1e-9)
         assert level.friction.value == pytest.approx(friction + c_F * p, abs=rounding)
-    assert found.slope.value == pytest.approx(c_F, abs=10 * rounding / 6e5)
-    assert found.intercept.value == pytest.approx(friction, abs=10 * rounding)
+    assert result.slope.value == pytest.approx(c_F, abs=10 * rounding / 6e5)
+    assert result.intercept.value == pytest.approx(friction, abs=10 * rounding)
 
 
 def test_a_rig_turned_round_has_the_same_friction_and_the_opposite_area(cylinder):
@@ -108,9 +108,9 @@ def test_cycles_that_drift_count_as_one_and_are_reported(cylinder):
 
 
 def test_one_recording_with_two_held_pressures_has_two_levels(cylinder):
-    one, other = cylinder(1e5, 4.0), cylinder(3e5, 6.0)
-    columns = {name: np.concatenate([one[name], other[name]]) for name in one.columns}
-    friction = coulomb_friction([Log(np.concatenate([one.time, one.time + 60.0]), columns, "both")], ambient=1e5)
+    first, other = cylinder(1e5, 4.0), cylinder(3e5, 6.0)
+    columns = {name: np.concatenate([first[name], other[name]]) for name in first.columns}
+    friction = coulomb_friction([Log(np.concatenate([first.time, first.time + 60.0]), columns, "both")], ambient=1e5)
     assert [round(level.friction.value, 6) for level in friction.levels] == [4.0, 6.0]
 
 
@@ -121,9 +121,9 @@ def test_one_level_tells_its_friction_and_that_the_area_is_needed(cylinder):
     # 4 kPa on 5 cm² are still in it
     assert friction.levels[0].friction.value == pytest.approx(6.0, rel=1e-9)
     assert any("give `area`" in sentence for sentence in conclusions(friction))
-    known = coulomb_friction([log], area=5e-4)
-    assert known.levels[0].friction.value == pytest.approx(4.0, rel=1e-9)
-    assert not any("give `area`" in sentence for sentence in conclusions(known))
+    with_area = coulomb_friction([log], area=5e-4)
+    assert with_area.levels[0].friction.value == pytest.approx(4.0, rel=1e-9)
+    assert not any("give `area`" in sentence for sentence in conclusions(with_area))
 
 
 def test_an_area_that_is_not_certain_widens_the_friction(cylinder):

@@ -65,10 +65,10 @@ def test_any_friction_that_slides_is_found_in_free_run(tribometer, friction, dis
     speed = 1e-3
     values = {"F_C": friction, "K_z": friction / distance, "force_zero": -0.2 * friction}
     values |= {"D_v": viscous * friction / speed, "D_zdot": damping * friction / speed}
-    found = fit_lugre(tribometer(values))
+    result = fit_lugre(tribometer(values))
     for name, value in values.items():
         natural = friction / speed if name.startswith("D") else abs(value)
-        assert found.values[name] == pytest.approx(value, abs=1e-3 * natural)
+        assert result.values[name] == pytest.approx(value, abs=1e-3 * natural)
 
 
 @pytest.mark.parametrize("distance", [6e-6, 1.2e-5, 5e-4])
@@ -103,9 +103,9 @@ def test_nineteen_of_twenty_intervals_contain_the_friction_when_noise_is_coloure
         )
         friction = fit_lugre(noisy)
         for name in inside:
-            one = friction.parameters[name]
-            inside[name] += one.low <= block[name] <= one.high
-            squares[name] += (1.96 * (one.value - block[name]) / (one.high - one.value)) ** 2
+            estimate = friction.parameters[name]
+            inside[name] += estimate.low <= block[name] <= estimate.high
+            squares[name] += (1.96 * (estimate.value - block[name]) / (estimate.high - estimate.value)) ** 2
     # Bartlett's weights cut tails: a tenth of the standard error at most where scores change sign within a stroke, and
     # 1.96 * 0.9 covers 92.2 %. Between that and 95 % the count is binomial.
     low, high = binom.ppf(0.001, trials, 0.922), binom.ppf(0.999, trials, 0.95)
@@ -146,10 +146,10 @@ def test_missing_forces_are_left_out_and_missing_positions_end_a_piece(tribomete
 
 def test_fixed_friction_is_a_check_whose_start_and_zero_alone_are_free(tribometer, block):
     log = tribometer(start=5e-5)
-    known = {name: block[name] for name in NAMES}
-    assert list(fit_lugre(log, fixed=known).parameters) == ["force_zero"]
-    assert fit_lugre(log, fixed=known).fit_percent > 99.99
-    wrong = fit_lugre(log, fixed={**known, "F_C": 1.0})
+    values = {name: block[name] for name in NAMES}
+    assert list(fit_lugre(log, fixed=values).parameters) == ["force_zero"]
+    assert fit_lugre(log, fixed=values).fit_percent > 99.99
+    wrong = fit_lugre(log, fixed={**values, "F_C": 1.0})
     assert wrong.fit_percent < 70
     assert wrong.status == "warning"
     assert f"the fit is poor, {wrong.fit_percent:.1f} % in free run" in wrong.warnings[0]

@@ -9,11 +9,11 @@ from clutchid.rig.coulomb import cycles, passes
 def test_ten_cycles_are_twenty_passes_with_the_speeds_and_forces_of_the_rig(cylinder):
     passed = passes(cylinder(2e5, 5.0))
     assert len(passed) == 20
-    for one in passed:
-        out = one.speed > 0
-        assert np.isclose(one.speed, 0.01 if out else -0.02, rtol=1e-9)
-        assert np.isclose(one.pressure, 3e5 + (4e3 if out else -4e3), rtol=1e-12)
-        assert np.isclose(one.force, 0.3 + 5e-4 * 2e5 + (1 if out else -1) * (5.0 + 2.0), rtol=1e-12)
+    for way in passed:
+        out = way.speed > 0
+        assert np.isclose(way.speed, 0.01 if out else -0.02, rtol=1e-9)
+        assert np.isclose(way.pressure, 3e5 + (4e3 if out else -4e3), rtol=1e-12)
+        assert np.isclose(way.force, 0.3 + 5e-4 * 2e5 + (1 if out else -1) * (5.0 + 2.0), rtol=1e-12)
     assert len(cycles(passed)) == 10
 
 
@@ -31,8 +31,8 @@ def test_missing_forces_are_left_out_of_a_mean_and_a_pass_without_most_of_them_i
     log = cylinder(2e5, 5.0)
     force = log["force"].copy()
     force[::3] = np.nan
-    some = [one.force for one in passes(log.with_columns(force=force))]
-    np.testing.assert_allclose(some, [one.force for one in passes(log)], rtol=1e-12)
+    some = [way.force for way in passes(log.with_columns(force=force))]
+    np.testing.assert_allclose(some, [way.force for way in passes(log)], rtol=1e-12)
     force[log.time < 4.0] = np.nan
     assert len(passes(log.with_columns(force=force))) == 19
 

@@ -29,10 +29,10 @@ def test_means_with_a_variance_each_are_tested_by_welchs_analysis_of_variance():
         means, variances = generator.standard_normal(k), generator.uniform(0.1, 2.0, k)
         freedom = generator.integers(2, 30, k).astype(float)
         F, last = welch(means, variances, freedom)
-        found = equality(means, own(variances, freedom))
+        test_of_means = equality(means, own(variances, freedom))
         # 1e-12 of the largest square is added to variances of a tenth and more
-        assert found.statistic == pytest.approx(F, rel=1e-10)
-        assert found.degrees_of_freedom == pytest.approx((k - 1, last), rel=1e-10)
+        assert test_of_means.statistic == pytest.approx(F, rel=1e-10)
+        assert test_of_means.degrees_of_freedom == pytest.approx((k - 1, last), rel=1e-10)
 
 
 def test_a_variance_that_all_means_have_in_common_changes_nothing():

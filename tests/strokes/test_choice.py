@@ -126,8 +126,8 @@ def moved(speed: float, start: float, stop: float, vented_rest: float = 1.0, lev
     t = np.arange(10 * round(abs(stop - start) / speed * 1e2)) * 1e-3  # whole bins of 10 ms
     log = Log(t, {"position": level + start + np.sign(stop - start) * speed * t})
     low, high = sorted((start, stop))
-    found = SectionSummary(level + low, level + high, level, WAY, speed, 0.0, vented_rest, 0, 0, 0, 0.0, False)
-    return Section("stroke", "ramp", log, 0.0, float(t[-1]), 0.0, 0, found)
+    summary = SectionSummary(level + low, level + high, level, WAY, speed, 0.0, vented_rest, 0, 0, 0, 0.0, False)
+    return Section("stroke", "ramp", log, 0.0, float(t[-1]), 0.0, 0, summary)
 
 
 def blocks(G: np.ndarray) -> np.ndarray:
@@ -148,10 +148,10 @@ def blocks(G: np.ndarray) -> np.ndarray:
 )
 def test_time_counts_in_the_block_of_its_direction_and_pace(speed, start, stop, block):
     seconds = abs(stop - start) / speed
-    found = blocks(gram(moved(speed, start, stop), WAY))
+    times = blocks(gram(moved(speed, start, stop), WAY))
     # a speed needs 20 ms before and after, the last bin ends with its last sample
-    assert found[block] == pytest.approx(seconds - 0.04, abs=0.006)
-    assert found.sum() == pytest.approx(found[block], rel=1e-12)
+    assert times[block] == pytest.approx(seconds - 0.04, abs=0.006)
+    assert times.sum() == pytest.approx(times[block], rel=1e-12)
 
 
 def test_a_piston_that_creeps_slower_than_a_twentieth_of_its_reach_a_second_counts_as_standing():

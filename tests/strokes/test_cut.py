@@ -71,11 +71,11 @@ def test_a_zero_that_drifts_by_millimetres_is_followed(made, full_strokes):
     starts = np.arange(5.0, 1190.0, 10.0).tolist()
     log = made(full_strokes(starts, 1200.0))
     drifting = log.with_columns(position=log["position"] + 3e-3 * log.time / 1200)
-    found = [section for section in cut(drifting) if section.kind == "stroke"]
-    assert [section.label for section in found] == ["full stroke"] * len(starts)
+    strokes = [section for section in cut(drifting) if section.kind == "stroke"]
+    assert [section.label for section in strokes] == ["full stroke"] * len(starts)
     # a bin of 10 ms, and another where its median is off by the noise
-    assert [section.departure for section in found] == pytest.approx(starts, abs=0.04)
-    levels = np.array([section.summary.level for section in found])
+    assert [section.departure for section in strokes] == pytest.approx(starts, abs=0.04)
+    levels = np.array([section.summary.level for section in strokes])
     # the level of a block of 65 s is the middle one: off by half of what drifts in it
     assert np.abs(levels - 3e-3 * np.array(starts) / 1200).max() < 3e-3 / 1200 * 65.536 / 2 + 5e-5
 

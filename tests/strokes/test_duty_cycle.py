@@ -58,9 +58,9 @@ def test_edges_of_an_on_off_unit_show_from_two_samples_and_a_phase_from_two_and_
 
 @pytest.mark.parametrize(("every", "shift", "phase"), [(2, 0, 0.0), (2, 1, 0.5), (5, 2, 0.4)])
 def test_the_grid_of_an_on_off_unit_is_looked_for_from_two_samples(every, shift, phase):
-    period, found = duty_grid(commanded(4000, every, shift=shift))
+    period, offset = duty_grid(commanded(4000, every, shift=shift))
     assert period == pytest.approx(every * 1e-3)
-    assert (found - phase + 0.5) % 1.0 == pytest.approx(0.5, abs=1e-6)
+    assert (offset - phase + 0.5) % 1.0 == pytest.approx(0.5, abs=1e-6)
 
 
 def test_a_unit_that_opens_in_part_has_no_grid_of_two_samples():

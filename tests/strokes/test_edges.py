@@ -34,9 +34,9 @@ def test_sections_keep_the_edges_between_their_samples(log):
 
 def test_sections_do_not_depend_on_the_pieces_that_arrive(log):
     pieces = [log.slice(start, min(start + 777, len(log))) for start in range(0, len(log), 777)]
-    for one, other in zip(cut(log), cut(pieces), strict=True):
-        assert one.log.edges.keys() == other.log.edges.keys()
-        for name, edges in one.log.edges.items():
+    for first, other in zip(cut(log), cut(pieces), strict=True):
+        assert first.log.edges.keys() == other.log.edges.keys()
+        for name, edges in first.log.edges.items():
             assert all(np.array_equal(a, b) for a, b in zip(edges, other.log.edges[name], strict=True))
 
 

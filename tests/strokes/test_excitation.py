@@ -143,9 +143,9 @@ def test_load_weights_beyond_the_reach_are_reported_together_in_sentences_that_a
     assert missing(two, actuator, R)[0].startswith("these 2 logs reach ")
     assert " and contain no information about theta_1" in missing(two, actuator, R)[0]
     assert " and contain no information about the load beyond" in missing(two, actuator)[0]
-    one = actuator.load.names[-1:]
-    (alone, *_) = missing(excitation(log), actuator, Information(one, R.columns(one)))
-    assert f" and contains no information about {one[0]}, which acts from " in alone
+    last = actuator.load.names[-1:]
+    (alone, *_) = missing(excitation(log), actuator, Information(last, R.columns(last)))
+    assert f" and contains no information about {last[0]}, which acts from " in alone
 
 
 def test_a_valve_that_is_never_fully_open_is_the_reason_for_its_silence():

@@ -32,12 +32,12 @@ def after(before: RestLevel | None, position: np.ndarray) -> RestLevel:
 
 
 def test_the_first_block_tells_level_and_reach():
-    found = after(None, block(zero=3e-3))
+    level = after(None, block(zero=3e-3))
     # medians of hundreds of bins; the reach adds the largest of some hundred deviations, 3 to 4 of the noise
-    assert found.level == pytest.approx(3e-3, abs=5e-6)
-    assert found.reach == pytest.approx(REACH, abs=1e-4)
+    assert level.level == pytest.approx(3e-3, abs=5e-6)
+    assert level.reach == pytest.approx(REACH, abs=1e-4)
     # the range of 15 samples of white noise is 3.5 standard deviations, the calmest tenth has less
-    assert 2 * 2e-5 < found.noise < 3.5 * 2e-5
+    assert 2 * 2e-5 < level.noise < 3.5 * 2e-5
 
 
 def test_an_outlying_reach_fades_by_a_fiftieth_of_what_it_is_too_much_with_every_block_that_moves():
@@ -50,8 +50,8 @@ def test_an_outlying_reach_fades_by_a_fiftieth_of_what_it_is_too_much_with_every
 
 
 def test_a_longer_reach_counts_at_once_and_a_rest_forgets_none():
-    known = after(None, block(reach=10e-3))
-    longer = after(known, block(reach=20e-3))
+    level = after(None, block(reach=10e-3))
+    longer = after(level, block(reach=20e-3))
     assert longer.reach == pytest.approx(20e-3, abs=1e-4)
     still = after(longer, 2e-5 * np.random.default_rng(1).standard_normal(2000))
     assert still.reach == longer.reach
@@ -62,56 +62,56 @@ def test_a_block_that_never_moves_has_no_reach():
 
 
 def test_a_few_bins_teach_nothing():
-    known = after(None, block())
-    assert after(known, block(zero=5e-3)[: 4 * WIDTH - 1]) is known
+    level = after(None, block())
+    assert after(level, block(zero=5e-3)[: 4 * WIDTH - 1]) is level
 
 
 def test_the_noise_grows_and_shrinks_by_a_quarter_with_a_block_at_most():
-    known = after(None, block())
-    loud, quiet = after(known, block(noise=4e-4)), after(known, block(noise=0.0))
-    assert loud.noise == pytest.approx(1.25 * known.noise, rel=1e-12)
-    assert quiet.noise == pytest.approx(known.noise / 1.25, rel=1e-12)
+    level = after(None, block())
+    loud, quiet = after(level, block(noise=4e-4)), after(level, block(noise=0.0))
+    assert loud.noise == pytest.approx(1.25 * level.noise, rel=1e-12)
+    assert quiet.noise == pytest.approx(level.noise / 1.25, rel=1e-12)
 
 
 def test_a_rest_below_the_level_is_the_new_level_and_one_above_only_after_three_blocks_without_the_old_one():
-    known = after(None, block(zero=3e-3))
-    assert after(known, block(zero=1e-3)).level == pytest.approx(1e-3, abs=5e-6)
+    level = after(None, block(zero=3e-3))
+    assert after(level, block(zero=1e-3)).level == pytest.approx(1e-3, abs=5e-6)
     levels, lost = [], []
     for _ in range(5):
-        known = after(known, block(zero=5e-3))
-        levels.append(known.level)
-        lost.append(known.lost)
+        level = after(level, block(zero=5e-3))
+        levels.append(level.level)
+        lost.append(level.lost)
     assert lost == [1, 2, 3, 0, 0]
     assert levels == pytest.approx([3e-3] * 3 + [5e-3] * 2, abs=5e-6)
 
 
 def test_blocks_without_any_rest_count_as_lost_where_the_piston_moves():
-    known = after(None, block())
+    level = after(None, block())
     turning = 0.5 * REACH * (1 - np.cos(2 * np.pi * np.arange(2400) * 0.01))
     for lost in (1, 2):
-        known = after(known, turning)
-        assert (known.level, known.lost) == (pytest.approx(0.0, abs=5e-6), lost)
+        level = after(level, turning)
+        assert (level.level, level.lost) == (pytest.approx(0.0, abs=5e-6), lost)
 
 
 def test_a_piston_that_stands_at_its_far_end_alone_has_its_rest_where_it_turns_around():
     t = np.arange(2400) * 0.01 % 2.0
     y = np.interp(t, [0.0, 1.0, 1.5, 2.0], [REACH, REACH, 0.0, REACH])
-    found = after(None, y + 2e-5 * np.random.default_rng(0).standard_normal(t.size))
+    level = after(None, y + 2e-5 * np.random.default_rng(0).standard_normal(t.size))
     # the lowest bin, and its noise
-    assert found.level == pytest.approx(0.0, abs=1e-4)
+    assert level.level == pytest.approx(0.0, abs=1e-4)
 
 
 def test_a_level_that_drifts_within_the_band_is_followed():
-    known = after(None, block())
+    level = after(None, block())
     for zero in (0.2e-3, 0.4e-3, 0.6e-3):
-        known = after(known, block(zero=zero))
-        assert known.level == pytest.approx(zero, abs=5e-6)
+        level = after(level, block(zero=zero))
+        assert level.level == pytest.approx(zero, abs=5e-6)
 
 
 def test_a_rest_while_the_supply_is_open_is_no_vented_one():
     position = block(zero=3e-3)
-    found = updated(None, position, np.zeros(position.size, dtype=bool), WIDTH, 0.0)
-    assert found.level == position.min()
+    level = updated(None, position, np.zeros(position.size, dtype=bool), WIDTH, 0.0)
+    assert level.level == position.min()
 
 
 @pytest.mark.parametrize(
@@ -149,13 +149,13 @@ def samples(position, first: int = 0, **columns) -> Samples:
 
 @given(st.lists(st.sampled_from([1.0, 2.0, 4.0, 8.0, 16.0, float("nan")]), min_size=1, max_size=40), st.integers(1, 12))
 def test_the_position_of_a_bin_is_the_median_of_what_is_finite_in_it(values, width):
-    found = raw_bins(samples(values), width, np.nan)
+    bins = raw_bins(samples(values), width, np.nan)
     for number, first in enumerate(range(0, len(values), width)):
         part = np.array(values[first : first + width])
-        known = part[np.isfinite(part)]
-        expected = np.median(known) if known.size else np.nan
-        np.testing.assert_equal(found.position[number], expected)
-        assert (found.first[number], found.count[number]) == (first, part.size)
+        finite = part[np.isfinite(part)]
+        expected = np.median(finite) if finite.size else np.nan
+        np.testing.assert_equal(bins.position[number], expected)
+        assert (bins.first[number], bins.count[number]) == (first, part.size)
 
 
 def test_where_no_position_is_known_the_last_known_one_stands_and_at_the_beginning_the_first():
@@ -190,8 +190,8 @@ def test_a_bin_is_at_rest_within_the_band_on_either_side_of_the_level_and_still_
     level = RestLevel(level=1e-3, reach=20e-3, noise=0.0, quantum=0.0)
     assert (level.band, level.creep) == (0.4e-3, 0.2e-3)
     steps = [0.55e-3, 0.65e-3, 1e-3, 1.35e-3, 1.45e-3]
-    found = relative_to_rest(raw_bins(samples(np.repeat(steps, 30)), 10, np.nan), level, 3)
-    assert found.inside.tolist() == np.repeat([False, True, True, True, False], 3).tolist()
+    at_rest = relative_to_rest(raw_bins(samples(np.repeat(steps, 30)), 10, np.nan), level, 3)
+    assert at_rest.inside.tolist() == np.repeat([False, True, True, True, False], 3).tolist()
     # the steps are 0.1, 0.35, 0.35 and 0.1 mm high
     moving = [(1, 2), (2, 0), (2, 2), (3, 0)]
-    assert [(i // 3, i % 3) for i in np.flatnonzero(~found.still)] == moving
+    assert [(i // 3, i % 3) for i in np.flatnonzero(~at_rest.still)] == moving

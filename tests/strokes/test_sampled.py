@@ -20,17 +20,17 @@ def test_runs_are_what_a_plain_loop_finds(values):
         if j - i > 1:
             expected.append((i, j - i, values[i]))
         i = j
-    found = constant_runs(np.array(values))
-    assert list(zip(found.start, found.length, found.value, strict=True)) == expected
+    constant = constant_runs(np.array(values))
+    assert list(zip(constant.start, constant.length, constant.value, strict=True)) == expected
 
 
 @given(st.lists(st.booleans(), max_size=30))
 def test_runs_cover_what_holds_and_nothing_else_and_do_not_touch(mask):
-    covered, found = np.zeros(len(mask), dtype=bool), runs(np.array(mask, dtype=bool))
-    for start, stop in found:
+    covered, stretches = np.zeros(len(mask), dtype=bool), runs(np.array(mask, dtype=bool))
+    for start, stop in stretches:
         covered[start:stop] = True
     assert covered.tolist() == mask
-    assert all(stop < start for (_, stop), (start, _) in pairwise(found))
+    assert all(stop < start for (_, stop), (start, _) in pairwise(stretches))
 
 
 @pytest.mark.parametrize("step", [10e-6, 12.207e-6, 50e-6, 2e-4])

@@ -34,9 +34,9 @@ def test_the_parts_of_a_rest_are_one_line_with_their_extremes_and_their_mean_sha
 
 
 def test_extremes_count_from_whichever_part_has_them():
-    one, other = rest(0, 1000, lowest=-2e-4, highest=5e-4), rest(1000, 1000, lowest=-1e-4, highest=1e-4)
-    turned = replace(other, first=0, log=one.log), replace(one, first=1000, log=other.log)
-    for parts in ((one, other), turned):
+    first, other = rest(0, 1000, lowest=-2e-4, highest=5e-4), rest(1000, 1000, lowest=-1e-4, highest=1e-4)
+    turned = replace(other, first=0, log=first.log), replace(first, first=1000, log=other.log)
+    for parts in ((first, other), turned):
         ((*_, low, high, _, _, _, _, _),) = cells(*parts)
         assert (low, high) == ("-0.20", "0.50")
 
@@ -50,9 +50,9 @@ def test_parts_are_vented_as_long_as_they_last_together_but_not_where_they_are_h
 
 
 def test_rests_that_do_not_touch_or_have_another_label_are_lines_of_their_own():
-    one = rest(0, 1000)
+    first = rest(0, 1000)
     for other in (rest(1001, 1000), rest(1000, 1000, "held")):
-        assert [row[0] for row in cells(one, other)] == ["1", "2"]
+        assert [row[0] for row in cells(first, other)] == ["1", "2"]
 
 
 def test_the_table_says_a_dash_where_nothing_is_known():

@@ -83,10 +83,10 @@ def test_a_position_that_jumps_and_stays_ends_a_segment_and_has_another_zero(log
 def test_two_recordings_of_one_truck_that_are_joined_are_two_segments(log):
     parts = np.r_[0 : 3000 + int(np.argmax(log["position"][3000:] > 15e-3)), 0 : len(log)]
     joined = Log(1e-3 * np.arange(parts.size), {name: values[parts] for name, values in log.columns.items()}, "joined")
-    found = values_of(joined, ACTUATOR)
-    assert [fault.kind for fault in found.faults] == ["seam"]
-    assert np.isnan(found.log["duty_supply"]).sum() == 1
-    assert len(other_zeros(found)) <= 1
+    checked = values_of(joined, ACTUATOR)
+    assert [fault.kind for fault in checked.faults] == ["seam"]
+    assert np.isnan(checked.log["duty_supply"]).sum() == 1
+    assert len(other_zeros(checked)) <= 1
 
 
 @pytest.mark.parametrize(("at", "length"), [*product((1000, 2500, 6000), (200, 800))])
@@ -94,11 +94,11 @@ def test_samples_that_a_logger_repeats_in_all_channels_are_missing_also_the_inpu
     columns = {name: values.copy() for name, values in log.columns.items()}
     for values in columns.values():
         values[at : at + length] = values[at]
-    found = values_of(Log(log.time, columns, "held"), ACTUATOR)
+    checked = values_of(Log(log.time, columns, "held"), ACTUATOR)
     for name in ("position", "pressure_a", *INPUTS):
-        assert np.array_equal(np.flatnonzero(np.isnan(found.log[name])), np.arange(at + 1, at + length)), name
-    assert [fault.kind for fault in found.faults] == ["repeated"]
-    assert f"{length - 1} samples that repeat the ones before" in found.faults[0].sentence
+        assert np.array_equal(np.flatnonzero(np.isnan(checked.log[name])), np.arange(at + 1, at + length)), name
+    assert [fault.kind for fault in checked.faults] == ["repeated"]
+    assert f"{length - 1} samples that repeat the ones before" in checked.faults[0].sentence
     # a sensor that is stuck alone is for the checks
     stuck = log.with_columns(position=columns["position"], pressure_a=columns["pressure_a"])
     moving = np.ptp(log["duty_supply"][at : at + length]) + np.ptp(log["duty_exhaust"][at : at + length]) > 0.0

@@ -100,8 +100,8 @@ def test_a_slow_decay_that_the_noise_hides_is_in_the_standard_deviation():
 
 def test_several_rests_know_it_better_than_one_and_one_that_lies_higher_is_left_out():
     cycle = (STROKE, HOLD, DOWN, VENTING)
-    one, many = (vented_pressure(recording(*cycle * count)) for count in (1, 6))
-    assert many.std < one.std
+    single, many = (vented_pressure(recording(*cycle * count)) for count in (1, 6))
+    assert many.std < single.std
     higher = (STROKE, HOLD, DOWN, (0.5, decay(4e4, 0.06, AMBIENT + 2e4), *OPEN))
     with_one = vented_pressure(recording(*cycle * 3, *higher, *cycle * 2))
     assert abs(with_one.mean - AMBIENT) < 3.0 * with_one.std

@@ -27,10 +27,10 @@ def strokes(levels, *, start=0.0, seconds=2.0, zero=0.0, noise=0.0, vents=True, 
 
 
 def test_the_rest_at_the_stop_and_those_that_friction_holds_are_apart():
-    found = vented_rest(strokes([3e-4] * 3, zero=1e-3))
-    assert found.lowest == pytest.approx(1e-3, abs=1e-9)
-    assert found.returned == pytest.approx(1.3e-3, abs=1e-9)
-    assert found.at_stop
+    level = vented_rest(strokes([3e-4] * 3, zero=1e-3))
+    assert level.lowest == pytest.approx(1e-3, abs=1e-9)
+    assert level.returned == pytest.approx(1.3e-3, abs=1e-9)
+    assert level.at_stop
 
 
 def test_a_hold_with_closed_valves_is_no_vented_rest():
@@ -85,8 +85,8 @@ def test_what_lies_further_than_a_sensor_can_move_is_not_compared():
 
 def test_several_recordings_have_one_rest():
     assert merged([None, None]) is None
-    one = merged([VentedRest(0.0, 1e-4, 1e-5), None, VentedRest(2e-5, np.nan, 2e-5)])
-    assert one == pytest.approx((1e-5, 1e-4, 2e-5))
+    level = merged([VentedRest(0.0, 1e-4, 1e-5), None, VentedRest(2e-5, np.nan, 2e-5)])
+    assert level == pytest.approx((1e-5, 1e-4, 2e-5))
 
 
 def test_the_position_counts_from_the_rest_only_where_that_has_moved():
@@ -96,12 +96,12 @@ def test_the_position_counts_from_the_rest_only_where_that_has_moved():
     assert same.log is log
     assert same.subtracted == 0.0
     moved = log.with_columns(position=log["position"] + 3e-4)
-    found = from_rest(moved, rest)
-    assert found.log["position"] == pytest.approx(log["position"], abs=1e-5)
-    assert found.subtracted == found.shift.value == pytest.approx(3e-4, abs=1e-5)
-    kept = from_rest(moved, rest, "keep")
-    assert kept.log is moved
-    assert kept.shift.moved
+    zeroed = from_rest(moved, rest)
+    assert zeroed.log["position"] == pytest.approx(log["position"], abs=1e-5)
+    assert zeroed.subtracted == zeroed.shift.value == pytest.approx(3e-4, abs=1e-5)
+    unzeroed = from_rest(moved, rest, "keep")
+    assert unzeroed.log is moved
+    assert unzeroed.shift.moved
     assert from_rest(moved, None).shift is None
 
 

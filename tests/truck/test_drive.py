@@ -32,8 +32,8 @@ def test_recorded_duty_cycles_replay_a_drive_bit_by_bit_and_others_are_refused()
             drive(Truck(), **options, duties=wrong)
 
 
-def first_time(done, condition) -> float:
-    return float(done.truth.time[np.argmax(condition)])
+def first_time(driven, condition) -> float:
+    return float(driven.truth.time[np.argmax(condition)])
 
 
 def test_a_stroke_with_the_papers_parameters_takes_about_the_times_of_the_specification():
@@ -142,15 +142,15 @@ def test_the_truth_has_the_load_in_the_zero_of_the_sensor():
 
 
 def test_a_truth_file_has_the_form_of_the_shared_data(tmp_path, shift, shared):
-    known = json.loads((shared / "data" / "trucks" / "truck1" / "truth.json").read_text())
+    shared_truth = json.loads((shared / "data" / "trucks" / "truck1" / "truth.json").read_text())
     worn = drive(Truck(), seconds=1, wear=2e-3)
     write_truth({"calibration": shift.truth, "worn1": worn.truth}, tmp_path / "truth.json")
     content = json.loads((tmp_path / "truth.json").read_text())
-    assert set(content) >= set(known)
-    assert content["position_m"] == pytest.approx(known["position_m"], abs=1e-15)
+    assert set(content) >= set(shared_truth)
+    assert content["position_m"] == pytest.approx(shared_truth["position_m"], abs=1e-15)
     for entry in content["logs"].values():
-        assert set(entry) >= set(known["logs"]["calibration"])
-        assert len(entry["load_N"]) == len(known["position_m"])
+        assert set(entry) >= set(shared_truth["logs"]["calibration"])
+        assert len(entry["load_N"]) == len(shared_truth["position_m"])
     assert content["logs"]["calibration"]["supply_Pa"] == Truck().P_S
     assert content["logs"]["worn1"]["wear_m"] == 2e-3
     assert content["logs"]["worn1"]["load_N"] == worn.truth.load(GRID).tolist()

@@ -22,14 +22,14 @@ def test_a_number_is_always_the_same_truck_and_another_number_another(family):
 def test_trucks_lie_in_the_ranges_of_their_file_and_all_variants_occur(family):
     trucks, table = [truck(n, family) for n in NUMBERS], ranges(FILES[family])
     for name, (low, high) in table["uniform"].items():
-        drawn = np.array([getattr(one, name) for one in trucks])
+        drawn = np.array([getattr(kind, name) for kind in trucks])
         size = np.abs(drawn) if name == "e_lin" else drawn
         assert low <= size.min() <= size.max() <= high, name
         assert np.ptp(drawn) > 0.5 * (high - low), name
         assert name != "e_lin" or drawn.min() < 0 < drawn.max()
     for name, values in table["choice"].items():
         if name != "bend":
-            assert {getattr(one, name) for one in trucks} >= set(values), name
+            assert {getattr(kind, name) for kind in trucks} >= set(values), name
 
 
 @pytest.mark.parametrize("family", FILES)
@@ -63,9 +63,9 @@ def test_the_same_seed_gives_the_same_bytes_and_another_one_does_not(family):
 
 @pytest.mark.parametrize("number", [0, 3, 5, 9])
 def test_a_recording_of_a_healthy_truck_of_the_second_family_is_without_a_warning(number):
-    found = inspect(drive(truck(number, "B"), seconds=20, seed=number).log)
-    assert found.warnings == ()
-    assert {check.grade for check in found.checks} <= {"good", "undetermined"}
+    inspection = inspect(drive(truck(number, "B"), seconds=20, seed=number).log)
+    assert inspection.warnings == ()
+    assert {check.grade for check in inspection.checks} <= {"good", "undetermined"}
 
 
 def at_rest(t):

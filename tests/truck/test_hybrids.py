@@ -33,10 +33,10 @@ def test_each_part_of_a_slot_is_in_half_of_the_hybrids_and_so_is_each_zero():
 
 def test_a_hybrid_is_no_truck_of_a_family_and_its_number_draws_other_parameters_for_the_same_parts():
     assert all(len(set(letters(seed).values())) == 2 for seed in SEEDS)
-    one, other = truck(0, "h:5"), truck(1, "h:5")
-    assert one == truck(0, "h:5")
-    assert one != other
-    assert one.parts == other.parts
+    first, other = truck(0, "h:5"), truck(1, "h:5")
+    assert first == truck(0, "h:5")
+    assert first != other
+    assert first.parts == other.parts
 
 
 def test_all_choices_of_parts_need_16_compiled_plants():
@@ -50,7 +50,7 @@ def test_all_choices_of_parts_need_16_compiled_plants():
 
 def test_opposite_hybrids_are_opposite():
     first, second = ([letters(seed)[slot] for slot in ("gas", "tube", "supply", "friction")] for seed in OPPOSITE)
-    assert all(one != other for one, other in zip(first, second, strict=True))
+    assert all(letter != other for letter, other in zip(first, second, strict=True))
 
 
 def test_a_hybrid_has_the_parameters_of_its_parts_and_orifices_that_pass_what_was_drawn():

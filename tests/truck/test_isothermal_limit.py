@@ -59,8 +59,8 @@ def paper(lab, steps: int) -> np.ndarray:
     lift = np.repeat(lift, steps, axis=0)
     columns = {"duty_supply": lift[:, 0], "duty_exhaust": lift[:, 1]}
     log = clutchid.Log(np.arange(len(lift)) * (1e-4 / steps), columns)
-    done = clutchid.simulate(clutchid.Actuator(PAPER, LOAD), log, starts=[(START, pressure_at_start())]).log
-    states = np.column_stack([done[name] for name in ("position", "pressure_a", "pressure_b")])
+    simulated = clutchid.simulate(clutchid.Actuator(PAPER, LOAD), log, starts=[(START, pressure_at_start())]).log
+    states = np.column_stack([simulated[name] for name in ("position", "pressure_a", "pressure_b")])
     return states[:: 10 * steps]
 
 

@@ -42,9 +42,9 @@ def test_halving_the_step_makes_the_error_sixteen_times_smaller(course, name):
     errors = [np.abs(course(k)[:, STATES.index(name)] - exact).max() for k in HALVINGS]
     size = np.abs(exact).max()
     # 51,200 steps of the finest run leave sqrt(51200) eps / 2 = 2.5e-14 of rounding; errors count from 20 times that
-    kept = [(k, error) for k, error in zip(HALVINGS, errors, strict=True) if error > 5e-13 * size]
-    assert len(kept) >= 2
-    slope = -np.polyfit(*np.log(np.array(kept)).T, 1)[0]
+    counted = [(k, error) for k, error in zip(HALVINGS, errors, strict=True) if error > 5e-13 * size]
+    assert len(counted) >= 2
+    slope = -np.polyfit(*np.log(np.array(counted)).T, 1)[0]
     # the next term of the error is h lambda of the first, 0.1 ms times 1500 / s at most: it bends the slope by 0.15;
     # an order lost or gained would be one
     assert slope == pytest.approx(4, abs=0.25)

@@ -40,9 +40,9 @@ def rates(truck: Truck, air: dict[str, tuple[float, float]], f_l: float = 0.0, *
     for name, (p, kelvin) in air.items():
         state[f"m_{name}"] = p * volume[name] / (truck.R * kelvin)
         state[f"U_{name}"] = p * volume[name] / (truck.gamma - 1)
-    known = numbers(truck, 0.0, False)
+    constants = numbers(truck, 0.0, False)
     held = [0.0] * len(SYSTEM.inputs)
-    parameters = [known[name] for name in SYSTEM.parameter_names()]
+    parameters = [constants[name] for name in SYSTEM.parameter_names()]
     values = equations()["terms"]([state[name] for name in STATES], held, parameters, f_l)
     entries = dict(zip((row[0] for row in equations()["TERMS"]), values, strict=True))
     return {name: entries[f"d_{name}"] for name in STATES}
@@ -151,14 +151,14 @@ def test_the_stops_push_the_piston_back_from_the_far_end_and_from_the_rest_of_a_
 def test_every_valve_and_orifice_has_its_own_flow_function():
     t = SEALED.replace({"b_s": 0.2, "m_s": 0.5, "b_e": 0.3, "m_e": 0.55, "b_r": 0.4, "m_r": 0.6, "C_r": 3e-8})
     air = {"A": (1.5e5, 330.0), "B": (1.3e5, 260.0), "S": (2e5, 310.0)}
-    found = rates(t, air, x_s=1.0), rates(t, air, x_e=1.0), rates(t, air)
+    derivatives = rates(t, air, x_s=1.0), rates(t, air, x_e=1.0), rates(t, air)
 
     def flow(p_h: float, p_l: float, kelvin: float, C: float, b: float, m: float) -> float:
         return 1.185 * C * p_h * math.sqrt(293.15 / kelvin) * (1 - ((p_l / p_h - b) / (1 - b)) ** 2) ** m
 
-    assert found[0]["m_A"] == pytest.approx(flow(2e5, 1.5e5, 310.0, t.C_s, 0.2, 0.5), rel=1e-12)
-    assert found[1]["m_A"] == pytest.approx(-flow(1.5e5, t.P_0, 330.0, t.C_e, 0.3, 0.55), rel=1e-12)
-    assert found[2]["m_B"] == pytest.approx(-flow(1.3e5, t.P_0, 260.0, 3e-8, 0.4, 0.6), rel=1e-12)
+    assert derivatives[0]["m_A"] == pytest.approx(flow(2e5, 1.5e5, 310.0, t.C_s, 0.2, 0.5), rel=1e-12)
+    assert derivatives[1]["m_A"] == pytest.approx(-flow(1.5e5, t.P_0, 330.0, t.C_e, 0.3, 0.55), rel=1e-12)
+    assert derivatives[2]["m_B"] == pytest.approx(-flow(1.3e5, t.P_0, 260.0, 3e-8, 0.4, 0.6), rel=1e-12)
 
 
 def test_air_in_a_leak_takes_the_temperature_of_the_wall():

@@ -77,9 +77,9 @@ def test_hot_air_that_leaves_the_dead_volume_for_a_cold_chamber_takes_its_own_he
     out = x["p_D"] > x["p_A"]
     assert out.sum() >= 3
     # an insulated vessel that empties keeps the entropy of each kilogram
-    kept = (x["p_D"] / x["m_D"] ** 1.4)[out]
+    entropy = (x["p_D"] / x["m_D"] ** 1.4)[out]
     assert np.ptp(x["m_D"][out]) > 0.3 * x["m_D"][0]
-    assert kept == pytest.approx(kept[0], rel=1e-4)
+    assert entropy == pytest.approx(entropy[0], rel=1e-4)
 
 
 @pytest.mark.parametrize("kind", ["maxwell-slip", "elasto-plastic"])
@@ -147,8 +147,8 @@ def test_halving_the_step_makes_the_error_sixteen_times_smaller(lab):
     for name in ("y", "v", "p_A", "p_D", "m_A"):
         i = STATES.index(name)
         errors = np.array([np.abs(course(k)[:, i] - exact[:, i]).max() for k in (1, 2, 4)])
-        kept = errors > 1e-12 * np.abs(exact[:, i]).max()
-        assert kept.sum() >= 2, name
-        slope = -np.polyfit(np.log(np.array([1, 2, 4])[kept]), np.log(errors[kept]), 1)[0]
+        counted = errors > 1e-12 * np.abs(exact[:, i]).max()
+        assert counted.sum() >= 2, name
+        slope = -np.polyfit(np.log(np.array([1, 2, 4])[counted]), np.log(errors[counted]), 1)[0]
         # the next term is h lambda of the first, 0.1 ms times 2000 / s at most: it bends the slope by 0.2
         assert slope == pytest.approx(4, abs=0.3), name

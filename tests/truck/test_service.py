@@ -24,17 +24,17 @@ def test_a_vehicle_does_not_depend_on_how_many_there_are(fleet):
 def test_three_years_have_a_recording_a_week_of_every_vehicle(fleet):
     assert all(145 <= len(vehicle) <= 168 for vehicle in fleet)
     assert [vehicle[0].number for vehicle in fleet[:4]] == [5, 6, 7, 5]
-    for one, other in ((a, b) for vehicle in fleet for a, b in pairwise(vehicle)):
-        assert one.begin < other.begin
-        assert one.strokes < other.strokes
-        assert one.odometer < other.odometer
+    for earlier, other in ((a, b) for vehicle in fleet for a, b in pairwise(vehicle)):
+        assert earlier.begin < other.begin
+        assert earlier.strokes < other.strokes
+        assert earlier.odometer < other.odometer
 
 
 @pytest.mark.slow
 def test_a_facing_wears_until_the_clutch_is_replaced(fleet):
     end = truck(5, "B").w_max
-    for one, other in ((a, b) for vehicle in fleet for a, b in pairwise(vehicle)):
-        assert (other.wear == 0.0) if other.event == "clutch replaced" else (other.wear > one.wear)
+    for earlier, other in ((a, b) for vehicle in fleet for a, b in pairwise(vehicle)):
+        assert (other.wear == 0.0) if other.event == "clutch replaced" else (other.wear > earlier.wear)
         assert other.wear < end
     events = Counter(visit.event for vehicle in fleet for visit in vehicle)
     assert {"clutch replaced", "sensor replaced", "leak"} <= events.keys()

@@ -20,18 +20,18 @@ def shift_drive(kind, **options):
     return drive(kind, manoeuvre="gear-shift", seconds=3, seed=1, **options)
 
 
-def rest(done) -> float:
+def rest(driven) -> float:
     """What the sensor reads before the first stroke, in m."""
-    return float(np.median(done.log["position"][:200]))
+    return float(np.median(driven.log["position"][:200]))
 
 
 def test_a_learned_zero_does_not_show_wear_and_a_kept_one_falls_by_the_ratio_of_the_rest_times_the_wear(kind):
-    new, learned, kept = (
+    new, learned, fallen = (
         rest(shift_drive(kind, wear=wear, sensor_zero=zero))
         for wear, zero in ((0.0, "kept"), (WEAR, "learned"), (WEAR, "kept"))
     )
     assert learned == pytest.approx(new, abs=kind.q_y)
-    assert kept - new == pytest.approx(-kind.i_w * WEAR, abs=2 * kind.q_y)
+    assert fallen - new == pytest.approx(-kind.i_w * WEAR, abs=2 * kind.q_y)
 
 
 @pytest.mark.parametrize("zero", ["learned", "kept"])
@@ -40,7 +40,7 @@ def test_an_offset_is_read_by_recorder_and_controller_and_moves_the_rest_by_as_m
     assert rest(with_) - rest(without) == pytest.approx(3e-4, abs=2 * kind.q_y)
     assert with_.truth.shift - without.truth.shift == pytest.approx(3e-4, abs=1e-12)
     # the controller goes to the same readings, so the piston stops short
-    top = [done.truth.states["position"].max() - done.truth.shift for done in (without, with_)]
+    top = [driven.truth.states["position"].max() - driven.truth.shift for driven in (without, with_)]
     assert top[0] - top[1] == pytest.approx(3e-4, abs=2.5e-4)
 
 

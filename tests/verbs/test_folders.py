@@ -166,13 +166,13 @@ def test_a_file_that_a_table_names_is_read_whatever_its_suffix_is(tmp_path, cal,
     names = ("a.2026", "b.bin", "c", "2026.11.23", "d", "e")
     (folder / "recordings.csv").write_text("\n".join(["recording,vehicle", *(f"{name},V1" for name in names)]))
     fleet = fleet_of(folder, cal)
-    found = {job.recording: (job.path and job.path.name, job.problem) for job in fleet.jobs}
-    assert found["a.2026"] == ("a.2026", "")
-    assert found["b.bin"] == ("b.bin", "")
-    assert found["2026.11.23"] == ("2026.11.23.csv", "")
-    assert found["d"] == (None, "the table names it, but its file is not there.")
-    assert found["c"][1].startswith("several files have its name: ")
-    assert found["e"][1].endswith(f"e.csv', '{folder}/e.mf4'; rename all but one.")
+    jobs = {job.recording: (job.path and job.path.name, job.problem) for job in fleet.jobs}
+    assert jobs["a.2026"] == ("a.2026", "")
+    assert jobs["b.bin"] == ("b.bin", "")
+    assert jobs["2026.11.23"] == ("2026.11.23.csv", "")
+    assert jobs["d"] == (None, "the table names it, but its file is not there.")
+    assert jobs["c"][1].startswith("several files have its name: ")
+    assert jobs["e"][1].endswith(f"e.csv', '{folder}/e.mf4'; rename all but one.")
     assert fleet.left_out == "not read, because the table does not name them: 1 .csv, 1 .mf4."
     assert fleet_of(folder / "recordings.csv", cal).left_out == "", "the user has named the table"
 

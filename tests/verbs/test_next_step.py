@@ -48,8 +48,10 @@ def test_options_stand_behind_those_that_take_several_values(fitted):
 def test_a_recording_with_pressure_is_calibrated_and_one_without_is_recorded_again(fitted):
     words = following(fitted, "my log.csv")
     assert words == ["calibrate", "my log.csv", "--save", "CAL.toml"]
-    (one,) = fitted.recordings.values()
-    without = replace(fitted, recordings={"first": replace(one, measured=one.measured.without("pressure_a"))})
+    (recording,) = fitted.recordings.values()
+    without = replace(
+        fitted, recordings={"first": replace(recording, measured=recording.measured.without("pressure_a"))}
+    )
     kind, why, _ = next_step(without, command("my log.csv"))
     assert kind == "record"
     assert why == "record once with pressure, and calibrate"

@@ -23,7 +23,7 @@ def test_the_clock_of_the_file_counts_before_the_table_and_the_name():
     clocks = ["", "2026-02-03T04:05:06+00:00", "2025-12-31T00:00:00"]
     history = arranged(["a_20260101", "b_2026-03-01", "c"], clocks, table)
     assert history.order == (2, 0, 1)
-    assert [one.source for one in history.dated] == ["name", "file", "file"]
+    assert [dated.source for dated in history.dated] == ["name", "file", "file"]
     assert history.axis == "days"
     assert history.s == pytest.approx([0.0, 1.0, 34.17021], abs=1e-4)
     assert history.warnings == (
@@ -71,10 +71,10 @@ def test_without_any_time_the_names_are_sorted_as_people_count():
 def test_a_table_is_read_by_stem_and_says_all_that_is_wrong(tmp_path):
     path = tmp_path / "recordings.csv"
     path.write_text("recording,vehicle,date,odometer_km,strokes\nx/a.parquet,V1,2026-01-02,12.5,\nb,V1,,,700\n")
-    found = read_table(path)
-    assert found["a"].begin == datetime(2026, 1, 2, tzinfo=UTC)
-    assert (found["a"].odometer, found["b"].strokes) == (12.5, 700.0)
-    assert np.isnan(found["a"].strokes)
+    rows = read_table(path)
+    assert rows["a"].begin == datetime(2026, 1, 2, tzinfo=UTC)
+    assert (rows["a"].odometer, rows["b"].strokes) == (12.5, 700.0)
+    assert np.isnan(rows["a"].strokes)
     path.write_text("recording,date,strokes\na,yesterday,1\nb,,many\nc,,1\nc,,2\n")
     with pytest.raises(DataError) as error:
         read_table(path)
@@ -86,7 +86,7 @@ def test_a_table_is_read_by_stem_and_says_all_that_is_wrong(tmp_path):
 
 
 def test_names_with_other_digits_than_ours_are_in_order_too():
-    assert [one.name for one in arranged(["r²", "r10", "r9"], [""] * 3, {}).dated] == ["r²", "r10", "r9"]
+    assert [dated.name for dated in arranged(["r²", "r10", "r9"], [""] * 3, {}).dated] == ["r²", "r10", "r9"]
     assert arranged(["²", "r10", "r9"], [""] * 3, {}).order == (2, 1, 0)
 
 

@@ -87,9 +87,11 @@ def test_a_wear_of_anything_in_its_table_is_unknown():
 
 def alarmed(leaks=(), departs=(), missing=(), leak=2e-11):
     """Alarms of 12 recordings: those that read a leak, depart from the calibration, or cannot be read."""
-    found = {k: Leak(leak, 1e-12, 0.99) for k in leaks}
+    leak_by_number = {k: Leak(leak, 1e-12, 0.99) for k in leaks}
     shifts = [np.nan if k in missing else 0.0 for k in range(12)]
-    return life([reading(s, leak=found.get(k), departs=k in departs) for k, s in enumerate(shifts)], stride=0).alarms
+    return life(
+        [reading(s, leak=leak_by_number.get(k), departs=k in departs) for k, s in enumerate(shifts)], stride=0
+    ).alarms
 
 
 def test_a_leak_is_an_alarm_where_two_readings_in_a_row_have_it():

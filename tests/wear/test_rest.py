@@ -22,8 +22,8 @@ def rest(value: float) -> RestShift | None:
 
 def causes(values, *, apart=WEEK, replaced=(), measurements=None) -> list[str]:
     s = apart * np.arange(len(values))
-    found = rest_moves(s, LIFE, [rest(v) for v in values], measurements or [None] * len(values), replaced)
-    return [("!" if one.sudden else "") + one.cause for one in found]
+    moves = rest_moves(s, LIFE, [rest(v) for v in values], measurements or [None] * len(values), replaced)
+    return [("!" if move.sudden else "") + move.cause for move in moves]
 
 
 def test_a_learned_zero_never_moves():
@@ -34,7 +34,7 @@ def test_a_kept_zero_falls_with_wear():
     reasons = causes(-FALL * np.arange(60))
     assert reasons[0] == ""
     assert reasons[-1] == "wear"
-    assert not any("!" in one for one in reasons)
+    assert not any("!" in reason for reason in reasons)
 
 
 @pytest.mark.parametrize("step", [3e-4, -3e-4])
@@ -43,7 +43,7 @@ def test_a_sensor_moves_at_once_upwards_or_faster_than_wear(step, pace):
     values = -pace * np.arange(40) + step * (np.arange(40) >= 20)
     reasons = causes(values)
     assert reasons[20] == "!sensor"
-    assert sum("!" in one for one in reasons) == 1
+    assert sum("!" in reason for reason in reasons) == 1
 
 
 def test_a_step_is_found_across_recordings_without_a_rest():
@@ -95,8 +95,8 @@ def test_a_life_without_an_end_in_sight_is_said_without_a_number_of_strokes():
     life = life_of(1e-6 * np.arange(30), np.zeros(30))
     endless = replace(life, left=(4.3e5, np.inf, np.inf), axis="strokes", limit=3.5e-3)
     assert left_words(endless) == "no end in sight to 3.50 mm of shift (430,000 strokes to no end in sight, 90 %)"
-    known = replace(endless, left=(2.2e5, 4.6e5, np.inf))
-    assert left_words(known) == "460,000 strokes to 3.50 mm of shift (220,000 to no end in sight, 90 %)"
+    limited = replace(endless, left=(2.2e5, 4.6e5, np.inf))
+    assert left_words(limited) == "460,000 strokes to 3.50 mm of shift (220,000 to no end in sight, 90 %)"
 
 
 def test_no_wear_is_given_beyond_the_end_of_its_table():

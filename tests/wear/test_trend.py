@@ -89,11 +89,11 @@ def test_filter_and_smoother_are_batch_least_squares():
     H = np.zeros((2, n))
     H[0, [0, 4, 8]], H[1, [2, 6, 9]] = 1.0, 1.0
     scale, number, total = 1.0, 0, 0.0
-    for k, one in enumerate(measured):
+    for k, reading in enumerate(measured):
         if k:
             put([(k - 1, -F), (k, np.eye(n))], np.zeros(n), Q + tiny)
-        stds = [SHARES["shift"].independent * one.shift_std, SHARES["load"].independent * one.load_std]
-        put([(k, H)], np.array([one.shift, one.load]), scale * np.diag(np.square(stds)))
+        stds = [SHARES["shift"].independent * reading.shift_std, SHARES["load"].independent * reading.load_std]
+        put([(k, H)], np.array([reading.shift, reading.load]), scale * np.diag(np.square(stds)))
         total, number = total + steps[k].deviance, number + 2
         scale = (10.0 + total) / (10.0 + number)
     solution = np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0].reshape(6, n)
@@ -103,13 +103,16 @@ def test_filter_and_smoother_are_batch_least_squares():
 
 
 def test_a_replaced_clutch_is_found_within_two_recordings():
-    random, found = np.random.default_rng(3), 0
+    random, count = np.random.default_rng(3), 0
     for _ in range(60):
         _, measured = clutch(random, 20)
-        jumped = [one._replace(shift=one.shift - 0.12e-3) if k >= 12 else one for k, one in enumerate(measured)]
+        jumped = [
+            reading._replace(shift=reading.shift - 0.12e-3) if k >= 12 else reading
+            for k, reading in enumerate(measured)
+        ]
         steps = steps_of(STRIDE * np.arange(20), jumped)
-        found += any(step.outcome in CHANGES for step in steps[12:14])
-    assert found >= 57
+        count += any(step.outcome in CHANGES for step in steps[12:14])
+    assert count >= 57
 
 
 def test_false_alarms_are_as_rare_as_chosen():
@@ -128,8 +131,8 @@ def test_false_alarms_are_as_rare_as_chosen():
 
 def test_a_single_odd_reading_is_left_out_and_does_not_move_the_trend():
     _, measured = clutch(np.random.default_rng(5), 20)
-    odd = [one._replace(shift=one.shift + 0.5e-3) if k == 10 else one for k, one in enumerate(measured)]
-    missing = [None if k == 10 else one for k, one in enumerate(measured)]
+    odd = [reading._replace(shift=reading.shift + 0.5e-3) if k == 10 else reading for k, reading in enumerate(measured)]
+    missing = [None if k == 10 else reading for k, reading in enumerate(measured)]
     s = STRIDE * np.arange(20)
     assert steps_of(s, odd)[10].outcome == "left out"
     assert steps_of(s, odd)[-1].mean == pytest.approx(steps_of(s, missing)[-1].mean)

@@ -52,8 +52,8 @@ def test_changes_are_said_in_the_words_of_the_command_line(page):
         "probability": 1,
     }
     note = "worn: supply pressure changed since the calibration (over 99 %): P_S 9e+05 -> 8e+05 Pa."
-    found = {"changes": [change], "notes": [note], "recordings": [], "parameters": {}, "files": [], "trust": "good"}
-    result = replace(Result("result-1", "estimate", "estimate worn.csv"), status="done", found=found)
+    shown = {"changes": [change], "notes": [note], "recordings": [], "parameters": {}, "files": [], "trust": "good"}
+    result = replace(Result("result-1", "estimate", "estimate worn.csv"), status="done", found=shown)
     event = json.dumps({"kind": "result", "id": result.id, "content": content(result)})
     page.route(
         "**/api/events", lambda route: route.fulfill(content_type="text/event-stream", body=f"data: {event}\n\n")

@@ -28,11 +28,11 @@ def recorded() -> Callable[..., Log]:
 
 
 @pytest.fixture(scope="session")
-def found() -> Callable[..., Check]:
-    """Result of one check: found(log, "time shift", actuator)."""
+def check_of() -> Callable[..., Check]:
+    """Result of one check: check_of(log, "time shift", actuator)."""
 
     def look(log: Log, check: str, actuator: Actuator | None = None) -> Check:
-        return next(one for one in inspect(log, actuator).checks if one.name == check)
+        return next(entry for entry in inspect(log, actuator).checks if entry.name == check)
 
     return look
 

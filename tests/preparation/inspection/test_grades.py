@@ -29,32 +29,32 @@ def pushes(up: int, late: bool = False) -> Log:
 @pytest.mark.parametrize(
     ("up", "grade"), [(10, "good"), (8, "good"), (7, "suspect"), (3, "suspect"), (2, "bad"), (0, "bad")]
 )
-def test_a_sign_is_right_or_wrong_where_three_quarters_of_the_motion_say_so(found, up, grade):
-    assert found(pushes(up), "sign of position").grade == grade
+def test_a_sign_is_right_or_wrong_where_three_quarters_of_the_motion_say_so(check_of, up, grade):
+    assert check_of(pushes(up), "sign of position").grade == grade
 
 
-def test_motion_goes_on_for_a_while_after_a_valve_has_closed(found):
-    assert found(pushes(10, late=True), "sign of position").grade == "good"
+def test_motion_goes_on_for_a_while_after_a_valve_has_closed(check_of):
+    assert check_of(pushes(10, late=True), "sign of position").grade == "good"
 
 
 @pytest.mark.parametrize(("share", "grade"), [(1.9, "good"), (2.1, "bad")])
-def test_no_pressure_exceeds_twice_the_supply(found, share, grade):
+def test_no_pressure_exceeds_twice_the_supply(check_of, share, grade):
     rise = np.linspace(P.P_0, share * P.P_S, 2000)
     # one in a hundred samples may lie beyond
     level = np.concatenate([rise, np.full(500, share * P.P_S)])
-    seen = found(Log(np.arange(2500) / 1000, {"pressure_a": level}), "unit of pressure_a")
+    seen = check_of(Log(np.arange(2500) / 1000, {"pressure_a": level}), "unit of pressure_a")
     assert seen.grade == grade
 
 
 @pytest.mark.parametrize(("share", "grade"), [(0.09, "good"), (0.11, "suspect")])
 @pytest.mark.parametrize(("name", "friction"), [("position", P.F_C / P.K_z), ("pressure_a", P.F_C / P.A_A)])
-def test_steps_without_noise_matter_from_a_tenth_of_the_friction_on(found, name, friction, share, grade):
+def test_steps_without_noise_matter_from_a_tenth_of_the_friction_on(check_of, name, friction, share, grade):
     step, low = share * friction, {"position": 0.0, "pressure_a": P.P_0}[name]
     slow = low + step * np.round(np.linspace(0.0, 100.0, 20_000))
-    assert found(Log(np.arange(20_000) / 1000, {name: slow}), f"quantisation of {name}").grade == grade
+    assert check_of(Log(np.arange(20_000) / 1000, {name: slow}), f"quantisation of {name}").grade == grade
 
 
-def test_a_piston_that_stands_near_its_rest_under_an_open_exhaust_is_not_stuck(found):
+def test_a_piston_that_stands_near_its_rest_under_an_open_exhaust_is_not_stuck(check_of):
     time = np.arange(0, 12, 1e-3)
     phase = time % 2
     y = np.interp(phase, (0.0, 0.2, 0.3, 0.6), (0.0, 0.024, 0.024, 0.0))
@@ -64,4 +64,4 @@ def test_a_piston_that_stands_near_its_rest_under_an_open_exhaust_is_not_stuck(f
     # of even noise no second spans more than 2 sqrt(3) standard deviations, so a piston at rest looks still
     y += np.random.default_rng(0).uniform(-3e-5, 3e-5, time.size)
     log = Log(time, {"position": y, "duty_supply": supply, "duty_exhaust": exhaust})
-    assert found(log, "stuck position").grade == "good"
+    assert check_of(log, "stuck position").grade == "good"

@@ -68,11 +68,11 @@ def test_valves_that_change_anywhere_have_no_grid():
 
 
 def test_each_wide_start_from_the_rest_is_a_stroke_whose_simulated_motion_is_the_measured_one(strokes):
-    found = starts(InspectedRecording(strokes(), ACTUATOR))
-    assert found.measured.size == 6
+    starts_of_strokes = starts(InspectedRecording(strokes(), ACTUATOR))
+    assert starts_of_strokes.measured.size == 6
     # the same equations from the same rest; a noise of 2 um at 20 mm/s is 0.1 ms, three deviations on either side
-    assert found.measured == pytest.approx(found.simulated, abs=3e-4)
-    assert 0.005 < np.median(found.simulated) < 0.05
+    assert starts_of_strokes.measured == pytest.approx(starts_of_strokes.simulated, abs=3e-4)
+    assert 0.005 < np.median(starts_of_strokes.simulated) < 0.05
 
 
 @pytest.mark.parametrize(
@@ -95,11 +95,11 @@ def test_a_start_that_tells_no_time_is_left_out(strokes, name, begin, end, value
 
 
 @pytest.mark.parametrize(("still", "grade"), [(3, "good"), (4, "bad")])
-def test_where_most_strokes_show_no_motion_the_channels_do_not_belong_together(strokes, found, still, grade):
+def test_where_most_strokes_show_no_motion_the_channels_do_not_belong_together(strokes, check_of, still, grade):
     log = strokes()
     end = 1000 * (still + 1)
     noise = 2e-6 * np.random.default_rng(1).standard_normal(end)
-    seen = found(spoiled(log, "position", slice(end), noise), "time shift", ACTUATOR)
+    seen = check_of(spoiled(log, "position", slice(end), noise), "time shift", ACTUATOR)
     assert seen.grade == grade
     assert ("no motion in 4 of 6" in seen.value) == (grade == "bad")
 

@@ -100,19 +100,19 @@ def test_jitter_of_the_stamps_changes_no_verdict(recorded):
     assert not_good(Log(late, dict(log.columns))) == not_good(log)
 
 
-def test_values_that_a_logger_repeats_count_once(recorded, found):
+def test_values_that_a_logger_repeats_count_once(recorded, check_of):
     log = recorded(7)
     last = np.arange(len(log)) // 10 * 10
     held = Log(log.time, {name: values[last] for name, values in log.columns.items()})
     assert not_good(held) == {"sample rate": "suspect", "supply pressure": "undetermined"}
-    assert found(held, "sample rate").value == "100 Hz, repeated at 1000 Hz"
+    assert check_of(held, "sample rate").value == "100 Hz, repeated at 1000 Hz"
 
 
 @pytest.mark.parametrize("number", [5, 7, 8])
-def test_coarse_steps_are_no_shift(recorded, found, number):
+def test_coarse_steps_are_no_shift(recorded, check_of, number):
     log = recorded(number)
     coarse = log.with_columns(position=2e-4 * np.round(log["position"] / 2e-4))
-    assert found(coarse, "time shift").grade == "good"
+    assert check_of(coarse, "time shift").grade == "good"
 
 
 def test_a_simulation_without_noise_is_not_saturated_nor_stuck(drive, truth):
@@ -121,15 +121,15 @@ def test_a_simulation_without_noise_is_not_saturated_nor_stuck(drive, truth):
     assert {"saturation of position", "supply pressure"} <= set(reasons)
 
 
-def test_an_end_stop_is_no_saturation_because_noise_goes_on(recorded, found):
+def test_an_end_stop_is_no_saturation_because_noise_goes_on(recorded, check_of):
     log = recorded(3, "strokes")
     # two thirds of this recording stand at one of the ends
     y = log["position"]
     assert np.mean((y > 0.9 * y.max()) | (y < 0.05 * y.max())) > 0.6
-    assert found(log, "saturation of position").grade == "good"
+    assert check_of(log, "saturation of position").grade == "good"
 
 
-def test_a_piston_that_stands_near_its_end_under_an_open_valve_is_not_stuck(found):
+def test_a_piston_that_stands_near_its_end_under_an_open_valve_is_not_stuck(check_of):
     time = np.arange(0, 6, 1e-3)
     phase = time % 1
     y = np.interp(phase, (0.0, 0.2, 0.75, 0.95), (0.0, 0.024, 0.024, 0.0))
@@ -137,7 +137,7 @@ def test_a_piston_that_stands_near_its_end_under_an_open_valve_is_not_stuck(foun
     y += 2e-5 * np.random.default_rng(0).standard_normal(time.size)
     supply = 1.0 * ((phase < 0.2) | ((phase > 0.35) & (phase < 0.7)))
     log = Log(time, {"position": y, "duty_supply": supply, "duty_exhaust": 1.0 * (phase > 0.75)})
-    assert found(log, "stuck position").grade == "good"
+    assert check_of(log, "stuck position").grade == "good"
 
 
 def test_of_a_recording_without_inputs_motion_or_samples_only_the_motion_is_judged():
@@ -181,6 +181,8 @@ def test_a_recording_without_conditions_has_a_note_on_each_and_none_otherwise(re
     assert supply.startswith("supply pressure not recorded: an estimate assumes that of its calibration within 6 %")
     assert air.startswith("air temperature not recorded: an estimate assumes that of its calibration within 14 K")
     assert all(note in inspect(log).table() for note in (supply, air))
-    known = log.with_columns(pressure_supply=np.full(len(log), 9e5), temperature_ambient=np.full(len(log), 290.0))
-    assert inspect(known).notes == ()
-    assert inspect(known.without("pressure_supply")).notes == (supply,)
+    with_conditions = log.with_columns(
+        pressure_supply=np.full(len(log), 9e5), temperature_ambient=np.full(len(log), 290.0)
+    )
+    assert inspect(with_conditions).notes == ()
+    assert inspect(with_conditions.without("pressure_supply")).notes == (supply,)

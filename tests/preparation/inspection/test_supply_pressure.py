@@ -27,49 +27,49 @@ def held(seconds: float, pressure: float = 8e5, opening: float = 1.0, growth: fl
 
 
 @pytest.mark.parametrize(("beyond", "grade"), [(-0.01, "undetermined"), (0.01, "suspect")])
-def test_a_plateau_counts_where_the_whole_chamber_could_have_been_filled_before_its_flat_end(found, beyond, grade):
+def test_a_plateau_counts_where_the_whole_chamber_could_have_been_filled_before_its_flat_end(check_of, beyond, grade):
     assert 0.2 < FILL < 0.3
     # the flat end takes 30 ms
-    seen = found(held(FILL + 0.03 + beyond), CHECK)
+    seen = check_of(held(FILL + 0.03 + beyond), CHECK)
     assert seen.grade == grade
     assert ("1 plateau" in seen.value) == (grade == "suspect")
 
 
-def test_a_plateau_is_the_mean_of_its_flat_end(found):
-    assert found(held(0.5, pressure=8.2e5), CHECK).value == "8.2 bar (1 plateau)"
-    assert found(held(0.5, pressure=P.P_S), CHECK).grade == "good"
-    assert found(held(0.5, pressure=0.985 * P.P_S), CHECK).grade == "good"
-    assert found(held(0.5, pressure=0.975 * P.P_S), CHECK).grade == "suspect"
+def test_a_plateau_is_the_mean_of_its_flat_end(check_of):
+    assert check_of(held(0.5, pressure=8.2e5), CHECK).value == "8.2 bar (1 plateau)"
+    assert check_of(held(0.5, pressure=P.P_S), CHECK).grade == "good"
+    assert check_of(held(0.5, pressure=0.985 * P.P_S), CHECK).grade == "good"
+    assert check_of(held(0.5, pressure=0.975 * P.P_S), CHECK).grade == "suspect"
 
 
 @pytest.mark.parametrize(("share", "flat"), [(0.04, True), (-0.04, True), (0.06, False), (-0.06, False)])
-def test_a_chamber_that_still_takes_more_than_a_trickle_is_not_full(found, share, flat):
+def test_a_chamber_that_still_takes_more_than_a_trickle_is_not_full(check_of, share, flat):
     # without a position the chamber is as small as it can be
     growth = share * CHOKED / P.V_0A
-    assert ("plateau" in found(held(0.4, 6e5, growth=growth), CHECK).value) == flat
+    assert ("plateau" in check_of(held(0.4, 6e5, growth=growth), CHECK).value) == flat
 
 
-def test_the_trickle_is_counted_in_the_volume_at_the_measured_position(found):
+def test_the_trickle_is_counted_in_the_volume_at_the_measured_position(check_of):
     growth = 0.03 * CHOKED / P.V_0A
-    assert "plateau" in found(held(0.4, 6e5, growth=growth), CHECK).value
+    assert "plateau" in check_of(held(0.4, 6e5, growth=growth), CHECK).value
     # at full stroke the chamber takes three times as much for the same rise
     assert (P.V_0A + P.A_A * P.y_max) / P.V_0A > 3
-    assert "plateau" not in found(held(0.4, 6e5, growth=growth, position=P.y_max), CHECK).value
+    assert "plateau" not in check_of(held(0.4, 6e5, growth=growth, position=P.y_max), CHECK).value
 
 
-def test_a_valve_that_is_not_fully_open_shows_no_plateau(found):
+def test_a_valve_that_is_not_fully_open_shows_no_plateau(check_of):
     wide = P.R_0vs + 0.95 * (P.R_1vs - P.R_0vs)
     narrow = P.R_0vs + 0.8 * (P.R_1vs - P.R_0vs)
-    assert "plateau" in found(held(0.5, opening=wide), CHECK).value
-    assert "plateau" not in found(held(0.5, opening=narrow), CHECK).value
+    assert "plateau" in check_of(held(0.5, opening=wide), CHECK).value
+    assert "plateau" not in check_of(held(0.5, opening=narrow), CHECK).value
 
 
-def test_while_the_exhaust_is_open_as_well_nothing_is_a_plateau(found):
+def test_while_the_exhaust_is_open_as_well_nothing_is_a_plateau(check_of):
     log = held(0.5)
-    assert "plateau" not in found(log.with_columns(duty_exhaust=log["duty_supply"]), CHECK).value
+    assert "plateau" not in check_of(log.with_columns(duty_exhaust=log["duty_supply"]), CHECK).value
 
 
-def test_without_a_plateau_the_supply_is_above_what_the_chamber_reaches(found):
-    seen = found(held(0.1, 6e5), CHECK)
+def test_without_a_plateau_the_supply_is_above_what_the_chamber_reaches(check_of):
+    seen = check_of(held(0.1, 6e5), CHECK)
     assert (seen.value, seen.grade) == ("at least 6 bar", "undetermined")
-    assert found(held(0.1, 1.03 * P.P_S), CHECK).grade == "bad"
+    assert check_of(held(0.1, 1.03 * P.P_S), CHECK).grade == "bad"

@@ -31,8 +31,8 @@ def test_the_folder_holds_the_page_seven_figures_and_a_csv_for_every_table(study
     assert names == {path.name for path in study.files}
     assert set(study.tables) == set(TABLES)
     assert tuple(range(2, 9)) == tuple(FIGURES)
-    known = {"equation_21", "table_1", "table_1_carry_q", "table_2", "table_2_carry_q", "verification"}
-    assert known < set(study.tables)
+    stems = {"equation_21", "table_1", "table_1_carry_q", "table_2", "table_2_carry_q", "verification"}
+    assert stems < set(study.tables)
 
 
 def test_every_csv_file_is_its_table(study):
@@ -145,10 +145,10 @@ def test_a_study_that_cannot_write_its_last_file_leaves_nothing_in_a_new_folder(
         path.write_bytes(content)
 
     monkeypatch.setattr(paper, "find", without_cases)
-    monkeypatch.setattr(paper, "TABLES", dict.fromkeys(TABLES, lambda found: equation_21()))
-    monkeypatch.setattr(paper, "FIGURES", dict.fromkeys(FIGURES, lambda found: None))
+    monkeypatch.setattr(paper, "TABLES", dict.fromkeys(TABLES, lambda study: equation_21()))
+    monkeypatch.setattr(paper, "FIGURES", dict.fromkeys(FIGURES, lambda study: None))
     monkeypatch.setattr(paper, "png", lambda figure: b"picture")
-    monkeypatch.setattr(paper, "study_page", lambda found, tables, figures, command: None)
+    monkeypatch.setattr(paper, "study_page", lambda study, tables, figures, command: None)
     monkeypatch.setattr(paper, "page_of", lambda page: "page")
     monkeypatch.setattr(paper, "write_bytes", full)
     with pytest.raises(ExportError, match="no space left"):

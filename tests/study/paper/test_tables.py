@@ -120,7 +120,7 @@ def test_the_load_error_is_the_rms_distance_from_the_true_load(study, logs):
     error = study.cases[0].fit.actuator.load.force(truth.position) - truth.force
     seven = [i for i, y in enumerate(truth.position) if 4.9e-3 < y < 8.1e-3]
     assert len(seven) == 7
-    everywhere, engaging = (np.sqrt(np.mean(each**2)) for each in (error, error[seven]))
+    everywhere, engaging = (np.sqrt(np.mean(part**2)) for part in (error, error[seven]))
     expected = {
         "load_rms": everywhere,
         "load_rms_of_peak": everywhere / truth.force.max(),

@@ -122,10 +122,10 @@ def test_a_workflow_that_ends_its_process_fails_for_that_truck_only(tmp_path, mo
     )
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setenv("DEADLY", proving.proof(6).calibration.log.metadata["seed"])
-    found = proving.prove("deadly_workflow:run", [6, 7], tmp_path / "out")
-    assert ["SIGKILL" in result["failed"] for result in found] == [True, False]
-    assert [result["truck"] for result in found] == [6, 7]
-    assert proving.prove("deadly_workflow:run", [6, 7], tmp_path / "out") == found
+    results = proving.prove("deadly_workflow:run", [6, 7], tmp_path / "out")
+    assert ["SIGKILL" in result["failed"] for result in results] == [True, False]
+    assert [result["truck"] for result in results] == [6, 7]
+    assert proving.prove("deadly_workflow:run", [6, 7], tmp_path / "out") == results
 
 
 def test_a_workflow_that_fails_is_a_row_with_its_reason(short, tmp_path, monkeypatch):
@@ -205,8 +205,8 @@ def test_a_workflow_calibrates_and_adapts_by_its_method(ground, monkeypatch, nam
 def test_the_table_has_medians_worst_cases_and_ratios():
     def result(number, touch):
         scores = {"load": 1.0, "load_touch": touch, "half_load": -0.1, "pressure": 5.0, "coverage": 0.9}
-        known = {"truck": number, "family": "A", "change": "none"}
-        return {**known, "failed": None, "seconds": 2.0, "logs": {"worn1": {"score": scores, "wear_m": 1e-3}}}
+        about = {"truck": number, "family": "A", "change": "none"}
+        return {**about, "failed": None, "seconds": 2.0, "logs": {"worn1": {"score": scores, "wear_m": 1e-3}}}
 
     table = standings({"paper": [result(0, 8.0), result(1, 12.0)], "mine": [result(0, 1.0), result(1, 4.0)]})
     assert table.column("load_touch median") == (10.0, 2.5)
@@ -219,9 +219,13 @@ def test_the_table_has_medians_worst_cases_and_ratios():
 def test_the_printed_table_fits_in_80_columns():
     scores = {"load": 11.76, "load_touch": 130.26, "half_load": -2.928, "pressure": 156.8, "coverage": 0.9}
     every = {"truck": 0, "family": "B", "change": "supply + cold + valves + seals", "failed": None, "seconds": 1234.5}
-    one = {**every, "logs": {"worn1": {"score": scores, "wear_m": 1e-3}}}
-    found = {"paper": [one], "paper-every-200-q@B+supply": [one], "calibrated-known-phase": [one]}
-    table = standings(found)
+    result_of_truck = {**every, "logs": {"worn1": {"score": scores, "wear_m": 1e-3}}}
+    results = {
+        "paper": [result_of_truck],
+        "paper-every-200-q@B+supply": [result_of_truck],
+        "calibrated-known-phase": [result_of_truck],
+    }
+    table = standings(results)
     text = to_text(table, 80)
     assert max(map(len, text.splitlines())) <= 80
     numbers = [column.shown(table.column(column.name)[0]) for column in table.columns[5:]]
