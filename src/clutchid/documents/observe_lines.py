@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-from typing import Any
+from dataclasses import asdict
 
 import numpy as np
 
 from clutchid.documents.fit_json import curve_json
+from clutchid.documents.json_text import json_text
 from clutchid.log import FloatArray
 from clutchid.measurements.source import to_frame
 from clutchid.observer import ObservedRecording, StrokeRow
@@ -32,7 +33,7 @@ def observe_lines(before: LiveRun, after: LiveRun, part: ObservedRecording, ever
     lines = _samples(part, rows)
     ends = np.searchsorted(part.log.time[rows], [row.time for row in part.strokes], side="right")
     for at, row in reversed(list(zip(ends.tolist(), part.strokes, strict=True))):
-        lines.insert(at, json.dumps(_stroke(row)))
+        lines.insert(at, _stroke(row))
     if any(part.health.values()):
         lines.append(json.dumps({"time [s]": after.latest, "health": dict(after.health or {})}))
     return lines
@@ -51,18 +52,8 @@ def _known(values: FloatArray) -> list[float | None]:
     return entries
 
 
-#: Numbers of an estimate.
-_SIDES = ("value", "std", "low", "high")
-
-
-def _stroke(row: StrokeRow) -> dict[str, Any]:
-    parameters = {
-        name: {
-            **dict(zip(_SIDES, _known(np.array([getattr(estimate, side) for side in _SIDES])), strict=True)),
-            "unit": estimate.unit,
-        }
-        for name, estimate in row.estimates.items()
-    }
-    curve = curve_json(row.curve)
-    entries = {name: _known(np.array(values)) for name, values in curve.items()}
-    return {"time [s]": row.time, "stroke": row.number, "parameters": parameters, "load_curve": entries}
+def _stroke(row: StrokeRow) -> str:
+    parameters = {name: asdict(estimate) for name, estimate in row.estimates.items()}
+    return json_text({
+        "time [s]": row.time, "stroke": row.number, "parameters": parameters, "load_curve": curve_json(row.curve),
+    })  # fmt: skip
