@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,11 +14,10 @@ from clutchid.documents.fit_rows import POSITIONS, interval_words
 from clutchid.documents.style import MM, STYLE, Line
 from clutchid.documents.tables import STEP, Cell, Column, ReportTable
 from clutchid.estimation import Fit, LoadCurve
-from clutchid.estimation.assess.comparison import ENGAGING, Comparison, HalfLoad, comparison
+from clutchid.estimation.assess.comparison import ENGAGING, Comparison, comparison
 from clutchid.estimation.assess.verdict import verdict
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _CAPTION = (
@@ -59,34 +58,38 @@ def _halves(compared: Comparison) -> str:
 
 def comparison_figure(compared: Comparison) -> Figure:
     """Both loads with their bands, and below their difference with its band, up to the reach of the recordings."""
-    figure, (loads, difference) = new_figure([3.3, 1.9])
     inside = compared.present.position <= compared.reach
-    x, change = compared.present.position[inside] / MM, compared.difference
+    change, present, calibrated = compared.difference, compared.present, compared.calibrated
+    difference = LoadCurve(present.position, change.force, change.low, change.high)
+    shown = [LoadCurve(*load.table()[inside].T) for load in (calibrated, present, difference)]
+    words = ("at the calibration", "now", "now minus calibration")
+    figure = two_loads_figure(shown, words, compared.reach)
+    for load, half, colour in (
+        (calibrated, compared.half_before, STYLE.orange), (present, compared.half_now, STYLE.blue),
+    ):  # fmt: skip
+        if np.isfinite(half.position):
+            force = float(np.interp(half.position, load.position, load.force))
+            figure.axes[0].plot([half.position / MM], [force], "o", color=colour, markersize=5, zorder=4)
+    return figure
+
+
+def two_loads_figure(curves: Sequence[LoadCurve], words: Sequence[str], reach: float) -> Figure:
+    """Two loads with their bands up to a position in m, and below them their difference; `words` name the three."""
+    figure, (loads, difference) = new_figure([3.3, 1.9])
+    lines = Line(STYLE.orange, words[0], 2.0), Line(STYLE.blue, words[1], 2.0), Line(STYLE.red, words[2], 1.6)
     for axis in (loads, difference):
         mark_span(axis, ENGAGING[0] / MM, ENGAGING[1] / MM)
-    before, now = Line(STYLE.orange, "at the calibration", 2.0), Line(STYLE.blue, "now", 2.0)
-    _draw_load(loads, compared.calibrated, compared.half_before, compared.reach, before)
-    _draw_load(loads, compared.present, compared.half_now, compared.reach, now)
-    fill(difference, x, change.low[inside], change.high[inside], Line(STYLE.red, opacity=0.2, layer=1))
-    draw(difference, x, change.force[inside], Line(STYLE.red, "now minus calibration", 1.6))
+    for axis, load, line in zip((loads, loads, difference), curves, lines, strict=True):
+        fill(axis, load.position / MM, load.low, load.high, Line(line.colour, opacity=0.2, layer=1))
+        draw(axis, load.position / MM, load.force, line)
     difference.axhline(0.0, color=STYLE.ink, linewidth=0.7)
     label(loads, y="load [N]")
     label(difference, "position [mm]", "change [N]")
-    loads.set_xlim(0, max(compared.reach / MM, 1.0))
+    loads.set_xlim(0.0, max(reach / MM, 1.0))
     for axis in (loads, difference):
         legend(axis, 4)
     figure.align_ylabels()
     return figure
-
-
-def _draw_load(axis: Axes, curve: LoadCurve, half: HalfLoad, reach: float, line: Line) -> None:
-    inside = curve.position <= reach
-    x = curve.position[inside] / MM
-    fill(axis, x, curve.low[inside], curve.high[inside], Line(line.colour, opacity=0.2, layer=1))
-    draw(axis, x, curve.force[inside], line)
-    if np.isfinite(half.position):
-        force = float(np.interp(half.position, curve.position, curve.force))
-        axis.plot([half.position / MM], [force], "o", color=line.colour, markersize=5, zorder=4)
 
 
 def change_table(compared: Comparison) -> ReportTable:

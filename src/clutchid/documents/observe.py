@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from clutchid.documents.comparison import two_loads_figure
 from clutchid.documents.diagnosis import limit_blocks
 from clutchid.documents.document import Block, Details, Document, Notice, Picture, Section, Text, page_rows
-from clutchid.documents.figures import draw, draw_duties, fill, label, legend, mark_span, new_figure, with_gaps
+from clutchid.documents.figures import draw, draw_duties, fill, label, legend, new_figure, with_gaps
 from clutchid.documents.fit_json import curve_json
 from clutchid.documents.innovations import innovation_blocks
 from clutchid.documents.observe_rows import observe_json, rows_of
@@ -17,7 +18,6 @@ from clutchid.documents.results import Observation
 from clutchid.documents.style import BAR, MM, STYLE, Line
 from clutchid.documents.tables import Cell, Column, ReportTable
 from clutchid.estimation import Estimate, LoadCurve
-from clutchid.estimation.assess.comparison import ENGAGING
 from clutchid.estimation.assess.innovations import innovation_statistics
 from clutchid.estimation.assess.observed import indicators, observed_verdict
 from clutchid.log import FloatArray
@@ -44,25 +44,12 @@ _SHOWN = 99.0
 
 def loads_figure(both: Loads) -> Figure:
     """The load before and after a recording with their bands, and below the change with the band of the load after."""
-    figure, (loads, change) = new_figure([3.3, 1.9])
     before, after = both.before, both.after
-    x = after.position / MM
-    for axis in (loads, change):
-        mark_span(axis, ENGAGING[0] / MM, ENGAGING[1] / MM)
-    for load, colour, words in ((before, STYLE.orange, "before"), (after, STYLE.blue, "after")):
-        fill(loads, x, load.low, load.high, Line(colour, f"95 % band {words}", opacity=0.2))
-        draw(loads, x, load.force, Line(colour, f"{words} the recording", 1.8))
-    fill(change, x, after.low - before.force, after.high - before.force, Line(STYLE.red, opacity=0.2))
-    draw(change, x, after.force - before.force, Line(STYLE.red, "after minus before, with the band after", 1.6))
-    change.axhline(0.0, color=STYLE.ink, linewidth=0.7)
-    label(loads, y="load [N]")
-    label(change, "position [mm]", "change [N]")
-    loads.set_xlim(0.0, float(x[-1]))
-    _limit(loads, np.concatenate([before.force, after.force, [0.0]]), 0.15)
-    _limit(change, np.append(after.force - before.force, 0.0), 1.0)
-    for axis in (loads, change):
-        legend(axis, 4)
-    figure.align_ylabels()
+    change = LoadCurve(after.position, *(side - before.force for side in (after.force, after.low, after.high)))
+    words = ("before the recording", "after the recording", "after minus before, with the band after")
+    figure = two_loads_figure((before, after, change), words, float(after.position[-1]))
+    _limit(figure.axes[0], np.concatenate([before.force, after.force, [0.0]]), 0.15)
+    _limit(figure.axes[1], np.append(change.force, 0.0), 1.0)
     return figure
 
 
