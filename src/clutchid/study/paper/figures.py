@@ -48,26 +48,14 @@ def figure_2() -> Figure:
     return figure
 
 
-def figure_3(cases: Sequence[Case]) -> Figure:
-    """Simulated positions on the fitted recording, N parts, and their errors."""
-    figure, axes = new_figure([2.4, 1.9, 1.9])
-    _over_time(axes, chosen(cases, "ballistic", "parts"), "position", MM)
-    label(axes[0], y="position [mm]")
-    label(axes[1], y="fitted simulation\n− measured [mm]")
-    label(axes[2], "time [s]", "ballistic run\n− measured [mm]")
-    figure.align_ylabels()
-    return figure
-
-
-def figure_4(cases: Sequence[Case]) -> Figure:
-    """Simulated pressure in chamber A on the fitted recording, N parts, and its error."""
-    measured = "pressure_a" in cases[0].fitted.measured
-    figure, axes = new_figure([2.4, 1.9, 1.9] if measured else [3.0])
-    _over_time(axes, chosen(cases, "ballistic", "parts"), "pressure_a", BAR)
-    label(axes[0], y="pressure A, absolute [bar]")
-    if measured:
-        label(axes[1], y="fitted simulation\n− measured [bar]")
-        label(axes[2], y="ballistic run\n− measured [bar]")
+def simulated_figure(cases: Sequence[Case], name: str, words: str, unit: tuple[str, float]) -> Figure:
+    """A simulated column on the fitted recording, N parts, and where it was measured its errors."""
+    symbol, factor = unit
+    figure, axes = new_figure([2.4, 1.9, 1.9] if name in cases[0].fitted.measured else [3.0])
+    _over_time(axes, chosen(cases, "ballistic", "parts"), name, factor)
+    label(axes[0], y=f"{words} [{symbol}]")
+    for axis, run in zip(axes[1:], ("fitted simulation", "ballistic run"), strict=False):
+        label(axis, y=f"{run}\n− measured [{symbol}]")
     label(axes[-1], "time [s]")
     figure.align_ylabels()
     return figure
@@ -217,8 +205,8 @@ _PAIR = (PaperMethod("ballistic"), PaperMethod("parts", 32))
 #: Figures by the paper's number.
 FIGURES: Mapping[int, Callable[[StudyResults], Figure]] = {
     2: lambda _: figure_2(),
-    3: lambda study: figure_3(study.cases),
-    4: lambda study: figure_4(study.cases),
+    3: lambda study: simulated_figure(study.cases, "position", "position", ("mm", MM)),
+    4: lambda study: simulated_figure(study.cases, "pressure_a", "pressure A, absolute", ("bar", BAR)),
     5: lambda study: figure_5(study.cases, study.fit_log, study.truth),
     6: lambda study: states_figure(study.case(_PAIR[0])),
     7: lambda study: states_figure(study.case(_PAIR[1])),
