@@ -65,10 +65,10 @@ def test_a_check_has_the_place_where_it_fails(looked, recording, tmp_path):
 
 def test_problems_are_the_message_and_the_exit_code(looked, recording, tmp_path):
     spoiled = tmp_path / "spoiled.csv"
-    spoiled.write_text(recording.read_text().replace("\n0.002,", "\n0.001,", 1))
+    spoiled.write_text(recording.read_text().replace("\n0.002,", "\nnoon,", 1))
     code, content = looked(spoiled)
     assert (code, content["status"]) == (2, "bad_input")
-    assert "time must increase" in content["message"]
+    assert "line 4 has 'noon'" in content["message"]
     assert content["checks"] == []
 
 

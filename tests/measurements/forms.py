@@ -38,8 +38,8 @@ FEATURES: Mapping[str, tuple[str, ...]] = {
 
 #: Words of a refusal that names a feature.
 WORDS = {
-    "none": r"unit", "late": r"decreases|repeats|order", "code": r"no value|not (a )?number", "restart": r"restart",
-    "own": r"all mean 'time'", "burst": r"burst|repeats", "row": r"unit", "jump": r"decreases", "lone": r"decreases",
+    "none": r"unit", "code": r"no value|not (a )?number", "restart": r"restart", "own": r"all mean 'time'",
+    "burst": r"burst", "row": r"unit",
 }  # fmt: skip
 
 _TABLES = ("csv", "parquet", "jsonl")

@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import clutchid.measurements as cio
@@ -114,30 +115,40 @@ def test_too_few_cells_far_down_are_not_taken_for_missing_samples(recording, sav
     assert "line 4001 has 4;" in problem
 
 
-def test_time_that_is_missing(recording, save):
-    assert problems(save(recording(9, {(3, 0): "", (4, 0): "nan", (7, 0): ""}))) == [
-        "column 'time [s]' is missing in lines 5-6, 9; every sample needs a time."
-    ]
+def test_a_sample_without_a_time_is_dropped_and_counted(recording, save):
+    log = cio.read(save(recording(9, {(3, 0): "", (4, 0): "nan", (7, 0): "inf"})))
+    assert np.round(1e3 * log.time, 9).tolist() == [0, 1, 2, 5, 6, 8]
+    assert log.warnings == ("3 samples without a time stamp (lines 5-6, 9) are dropped.",)
 
 
-def test_a_time_that_is_no_number_is_not_reported_as_missing_too(recording, save):
-    number, missing = problems(save(recording(9, {(3, 0): "noon", (5, 0): ""})))
+def test_a_time_that_is_no_number_is_a_problem(recording, save):
+    (number,) = problems(save(recording(9, {(3, 0): "noon", (5, 0): ""})))
     assert "line 5 has 'noon';" in number
-    assert "is missing in line 7;" in missing
 
 
-def test_time_that_goes_back_or_repeats(recording, save):
-    assert problems(save(recording(6, {(2, 0): "0.001", (4, 0): "0.0005"}))) == [
-        "column 'time [s]' decreases or repeats: line 4 has 0.001 s after 0.001 s, line 6 has 0.0005 s after 0.003 s; "
-        "time must increase from sample to sample."
-    ]
-    (problem,) = problems(save(recording(30, {(i, 0): str(max(i, 19)) for i in range(30)})))
-    assert "line 7 has 19 s after 19 s and 14 more; time must" in problem
+def test_time_that_goes_back_or_repeats_is_dropped_and_counted(recording, save):
+    log = cio.read(save(recording(6, {(2, 0): "0.001", (4, 0): "0.0005"})))
+    assert log.time.tolist() == [0, 0.001, 0.003, 0.005]
+    assert log.warnings == (
+        "1 sample repeats the time stamp of another (line 4); the later one is kept.",
+        "1 sample out of order in time (line 6) is dropped.",
+    )
 
 
-def test_time_is_compared_across_a_sample_without_time(recording, save):
-    missing, back = problems(save(recording(4, {(1, 0): "", (2, 0): "-1"})))
-    assert ("missing in line 3;" in missing, "line 4 has -1 s after 0 s;" in back) == (True, True)
+@pytest.mark.parametrize(
+    ("stamps", "words"),
+    [
+        (["" for _ in range(30)], r"places only 0 of 30 samples: .* \(lines 2-31\)"),
+        (
+            [str(i // 15) for i in range(30)],
+            "only 2 of 30 samples: the others have no time stamp, repeat one or come late",
+        ),
+        ([str(30 - i) for i in range(30)], "only 1 of 30 samples: .*lines 3-31.*increasing time for every sample"),
+    ],
+)
+def test_a_time_that_places_hardly_a_sample_is_a_problem(recording, save, stamps, words):
+    (problem,) = problems(save(recording(30, {(i, 0): stamp for i, stamp in enumerate(stamps)})))
+    assert re.search(words, problem)
 
 
 def test_a_duty_cycle_outside_zero_to_one(recording, save):
@@ -178,9 +189,8 @@ def test_a_gauge_pressure_below_vacuum(recording, save):
 
 
 def test_an_infinite_cell_is_a_problem(recording, save):
-    cells = {(4, 0): "inf", (1, 1): "1e999", (2, 1): "-inf", (0, 2): "inf", (0, 4): "-inf"}
-    time, position, duty, pressure = problems(save(recording(5, cells)))
-    assert time.startswith("column 'time [s]' is infinite in line 6;")
+    cells = {(1, 1): "1e999", (2, 1): "-inf", (0, 2): "inf", (0, 4): "-inf"}
+    position, duty, pressure = problems(save(recording(5, cells)))
     assert position.startswith("column 'position [m]' is infinite in lines 3-4; write a finite number")
     assert duty.startswith("column 'duty_supply [1]' is infinite in line 2;")
     assert pressure.startswith("column 'pressure_a [Pa]' is infinite in line 2;")
@@ -196,7 +206,6 @@ def test_all_problems_are_reported_at_once(save):
         r"no column 'duty_exhaust'",
         r"line 5 has 2",
         r"line 3 has 'x'",
-        r"line 4 has 0 s after 0 s",
         r"line 4 has -5",
     ):
         assert re.search(part, found), part

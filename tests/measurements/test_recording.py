@@ -266,7 +266,6 @@ HUGE = {"t": ("s", SLOW), "Weg": ("m", np.full(SLOW.size, 1e300))}
         (WITHOUT_TIME, False, POSITION, r"add \[time\] to the map, or rate = 1000.0 above its first table, in Hz"),
         (HUGE, True, ChannelMap({"position": Channel("Weg", factor=1e300)}), "'Weg' is infinite in rows 1-200"),
         (HUGE, True, ChannelMap({"position": Channel("Weg", offset=1.7e308, factor=1e300)}), "infinite in rows 1-200"),
-        (STANDARD | {"time": ("s", np.r_[FAST[:5], FAST[4:-1]])}, True, None, "time must increase"),
     ],
 )
 def test_a_file_and_a_map_that_do_not_fit_are_a_sentence(source, columns, clock, channels, words):

@@ -122,28 +122,10 @@ def _problems(name: str, column: _Column) -> Iterable[str]:
             f"column '{column.heading.text}' is infinite in {column.places.ranges(infinite)}; "
             "write a finite number, or leave the cell empty where the sample is missing."
         )
-    if name == "time":
-        yield from _time(column)
-    elif name in INPUTS and column.heading.si is not None:
+    if name in INPUTS and column.heading.si is not None:
         yield from _duty(column)
     elif name in _ABSOLUTE and column.heading.si is not None:
         yield from _pressure(column)
-
-
-def _time(column: _Column) -> Iterable[str]:
-    missing = column.missing
-    if missing.size:
-        where = column.places.ranges(missing)
-        yield f"column '{column.heading.text}' is missing in {where}; every sample needs a time."
-    rows = np.flatnonzero(np.isfinite(column.values))
-    time = column.values[rows]
-    late = np.flatnonzero(time[1:] <= time[:-1])
-    if late.size:
-        before = dict(zip(rows[late + 1][:SHOWN].tolist(), rows[late][:SHOWN].tolist(), strict=True))
-        where = column.places.each(
-            rows[late + 1], lambda row: f"has {column.shown(row)} after {column.shown(before[row])}"
-        )
-        yield f"column '{column.heading.text}' decreases or repeats: {where}; time must increase from sample to sample."
 
 
 def _duty(column: _Column) -> Iterable[str]:

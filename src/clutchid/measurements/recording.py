@@ -1,7 +1,6 @@
 """Convert a file to a recording in SI on one time grid, as a whole or in pieces.
 
-Its channels are assigned by a channel map, or by their names: a table whose columns have the standard names is read as
-it stands, and its time must increase; the time stamps of any other file are repaired.
+Its channels are assigned by a channel map, or by their names; the time stamps of every file are repaired by one law.
 """
 
 from __future__ import annotations
@@ -25,11 +24,15 @@ from clutchid.measurements.map.channel_map import COUNTED, Channel, ChannelMap, 
 from clutchid.measurements.opening import MEMORY_VARIABLE, memory
 from clutchid.measurements.source import BLOCK, Places, Rows, Source, Table, with_unit
 from clutchid.measurements.sparse import by_presence
+from clutchid.messages import sample_count
 
 Item = TypeVar("Item")
 
 #: Part of the memory limit that the values of a recording may take as a whole: reading holds them up to four times.
 _PART = 0.4
+
+#: Share of the first samples of a time grid that must have a time stamp of their own; else the time is no time.
+_PLACED = 0.1
 
 
 @dataclass(slots=True)
@@ -113,7 +116,7 @@ def by_names(source: Source, required: Sequence[str]) -> tuple[tuple[PickedChann
         return (), ((source.unnamed,) if source.unnamed else ())
     headings = source.rasters[0].headings
     columns = {heading.name: (heading, Channel(heading.text)) for heading in headings if heading.name is not None}
-    chosen = PickedChannels(0, columns, notes=tuple(ignored(headings)), increasing=True)
+    chosen = PickedChannels(0, columns, notes=tuple(ignored(headings)))
     return (chosen,), tuple(heading_problems(headings, tuple(dict.fromkeys(("time", *required)))))
 
 
@@ -193,10 +196,7 @@ def _grids(
     """
     plans = _plans(source, picks, ambient, messages) if len(picks) > 1 and not source.one_clock else {}
     for chosen in picks:
-        columns = chosen.indices
-        if chosen.increasing:  # of columns with the same name all are checked
-            columns = [heading.index for heading in source.rasters[chosen.raster].headings if heading.name is not None]
-        every = tables if tables is not None else source.tables(chosen.raster, columns, rows)
+        every = tables if tables is not None else source.tables(chosen.raster, chosen.indices, rows)
         first = list(islice(every, 1))
         grids = by_presence(chosen, first[0]) if first else [chosen]
         messages.warnings += [note for grid in grids for note in grid.notes if note not in chosen.notes]
@@ -222,44 +222,43 @@ def _blocks(
     clock = whole = clock_rules.AT_START
     count = 0
     for table in tables:
-        named = table if chosen.increasing else _named(table, chosen, count)
+        named = _named(table, chosen, count)
         said: Sequence[str] = ()
         at = next((i for i, heading in enumerate(named.headings) if heading.name == "time"), None)
         if at is not None and named.headings[at].index in named.numbers and named.headings[at].si:
             stamps = in_si(named.headings[at], named.numbers[named.headings[at].index], ambient)
             if plan is not None:
                 stamps = plan.applied(stamps, count)
-            if chosen.increasing:
-                named, said, clock = _as_written(named, at, stamps, clock)
-            else:
-                before: list[str] = []
-                if chosen.sparse:  # its rows share a clock, whatever is in them
-                    rows, time, before, whole = time_axis.on_clock(stamps, named.places, whole, shared=True)
-                    named, stamps = _present(_kept(named, at, rows, time), at, time)
-                repaired = time_axis.repair(stamps, named.places, clock, shared=source.one_clock or chosen.sparse)
-                said, clock = [*before, *repaired.messages], repaired.clock
-                named = _kept(named, at, repaired.rows, repaired.time)
+            before: list[str] = []
+            if chosen.sparse:  # its rows share a clock, whatever is in them
+                rows, time, before, whole = time_axis.on_clock(stamps, named.places, whole, shared=True)
+                named, stamps = _present(_kept(named, at, rows, time), at, time)
+            repaired = time_axis.repair(stamps, named.places, clock, shared=source.one_clock or chosen.sparse)
+            said, clock = [*before, *repaired.messages], repaired.clock
+            if count == 0:
+                messages.problems += _unplaced(named.headings[at], named.places, stamps.size, repaired.rows)
+            named = _kept(named, at, repaired.rows, repaired.time)
         count += table.size
         checked = check(named, ambient, holes_end=not chosen.on_change)
         messages.warnings += [f"{_where(source, chosen.raster)}{sentence}" for sentence in said]
         messages.problems += checked.problems
         messages.warnings += [*table.warnings, *checked.warnings]
-        if table.problems or (chosen.increasing and messages.problems):
+        if messages.problems:
             yield time_axis.no_samples(name for name in chosen.columns if name != "time")
             return
         columns = dict(checked.columns)
         yield time_axis.SampleBlock(columns.pop("time"), columns).earlier(chosen.delay)
 
 
-def _as_written(
-    table: Table, at: int, stamps: FloatArray, clock: clock_rules.Clock
-) -> tuple[Table, Sequence[str], clock_rules.Clock]:
-    """A table whose stamps must increase, repaired where its clock restarts, and as it is where it does not."""
-    if not np.isfinite(stamps).all():
-        return table, (), clock
-    rows, time, said, after = time_axis.on_clock(stamps, table.places, clock)
-    unchanged = rows.size == stamps.size and np.array_equal(time, stamps)
-    return (table if unchanged else _kept(table, at, rows, time)), said, after
+def _unplaced(clock: Heading, places: Places, size: int, rows: Rows) -> list[str]:
+    """Problem of a time that leaves only a few of the first samples, those in `rows`."""
+    if rows.size >= _PLACED * size:
+        return []
+    where = places.ranges(np.setdiff1d(np.arange(size), rows))
+    return [
+        f"the time '{clock.text}' places only {rows.size:,} of {sample_count(size)}: the others have no time stamp, "
+        f"repeat one or come late ({where}); write an increasing time for every sample, with enough digits."
+    ]
 
 
 def _present(table: Table, at: int, stamps: FloatArray) -> tuple[Table, FloatArray]:

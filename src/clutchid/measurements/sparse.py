@@ -68,7 +68,7 @@ def by_presence(
                 heading, entry = columns[name]
                 columns[name] = (heading, entry if entry.longest is not None else replace(entry, longest=np.inf))
                 notes = (*notes, f"{name}: is recorded where it changes; each sample is held until the next one.")
-        picks.append(replace(chosen, columns=columns, notes=notes, increasing=False, sparse=True))
+        picks.append(replace(chosen, columns=columns, notes=notes, sparse=True))
         notes = ()
     return picks
 

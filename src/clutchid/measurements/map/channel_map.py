@@ -94,8 +94,8 @@ class PickedChannels:
     """Channels on one time grid: heading and map entry by quantity, including `time` unless that is a problem.
 
     `delay` in s is the common delay of the channels after their time stamps; with a `rate` in Hz the time is sample /
-    rate. `notes` are assumptions that the user has to know. Time stamps that must be `increasing` are not repaired, but
-    for what the clock of the file does. Of `sparse` channels a row that holds none is no sample.
+    rate. `notes` are assumptions that the user has to know. Of `sparse` channels a row
+    that holds none is no sample.
     """
 
     raster: int
@@ -103,7 +103,6 @@ class PickedChannels:
     delay: float = 0.0
     rate: float | None = None
     notes: tuple[str, ...] = ()
-    increasing: bool = False
     sparse: bool = False
 
     @property
