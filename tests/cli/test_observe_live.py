@@ -326,6 +326,11 @@ def test_a_counter_that_wraps_gives_the_numbers_of_one_that_does_not(call, lines
     plain, wrapped = (pl.read_parquet(tmp_path / f"{name}.parquet") for name in ("plain", "est"))
     for name in ("time [s]", "position [m]", "pressure_a [Pa]"):  # the period is added to stamps that were rounded
         assert wrapped[name].to_list() == pytest.approx(plain[name].to_list(), rel=1e-9)
+    text = with_times(lines, lambda i: (i + 62536) % 65536)
+    assert call(text[:4001], "--save", "state.toml", out="one.parquet")[0] == 0
+    assert call([text[0], *text[4001:]], "--resume", "state.toml", out="two.parquet")[0] == 0
+    both = pl.concat(pl.read_parquet(tmp_path / f"{name}.parquet") for name in ("one", "two"))
+    assert both.equals(wrapped, null_equal=True)
 
 
 def test_sentences_about_the_clock_come_to_an_end():

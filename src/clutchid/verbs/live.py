@@ -102,10 +102,10 @@ def arriving(reading: LiveReading, content: ParameterFile, stopped: Callable[[],
     ambient = pressure(files.ambient) or known_ambient(content.actuator.parameters.P_0) or AMBIENT
     equipment = content.actuator.equipment
     required = ("time", "position", *equipment.recorded)
+    origin = None if reading.resume is None or reading.grows else saved_origin(reading.resume)
     if (bus := bus_name(str(log))) is not None:
         frames = from_bus(bus, stopped)
         name = printable(bus.channel)
-        origin = None if reading.resume is None else saved_origin(reading.resume)
         blocks = bus_blocks(frames, name, tuple(files.dbc or ()), channels, ambient, required, origin)
     elif str(log) == STANDARD_INPUT:
         if sys.stdin is None:
@@ -113,10 +113,10 @@ def arriving(reading: LiveReading, content: ParameterFile, stopped: Callable[[],
                 "standard input: is closed; name a file, or send samples, as in: cat LOG | clutchid observe -"
             )
         pieces = from_descriptor(sys.stdin.fileno(), stopped)
-        blocks = text_blocks(pieces, "stdin", channels, ambient, required)
+        blocks = text_blocks(pieces, "stdin", channels, ambient, required, origin=origin)
     else:
         pieces = from_growing_file(log, stopped)
-        blocks = text_blocks(pieces, printable(log.stem), channels, ambient, required)
+        blocks = text_blocks(pieces, printable(log.stem), channels, ambient, required, grows=True)
     for block in blocks:
         yield replace(block, log=equipment.driven(block.log))
 

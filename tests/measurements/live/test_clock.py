@@ -8,7 +8,8 @@ import pytest
 from clutchid.log import Log
 from clutchid.measurements import read
 from clutchid.measurements.formats.can.frames import frame_of, in_blocks
-from clutchid.measurements.live.bus import ORIGIN, bus_blocks
+from clutchid.measurements.live.arrival import ORIGIN
+from clutchid.measurements.live.bus import bus_blocks
 from clutchid.measurements.live.text import text_blocks
 from clutchid.measurements.map.channel_map import Channel, ChannelMap
 from fixtures.bus import DBC, frames_of, message
@@ -70,19 +71,51 @@ def check(log, columns, said, words):
         assert any(re.search(words, sentence) for sentence in said), said
 
 
+def lines_of(trouble):
+    """Header and samples as lines of text."""
+    rows = zip(TROUBLES[trouble][0](TIME), TIME, strict=True)
+    samples = [f"{t:.6f},{1e-3 * y:.7f},{0.2 * y:.5f},{0.9 - 0.2 * y:.5f}\n".encode() for t, y in rows]
+    return [b"time [s],position [m],duty_supply [1],duty_exhaust [1]\n", *samples]
+
+
+def followed(lines, **options):
+    return joined(text_blocks(iter([b"".join(lines)]), "run", None, 1e5, NEEDED, **options))
+
+
 @pytest.mark.parametrize("size", [40, 3001])
 @pytest.mark.parametrize("trouble", TROUBLES)
 def test_a_text_has_the_stamps_of_the_file(trouble, size, tmp_path):
-    stamped, words = TROUBLES[trouble]
-    rows = [
-        f"{t:.6f},{1e-3 * y:.7f},{0.2 * y:.5f},{0.9 - 0.2 * y:.5f}" for t, y in zip(stamped(TIME), TIME, strict=True)
-    ]
-    lines = ["time [s],position [m],duty_supply [1],duty_exhaust [1]", *rows]
-    text = "".join(f"{line}\n" for line in lines).encode()
+    _, words = TROUBLES[trouble]
+    text = b"".join(lines_of(trouble))
     (tmp_path / "run.csv").write_bytes(text)
     pieces = (text[begin : begin + 33 * size] for begin in range(0, len(text), 33 * size))
     columns, said, _, _ = joined(text_blocks(pieces, "run", None, 1e5, NEEDED))
     check(read(tmp_path / "run.csv"), columns, said, words)
+
+
+@pytest.mark.parametrize("trouble", TROUBLES)
+def test_a_growing_file_that_is_stopped_anywhere_has_the_first_samples_of_the_whole(trouble):
+    lines = lines_of(trouble)
+    whole, _, _, _ = followed(lines, grows=True)
+    for count in (501, 1001, 1501, 1502, 1560, 1599, 1640, 1750):
+        stopped, said, _, _ = followed(lines[: count + 1], grows=True)
+        for name, values in stopped.items():
+            assert np.array_equal(values, whole[name][: values.size]), name
+        left = count - stopped["time"].size
+        assert left <= 202  # what shows it within 0.2 s, and lone stamps
+        assert any("left for --resume" in sentence for sentence in said) or left <= 2
+
+
+@pytest.mark.parametrize("count", [1100, 2200])
+@pytest.mark.parametrize("trouble", TROUBLES)
+def test_a_text_that_is_stopped_goes_on_from_the_origin_of_its_time(trouble, count):
+    lines = lines_of(trouble)
+    first, _, _, metadata = followed(lines[: count + 1])
+    origin = float(metadata[ORIGIN]) if ORIGIN in metadata else None
+    rest, _, _, _ = followed([lines[0], *lines[count + 1 :]], origin=origin)
+    whole, _, _, _ = followed(lines)
+    for name, values in whole.items():
+        assert np.array_equal(np.append(first[name], rest[name]), values), name
 
 
 @pytest.mark.parametrize("size", [40, 5000])

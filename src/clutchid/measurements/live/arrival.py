@@ -9,21 +9,33 @@ import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.log import FloatArray, Log
-from clutchid.measurements.live.order import FIRST, ArrivedBatch, LeftOutCounts, final, none_waiting, sorted_in
+from clutchid.measurements.live.order import (
+    FIRST,
+    ArrivedBatch,
+    LeftOutCounts,
+    WaitingSamples,
+    final,
+    none_waiting,
+    sorted_in,
+)
 from clutchid.measurements.map.channel_map import PickedChannels
 from clutchid.measurements.time_axis import SampleBlock, align, usual_interval
+from clutchid.messages import quantity, sample_count
+
+#: Entry of the metadata: the stamp of the source in s that is the time 0 of the recording.
+ORIGIN = "origin_s"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LiveBlock:
     """A block of a recording, and the counts of samples left out since the block before.
 
-    `log.warnings` say what was done with the clock since the block before, `shift` is by how much it is moved in s.
+    `log.warnings` say what was done with the clock since the block before; the metadata have the stamp in s that is the
+    time 0, as `ORIGIN`, where the clock was moved, and of a bus.
     """
 
     log: Log
     left_out: LeftOutCounts
-    shift: float = 0.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -44,6 +56,10 @@ def live_blocks(
     name: str,
     metadata: Mapping[str, str],
     word: str = "sample",
+    *,
+    origin: float | None = None,
+    shift: float = 0.0,
+    grows: bool = False,
 ) -> Iterator[LiveBlock]:
     """Blocks of a recording as their samples arrive; the first has at least `FIRST` samples, if there are as many.
 
@@ -57,13 +73,19 @@ def live_blocks(
         The channels of each stream, the position's first.
     word
         What has a stamp, by which sentences about the clock count.
+    origin : s
+        The stamp that is the time 0 of the batches, None where stamps count from 0.
+    shift : s
+        By how much the clock is moved before the first sample, in a recording that goes on.
+    grows
+        Whether the samples can be read again with those behind them, so that at the end those behind a jump are left.
 
     Raises
     ------
     DataError
         If there is no sample; or as `batches`.
     """
-    waiting = none_waiting([[column for column in chosen.columns if column != "time"] for chosen in picks], word)
+    waiting = none_waiting([[column for column in chosen.columns if column != "time"] for chosen in picks], word, shift)
     unused, left, said = _UnusedSamples(waiting.streams[0], waiting.streams[1:]), LeftOutCounts(), tuple[str, ...]()
     trouble: DataError | None = None
     begun = ended = False
@@ -73,17 +95,30 @@ def live_blocks(
         except DataError as error:
             batch, trouble = None, error
         ended = batch is None
-        waiting, out, sentences = sorted_in(waiting, batch or ArrivedBatch(np.empty(0), ()), ended=ended)
+        left_over = grows and trouble is None and waiting.tolerance is not None
+        more = batch or ArrivedBatch(np.empty(0), ())
+        waiting, out, sentences = sorted_in(waiting, more, ended=ended and not left_over)
+        if ended and waiting.stamps.size:
+            sentences = (*sentences, _left_sentence(waiting))
         left, said = left.plus(out), (*said, *sentences)
         waiting, ready = final(waiting, ended=ended)
         unused, block = _joined(unused, ready, picks, ended=ended)
         if block.time.size or (ended and begun and any((*left, *said))):
-            yield LiveBlock(Log(block.time, block.columns, name, metadata, said), left, waiting.clock.shift)
+            moved = waiting.clock.shift
+            now = metadata if origin is None and not moved else {**metadata, ORIGIN: repr((origin or 0.0) - moved)}
+            yield LiveBlock(Log(block.time, block.columns, name, now, said), left)
             begun, left, said = True, LeftOutCounts(), ()
     if trouble is None and not begun:
         trouble = DataError(f"{name}: ended before the first sample with a time; nothing can be observed.")
     if trouble is not None:
         raise trouble
+
+
+def _left_sentence(waiting: WaitingSamples) -> str:
+    """Sentence about samples that no block has had."""
+    count = sample_count(waiting.stamps.size)
+    jump = f"{quantity(waiting.stamps[0], 's')} after {quantity(waiting.clock.written, 's')}"
+    return f"the clock jumps before the end ({jump}), and nothing shows why yet: {count} left for --resume."
 
 
 def _joined(

@@ -212,9 +212,6 @@ _LEARNT, SLOW, _PATIENT, MOST = 1.0, 3.0, 10.0, 1 << 17
 
 _UNREADABLE = "error frame"
 
-#: Entry of the metadata: the stamp of the bus in s that is the time 0 of the recording.
-ORIGIN = "origin_s"
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _BusLayout:
@@ -237,9 +234,8 @@ def bus_blocks(
 ) -> Iterator[LiveBlock]:
     """Blocks of a recording from the frames of a bus, see `clutchid.measurements.live.arrival.live_blocks`.
 
-    The first second shows which messages there are; its samples count. Stamps are in s from the origin, which the
-    metadata have as `ORIGIN`, moved where the clock of the bus begins again. Columns of other messages than the
-    position's are held until its stamps.
+    The first second shows which messages there are; its samples count. Stamps are in s from the origin. Columns of
+    other messages than the position's are held until its stamps.
 
     Parameters
     ----------
@@ -269,11 +265,8 @@ def bus_blocks(
     first, layout = _learnt(frames, name, messages, channels, required)
     layout = layout if origin is None else replace(layout, origin=origin)
     metadata = {"source": name, "ambient_Pa": repr(float(ambient)), "dbc": ", ".join(file.name for file in dbc)}
-    metadata[ORIGIN] = repr(layout.origin)
     batches = (_batch(block, layout, ambient) for block in chain(first, frames))
-    for block in live_blocks(batches, layout.picks, name, metadata, "frame"):
-        moved = {**metadata, ORIGIN: repr(layout.origin - block.shift)} if block.shift else metadata
-        yield replace(block, log=replace(block.log, metadata=moved))
+    yield from live_blocks(batches, layout.picks, name, metadata, "frame", origin=layout.origin)
 
 
 def _learnt(

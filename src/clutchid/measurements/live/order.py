@@ -168,9 +168,12 @@ class LeftOutCounts(NamedTuple):
         return LeftOutCounts(*(count + more for count, more in zip(self, other, strict=True)))
 
 
-def none_waiting(names: Sequence[Sequence[str]], word: str = "sample") -> WaitingSamples:
-    """No samples yet, of streams with columns of these names; sentences count stamps as `word`."""
-    return WaitingSamples(tuple(map(no_samples, names)), word=word)
+def none_waiting(names: Sequence[Sequence[str]], word: str = "sample", shift: float = 0.0) -> WaitingSamples:
+    """No samples yet, of streams with columns of these names; sentences count stamps as `word`.
+
+    `shift` is by how much the clock is moved in s before the first sample.
+    """
+    return WaitingSamples(tuple(map(no_samples, names)), Clock(shift=shift), word=word)
 
 
 def sorted_in(

@@ -164,7 +164,14 @@ def _cells(text: bytes, notation: Dialect, chosen: Sequence[int]) -> TextRows:
 
 
 def text_blocks(
-    pieces: Iterator[bytes], name: str, channels: ChannelMap | None, ambient: float, required: Sequence[str]
+    pieces: Iterator[bytes],
+    name: str,
+    channels: ChannelMap | None,
+    ambient: float,
+    required: Sequence[str],
+    *,
+    origin: float | None = None,
+    grows: bool = False,
 ) -> Iterator[LiveBlock]:
     """Blocks of a recording from pieces of text of any length, see `clutchid.measurements.live.arrival.live_blocks`.
 
@@ -178,6 +185,10 @@ def text_blocks(
         Absolute pressure that is added to gauge pressures.
     required
         Quantities that the recording must have.
+    origin : s
+        The stamp that is the time 0 of a recording that goes on, None for 0.
+    grows
+        As of `live_blocks`.
 
     Raises
     ------
@@ -194,7 +205,8 @@ def text_blocks(
         picks = by_position(grid for pick in picks for grid in by_presence(pick, first.table, _TELLING, _FEW))
         every = chain([first], every)
     metadata = {"source": name, "ambient_Pa": repr(float(ambient))}
-    yield from live_blocks(_batches(every, picks, ambient), picks, name, metadata)
+    batches = _batches(every, picks, ambient)
+    yield from live_blocks(batches, picks, name, metadata, shift=-(origin or 0.0), grows=grows)
 
 
 #: Rows that show whether a channel is sparse, which are there however the text is cut, and samples that it has in them.

@@ -132,8 +132,8 @@ class Outputs:
 
 
 def _origin_of(log: Log) -> float | None:
-    """Stamp of the bus in s that is the time 0 of a live recording, None for any other recording."""
-    from clutchid.measurements.live.bus import ORIGIN
+    """Stamp in s that is the time 0 of a live recording, None where that is 0."""
+    from clutchid.measurements.live.arrival import ORIGIN
 
     return float(log.metadata[ORIGIN]) if ORIGIN in log.metadata else None
 
