@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -155,7 +155,7 @@ def observe(
         message = " ".join(filter(None, (end.fault, *end.troubles)))
         trouble = ("bad_input" if end.fault else "failed", message)
         observation = Observation(end.run, content.origin)
-        return _answer(observation, outputs, json=options.json, trouble=trouble, moved=end.moved)
+        return _answer(observation, outputs, json=options.json, trouble=trouble, moved=end.moved, said=end.said)
 
 
 def _answer(
@@ -165,6 +165,7 @@ def _answer(
     json: bool,
     trouble: tuple[str, str] = ("", ""),
     moved: Mapping[Path, Path | None] = MappingProxyType({}),
+    said: Collection[str] = (),
 ) -> int:
     """Print the result, and which files were written; the exit code.
 
@@ -174,6 +175,8 @@ def _answer(
         Status and message, which is empty where a live recording ended without a fault.
     moved
         Places of files that could not be written where they were asked for; None is nowhere.
+    said
+        Warnings that were said already.
     """
     from clutchid.documents import On, document_of
 
@@ -182,7 +185,7 @@ def _answer(
         print_json({**document.data(), **({"status": status, "message": message} if message else {})})
         return DONE if not message else BAD_INPUT if status == "bad_input" else FAILED
     messages: TextIO = sys.stderr if outputs.publish == STANDARD_OUTPUT else sys.stdout
-    say(observation.run.log.warnings)
+    say(warning for warning in observation.run.log.warnings if warning not in said)
     print_rows(document.rows_on(On.BRIEF), messages)
     print_written(*(moved.get(path, path) for path in outputs.paths), to=messages)
     return complain(message, as_json=False, status=status) if message else DONE

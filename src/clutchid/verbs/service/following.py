@@ -43,12 +43,15 @@ class Followed(NamedTuple):
         Faults of the files, as sentences.
     moved
         Places of files that could not be written where they were asked for; None is nowhere.
+    said
+        The warnings of the recording that were said while it went on.
     """
 
     run: ObservedRecording
     fault: str
     troubles: Sequence[str]
     moved: Mapping[Path, Path | None]
+    said: frozenset[str]
 
 
 def follow(reading: LiveReading, content: ParameterFile, outputs: Outputs, *, say_checks: bool) -> Followed:
@@ -74,9 +77,9 @@ def follow(reading: LiveReading, content: ParameterFile, outputs: Outputs, *, sa
             begin = begun(blocks, content, reading)
             if reading.resume is not None:  # what comes again
                 files.cut(left, float(begin.first.time[0]))
-            run, fault = _observed(begin, outputs, files, stopped, say_checks=say_checks)
+            run, fault, said = _observed(begin, outputs, files, stopped, say_checks=say_checks)
         files.write_at_the_end(outputs, run.recent(), content)
-    return Followed(run.recent(), fault, files.troubles, files.moved)
+    return Followed(run.recent(), fault, files.troubles, files.moved, said)
 
 
 @contextmanager
@@ -115,17 +118,18 @@ def shown_clock(sentences: Sequence[str], said: int) -> Sequence[str]:
     from clutchid.observer.live import SENTENCES
 
     shown = list(sentences[: max(SENTENCES - said, 0)])
-    last = f"further sentences about the clock are not shown; the last {SENTENCES} come with the result."
+    last = f"further sentences about the clock are not shown; of these the last {SENTENCES} come with the result."
     return [*shown, last] if said <= SENTENCES < said + len(sentences) else shown
 
 
 def _observed(
     begin: Begun, outputs: Outputs, files: FileTroubles, stopped: Stopped, *, say_checks: bool
-) -> tuple[LiveRun, str]:
-    """The recording, whose samples and strokes are written as they come; and why it ended if that was a fault."""
+) -> tuple[LiveRun, str, frozenset[str]]:
+    """The recording, whose samples and strokes are written as they come; the fault that ended it; and what was said."""
     from clutchid.observer.live import checked
 
-    run, fault, saved, said = begin.run, "", time.monotonic(), 0
+    run, fault, saved, count = begin.run, "", time.monotonic(), 0
+    said: frozenset[str] = frozenset()
     with (
         sinks_of(outputs, stopped) as sinks,
         files.spooled(outputs.out) as add_samples,
@@ -143,9 +147,10 @@ def _observed(
             if now:
                 saved = time.monotonic()
                 files.save(outputs.save, run)
-            clock, said = shown_clock(part.log.warnings, said), said + len(part.log.warnings)
-            if say_checks and (new := (*(run.checked or () if before.checked is None else ()), *clock)):
-                say_unhurried(new)
+            clock, count = shown_clock(part.log.warnings, count), count + len(part.log.warnings)
+            new = (*(run.checked or () if before.checked is None else ()), *clock)
+            if say_checks and new and say_unhurried(new):
+                said |= {*new}
             for sink in sinks:
                 sink(before, run, part)
-    return checked(run), fault
+    return checked(run), fault, said

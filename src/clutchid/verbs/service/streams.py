@@ -118,8 +118,8 @@ def unhurried_errors() -> Iterator[None]:
                 collected.flush()
 
 
-def say_unhurried(warnings: Iterable[str]) -> None:
-    """Print warnings while the recording goes on; a closed terminal does not end it.
+def say_unhurried(warnings: Iterable[str]) -> bool:
+    """Print warnings while the recording goes on, and return whether they were taken; a closed terminal is no error.
 
     A stopped terminal, or a pipe that nobody reads, is given as much time as a stopped publisher.
     """
@@ -128,6 +128,7 @@ def say_unhurried(warnings: Iterable[str]) -> None:
     with suppress(OSError, ValueError), outgoing(sys.stderr) as out:
         if out is None or shown:
             put(text.removesuffix("\n"), to=sys.stderr)
-        else:
-            encoding = sys.stderr.encoding or "utf-8"
-            sender_to(out, lambda: False, _STALL_STOPPED)(text.encode(encoding, "backslashreplace"), wait=True)
+            return True
+        encoding = sys.stderr.encoding or "utf-8"
+        return sender_to(out, lambda: False, _STALL_STOPPED)(text.encode(encoding, "backslashreplace"), wait=True)
+    return False
