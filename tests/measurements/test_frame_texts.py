@@ -73,6 +73,14 @@ def lines(form):
             BUSMASTER.replace("HEX", "DEC").replace("SYSTEM", "RELATIVE"),
             lambda _, i, d, g: f"{clock(g)} Rx 1 {i:03d} s 8 {' '.join(f'{b:03d}' for b in d)}",
         ),
+        "asc": (
+            "date Wed May 1 12:00:00.000 pm 2024\nbase hex  timestamps absolute",
+            lambda t, i, d, _: f"{t:11.6f} 1  {i:X}  Rx   d 8 {spaced(d)}",
+        ),
+        "trc": (
+            ";$FILEVERSION=1.1\n;$STARTTIME=45413.5",
+            lambda t, i, d, _: f"{round(t * 1e3):6d}) {t * 1e3:12.1f}  Rx     {i:04X}  8  {spaced(d)}",
+        ),
     }[form]
     return [head, *(line(*row) for row in rows)][not head :]
 
@@ -92,6 +100,18 @@ def test_frames_are_the_same_in_every_text(form, save):
     assert [bytes(row) for row in block.data] == [data for _, _, data in FRAMES]
     assert np.allclose(block.stamp - block.stamp[0], STAMPS - STAMPS[0], rtol=0, atol=1e-9)
     assert not block.extended.any()
+
+
+@pytest.mark.parametrize("form", [*FORMS, "asc", "trc"])
+def test_a_line_that_is_cut_off_is_no_frame_with_zeros(form, save):
+    *text, last = lines(form)[-9:]
+    head, data = lines(form)[: -len(FRAMES)], FRAMES[-1][2]
+    for cut in range(len(last) - 20, len(last)):
+        (block,) = frame_log(save("\n".join([*head, *text, last[:cut]]), "run.log")).blocks()
+        if len(block) > 8:
+            assert form.startswith("-L") or block.length[-1] == 8
+            size = min(int(block.length[-1]), 7)  # of the last byte a digit may be missing
+            assert bytes(block.data[-1])[:size] == data[:size]
 
 
 @pytest.mark.parametrize("form", ["-td", "busmaster decimal"])

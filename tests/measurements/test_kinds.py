@@ -31,6 +31,7 @@ FOREIGN = {
     "run.xls": (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1\0", "Excel workbook.*CSV UTF-8"),
     "run.npy": (b"\x93NUMPY\1\0", "NumPy array"),
     "run.feather": (b"ARROW1\0\0", "Arrow .Feather. file; write it as Parquet"),
+    "run.pcap": (b"\xd4\xc3\xb2\xa1\2\0\4\0" + bytes(16), "capture of Wireshark or tcpdump; write the frames as text"),
 }
 
 

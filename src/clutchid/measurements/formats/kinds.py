@@ -45,6 +45,12 @@ _FOREIGN = (
     (b"%PDF", "a PDF document", "name the recording itself"),
     (b"\x89PNG", "a picture", "name the recording itself"),
     (b"\xff\xd8\xff", "a picture", "name the recording itself"),
+    *(
+        (mark, "a capture of Wireshark or tcpdump", "write the frames as text with `candump -L`, or as BLF")
+        for mark in (b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\xc3\xd4", b"\x4d\x3c\xb2\xa1", b"\x0a\x0d\x0d\x0a")
+    ),
+    (b"\x89MCAP0\r\n", "an MCAP file of ROS", _EXPORT),
+    (b"#ROSBAG", "a ROS bag", _EXPORT),
     (b"SQLite format 3\x00", "an SQLite database", _EXPORT),
 )
 

@@ -14,11 +14,11 @@ from itertools import takewhile
 from pathlib import Path
 
 from clutchid.errors import DataError
-from clutchid.measurements.formats.can.frames import FrameLine, FrameLog, first_lines, text_log
+from clutchid.measurements.formats.can.frames import FrameLine, FrameLog, first_lines, text_log, whole
 
 _LINE = re.compile(
     r"(?P<hour>\d+):(?P<minute>\d+):(?P<second>\d+):(?P<fraction>\d{1,9})\s+(?P<way>Tx|Rx)\s+(?P<bus>\d{1,9})\s+"
-    r"(?:0x)?(?P<id>[0-9A-Fa-f]{1,10})\s+(?P<type>[sx])(?P<remote>r?)\s+\d+(?P<data>(?:\s+[0-9A-Fa-f]{1,3})*)\s*",
+    r"(?:0x)?(?P<id>[0-9A-Fa-f]{1,10})\s+(?P<type>[sx])(?P<remote>r?)\s+(?P<length>\d+)(?P<data>(?:\s+[0-9A-Fa-f]{1,3})*)\s*",
     re.IGNORECASE,
 )
 _STARTED = re.compile(r"\*{3}START DATE AND TIME (\d+:\d+:\d+ \d+:\d+:\d+)")
@@ -72,10 +72,10 @@ def _parsed(base: int, line: str) -> FrameLine | None:
     match = _LINE.fullmatch(line)
     if match is None:
         return None
-    whole = 3600 * int(match["hour"]) + 60 * int(match["minute"]) + int(match["second"])
-    stamp = whole + int(match["fraction"]) / 10.0 ** len(match["fraction"])
+    seconds = 3600 * int(match["hour"]) + 60 * int(match["minute"]) + int(match["second"])
+    stamp = seconds + int(match["fraction"]) / 10.0 ** len(match["fraction"])
     if match["remote"]:
         return stamp, "remote frame"
-    payload = bytes(int(byte, base) for byte in match["data"].split())
+    payload = whole(bytes(int(byte, base) for byte in match["data"].split()), int(match["length"]))
     extended, sent = match["type"].lower() == "x", match["way"].lower() == "tx"
     return stamp, (int(match["bus"]), int(match["id"], base), extended, payload, sent)

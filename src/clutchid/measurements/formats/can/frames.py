@@ -130,6 +130,19 @@ FrameLine = tuple[float, FrameFields | str]
 UNREADABLE = "unreadable line"
 
 
+def whole(payload: bytes, length: int) -> bytes:
+    """The payload of a line that says its length; that of FD may be a code.
+
+    Raises
+    ------
+    ValueError
+        If the line was cut off in it.
+    """
+    if len(payload) < min(length, CLASSIC):
+        raise ValueError(f"{len(payload)} of {length} bytes")
+    return payload
+
+
 def text_log(
     form: str,
     start: datetime | None,

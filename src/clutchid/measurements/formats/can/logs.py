@@ -190,8 +190,8 @@ def _asc_frame(cells: Sequence[str], base: int) -> can_frames.FrameFields | str:
         count, data = min(int(rest[1], base), can_frames.CLASSIC), rest[2:]
     if not count and (fd or rest[0][0] in "rR"):
         return "remote frame"
-    number, payload = int(identifier.rstrip("xX"), base), bytes(int(byte, base) for byte in data[:count])
-    return int(bus), number, identifier[-1] in "xX", payload, way.casefold() == "tx"
+    payload = can_frames.whole(bytes(int(byte, base) for byte in data[:count]), count)
+    return int(bus), int(identifier.rstrip("xX"), base), identifier[-1] in "xX", payload, way.casefold() == "tx"
 
 
 def trc_log(path: Path) -> can_frames.FrameLog:
@@ -230,5 +230,6 @@ def _trc_line(columns: Sequence[str], line: str) -> can_frames.FrameLine:
     stamp = float(cells["O"]) / 1e3
     if kind == "RR" or data[:1] == ["RTR"]:
         return stamp, "remote frame"
-    payload = bytes(int(byte, 16) for byte in (data if "T" in columns else data[: int(cells["L"])]))
+    length = int(cells.get("L") or cells["l"])
+    payload = can_frames.whole(bytes(int(byte, 16) for byte in (data if "T" in columns else data[:length])), length)
     return stamp, (int(cells.get("B", 1)), int(identifier, 16), len(identifier) > 4, payload, way == "Tx")

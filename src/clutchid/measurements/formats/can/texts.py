@@ -18,7 +18,7 @@ import numpy as np
 from clutchid.errors import DataError
 from clutchid.log import FloatArray
 from clutchid.measurements.columns import headings
-from clutchid.measurements.formats.can.frames import FD, FrameLine, FrameLog, first_lines, text_log
+from clutchid.measurements.formats.can.frames import FrameLine, FrameLog, first_lines, text_log, whole
 from clutchid.measurements.formats.csv.cells import nanoseconds, plain_number
 
 _EPOCH = datetime(1970, 1, 1)
@@ -28,7 +28,7 @@ _CANDUMP = re.compile(
     r"\s*(?:\((?P<stamp>[\d.:\- ]{1,40})\)\s+)?(?P<bus>[A-Za-z][\w.-]{0,30})\s+(?:(?P<way>TX|RX)\s[\s\-BE]*)?"
     r"(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})"
     r"(?:#(?:#[0-9A-Fa-f])?(?P<data>(?:[0-9A-Fa-f]{2})*)(?P<remote>R\d?)?(?:\s+(?P<sent>[RT]))?"
-    r"|\s+\[\d{1,2}\](?:\s+(?P<bytes>[0-9A-Fa-f]{2}(?: [0-9A-Fa-f]{2})*)(?:\s+'.*')?"
+    r"|\s+\[(?P<length>\d{1,2})\](?:\s+(?P<bytes>[0-9A-Fa-f]{2}(?: [0-9A-Fa-f]{2})*)(?:\s+'.*')?"
     r"|\s+(?P<request>remote request))?)\s*"
 )
 
@@ -94,10 +94,10 @@ def _candump_line(buses: Mapping[str, int], zero: int, line: str) -> FrameLine |
     match = _CANDUMP.fullmatch(line)
     if match is None or match["stamp"] is None:
         return None
-    stamp, bus, way, identifier, data, remote, sent, spaced, request = match.groups()
+    stamp, bus, way, identifier, data, remote, sent, length, spaced, request = match.groups()
     if remote or request:
         return _seconds(stamp, zero), "remote frame"
-    payload = bytes.fromhex(data or spaced or "")
+    payload = whole(bytes.fromhex(data or spaced or ""), int(length or 0))
     fields = buses[bus], int(identifier, 16), len(identifier) == 8, payload, way == "TX" or sent == "T"
     return _seconds(stamp, zero), fields
 
@@ -250,13 +250,11 @@ def _is_true(cells: Sequence[str], index: int | None) -> bool:
 
 def _payload(cells: Sequence[str], layout: _FrameTable) -> bytes:
     """The payload of a line: single bytes, or one text, hexadecimal or as python-can writes it (base 64)."""
-    length = (
-        int(cells[layout.columns["length"]]) if "length" in layout.columns and cells[layout.columns["length"]] else FD
-    )
+    length = cells[layout.columns["length"]] if "length" in layout.columns else ""
     if layout.bytes:
-        single = [cells[i] for i in layout.bytes if i < len(cells) and cells[i]]
-        return bytes(int(cell, layout.base) for cell in single[:length])
-    text = cells[layout.columns["data"]]
-    if re.fullmatch(r"(?:0x)?(?:[0-9A-Fa-f]{2}[ .:\-]?)*", text):
-        return bytes.fromhex(re.sub(r"[ .:\-]|^0x", "", text))[:length]
-    return base64.b64decode(text, validate=True)[:length]
+        payload = bytes(int(cells[i], layout.base) for i in layout.bytes if i < len(cells) and cells[i])
+    elif re.fullmatch(r"(?:0x)?(?:[0-9A-Fa-f]{2}[ .:\-]?)*", text := cells[layout.columns["data"]]):
+        payload = bytes.fromhex(re.sub(r"[ .:\-]|^0x", "", text))
+    else:
+        payload = base64.b64decode(text, validate=True)
+    return whole(payload, int(length or 0))[: int(length) if length else None]
