@@ -9,7 +9,8 @@ from clutchid.log.units import UNITS, known_units, to_si
 AMBIENT = 1.095e5
 # one of each unit in SI
 ONE = {
-    "s": 1, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60, "h": 3600, "m": 1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6,
+    "s": 1, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "100ns": 1e-7, "min": 60, "h": 3600, "d": 86400,
+    "m": 1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6,
     "µm": 1e-6, "1": 1, "%": 1e-2, "m/s": 1, "mm/s": 1e-3,
     "N": 1, "kN": 1e3, "mN": 1e-3, "uN": 1e-6, "µN": 1e-6, "K": 1, "degC": 274.15, "°C": 274.15, "Pa": 1, "hPa": 100,
     "kPa": 1000, "MPa": 1e6, "mbar": 100, "bar": 1e5, "psi": 6894.757293168361, "Pa(g)": 1 + AMBIENT,

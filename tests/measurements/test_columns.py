@@ -48,7 +48,9 @@ def test_a_heading_is_a_name_and_a_unit(text, expected):
 
 def test_a_unit_that_is_not_given_is_asked_for():
     problems = heading_problems(headings(["time", "position [m]", "duty_supply [1]", "duty_exhaust [1]"]))
-    assert problems == ["column 1 'time' has no unit in brackets; write time [s] (or another of ms, us, µs, min, h)."]
+    assert problems == [
+        "column 1 'time' has no unit in brackets; write time [s] (or another of ms, us, µs, ns, 100ns, min, h, d)."
+    ]
 
 
 @pytest.mark.parametrize(

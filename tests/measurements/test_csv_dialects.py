@@ -88,6 +88,13 @@ EXPORTS = {
 }
 
 
+def test_units_and_time_of_a_measurement_of_labview(save):
+    text = EXPORTS["LabVIEW"].replace("Samples", "Y_Unit_Label\tmm\tbar\t\nSamples")
+    (raster,) = read(save(text))[0].rasters
+    assert [heading.unit for heading in raster.headings] == ["s", "mm", "bar"]
+    assert raster.clock == 0
+
+
 @pytest.mark.parametrize("program", EXPORTS)
 def test_exports_of_other_programs(save, parser, program):
     _, tables, columns = read(save(EXPORTS[program]))
@@ -127,7 +134,24 @@ def test_two_columns_of_whole_numbers_or_one_with_a_decimal_comma(save):
     assert "this may also be one column with a decimal comma" in doubt
 
 
-WORDS = ["NaN", "nan", "NA", "n/a", "-", "#N/A", "null", "", " ", "NULL", "None", "--", "1.#QNAN", " n/a "]
+WORDS = [
+    "-nan(ind)",
+    "#DIV/0!",
+    "NaN",
+    "nan",
+    "NA",
+    "n/a",
+    "-",
+    "#N/A",
+    "null",
+    "",
+    " ",
+    "NULL",
+    "None",
+    "--",
+    "1.#QNAN",
+    " n/a ",
+]
 
 
 @pytest.mark.parametrize("word", WORDS)
@@ -184,6 +208,9 @@ def test_a_cell_that_is_no_number_is_missing_and_a_problem(save, parser, text, p
         ("01.05.2024 12:00:00,001", "01.05.2024 12:00:01,501", "2024-05-01T12:00:00.001"),
         ("12:00:00.001", "12:00:01.501", "12:00:00.001"),
         ("9:59:59", "10:00:00.5", "09:59:59"),
+        ("0 days 00:00:59.500000", "0 days 00:01:01", "00:00:59.500000"),  # a duration of pandas
+        ("58:59.5", "59:01.0", "00:58:59.5"),  # minutes and seconds, as Excel saves them
+        ("58:59,5", "59:01,0", "00:58:59.5"),
     ],
 )
 @pytest.mark.parametrize("name", ["Time", "time [ms]", "Zeitstempel"])

@@ -128,7 +128,10 @@ def test_a_pressure_near_0_at_rest_is_proposed_as_gauge_pressure(source, unit, l
         assert f"falls to {low:g} {unit}, so that the gauge unit [{proposed}] is guessed" in found.open[0]
 
 
-@pytest.mark.parametrize(("interval", "unit"), [(0.001, "s"), (0.1, "s"), (1.0, "ms"), (10.0, "ms"), (1000.0, "us")])
+@pytest.mark.parametrize(
+    ("interval", "unit"),
+    [(0.001, "s"), (0.1, "s"), (1.0, "ms"), (10.0, "ms"), (1e3, "us"), (1e5, "us"), (1e6, "ns"), (1e-3 / 86400, "d")],
+)
 def test_the_unit_of_time_is_guessed_from_the_interval(source, interval, unit):
     for clock in (False, True):
         found = propose(source({"t": (None, np.arange(100) * interval), "Weg": ("mm", TIME)}, clock=clock), ("time",))
@@ -138,6 +141,11 @@ def test_the_unit_of_time_is_guessed_from_the_interval(source, interval, unit):
         else:
             assert proposed.unit == unit
             assert found.open == (f"time: 't' has no unit; [{unit}] is guessed from its intervals.",)
+
+
+def test_the_time_of_a_file_of_windows_counts_100_ns(source):
+    found = propose(source({"t": (None, 1.335e17 + 1e4 * np.arange(100)), "Weg": ("mm", TIME)}, clock=False), ("time",))
+    assert found.channels.channels["time"].unit == "100ns"
 
 
 def test_standard_names_need_no_warning_that_they_were_identified(source):

@@ -93,8 +93,8 @@ def test_lines_with_too_few_or_too_many_cells(recording, save, small, monkeypatc
     lines[3] += ",1"
     for i in range(4, 9):
         lines[i] = lines[i].rsplit(",", 1)[0]
-    assert "line 4 has 6, line 5 has 4;" in problems(save("\n".join(lines[:5])))[0], "they do not cancel out"
-    (problem,) = problems(save("\n".join(lines)))
+    assert "line 4 has 6, line 5 has 4;" in problems(save("\n".join(lines[:5]) + "\n"))[0], "they do not cancel out"
+    (problem,) = problems(save("\n".join(lines) + "\n"))
     assert problem == (
         "the header has 5 cells, but line 4 has 6, line 5 has 4, line 6 has 4, line 7 has 4, line 8 has 4 and 1 more; "
         "give every line one cell for each column, empty where a sample is missing."
@@ -220,8 +220,45 @@ def test_bytes_that_are_no_text(save, content):
 
 @pytest.mark.parametrize("tail", ["# fünf\n".encode("latin-1"), b"1,2\xc3"])
 def test_text_in_windows_1252_below_the_samples(recording, save, tail):
-    (problem,) = problems(save(recording(3).encode() + tail))
-    assert problem.startswith("the header has 5 cells, but line 5 has ")
+    log = cio.read(save(recording(3).encode() + tail))
+    assert len(log) == 3
+    assert log.warnings == (
+        "line 5 holds no sample: it repeats the names, is a remark, or was not written to the end.",
+    )
+
+
+NOT_SAMPLES = {
+    "the names again": lambda names, _: names + "\n",
+    "the names of another file behind its mark": lambda names, _: f"\ufeff{names}\n",
+    "a remark": lambda *_: "# trigger 1, 12:00, by hand, late, again, or so\n",
+    "the end in words": lambda *_: "EOF\n",
+    "a place that was reserved and not written": lambda *_: "\0" * 4096 + "\n",
+    "a sample that begins behind such a place": lambda _, row: "\0" * 512 + row + "\n",
+}
+
+
+@pytest.mark.parametrize("what", NOT_SAMPLES)
+@pytest.mark.parametrize("small", [0, 1e9])
+def test_a_line_that_holds_no_sample_is_left_out_and_said(recording, save, monkeypatch, what, small):
+    monkeypatch.setattr(csv_file, "_SMALL", small)
+    names, *rows = recording(9).splitlines()
+    line = NOT_SAMPLES[what](names, rows[4])
+    text = "\n".join([names, *rows[:4]]) + "\n" + line + "\n".join(rows[4:]) + "\n"
+    log, whole = cio.read(save(text)), cio.read(save(recording(9), "whole.csv"))
+    assert np.array_equal(log.time, whole.time)
+    assert np.array_equal(log["position"], whole["position"])
+    assert log.warnings == (
+        "line 6 holds no sample: it repeats the names, is a remark, or was not written to the end.",
+    )
+
+
+@pytest.mark.parametrize("tail", ["0.009,0.0", "0.009,0.009,0.5,", "\0" * 5000, "0.009,0.0" + "\0" * 5000])
+def test_a_last_line_that_was_not_written_to_its_end_is_left_out(recording, save, tail):
+    log = cio.read(save(recording(9) + tail))
+    assert len(log) == 9
+    assert "line 11 holds no sample" in log.warnings[0]
+    with pytest.raises(DataError, match="line 11 has "):  # it was written to its end
+        cio.read(save(recording(9) + "0.009,0.0\n", "ended.csv"))
 
 
 def test_what_is_no_file_is_no_recording(tmp_path):

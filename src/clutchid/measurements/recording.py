@@ -235,7 +235,7 @@ def _blocks(
                 named, stamps = _present(_kept(named, at, rows, time), at, time)
             repaired = time_axis.repair(stamps, named.places, clock, shared=source.one_clock or chosen.sparse)
             said, clock = [*before, *repaired.messages], repaired.clock
-            if count == 0:
+            if count == 0 and not table.problems:
                 messages.problems += _unplaced(named.headings[at], named.places, stamps.size, repaired.rows)
             named = _kept(named, at, repaired.rows, repaired.time)
         count += table.size

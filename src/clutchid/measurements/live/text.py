@@ -160,7 +160,7 @@ def _cells(text: bytes, notation: Dialect, chosen: Sequence[int]) -> TextRows:
     spoiled = np.zeros(part.table.size, dtype=bool)
     for rows in part.table.unread.values():
         spoiled[rows] = True
-    return TextRows(part.table, spoiled, part.ragged_count)
+    return TextRows(part.table, spoiled, part.ragged_count + len(part.left_out))
 
 
 def text_blocks(

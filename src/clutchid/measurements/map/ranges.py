@@ -86,7 +86,9 @@ def guessed_unit(name: str, span: Range) -> str | None:
     size = max(abs(low), abs(high))
     guess: dict[str, Callable[[], str | None]] = {
         "s": lambda: (
-            "s" if 1e-5 < step < 0.5 else "ms" if 0.5 <= step < 200.0 else "us" if 200.0 <= step < 1e6 else None
+            "100ns"
+            if _FILE_TIMES[0] < low < _FILE_TIMES[1]
+            else next((unit for unit, least, most in _INTERVALS if least <= step < most), None)
         ),
         "m": lambda: "m" if size < 0.3 else "mm" if 1.0 < size < 500.0 else None,
         "1": lambda: "1" if low >= 0.0 and high <= 1.0 else "%" if low >= 0.0 and 1.0 < high <= 100.0 else None,
@@ -96,6 +98,13 @@ def guessed_unit(name: str, span: Range) -> str | None:
     chosen = guess.get(QUANTITIES[name])
     unit = chosen() if chosen else None
     return gauge_unit(unit, low) or unit
+
+
+#: Whole numbers of 100 ns since 1601, as Windows counts, from 1994 to 2058.
+_FILE_TIMES = (1.24e17, 1.44e17)
+
+#: Units of time, from the shortest to the longest interval of a recording in each.
+_INTERVALS = (("d", 2e-9, 2.5e-6), ("s", 1e-5, 0.5), ("ms", 0.5, 200.0), ("us", 200.0, 2e5), ("ns", 2e5, 2e8))
 
 
 def gauge_unit(unit: str | None, low: float) -> str | None:

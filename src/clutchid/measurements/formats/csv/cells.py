@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 MISSING = frozenset(
     ["nan", "+nan", "-nan", "na", "n/a", "#n/a", "#na", "#nv", "null", "none", "-", "--", "---"]
     + [f"{sign}1.#{word}" for sign in ("", "-") for word in ("qnan", "ind")]
+    + ["nan(ind)", "-nan(ind)", "nan(snan)", "#div/0!", "#num!", "#value!", "#wert!", "#zahl!"]
 )
 
 #: Words of truth values, in lower case; they are read as 1 and 0 in a column without other values.
@@ -44,6 +45,9 @@ STAMP = (
     r"|([0-9]{1,2})/([0-9]{1,2})/([0-9]{4}))[T ] *)?"
     r"([0-9]{1,2}):([0-9]{2}):([0-9]{2})(?:[.,:]([0-9]{1,9}))? ?([AaPp][Mm])? ?(Z|[+-][0-9]{2}:?[0-9]{2})?$"
 )
+
+#: Beginnings that pandas gives to durations, minutes and seconds as Excel saves them, and what both are for `STAMP`.
+SPELLED = ((r"^0 days ", ""), (r"^([0-9]{1,2}:[0-9]{2}[.,][0-9]{1,9})$", "0:${1}"))
 
 #: Groups of `STAMP` that are whole numbers, and those of the fraction, of the half of the day, and of the zone.
 FIELDS, FRACTION, HALF, ZONE = 12, 12, 13, 14
@@ -122,7 +126,7 @@ def nanoseconds(text: str) -> int | None:
     >>> nanoseconds("1970-01-01T00:00:01.5Z"), nanoseconds("01.01.1970 00:00:01,5"), nanoseconds("1.5")
     (1500000000, 1500000000, None)
     """
-    match = re.fullmatch(STAMP, text.strip()) if ":" in text else None
+    match = re.fullmatch(STAMP, spelled(text.strip())) if ":" in text else None
     if match is None:
         return None
     cells = match.groups("")
@@ -131,6 +135,19 @@ def nanoseconds(text: str) -> int | None:
     zone = np.array([zone_minutes(cells[ZONE])])
     stamps, valid = counted(fields, fraction, np.array([half_hours(cells[HALF])]), zone)
     return int(stamps[0]) if valid[0] else None
+
+
+def spelled(text: str) -> str:
+    """A duration or a time of day with its hours, as `STAMP` has it.
+
+    Examples
+    --------
+    >>> spelled("0 days 00:00:01.5"), spelled("59:58.5"), spelled("12:00:00")
+    ('00:00:01.5', '0:59:58.5', '12:00:00')
+    """
+    for pattern, instead in SPELLED:
+        text = re.sub(pattern, instead.replace("${1}", r"\1"), text)
+    return text
 
 
 def half_hours(text: str) -> int:
@@ -181,7 +198,7 @@ def written(text: str) -> str:
     >>> written("1.05.2024 12:00:00,001")
     '2024-05-01T12:00:00.001'
     """
-    match = re.fullmatch(STAMP, text.strip())
+    match = re.fullmatch(STAMP, spelled(text.strip()))
     if match is None:
         return text.strip()
     y, m, d, day, month, year, first, second_, fourth, hour, minute, second, fraction, half, zone = match.groups("")
@@ -196,7 +213,7 @@ def written(text: str) -> str:
 def numberlike(cell: str) -> bool:
     """Whether a cell is a sample: a number with either decimal mark, with or without grouping, or a date or time."""
     cell = cell.strip()
-    return bool(NUMBER.fullmatch(cell)) or matches(STAMP, cell) or matches(THOUSANDS, cell)
+    return bool(NUMBER.fullmatch(cell)) or matches(STAMP, spelled(cell)) or matches(THOUSANDS, cell)
 
 
 def missing(cell: str) -> bool:

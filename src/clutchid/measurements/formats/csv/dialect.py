@@ -41,8 +41,8 @@ _BELOW, _POINTED = 20, 5
 _BETWEEN = 3
 _KEPT = 50
 
-#: Name of an empty column that LabVIEW adds after the last one.
-_REMARK = "Comment"
+#: Names that LabVIEW gives to the time and to an empty column after the last one, and to the units above the names.
+_TIME, _REMARK, _LABELS = "X_Value", "Comment", "Y_Unit_Label"
 
 Filled = Sequence[tuple[int, str]]
 
@@ -53,8 +53,9 @@ class Dialect:
 
     `separator` is a blank for runs of blanks; `decimal` is empty if it is ambiguous; `grouped` is a column in
     which points group thousands, and two of its cells. `header`, `units`, `samples` are
-    the lines of the names, of the units (0: there is none) and of the first sample. `clock` is the time column, `start`
-    the first time stamp if it contains dates or times; `about` is metadata above the header.
+    the lines of the names, of the units (0: there is none) and of the first sample; `above` are the texts of the first
+    two. `clock` is the time column, `start` the first time stamp if it contains dates or times; `about` is metadata
+    above the header.
     """
 
     separator: str
@@ -68,6 +69,7 @@ class Dialect:
     start: str = ""
     about: Mapping[str, str] = field(default_factory=dict)
     grouped: tuple[int, str, str] | None = None
+    above: tuple[str, ...] = ()
 
     @property
     def text(self) -> str:
@@ -128,7 +130,7 @@ def _by_contract(filled: Filled, first: int) -> _Structure | None:
     units = first + 1 if below[0] and units_in(split(below[1], best[1])) else -1
     rows = [split(line, best[1]) for _, line in filled[: first + _TYPED]]
     samples = max(first, units) + 1
-    while 0 <= units < samples < min(len(rows) - 1, units + _BETWEEN) and _is_words(rows[samples]):
+    while 0 <= units < samples < min(len(rows) - 1, units + _BETWEEN) and is_words(rows[samples]):
         samples += 1
     return _Structure(best[1], tuple(_padded(best[2], rows[samples:])), first, units, samples)
 
@@ -139,7 +141,7 @@ def _fits(below: Filled, separator: str, width: int) -> bool:
     return not sizes or 2 * sum(abs(size - width) <= 1 for size in sizes) >= len(sizes)
 
 
-def _is_words(row: Sequence[str]) -> bool:
+def is_words(row: Sequence[str]) -> bool:
     """Whether a line contains words, but no sample."""
     words = any(character.isalpha() for cell in row if not missing(cell) for character in cell)
     return words and not any(map(numberlike, row))
@@ -219,7 +221,7 @@ def _names_above(
         cells = split_header(uncommented(line) if comment else line, separator, width)
         if len(cells) == width + 1 and cells[-1].strip() == _REMARK:
             cells = cells[:-1]
-        if not _is_words([cell for cell in cells if not numberlike(cell)]):
+        if not is_words([cell for cell in cells if not numberlike(cell)]):
             continue
         if least <= len(cells) <= width:
             texts[comment].append((at, cells + [""] * (width - len(cells))))
@@ -253,20 +255,24 @@ def _dialect(filled: Filled, structure: _Structure) -> Dialect:
     forms = tuple(form([row[column] for row in rows], decimal) for column in range(width))
     lines = [number for number, _ in filled]
     units = (units_in(_unit_cells(filled, structure)) or []) if structure.units >= 0 else []
+    counted = structure.names[0] == _TIME and any(not missing(row[0]) for row in rows)
+    if structure.names[0] == _TIME:
+        above = (split(line, structure.separator) for _, line in filled[structure.header :: -1])
+        units = ["s", *next((labels for name, *labels in above if name == _LABELS), [])]
     columns = distinct(
         _stamped(heading(index, name, units[index] if index < len(units) else None), forms[index])
         for index, name in enumerate(_every_name(structure.names, rows))
     )
-    clock = next((column.index for column in columns if column.name == "time"), None)
+    clock = next((column.index for column in columns if column.name == "time"), 0 if counted else None)
     if clock is None:
         clock = next((index for index, cell_form in enumerate(forms) if cell_form.kind == "stamp"), None)
     start = ""
     if clock is not None and forms[clock].kind == "stamp":
         start = next((row[clock] for row in rows if nanoseconds(row[clock]) is not None), "")
     header = lines[structure.header] if structure.header >= 0 else 0
-    above = max(structure.header, structure.units)
-    below = lines[above] + 1 + filled[above][1].count("\n")
-    samples = lines[structure.samples] if above < structure.samples - 1 else below if above >= 0 else lines[0]
+    top = max(structure.header, structure.units)
+    below = lines[top] + 1 + filled[top][1].count("\n")
+    samples = lines[structure.samples] if top < structure.samples - 1 else below if top >= 0 else lines[0]
     return Dialect(
         structure.separator,
         decimal,
@@ -279,6 +285,7 @@ def _dialect(filled: Filled, structure: _Structure) -> Dialect:
         written(start) if start else "",
         _about(filled[: max(structure.header, 0)], structure.separator),
         _grouped([*zip(*rows, strict=True)]) if decimal != "," else None,
+        tuple(filled[at][1] for at in (structure.header, structure.units) if at >= 0),
     )
 
 

@@ -22,8 +22,8 @@ from clutchid.log import FloatArray
 from clutchid.measurements.columns import Heading
 from clutchid.measurements.formats.csv import cells as csv_cells
 from clutchid.measurements.formats.csv.cells import CellForm, matches, value_of
-from clutchid.measurements.formats.csv.dialect import Dialect
-from clutchid.measurements.formats.csv.lines import LineBlock, split
+from clutchid.measurements.formats.csv.dialect import Dialect, is_words
+from clutchid.measurements.formats.csv.lines import LineBlock, is_comment, split
 from clutchid.measurements.no_value import means_no_value
 from clutchid.measurements.source import Places, Rows, Table
 from clutchid.measurements.source import joined as joined_tables
@@ -32,18 +32,14 @@ from clutchid.messages import SHOWN, listed, shortened
 if TYPE_CHECKING:
     import polars as pl
 
-#: Usual spellings of a missing sample.
-_WORDS = sorted(
-    {"", *csv_cells.MISSING, *(word.upper() for word in csv_cells.MISSING), "NaN", "Null", "None", "n/A", "N/a"}
-)
-
 
 @dataclass(eq=False, slots=True)
 class ParsedRows:
     """Samples of some lines, and invalid cells and lines; the table has no headings and no problems yet.
 
     `texts` and `ragged` are the first invalid cells and lines, for messages; after `broken` nothing could be read.
-    `none` counts, by column, the cells that say that there is no value.
+    `none` counts, by column, the cells that say that there is no value; `left_out` are the numbers of lines that hold
+    no sample.
     """
 
     table: Table
@@ -52,6 +48,7 @@ class ParsedRows:
     ragged_count: int = 0
     broken: str = ""
     none: Counter[int] = field(default_factory=Counter)
+    left_out: list[int] = field(default_factory=list)
 
 
 def read_rows(
@@ -59,7 +56,8 @@ def read_rows(
 ) -> ParsedRows:
     """The samples of some lines.
 
-    Lines with another number of cells than the header are left out; cells that are no numbers are NaN.
+    Lines with another number of cells than the header are left out, and so are those that hold no sample: the names
+    again, remarks, and what was not written to its end. Cells that are no numbers are NaN.
 
     Parameters
     ----------
@@ -103,10 +101,15 @@ def _cut(block: LineBlock, dialect: Dialect, selected: Sequence[Heading], by_lin
     lines: list[int] = []
     rows: list[list[str]] = []
     ragged: list[str] = []
+    left_out: list[int] = []
     count, broken = 0, ""
+    last = block.first + block.lines - 1 if not block.text.endswith(b"\n") else 0
+    again = [split(line, dialect.separator) for line in dialect.above]
     for line, cells in _rows(block, dialect.separator, by_line):
         if isinstance(cells, str):
             broken = cells
+        elif _holds_none(cells, again, len(dialect.headings), unfinished=line == last):
+            left_out.append(line)
         elif len(cells) == len(dialect.headings):
             rows.append([cells[column.index] for column in selected])
             lines.append(line)
@@ -117,8 +120,19 @@ def _cut(block: LineBlock, dialect: Dialect, selected: Sequence[Heading], by_lin
     texts = {str(column.index): cells for column, cells in zip(selected, columns, strict=True)}
     part = _interpreted(pl.DataFrame(texts, schema=dict.fromkeys(texts, pl.String)), dialect, selected)
     part.table = replace(part.table, size=len(lines), places=Places("line", numbers=np.array(lines, dtype=np.int64)))
-    part.ragged, part.ragged_count, part.broken = ragged, count, broken
+    part.ragged, part.ragged_count, part.broken, part.left_out = ragged, count, broken, left_out
     return part
+
+
+def _holds_none(cells: Sequence[str], again: Sequence[Sequence[str]], width: int, *, unfinished: bool) -> bool:
+    """Whether a line holds no sample: the names or units `again`, a remark, or what was not written to its end."""
+    if not cells:
+        return False
+    if "\0" in "".join(cells) or [cells[0].lstrip("\ufeff"), *cells[1:]] in again:
+        return True
+    return len(cells) != width and (
+        is_comment(cells[0], "") or (len(cells) == 1 and is_words(cells)) or (unfinished and len(cells) < width)
+    )
 
 
 def _rows(block: LineBlock, separator: str, by_line: bool) -> Iterator[tuple[int, list[str] | str]]:
@@ -167,10 +181,12 @@ def _by_polars(text: bytes, numeric: bytes | None, dialect: Dialect, selected: S
     with suppress(pl.exceptions.PolarsError, pl.exceptions.PanicException):
         if numeric is not None:
             with suppress(pl.exceptions.PolarsError):
-                frame = _frame(numeric, dialect, selected, pl.Float64(), _WORDS)
+                frame = _frame(numeric, dialect, selected, pl.Float64())
                 columns = {column.index: frame[str(column.index)].to_numpy() for column in selected}
                 return ParsedRows(Table(numbers=columns, size=frame.height))
-        return _interpreted(_frame(text, dialect, selected, pl.String(), None), dialect, selected)
+        if b"\0" in text or any(line.encode() in text for line in dialect.above):
+            return None
+        return _interpreted(_frame(text, dialect, selected, pl.String()), dialect, selected)
     return None
 
 
@@ -205,9 +221,7 @@ def _interpreted(frame: pl.DataFrame, dialect: Dialect, selected: Sequence[Headi
     return part
 
 
-def _frame(
-    text: bytes, dialect: Dialect, selected: Sequence[Heading], kind: pl.DataType, missing: Sequence[str] | None
-) -> pl.DataFrame:
+def _frame(text: bytes, dialect: Dialect, selected: Sequence[Heading], kind: pl.DataType) -> pl.DataFrame:
     """The selected cells of each line, called by the index of their column."""
     import polars as pl
 
@@ -218,7 +232,6 @@ def _frame(
         separator=dialect.separator,
         schema={str(i): kind if i in places else pl.String() for i in range(len(dialect.headings))},
         columns=places,
-        null_values=missing,
     )
 
 
@@ -235,6 +248,7 @@ def joined(parts: Sequence[ParsedRows]) -> ParsedRows:
         whole.ragged_count += part.ragged_count
         whole.broken = whole.broken or part.broken
         whole.none += part.none
+        whole.left_out += part.left_out
     return whole
 
 
@@ -256,11 +270,18 @@ def table(part: ParsedRows, dialect: Dialect) -> Table:
             f"{listed(shown, total=len(rows))}; {_advice(texts, dialect, index)}, or leave the cell empty "
             "where the sample is missing."
         )
-    none = tuple(
+    warnings = [
         f"column '{columns[index].text}': {count:,} cells say that there is no value; these samples are missing."
         for index, count in sorted(part.none.items())
-    )
-    return replace(part.table, headings=columns, problems=tuple(problems), warnings=none)
+    ]
+    if part.left_out:
+        lines = listed(map(str, part.left_out), total=len(part.left_out))
+        warnings.append(
+            f"line {lines} holds no sample: it repeats the names, is a remark, or was not written to the end."
+            if len(part.left_out) == 1
+            else f"lines {lines} hold no sample: they repeat the names, are remarks, or were not written to the end."
+        )
+    return replace(part.table, headings=columns, problems=tuple(problems), warnings=tuple(warnings))
 
 
 def _advice(texts: Sequence[str], dialect: Dialect, index: int) -> str:
@@ -303,12 +324,14 @@ def _stamps(cells: pl.Series, form: CellForm) -> pl.Series:
     """Dates and times in seconds since the first one, null if invalid."""
     import polars as pl
 
+    for pattern, instead in csv_cells.SPELLED:
+        cells = cells.str.replace(pattern, instead)
     groups = cells.str.extract_groups(csv_cells.STAMP).struct.unnest()
     names = groups.columns
     fields = [groups[name].cast(pl.Int64, strict=False).fill_null(0).to_numpy() for name in names[: csv_cells.FIELDS]]
     fraction = groups[names[csv_cells.FRACTION]].fill_null("").str.pad_end(9, "0").cast(pl.Int64).to_numpy()
 
-    def spelled(group: int, meaning: Callable[[str], int], none: int) -> NDArray[np.int64]:
+    def meant(group: int, meaning: Callable[[str], int], none: int) -> NDArray[np.int64]:
         texts = groups[names[group]]
         meanings = {text: meaning(text) for text in texts.drop_nulls().unique().to_list()}
         return texts.replace_strict(meanings, default=none, return_dtype=pl.Int64).fill_null(none).to_numpy()
@@ -316,8 +339,8 @@ def _stamps(cells: pl.Series, form: CellForm) -> pl.Series:
     stamps, valid = csv_cells.counted(
         fields,
         fraction,
-        spelled(csv_cells.HALF, csv_cells.half_hours, -1),
-        spelled(csv_cells.ZONE, csv_cells.zone_minutes, 0),
+        meant(csv_cells.HALF, csv_cells.half_hours, -1),
+        meant(csv_cells.ZONE, csv_cells.zone_minutes, 0),
     )
     valid &= groups[names[9]].is_not_null().to_numpy()
     return pl.Series(np.where(valid, (stamps - form.origin) / 1e9, 0.0)).set(pl.Series(~valid), None)
