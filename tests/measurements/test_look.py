@@ -7,6 +7,7 @@ import polars as pl
 import pytest
 
 from clutchid.errors import DataError, ParameterError
+from clutchid.measurements import read
 from clutchid.measurements.look import look
 from clutchid.measurements.map.channel_map import Channel, ChannelMap
 from clutchid.measurements.opening import open_source
@@ -46,6 +47,19 @@ def test_columns_without_a_meaning_are_looked_at_too(recording, save, small, mon
     assert math.isnan(state.high)
     assert seen.problems == ()
     assert "(ignored)" in seen.table()
+
+
+@pytest.mark.parametrize("mapped", [False, True])
+def test_a_spoiled_cell_of_a_column_that_is_not_read_is_no_problem(recording, save, mapped):
+    head, *rows = recording(20).splitlines()
+    rows = [f"{row},{'x' if i == 7 else i}" for i, row in enumerate(rows)]
+    path = save("\n".join([f"{head},gear [1]", *rows]) + "\n")
+    names = ("position [m]", "duty_supply [1]", "duty_exhaust [1]")
+    channels = ChannelMap({name.partition(" ")[0]: Channel(name) for name in names}) if mapped else None
+    assert len(read(path, channels=channels)) == 20
+    seen = look(path, channels=channels)
+    assert seen.problems == ()
+    assert seen.rasters[0].columns[5].missing == 1
 
 
 def test_problems_and_warnings_are_listed_not_raised(save):

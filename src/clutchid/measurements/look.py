@@ -14,7 +14,7 @@ from clutchid.arguments import checked
 from clutchid.log import INPUTS, FloatArray
 from clutchid.measurements.checks import AMBIENT, check_ambient, in_si
 from clutchid.measurements.columns import REQUIRED, Heading
-from clutchid.measurements.map.channel_map import Channel, ChannelMap
+from clutchid.measurements.map.channel_map import Channel, ChannelMap, PickedChannels
 from clutchid.measurements.map.picking import own_clock
 from clutchid.measurements.map.proposal import Proposal, means_the_contract, propose
 from clutchid.measurements.opening import open_source, with_dbc
@@ -85,60 +85,52 @@ def overview_of(
     ambient = AMBIENT if ambient is None else ambient
     proposal = propose(source)
     proposal = replace(proposal, channels=replace(proposal.channels, dbc=files))
-    if channels is not None:
-        return _mapped(source, proposal, channels, ambient)
-    by_contract = in_contract(source) or (source.tabular and not proposal.complete and means_the_contract(source))
-    checks = ambient if by_contract and not source.unnamed else None
-    rasters, problems, warnings = [], list(source.problems), list(source.warnings)
-    problems += [source.unnamed] if source.unnamed else []
-    for index, raster in enumerate(source.rasters):
-        clock, warning = _clock(raster, proposal.channels)
-        summary = _Summary(clock, {}, ambient)
-        tables = _summed(source, index, summary)
-        told: list[str] = []
-        if checks is None:
-            for table in tables:
-                problems += [problem for problem in table.problems if problem not in problems]
-                told += table.warnings
-        else:
-            picks, misnamed = by_names(source, REQUIRED)
-            wrong, warned = findings(source, picks, checks, None, tables)
-            problems += [*misnamed, *wrong]
-            told += warned
-        rasters.append(_overview(raster, summary))
-        warnings += [*([warning] if warning else []), *told]
-    contents = tuple(rasters), tuple(problems), tuple(dict.fromkeys(warnings))
-    return FileOverview(str(source.path), source.format, *contents, proposal, needs_map=not in_contract(source))
-
-
-def _mapped(source: Source, proposal: Proposal, channels: ChannelMap, ambient: float) -> FileOverview:
-    """Contents of a file with the quantities, the time axis and the findings of a channel map."""
-    rig = "force" in channels.channels and not any(name in channels.channels for name in INPUTS)
-    picks, mismatches = picked(source, channels, _RIG if rig else REQUIRED)
-    size = max((raster.size * len(raster.headings) for raster in source.rasters), default=0)
-    wrong, warned = findings(source, picks, ambient, None if size * 8 < WHOLE else BLOCK)
-    rasters = []
+    picks, mismatches = _picks(source, proposal, channels)
+    problems, warnings = [*source.problems, *mismatches], [*source.warnings]
+    wrong, told, summaries = list[str](), list[str](), list[_Summary]()
     for index, raster in enumerate(source.rasters):
         chosen = [pick for pick in picks if pick.raster == index]
         columns = {heading.index: (heading, entry) for pick in chosen for heading, entry in pick.columns.values()}
-        time = next((pick.columns["time"][0] for pick in chosen if "time" in pick.columns), own_clock(raster)[0])
-        rate = chosen[0].rate if chosen else None
-        summary = _Summary(time, columns, ambient, rate)
-        for _ in _summed(source, index, summary):
-            pass
-        rasters.append(_overview(raster, summary))
-    problems = tuple(dict.fromkeys((*source.problems, *mismatches, *wrong)))
-    warnings = tuple(dict.fromkeys((*source.warnings, *warned)))
-    completed = replace(
+        time, warning = _clock(raster, proposal.channels) if channels is None else (own_clock(raster)[0], "")
+        time = next((pick.columns["time"][0] for pick in chosen if "time" in pick.columns), time)
+        warnings += [warning] if warning else []
+        summaries.append(_Summary(time, columns, ambient, chosen[0].rate if chosen else None))
+        tables = _summed(source, index, summaries[-1])
+        if chosen and len(picks) == 1:
+            wrong, told = findings(source, picks, ambient, None, tables)
+        for table in tables:
+            wrong += table.problems if not picks else ()
+            told += table.warnings if not picks else ()
+    if len(picks) > 1 or (picks and any(summary.spoiled for summary in summaries)):  # without the other columns
+        size = max((raster.size * len(raster.headings) for raster in source.rasters), default=0)
+        wrong, told = findings(source, picks, ambient, None if size * 8 < WHOLE else BLOCK)
+    if channels is not None:
+        every, proposed = {**proposal.channels.channels, **channels.channels}, proposal.channels
+        completed = replace(channels, channels=every, dbc=proposed.dbc, comments=proposed.comments)
+        proposal = replace(proposal, channels=completed)
+    return FileOverview(
+        str(source.path),
+        source.format,
+        tuple(map(_overview, source.rasters, summaries)),
+        tuple(dict.fromkeys((*problems, *wrong))),
+        tuple(dict.fromkeys((*warnings, *told))),
         proposal,
-        channels=replace(
-            channels,
-            channels={**proposal.channels.channels, **channels.channels},
-            dbc=proposal.channels.dbc,
-            comments=proposal.channels.comments,
-        ),
+        needs_map=channels is None and not in_contract(source),
     )
-    return FileOverview(str(source.path), source.format, tuple(rasters), problems, warnings, completed, needs_map=False)
+
+
+def _picks(
+    source: Source, proposal: Proposal, channels: ChannelMap | None
+) -> tuple[Sequence[PickedChannels], Sequence[str]]:
+    """The channels that `read` takes, none where it needs a map, and the problems of the map or of the headings."""
+    if channels is not None:
+        rig = "force" in channels.channels and not any(name in channels.channels for name in INPUTS)
+        return picked(source, channels, _RIG if rig else REQUIRED)
+    if source.unnamed:
+        return (), (source.unnamed,)
+    if in_contract(source) or (source.tabular and not proposal.complete and means_the_contract(source)):
+        return by_names(source, REQUIRED)
+    return (), ()
 
 
 @dataclass(slots=True)
@@ -147,7 +139,7 @@ class _Summary:
 
     `time` is its time channel, `rate` its rate in Hz where it has none, `columns` the mapped ones by index, `ambient`
     the ambient pressure in Pa. `ranges` are the lowest and highest value, and the number of finite ones, of each column
-    that has any.
+    that has any. It is `spoiled` where a table has something to say, maybe of a column that is not read.
     """
 
     time: Heading | None
@@ -158,6 +150,7 @@ class _Summary:
     axis: TimeAxis | None = None
     places: Places = field(default_factory=Places)
     samples: int = 0
+    spoiled: bool = False
 
     def stamps(self, table: Table) -> FloatArray | None:
         """Time stamps of the next table in s; None if there are none."""
@@ -201,6 +194,7 @@ def _add(summary: _Summary, table: Table) -> None:
     if stamps is not None:
         summary.axis = updated(summary.axis, stamps, table.places)
     summary.samples += table.size
+    summary.spoiled |= bool(table.problems or table.warnings)
     summary.places = table.places
     for index, values in table.numbers.items():
         finite = values[np.isfinite(values)]
