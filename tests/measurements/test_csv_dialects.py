@@ -387,6 +387,13 @@ def test_dates_and_times_are_read_as_they_are_written(cell, stamp):
     assert nanoseconds(cell) is not None
 
 
+@pytest.mark.parametrize("cell", ["01-May-2024 12:00:00.001", "20240501T120000.001Z", "12.00.00.001", "0h 0m 1s"])
+def test_times_that_are_not_read_are_named_with_how_to_write_them(save, cell):
+    rows = "".join(f"{cell};{i};{i % 2};{(i + 1) % 2}\n" for i in range(9))
+    with pytest.raises(DataError, match="time: 'Zeit' holds text; write seconds, or times such as 2024-05-01T12:00:00"):
+        cio.read(save("Zeit;Weg [mm];Ventil_Be [%];Ventil_Ent [%]\n" + rows))
+
+
 def test_an_hour_of_a_half_day_is_1_to_12():
     assert nanoseconds("13:00:00 PM") is None
     assert nanoseconds("0:00:00 AM") is None

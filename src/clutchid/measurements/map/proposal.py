@@ -242,7 +242,8 @@ def propose(source: Source, required: Sequence[str] = REQUIRED) -> Proposal:
     for name in required:
         if name not in channels and not (name == "time" and timed):
             comments[name] = _choice(source, name, channels)
-            remarks.append(_missing(name, unused[name], _set_points(source, name), comments[name]))
+            unread = _unread(source, name) if not unused[name] else ""
+            remarks.append(unread or _missing(name, unused[name], _set_points(source, name), comments[name]))
             if name == "time":
                 comments["rate"] = "samples per second, for a file without time"
     return Proposal(ChannelMap(channels, comments=comments), tuple(certain), tuple(remarks), tuple(notes))
@@ -423,6 +424,16 @@ def _set_points(source: Source, name: str) -> list[str]:
     return [
         h.text for h in headings if is_set_point(h.text) and name_score(name, h.text) > 0.0 and is_unit_of(name, h.unit)
     ]
+
+
+def _unread(source: Source, name: str) -> str:
+    """Remark on a channel that is called like a quantity and holds no numbers; empty where none is."""
+    others = (other for raster in source.rasters for other in raster.others)
+    text, held = next((other for other in others if name_score(name, other[0]) > 0.0), ("", ""))
+    if not text:
+        return ""
+    write = "seconds, or times such as 2024-05-01T12:00:00.001 and 12:00:00.001" if name == "time" else "numbers"
+    return f"{name}: '{text}' holds {held}; write {write}."
 
 
 def _missing(name: str, named: Sequence[Candidate], set_points: Sequence[str], choice: str) -> str:
