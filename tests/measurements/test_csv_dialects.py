@@ -161,7 +161,9 @@ def test_words_of_a_missing_sample(save, parser, word):
     assert tables[0].problems == ()
 
 
-@pytest.mark.parametrize(("on", "off"), [("true", "false"), ("EIN", "AUS"), ("On", "off"), ("ja", "nein")])
+@pytest.mark.parametrize(
+    ("on", "off"), [("true", "false"), ("EIN", "AUS"), ("On", "off"), ("ja", "nein"), ("Open", "closed")]
+)
 def test_truth_values_are_one_and_zero(save, parser, on, off):
     _, tables, columns = read(save(f"time [s];valve\n0;{on}\n1;{off}\n2;-\n3;1\n"))
     np.testing.assert_array_equal(columns[1], [1, 0, np.nan, 1])

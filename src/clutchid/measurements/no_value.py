@@ -1,8 +1,15 @@
-"""Words and codes that mean that there is no value: in cells of a text, in value tables of MDF files and DBCs."""
+"""Words of truth values, and those that mean that there is none: in texts, in value tables of MDF files and DBCs."""
 
 from __future__ import annotations
 
 import re
+
+#: Words of truth values, in lower case.
+TRUTH = {
+    **dict.fromkeys(("true", "on", "yes", "open", "active", "ein", "an", "ja", "wahr", "offen", "aktiv"), 1.0),
+    **dict.fromkeys(("false", "off", "no", "closed", "inactive"), 0.0),
+    **dict.fromkeys(("aus", "nein", "falsch", "geschlossen", "inaktiv"), 0.0),
+}
 
 _WORDS = re.compile(
     r"(signal|sensor|value|wert|data)?[ _-]*"

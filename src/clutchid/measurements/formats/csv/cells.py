@@ -11,18 +11,14 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchid.measurements.no_value import TRUTH
+
 #: Words for a missing sample, in lower case; an empty cell is missing too. Any other text is a problem.
 MISSING = frozenset(
     ["nan", "+nan", "-nan", "na", "n/a", "#n/a", "#na", "#nv", "null", "none", "-", "--", "---"]
     + [f"{sign}1.#{word}" for sign in ("", "-") for word in ("qnan", "ind")]
     + ["nan(ind)", "-nan(ind)", "nan(snan)", "#div/0!", "#num!", "#value!", "#wert!", "#zahl!"]
 )
-
-#: Words of truth values, in lower case; they are read as 1 and 0 in a column without other values.
-TRUTH = {
-    **dict.fromkeys(("true", "on", "ein", "an", "yes", "ja", "wahr"), 1.0),
-    **dict.fromkeys(("false", "off", "aus", "no", "nein", "falsch"), 0.0),
-}
 
 #: A number with either decimal mark.
 NUMBER = re.compile(r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?inf(?:inity)?", re.ASCII | re.IGNORECASE)

@@ -14,16 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.log import FloatArray
-from clutchid.measurements.no_value import means_no_value
+from clutchid.measurements.no_value import TRUTH, means_no_value
 
 # by the number of a conversion, in MDF 4 and in MDF 3
 _ROLES_4 = {0: "none", 1: "rule", 2: "rule", 3: "formula", 4: "rule", 5: "rule", 6: "rule", 7: "text", 8: "text"}
 _ROLES_3 = {65535: "none", 10: "formula", 11: "text", 12: "text"} | dict.fromkeys((0, 1, 2, 6, 7, 8, 9), "rule")
 _RANGES_3 = 12
-
-#: Texts that mean 1 or 0.
-_TRUE = frozenset({"on", "true", "yes", "open", "active", "an", "ein", "ja", "wahr"})
-_FALSE = frozenset({"off", "false", "no", "closed", "inactive", "aus", "nein", "falsch"})
 
 _OPERATORS: Mapping[type, Callable[..., Any]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
@@ -132,8 +128,8 @@ def _has_rule(conversion: Any, version: int) -> bool:
 def _is_switch(conversion: Any, version: int) -> bool:
     """Whether the texts are an "on" and an "off", and all others say that there is no value."""
     words = {_word(text) for text in _texts(conversion, version)}
-    others = words - _TRUE - _FALSE
-    return bool(words & _TRUE and words & _FALSE and all(word == "" or means_no_value(word or "-") for word in others))
+    both = {TRUTH[word] for word in words if word in TRUTH} == {0.0, 1.0}
+    return both and all(word == "" or means_no_value(word or "-") for word in words - TRUTH.keys())
 
 
 def _texts(conversion: Any, version: int) -> Iterator[Any]:
@@ -154,4 +150,4 @@ def _number(value: object, switch: bool) -> float:
     if isinstance(value, int | float | np.number | np.bool_):
         return float("nan") if switch else float(value)
     word = _word(value) if switch else None
-    return 1.0 if word in _TRUE else 0.0 if word in _FALSE else float("nan")
+    return TRUTH.get(word or "", float("nan"))
