@@ -18,7 +18,8 @@ from clutchid.model import Actuator
 from clutchid.model.variants import VARIANTS
 from clutchid.parameters import Parameters
 from clutchid.simulation.plan import plan
-from clutchid.simulation.simulation import MOTION_BY, PREPARED_BY, prepared_log, states_of
+from clutchid.simulation.simulation import PREPARED_BY, prepared_log, states_of
+from clutchid.strokes.values import limits
 
 T = 1e-3 * np.arange(400)
 STROKE = {"duty_supply": 0.8 * (T > 0.02) * (T < 0.12), "duty_exhaust": 0.9 * (T > 0.2)}
@@ -57,10 +58,17 @@ def test_what_a_recording_is_prepared_by_is_what_preparing_reads(monkeypatch, ca
         used.update({name} & names)
         return usual(parameters, name)
 
+    def limited(*arguments):  # what the limits depend on is asked of the values
+        before = {*used}
+        result = limits(*arguments)
+        used.intersection_update(before)
+        return result
+
+    monkeypatch.setattr("clutchid.strokes.values.limits", limited)
     monkeypatch.setattr(Parameters, "__getattribute__", noted)
     prepared_log(actuator, log, Partition(every=50) if measured else None)
     monkeypatch.setattr(Parameters, "__getattribute__", usual)
-    assert used <= {*PREPARED_BY, *(MOTION_BY if measured else ())}
+    assert used <= {*PREPARED_BY}
     assert "R_0vs" in used
 
 
@@ -82,6 +90,18 @@ def test_a_recording_is_planned_once_for_all_actuators_that_prepare_it_alike(mon
     simulate(actuator, replace(log, name="longer than any that keeps its plan"))
     simulate(actuator, replace(log, name="longer than any that keeps its plan"))
     assert len(planned) == 4
+
+
+def test_a_measured_recording_is_judged_twice_for_all_actuators_that_move_as_fast(monkeypatch):
+    log, judged = simulate(Actuator(), recorded()).log, []
+    log = Log(T, {name: log[name] for name in ("duty_supply", "duty_exhaust", "position")})
+    monkeypatch.setattr("clutchid.strokes.values.kernels_in", lambda name: judged.append(name) or kernels_in(name))
+    actuators = [Actuator().replace(C_vs=conductance) for conductance in (2e-8, 1.8e-8, 1.5e-8)]
+    many = simulate_many(actuators, log)
+    assert len(judged) == 2
+    assert_as_simulated(many, actuators, [replace(log) for _ in actuators])
+    short = Actuator().replace(y_max=2e-3)  # of less stroke than is measured
+    assert simulate(short, log).warnings == simulate(short, replace(log)).warnings != ()
 
 
 def test_actuators_that_differ_in_their_load_have_one_stiffness(monkeypatch):

@@ -1,5 +1,6 @@
 """Samples that are no values, and good ones that stay: tables of corruptions, and of what trucks and sensors do."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -196,3 +197,18 @@ def test_a_recording_without_faults_is_judged_once_for_an_actuator_and_anew_for_
     assert judged == moving.derived != {}
     assert values_of(moving, ACTUATOR.replace(y_max=10e-3)).faults
     assert values_of(moving, ACTUATOR).log is moving
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_recording_that_was_judged_for_others_is_judged_as_a_new_one(log, seed):
+    random = np.random.default_rng(seed)
+    stroke = 20e-3 * np.clip(np.minimum(log.time - 1.0, 1.6 - log.time) / random.uniform(0.03, 0.2), 0.0, 1.0)
+    moving = Log(log.time, {**log.columns, "position": stroke}, log.name)
+    judged = []
+    for share in np.exp(random.normal(0.0, 1.0, 20)):
+        actuator = ACTUATOR.replace({"C_vs": share * ACTUATOR.value("C_vs"), "M": ACTUATOR.value("M") / share})
+        values, anew = values_of(moving, actuator), values_of(replace(moving), actuator)
+        assert values.faults == anew.faults
+        assert np.array_equal(values.log["position"], anew.log["position"], equal_nan=True)
+        judged.append(bool(values.faults))
+    assert not all(judged)

@@ -116,7 +116,8 @@ class Log:
             for name, values in columns.items()
             if values.shape != time.shape
         ]
-        if time.ndim != 1 or not np.all(np.isfinite(time)) or not np.all(time[1:] > time[:-1]):
+        ends = time[[0, -1]] if time.size and time.ndim == 1 else time
+        if time.ndim != 1 or not np.isfinite(ends).all() or not (time[1:] > time[:-1]).all():
             problems.append("time must be one column of finite, strictly increasing values.")
         problems += [sentence for name in edges if (sentence := _wrong_edges(name, edges[name], name in columns))]
         if problems:
@@ -196,8 +197,10 @@ def concatenated(logs: Sequence[Log]) -> Log:
 
 def read_only(values: FloatArray) -> FloatArray:
     """`values` as an array that kernels can read and nobody can write to; a view, if possible."""
-    array = np.ascontiguousarray(values, dtype=np.float64).view()
-    array.flags.writeable = False
+    array = np.ascontiguousarray(values, dtype=np.float64)
+    if array.flags.writeable:
+        array = array.view()
+        array.flags.writeable = False
     return array
 
 

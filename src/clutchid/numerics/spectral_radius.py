@@ -61,7 +61,8 @@ def spectral_radius(matrices: FloatArray, scale: FloatArray) -> float:
     """Upper bound of the largest magnitude of an eigenvalue of several matrices, without those that are not finite.
 
     The bound is the root of the norm of a high power (Gelfand 1941) of the matrix with its states divided by `scale`. A
-    matrix whose bound by a lower power lies below the largest so far needs no higher one.
+    matrix whose bound by a lower power lies below the largest so far needs no higher one: the last ones come first, for
+    a caller that expects the largest bound there.
 
     Parameters
     ----------
@@ -78,8 +79,8 @@ def spectral_radius(matrices: FloatArray, scale: FloatArray) -> float:
         if math.inf > norms[i] > norms[stiffest] or norms[stiffest] == math.inf:
             stiffest = i
     largest, other = 0.0, np.empty((scale.size, scale.size))
-    for k in range(-1, len(matrices)):
-        i = stiffest if k < 0 else k
+    for k in range(len(matrices), -1, -1):
+        i = stiffest if k == len(matrices) else k
         if largest < norms[i] < math.inf and k != stiffest:
             largest = max(largest, radius_bound(scaled[i], largest, other))
     return largest

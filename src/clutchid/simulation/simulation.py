@@ -169,12 +169,10 @@ def simulate(
     return result.raised() if on_failure == "raise" else result
 
 
-#: Parameters that the preparation of any recording depends on, beside model and equipment, and those that limit the
-#: motion in one with measured columns.
+#: Parameters that the preparation of a recording depends on, beside model, equipment, and what its values hold for.
 PREPARED_BY = ("P_0", "R_0vs", "R_1vs", "R_0ve", "R_1ve", "T_pwm", "s_pwm", "y_max")
-MOTION_BY = ("A_A", "C_vs", "D_v", "F_C", "M", "P_S", "R", "T_0", "V_0A", "rho_0")
 
-_PREPARED_BY, _BOTH = attrgetter(*PREPARED_BY), attrgetter(*PREPARED_BY, *MOTION_BY)
+_PREPARED_BY = attrgetter(*PREPARED_BY)
 
 #: Preparations that a recording keeps, and samples of the longest recording that keeps any: an hour's takes 200 MB.
 KEPT, LONGEST = 64, 200_000
@@ -222,10 +220,9 @@ def prepared_log(actuator: Actuator, log: Log, partition: Partition | None) -> P
     DataError
         As `simulate`.
     """
-    parameters = (_BOTH if "position" in log or "pressure_a" in log else _PREPARED_BY)(actuator.parameters)
-    key = PreparedLog, actuator.model, actuator.equipment, partition, parameters
+    key = PreparedLog, actuator.model, actuator.equipment, partition, _PREPARED_BY(actuator.parameters)
     prepared = log.derived.get(key)
-    if not isinstance(prepared, PreparedLog):
+    if not isinstance(prepared, PreparedLog) or not prepared.values.hold_for(actuator):
         prepared = _prepared(actuator, log, partition)
         if len(log) <= LONGEST:
             log.derived[key] = prepared

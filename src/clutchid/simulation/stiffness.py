@@ -14,8 +14,7 @@ from clutchid.codegen.kernels import kernels_in
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import Model, kernels
-from clutchid.model.equipment import Equipment
+from clutchid.model.compiled import Model, kernels, parameter_names, state_rows
 from clutchid.model.own import OwnModel
 from clutchid.model.weighted_load import Load
 from clutchid.parameters import Parameters
@@ -34,6 +33,9 @@ TOP_SPEED = 0.3
 #: Fastest motion in m/s after resets that conserve the masses of air: the pressure jumps, by bars at large errors.
 _RESET_SPEED = 0.9
 
+
+#: Positions of the whole stroke.
+_EVERYWHERE = -np.inf, np.inf
 
 #: Slope of a load in N/m up to which loads count as one: somewhat more than that of the paper.
 _USUAL_SLOPE = 2.0**20
@@ -62,7 +64,11 @@ def stiffness(actuator: Actuator, speed: float = TOP_SPEED) -> float:
     >>> 2000 < stiffness(Actuator()) < 2500
     True
     """
-    return local_stiffness(actuator, max(speed, actuator.parameters.y_max / QUICKEST), (-np.inf, np.inf))
+    return local_stiffness(actuator, _top(speed, actuator.parameters), _EVERYWHERE)
+
+
+def _top(speed: float, p: Parameters) -> float:
+    return max(speed, p.y_max / QUICKEST)
 
 
 def stiffness_by_slope(actuator: Actuator, steepest: float, speed: float = TOP_SPEED) -> float:
@@ -75,17 +81,11 @@ def stiffness_by_slope(actuator: Actuator, steepest: float, speed: float = TOP_S
     >>> f"{stiffness_by_slope(Actuator(), _USUAL_SLOPE) / stiffness(Actuator()):.3f}"
     '1.000'
     """
-    return _by_slope(actuator.model, actuator.parameters, actuator.equipment, actuator.own, steepest, speed)
-
-
-@lru_cache(maxsize=1024)
-def _by_slope(
-    model: Model, parameters: Parameters, equipment: Equipment, own: tuple[float, ...], steepest: float, speed: float
-) -> float:
     # a rising load adds to the stops: that of a usual one is a thirtieth of theirs
     slopes = (-steepest,) if steepest == _USUAL_SLOPE else (-steepest, steepest)
-    loads = [_line(slope, parameters.y_max) for slope in slopes]
-    return max(stiffness(Actuator(parameters, load, model, equipment, own), speed) for load in loads)
+    p = actuator.parameters
+    loads = [_line(slope, p.y_max) for slope in slopes]
+    return max(_radius(actuator.model, p, actuator.own, load, _top(speed, p), _EVERYWHERE) for load in loads)
 
 
 @lru_cache(maxsize=64)
@@ -110,7 +110,6 @@ def steepest_slopes(breakpoints: FloatArray, load: FloatArray) -> FloatArray:
     return np.asarray(np.exp2(np.ceil(np.log2(np.maximum(controls.max(axis=(0, -1)), _USUAL_SLOPE)))))
 
 
-@lru_cache(maxsize=1024)
 def local_stiffness(actuator: Actuator, speed: float, reach: tuple[float, float]) -> float:
     """`stiffness` over positions within `reach` in m and speeds up to `speed` in m/s.
 
@@ -121,30 +120,56 @@ def local_stiffness(actuator: Actuator, speed: float, reach: tuple[float, float]
     >>> local_stiffness(Actuator(), 0.1, (0.0, 1e-3)) < 0.6 * stiffness(Actuator())
     True
     """
-    p = actuator.parameters
-    near = 5e-4 * p.P_0
-    places = (-2 * p.d_stop, p.d_stop, p.y_max / 2, p.y_max - p.d_stop, p.y_max + 2 * p.d_stop)
+    return _radius(actuator.model, actuator.parameters, actuator.own, actuator.load, speed, reach)
+
+
+@lru_cache(maxsize=1024)
+def _radius(
+    model: Model, p: Parameters, own: tuple[float, ...], load: Load, speed: float, reach: tuple[float, float]
+) -> float:
+    values, tables = np.append(p.array(), own) if own else p.array(), (load.breakpoints, load.combined())
+    x, u = _operating_points(model, speed, reach, (p.P_0, p.P_S, p.T_0, p.y_max, p.d_stop))
+    if isinstance(model, OwnModel) and model.states:
+        x, u = _with_own_states(x.copy(), u, model, values, tables)
+    _, jacobian = _linearised(x, u, model, values, tables)
+    radius: float = kernels_in("clutchid.numerics.spectral_radius").spectral_radius(jacobian, _scale(model))
+    return radius
+
+
+@lru_cache(maxsize=64)
+def _scale(model: Model) -> FloatArray:
+    return np.array([row.scale for row in state_rows(model).values()])
+
+
+@lru_cache(maxsize=64)
+def _operating_points(
+    model: Model, speed: float, reach: tuple[float, float], of_actuator: tuple[float, ...]
+) -> tuple[FloatArray, FloatArray]:
+    """States (n, n_states) and inputs at which the Jacobian is taken, for P_0, P_S, T_0, y_max and d_stop."""
+    P_0, P_S, T_0, y_max, d_stop = of_actuator
+    near = 5e-4 * P_0
+    places = (-2 * d_stop, d_stop, y_max / 2, y_max - d_stop, y_max + 2 * d_stop)
     ranges = {
         "y": sorted({min(max(place, reach[0]), reach[1]) for place in places}),
         "v": (-speed, 0.0, speed),
-        "p_A": (p.P_0 + near, (p.P_0 + p.P_S) / 2, p.P_S - near),
-        "p_B": (p.P_0 - near, p.P_0 + near, 1.3 * p.P_0),
-        "T_A": (1.3 * p.T_0,),
-        "T_B": (p.T_0,),
-        "p_S": (p.P_S,),
-        "p_G": (p.P_S,),
+        "p_A": (P_0 + near, (P_0 + P_S) / 2, P_S - near),
+        "p_B": (P_0 - near, P_0 + near, 1.3 * P_0),
+        "T_A": (1.3 * T_0,),
+        "T_B": (T_0,),
+        "p_S": (P_S,),
+        "p_G": (P_S,),
     }
-    values = [ranges.get(name, (0.0,)) for name in actuator.states]
-    corners = _corners(tuple(map(len, values)), *map(actuator.states.index, ("p_A", "p_B")))
+    states = [*state_rows(model)]
+    values = [ranges.get(name, (0.0,)) for name in states]
+    corners = _corners(tuple(map(len, values)), *map(states.index, ("p_A", "p_B")))
     x = np.array([*chain.from_iterable(values)])[corners]
     duties = np.repeat(((1.0, 0.0), (0.0, 1.0)), len(x) // 2, axis=0)
-    spools = [i for i, name in enumerate(actuator.states) if name in ("x_vs", "x_ve")]
+    spools = [i for i, name in enumerate(states) if name in ("x_vs", "x_ve")]
     if spools:
         x[:, spools] = duties[:, : len(spools)]
-    scale = np.array([row.scale for row in actuator.state_rows.values()])
-    _, jacobian = _linearised(actuator, *_with_own_states(x, actuator, duties))
-    radius: float = kernels_in("clutchid.numerics.spectral_radius").spectral_radius(jacobian, scale)
-    return radius
+    u = np.zeros((len(x), len(kernels(model).INPUTS)))
+    u[:, :2] = duties
+    return x, u
 
 
 @lru_cache(maxsize=64)
@@ -160,34 +185,35 @@ def _corners(counts: tuple[int, ...], state: int, follower: int) -> NDArray[np.i
     return np.ascontiguousarray(np.concatenate([places, places]))  # the kernel is compiled for rows
 
 
-def _linearised(actuator: Actuator, x: FloatArray, duties: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Rates, shape (n, n_states), and Jacobians at the states `x`, with the constant duty cycles of each."""
-    rates, jacobian, load = np.empty_like(x), np.empty((*x.shape, x.shape[1])), actuator.load
-    u = np.zeros((x.shape[0], len(kernels(actuator.model).INPUTS)))
-    u[:, :2] = duties
-    kernels(actuator.model).linearise(x, u, actuator.array(), load.breakpoints, load.combined(), rates, jacobian)
+def _linearised(
+    x: FloatArray, u: FloatArray, model: Model, values: FloatArray, tables: tuple[FloatArray, FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """Rates, shape (n, n_states), and Jacobians at the states `x`, with the constant inputs of each."""
+    rates, jacobian = np.empty_like(x), np.empty((*x.shape, x.shape[1]))
+    kernels(model).linearise(x, u, values, *tables, rates, jacobian)
     return rates, jacobian
 
 
-def _with_own_states(x: FloatArray, actuator: Actuator, duties: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _with_own_states(
+    x: FloatArray, u: FloatArray, model: OwnModel, values: FloatArray, tables: tuple[FloatArray, FloatArray]
+) -> tuple[FloatArray, FloatArray]:
     """The states `x` with those of an own model where they start, and where they settle while the others stay.
 
     They move by the linearly implicit Euler method, which no stiffness makes unstable.
     """
-    rows = actuator.state_rows
-    own = [i for i, name in enumerate(rows) if isinstance(actuator.model, OwnModel) and name in actuator.model.states]
-    if not own:
-        return x, duties
-    x[:, own] = [actuator.value(row.starts_at) if row.starts_at else 0.0 for row in list(rows.values())[own[0] :]]
+    rows, names = state_rows(model), parameter_names(model)
+    own = [i for i, name in enumerate(rows) if name in model.states]
+    starts = [row.starts_at for name, row in rows.items() if name in model.states]
+    x[:, own] = [values[names.index(start)] if start else 0.0 for start in starts]
     settled = x.copy()
     for _ in range(_SETTLING_STEPS):
-        rates, jacobian = _linearised(actuator, settled, duties)
+        rates, jacobian = _linearised(settled, u, model, values, tables)
         matrix = np.eye(len(own)) / _SETTLING_STEP - jacobian[:, own][:, :, own]
         good = np.all(np.isfinite(matrix), axis=(1, 2)) & np.all(np.isfinite(rates), axis=1)
         good[good] = np.abs(np.linalg.det(matrix[good])) > 0.0
         step = np.linalg.solve(matrix[good], rates[good][:, own, None])[:, :, 0]
         settled[np.ix_(good, own)] += step
-    return np.concatenate([x, settled]), np.concatenate([duties, duties])
+    return np.concatenate([x, settled]), np.concatenate([u, u])
 
 
 def stiffness_over(actuator: Actuator, bounds: Mapping[str, tuple[float, float]], speed: float = TOP_SPEED) -> float:

@@ -7,8 +7,9 @@ What a piston can do follows from the actuator, and nothing from the recording b
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import NamedTuple, TypeAlias
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,6 +79,14 @@ def possible_motion(actuator: Actuator, interval: float) -> Motion:
     velocity = 2.0 * power / (force + math.sqrt(force**2 + 4.0 * friction * power))
     rate = 1.4 * power / p.V_0A
     return Motion(velocity, FASTER * (2.0 * p.F_C + p.A_A * rate * interval) / p.M, rate)
+
+
+#: Of each measured column the least and the largest limits for which its samples are judged alike.
+Bounds: TypeAlias = Mapping[str, tuple[FloatArray, FloatArray]]
+
+#: Entries of the limits that samples which are all values also hold where they are larger, and a share of them by which
+#: such a recording is judged when a second actuator asks: then it holds for nearly all that follow.
+_RATES, _SHARE = [rule.SPEED, rule.ACCELERATION], 0.5
 
 
 def limits(actuator: Actuator, column: str, interval: float) -> FloatArray:
@@ -175,10 +184,15 @@ class Fault(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Values:
-    """A recording in which what is no value is missing, and what that was."""
+    """A recording in which what is no value is missing, what that was, and the limits for which it is so."""
 
     log: Log
     faults: tuple[Fault, ...] = ()
+    bounds: Bounds = field(default_factory=dict)
+
+    def hold_for(self, actuator: Actuator) -> bool:
+        """Whether they are those of another actuator too."""
+        return _within(self.bounds, actuator)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -214,27 +228,36 @@ def values_of(log: Log, actuator: Actuator) -> Values:
     >>> values.faults[0].sentence
     'position: 2 samples beyond the stops, the first at 0.501 s (65.53 mm): they count as missing.'
     """
+    judged: Any = log.derived.get(values_of)
+    if judged is not None and _within(judged, actuator):
+        return Values(log, (), judged)
     missing, faults = dict[str, BoolArray](), list[Fault]()
     for name in (*INPUTS, "pressure_supply"):
         if name in log:
             faults += _out_of_range(log, name, missing)
     measured = [name for name in ("position", "pressure_a") if name in log and all(duty in log for duty in INPUTS)]
     interval = sample_interval(log.time, 0.0) if measured else 0.0
-    bounds = {name: limits(actuator, name, interval) for name in measured if interval > 0.0}
-    judged = tuple((name, of_column.tobytes()) for name, of_column in bounds.items())
-    if not faults and log.derived.get(values_of) == judged:
-        return Values(log)
-    for name, of_column in bounds.items():
-        _judge(log, name, of_column, missing, faults)
+    bounds = dict[str, tuple[FloatArray, FloatArray]]()
+    for name in measured if interval > 0.0 else ():
+        bounds[name] = _judge(log, name, limits(actuator, name, interval), judged is not None, missing, faults)
     if not faults:
-        log.derived[values_of] = judged
-        return Values(log)
+        log.derived[values_of] = bounds
+        return Values(log, (), bounds)
     columns = {name: np.where(missing[name], np.nan, x) if name in missing else x for name, x in log.columns.items()}
     edges = {
         name: (stamps, np.where(outside(name, x), np.nan, x)) if name in missing else (stamps, x)
         for name, (stamps, x) in log.edges.items()
     }
-    return Values(replace(log, columns=columns, edges=edges), tuple(faults))
+    return Values(replace(log, columns=columns, edges=edges), tuple(faults), bounds)
+
+
+def _within(bounds: Bounds, actuator: Actuator) -> bool:
+    """Whether the limits of an actuator are within `bounds`."""
+    for name, (least, largest) in bounds.items():
+        now = limits(actuator, name, float(least[rule.INTERVAL]))
+        if not ((least <= now) & (now <= largest)).all():
+            return False
+    return True
 
 
 def with_inputs_in_range(log: Log) -> Log:
@@ -294,9 +317,28 @@ def _too_many(log: Log, name: str, wrong: BoolArray) -> bool:
     return bool(np.sum(wrong) > MOST * np.sum(np.isfinite(log[name])))
 
 
-def _judge(log: Log, name: str, bounds: FloatArray, missing: dict[str, BoolArray], faults: list[Fault]) -> None:
-    """Add what is no value of a measured column to `missing` and `faults`."""
-    verdicts, since, _ = watched(new_watch(), bounds, log, name)
+def _judge(
+    log: Log, name: str, bounds: FloatArray, tighter: bool, missing: dict[str, BoolArray], faults: list[Fault]
+) -> tuple[FloatArray, FloatArray]:
+    """Add what is no value of a measured column to `missing` and `faults`, and say for which limits it is so.
+
+    The rates only limit the first step that is none: without one, larger rates change nothing. `tighter`: smaller ones
+    are tried first.
+    """
+    for share in (_SHARE, 1.0) if tighter else (1.0,):
+        least, largest = bounds.copy(), bounds.copy()
+        least[_RATES] *= share
+        largest[_RATES] = np.inf
+        verdicts, since, _ = watched(new_watch(), least, log, name)
+        if not verdicts.any():
+            return least, largest
+    _add_faults(log, name, verdicts, since, missing, faults)
+    return bounds, bounds
+
+
+def _add_faults(
+    log: Log, name: str, verdicts: Verdicts, since: FloatArray, missing: dict[str, BoolArray], faults: list[Fault]
+) -> None:
     seams = _settled(log, name, verdicts, since)
     beyond, steps = verdicts == rule.BEYOND, verdicts == rule.STEP
     if _too_many(log, name, beyond | steps):
