@@ -12,8 +12,9 @@ EVERY = 0.01
 def time_to_contradiction(sizes, learns, seconds=EVERY):
     """Time in s after which innovations of these sizes contradict; infinite if they do not."""
     sizes = np.asarray(sizes, dtype=float)
+    errors, speeds = np.column_stack([2.0 * sizes, np.full(sizes.size, 4.0)])[:, None], np.full((sizes.size, 1), learns)
     first = kernels_in("clutchid.observer.contradiction").first_contradiction(
-        np.zeros(1), sizes, np.full(sizes.size, float(learns)), seconds
+        np.zeros(1), errors, speeds.astype(float), 0, 0.5, seconds
     )
     return (first + 1) * seconds if first < sizes.size else np.inf
 

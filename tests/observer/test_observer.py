@@ -1,5 +1,6 @@
 """An observer on recordings that the model itself made."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -138,3 +139,24 @@ def test_the_method_of_the_paper_adapts_three_weights_and_takes_no_other_model(p
     assert [c.base for c in one.joint.coordinates] == ["theta_1", "theta_2", "theta_3"]
     with pytest.raises(ParameterError, match="takes the model 'isothermal' with the paper's three splines"):
         observer(replace(Actuator(), model="energy-balance"), "paper")
+
+
+def test_observers_side_by_side_and_in_threads_have_the_numbers_that_they_have_alone(joint, plant, log):
+    other = observer(plant.replace({"F_C": 150.0}))
+    blocks = [log.slice(a, a + 7) for a in range(0, 700, 7)]
+
+    def last(one, turns=1):
+        states = [start(one)] * turns
+        for block in blocks:
+            states = [observe(one, state, block)[0] for state in states]
+        return states[-1].theta
+
+    alone = [last(one) for one in (joint, other)]
+    states = [start(joint), start(other)]
+    for block in blocks:
+        states = [observe(one, state, block)[0] for one, state in zip((joint, other), states, strict=True)]
+    for state, theta in zip(states, alone, strict=True):
+        assert np.array_equal(state.theta, theta)
+    with ThreadPoolExecutor(4) as threads:
+        for theta in threads.map(last, [joint] * 4, range(1, 5)):
+            assert np.array_equal(theta, alone[0])

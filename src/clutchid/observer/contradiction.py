@@ -5,6 +5,8 @@ Page's cumulative sum (1954). The exported C has the same text, see `clutchid.co
 
 from __future__ import annotations
 
+import math
+
 from clutchid.codegen.kernels import kernel
 from clutchid.log import FloatArray
 
@@ -26,20 +28,28 @@ def excess_after(excess: float, size: float, learns: bool, seconds: float) -> fl
 
 
 @kernel
-def first_contradiction(excess: FloatArray, sizes: FloatArray, learns: FloatArray, seconds: float) -> int:
-    """The first of n innovations at which the sum, (1,), is that of a contradiction; n if none is.
+def first_contradiction(
+    excess: FloatArray, errors: FloatArray, states: FloatArray, velocity: int, least_speed: float, seconds: float
+) -> int:
+    """The first of n samples at whose innovation the sum, (1,), is that of a contradiction; n if there is none.
 
     Parameters
     ----------
     excess : s, (1,)
         The sum before the first; changed to that after the last that is looked at.
-    sizes, learns : (n,)
-        Of each innovation in its standard deviations, and 1 while the parameters learn.
+    errors : (n, sensors, 2)
+        Innovations with their variances, NaN where nothing was corrected; the first sensor is that of the position.
+    states, velocity
+        States by sample, (n, states), and the place of the velocity.
+    least_speed : m/s
+        Above which the parameters learn.
     seconds : s
         From one correction to the next.
     """
-    for i in range(sizes.size):
-        excess[0] = excess_after(excess[0], sizes[i], learns[i] > 0.0, seconds)
-        if excess[0] >= CONTRADICTED:
-            return i
-    return sizes.size
+    for i in range(len(states)):
+        if math.isfinite(errors[i, 0, 0]):
+            size = abs(errors[i, 0, 0]) / math.sqrt(errors[i, 0, 1])
+            excess[0] = excess_after(excess[0], size, abs(states[i, velocity]) > least_speed, seconds)
+            if excess[0] >= CONTRADICTED:
+                return i
+    return len(states)

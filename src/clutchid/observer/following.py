@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -154,12 +155,9 @@ def observe_strokes(
     for begin, end in stretches:
         if not _continues(observer, state, samples.time[begin], samples.duties[begin]):
             state = _ended(observer, state)
-        cuts = {
-            begin,
-            end,
-            *(i + 1 for i in ends if begin <= i < end),
-            *(at for at in (*moves, *air) if begin < at < end),
-        }
+        cuts = {begin, end}
+        if ends or moves or air:
+            cuts |= {*(i + 1 for i in ends if begin <= i < end), *(at for at in (*moves, *air) if begin < at < end)}
         for a, b in pairwise(sorted(cuts)):
             state = _counted(observer, state, float(counted[a]))
             state = _in_air(state, air, a)
@@ -218,17 +216,20 @@ def _values(observer: Observer, state: ObserverState, block: Log, repeated: Bool
         judged = Log(block.time[taken], {name: block[name][taken] for name in names if name in block})
     bounds = limits(observer.actuator, "position", observer.spacing)
     of_taken, since, watch = watched(state.values, bounds, judged, "position")
-    verdicts, jumps = np.full(n, rule.VALUE, dtype=np.uint8), np.zeros(n, dtype=bool)
-    verdicts[taken] = of_taken
-    # what counted for less time before a step was the outlier itself
-    jumps[taken] = (of_taken == rule.SEAM) & (since[:, 0] - since[:, 1] >= BELIEVED)
-    unlike, supply_watch = np.zeros(n, dtype=bool), state.supply
+    verdicts, position = of_taken, block["position"]
+    unlike, jumps, ends, supply_watch = *np.zeros((3, n), dtype=bool), state.supply
+    if taken.size < n or of_taken.any():
+        verdicts = np.full(n, rule.VALUE, dtype=np.uint8)
+        verdicts[taken] = of_taken
+        # what counted for less time before a step was the outlier itself
+        jumps[taken] = (of_taken == rule.SEAM) & (since[:, 0] - since[:, 1] >= BELIEVED)
+        position, ends = np.where(is_value(verdicts), position, np.nan), ends_stretch(verdicts)
     if recorded and observer.supply is not None:
         unlike[taken], supply_watch = supply_differs(state.supply, observer.supply.recorded, judged)
     samples = Tail(
         block.time,
         within_rounding(np.column_stack([block[name] for name in INPUTS])),
-        np.where(is_value(verdicts), block["position"], np.nan),
+        position,
         np.where(unlike, np.nan, block["pressure_supply"]) if recorded else np.full(n, np.nan),
         np.zeros(n),
     )
@@ -237,7 +238,7 @@ def _values(observer: Observer, state: ObserverState, block: Log, repeated: Bool
         values=watch, jumped=state.jumped or jumped, supply=supply_watch,
         unzeroed=(*state.unzeroed, *block.time[jumps].tolist()) if jumped else state.unzeroed,
     )  # fmt: skip
-    return _Values(samples, verdicts, unlike, ends_stretch(verdicts)), after
+    return _Values(samples, verdicts, unlike, ends), after
 
 
 def _latest(observer: Observer, state: ObserverState) -> Observed:
@@ -284,6 +285,8 @@ def _stroke_ended(observer: Observer, state: ObserverState) -> ObserverState:
 
 def _judged(observer: Observer, state: ObserverState, observed: Observed, samples: slice) -> ObserverState:
     """The state with the mismatch after some samples; fills that of `observed`."""
+    if not observer.compares:
+        return state
     running = mismatches(observer, state.mismatch, observed.states[samples], observed.innovations[samples])
     observed.mismatch[samples] = running
     ended = running[np.isfinite(running)]
@@ -356,7 +359,7 @@ def _piece(
         if a == b or not np.isfinite(samples.duties[a]).all():
             break
         end = min(b, a + MOST)
-        held = int(np.searchsorted(samples.time[a:end], _held_until(state)))
+        held = int(samples.time[a:end].searchsorted(_held_until(state)))
         end = a + held if held else end
         observing = replace(observer, joint=_fixed(observer.joint)) if held else observer
         state, passed, usable, count = _followed(
@@ -374,7 +377,7 @@ def _piece(
 
 def _held_until(state: ObserverState) -> float:
     """Time in s from which the parameters adapt again, after innovations have contradicted the inputs."""
-    return state.contradicted + HELD - 0.5 * RESOLUTION if np.isfinite(state.contradicted) else -np.inf
+    return state.contradicted + HELD - 0.5 * RESOLUTION if math.isfinite(state.contradicted) else -math.inf
 
 
 def _fixed(joint: JointFilter) -> JointFilter:
@@ -384,7 +387,7 @@ def _fixed(joint: JointFilter) -> JointFilter:
 
 def _first(mask: BoolArray) -> int:
     """Number of the first sample in a mask, as many as there are without one."""
-    return int(np.argmax(np.append(mask, True)))
+    return int(mask.argmax()) if mask.any() else mask.size
 
 
 def _check(state: ObserverState, block: Log) -> None:
@@ -397,8 +400,7 @@ def _check(state: ObserverState, block: Log) -> None:
             "the recording that follows."
         )
     for name in INPUTS:
-        wrong = outside(name, block[name])
-        if wrong.any():
+        if (wrong := outside(name, block[name])).any():
             at = int(np.argmax(wrong))
             raise DataError(
                 f"{block.name}: {name} is {block[name][at]:.4g} at {block.time[at]:.6g} s; a duty cycle is from 0 to 1."
@@ -407,8 +409,10 @@ def _check(state: ObserverState, block: Log) -> None:
 
 def _stretches(observer: Observer, samples: Tail) -> list[tuple[int, int]]:
     """Ranges of samples with known inputs and without holes, and single samples without inputs."""
-    inputs: BoolArray = np.all(np.isfinite(samples.duties), axis=1)
-    hole = np.diff(samples.time) > longest(observer.spacing)
+    inputs: BoolArray = np.logical_and.reduce(np.isfinite(samples.duties), axis=1)
+    hole = samples.time[1:] - samples.time[:-1] > longest(observer.spacing)
+    if inputs.all() and not hole.any():
+        return [(0, inputs.size)] if inputs.size else []
     cuts = np.flatnonzero(hole | ~inputs[1:] | ~inputs[:-1]) + 1
     return [(a, b) for a, b in pairwise([0, *cuts.tolist(), samples.time.size]) if b > a]
 
@@ -459,12 +463,12 @@ def _followed(
     tail = last_samples(both, joint.mapped.actuator.parameters.T_pwm + 2.0 * observer.spacing)
     corrected = np.flatnonzero(np.isfinite(passed.deviations[:, 0]))
     deviations = passed.deviations[corrected[-1]].copy() if corrected.size else state.deviations
+    after = passed.state
+    G, wear = (after.G, after.wear) if isinstance(after, FilterState) else (state.G, state.wear)
     state = state._replace(
-        filter=passed.state, theta=passed.state.theta, T=passed.state.T, tail=tail, deviations=deviations,
+        filter=after, theta=after.theta, T=after.T, G=G, wear=wear, tail=tail, deviations=deviations,
         number=state.number + m - first, excess=excess,
     )  # fmt: skip
-    if isinstance(passed.state, FilterState):
-        state = state._replace(G=passed.state.G, wear=passed.state.wear)
     return state, passed, usable[first:], m - first
 
 
@@ -485,14 +489,11 @@ def _contradiction(
     """
     if passed is None or observer.joint.reference is not None:
         return 0 if passed is None else len(passed.states), 0.0
-    settings, innovations = observer.joint.settings, passed.errors[:, 0]
-    corrected = np.flatnonzero(np.isfinite(innovations[:, 0]))
-    sizes = np.abs(innovations[corrected, 0]) / np.sqrt(innovations[corrected, 1])
-    speeds = np.abs(passed.states[corrected, observer.actuator.states.index("v")])
-    total, seconds = np.array([excess]), settings.every * settings.spacing
-    learns = (speeds > least_speed).astype(np.float64)
-    at = kernels_in("clutchid.observer.contradiction").first_contradiction(total, sizes, learns, seconds)
-    return int(np.append(corrected, len(passed.states))[at]), float(total[0])
+    total, settings, velocity = np.array([excess]), observer.joint.settings, observer.actuator.states.index("v")
+    at: int = kernels_in("clutchid.observer.contradiction").first_contradiction(
+        total, passed.errors, passed.states, velocity, least_speed, settings.every * settings.spacing
+    )
+    return at, float(total[0])
 
 
 def _until_diverged(
@@ -521,4 +522,4 @@ def _impossible(observer: Observer, states: FloatArray) -> int:
         return len(states)
     p, p_A = observer.actuator.parameters, states[:, observer.actuator.states.index("p_A")]
     low, high = PRESSURES
-    return int(np.argmax(np.append((p_A < low * p.P_0) | (p_A > high * p.P_S), True)))
+    return _first((p_A < low * p.P_0) | (p_A > high * p.P_S))

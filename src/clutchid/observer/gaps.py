@@ -67,9 +67,9 @@ def bridged(
     """
     latest, held_before = latest_driven(state), state.known < state.latest
     if not (held_before or repeated.any() or ends.any() or np.isnan(samples.duties).any()):
-        gaps = samples.time - np.append(latest, samples.time[:-1])[: samples.time.size]
-        if gaps.size and not (gaps > LONG * spacing).any():
-            return Bridged(samples, np.arange(gaps.size), float(samples.time[-1]))
+        time, long = samples.time, LONG * spacing
+        if time.size and not (time[0] - latest > long or (time[1:] - time[:-1] > long).any()):
+            return Bridged(samples, np.arange(time.size), float(time[-1]))
     at, taken = np.flatnonzero(~repeated), ~repeated
     time = samples.time[taken]
     before = np.append(latest, time[:-1])[: time.size]
@@ -109,7 +109,7 @@ def repeats(time: FloatArray, latest: float, spacing: float) -> BoolArray:
     """Whether each sample comes so soon after another that it repeats it."""
     shortest = SHORT * spacing - 0.5 * RESOLUTION
     repeated = np.zeros(time.size, dtype=bool)
-    if time.size and (time[0] - latest < shortest or np.any(np.diff(time) < shortest)):
+    if time.size and (time[0] - latest < shortest or (time[1:] - time[:-1] < shortest).any()):
         for i, stamp in enumerate(time.tolist()):
             repeated[i] = stamp - latest < shortest
             latest = latest if repeated[i] else stamp

@@ -44,8 +44,6 @@ def mismatches(observer: Observer, before: float, states: FloatArray, innovation
         As in `Observed`.
     """
     running = np.full(len(states), np.nan)
-    if not observer.compares:
-        return running
     nis = normalised(observer, states, innovations) / observer.usual
     share = 1.0 / MEMORY
     at = np.flatnonzero(np.isfinite(nis))

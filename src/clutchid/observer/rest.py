@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -34,6 +35,7 @@ class RestPace(NamedTuple):
     vents: int
 
 
+@cache
 def rest_pace(spacing: float, stroke: float) -> RestPace:
     """Numbers for samples that are `spacing` s apart, of an actuator with a stroke in m."""
     bins = max(1, round(BIN / spacing))

@@ -60,9 +60,12 @@ def segment_of(samples: Tail, actuator: Actuator) -> Segment:
 
 def usable_positions(position: FloatArray) -> BoolArray:
     """Whether each position is finite and not that of a frozen sensor."""
-    index = np.arange(position.size)
-    changed = np.append(True, position[1:] != position[:-1])
-    usable: BoolArray = np.isfinite(position) & (index - np.maximum.accumulate(np.where(changed, index, 0)) < FROZEN)
+    usable: BoolArray = np.isfinite(position)
+    changed = position[1:] != position[:-1]
+    if changed.all():
+        return usable
+    index, changed = np.arange(position.size), np.append(True, changed)
+    usable &= (index - np.maximum.accumulate(np.where(changed, index, 0))) < FROZEN
     return usable
 
 
@@ -89,7 +92,7 @@ def measured_values(samples: Tail, usable: BoolArray, supply: float | None) -> F
 
 def last_samples(samples: Tail, seconds: float) -> Tail:
     """The samples that the next one needs: those of the last `seconds`, and those that may be frozen."""
-    begin = int(np.searchsorted(samples.time, samples.time[-1] - seconds))
+    begin = int(samples.time.searchsorted(samples.time[-1] - seconds))
     begin = max(0, min(begin, samples.time.size - FROZEN - 1))
     return Tail(*(array[begin:].copy() for array in samples))
 

@@ -53,6 +53,8 @@ def count_strokes(strokes: Strokes, time: FloatArray, position: FloatArray) -> t
     >>> count_strokes(Strokes(), 0.1 * np.arange(5), position)
     (Strokes(ended=1, began=None), [3])
     """
+    if not (position > BEGINS if strokes.began is None else position < ENDS).any():
+        return strokes, []
     side = np.where(position > BEGINS, 1, np.where(position < ENDS, -1, 0))
     sided = np.flatnonzero(side)
     before = np.append(-1 if strokes.began is None else 1, side[sided[:-1]])

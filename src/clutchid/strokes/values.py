@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -89,6 +90,7 @@ Bounds: TypeAlias = Mapping[str, tuple[FloatArray, FloatArray]]
 _RATES, _SHARE = [rule.SPEED, rule.ACCELERATION], 0.5
 
 
+@lru_cache(maxsize=64)
 def limits(actuator: Actuator, column: str, interval: float) -> FloatArray:
     """Limits of the position or of the pressure in chamber A, for samples that are `interval` s apart."""
     motion = possible_motion(actuator, interval)
@@ -280,6 +282,8 @@ _RANGES = {**dict.fromkeys(INPUTS, (-ROUNDING, 1.0 + ROUNDING)), "pressure_suppl
 
 def within_rounding(duty: FloatArray) -> FloatArray:
     """Duty cycles from 0 to 1: those that are rounded to just outside at the end of the range, NaN for no values."""
+    if duty.size and duty.min() >= 0.0 and duty.max() <= 1.0:
+        return duty
     inside = (duty >= -ROUNDING) & (duty <= 1.0 + ROUNDING)
     return np.where(inside, np.clip(duty, 0.0, 1.0), np.nan)
 

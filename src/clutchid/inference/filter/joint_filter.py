@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchid.codegen.kernels import kernels_in
 from clutchid.inference.filter.references import AdaptiveNumbers, BalanceNumbers, MethodState, Reference
@@ -358,20 +360,48 @@ def follow(
     A recording that is filtered in parts has the same result bit by bit, if `number` is that of the first sample of the
     part in the recording.
     """
-    after = state._replace(**{name: array.copy() for name, array in state._asdict().items()})
+    kind: Any = type(state)
+    after: MethodState = kind(*(array.copy() for array in state))
     n, sensors, count = len(joint.mapped.actuator.states), len(joint.measure), span[1] - span[0]
     one_gain, nothing = np.empty((1, sensors, n + sensors + 1)), (np.empty((0, sensors, 1)), np.empty((0, 1)))
     output = FilterOutput(np.empty((count, sensors, 2)), np.empty((count, n)), np.empty((count, n)), one_gain, *nothing)
-    module, kernel = joint.kernel
-    failed: int = getattr(kernels_in(module), kernel)(
-        *calls(joint), after, _arrays(joint, after), segment.intervals, segment.values, output, (*span, number)
-    )
+    call, arrays = _prepared(joint, after, (*segment.intervals, segment.values))
+    failed: int = call(*calls(joint), after, arrays, segment.intervals, segment.values, output, (*span, number))
     values = [array for name, array in after._asdict().items() if name != "at_values"]
     finite = np.isfinite(np.concatenate(values, axis=None)).all()  # of all at once: a call takes longer than the work
     if failed >= 0 or not finite:
         at = failed if failed >= 0 else span[1] - 1
         return Diverged(f"the filter diverged at sample {at} of the segment", at)
     return JointPass(after, output.errors, output.states, output.deviations)
+
+
+class _Latest(threading.local):
+    """What a thread filtered last: the filter, shapes of its state, and arrays that the kernel fills from theta anew.
+
+    Samples may come one by one. Then the compiled kernel is called without Numba's look at the types of 79 arguments.
+    """
+
+    joint: JointFilter | None = None
+    shapes: tuple[tuple[int, ...], ...] = ()
+    arrays: FilterArrays
+    compiled: Any = None
+
+
+_latest = _Latest()
+
+
+def _prepared(joint: JointFilter, state: MethodState, inputs: Sequence[NDArray[Any]]) -> tuple[Any, FilterArrays]:
+    """The kernel, and its arrays."""
+    (module, name), shapes = joint.kernel, (state.x.shape, state.T.shape)
+    kernel: Any = getattr(kernels_in(module), name)
+    if _latest.joint is not joint or _latest.shapes != shapes:
+        _latest.joint, _latest.shapes, _latest.arrays, _latest.compiled = joint, shapes, _arrays(joint, state), None
+        return kernel, _latest.arrays
+    if _latest.compiled is None and len(kernel.overloads) == 1:
+        (only,) = kernel.overloads.values()
+        _latest.compiled = only.entry_point
+    alike = _latest.compiled is not None and all(array.flags.c_contiguous for array in inputs)
+    return _latest.compiled if alike else kernel, _latest.arrays
 
 
 def drifted(joint: JointFilter, T: FloatArray, wear: IntArray) -> FloatArray:
@@ -418,7 +448,7 @@ def _arrays(joint: JointFilter, state: MethodState) -> FilterArrays:
     n, names = len(actuator.states), actuator.states
     moved = moving.responses + state.x.size if joint.reference is None else 0
     model = model_arrays(joint.mapped, moving.columns(), moved, joint.few)
-    own = model._replace(p=model.p.copy())
+    own = model._replace(p=model.p.copy(), load=model.load.copy())
     deviations = [joint.noise.of_samples(name, s.spacing * s.every) for name in joint.measure]
     derived = derived_arrays(actuator, joint.measure, deviations, state.theta.size)
     columns = moving.of_window(0)

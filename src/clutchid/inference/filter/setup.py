@@ -268,7 +268,8 @@ def intervals(segment: Segment, actuator: Actuator, noise: Noise, names: Sequenc
     """The intervals of a segment, with process noise and lags of the sensors as for `actuator`."""
     lags = [lag_coefficients(actuator.value(SENSORS[name].lag), segment.dt) for name in names]
     sigma = process_noise(segment, actuator, noise)
-    return Intervals(segment.inputs, segment.dt, segment.substeps, sigma, np.stack(lags, axis=1))
+    of_sensors = lags[0][:, None] if len(lags) == 1 else np.stack(lags, axis=1)
+    return Intervals(segment.inputs, segment.dt, segment.substeps, sigma, of_sensors)
 
 
 def measured_values(track: Track, measure: Sequence[str], names: Sequence[str]) -> FloatArray:
