@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterable
 from typing import TypeVar
 
 from clutchid.processes import Pool
@@ -16,16 +17,23 @@ _GLANCE = 0.1
 
 _compilers: list[threading.Thread] = []
 
+#: What threads that wait do first, such as compiling the kernels that this process calls after those.
+_meanwhile: deque[Callable[[], object]] = deque()
 
-def compile_beside(compile_kernels: Callable[[Item], object], item: Item) -> None:
+
+def compile_beside(
+    compile_kernels: Callable[[Item], object], item: Item, meanwhile: Iterable[Callable[[], object]] = ()
+) -> None:
     """Let another process call a function of a module that compiles kernels, unless one does; not on one processor.
 
     It compiles into the cache folder, from which this process loads them, see `wait_for_kernels`. If it fails, they are
-    compiled where they are called.
+    compiled where they are called. `meanwhile` is done, piece by piece, while this process waits.
     """
     if processors() > 1 and not any(compiler.is_alive() for compiler in _compilers):
         compiler = threading.Thread(target=Pool().do, args=(compile_kernels, item), daemon=True)
         compiler.start()
+        _meanwhile.clear()
+        _meanwhile.extend(meanwhile)
         _compilers[:] = [compiler]
 
 
@@ -33,4 +41,9 @@ def wait_for_kernels() -> None:
     """Wait until no other process compiles for this one; several threads may wait."""
     for compiler in tuple(_compilers):
         while compiler.is_alive():
-            compiler.join(_GLANCE)
+            try:
+                work = _meanwhile.popleft()
+            except IndexError:
+                compiler.join(_GLANCE)
+            else:
+                work()

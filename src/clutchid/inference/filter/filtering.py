@@ -105,7 +105,6 @@ def filtered(
     """
     segment, states, k = track.segment, mapped.actuator.states, len(mapped.bases)
     inputs_of(segment, mapped.actuator.model)
-    wait_for_kernels()
     state, arrays = _start(track, mapped, measure, noise, with_gains=fixed_gains is not None)
     along = intervals(segment, mapped.actuator, noise, _SENSORS), measured_values(track, measure, _SENSORS)
     calls = step(mapped.actuator.model), prepare(mapped.actuator.model)
@@ -113,6 +112,7 @@ def filtered(
     errors, passed = np.empty((length, sensors, 2)), np.full((length, len(states)), np.nan)
     gains = np.zeros((length, sensors, state.x.size + 1)) if fixed_gains is None else fixed_gains
     pressures, factor, cost = np.empty((length, k + 1)), np.zeros((0, k + 1)), 0.0
+    wait_for_kernels()
     for begin in range(0, length, BLOCK):
         end = min(begin + BLOCK, length)
         of_block = np.empty((end - begin, sensors, k + 1))

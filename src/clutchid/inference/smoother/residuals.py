@@ -97,6 +97,6 @@ def _block_factors(problem: Problem, chain: Chain) -> list[FloatArray]:
     factors = []
     for a, b in pairwise(np.linspace(0, count, min(BLOCKS, count) + 1).astype(int).tolist()):
         first = chain.first if a == 0 else unknown
-        eliminated = eliminate(first, np.ascontiguousarray(states[a:b]), np.ascontiguousarray(chain.links[a : b - 1]))
+        eliminated = eliminate(first, states[a:b], chain.links[a : b - 1])
         factors.append(triangular(np.vstack([*own[a:b], eliminated.rows])))
     return factors

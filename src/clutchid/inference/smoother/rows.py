@@ -59,7 +59,8 @@ def eliminate(first: FloatArray, windows: FloatArray, links: FloatArray) -> Elim
     n, width = first.shape
     state_rows = np.empty((windows.shape[0], n, n + width))
     theta_rows = np.empty((windows.shape[0], windows.shape[1] + n, width - n))
-    kernels_in(_KERNELS).eliminate(first, windows, links, state_rows, theta_rows)
+    # one layout, which is compiled once
+    kernels_in(_KERNELS).eliminate(*map(np.ascontiguousarray, (first, windows, links)), state_rows, theta_rows)
     return Eliminated(triangular(theta_rows.reshape(-1, width - n)), state_rows)
 
 
