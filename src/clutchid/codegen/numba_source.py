@@ -41,7 +41,7 @@ def numba_source(system: System) -> str:
     """
     plan = differentiated(apart(system, ()))
     work, printed = functions(plan)
-    text: str = template("kernels.py.j2").render(
+    return template("kernels.py.j2").render(
         name=system.name,
         n=len(system.states),
         inputs=[str(s) for s in system.inputs],
@@ -58,7 +58,6 @@ def numba_source(system: System) -> str:
         work=work,
         width=WIDTH,
     )
-    return text
 
 
 def lanes_source(system: System, lanes: int) -> str:
@@ -71,17 +70,15 @@ def lanes_source(system: System, lanes: int) -> str:
     """
     inside = apart(system, ())
     work, printed = plain_functions(inside, lanes)
-    text: str = template("lanes.py.j2").render(
+    return template("lanes.py.j2").render(
         name=system.name, n=len(system.states), lanes=lanes, jumps=bool(system.jumps), functions=printed, work=work,
         piece=TABLE_PIECE if system.table else 0,
     )  # fmt: skip
-    return text
 
 
 def module_head(name: str) -> str:
     """Head of a module without a system, only functions of `function_source` and `elementwise_source`."""
-    text: str = template("head.py.j2").render(name=name)
-    return text
+    return template("head.py.j2").render(name=name)
 
 
 def function_source(name: str, arguments: Sequence[Expr], values: Any) -> str:
@@ -117,10 +114,9 @@ def elementwise_source(name: str, columns: Sequence[Expr], numbers: Sequence[Exp
         [(ArrayElement("out", 0), result)],
     )
     rows = [f"{argument}[k]" for argument in arguments[: len(columns)]]
-    text: str = template("elementwise.py.j2").render(
+    return template("elementwise.py.j2").render(
         name=name, arguments=arguments, row_function=row_function, passed=[*rows, *arguments[len(columns) :]]
     )
-    return text
 
 
 def _nested(values: Any) -> str:

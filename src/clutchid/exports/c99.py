@@ -79,6 +79,11 @@ class CStyle:
                 "first a letter."
             )
 
+    @property
+    def values(self) -> dict[str, Any]:
+        """Values for templates, with the printer of its numbers."""
+        return {"name": self.name, "real": self.real, "two": self.rates == "two", "number": c_number(self.real)}
+
 
 def c_number(real: Real) -> Callable[[Any], str]:
     """The printer of numbers as literals of a type."""
@@ -140,10 +145,7 @@ def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title:
     entries = {
         **data,
         **_times(observer),
-        "name": style.name,
-        "real": style.real,
-        "two": style.rates == "two",
-        "number": number,
+        **style.values,
         "title": comment(title),
         "size": size_of(joint),
         "provenance": provenance(observer),

@@ -11,8 +11,7 @@ def matlab_files(style: CStyle) -> dict[str, str]:
     """The files of the folder ``matlab`` of an export by their names; the sources in C are in ``../src``."""
     name = style.name
     values = {
-        "name": name,
-        "real": style.real,
+        **style.values,
         "outputs": list(OUTPUTS),
         "modules": [f"{name}_model", f"{name}_filter", f"{name}_data", name],
     }

@@ -156,14 +156,12 @@ def samples_of(log: Log) -> FloatArray:
 def replay_source(observer: Observer, style: CStyle, begins: int) -> str:
     """The program in C that follows recordings whose clock begins at these microseconds."""
     values = {
-        "name": style.name,
-        "real": style.real,
+        **style.values,
         "positions": positions(observer).tolist(),
         "begins_us": begins,
         "outputs": COLUMNS,
     }
-    text: str = template("replay.c.j2", "clutchid.exports").render(values)
-    return text
+    return template("replay.c.j2", "clutchid.exports").render(values)
 
 
 def replay(observer: Observer, modules: Mapping[str, CSource], style: CStyle, log: Log, cc: str) -> Replayed:

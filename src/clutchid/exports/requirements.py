@@ -22,10 +22,7 @@ def requirement_files(observer: Observer, style: CStyle) -> dict[str, str]:
     drive, number = requirement_drive(observer), c_number(style.real)
     columns = [drive[name].tolist() for name in ("position", "duty_supply", "duty_exhaust")]
     values = {
-        "name": style.name,
-        "real": style.real,
-        "two": style.rates == "two",
-        "number": number,
+        **style.values,
         "supply": observer.supply.recorded if observer.supply else 0.0,
         "parameters": len(observer.joint.coordinates),
         "shapes": [

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -57,7 +57,7 @@ def example_files(style: CStyle) -> dict[str, str]:
     ``test/vectors.h``, see `vectors`.
     """
     values = {
-        **_style_values(style),
+        **style.values,
         "spacing_us": SPACING,
         "clock_hz": CLOCK,
         "values": OUTPUTS,
@@ -73,10 +73,6 @@ def example_files(style: CStyle) -> dict[str, str]:
         "test/Makefile": "test.mk",
     }
     return {path: template(f"{name}.j2", "clutchid.exports").render(values) for path, name in names.items()}
-
-
-def _style_values(style: CStyle) -> dict[str, Any]:
-    return {"name": style.name, "real": style.real, "two": style.rates == "two", "number": c_number(style.real)}
 
 
 def vectors(samples: FloatArray, outputs: FloatArray, style: CStyle, begins_us: int = 0) -> str:
@@ -99,15 +95,14 @@ def vectors(samples: FloatArray, outputs: FloatArray, style: CStyle, begins_us: 
         for row in outputs
     ]
     values = {
-        **_style_values(style),
+        **style.values,
         "inputs": "\n".join(inputs),
         "outputs": "\n".join(rows),
         "since_us": ", ".join(f"{int(row[4])}u" for row in samples),
         "tolerances": ", ".join(map(number, _tolerances(outputs, style))),
         "begins_us": begins_us,
     }
-    text: str = template("vectors.h.j2", "clutchid.exports").render(values)
-    return text
+    return template("vectors.h.j2", "clutchid.exports").render(values)
 
 
 def _tolerances(outputs: FloatArray, style: CStyle) -> FloatArray:

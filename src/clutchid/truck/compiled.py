@@ -77,7 +77,6 @@ def plant_source(structure: Structure, ledger: bool) -> str:
 
     system = plant(structure, ledger)
     work, functions = plain_functions(system)
-    text: str = template("plant.py.j2", "clutchid.truck").render(
+    return template("plant.py.j2", "clutchid.truck").render(
         name=system.name, parameters=system.parameter_names(), functions=functions, work=work
     )
-    return text

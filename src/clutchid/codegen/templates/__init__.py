@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from jinja2 import Environment, Template
 
 
-def template(name: str, package: str = "clutchid.codegen") -> Any:
+def template(name: str, package: str = "clutchid.codegen") -> Template:
     """The template in the file `name` of the folder ``templates`` of `package`.
 
     Raises
@@ -18,7 +21,7 @@ def template(name: str, package: str = "clutchid.codegen") -> Any:
 
 
 @cache
-def _environment(package: str) -> Any:
+def _environment(package: str) -> Environment:
     """The environment of a package, which keeps the templates that it has compiled."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
