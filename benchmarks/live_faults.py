@@ -47,6 +47,7 @@ from clutchid.cli import main as clutchid
 from clutchid.log import INPUTS
 from clutchid.measurements import read
 from clutchid.messages import text_table
+from clutchid.verbs.saving import loads_path
 
 #: Seconds of the recording, and of the one of runs in real time; how much faster than real time the others are.
 SECONDS, REAL_SECONDS, PACE = 20, 130, 20.0
@@ -443,7 +444,7 @@ def _checked(
     read = session.read - 1 - (kind.spoiled is not None)
     file = Path("out") / kind.file
     state = Path("state.toml" if kind.file == "est.csv" else "out/state.toml")
-    paths = {path: place / places.get(path, path) for path in (file, _strokes(file), state)}
+    paths = {path: place / places.get(path, path) for path in (file, loads_path(file), state)}
     (place / "out").mkdir(exist_ok=True)
     saved = place / "kept"
     saved.mkdir()
@@ -465,10 +466,6 @@ def _checked(
     lost, problems = _rows(place, saved, kind, file, has_state, read, session.room, undisturbed)
     wrong += problems
     return Outcome(name, lost, lost < 0.0005, "; ".join(wrong))
-
-
-def _strokes(file: Path) -> Path:
-    return file.with_name(f"{file.stem}.load{file.suffix}")
 
 
 def _sentences(errors: str, code: int | None) -> list[str]:
@@ -539,7 +536,7 @@ def _rows(
     """Seconds lost of what was read, and what is wrong with the samples and strokes."""
     wrong: list[str] = []
     count = 0
-    for name, wanted in ((file, undisturbed.samples), (_strokes(file), undisturbed.strokes)):
+    for name, wanted in ((file, undisturbed.samples), (loads_path(file), undisturbed.strokes)):
         before = frame_of(saved / name.name) if (saved / name.name).exists() else wanted.head(0)
         if isinstance(before, str):
             wrong.append(before)
@@ -579,7 +576,7 @@ def _bus_run(name: str, place: Path, number: int, moment: int, end: int, undistu
     saved = place / "kept"
     saved.mkdir()
     file, state = Path("out/est.parquet"), place / "out" / "state.toml"
-    for path in (file, _strokes(file)):
+    for path in (file, loads_path(file)):
         if (place / path).exists():
             (place / path).replace(saved / path.name)
     if has_state := state.exists():

@@ -25,7 +25,7 @@ from clutchid.documents.console import print_rows, say
 from clutchid.errors import ExportError, ParameterError
 from clutchid.verbs.commands import typed
 from clutchid.verbs.options import USUAL_FILES, life_limit, pressure
-from clutchid.verbs.saving import check_outputs
+from clutchid.verbs.saving import check_outputs, loads_path
 
 
 @guarded
@@ -77,7 +77,7 @@ def track(
     from clutchid.documents import WornClutch, document_of, write_page
     from clutchid.verbs import tracking
 
-    shift, results = life_limit(limit), (out, tracking.curves_path(out))
+    shift, results = life_limit(limit), (out, loads_path(out))
     _check(out, report, start, table, wear_table, logs)
     with progress_of("track") as progress:
         tracked = tracking.track(

@@ -18,7 +18,7 @@ from clutchid.files import reason_of
 from clutchid.fleets.output import CURVES, RESULTS, VEHICLES, WEAR
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.names import natural, printable
-from clutchid.verbs.tracking import curves_path
+from clutchid.verbs.saving import loads_path
 from clutchid.wear.life import COUNTED
 from clutchid.wear.trend import LIFE
 
@@ -84,7 +84,7 @@ def files_of(path: Path, below: Path) -> Files:
             f"({VEHICLES}, {RESULTS} or {WEAR} of its folder)."
         )
     paths = {other: _inside(path.with_name(name), below) for other, name in names.items()}
-    own = _inside(curves_path(path), below)
+    own = _inside(loads_path(path), below)
     if own is not None or (kind == "wear" and paths["results"] is None):  # that of a single vehicle
         return Files(path, None, None, (own,) if own else ())
     parts = [*sorted((path.parent / CURVES).glob("part-*.parquet")), *sorted(path.parent.glob("part-*.parquet"))]

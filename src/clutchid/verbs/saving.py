@@ -38,6 +38,11 @@ def check_save(path: Path) -> None:
         )
 
 
+def loads_path(out: Path) -> Path:
+    """The file of the loads beside `out`, the rows or samples that they belong to."""
+    return out.with_name(f"{out.stem}.load{out.suffix}")
+
+
 @checked
 def parameter_file(fit: Fit) -> ParameterFile:
     """Contents of a parameter file for a fit, with the trust of its verdict.

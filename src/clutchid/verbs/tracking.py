@@ -29,6 +29,7 @@ from clutchid.verbs.folders import (
     name_of,
     no_recordings,
 )
+from clutchid.verbs.saving import loads_path
 from clutchid.verbs.start import start_file
 from clutchid.verbs.wear_reading import (
     ReadingOptions,
@@ -357,9 +358,4 @@ def write_tracked(tracked: Tracked, out: Path) -> None:
     """
     write_frame(table_of(tracked), out)
     names = [dated.name for dated in tracked.wear.dated]
-    write_frame(load_frame({"recording": names}, [read.curve for read in tracked.reads]), curves_path(out))
-
-
-def curves_path(out: Path) -> Path:
-    """The file of the loads, beside the rows."""
-    return out.with_name(f"{out.stem}.load{out.suffix}")
+    write_frame(load_frame({"recording": names}, [read.curve for read in tracked.reads]), loads_path(out))

@@ -14,7 +14,7 @@ from clutchid.errors import ExportError, ParameterError
 from clutchid.measurements.live.bus_name import BusName, bus_name
 from clutchid.systems import command_line
 from clutchid.verbs.options import ReadingText
-from clutchid.verbs.saving import check_outputs
+from clutchid.verbs.saving import check_outputs, loads_path
 from clutchid.verbs.service.streams import say_unhurried
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ class Outputs:
     @property
     def by_stroke(self) -> Path:
         """The load by stroke, beside the samples."""
-        return self.out.with_name(f"{self.out.stem}.load{self.out.suffix}")
+        return loads_path(self.out)
 
     @property
     def bus(self) -> BusName | None:
