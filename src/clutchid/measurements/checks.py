@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from clutchid.errors import ParameterError
 from clutchid.log import INPUTS, FloatArray
 from clutchid.log.units import UNITS, to_si
-from clutchid.measurements.columns import QUANTITIES, Heading
+from clutchid.measurements.columns import Heading
 from clutchid.measurements.source import Places, Rows, Table
 from clutchid.measurements.time_axis import holes, usual_interval
 from clutchid.messages import SHOWN, listed, quantity
@@ -66,25 +65,21 @@ def check(table: Table, ambient: float = AMBIENT, *, holes_end: bool = True) -> 
     Parameters
     ----------
     table
-        A table of a `Source`.
+        Columns called by quantities, each once.
     ambient : Pa
         Absolute pressure, above 0, that is added to gauge pressures.
     holes_end
         Whether a hole in time ends a segment, and is said.
     """
-    groups: dict[str, list[_Column]] = defaultdict(list)
+    columns: dict[str, _Column] = {}
     for heading in table.headings:
-        if heading.name is not None and heading.index in table.numbers:
-            written = table.numbers[heading.index]
-            unread = table.unread.get(heading.index, np.empty(0, dtype=np.int64))
-            column = _Column(heading, written, in_si(heading, written, ambient), table.places, unread)
-            groups[heading.name].append(column)
-    problems = list(table.problems)
-    for name, columns in groups.items():
-        for column in columns:
-            problems += _problems(name, column)
-    warnings = _gaps(groups) + (_hole_warning(groups.get("time", ())) if holes_end else [])
-    return Checked({name: columns[0].values for name, columns in groups.items()}, tuple(problems), tuple(warnings))
+        written = table.numbers[heading.index]
+        unread = table.unread.get(heading.index, np.empty(0, dtype=np.int64))
+        columns[str(heading.name)] = _Column(heading, written, in_si(heading, written, ambient), table.places, unread)
+    problems = [*table.problems, *(text for name, column in columns.items() for text in _problems(name, column))]
+    warnings = _gaps([columns[name] for name in INPUTS if name in columns])
+    warnings += _hole_warning(columns["time"]) if holes_end and "time" in columns and columns["time"].heading.si else []
+    return Checked({name: column.values for name, column in columns.items()}, tuple(problems), tuple(warnings))
 
 
 def check_ambient(ambient: float | None) -> None:
@@ -160,9 +155,8 @@ def _pressure(column: _Column) -> Iterable[str]:
     yield f"column '{column.heading.text}' is not above 0 as an absolute pressure: {where}; {advice}"
 
 
-def _gaps(groups: Mapping[str, Sequence[_Column]]) -> list[str]:
-    """Warning about samples with missing inputs."""
-    columns = [column for name in INPUTS for column in groups.get(name, ())]
+def _gaps(columns: Sequence[_Column]) -> list[str]:
+    """Warning about samples in which one of these inputs is missing."""
     gaps = [(column, column.missing) for column in columns]
     empty = [(column, missing) for column, missing in gaps if missing.size]
     if not empty:
@@ -179,22 +173,15 @@ def _gaps(groups: Mapping[str, Sequence[_Column]]) -> list[str]:
     return [f"input {names} is missing in {where}: {', and '.join(then)}."]
 
 
-def _hole_warning(columns: Sequence[_Column]) -> list[str]:
-    """Warning about holes in time."""
-    if not columns:
-        return []
-    column = columns[0]
-    rows = np.flatnonzero(np.isfinite(column.values))
-    time = column.values[rows]
+def _hole_warning(column: _Column) -> list[str]:
+    """Warning about holes in a time that is repaired."""
+    time, places = column.values, column.places
     after = holes(time)
     if not after.size:
         return []
-    unit = QUANTITIES["time"] if column.heading.si else column.heading.unit
-    places = column.places
     shown = [
-        f"{quantity(time[i + 1] - time[i], unit)} between {places.word}s {places.number(a)} and {places.number(b)}"
+        f"{quantity(time[i + 1] - time[i], 's')} between {places.word}s {places.number(i)} and {places.number(i + 1)}"
         for i in after[:SHOWN].tolist()
-        for a, b in [(rows[i], rows[i + 1])]
     ]
-    usual = quantity(usual_interval(time), unit)
+    usual = quantity(usual_interval(time), "s")
     return [f"no samples for {listed(shown, total=after.size)} (usual interval {usual}): each hole ends a segment."]
