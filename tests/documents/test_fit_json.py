@@ -11,6 +11,7 @@ from clutchid.documents.fit_json import fit_json
 from clutchid.estimation import LoadCurve
 from clutchid.estimation.result import Change
 from clutchid.inference.uncertainty.calibration import Origin
+from clutchid.numerics.least_squares import Start
 from fixtures.baselines import ORIGIN, with_baseline
 
 
@@ -59,6 +60,14 @@ def test_a_calibration_of_an_older_file_is_named_and_not_compared(fitted, writte
     assert text["calibration"]["name"] == "CAL.toml"
     assert text["calibrated_load_curve"] is None
     assert text["load_change"] is None
+
+
+def test_every_start_is_there_with_its_cost_and_null_where_it_has_none(fitted, written):
+    starts = Start("initial values", 12.5, "stalled"), Start("new states 1", np.inf, "failed")
+    assert written(replace(fitted, starts=starts))["starts"] == [
+        {"name": "initial values", "cost": 12.5, "status": "stalled"},
+        {"name": "new states 1", "cost": None, "status": "failed"},
+    ]
 
 
 @pytest.mark.parametrize("end", [np.inf, np.nan])

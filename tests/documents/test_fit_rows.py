@@ -16,6 +16,7 @@ from clutchid.estimation import Estimate, LoadCurve
 from clutchid.estimation.result import Change
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.inference.uncertainty.conditions import Assumption
+from clutchid.numerics.least_squares import Start
 from fixtures.baselines import ORIGIN, calibration_like, reaching, with_baseline
 
 VALVES = "valves"
@@ -199,11 +200,19 @@ def test_two_reasons_are_shown_and_in_full_all_of_them(fitted):
 def test_in_full_nothing_stands_in_the_summary_and_in_the_text_below(fitted):
     calibrated = replace(with_baseline(fitted), changes=(change(),))
     text = text_of(rows_on(calibrated, On.FULL))
-    for once in (VALVES, "fitted first: position", "converged"):
+    for once in (VALVES, "fitted first: position", "The search converged"):
         assert text.count(once) == 1, once
     for name in calibrated.parameters:
         assert f"\n{name} " in text
     assert "no other change" in "\n".join(rows_of(with_baseline(fitted), "since", On.FULL))
+
+
+def test_several_starts_have_a_line_in_full_and_a_single_one_has_none(fitted):
+    starts = Start("initial values", 12.5, "stalled"), Start("new states 1", 9990.1, "converged")
+    text = text_of(rows_on(replace(fitted, starts=starts), On.FULL))
+    assert "Cost of 2 starts: initial values 12.5 (stalled), new states 1 9990" in text
+    assert "starts" not in text_of(rows_on(replace(fitted, starts=starts), On.BRIEF))
+    assert "starts" not in text_of(rows_on(replace(fitted, starts=starts[:1]), On.FULL))
 
 
 def test_the_sentences_in_full_are_wrapped(fitted):

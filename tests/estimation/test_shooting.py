@@ -145,4 +145,6 @@ def test_a_search_that_stalls_at_the_same_cost_from_new_states_has_converged(mon
     )
     found = module._fine(SimpleNamespace(stems=()), np.zeros(1), (), UNLIMITED, None)
     assert (found.at.cost, found.status) == (cost, status)
+    assert tuple(start.cost for start in found.starts) == costs
+    assert [start.name for start in found.starts[:2]] == ["initial values", "new states 1"]
     assert next(left, None) is None

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from clutchid import fit
+from clutchid import fit, simulate
 from clutchid.estimation import simulation_error
-from clutchid.estimation.simulation_error import build_problem, linearise, residuals
+from clutchid.estimation.simulation_error import build_problem, linearise, residuals, simulated_states
 from clutchid.log import Log
 from clutchid.model import Actuator
 from clutchid.numerics.failure import Failure
@@ -123,6 +123,37 @@ def test_derivatives_are_computed_where_the_search_goes_and_not_for_the_multiple
     # the rows of the coarse one, divided by other scales
     assert simulated.count("run_with_sensitivities") == result.evaluations - len(simulation_error.COARSE_FACTORS) + 1
     assert simulated.count("run") == len(simulation_error.COARSE_FACTORS) + 1
+
+
+@pytest.mark.parametrize("measure", ["position", "position,pressure_a"])
+def test_every_start_has_its_final_cost_at_the_noise_scales_of_the_result(truth, drive, measure):
+    noisy = drive.with_columns(position=drive["position"] + 1e-4 * np.sin(np.arange(len(drive))))
+    result = fit(noisy, truth, free="load", measure=measure)
+
+    def cost(actuator):
+        simulated = simulate(actuator, noisy, starts=result.recordings[noisy.name].starts).log
+        return sum(float(np.nansum((simulated[n] - noisy[n]) ** 2)) / s**2 for n, s in result.scales.items())
+
+    assert {start.status for start in result.starts} == {"converged", "not searched"}
+    for factor, start in zip(simulation_error.COARSE_FACTORS, result.starts, strict=True):
+        chosen = start.status == "converged"
+        theta = tuple(factor * weight for weight in truth.load.theta)
+        actuator = result.actuator if chosen else replace(truth, load=replace(truth.load, theta=theta))
+        assert start.name == f"load times {factor:g}"
+        assert start.cost == pytest.approx(cost(actuator), rel=1e-6)
+    assert min(result.starts, key=lambda start: start.cost).status == "converged"
+
+
+def test_a_start_that_cannot_be_simulated_has_failed(monkeypatch, truth, drive):
+    def blown_up(problem, x, number):
+        states = simulated_states(problem, x, number)
+        heavy = problem.actuator_of(x, problem.stems[0]).load.theta[0] > 1.5 * truth.load.theta[0]
+        return np.full_like(states, np.nan) if heavy else states
+
+    monkeypatch.setattr(simulation_error, "simulated_states", blown_up)
+    *others, heavy = fit(drive, truth, free="load").starts
+    assert (heavy.cost, heavy.status) == (np.inf, "failed")
+    assert "failed" not in {start.status for start in others}
 
 
 def test_numbers_of_a_fit_are_of_order_one_and_go_back_to_si(truth, cut):

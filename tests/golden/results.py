@@ -86,6 +86,7 @@ def of_fit(result: Fit) -> Numbers:
     if result.baseline is not None:
         del written["fit"]["calibration"]  # that of the calibration
     json_object = fit_json(result)
+    del json_object["starts"]  # of the search, which is not repeated
     for curve in ("load_curve", "calibrated_load_curve", "load_change"):
         if isinstance(json_object.get(curve), dict):
             json_object[curve] = {n: v[::10] if isinstance(v, list) else v for n, v in json_object[curve].items()}

@@ -39,6 +39,7 @@ def fit_json(result: Fit) -> dict[str, Any]:
         "noise_scales": dict(result.scales),
         "warnings": list(result.warnings),
         "method": result.method,
+        "starts": [asdict(start) for start in result.starts],
         "notes": notes_of(result),
         "changes": [change_json(change) for change in result.changes],
         "load_per_supply": result.load_per_supply,

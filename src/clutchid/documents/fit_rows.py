@@ -85,13 +85,21 @@ def _in_full(fit: Fit) -> list[Row]:
     lines = ["", f"{'parameter':<{width}}  {'value':>12}  {'std. error':>10}  {'95 % interval':>27}  unit"]
     for name, e in fit.parameters.items():
         lines.append(f"{name:<{width}}  {e.value:12.5g}  {e.std:10.2g}  {e.low:12.5g} .. {e.high:12.5g}  {e.unit}")
-    sentences, fitted = [f"The search {fit.message}."], errors_words(fit)
+    sentences, fitted = [f"The search {fit.message}.", *_starts(fit)], errors_words(fit)
     for title, recordings in (("fitted", fit.recordings), ("verified", fit.verification)):
         for name, recording in recordings.items():
             how = ", simulated from its duty cycles" if title == "verified" else fitted
             sentences.append(f"{title} {name}: {errors_text(recording.errors)}{how}")
     table = Row(None, "\n".join(lines), fixed=True, on=On.FULL)
     return [table, *(Row(None, text, on=On.FULL) for text in [*sentences, *notes_of(fit)])]
+
+
+def _starts(fit: Fit) -> list[str]:
+    """Final cost of every start, as a sentence; none for a single one."""
+    if len(fit.starts) < 2:
+        return []
+    ends = (f"{start.name} {start.cost:.4g} ({start.status})" for start in fit.starts)
+    return [f"Cost of {len(fit.starts)} starts: {', '.join(ends)}."]
 
 
 def other_warnings(fit: Fit) -> list[str]:

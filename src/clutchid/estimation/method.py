@@ -150,6 +150,7 @@ def fit_at(method: Method, search_result: SearchResult, calibration: Calibration
         notes=(*(_identifiable(problem, result.covariance) if method.priors else ()), *result.notes),
         converged=converged,
         search=_search_state(problem, solution) if method.priors else None,
+        starts=solution.starts,
     )
 
 

@@ -28,7 +28,7 @@ from clutchid.log.states import MEASURED
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.interval import QUANTILE
-from clutchid.numerics.least_squares import Linearisation, Solution, minimise, triangular
+from clutchid.numerics.least_squares import INITIAL_VALUES, Linearisation, Solution, Start, minimise, triangular
 from clutchid.numerics.progress import Progress, Stage, Step
 from clutchid.preparation.pulses import FindPhase
 
@@ -127,14 +127,17 @@ def predict(
         As `clutchid.fit`.
     """
     problem = problem_of(logs, actuator, free, calibration)
-    x = start_point(problem, free)
-    if free.start is not None:
-        return SearchResult(problem, search(problem, x, _FINE_ROUNDS, progress, 1))
-    coarse = search(problem, x, _COARSE_ROUNDS, progress)
-    if isinstance(coarse, Failure):
-        return SearchResult(problem, coarse)
-    problem = replace(problem, noise=replace(problem.noise, measured=noise_scales(problem, coarse.at)))
-    return SearchResult(problem, search(problem, coarse.x, _FINE_ROUNDS, progress, coarse.evaluations))
+    x, count = start_point(problem, free), 1
+    if free.start is None:
+        coarse = search(problem, x, _COARSE_ROUNDS, progress)
+        if isinstance(coarse, Failure):
+            return SearchResult(problem, coarse)
+        problem = replace(problem, noise=replace(problem.noise, measured=noise_scales(problem, coarse.at)))
+        x, count = coarse.x, coarse.evaluations
+    fine = search(problem, x, _FINE_ROUNDS, progress, count)
+    if isinstance(fine, Solution):
+        fine = replace(fine, starts=(Start(INITIAL_VALUES, fine.at.cost, fine.status),))
+    return SearchResult(problem, fine)
 
 
 def problem_of(

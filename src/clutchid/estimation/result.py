@@ -18,6 +18,7 @@ from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import made_anew
 from clutchid.numerics.interval import QUANTILE
+from clutchid.numerics.least_squares import Start
 from clutchid.simulation.plan import Plan
 from clutchid.simulation.simulation import simulated_log
 from clutchid.strokes.vented_rest import RestShift
@@ -204,6 +205,8 @@ class Fit:
         By how many % the load changes for 1 % of the supply pressure; None where that is fitted, and for another fit.
     readings
         Several recordings read one by one from the calibration, by name; else empty.
+    starts
+        All starts of the search, each with its final cost; `actuator` is the end of the one that costs least.
 
     Examples
     --------
@@ -245,6 +248,7 @@ class Fit:
     assumed: tuple[Assumption, ...] = ()
     load_per_supply: float | None = None
     readings: Mapping[str, Fit] = field(default_factory=dict)
+    starts: tuple[Start, ...] = ()
 
     __reduce__ = made_anew
 

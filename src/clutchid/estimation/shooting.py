@@ -36,6 +36,7 @@ from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.interval import QUANTILE
+from clutchid.numerics.least_squares import INITIAL_VALUES, SearchStatus, Solution, Start
 from clutchid.numerics.progress import Progress
 from clutchid.preparation.pulses import FindPhase
 from clutchid.simulation.windows import initial_states
@@ -159,7 +160,9 @@ def _fine(
     the same cost with new states has converged: there the cost has a kink, and the least cost no vanishing gradient.
     """
     best = search(problem, x, X, FINE_STAGE, progress, before, effort)
-    for _ in range(MAX_RESTARTS):
+    if isinstance(best, Solution):
+        best = replace(best, starts=(Start(INITIAL_VALUES, best.at.cost, best.status),))
+    for number in range(1, MAX_RESTARTS + 1):
         if isinstance(best, Failure) or best.status != "stalled" or effort.is_spent(best.evaluations, best.at.cost):
             return best
         again = _states(problem, [problem.actuator_of(best.x, stem) for stem in problem.stems])
@@ -167,10 +170,12 @@ def _fine(
             problem, best.x, again, FINE_STAGE, progress, best.evaluations, effort
         )  # fmt: skip
         if isinstance(further, Failure):
-            return best
+            return replace(best, starts=(*best.starts, Start(f"new states {number}", np.inf, "failed")))
+        starts = *best.starts, Start(f"new states {number}", further.at.cost, further.status)
         gain, better = best.at.cost - further.at.cost, min(best, further, key=lambda solution: solution.at.cost)
         same = abs(gain) <= _SAME_COST * best.at.cost
-        best = replace(better, evaluations=further.evaluations, status="converged" if same else better.status)
+        status: SearchStatus = "converged" if same else better.status
+        best = replace(better, evaluations=further.evaluations, status=status, starts=starts)
         if gain <= 0.0:
             return best
     return best

@@ -26,7 +26,16 @@ from clutchid.log import FloatArray, Log
 from clutchid.log.states import MEASURED
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
-from clutchid.numerics.least_squares import Linearisation, Solution, compress, minimise, triangular
+from clutchid.numerics.least_squares import (
+    INITIAL_VALUES,
+    Linearisation,
+    Solution,
+    Start,
+    StartStatus,
+    compress,
+    minimise,
+    triangular,
+)
 from clutchid.numerics.progress import Progress, Stage, Step
 from clutchid.simulation.divergence import failure_message
 from clutchid.simulation.noise import Noise
@@ -201,18 +210,22 @@ def two_stages(
             cost = float(np.fmin(cost, linearisation.cost))
         return linearisation
 
-    begin = _best_start(problem, x, lambda: report("coarse search"))
+    trials = _trials(problem, x, lambda: report("coarse search"))
+    begin = _best_start(problem, trials)
     if isinstance(begin, Failure):
         return problem, begin
+    chosen, at = begin
     if not _has_motion(problem):
-        return problem, Solution(x, begin[1], "converged", count)
+        still = Solution(x, at, "converged", count)
+        return problem, replace(still, starts=_starts(problem, trials, chosen, still))
     low, high = problem.bounds()
-    coarse = minimise(lambda x: evaluate(x, "coarse search"), begin, low, high, tolerance=1e-3)
+    coarse = minimise(lambda x: evaluate(x, "coarse search"), (chosen.x, at), low, high, tolerance=1e-3)
     report("fine search")
     problem, again = _rescaled(problem, coarse)
     assert isinstance(again, Linearisation)
     fine = minimise(lambda x: evaluate(x, "fine search"), (coarse.x, again), low, high, tolerance=1e-9)
-    return problem, replace(fine, evaluations=count, status="limit" if fine.status == "limit" else "converged")
+    fine = replace(fine, evaluations=count, status="limit" if fine.status == "limit" else "converged")
+    return problem, replace(fine, starts=_starts(problem, trials, chosen, fine))
 
 
 def _rescaled(problem: Problem, end: Solution[Linearisation]) -> tuple[Problem, Linearisation | Failure]:
@@ -231,38 +244,67 @@ def _rescaled(problem: Problem, end: Solution[Linearisation]) -> tuple[Problem, 
     return problem, _linearised((_compared(problem, segment) for segment in segments), end.x.size)
 
 
-def _best_start(
-    problem: Problem, x0: FloatArray, report: Callable[[], None]
-) -> tuple[FloatArray, Linearisation] | Failure:
-    """The best of several multiples of the initial load, if any load weight is free."""
+class _Trial(NamedTuple):
+    """A start x, and the sum of squares of the errors there by measured column, in SI."""
+
+    name: str
+    x: FloatArray
+    squares: Mapping[str, float]
+
+    def cost(self, noise: Noise) -> float:
+        """Sum of squares at the noise scales of `noise`."""
+        return sum(total / noise.measured[name] ** 2 for name, total in self.squares.items())
+
+
+def _trials(problem: Problem, x0: FloatArray, report: Callable[[], None]) -> list[_Trial]:
+    """Several multiples of the initial load, if any load weight is free; else x0 alone, which is not simulated."""
     weights = [i for i, c in enumerate(problem.coordinates) if c.base in problem.actuator.load.names]
-    starts, failure = list[tuple[float, int, FloatArray]](), None
-    for number, factor in enumerate(COARSE_FACTORS if weights else (1.0,)):
+    trials = []
+    for factor in COARSE_FACTORS if weights else (1.0,):
         report()
         x = x0.copy()
         x[weights] *= factor
         x = np.clip(x, *problem.bounds())
-        starts.append((_cost(problem, x) if weights else 0.0, number, x))
-    for _, _, x in sorted(starts):
-        linearisation = linearise(problem, x)
+        name = f"load times {factor:g}" if weights else INITIAL_VALUES
+        trials.append(_Trial(name, x, _squares(problem, x) if weights else {}))
+    return trials
+
+
+def _best_start(problem: Problem, trials: Sequence[_Trial]) -> tuple[_Trial, Linearisation] | Failure:
+    """The trial that costs least, linearised."""
+    failure = None
+    for trial in sorted(trials, key=lambda trial: trial.cost(problem.noise)):
+        linearisation = linearise(problem, trial.x)
         if isinstance(linearisation, Linearisation):
-            return x, linearisation
+            return trial, linearisation
         failure = failure or linearisation
     return failure or Failure("no start can be simulated")
 
 
-def _cost(problem: Problem, x: FloatArray) -> float:
-    """Half the sum of squared residuals at `x`, without derivatives; infinite where a simulation fails."""
-    cost = 0.0
+def _starts(
+    problem: Problem, trials: Sequence[_Trial], chosen: _Trial, end: Solution[Linearisation]
+) -> tuple[Start, ...]:
+    """Every trial with its cost; the `chosen` one is that which ended at `end`."""
+    starts = []
+    for trial in trials:
+        cost = 2.0 * end.at.cost if trial is chosen else trial.cost(problem.noise)
+        others: StartStatus = "not searched" if np.isfinite(cost) else "failed"
+        starts.append(Start(trial.name, cost, end.status if trial is chosen else others))
+    return tuple(starts)
+
+
+def _squares(problem: Problem, x: FloatArray) -> dict[str, float]:
+    """Sum of squares of the errors at `x` by measured column, in SI; infinite where a simulation fails."""
+    squares = dict.fromkeys(problem.measure, 0.0)
     for number, prepared in enumerate(problem.plans):
         states = simulated_states(problem, x, number)
         if not all(np.isfinite(states[segment.start : segment.stop]).all() for segment in prepared.segments):
-            return np.inf
+            return dict.fromkeys(problem.measure, np.inf)
         for name in problem.measure:
             difference = states[:, problem.actuator.states.index(MEASURED[name].state)] - prepared.log[name]
             with np.errstate(over="ignore"):
-                cost += 0.5 * float(np.nansum((difference / problem.noise.measured[name]) ** 2))
-    return cost
+                squares[name] += float(np.nansum(difference**2))
+    return squares
 
 
 def _rms_residuals(problem: Problem, segments: Sequence[SimulatedSegment]) -> dict[str, float]:

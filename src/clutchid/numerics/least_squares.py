@@ -32,18 +32,48 @@ class Linearisation:
 
 #: End of a search.
 SearchStatus = Literal["converged", "stalled", "limit"]
+StartStatus = Literal[SearchStatus, "not searched", "failed"]
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """A start of a search, and where it ended.
+
+    Attributes
+    ----------
+    name
+        The start: a multiple of the initial load, the initial values, or new states of the windows.
+    cost : 1
+        Final one: sum of squares of residuals and priors in units of their standard deviations, at the noise scales of
+        the result; infinite where nothing could be simulated.
+    status
+        'converged', 'stalled' or 'limit'; 'not searched' if its cost was compared with that of the others and the
+        search went on from another; 'failed' if it could not be simulated.
+    """
+
+    name: str
+    cost: float
+    status: StartStatus
+
+
+#: Name of the only start, or the first, of a search.
+INITIAL_VALUES = "initial values"
 
 PointT = TypeVar("PointT")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution(Generic[PointT]):
-    """Solution of a search: free parameters x (k,), what the search evaluated there, its end, and its evaluations."""
+    """Solution of a search: free parameters x (k,), what the search evaluated there, its end, and its evaluations.
+
+    `starts` are those that it was chosen from.
+    """
 
     x: FloatArray
     at: PointT
     status: SearchStatus
     evaluations: int
+    starts: tuple[Start, ...] = ()
 
 
 Evaluate = Callable[[FloatArray], Linearisation | Failure]
