@@ -265,8 +265,9 @@ def _bandwidth(scores: FloatArray) -> int:
 
 
 def _lag_sum(scores: FloatArray, bandwidth: int) -> FloatArray:
-    total: FloatArray = scores.T @ scores
-    for lag in range(1, min(bandwidth, scores.shape[0] - 1) + 1):
-        shifted = scores[:-lag].T @ scores[lag:]
-        total = total + (1 - lag / (bandwidth + 1)) * (shifted + shifted.T)
-    return total
+    """Lagged products with Bartlett weights: those of the sums over a moving window of ``bandwidth + 1`` samples."""
+    length = bandwidth + 1
+    total = np.cumsum(np.pad(scores, ((length, bandwidth), (0, 0))), axis=0)
+    windows = total[length:] - total[:-length]
+    product: FloatArray = windows.T @ windows / length
+    return product
