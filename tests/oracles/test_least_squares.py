@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
+import scipy.optimize
+from scipy.optimize import least_squares, lsq_linear
 
 from clutchid.numerics.failure import Failure
-from clutchid.numerics.least_squares import Linearisation, compress, minimise
+from clutchid.numerics.least_squares import Linearisation, bounded_solution, compress, minimise
 
 
 def linearised(residuals, jacobian):
@@ -126,3 +127,17 @@ def test_compression_of_fewer_rows_than_columns_fills_up_with_zeros():
     assert factor.shape == (4, 4)
     np.testing.assert_allclose(np.abs(factor[0]), [1, 2, 3, 4])
     assert not factor[1:].any()
+
+
+def test_a_solution_within_bounds_is_that_of_a_search_over_all_of_them(monkeypatch):
+    searches = []
+    monkeypatch.setattr(scipy.optimize, "lsq_linear", lambda *a, **k: searches.append(1) or lsq_linear(*a, **k))
+    rng = np.random.default_rng(7)
+    for _ in range(200):
+        size = int(rng.integers(1, 9))
+        matrix, target = rng.normal(size=(2 * size, size)), 3.0 * rng.normal(size=2 * size)
+        low, high = -rng.uniform(0.0, 0.5, size), rng.uniform(0.0, 0.5, size)
+        x = bounded_solution(matrix, target, low, high)
+        reference = lsq_linear(matrix, target, bounds=(low, high), method="bvls", tol=1e-14)
+        np.testing.assert_allclose(x, reference.x, atol=1e-9)
+    assert 0 < len(searches) < 150, "most are solved without a search, and not all"

@@ -142,6 +142,28 @@ def minimise(
     return Solution(x, current, "limit", max_evaluations)
 
 
+def bounded_solution(matrix: FloatArray, target: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+    """Least-squares solution of ``matrix x = target``, of full rank, with ``low <= x <= high``.
+
+    What the solution without bounds exceeds mostly stays at its bound, and the others follow: that is the solution if
+    they are within theirs, and the cost rises from those bounds inwards. Else all are searched for.
+    """
+    x = np.asarray(np.linalg.lstsq(matrix, target, rcond=None)[0])
+    below, above = x < low, x > high
+    free = ~(below | above)
+    if free.all():
+        return x
+    x = np.clip(x, low, high)
+    x[free] = np.linalg.lstsq(matrix[:, free], target - matrix[:, ~free] @ x[~free], rcond=None)[0]
+    gradient = matrix.T @ (matrix @ x - target)
+    if np.all((x >= low) & (x <= high)) and np.all(gradient[below] >= 0.0) and np.all(gradient[above] <= 0.0):
+        return x
+    from scipy.optimize import lsq_linear  # slow to import
+
+    box = np.minimum(low, -1e-12), np.maximum(high, 1e-12)
+    return np.asarray(lsq_linear(matrix, target, bounds=box, method="bvls", tol=1e-12).x)
+
+
 def _norms(R: FloatArray) -> FloatArray:
     norms: FloatArray = np.sqrt(np.sum(R**2, axis=0))
     return np.maximum(norms, 1e-9 * max(float(norms.max(initial=0.0)), 1e-300))
@@ -158,10 +180,6 @@ def _bounded_step(
     scaled = current.R / scale
     matrix = np.vstack([scaled, np.sqrt(damping) * np.eye(scale.size)])
     target = -np.concatenate([current.q, np.zeros(scale.size)])
-    step = np.linalg.lstsq(matrix, target, rcond=None)[0]
-    if np.any(step < low * scale) or np.any(step > high * scale):
-        from scipy.optimize import lsq_linear  # slow to import
-
-        step = lsq_linear(matrix, target, bounds=(low * scale, high * scale), method="bvls", tol=1e-12).x
+    step = bounded_solution(matrix, target, low * scale, high * scale)
     after = scaled @ step + current.q
     return step / scale, 0.5 * float(current.q @ current.q - after @ after)

@@ -33,7 +33,7 @@ from clutchid.inference.smoother.trial import (
 )
 from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure
-from clutchid.numerics.least_squares import SearchStatus, Solution
+from clutchid.numerics.least_squares import SearchStatus, Solution, bounded_solution
 from clutchid.numerics.progress import Progress, Stage, Step
 
 #: Factors on all standard deviations, stage by stage, for a start at the priors and at calibrated values.
@@ -326,11 +326,6 @@ def bounded_step(
     target = -np.concatenate([q, np.zeros(x.size)])
     low, high = problem.bounds()
     least, most = np.maximum(low - x, -radius), np.minimum(high - x, radius)
-    step = np.linalg.lstsq(matrix, target, rcond=None)[0]
-    if np.any(step < least) or np.any(step > most):
-        from scipy.optimize import lsq_linear
-
-        box = (np.minimum(least, -1e-12), np.maximum(most, 1e-12))
-        step = lsq_linear(matrix, target, bounds=box, method="bvls").x
+    step = bounded_solution(matrix, target, least, most)
     clipped: FloatArray = np.clip(x + step, low, high) - x
     return clipped
