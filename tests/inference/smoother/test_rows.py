@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from clutchid.inference.smoother import rows as module
 from clutchid.inference.smoother.rows import (
     LinearisedWindows,
+    Sensors,
     downweight_outliers,
     first_rows,
     link_costs,
@@ -64,7 +65,8 @@ def telling(problem, starts_of):
     """For each parameter the most sensitive window, and its start."""
     track, mapped = problem.tracks[0], problem.parameter_map(np.zeros(len(NAMES)), "log")
     pairs = list(zip(track.windows, starts_of(problem)[0], strict=True))
-    rows = [window_rows(track, window, start, mapped, BOTH, ALL_IN).rows for window, start in pairs]
+    sensors = Sensors.of(track, mapped, BOTH, ALL_IN)
+    rows = [window_rows(track, window, start, mapped, sensors).rows for window, start in pairs]
     linearised = np.array([np.linalg.norm(rows[:, len(STATES) : -1], axis=0) for rows in rows])
     return {name: (track, *pairs[int(best)]) for name, best in zip(NAMES, linearised.argmax(axis=0), strict=True)}
 
@@ -76,7 +78,8 @@ def uncompressed(monkeypatch):
 
 def rows_at(problem, busy, x, start, noise=ALL_IN):
     track, window, _ = busy
-    return window_rows(track, window, start, problem.parameter_map(x, "log"), problem.measure, noise)
+    mapped = problem.parameter_map(x, "log")
+    return window_rows(track, window, start, mapped, Sensors.of(track, mapped, problem.measure, noise))
 
 
 def differences(problem, window, x, name, h=1e-4):
@@ -184,7 +187,8 @@ def test_cost_and_end_are_those_of_the_run_without_derivatives(problem, busy, ou
     track, window, start = busy
     noise, x = replace(Noise(), outlier=outlier), np.full(len(NAMES), 0.1)
     rows = rows_at(problem, busy, x, start, noise)
-    end, cost = window_cost(track, window, start, problem.parameter_map(x, "log"), BOTH, noise)
+    mapped = problem.parameter_map(x, "log")
+    end, cost = window_cost(track, window, start, mapped, Sensors.of(track, mapped, BOTH, noise))
     assert cost == pytest.approx(rows.cost, rel=1e-9)
     assert end == pytest.approx(rows.end, rel=1e-9, abs=1e-12)
 
@@ -194,8 +198,9 @@ def test_the_border_sample_is_compared_once(problem, starts_of):
     # a kilometre off, every sample costs the same linear loss but for millimetres: the cost counts the samples
     far = replace(track, measured=track.measured.with_columns(position=track.measured["position"] + 1e3))
     noise, total = Noise(), 0.0
+    sensors = Sensors.of(far, mapped, ("position",), noise)
     for window, start in zip(track.windows, starts_of(problem)[0], strict=True):
-        total += window_cost(far, window, start, mapped, ("position",), noise)[1]
+        total += window_cost(far, window, start, mapped, sensors)[1]
     assert total / (2 * noise.outlier * 1e3 / 5e-5) == pytest.approx(len(track.segment), rel=1e-5)
 
 
@@ -204,10 +209,8 @@ def test_a_start_that_is_not_finite_is_a_failure_with_a_sentence(problem, busy):
     bad = start.copy()
     bad[2] = np.nan
     mapped = problem.parameter_map(np.zeros(len(NAMES)), "log")
-    for answer in (
-        window_rows(track, window, bad, mapped, BOTH, Noise()),
-        window_cost(track, window, bad, mapped, BOTH, Noise()),
-    ):
+    sensors = Sensors.of(track, mapped, BOTH, Noise())
+    for answer in (work(track, window, bad, mapped, sensors) for work in (window_rows, window_cost)):
         assert isinstance(answer, Failure)
         assert "log" in answer.message
         assert answer.message.endswith(".")
@@ -278,9 +281,9 @@ def test_a_memory_of_ten_samples_weighs_each_a_tenth(problem, busy):
     lasting = replace(ALL_IN, memory=0.01)
     every, tenth = (rows_at(problem, busy, x, start, noise) for noise in (ALL_IN, lasting))
     assert tenth.cost == pytest.approx(every.cost / 10.0)
-    assert window_cost(track, window, start, problem.parameter_map(x, "log"), problem.measure, lasting)[
-        1
-    ] == pytest.approx(tenth.cost)
+    mapped = problem.parameter_map(x, "log")
+    _, cost = window_cost(track, window, start, mapped, Sensors.of(track, mapped, problem.measure, lasting))
+    assert cost == pytest.approx(tenth.cost)
     information = [one.rows.T @ one.rows for one in (every, tenth)]
     assert information[1] == pytest.approx(information[0] / 10.0, rel=1e-6, abs=1e-9 * information[0].max())
 

@@ -5,6 +5,7 @@ import pytest
 
 from clutchid.inference.smoother import trial as module
 from clutchid.inference.smoother.problem import condense, linearise
+from clutchid.inference.smoother.rows import Sensors
 from clutchid.inference.smoother.trial import (
     COST_TOLERANCE,
     RESIMULATION_DISTANCE,
@@ -110,8 +111,9 @@ def test_what_the_linear_problem_says_of_a_step_is_what_happens_to_first_order(p
     for h in (1e-5, -1e-5):
         predicted.append(np.sum(current.chains[0].windows.linearised.extrapolated(h * move, h * by).cost))
         mapped, starts = problem.parameter_map(h * by, "log"), current.X[0] + h * move * unit
+        sensors = Sensors.of(track, mapped, problem.measure, problem.noise)
         costs = [
-            module.window_cost(track, window, start, mapped, problem.measure, problem.noise)[1]
+            module.window_cost(track, window, start, mapped, sensors)[1]
             for window, start in zip(track.windows, starts, strict=True)
         ]
         happened.append(np.sum(costs))

@@ -12,6 +12,7 @@ from clutchid.inference.problem import Problem, prior_rows
 from clutchid.inference.smoother.rows import (
     Eliminated,
     LinearisedWindows,
+    Sensors,
     eliminate,
     first_rows,
     link_costs,
@@ -87,7 +88,8 @@ def linearise_windows(
 ) -> LinearisedWindows | Failure:
     """Linearise the windows `places` of a track at `starts`."""
     mapped = parameter_maps[problem.stems[track.log]]
-    work = partial(window_rows, track, mapped=mapped, measure=problem.measure, noise=problem.noise)
+    sensors = Sensors.of(track, mapped, problem.measure, problem.noise)
+    work = partial(window_rows, track, mapped=mapped, sensors=sensors)
     rows = []
     for window in map_pairs(work, [track.windows[i] for i in places], [starts[i] for i in places]):
         if isinstance(window, Failure):

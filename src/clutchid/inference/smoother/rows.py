@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,8 +110,36 @@ class WindowRows:
     cost: float
 
 
+class Sensors(NamedTuple):
+    """Sensors and samples of the measured columns `names` of a track at a point, as far as all windows share them.
+
+    `table`, (columns, 5), are the sensors of `comparison.compare` without the sample interval, `samples` the columns.
+    """
+
+    names: tuple[str, ...]
+    table: FloatArray
+    samples: tuple[FloatArray, ...]
+    outlier: float
+
+    @classmethod
+    def of(cls, track: Track, mapped: ParameterMap, measure: Sequence[str], noise: Noise) -> Sensors:
+        """Sensors of the columns `measure`."""
+        states, names = mapped.actuator.states, tuple(measure)
+        table = [
+            (states.index(MEASURED[name].state), *mapped.sensors[name], np.nan, noise.of_samples(name, track.spacing))
+            for name in names
+        ]
+        return cls(names, np.array(table), tuple(track.measured[name] for name in names), noise.outlier)
+
+    def within(self, track: Track, window: Segment) -> tuple[FloatArray, FloatArray]:
+        """The sensors, and the samples of a window that are compared, (columns, samples)."""
+        table, stop = self.table.copy(), window.start + _compared_samples(track, window)
+        table[:, 3] = window.dt[0]
+        return table, np.array([column[window.start : stop] for column in self.samples])
+
+
 def window_rows(
-    track: Track, window: Segment, start: FloatArray, mapped: ParameterMap, measure: Sequence[str], noise: Noise
+    track: Track, window: Segment, start: FloatArray, mapped: ParameterMap, sensors: Sensors
 ) -> WindowRows | Failure:
     """Simulate a window from `start` with sensitivities and compare it with the measurement.
 
@@ -130,12 +158,12 @@ def window_rows(
         if not mapped.bases or pieces.contains(needed):
             break
         pieces = pieces.joined(needed)
-    sensors, measured = _sensors_and_samples(track, window, mapped, measure, noise)
+    table, measured = sensors.within(track, window)
     rows, slopes = np.empty((measured.size, active.row_columns.size)), np.ones(active.row_columns.size - 1)
     slopes[n:] = mapped.slopes[active.parameters]
-    sensor_columns = np.array([active.sensor_columns[name] for name in measure])
-    rows = rows[: compiled.compare(out, sens[: measured.shape[1]], sensors, sensor_columns, measured, slopes, rows)]
-    cost = downweight_outliers(rows, noise.outlier)
+    sensor_columns = np.array([active.sensor_columns[name] for name in sensors.names])
+    rows = rows[: compiled.compare(out, sens[: measured.shape[1]], table, sensor_columns, measured, slopes, rows)]
+    cost = downweight_outliers(rows, sensors.outlier)
     factor = triangular(rows)
     if not np.isfinite(factor).all():
         return _failure(track, window, out, failed, mapped)
@@ -146,15 +174,14 @@ def window_rows(
 
 
 def window_cost(
-    track: Track, window: Segment, start: FloatArray, mapped: ParameterMap, measure: Sequence[str], noise: Noise
+    track: Track, window: Segment, start: FloatArray, mapped: ParameterMap, sensors: Sensors
 ) -> tuple[FloatArray, float] | Failure:
     """Final state of a window from `start`, and the cost of its residuals, without derivatives."""
     out, failed = run(window, mapped.arrays, start)
     if failed >= 0:
         return _failure(track, window, out, failed, mapped)
-    sensors, measured = _sensors_and_samples(track, window, mapped, measure, noise)
-    stop = _compared_samples(track, window)
-    return out[-1], _kernels().compare_cost(out[:stop], sensors, measured, noise.outlier)
+    table, measured = sensors.within(track, window)
+    return out[-1], _kernels().compare_cost(out[: measured.shape[1]], table, measured, sensors.outlier)
 
 
 def _kernels() -> Any:
@@ -172,19 +199,6 @@ def _expected_pieces(track: Track, window: Segment, start: FloatArray, mapped: P
 def _compared_samples(track: Track, window: Segment) -> int:
     """Number of samples of a window that are compared: the last one belongs to the next window."""
     return len(window) if window.stop == track.segment.stop else len(window) - 1
-
-
-def _sensors_and_samples(
-    track: Track, window: Segment, mapped: ParameterMap, measure: Sequence[str], noise: Noise
-) -> tuple[FloatArray, FloatArray]:
-    """Sensors of a window, in the order of `comparison.compare`, and their measured samples."""
-    step, at = float(window.dt[0]), slice(window.start, window.start + _compared_samples(track, window))
-    states = mapped.actuator.states
-    sensors = [
-        (states.index(MEASURED[name].state), *mapped.sensors[name], step, noise.of_samples(name, track.spacing))
-        for name in measure
-    ]
-    return np.array(sensors), np.array([track.measured[name][at] for name in measure])
 
 
 def _failure(track: Track, window: Segment, out: FloatArray, failed: int, mapped: ParameterMap) -> Failure:

@@ -25,7 +25,7 @@ from clutchid.inference.smoother.problem import (
     linearise_windows,
     total_cost,
 )
-from clutchid.inference.smoother.rows import Eliminated, link_costs, recover, window_cost
+from clutchid.inference.smoother.rows import Eliminated, Sensors, link_costs, recover, window_cost
 from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.threads import map_pairs
@@ -103,7 +103,8 @@ def _simulated(
     """`windows`, with those simulated whose `distance` is too large."""
     ends, costs, distance = windows.ends.copy(), windows.costs.copy(), windows.distance.copy()
     places = np.flatnonzero(~(distance <= RESIMULATION_DISTANCE))
-    work = partial(window_cost, track, mapped=mapped, measure=problem.measure, noise=problem.noise)
+    sensors = Sensors.of(track, mapped, problem.measure, problem.noise)
+    work = partial(window_cost, track, mapped=mapped, sensors=sensors)
     answers = map_pairs(work, [track.windows[i] for i in places], starts[places])
     for i, answer in zip(places, answers, strict=True):
         if isinstance(answer, Failure):
