@@ -9,7 +9,7 @@ from clutchid.estimation.calibrate import fit_with
 from clutchid.estimation.hypotheses import explanation, mixture
 from clutchid.estimation.position_only import position_only_errors
 from clutchid.estimation.posterior import parameter_uncertainty
-from clutchid.estimation.request import FitRequest, FreeParameters
+from clutchid.estimation.request import FitRequest, FreeParameters, SearchStart
 from clutchid.estimation.shooting import SHOOTING, shoot
 from clutchid.inference.uncertainty.calibration import PositionOnlyErrors
 from clutchid.inference.uncertainty.change_prior import HYPOTHESES, changeable
@@ -24,9 +24,14 @@ def errors(calibrated):
 
 
 @pytest.fixture(scope="module")
-def blind(calibrated, drive_log):
+def start(calibrated):
+    return SearchStart({}, calibrated.scales)
+
+
+@pytest.fixture(scope="module")
+def blind(calibrated, drive_log, start):
     """The search in the calibration recording without its pressure."""
-    free = FreeParameters(calibrated.actuator.load.names, ("position",))
+    free = FreeParameters(calibrated.actuator.load.names, ("position",), start=start)
     return shoot([drive_log.without("pressure_a")], calibrated.actuator, free, calibrated.calibration)
 
 
@@ -123,9 +128,9 @@ def test_of_several_recordings_they_are_the_mean_and_one_whose_search_fails_is_l
     assert found(parts, ("a", "b")) is None
 
 
-def test_a_method_without_hypotheses_has_the_errors_of_no_change(calibrated, drive_log, blind):
+def test_a_method_without_hypotheses_has_the_errors_of_no_change(calibrated, drive_log, blind, start):
     kept, actuator = replace(calibrated.calibration, position_only=None), calibrated.actuator
-    errors = position_only_errors(replace(SHOOTING, changes=None), [drive_log], actuator, kept)
+    errors = position_only_errors(replace(SHOOTING, changes=None), [drive_log], actuator, kept, start)
     assert errors.hypotheses == ((),)
     expected = np.array(blind.problem.actuator_of(blind.solution.x, "log").load.theta) - actuator.load.theta
     np.testing.assert_allclose(errors.shift((), actuator.load.names), expected, atol=1e-6)

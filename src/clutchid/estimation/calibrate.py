@@ -101,7 +101,8 @@ def _with_calibration(
     simulated = [result.recordings[log.name].simulated for log in logs]
     conditions = with_estimated_supply(conditions, logs, simulated)
     # without the conditions, so that the errors hold for readings of recordings that lack them
-    errors = position_only_errors(method, logs, result.actuator, calibration, progress)
+    start = SearchStart({}, result.scales)
+    errors = position_only_errors(method, logs, result.actuator, calibration, start, progress)
     calibration = replace(calibration, position_only=errors, conditions=conditions)
     report(progress, "innovations")
     return replace(result, calibration=replace(calibration, nis=usual_nis(result.actuator, calibration, logs)))

@@ -10,7 +10,7 @@ import numpy as np
 from clutchid.estimation.departure import misfit
 from clutchid.estimation.hypotheses import explanation
 from clutchid.estimation.method import Method, SearchResult
-from clutchid.estimation.request import FreeParameters
+from clutchid.estimation.request import FreeParameters, SearchStart
 from clutchid.inference.smoother.residuals import dispersion
 from clutchid.inference.uncertainty.calibration import Calibration, PositionOnlyErrors
 from clutchid.inference.uncertainty.change_prior import HYPOTHESES, Hypothesis
@@ -26,18 +26,20 @@ def position_only_errors(
     logs: Sequence[Log],
     actuator: Actuator,
     calibration: Calibration,
+    start: SearchStart | None = None,
     progress: Progress | None = None,
 ) -> PositionOnlyErrors | None:
     """Errors of a fit to position alone under every hypothesis, as means over the calibration recordings.
 
-    A recording whose search fails is left out; None if all fail.
+    With a `start`, as after the calibration itself, a search needs no coarse stage. A recording whose search fails is
+    left out; None if all fail.
 
     Raises
     ------
     DataError, ParameterError
         As `clutchid.fit`.
     """
-    free = FreeParameters(actuator.load.names, ("position",))
+    free = FreeParameters(actuator.load.names, ("position",), start=start)
     errors = []
     for log in logs:
         search_result = method.search(
