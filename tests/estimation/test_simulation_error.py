@@ -119,10 +119,10 @@ def test_derivatives_are_computed_where_the_search_goes_and_not_for_the_multiple
             simulation_error, name, lambda *inputs, of=name: simulated.append(of) or getattr(run, of)(*inputs)
         )
     result = fit(drive, truth, free="load")
-    # the best multiple, each point of the search, and the result with its column more; the fine search begins with the
-    # rows of the coarse one, divided by other scales
+    # the best multiple, each point of the search, and the covariance with its column more; the fine search begins with
+    # the rows of the coarse one, divided by other scales
     assert simulated.count("run_with_sensitivities") == result.evaluations - len(simulation_error.COARSE_FACTORS) + 1
-    assert simulated.count("run") == len(simulation_error.COARSE_FACTORS)
+    assert simulated.count("run") == len(simulation_error.COARSE_FACTORS) + 1
 
 
 @pytest.mark.parametrize("measure", ["position", "position,pressure_a"])

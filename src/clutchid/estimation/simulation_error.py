@@ -426,7 +426,7 @@ def simulated_states(problem: Problem, x: FloatArray, log: int) -> FloatArray:
     """States of recording `log` at `x`, shape (n, n_states); NaN outside segments and after a failure."""
     actuator, mine = problem.actuator_of(x, problem.stems[log]), problem.plans[log]
     arrays = KernelArrays.of(actuator)
-    states = _unknown_states(problem, mine)
+    states = np.full((len(mine.log), len(actuator.states)), np.nan)
     for prepared, segment, at in _segments(problem):
         if prepared is mine:
             x0 = start_state(segment, actuator, _start(problem, segment, at, x, actuator))
@@ -434,19 +434,11 @@ def simulated_states(problem: Problem, x: FloatArray, log: int) -> FloatArray:
     return states
 
 
-def _unknown_states(problem: Problem, prepared: Plan) -> FloatArray:
-    return np.full((len(prepared.log), len(problem.actuator.states)), np.nan)
-
-
 def result(problem: Problem, solution: Solution[Linearisation], *_: object) -> MethodResult:
     """Covariance at the solution of a search, and the recordings simulated there."""
     x, names = solution.x, _shared(problem)
-    fitted, segments = problem.actuator_of(x, problem.stems[0]), list[SimulatedSegment]()
-    for segment in _simulated(problem, x, rests=True):
-        assert not isinstance(segment, Failure), "a solution can be simulated"
-        segments.append(segment)
-    compared = _recordings(problem, segments, x, fitted)
-    covariance = _covariance(problem, solution, segments)
+    fitted, covariance = problem.actuator_of(x, problem.stems[0]), _covariance(problem, solution)
+    compared = _recordings(problem, x, fitted)
     recordings = {recording.measured.name: recording for recording, _ in compared}
     warnings = [_resting(names)]
     if _has_motion(problem):
@@ -503,28 +495,20 @@ def _does_not_move(recordings: Mapping[str, Recording]) -> list[str]:
     ]
 
 
-def _recordings(
-    problem: Problem, segments: Sequence[SimulatedSegment], x: FloatArray, fitted: Actuator
-) -> list[Compared]:
+def _recordings(problem: Problem, x: FloatArray, fitted: Actuator) -> list[Compared]:
     starts: dict[str, list[tuple[float, float]]] = {stem: [] for stem in problem.stems}
     for prepared, segment, at in _segments(problem):
         starts[prepared.log.name].append(_start(problem, segment, at, x, fitted))
-    compared = []
-    for prepared in problem.plans:
-        states = _unknown_states(problem, prepared)
-        for simulated in segments:
-            if simulated.plan is prepared:
-                states[simulated.segment.start : simulated.segment.stop] = simulated.states
-        compared.append(compare(prepared, states, starts[prepared.log.name]))
-    return compared
+    return [
+        compare(prepared, simulated_states(problem, x, number), starts[prepared.log.name])
+        for number, prepared in enumerate(problem.plans)
+    ]
 
 
-def _covariance(
-    problem: Problem, solution: Solution[Linearisation], segments: Sequence[SimulatedSegment]
-) -> Covariance:
+def _covariance(problem: Problem, solution: Solution[Linearisation]) -> Covariance:
     scores, constants = [], []
-    for simulated in segments:
-        part = _compared(problem, simulated)
+    for part in residuals(problem, solution.x, rests=True):
+        assert not isinstance(part, Failure)
         width = len(part.places)
         # all columns of a sample share one score, which includes their correlation
         local = np.zeros((len(part.segment), width))
