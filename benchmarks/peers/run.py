@@ -1,7 +1,8 @@
 """clutchid side by side with what a user would take instead: ``python benchmarks/peers/run.py [--only a,b]``.
 
 Same equations, same work, one run of one machine; every row has its error beside its time. Peers that are not installed
-are named as absent; ``pip install -r benchmarks/peers/requirements.txt`` brings those that pip has, beside clutchid.
+are named as absent; ``pip install -r benchmarks/peers/requirements.txt`` brings those that pip has, beside clutchid;
+its first lines name the others.
 
 (a) one simulation, (b) with exact sensitivities, (c) an estimation of three load weights from many starts, (d) that of
 each of a thousand recordings, (e) one step of the observer, (f) a fit from the start of a process, (g) reading of
