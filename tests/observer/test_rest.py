@@ -102,15 +102,17 @@ def after_strokes(levels):
     return y, np.column_stack([np.zeros(y.size), vents])
 
 
+@pytest.mark.parametrize("strokes", [2, 5])
 @pytest.mark.parametrize("step", [3e-4, -3e-4, 2e-3])
-def test_rests_that_agree_are_a_moved_sensor_also_where_friction_holds_the_piston_far_above_its_stop(step):
+def test_rests_that_agree_are_a_moved_sensor_also_where_friction_holds_the_piston_far_above_its_stop(step, strokes):
     before, pace = VentedRest(0.0, 5.66e-4, 6e-6), rest_pace(1e-3, 0.025)
-    levels = 5.5e-4 + 1e-5 * np.array([0, -1, -1, 0, -1, 0, 0, 0, 1, 0]) + step * (np.arange(10) > 4)
+    levels = 5.5e-4 + 1e-5 * np.array([0, -1, -1, 0, -1, 0, 0, 0, 1, 0]) + step * (np.arange(10) >= strokes)
     at_stop = np.concatenate([np.zeros(500), after_strokes(levels)[0]])
     duties = np.vstack([np.column_stack([np.zeros(500), np.ones(500)]), after_strokes(levels)[1]])
-    watch, _ = watch_rest(NOTHING, before, pace, at_stop[:5500], duties[:5500])
+    moves = 500 + 1000 * strokes
+    watch, _ = watch_rest(NOTHING, before, pace, at_stop[:moves], duties[:moves])
     assert watch.shift == 0.0
-    watch, _ = watch_rest(watch, before, pace, at_stop[5500:], duties[5500:])
+    watch, _ = watch_rest(watch, before, pace, at_stop[moves : moves + 3000], duties[moves : moves + 3000])
     assert watch.shift == pytest.approx(step, abs=3e-5)
 
 

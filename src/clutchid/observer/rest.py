@@ -21,9 +21,10 @@ LOW = 3e-3
 REMEMBERED = 8
 
 #: So many rests after a stroke agree if they differ by no more than this in m. Where they are further than that from
-#: those before, which agree too, the sensor has moved, and its stop with it; where the stop before does not go with
-#: them, what was before is forgotten. Within a recording levels of nine trucks differ by 0.05 mm at most.
-AGREEING, APART = 3, 1.5e-4
+#: those before, at least `EARLIER`, which agree too, the sensor has moved, and its stop with it; where the stop before
+#: does not go with them, what was before is forgotten. Within a recording levels of nine trucks differ by 0.05 mm at
+#: most.
+AGREEING, EARLIER, APART = 3, 2, 1.5e-4
 
 
 class RestPace(NamedTuple):
@@ -115,17 +116,17 @@ def _low(
 def _moved_stop(before: VentedRest, lowest: float, returned: tuple[float, ...]) -> float | None:
     """The stop in m, NaN where it is not known, where the last rests after a stroke agree that the sensor has moved."""
     last, earlier = returned[-AGREEING:], returned[:-AGREEING]
-    if not _agree(last):
+    if not _agree(last, AGREEING):
         return None
     step = _median(last) - _median(earlier)
-    if _agree(earlier) and abs(step) > APART:
+    if _agree(earlier, EARLIER) and abs(step) > APART:
         return lowest + step
     now = VentedRest(lowest, _median(returned), before.quantum)
     return float("nan") if before.at_stop and now.at_stop and unlike(before, now) else None
 
 
-def _agree(levels: tuple[float, ...]) -> bool:
-    return len(levels) >= AGREEING and bool(np.ptp(levels) <= APART)
+def _agree(levels: tuple[float, ...], least: int) -> bool:
+    return len(levels) >= least and bool(np.ptp(levels) <= APART)
 
 
 def _median(levels: tuple[float, ...]) -> float:
