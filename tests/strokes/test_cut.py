@@ -165,6 +165,15 @@ def test_where_the_pressure_is_measured_a_rest_is_vented_when_the_air_is_out(mad
     assert stroke.summary.vented_rest == pytest.approx(4.0 - 2.2 - 0.2 * np.log(40), abs=0.1)
 
 
+@pytest.mark.parametrize("rate", [0.5, 1.0, 1.5, 2.0])
+def test_a_recording_whose_samples_are_as_far_apart_as_the_rest_before_a_stroke(made, rate):
+    log = made([(0.0, 0.0), (10.0, 0.0), (14.0, REACH), (24.0, 0.0), (40.0, 0.0)], rate=rate)
+    before, stroke, after = cut(log)
+    assert (before.kind, stroke.kind, after.kind) == ("rest", "stroke", "rest")
+    assert stroke.start == pytest.approx(10.0, abs=1.0 / rate)
+    assert stroke.end == pytest.approx(24.0, abs=1.0 / rate)
+
+
 def test_a_long_hold_is_a_section_of_its_own(made):
     log = made([(0.0, 0.0), (1.0, 0.0), (1.15, REACH), (40.0, REACH), (40.3, 0.0), (45.0, 0.0)])
     sections = list(cut(log))

@@ -83,7 +83,7 @@ def recordings(draw):
     """Any course with holes in time, missing inputs and missing positions."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     n = draw(st.integers(1, 20_000))
-    dt = draw(st.sampled_from([1e-3, 1e-2, 2.5e-4]))
+    dt = draw(st.sampled_from([1e-3, 1e-2, 2.5e-4, 1.0]))
     steps = np.full(n, dt)
     holes = rng.integers(0, n, draw(st.integers(0, 5)))
     steps[holes] = dt * rng.uniform(6, 5000, holes.size)

@@ -118,7 +118,7 @@ def _still_part(bins: Bins, a: int, b: int) -> tuple[int, int]:
         off = np.abs(bins.filled[a:b] - np.median(bins.filled[a:b]))
         begin = a + int(np.argmax(off <= bins.near[a:b]))
     if b < len(bins):
-        late = max(begin, int(np.searchsorted(bins.time, bins.time[b] - LEAD)))
+        late = max(begin, min(int(np.searchsorted(bins.time, bins.time[b] - LEAD)), b - 1))
         off = np.abs(bins.filled[late:b] - np.median(bins.filled[late:b]))
         end = max(begin, b - int(np.argmax((off <= bins.near[late:b])[::-1])))
         for opened in reversed((begin + np.flatnonzero(~bins.closed[begin:end])).tolist()):
