@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from clutchid.exports.c99 import CStyle, compiler
@@ -74,6 +74,7 @@ def moved(parts):
 
 @pytest.mark.filterwarnings("ignore::hypothesis.errors.HypothesisWarning")  # the observer has a long repr
 @settings(max_examples=25)
+@example([(BEGINS + 1e-4, 1), (np.nan, 5)])  # 60 ms of values before a step, which is believed after 130 ms
 @given(st.lists(st.tuples(st.sampled_from(LEVELS), st.sampled_from(LENGTHS)), max_size=30))
 def test_count_observer_drift_and_c_have_the_same_strokes(learning, in_c, movement):
     parts = [(0.0, 50), *movement, (8e-3, 60), (0.0, 50)]

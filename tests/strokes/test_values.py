@@ -55,6 +55,25 @@ def test_what_is_no_value_is_missing_counted_and_said_with_its_time(log, channel
         assert np.array_equal(values_of(values.log, ACTUATOR).log[channel], values.log[channel], equal_nan=True)
 
 
+@pytest.mark.parametrize("steps_at", [60, 1000, 260])
+def test_no_rounding_of_a_clock_decides_on_a_sample(steps_at):
+    """The same samples a while later: their times are rounded otherwise.
+
+    A step is believed after twice as long as there were values before it, and 10 intervals, and after 1 s; a gap of
+    50 ms is the longest over which it is judged.
+    """
+    at = np.arange(steps_at + 1200)
+    position = 1e-6 * at + 8e-3 * (at >= steps_at)
+    bounds, closed = limits(ACTUATOR, "position", 1e-3), dict.fromkeys(INPUTS, np.zeros(at.size))
+    gap = 49 * (at >= 200) * (steps_at == 260)
+    judged = [
+        watched(new_watch(), bounds, Log((late + at + gap) * 1e-3, {"position": position, **closed}), "position")[0]
+        for late in range(0, 4000, 7)
+    ]
+    assert judged[0].any()
+    assert all(np.array_equal(verdicts, judged[0]) for verdicts in judged)
+
+
 def test_a_supply_or_a_duty_cycle_outside_of_what_there_is_counts_as_missing(log):
     bad = log.with_columns(pressure_supply=np.where(log.time < 1.0, 9.5, 9.5e5))
     values = values_of(bad, ACTUATOR)

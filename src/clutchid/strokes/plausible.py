@@ -148,7 +148,9 @@ def doubted(watch: FloatArray, limits: FloatArray, t: float, y: float) -> int:
         watch[DOUBTED], watch[DOUBT_SEEN] = y, t
         if fills_gap(watch, limits, t, y):
             return EXPLAINED
-        if t - watch[DOUBT] < min(limits[BELIEVED], 2.0 * (watch[SEEN] - watch[AGE]) + 10.0 * limits[INTERVAL]):
+        if t - watch[DOUBT] < min(
+            limits[BELIEVED], 2.0 * (watch[SEEN] - watch[AGE]) + (STANDS - 1.0) * limits[INTERVAL]
+        ):
             return STEP
         return SEAM
     away = t - watch[SEEN]

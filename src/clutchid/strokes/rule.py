@@ -35,8 +35,8 @@ TOGGLED = 1.5
 #: A run of equal samples, of a sensor that scatters by more than that, is improbable beyond as many intervals (0.38^3);
 #: a run that is longer than the second of them after a step is not believed; a run is impossible where as many
 #: turning points were expected in it: e^-20 is once in 500 million runs. With less scatter than this share of the
-#: range, values were computed.
-IMPROBABLE, STANDS, IMPOSSIBLE, COMPUTED = 2.5, 10.0, 20.0, 1e-5
+#: range, values were computed. Half intervals, so that no rounding of a clock decides.
+IMPROBABLE, STANDS, IMPOSSIBLE, COMPUTED = 2.5, 10.5, 20.0, 1e-5
 
 #: Absolute pressures in Pa of an air supply: below 3 bar none drives (UNECE R13: the protection valve closes at 4.5 bar
 #: or more), and the safety valve of a compressor opens before 16 bar.

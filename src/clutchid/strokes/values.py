@@ -21,6 +21,7 @@ from clutchid.log.states import SENSORS
 from clutchid.model.actuator import Actuator
 from clutchid.strokes import rule
 from clutchid.strokes.sampled import runs
+from clutchid.strokes.stroke import RESOLUTION
 
 Verdicts: TypeAlias = NDArray[np.uint8]
 
@@ -39,8 +40,9 @@ FASTER, _FREER = 1.5, 0.4
 DEVIATIONS = 8.0
 
 #: Samples for which a sensor may repeat its value because it is slower than the recording, and times in s: the longest
-#: gap over which a step is judged, and after which a step that stays is another zero, not an outlier.
-REPEATS, _LONGEST_GAP, BELIEVED = 15, 0.05, 1.0
+#: gap over which a step is judged, and after which a step that stays is another zero, not an outlier. The resolution of
+#: the clock is within them: no rounding decides on a sample.
+REPEATS, _LONGEST_GAP, BELIEVED = 15, 0.05, 1.0 - 0.5 * RESOLUTION
 
 #: Where more than this share of a channel were none, its unit, its sign or its zero is wrong, which the checks say.
 MOST = 0.2
@@ -99,7 +101,7 @@ def limits(actuator: Actuator, column: str, interval: float) -> FloatArray:
         rates = motion.velocity, motion.acceleration
     else:
         (low, high), rates = PRESSURES, (motion.pressure_rate, math.inf)
-    gap = max(_LONGEST_GAP, HOLE * interval)
+    gap = max(_LONGEST_GAP, HOLE * interval) + 0.5 * RESOLUTION
     noise = DEVIATIONS * SENSORS[column].noise
     return np.array([low, high, *rates, noise, REPEATS * interval, max(BELIEVED, 2.0 * gap), gap, interval])
 
