@@ -58,13 +58,18 @@ def test_every_method_keeps_them(method, tmp_path):
 
 @needs_cc
 @pytest.mark.slow
-def test_a_promise_that_is_broken_is_named_by_its_number(tmp_path):
-    held = "self->unknown_us <= 20000u)"
+@pytest.mark.parametrize(
+    ("text", "instead", "number"),
+    [
+        ("self->unknown_us <= 20000u)", "self->unknown_us <= 2000u)", "R3"),
+        ("rule_count_anew(self->watch, 16.0);", "", "R14"),
+    ],
+)
+def test_a_promise_that_is_broken_is_named_by_its_number(text, instead, number, tmp_path):
+    def change(name: str, source: str) -> str:
+        assert name != "unit.c" or text in source
+        return source.replace(text, instead) if name == "unit.c" else source
 
-    def forgetful(name: str, text: str) -> str:
-        assert name != "unit.c" or held in text
-        return text.replace(held, "self->unknown_us <= 2000u)") if name == "unit.c" else text
-
-    run = program(tmp_path, CStyle("unit", "double"), forgetful)
-    assert run.stdout.startswith("R3: failed\n")
+    run = program(tmp_path, CStyle("unit", "double"), change)
+    assert run.stdout.startswith(f"{number}: failed\n")
     assert run.returncode == 1
