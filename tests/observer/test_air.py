@@ -31,19 +31,42 @@ def cold(worn):
 
 
 @pytest.mark.parametrize(
-    ("used", "recorded", "changes"),
+    ("used", "recorded", "changes", "latest"),
     [
-        (np.nan, [], []),
-        (np.nan, [np.nan, np.nan], []),
-        (np.nan, [np.nan, 291.9, 289.0, 288.1], [(1, 290.0)]),
-        (np.nan, [292.5, 291.0], [(0, 292.5)]),
-        (292.5, [294.4, 290.6, np.nan, 294.6, 292.7], [(3, 294.6)]),
-        (290.0, [270.0, 271.0, 273.0], [(0, 270.0), (2, 273.0)]),
-        (290.0, [0.0, -40.0, 1e6, np.inf, 212.0], []),
+        (np.nan, [], [], -7.0),
+        (np.nan, [np.nan, np.nan], [], -7.0),
+        (np.nan, [np.nan, 291.9, 289.0, 288.1], [(1, 290.0)], 3.0),
+        (np.nan, [292.5, 291.0], [(0, 292.5)], 1.0),
+        (292.5, [294.4, 290.6, np.nan, 294.6, 292.7], [(3, 294.6)], 4.0),
+        (275.0, [270.0, 271.0, 273.0], [(0, 270.0), (2, 273.0)], 2.0),
+        (290.0, [0.0, -40.0, 1e6, np.inf, 212.0], [], -7.0),
+        (290.0, [233.0, 291.0, 233.0, 353.0], [], 1.0),
+        (290.0, [296.5, 290.0], [], 1.0),
+        (290.0, [296.3, 303.0, 301.4], [(0, 296.3), (2, 301.4)], 2.0),
     ],
 )
-def test_a_temperature_is_in_use_until_one_differs_by_more_than_the_error_of_a_sensor(joint, used, recorded, changes):
-    assert changes_of_air(joint, used, np.array(recorded)) == changes
+def test_a_temperature_is_in_use_until_one_counts_that_differs_by_more_than_the_error_of_a_sensor(
+    joint, used, recorded, changes, latest
+):
+    time = np.arange(float(len(recorded)))
+    assert changes_of_air(joint, used, -7.0, time, np.array(recorded)) == (changes, latest)
+
+
+def test_air_that_is_another_for_minutes_counts(joint):
+    time = np.arange(400.0)
+    ((at, temperature),), _ = changes_of_air(joint, 290.0, 0.0, time, np.full(400, 240.1))
+    assert (at, temperature) == (225, 240.1)
+
+
+def test_a_sensor_that_fails_for_a_second_changes_nothing(joint, worn, recorded_by):
+    log = recorded_by(worn, seconds=3.0).without("pressure_a")
+    failing = np.where((log.time > 1.0) & (log.time < 2.0), 233.15, 291.0)
+    usual, other = (
+        observe(joint, start(joint), log.with_columns(temperature_ambient=recorded))
+        for recorded in (np.full(len(log), 291.0), failing)
+    )
+    np.testing.assert_array_equal(other[1].states, usual[1].states)
+    np.testing.assert_array_equal(other[0].theta, usual[0].theta)
 
 
 def test_gas_walls_valves_and_grease_of_the_model_are_those_at_the_temperature(joint, cold, worn):

@@ -7,39 +7,48 @@ from functools import lru_cache
 
 import numpy as np
 
-from clutchid.inference.uncertainty.conditions import ACCURACY, AIR
+from clutchid.inference.uncertainty.conditions import ACCURACY, AIR, RATE, SWING
 from clutchid.log import FloatArray
 from clutchid.observer.observer import Observer
 from clutchid.simulation.parameter_map import parameter_map
 
 
-def changes_of_air(observer: Observer, used: float, temperature: FloatArray) -> list[tuple[int, float]]:
-    """Samples from which on another temperature of the air is in use, and that temperature in K.
+def changes_of_air(
+    observer: Observer, used: float, latest: float, time: FloatArray, temperature: FloatArray
+) -> tuple[list[tuple[int, float]], float]:
+    """Samples from which on another temperature of the air is in use, that in K, and when one last counted.
 
-    It stays in use until one is recorded that differs by more than a sensor's standard deviation. The first one is that
-    of the calibration, unless it differs by as much. What no air has is not recorded.
+    A temperature stays in use until one counts that differs by more than a sensor's standard deviation. The first one
+    is that of the calibration, unless it differs by as much. What no air has does not count, and neither does what
+    changes faster than air since one counted, as a sensor that fails for some seconds.
 
     Parameters
     ----------
     used : K
         In use before, NaN for none.
+    latest : s
+        Time at which one counted before, NaN for none.
+    time : s, (n,)
+        Time of the samples.
     temperature : K, (n,)
         As recorded, NaN for none.
     """
+    changes = list[tuple[int, float]]()
     if observer.air is None:
-        return []
+        return changes, latest
     recorded = np.flatnonzero((temperature >= AIR[0]) & (temperature <= AIR[1]))
-    values, changes, first = temperature[recorded], list[tuple[int, float]](), 0
-    while first < values.size:
-        usual = used if np.isfinite(used) else observer.air.calibrated
-        differs = np.abs(values[first:] - usual) > ACCURACY["T_0"]
-        at = first if np.isnan(used) else first + int(np.argmax(differs))
-        if np.isfinite(used) and not differs.any():
-            break
-        used = float(values[at]) if differs[at - first] else usual
-        changes.append((int(recorded[at]), used))
-        first = at + 1
-    return changes
+    for at, seconds, value in zip(
+        recorded.tolist(), time[recorded].tolist(), temperature[recorded].tolist(), strict=True
+    ):
+        first = np.isnan(used)
+        usual = observer.air.calibrated if first else used
+        if not first and abs(value - usual) > SWING + RATE * (seconds - latest):
+            continue
+        latest, differs = seconds, abs(value - usual) > ACCURACY["T_0"]
+        if first or differs:
+            used = value if differs else usual
+            changes.append((at, used))
+    return changes, latest
 
 
 @lru_cache(maxsize=4)

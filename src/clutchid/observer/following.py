@@ -150,7 +150,7 @@ def observe_strokes(
     counted = subtracted(observer, observed.rest)
     samples = samples._replace(position=np.where(observed.no_zero, np.nan, samples.position - counted))
     strokes, ends = count_strokes(state.strokes, samples.time, samples.position)
-    air = _air(observer, state, block, samples.time)
+    air, aired = _air(observer, state, block, samples.time)
     judged, at_ends = 0, list[ObserverState]()
     for begin, end in stretches:
         if not _continues(observer, state, samples.time[begin], samples.duties[begin]):
@@ -167,7 +167,7 @@ def observe_strokes(
                 state = _stroke_ended(observer, _judged(observer, state, observed, slice(judged, b)))
                 at_ends.append(_ended(observer, state)._replace(latest=float(samples.time[b - 1])))
                 judged = b
-    state = _in_air(state, air, samples.time.size)
+    state = _in_air(state, air, samples.time.size)._replace(aired=aired)
     state = _judged(observer, state, observed, slice(judged, samples.time.size))
     latest = float(samples.time[-1]) if samples.time.size else state.latest
     state = state._replace(rest=rest, unzeroed=unzeroed, strokes=strokes, latest=latest, known=driven)
@@ -179,12 +179,16 @@ def observe_strokes(
     return state, observed, at_ends
 
 
-def _air(observer: Observer, state: ObserverState, block: Log, time: FloatArray) -> dict[int, float]:
-    """Temperatures of the air in K that the model is at, by the first of the samples at times in s that each is for."""
+def _air(observer: Observer, state: ObserverState, block: Log, time: FloatArray) -> tuple[dict[int, float], float]:
+    """Temperatures of the air in K that the model is at, by the first of the samples at times in s that each is for.
+
+    And the time at which one last counted.
+    """
     if observer.air is None or "temperature_ambient" not in block:
-        return {}
-    changes = changes_of_air(observer, state.temperature, block["temperature_ambient"])
-    return {int(np.searchsorted(time, block.time[at])): temperature for at, temperature in changes}
+        return {}, state.aired
+    recorded = block["temperature_ambient"]
+    changes, aired = changes_of_air(observer, state.temperature, state.aired, block.time, recorded)
+    return {int(np.searchsorted(time, block.time[at])): temperature for at, temperature in changes}, aired
 
 
 def _in_air(state: ObserverState, air: dict[int, float], sample: int) -> ObserverState:

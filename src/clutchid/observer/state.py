@@ -143,7 +143,7 @@ class ObserverState(NamedTuple):
     of the last sample that counts, and `known` that of the last one with both duty cycles, NaN for none; `excess` is
     the sum of the innovations' excess in s, and `contradicted` is the time in s at which innovations last contradicted
     the inputs, NaN if they have not; `supply` watches for supply pressures that cannot be right; `temperature` is that
-    of the air in K that the model is at, NaN where none has been recorded.
+    of the air in K that the model is at, and `aired` the time in s at which one last counted, NaN where none has.
     """
 
     filter: MethodState | None
@@ -169,3 +169,4 @@ class ObserverState(NamedTuple):
     contradicted: float = float("nan")
     supply: FloatArray = read_only(np.array(NO_SUPPLY))
     temperature: float = float("nan")
+    aired: float = float("nan")

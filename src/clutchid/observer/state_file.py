@@ -24,7 +24,7 @@ from clutchid.observer.rest import LOW, REMEMBERED
 from clutchid.observer.state import ObserverState
 from clutchid.strokes.vented_rest import FURTHEST
 
-FORMAT = 14
+FORMAT = 15
 
 #: Entries of the section ``[parameters]``, and the fields of a state that they are.
 _PARAMETERS = {"theta": "theta", "root": "T", "considered": "G", "wear": "wear"}
@@ -222,6 +222,7 @@ def _problems(state: ObserverState) -> Iterator[str]:
             np.any((state.deviations < 0.0) | np.isinf(state.deviations)),
         f"{state.temperature:g} K is no temperature of the air":
             not (np.isnan(state.temperature) or AIR[0] <= state.temperature <= AIR[1]),
+        "the temperature of the air has no time": np.isnan(state.temperature) != np.isnan(state.aired),
         f"mismatch {state.mismatch:g} is not of at least 0": not 0.0 <= state.mismatch < np.inf,
         f"excess {state.excess:g} is not of at least 0": not 0.0 <= state.excess < np.inf,
         f"the vented rest has moved by more than {FURTHEST:g} m":
