@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
+from math import isnan
 
 import numpy as np
 
@@ -37,17 +38,20 @@ def changes_of_air(
     if observer.air is None:
         return changes, latest
     recorded = np.flatnonzero((temperature >= AIR[0]) & (temperature <= AIR[1]))
-    for at, seconds, value in zip(
-        recorded.tolist(), time[recorded].tolist(), temperature[recorded].tolist(), strict=True
-    ):
-        first = np.isnan(used)
-        usual = observer.air.calibrated if first else used
-        if not first and abs(value - usual) > SWING + RATE * (seconds - latest):
-            continue
-        latest, differs = seconds, abs(value - usual) > ACCURACY["T_0"]
-        if first or differs:
-            used = value if differs else usual
-            changes.append((at, used))
+    values, times = temperature[recorded], time[recorded]
+    if times.size and isnan(used):
+        differs = abs(values[0] - observer.air.calibrated) > ACCURACY["T_0"]
+        used, latest = float(values[0]) if differs else observer.air.calibrated, float(times[0])
+        changes = [(int(recorded[0]), used)]
+    if not np.any(np.abs(values - used) > ACCURACY["T_0"]):
+        return changes, float(times[-1]) if times.size else latest
+    for at, seconds, value in zip(recorded.tolist(), times.tolist(), values.tolist(), strict=True):
+        change = abs(value - used)
+        if change <= SWING + RATE * (seconds - latest):
+            latest = seconds
+            if change > ACCURACY["T_0"]:
+                used = value
+                changes.append((at, used))
     return changes, latest
 
 
