@@ -1,5 +1,9 @@
 """The file of a state: a change of any entry is noticed, and what no observer writes is refused."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -39,6 +43,23 @@ def test_a_changed_entry_is_noticed_by_the_checksum(joint, state, tmp_path, befo
     path.write_text(text.replace(before, after, 1))
     with pytest.raises(ParameterError, match=r"state\.toml: the state of an observer is damaged \(it was changed"):
         read_state(joint, path)
+
+
+@pytest.mark.slow
+def test_a_state_belongs_to_its_calibration_in_every_process():
+    script = """
+import numpy as np
+from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.conditions import RecordedConditions
+from clutchid.model import Actuator
+from clutchid.observer import observer
+from clutchid.observer.state_file import fingerprint
+conditions = RecordedConditions(temperature=290.0, supply=9e5, supply_estimated=9e5)
+print(fingerprint(observer(Actuator(), calibration=Calibration((), np.zeros((0, 0)), conditions=conditions))))
+"""
+    environments = ({**os.environ, "PYTHONHASHSEED": seed} for seed in "123")
+    prints = {subprocess.check_output([sys.executable, "-c", script], env=env, text=True) for env in environments}
+    assert len(prints) == 1
 
 
 def test_other_blanks_comments_and_line_ends_are_no_change(joint, state, tmp_path):

@@ -114,7 +114,7 @@ def air_of(actuator: Actuator, calibration: Calibration | None) -> Air | None:
     conditions = calibration.conditions if calibration else NOT_RECORDED
     if conditions.temperature is None:
         return None
-    rows = {name: actuator.row(name) for name in actuator.acting}
+    rows = {name: actuator.row(name) for name in sorted(actuator.acting)}  # a fingerprint has their order
     warmer = next(change for change in Parameters.row("T_0").changes if change.along)
     powers = {
         name: change.std / warmer.std
