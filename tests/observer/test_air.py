@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from sympy import Symbol
 
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import RecordedConditions
+from clutchid.model import Actuator, GroupChange, OwnModel, OwnParameter
 from clutchid.observer import observe, observer, start
 from clutchid.observer.air import at_air, changes_of_air
 from clutchid.observer.by_stroke import estimates_of
@@ -78,6 +80,23 @@ def test_gas_walls_valves_and_grease_of_the_model_are_those_at_the_temperature(j
     at = [c.base for c in colder.coordinates].index("D_v")
     assert colder.free.numbers[at, 0] == colder.coordinates[at].mean == colder.mapped.actuator.value("D_v")
     assert at_air(joint, CALIBRATED) is at_air(joint, np.nan) is joint
+
+
+def test_an_own_parameter_changes_by_what_its_row_has_in_its_unit(plant):
+    sealed = OwnModel(
+        base="isothermal",
+        parameters={
+            "F_1": OwnParameter(
+                120.0, "N", "force of a second seal", range=(110.0, 1e4), std=40.0,
+                changes=(GroupChange("temperature and grease", -30.0, "warmer"),),
+            )
+        },
+        terms={"f_f": Symbol("f_f") + Symbol("F_1") * Symbol("y") / Symbol("y_max")},
+    )  # fmt: skip
+    observed = observer(Actuator(model=sealed), calibration=calibration())
+    colder, warmest = (at_air(observed, kelvin).joint.mapped.actuator.value("F_1") for kelvin in (289.0, 363.0))
+    assert colder == pytest.approx(120.0 + 30.0 / 0.085 / CALIBRATED, abs=0.02)
+    assert warmest == 110.0
 
 
 @pytest.fixture(scope="module")

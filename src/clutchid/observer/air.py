@@ -65,7 +65,10 @@ def at_air(observer: Observer, temperature: float) -> Observer:
     mapped, of_free = joint.mapped, [factors.get(c.base, 1.0) for c in joint.coordinates]
     numbers = joint.free.numbers.copy()
     numbers[:, 0] *= of_free
-    values = {name: factor * mapped.actuator.value(name) for name, factor in factors.items()}
+    rows = {name: observer.actuator.row(name) for name in factors}
+    values = {
+        name: min(max(f * mapped.actuator.value(name), rows[name].low), rows[name].high) for name, f in factors.items()
+    }
     return replace(
         observer,
         joint=replace(

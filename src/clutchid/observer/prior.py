@@ -109,7 +109,8 @@ class Air(NamedTuple):
 def air_of(actuator: Actuator, calibration: Calibration | None) -> Air | None:
     """Effect of another temperature of the air; None where that of the calibration is not known.
 
-    The powers of r are those of the change that a reading weighs, in the direction of `T_0`.
+    The powers of r are those of the change that a reading weighs, in the direction of `T_0`; those of a change in a unit
+    have its slope at r = 1.
     """
     conditions = calibration.conditions if calibration else NOT_RECORDED
     if conditions.temperature is None:
@@ -117,7 +118,7 @@ def air_of(actuator: Actuator, calibration: Calibration | None) -> Air | None:
     rows = {name: actuator.row(name) for name in sorted(actuator.acting)}  # a fingerprint has their order
     warmer = next(change for change in Parameters.row("T_0").changes if change.along)
     powers = {
-        name: change.std / warmer.std
+        name: (change.std if row.in_shares else change.std / actuator.value(name)) / warmer.std
         for name, row in rows.items()
         for change in row.changes
         if (change.group, change.along) == (warmer.group, warmer.along) and actuator.value(name) > 0.0
