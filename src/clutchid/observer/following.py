@@ -160,14 +160,15 @@ def observe_strokes(
             cuts |= {*(i + 1 for i in ends if begin <= i < end), *(at for at in (*moves, *air) if begin < at < end)}
         for a, b in pairwise(sorted(cuts)):
             state = _counted(observer, state, float(counted[a]))
-            state = _in_air(state, air, a)
+            if a in air:
+                state = state._replace(temperature=air[a])
             state = _piece(at_air(observer, state.temperature), state, samples, (a, b), observed)
             observed.leaking[a:b] = state.leaking
             if b - 1 in ends:
                 state = _stroke_ended(observer, _judged(observer, state, observed, slice(judged, b)))
                 at_ends.append(_ended(observer, state)._replace(latest=float(samples.time[b - 1])))
                 judged = b
-    state = _in_air(state, air, samples.time.size)._replace(aired=aired)
+    state = state._replace(temperature=air.get(samples.time.size, state.temperature), aired=aired)
     state = _judged(observer, state, observed, slice(judged, samples.time.size))
     latest = float(samples.time[-1]) if samples.time.size else state.latest
     state = state._replace(rest=rest, unzeroed=unzeroed, strokes=strokes, latest=latest, known=driven)
@@ -189,12 +190,6 @@ def _air(observer: Observer, state: ObserverState, block: Log, time: FloatArray)
     recorded = block["temperature_ambient"]
     changes, aired = changes_of_air(observer, state.temperature, state.aired, block.time, recorded)
     return {int(np.searchsorted(time, block.time[at])): temperature for at, temperature in changes}, aired
-
-
-def _in_air(state: ObserverState, air: dict[int, float], sample: int) -> ObserverState:
-    """The state with the last temperature of the air up to a sample."""
-    latest = [temperature for at, temperature in air.items() if at <= sample]
-    return state._replace(temperature=latest[-1]) if latest else state
 
 
 class _Values(NamedTuple):
