@@ -109,8 +109,8 @@ class Air(NamedTuple):
 def air_of(actuator: Actuator, calibration: Calibration | None) -> Air | None:
     """Effect of another temperature of the air; None where that of the calibration is not known.
 
-    The powers of r are those of the change that a reading weighs, in the direction of `T_0`; for a change in a unit they
-    have its slope at r = 1.
+    The powers of r are those of the change that a reading weighs, in the direction of `T_0`; for a change in a unit
+    they have its slope at r = 1.
     """
     conditions = calibration.conditions if calibration else NOT_RECORDED
     if conditions.temperature is None:
