@@ -7,8 +7,13 @@ from clutchid.errors import DataError
 from clutchid.log import Log
 from clutchid.strokes import RESTS, STROKES, cut
 from clutchid.strokes.borders import LEAD, LONGEST
+from clutchid.strokes.stroke import BEGINS
 
 REACH = 0.022
+
+
+def cut_kinds(log):
+    return [section.kind for section in cut(log)]
 
 
 def labels(log):
@@ -181,6 +186,18 @@ def test_a_long_hold_is_a_section_of_its_own(made):
     assert [section.kind for section in sections] == ["rest", "stroke", "rest", "stroke", "rest"]
     # of the 38.85 s at the top half a second goes with either stroke, and what is still is so over 0.15 s and a bin
     assert sections[2].seconds == pytest.approx(38.85 - 2 * LEAD, abs=0.15 + 0.02)
+
+
+def test_slow_motion_is_a_stroke_and_only_the_hold_within_it_is_held(made):
+    log = made([(0.0, 0.0), (2.0, 0.0), (27.0, REACH), (67.0, REACH), (92.0, 0.0), (95.0, 0.0)])
+    sections = list(cut(log))
+    assert [section.kind for section in sections] == ["rest", "stroke", "rest", "stroke", "rest"]
+    # the last of the way to a hold, up to where a stroke begins, belongs to it: some seconds at 0.9 mm/s
+    slow = BEGINS / (REACH / 25.0)
+    assert (sections[2].start, sections[2].end) == pytest.approx((27.0, 67.0), abs=slow)
+    assert cut_kinds(made([(0.0, 5e-3), (25.0, REACH)])) == ["stroke"]
+    leaking = made([(0.0, 0.0), (2.0, 0.0), (2.2, REACH), (42.0, REACH - 3e-3), (42.3, 0.0), (45.0, 0.0)])
+    assert cut_kinds(leaking) == ["rest", "stroke", "rest", "stroke", "rest"]
 
 
 def test_a_rest_of_hours_comes_in_parts_and_the_stroke_after_it_knows_how_long_it_was(made, full_strokes):

@@ -9,11 +9,11 @@ import numpy as np
 
 from clutchid.log import BoolArray, FloatArray
 from clutchid.parameters import DEFAULTS
-from clutchid.strokes.rest_level import STILL, Bins
+from clutchid.strokes.rest_level import STILL, Bins, ranges
 from clutchid.strokes.sampled import runs
 from clutchid.strokes.section import Kind
 from clutchid.strokes.stream import Samples
-from clutchid.strokes.stroke import FULL
+from clutchid.strokes.stroke import BEGINS, FULL
 
 #: Length in s of the vented rest before a stroke that is part of its section: what a fit uses for the initial state.
 LEAD = 0.5
@@ -170,10 +170,11 @@ def _without_holds(bins: Bins, span: _Span, *, final: bool) -> list[_Span]:
     """Divide a stroke at its long holds, which become rests; a hold that has not ended stays pending."""
     if span.kind == "rest":
         return [span]
-    if span.departs <= span.start and bins.still[span.start : span.stop].all():
+    holds = _holds(bins.part(span.start, span.stop))
+    if span.departs <= span.start and holds.all():
         return [replace(span, kind="rest", vented=0.0, long_hold=True)]
     spans, at, vented, departs = [], span.start, span.vented, span.departs
-    for a, b in runs(bins.still[span.start : span.stop]):
+    for a, b in runs(holds):
         begin, end = a + span.start, b + span.start
         if _seconds(bins, begin, end) < LONGEST_HOLD or (end == len(bins) and not final):
             continue
@@ -184,6 +185,19 @@ def _without_holds(bins: Bins, span: _Span, *, final: bool) -> list[_Span]:
         spans.append(_Span("rest", first, last, 0.0, long_hold=True))
         at, vented, departs = last, 0.0, end
     return [*spans, _Span("stroke", at, span.stop, vented, departs=departs)] if at < span.stop else spans
+
+
+def _holds(bins: Bins) -> BoolArray:
+    """Where the piston is still; not in slow motion: by more than `BEGINS` and `APART` in `LONGEST_HOLD` s."""
+    still = bins.still
+    for a, b in runs(still):
+        position, most = bins.filled[a:b], np.fmax(APART * bins.reach[a:b], BEGINS)
+        if _seconds(bins, a, b) < LONGEST_HOLD or not np.ptp(position) > most.min():
+            continue
+        width = int(np.searchsorted(bins.time, bins.time[a] + LONGEST_HOLD)) - a
+        stays = ranges(position, width) <= most
+        still = np.concatenate([still[:a], stays | (ranges(stays.astype(np.float64), width) > 0.0), still[b:]])
+    return still
 
 
 def _divided(bins: Bins, span: _Span) -> list[_Span]:
