@@ -31,7 +31,7 @@ from clutchid.inference.filter.setup import (
     scratch,
 )
 from clutchid.simulation.stiffness import AS_PLANNED
-from fixtures.filter_c import JointC, as_written
+from fixtures.filter_c import FACTOR, JointC, as_written
 
 pytestmark = pytest.mark.slow
 
@@ -225,7 +225,7 @@ def corrected_in_python(a):
 FUNCTIONS = {
     "value_in_si": (
         lambda a: [a.m.value_in_si(row, at) for row, at in zip(a.g.numbers, a.theta, strict=True)],
-        lambda c: [c.call("value_in_si", c.fixed.parameters[j], float(c.g.state[2][j])) for j in range(K)],
+        lambda c: [c.call("value_in_si", c.fixed.parameters[j], FACTOR, float(c.g.state[2][j])) for j in range(K)],
     ),
     "combine_load": (
         lambda a: a.m.combine_load(a.g.load, a.g.basis, PIECES, a.weights),

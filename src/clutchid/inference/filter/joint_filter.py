@@ -381,8 +381,7 @@ class _Latest(threading.local):
     Samples may come one by one. Then the compiled kernel is called without Numba's look at the types of 79 arguments.
     """
 
-    joint: JointFilter | None = None
-    shapes: tuple[tuple[int, ...], ...] = ()
+    prepared: tuple[JointFilter | None, Any, tuple[tuple[int, ...], ...]] = (None, None, ())
     arrays: FilterArrays
     compiled: Any = None
 
@@ -391,14 +390,16 @@ _latest = _Latest()
 
 
 def _prepared(joint: JointFilter, state: MethodState, inputs: Sequence[NDArray[Any]]) -> tuple[Any, FilterArrays]:
-    """The kernel, and its arrays."""
+    """The kernel, and its arrays; a kernel without types, as where Numba is switched off, is called as it is."""
     (module, name), shapes = joint.kernel, (state.x.shape, state.T.shape)
     kernel: Any = getattr(kernels_in(module), name)
-    if _latest.joint is not joint or _latest.shapes != shapes:
-        _latest.joint, _latest.shapes, _latest.arrays, _latest.compiled = joint, shapes, _arrays(joint, state), None
+    before, before_kernel, before_shapes = _latest.prepared
+    if before is not joint or before_kernel is not kernel or before_shapes != shapes:
+        _latest.prepared, _latest.arrays, _latest.compiled = (joint, kernel, shapes), _arrays(joint, state), None
         return kernel, _latest.arrays
-    if _latest.compiled is None and len(kernel.overloads) == 1:
-        (only,) = kernel.overloads.values()
+    overloads = getattr(kernel, "overloads", {})
+    if _latest.compiled is None and len(overloads) == 1:
+        (only,) = overloads.values()
         _latest.compiled = only.entry_point
     alike = _latest.compiled is not None and all(array.flags.c_contiguous for array in inputs)
     return _latest.compiled if alike else kernel, _latest.arrays
