@@ -87,7 +87,7 @@ def _folder(out: Path) -> Iterator[None]:
     folder = out.resolve()
     missing = [parent for parent in (folder, *folder.parents) if not parent.exists()]
     try:
-        make_folder(folder, "--out")
+        make_folder(out, "--out")
         for name in _names():
             check_writable(folder / name)
         yield
