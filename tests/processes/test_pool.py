@@ -144,6 +144,13 @@ def started(code: str) -> subprocess.Popen:
     return subprocess.Popen([sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": paths})
 
 
+def at_work(member):
+    """Whether a process is a worker; one that helped a program to start may have ended."""
+    with suppress(psutil.NoSuchProcess):
+        return member.name() != "sleep"
+    return False
+
+
 def test_every_worker_ends_with_the_process_that_waits_for_it():
     ways = (signal.SIGKILL, signal.SIGHUP)
     programs, children = {(name, how): started(WAITING[name][0]) for name in WAITING for how in ways}, {}
@@ -154,7 +161,7 @@ def test_every_worker_ends_with_the_process_that_waits_for_it():
                 time.sleep(0.05)
                 children[case] = psutil.Process(program.pid).children(recursive=True)
         time.sleep(1.5)  # they are at work
-        workers = {case: [member for member in group if member.name() != "sleep"] for case, group in children.items()}
+        workers = {case: [*filter(at_work, group)] for case, group in children.items()}
         for (_, how), program in programs.items():
             program.send_signal(how)
         for case, program in programs.items():
