@@ -10,7 +10,7 @@ from pathlib import Path
 from clutchid.documents.figures import png
 from clutchid.documents.html import page_of
 from clutchid.documents.tables import ReportTable, to_csv
-from clutchid.files import check_writable, make_folder, write_bytes
+from clutchid.files import check_writable, make_folder, not_an_address, write_bytes
 from clutchid.log import Log
 from clutchid.study.paper.figures import FIGURES
 from clutchid.study.paper.page import study_page
@@ -87,7 +87,8 @@ def _folder(out: Path) -> Iterator[None]:
     folder = out.resolve()
     missing = [parent for parent in (folder, *folder.parents) if not parent.exists()]
     try:
-        make_folder(out, "--out")
+        not_an_address(out, "--out")  # resolved, it would look like a folder
+        make_folder(folder, "--out")
         for name in _names():
             check_writable(folder / name)
         yield
