@@ -216,7 +216,8 @@ def _values(observer: Observer, state: ObserverState, block: Log, repeated: Bool
     bounds = limits(observer.actuator, "position", observer.spacing)
     of_taken, since, watch = watched(state.values, bounds, judged, "position")
     verdicts, position = of_taken, block["position"]
-    unlike, jumps, ends, supply_watch = *np.zeros((3, n), dtype=bool), state.supply
+    unlike, jumps, ends = np.zeros((3, n), dtype=bool)
+    supply_watch = state.supply
     if taken.size < n or of_taken.any():
         verdicts = np.full(n, rule.VALUE, dtype=np.uint8)
         verdicts[taken] = of_taken
