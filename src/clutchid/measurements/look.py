@@ -87,7 +87,7 @@ def overview_of(
     proposal = replace(proposal, channels=replace(proposal.channels, dbc=files))
     picks, mismatches = _picks(source, proposal, channels)
     problems, warnings = [*source.problems, *mismatches], [*source.warnings]
-    wrong, told, summaries = list[str](), list[str](), list[_Summary]()
+    wrong, remarks, summaries = list[str](), list[str](), list[_Summary]()
     for index, raster in enumerate(source.rasters):
         chosen = [pick for pick in picks if pick.raster == index]
         columns = {heading.index: (heading, entry) for pick in chosen for heading, entry in pick.columns.values()}
@@ -97,13 +97,13 @@ def overview_of(
         summaries.append(_Summary(time, columns, ambient, chosen[0].rate if chosen else None))
         tables = _summed(source, index, summaries[-1])
         if chosen and len(picks) == 1:
-            wrong, told = findings(source, picks, ambient, None, tables)
+            wrong, remarks = findings(source, picks, ambient, None, tables)
         for table in tables:
             wrong += table.problems if not picks else ()
-            told += table.warnings if not picks else ()
+            remarks += table.warnings if not picks else ()
     if len(picks) > 1 or (picks and any(summary.spoiled for summary in summaries)):  # without the other columns
         size = max((raster.size * len(raster.headings) for raster in source.rasters), default=0)
-        wrong, told = findings(source, picks, ambient, None if size * 8 < WHOLE else BLOCK)
+        wrong, remarks = findings(source, picks, ambient, None if size * 8 < WHOLE else BLOCK)
     if channels is not None:
         every, proposed = {**proposal.channels.channels, **channels.channels}, proposal.channels
         completed = replace(channels, channels=every, dbc=proposed.dbc, comments=proposed.comments)
@@ -113,7 +113,7 @@ def overview_of(
         source.format,
         tuple(map(_overview, source.rasters, summaries)),
         tuple(dict.fromkeys((*problems, *wrong))),
-        tuple(dict.fromkeys((*warnings, *told))),
+        tuple(dict.fromkeys((*warnings, *remarks))),
         proposal,
         needs_map=channels is None and not in_contract(source),
     )

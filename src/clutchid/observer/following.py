@@ -185,7 +185,7 @@ def _air(observer: Observer, state: ObserverState, block: Log, time: FloatArray)
 
     And the time at which one last counted.
     """
-    if observer.air is None or "temperature_ambient" not in block:
+    if "temperature_ambient" not in block:
         return {}, state.aired
     recorded = block["temperature_ambient"]
     changes, aired = changes_of_air(observer, state.temperature, state.aired, block.time, recorded)
