@@ -337,7 +337,7 @@ NOT_AHEAD = """## Where clutchid is not ahead
   has, whose script imports less."""
 
 
-class Found(NamedTuple):
+class PartResult(NamedTuple):
     """A part that has run: its command, the machine, its rows, and what the targets are held against."""
 
     command: str
@@ -351,7 +351,7 @@ def listed(versions: dict[str, str]) -> str:
     return ", ".join(f"{name} {value}" for name, value in versions.items())
 
 
-def page(sections: dict[str, Found]) -> str:
+def page(sections: dict[str, PartResult]) -> str:
     """The page as Markdown."""
     usual = {name: value for part in sections.values() for name, value in part.machine.items() if name != LOAD}
     text = ["# Side by side", "", INTRODUCTION, "", f"Machine and versions: {listed(usual)}."]
@@ -384,12 +384,12 @@ def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     )
     parser.add_argument("--simulations", type=int, default=batch.COUNT, help="at once, of part h")
     parser.add_argument("--json", type=Path, help="file for all rows; parts that it has already stay")
-    parser.add_argument("--from", dest="kept", type=Path, help="such a file, whose page is written without a run")
+    parser.add_argument("--from", dest="source", type=Path, help="such a file, whose page is written without a run")
     parser.add_argument("--out", type=Path, help="file for the page; else it is printed")
     return parser.parse_args(arguments)
 
 
-def measured(options: argparse.Namespace) -> dict[str, Found]:
+def measured(options: argparse.Namespace) -> dict[str, PartResult]:
     """Run the parts; after each, what is there is kept in the file for rows, beside the other parts in it."""
     versions, defaults = machine(), parsed([])
     sections = {
@@ -398,10 +398,10 @@ def measured(options: argparse.Namespace) -> dict[str, Found]:
     }
     chosen = [f"--{name} {value}" for name, value in sections.items() if value != getattr(defaults, name)]
     command = " ".join(["python benchmarks/peers/run.py", *chosen])
-    results = kept(options.json) if options.json and options.json.exists() else {}
+    results = read_results(options.json) if options.json and options.json.exists() else {}
     for key in options.only.split(","):
         rows = PARTS[key].rows(options)
-        results[key] = Found(command, versions, rows, PARTS[key].targets(rows, options))
+        results[key] = PartResult(command, versions, rows, PARTS[key].targets(rows, options))
         if options.json:
             content = {
                 k: part._asdict() | {"rows": [row._asdict() for row in part.rows]} for k, part in results.items()
@@ -410,13 +410,13 @@ def measured(options: argparse.Namespace) -> dict[str, Found]:
     return results
 
 
-def kept(path: Path) -> dict[str, Found]:
-    """What earlier runs kept."""
+def read_results(path: Path) -> dict[str, PartResult]:
+    """Results of earlier runs."""
     results = {}
     for key, part in json.loads(path.read_text(encoding="utf-8")).items():
         rows = [Row(**{k: math.nan if v is None else v for k, v in row.items()}) for row in part["rows"]]
         rows = [row._replace(more=tuple(math.nan if v is None else v for v in row.more)) for row in rows]
-        results[key] = Found(**(part | {"rows": rows}))
+        results[key] = PartResult(**(part | {"rows": rows}))
     return results
 
 
@@ -434,7 +434,7 @@ def finite(value: object) -> object:
 def main() -> None:
     """Run the parts, or take an earlier run, and write the page."""
     options = parsed()
-    text = page(kept(options.kept) if options.kept else measured(options))
+    text = page(read_results(options.source) if options.source else measured(options))
     if options.out:
         options.out.write_text(text, encoding="utf-8")
     else:

@@ -39,7 +39,7 @@ def test_the_page_names_a_peer_that_is_not_installed_as_absent(peers):
     run, simulation, peer = peers("run"), peers("simulation"), peers("peer")
     chosen = (*simulation.PEERS[:2], peer.Peer("none", ("no_such_package",), simulation.kernel))
     rows = simulation.rows([(0.1, 1000.0)], chosen, rounds=1)
-    page = run.page({"a": run.Found("command", {"Python": "3"}, rows, [])})
+    page = run.page({"a": run.PartResult("command", {"Python": "3"}, rows, [])})
     assert "absent: no_such_package not installed" in page
     assert "| clutchid, compiled loop |" in page
 
@@ -59,7 +59,7 @@ def test_the_exported_c_follows_as_the_observer_does_and_the_page_has_its_slowes
     run, observers, peer = peers("run"), peers("observers"), peers("peer")
     chosen = (observers.IN_PYTHON[2], observers.IN_C[0], peer.Peer("none", ("no_such_package",), observers.whole))
     rows = observers.compared("2 s", peers("ekf").Followed(2.0), chosen, rounds=1, budget=1.0)
-    page = run.page({"e": run.Found("command", {"Python": "3"}, rows, [])})
+    page = run.page({"e": run.PartResult("command", {"Python": "3"}, rows, [])})
     assert "| p99 | p99.9 |" in page
     assert "absent: no_such_package not installed" in page
     assert not rows[1].note.startswith("failed")
