@@ -35,7 +35,7 @@ def excursions(problem: Problem) -> ExcursionNumbers:
     An excursion begins with the first window in which the piston is back at rest, and ends before the next such window.
     The chamber is vented there, so that excursions are nearly independent. A rest after the last one belongs to it.
 
-    A recording with fewer than `FEWEST` excursions, or one that never returns to rest, is cut into equal pieces of
+    A recording with fewer than `FEWEST` excursions, or without a return to rest, is cut into equal pieces of
     about `_PIECE_LENGTH`. The blocks of a bootstrap must be longer than the correlation time of the residuals; a second
     is longer than the lags of sensors and valves and the stick-slip that cause it.
 

@@ -252,7 +252,7 @@ def calibration_of(result: Fit, actuator: Actuator) -> Calibration:
 
 
 def data_of(logs: Sequence[Log]) -> dict[str, str]:
-    """SHA-256 of the files of recordings by name; "unknown" for one that is not from a file."""
+    """SHA-256 of the files of recordings by name; "unknown" where a recording is not from a file."""
     return {log.name: log.metadata.get("sha256", "unknown") for log in logs}
 
 

@@ -173,7 +173,7 @@ class Continuation:
     def applies(self, free: Iterable[str], measure: Iterable[str], data: Mapping[str, str]) -> bool:
         """Whether the same parameters are free, and the same columns of the same recordings are compared.
 
-        A recording without a known hash, such as one that is not from a file, is never the same.
+        A recording without a known hash, such as a log that was made in memory, is never the same.
         """
         same = set(free) == set(self.state.free) and set(measure) == set(self.scales)
         return same and bool(data) and "unknown" not in data.values() and dict(data) == dict(self.data)

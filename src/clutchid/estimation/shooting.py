@@ -154,10 +154,10 @@ def _effort(problem: Problem, logs: Sequence[Log], calibration: Calibration | No
 def _fine(
     problem: Problem, x: FloatArray, X: Begin, effort: Effort, progress: Progress | None, before: int = 0
 ) -> ShootingSolution | Failure:
-    """The fine stage; one that stalls goes on with new states, a few times, from the best parameters so far.
+    """The fine stage; where it stalls it goes on with new states, a few times, from the best parameters so far.
 
-    A search stalls where a few windows with stiction lie in a poor local minimum of their states. One that arrives at
-    the same cost with new states has converged: there the cost has a kink, and the least cost no vanishing gradient.
+    A search stalls where a few windows with stiction lie in a poor local minimum of their states. It has
+    converged if it arrives at the same cost with new states: the cost has a kink there, and no vanishing gradient.
     """
     best = search(problem, x, X, FINE_STAGE, progress, before, effort)
     if isinstance(best, Solution):

@@ -375,7 +375,7 @@ def _undetermined(fit: Fit) -> Iterator[Reason]:
 
 
 def _wide_interval(fit: Fit) -> Iterator[Reason]:
-    """An infinite interval of the load, or one that is wide relative to the peak."""
+    """An infinite interval of the load, or a wide one relative to the peak."""
     curve, furthest = fit.load_curve, reach(fit)
     inside = curve.position <= furthest
     half = ((curve.high - curve.low) / 2)[inside]

@@ -376,7 +376,7 @@ def follow(
 
 
 class _Latest(threading.local):
-    """What a thread filtered last: the filter, shapes of its state, and arrays that the kernel fills from theta anew.
+    """Filter that a thread used last, shapes of its state, and arrays that the kernel fills from theta anew.
 
     Samples may come one by one. Then the compiled kernel is called without Numba's look at the types of 79 arguments.
     """

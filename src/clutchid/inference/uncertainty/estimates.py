@@ -29,7 +29,7 @@ class Estimate:
 
     Examples
     --------
-    As text it has the 95 % interval, not the standard error; one that is not symmetric, as a profile's, has both ends:
+    As text it has the 95 % interval, not the standard error, and where it is not symmetric, as a profile's, both ends:
 
     >>> print(Estimate(8.9e5, "Pa", 1e3, 8.8804e5, 8.9196e5))
     8.9e+05 ± 2e+03 Pa
@@ -45,7 +45,7 @@ class Estimate:
 
     @property
     def half(self) -> float:
-        """Half width of the 95 % interval; the wider side of one that ends at a bound."""
+        """Half width of the 95 % interval; its wider side where it ends at a bound."""
         return max(self.high - self.value, self.value - self.low)
 
     def __str__(self) -> str:

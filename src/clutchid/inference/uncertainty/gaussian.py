@@ -54,7 +54,7 @@ def gaussian_posterior(data: FloatArray, prior: FloatArray, log_root: float, sca
 
 
 def square_root(covariance: FloatArray) -> FloatArray:
-    """The lower triangular root L of a covariance L L', also of one that is singular to rounding.
+    """The lower triangular root L of a covariance L L', also where that is singular to rounding.
 
     Draws made with it are the same on every machine: eigenvectors have any sign, and any direction among equals.
     """
