@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_equal
 
-from clutchid.inference.filter.references import counted_from
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.observer import observe_recording, observer
+from clutchid.observer.observer import start
 from clutchid.observer.rest import new_stretch, rest_pace, watch_rest
 from clutchid.observer.state import NOTHING, RestWatch
 from clutchid.strokes.vented_rest import VentedRest, vented_rest
@@ -72,10 +73,15 @@ def test_a_zero_that_is_counted_anew_is_no_motion_to_the_balance_of_forces(plant
     assert np.isnan(found.samples.innovations[begins:until]).all()
 
 
-def test_the_average_position_of_the_adaptive_observer_counts_from_the_zero_too(plant, log):
-    state = observe_recording(observer(plant, "adaptive"), log.slice(0, 500)).after.filter
-    after = counted_from(state, OFFSET, (0,))
-    assert after.x[0] - after.average[0] == pytest.approx(state.x[0] - state.average[0], abs=1e-15)
+def test_what_was_learnt_from_another_zero_is_forgotten(plant, log, calibration):
+    one = observer(plant, calibration=calibration)
+    begins = int(np.argmax(observe_recording(one, moved(log)).samples.rest > 0.0))
+    before, after = (observe_recording(one, moved(log).slice(0, n)).after for n in (begins, begins + 1))
+    assert not np.array_equal(before.theta, start(one).theta), "a stroke has taught something by then"
+    assert after.zero == pytest.approx(OFFSET, abs=1e-4)
+    assert after.number == 1
+    for name in ("theta", "T", "sound"):
+        assert_equal(getattr(after, name), getattr(start(one), name))
 
 
 def test_a_hole_keeps_the_shift_until_a_rest_says_else():

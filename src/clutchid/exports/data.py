@@ -174,6 +174,7 @@ def _start_values(observer: Observer) -> dict[str, Any]:
         "starts_at": [names.index(row.starts_at) if row.starts_at else -1 for row in rows.values()],
         "at_p_A": actuator.states.index("p_A"),
         "at_P_0": names.index("P_0"),
+        "at_P_S": names.index("P_S"),
         "at_A_A": names.index("A_A"),
         "y_max": actuator.parameters.y_max,
         "y_max_calibrated": observer.actuator.parameters.y_max,

@@ -30,6 +30,7 @@ def requirement_files(observer: Observer, style: CStyle) -> dict[str, str]:
         ],
         "spacing_us": round(observer.spacing * 1e6),
         "clock_us": CLOCK,
+        "begins": BEGINS,
         "moving": int(np.argmax(drive["position"] > 2.0 * BEGINS)),
         "engaged": int(np.argmax(drive["duty_exhaust"] > 0.0)),
         "strokes": int(np.count_nonzero(np.diff(drive["duty_supply"]) > 0.0)),

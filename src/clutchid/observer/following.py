@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -15,7 +16,6 @@ from clutchid.codegen.kernels import kernels_in
 from clutchid.errors import DataError
 from clutchid.inference.filter.joint_filter import (
     Diverged,
-    JointFilter,
     JointInputs,
     JointPass,
     drifted,
@@ -28,8 +28,8 @@ from clutchid.log import INPUTS, BoolArray, FloatArray, Log
 from clutchid.observer.air import at_air, changes_of_air
 from clutchid.observer.gaps import RESOLUTION, bridged, latest_driven, longest, repeats
 from clutchid.observer.mismatch import mismatches
-from clutchid.observer.observer import Observer, unknown
-from clutchid.observer.rest import counted_from, new_stretch, rest_pace, watch_rest
+from clutchid.observer.observer import Observer, start, unknown
+from clutchid.observer.rest import new_stretch, rest_pace, watch_rest
 from clutchid.observer.state import (
     EMPTY,
     ObserverState,
@@ -42,6 +42,7 @@ from clutchid.observer.state import (
     usable_positions,
 )
 from clutchid.strokes import rule
+from clutchid.strokes.excitation import VENTED_POSITION
 from clutchid.strokes.stroke import Strokes, count_strokes
 from clutchid.strokes.values import (
     BELIEVED,
@@ -117,8 +118,9 @@ class Observed(NamedTuple):
 def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[ObserverState, Observed]:
     """Follow the samples of a block, from the state before its first.
 
-    A stretch without holes starts with its first position. Where the filter diverges, it goes back to what it knew of
-    the parameters at the end of the stroke before, and starts anew. Blocks of any length give the same numbers, bit by
+    A stretch without holes starts with its first position; one that starts within a stroke, where the pressure is
+    guessed, learns nothing from it. Where the filter diverges, it goes back to what it knew of the parameters at the
+    end of the stroke before, and starts anew. Blocks of any length give the same numbers, bit by
     bit.
 
     Raises
@@ -279,7 +281,7 @@ def _stroke_ended(observer: Observer, state: ObserverState) -> ObserverState:
         state = state._replace(filter=state.filter and state.filter._replace(T=T))
     return state._replace(
         T=T, wear=wear, sound=Sound(state.theta, T, state.G, wear), strokes=Strokes(state.strokes.ended + 1),
-        leaking=observer.leaks(state),
+        leaking=observer.leaks(state), partial=False,
     )  # fmt: skip
 
 
@@ -330,10 +332,14 @@ def _rests(
 
 
 def _counted(observer: Observer, state: ObserverState, zero: float) -> ObserverState:
-    """The state at a sample whose position counts from another zero in m than that of the sample before."""
-    states = observer.actuator.states
-    sensor = len(states) + observer.joint.measure.index("position")
-    return counted_from(state, zero, states.index("y"), sensor)
+    """The state at a sample whose position counts from a zero in m: another one begins anew, as calibrated.
+
+    Strokes that are counted from a wrong zero teach a wrong load, and that it is certain.
+    """
+    if zero == state.zero:
+        return state
+    sound = start(observer).sound
+    return _ended(observer, state)._replace(**sound._asdict(), sound=sound, zero=zero)
 
 
 def _nothing(observer: Observer, time: FloatArray) -> Observed:
@@ -361,7 +367,9 @@ def _piece(
         end = min(b, a + MOST)
         held = int(samples.time[a:end].searchsorted(_held_until(state)))
         end = a + held if held else end
-        observing = replace(observer, joint=_fixed(observer.joint)) if held else observer
+        partial = state.partial if state.filter else abs(float(samples.position[a])) > VENTED_POSITION
+        state = state._replace(partial=partial and observer.joint.reference is None)
+        observing = _not_learning(observer) if held or state.partial else observer
         state, passed, usable, count = _followed(
             observing, state, Tail(*(x[a:end] for x in samples)), observer.joint.settings.least_speed
         )
@@ -380,9 +388,11 @@ def _held_until(state: ObserverState) -> float:
     return state.contradicted + HELD - 0.5 * RESOLUTION if math.isfinite(state.contradicted) else -math.inf
 
 
-def _fixed(joint: JointFilter) -> JointFilter:
-    """The filter with parameters that do not adapt."""
-    return replace(joint, settings=replace(joint.settings, least_speed=np.inf))
+@lru_cache(maxsize=4)
+def _not_learning(observer: Observer) -> Observer:
+    """The observer with parameters that do not adapt."""
+    joint = observer.joint
+    return replace(observer, joint=replace(joint, settings=replace(joint.settings, least_speed=np.inf)))
 
 
 def _first(mask: BoolArray) -> int:

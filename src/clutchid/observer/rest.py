@@ -7,9 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from clutchid.inference.filter import references
 from clutchid.log import BoolArray, FloatArray
-from clutchid.observer.state import ObserverState, RestWatch
+from clutchid.observer.state import RestWatch
 from clutchid.strokes.rest_level import BIN, CLOSED, CREEP, STILL
 from clutchid.strokes.sampled import runs
 from clutchid.strokes.vented_rest import VENTS, VentedRest, rest_shift, unlike
@@ -144,14 +143,3 @@ def _believed(shift: float, before: VentedRest, now: VentedRest) -> float:
 def new_stretch(watch: RestWatch) -> RestWatch:
     """State after a hole, in which a sensor may have been exchanged: the shift stays until the next rest."""
     return RestWatch(shift=watch.shift)
-
-
-def counted_from(state: ObserverState, zero: float, position: int, sensor: int) -> ObserverState:
-    """A state whose position counts from `zero` in m; `position` and `sensor` are its indices in the filter."""
-    by = zero - state.zero
-    if by == 0.0:
-        return state
-    if state.filter is None:
-        return state._replace(zero=zero)
-    tail = state.tail._replace(position=state.tail.position - by)
-    return state._replace(filter=references.counted_from(state.filter, by, (position, sensor)), tail=tail, zero=zero)

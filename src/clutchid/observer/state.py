@@ -134,16 +134,17 @@ class ObserverState(NamedTuple):
     `theta` (k,) and `T` (k, k), a root of their covariance, are what is known of the parameters that adapt, `G` (k, c)
     the derivatives of their error with respect to what is considered, and `wear` (1,) counts what T has still to gain
     for strokes that have ended, see `FilterState`; `filter` is None before the first sample of a stretch. `deviations`
-    (states,) are those of the last correction, NaN before it. `number` counts the samples of the stretch. `sound` is
-    what was known at the end of the last stroke, to which the observer goes back if it diverges; `mismatch` is the
-    present mean of the NIS over the usual one, see `mismatch`; `leaking` says whether chamber A leaked at the end of
-    the last stroke; `rest` is what is known of the vented rest, and `zero` what is subtracted from the position in m;
-    `values` watches for positions that are no values; `jumped` says whether one has jumped and stayed, and `unzeroed`
-    are the times in s of such jumps, in order, since which no vented rest has shown the zero; `latest` is the time in s
-    of the last sample that counts, and `known` that of the last one with both duty cycles, NaN for none; `excess` is
-    the sum of the innovations' excess in s, and `contradicted` is the time in s at which innovations last contradicted
-    the inputs, NaN if they have not; `supply` watches for supply pressures that cannot be right; `temperature` is that
-    of the air in K that the model is at, and `aired` the time in s at which one last counted, NaN where none has.
+    (states,) are those of the last correction, NaN before it. `number` counts the samples of the stretch, and `partial`
+    says whether it began within the stroke that goes on, which then teaches nothing. `sound` is what was known at the
+    end of the last stroke, to which the observer goes back if it diverges; `mismatch` is the present mean of the NIS
+    over the usual one, see `mismatch`; `leaking` says whether chamber A leaked at the end of the last stroke; `rest` is
+    what is known of the vented rest, and `zero` what is subtracted from the position in m; `values` watches for
+    positions that are no values; `jumped` says whether one has jumped and stayed, and `unzeroed` are the times in s of
+    such jumps, in order, since which no vented rest has shown the zero; `latest` is the time in s of the last sample
+    that counts, and `known` that of the last one with both duty cycles, NaN for none; `excess` is the sum of the
+    innovations' excess in s, and `contradicted` is the time in s at which innovations last contradicted the inputs, NaN
+    if they have not; `supply` watches for supply pressures that cannot be right; `temperature` is that of the air in K
+    that the model is at, and `aired` the time in s at which one last counted, NaN where none has.
     """
 
     filter: MethodState | None
@@ -155,6 +156,7 @@ class ObserverState(NamedTuple):
     deviations: FloatArray
     sound: Sound
     number: int = 0
+    partial: bool = False
     strokes: Strokes = NO_STROKES
     mismatch: float = 1.0
     leaking: bool = False

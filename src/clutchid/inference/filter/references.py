@@ -61,17 +61,6 @@ class BalanceState(NamedTuple):
 MethodState = FilterState | AdaptiveState | BalanceState
 
 
-def counted_from(state: MethodState, by: float, places: Sequence[int]) -> MethodState:
-    """A state whose positions count from a zero that is `by` m higher; `places` are those in x that are positions."""
-    less = np.zeros_like(state.x)
-    less[list(places)] = by
-    if isinstance(state, AdaptiveState):
-        return state._replace(x=state.x - less, average=state.average - by)
-    if isinstance(state, BalanceState):
-        return state._replace(x=state.x - less, late=state.late - less, positions=state.positions - by)
-    return state._replace(x=state.x - less)
-
-
 class AdaptiveNumbers(NamedTuple):
     """Numbers of the adaptive observer.
 

@@ -8,6 +8,7 @@ and, where gains are computed, size columns for the square root of the covarianc
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple, TypeAlias
 
@@ -20,7 +21,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
 from clutchid.simulation.noise import Noise, process_noise
 from clutchid.simulation.parameter_map import ParameterMap
-from clutchid.simulation.plan import Segment
+from clutchid.simulation.plan import OUTSIDE, Segment
 from clutchid.simulation.run import Columns, start_sensitivities, start_state
 from clutchid.simulation.sensors import lag_coefficients
 from clutchid.simulation.stiffness import Pace
@@ -289,7 +290,7 @@ def first_state(
     """State x of the filter at the start and S, with L for the states of the model (n, n), or (n, 0) with given gains.
 
     The output of a sensor is what it measures, less the lag times the velocity for the position; of the pressure no
-    rate is known.
+    rate is known. At the far end stop it is anywhere between that of the load and the supply's: uniformly.
     """
     actuator, k = mapped.actuator, len(mapped.bases)
     states, n = actuator.states, len(actuator.states)
@@ -299,8 +300,14 @@ def first_state(
     if "position" in names:
         outputs[names.index("position"), states.index("v")] = -actuator.value(lag)
     both = np.vstack([np.eye(n), outputs])
-    x = both @ start_state(segment, actuator)
-    dx = both @ start_sensitivities(segment, actuator, which, estimated=False)[:, :k]
+    start, sensitivities = start_state(segment, actuator), start_sensitivities(segment, actuator, which, False)
+    if segment.position_start > actuator.parameters.y_max - OUTSIDE and not np.isfinite(segment.pressure_start):
+        at, L = states.index("p_A"), L.copy()
+        span = max(0.0, actuator.parameters.P_S - start[at])
+        start[at] += 0.5 * span
+        sensitivities[at] = 0.5 * (sensitivities[at] + [name == "P_S" for name in which.names])
+        L[at, at : at + 1] = span / math.sqrt(12.0)
+    x, dx = both @ start, both @ sensitivities[:, :k]
     if lag in mapped.bases and "position" in names:
         dx[n + names.index("position"), mapped.bases.index(lag)] -= x[states.index("v")]
     of_outputs = np.zeros((x.size, len(names) if L.shape[1] else 0))
