@@ -86,6 +86,16 @@ def test_a_column_of_zeros_stays_one_and_the_others_keep_their_information():
     assert np.allclose(R.T @ R, A.T @ A, rtol=0.0, atol=1e-10)
 
 
+@pytest.mark.parametrize("empty", [0, 1, 3])
+def test_stacked_triangles_have_the_factor_of_numpy_with_the_first_rows_of_all_first_or_not(empty):
+    triangles = np.triu(np.random.default_rng(empty).standard_normal((90, 9, 9)), k=empty)
+    expected = np.linalg.qr(triangles.reshape(-1, 9), mode="r")
+    for stacked in (triangles, triangles.swapaxes(0, 1)):
+        R = triangular(stacked.reshape(-1, 9))
+        assert np.array_equal(R, np.triu(R))
+        assert np.allclose(R.T @ R, expected.T @ expected, rtol=0.0, atol=1e-11)
+
+
 @pytest.mark.parametrize("tiny", [1e-140, 1e-155, 1e-160, 1e-200, 1e-300, 1e160, 1e300])
 def test_columns_whose_squares_are_out_of_range_have_the_factor_of_numpy(tiny):
     A = np.random.default_rng(7).standard_normal((200, 5))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from clutchid.inference.problem import Problem
 from clutchid.inference.smoother.problem import LinearisedProblem
-from clutchid.inference.smoother.rows import eliminate
+from clutchid.inference.smoother.rows import eliminate, stacked_factor
 from clutchid.inference.smoother.search import ShootingSolution
 from clutchid.log import FloatArray
 from clutchid.numerics.least_squares import triangular
@@ -139,8 +139,7 @@ def gauss_newton_steps(linear: LinearisedProblem, numbers: ExcursionNumbers) -> 
         linearised, at = chain.windows.linearised, track + 1
         windows, links = _by_excursion(linearised.state_rows, at, count), _by_excursion(chain.links, at[:-1], count)
         parts.append(eliminate(_by_excursion(chain.first, 0, count), windows, links).rows)
-        theta_rows = linearised.theta_rows
-        parts.append(_by_excursion(theta_rows, np.repeat(at, theta_rows.shape[0] // at.size), count))
+        parts.append(stacked_factor(_by_excursion(linearised.theta_rows, at, count)))
     factor = triangular(np.vstack(parts))[:k]
     contributions = -np.linalg.lstsq(factor[:, :k], factor[:, k:], rcond=None)[0].astype(np.float64)
     return contributions[:, 0], contributions[:, 1:]

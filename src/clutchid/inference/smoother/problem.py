@@ -17,6 +17,7 @@ from clutchid.inference.smoother.rows import (
     first_rows,
     link_costs,
     link_rows,
+    stacked_factor,
     window_rows,
 )
 from clutchid.log import FloatArray
@@ -162,6 +163,6 @@ def condense(
     size = linear.chains[0].first.shape[1] - len(names) - 1
     if size == 0:
         return np.zeros((0, 1)), chains
-    theta_rows = [triangular(chain.windows.linearised.theta_rows) for chain in linear.chains]
+    theta_rows = [stacked_factor(chain.windows.linearised.theta_rows) for chain in linear.chains]
     factor = triangular(np.vstack([linear.prior, *theta_rows, *(chain.rows for chain in chains)]))
     return factor[: size + 1], chains

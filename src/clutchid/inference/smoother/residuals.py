@@ -8,7 +8,7 @@ import numpy as np
 
 from clutchid.inference.problem import Problem
 from clutchid.inference.smoother.problem import Chain, LinearisedProblem
-from clutchid.inference.smoother.rows import eliminate
+from clutchid.inference.smoother.rows import eliminate, stacked_factor
 from clutchid.inference.smoother.search import ShootingSolution
 from clutchid.log import FloatArray
 from clutchid.numerics.least_squares import triangular
@@ -89,8 +89,7 @@ def dispersion(problem: Problem, linear: LinearisedProblem) -> float:
 def _block_factors(problem: Problem, chain: Chain) -> list[FloatArray]:
     """Triangular factors ``[theta | r]`` of the blocks of a chain, each with an unknown first state."""
     n, states, linearised = len(problem.actuator.states), chain.windows.linearised.state_rows, chain.windows.linearised
-    count = states.shape[0]
-    own = linearised.theta_rows.reshape(count, -1, states.shape[2] - n)
+    count, own = states.shape[0], linearised.theta_rows
     unknown = np.zeros_like(chain.first)
     spread = np.array([row.unknown_start for row in problem.actuator.state_rows.values()])
     unknown[:, :n] = np.diag(units(problem.actuator) / spread)
@@ -98,5 +97,5 @@ def _block_factors(problem: Problem, chain: Chain) -> list[FloatArray]:
     for a, b in pairwise(np.linspace(0, count, min(BLOCKS, count) + 1).astype(int).tolist()):
         first = chain.first if a == 0 else unknown
         eliminated = eliminate(first, states[a:b], chain.links[a : b - 1])
-        factors.append(triangular(np.vstack([*own[a:b], eliminated.rows])))
+        factors.append(triangular(np.vstack([stacked_factor(own[a:b]), eliminated.rows])))
     return factors

@@ -61,7 +61,12 @@ def eliminate(first: FloatArray, windows: FloatArray, links: FloatArray) -> Elim
     theta_rows = np.empty((windows.shape[0], windows.shape[1] + n, width - n))
     # one layout, which is compiled once
     kernels_in(_KERNELS).eliminate(*map(np.ascontiguousarray, (first, windows, links)), state_rows, theta_rows)
-    return Eliminated(triangular(theta_rows.reshape(-1, width - n)), state_rows)
+    return Eliminated(stacked_factor(theta_rows), state_rows)
+
+
+def stacked_factor(rows: FloatArray) -> FloatArray:
+    """Triangular factor of the rows (windows, m, k + 1) of all windows, with the first rows of all of them first."""
+    return triangular(rows.swapaxes(0, 1).reshape(-1, rows.shape[2]))
 
 
 def recover(chain: Eliminated, theta: FloatArray, noise: FloatArray | None = None) -> FloatArray:
@@ -258,10 +263,9 @@ class LinearisedWindows:
 
     @property
     def theta_rows(self) -> FloatArray:
-        """Rows ``[theta | r]`` of all windows that depend on theta alone."""
+        """Rows ``[theta | r]`` that depend on theta alone, shape (windows, rows, k + 1)."""
         n = self.states
-        rows = np.concatenate([self.jacobian[:, n:, n:], self.r[:, n:, None]], axis=2)
-        return rows.reshape(-1, rows.shape[2])
+        return np.concatenate([self.jacobian[:, n:, n:], self.r[:, n:, None]], axis=2)
 
     def extrapolated(self, starts: FloatArray, step: FloatArray) -> LinearisedWindows:
         """Residuals, end and cost after a step of the initial states, (windows, n) in natural sizes, and of theta."""
