@@ -494,7 +494,8 @@ def test_groups_are_merged_by_their_stamps_and_a_clock_that_jumps_back_keeps_its
         for stamp in stamps:
             size = len(stamp)
             same = [np.full(size, number) for number in (bus, 5)]
-            yield Frames(np.array(stamp), *same, np.zeros(size, bool), np.full(size, 8), as_payload([bytes(8)] * size))
+            none = np.zeros(size, bool)
+            yield Frames(np.array(stamp), *same, none, np.full(size, 8), none, as_payload([bytes(8)] * size))
 
     parts = [blocks([0.0, 1.0, 5.0], [6.0, 2.0, 7.0], bus=1), blocks([0.5], [5.5, 6.5], [9.0], bus=2)]
     together = list(merged(parts))

@@ -7,7 +7,7 @@ from codecs import BOM_UTF8
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import datetime
 from itertools import islice
 from pathlib import Path
@@ -39,7 +39,7 @@ LARGEST_BUS = 0xFFFF
 
 
 #: Fields of a frame; its payload is the last.
-_FIELDS = ("stamp", "bus", "identifier", "extended", "length", "data")
+_FIELDS = ("stamp", "bus", "identifier", "extended", "length", "sent", "data")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -47,8 +47,8 @@ class Frames:
     """A block of frames in the order of the file, one array a field.
 
     `stamp` counts in s from the log's own zero; `identifier` has 11 bits, or 29 where `extended`; `length` is the
-    number of payload bytes, `data` the payload with zeros behind it, 8 or 64 columns. `left_out` counts what was met
-    meanwhile and holds no payload, by what one of it is. `sent` says which frames the logger has sent (None: none).
+    number of payload bytes, `data` the payload with zeros behind it, at most 64 columns. `left_out` counts what was met
+    meanwhile and holds no payload, by what one of it is. `sent` says which frames the logger has sent.
     """
 
     stamp: FloatArray
@@ -56,9 +56,9 @@ class Frames:
     identifier: Counts
     extended: NDArray[np.bool_]
     length: Counts
+    sent: NDArray[np.bool_]
     data: Bytes
     left_out: Mapping[str, int] = field(default_factory=dict)
-    sent: NDArray[np.bool_] | None = None
 
     def __len__(self) -> int:
         """Number of frames."""
@@ -66,8 +66,7 @@ class Frames:
 
     def take(self, rows: Rows | NDArray[np.bool_] | slice) -> Frames:
         """The frames of `rows`; what was left out is counted only once, so not here."""
-        frames = Frames(*(getattr(self, name)[rows] for name in _FIELDS))
-        return frames if self.sent is None else replace(frames, sent=self.sent[rows])
+        return Frames(*(getattr(self, name)[rows] for name in _FIELDS))
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,9 +206,9 @@ def _block(rows: Sequence[Frame], left_out: Mapping[str, int]) -> Frames:
         np.array([number & 0x1FFFFFFF for number in identifier], dtype=np.int64),
         np.array(extended, dtype=np.bool_),
         np.array([min(len(payload), FD) for payload in data], dtype=np.int64),
+        np.array(sent, dtype=np.bool_),
         as_payload(data),
         left_out,
-        np.array(sent, dtype=np.bool_) if any(sent) else None,
     )
 
 
@@ -272,11 +271,7 @@ def _together(parts: Sequence[tuple[FloatArray, Frames]]) -> Frames:
     order = np.argsort(np.concatenate([key for key, _ in parts]), kind="stable")
     *columns, data = [[getattr(frames, name) for _, frames in parts] for name in _FIELDS]
     joined: list[Any] = [*map(np.concatenate, columns), payloads(data)]
-    frames = Frames(*joined)
-    if any(part.sent is not None for _, part in parts):
-        sent = [np.zeros(len(part), dtype=np.bool_) if part.sent is None else part.sent for _, part in parts]
-        frames = replace(frames, sent=np.concatenate(sent))
-    return frames.take(order)
+    return Frames(*joined).take(order)
 
 
 def payloads(parts: Sequence[Bytes]) -> Bytes:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import DataError
-from clutchid.measurements.formats.can.frames import CLASSIC, FD, LARGEST_BUS, Bytes, Counts, FrameLog, Frames, merged
+from clutchid.measurements.formats.can.frames import CLASSIC, FD, LARGEST_BUS, Counts, FrameLog, Frames, merged
 from clutchid.measurements.formats.mdf.file import blocks
 from clutchid.measurements.formats.mdf.numbers import converted
 from clutchid.measurements.formats.mdf.opening import BrokenMdf, opened
@@ -113,8 +113,8 @@ def _block(values: Mapping[str, NDArray[np.float64]], payload: NDArray[Any], bus
     written = _whole(values["ID"])
     identifier = written & 0x1FFFFFFF
     extended = values["IDE"] != 0 if "IDE" in values else (written >> 31 & 1 == 1) | (identifier > 0x7FF)
-    data = _payload(payload)
-    width = min(payload.shape[1], data.shape[1])
+    data = payload[:, :FD]
+    width = data.shape[1]
     if "DataLength" in values:
         length = _whole(values["DataLength"])
     elif "DLC" in values:
@@ -122,9 +122,9 @@ def _block(values: Mapping[str, NDArray[np.float64]], payload: NDArray[Any], bus
     else:
         length = np.full(len(data), width)
     buses = _whole(values["BusChannel"]) if "BusChannel" in values else np.full(len(data), bus)
-    sent = values.get("Dir", np.zeros(0)) == 1
-    numbers = (np.clip(buses, 0, LARGEST_BUS), identifier, extended, np.clip(length, 0, width))
-    return Frames(values["stamp"], *numbers, data, sent=sent if sent.any() else None)
+    sent = values.get("Dir", np.zeros(len(data))) == 1
+    buses = np.clip(buses, 0, LARGEST_BUS)
+    return Frames(values["stamp"], buses, identifier, extended, np.clip(length, 0, width), sent, data)
 
 
 def _sent(way: NDArray[Any]) -> NDArray[np.float64]:
@@ -137,10 +137,3 @@ def _sent(way: NDArray[Any]) -> NDArray[np.float64]:
 def _whole(values: NDArray[np.float64]) -> Counts:
     """Whole numbers; 0 for NaN and for numbers beyond 62 bits."""
     return np.where(np.abs(values) < _WHOLE, values, 0.0).astype(np.int64)
-
-
-def _payload(data: NDArray[Any]) -> Bytes:
-    """Payloads with zeros behind them, 8 or 64 columns."""
-    width = FD if data.shape[1] > CLASSIC else CLASSIC
-    data = data[:, :width]
-    return np.pad(data, ((0, 0), (0, width - data.shape[1]))) if data.shape[1] < width else data

@@ -209,9 +209,9 @@ def without_echoes(frames: Frames, left_out: dict[int, bool]) -> Frames:
 
     `left_out` has by identifier the direction that is left out, which is decided once, for all blocks of a log.
     """
-    if frames.sent is None and not left_out:
+    sent = frames.sent
+    if not (sent.any() or left_out):
         return frames
-    sent = np.zeros(len(frames), dtype=np.bool_) if frames.sent is None else frames.sent
     identifiers = keys(frames)
     for key in np.unique(identifiers[sent]).tolist():
         if key not in left_out:
