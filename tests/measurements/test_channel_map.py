@@ -69,7 +69,7 @@ def test_a_missing_quantity_is_a_block_to_be_filled_in_and_read_once_it_is(save)
         *(
             (
                 f"[position]\nchannel = 'Weg'\ndelay = {delay}\n",
-                f"[position] delay = {delay:g} s: a channel is at most 0.5 s late",
+                f"[position] delay = {delay!r}: a channel is at most 0.5 s late",
             )
             for delay in (0.8, -8.0, 1e300)
         ),
@@ -95,16 +95,21 @@ def test_all_problems_are_reported_together(save):
         "dbc = 3: a list of file names",
         "[position]: write a table",
         "no quantity 'positon'; did you mean 'position'?",
-        "[time]: no entry 'chanel'; did you mean 'channel'?",
-        "[time]: has no channel",
+        "no entry of [time] 'chanel'; did you mean 'channel'?",
+        "[time] channel: a string is needed",
         "[pressure_a] unit = 'mm': is not known here; use one of Pa,",
         "sign = 2: must be 1 or -1",
         "factor = 0: must not be 0",
-        "longest = 0 s: must be above 0",
+        "longest = 0: must be above 0 s",
         "[duty_supply] channel = 1: a string",
         "offset = nan: a finite number",
     ):
         assert part in str(caught.value)
+
+
+def test_one_dbc_may_be_named_without_a_list(save, tmp_path):
+    channel_map = read_map(save("dbc = 'a.dbc'\n[position]\nchannel = 'y'\n", "MAP.toml"))
+    assert channel_map.dbc == (tmp_path / "a.dbc",)
 
 
 def test_a_map_that_is_no_file_is_a_problem(tmp_path):

@@ -7,25 +7,43 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from os import PathLike
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
-from clutchid.arguments import is_number
 from clutchid.errors import DataError, ParameterError
 from clutchid.files import write_text
-from clutchid.files.records import read_toml
+from clutchid.files.records import Rule, collected, read, read_toml
 from clutchid.log import HOLE
 from clutchid.log.units import known_units
 from clutchid.measurements.columns import QUANTITIES, Heading, is_unit_of, unit_spelled
 from clutchid.names import unknown_name
 
-_ABOVE_ZERO = {
-    "raster": "an interval above 0 in s is needed, for example 0.001",
-    "rate": "samples per second above 0 are needed, for example 1000.0",
-}
-
 #: Longest delay of a channel in s: filters and buses of vehicles have tens of milliseconds. A generous guess.
 _LONGEST_DELAY = 0.5
-_TOP = ("dbc", *_ABOVE_ZERO)
+
+#: Entries above the first table of a map; requirements on them, and on the entries of a channel.
+_TOP: Mapping[str, Any] = MappingProxyType({"dbc": list[str], "raster": float, "rate": float})
+_TOP_RULES = MappingProxyType(
+    {
+        "dbc": Rule("a list of file names is needed"),
+        "raster": Rule("an interval above 0 in s is needed, for example 0.001", lambda s: 0.0 < s < math.inf),
+        "rate": Rule("samples per second above 0 are needed, for example 1000.0", lambda rate: 0.0 < rate < math.inf),
+    }
+)
+_RULES = MappingProxyType(
+    {
+        "channel": Rule("a string is needed, channel = 'NAME' as listed by `clutchid look`"),
+        "group": Rule("a string is needed"),
+        "sign": Rule("must be 1 or -1; use factor for another scale", lambda sign: abs(sign) == 1.0),
+        "factor": Rule("must not be 0, but finite", lambda factor: factor != 0.0 and math.isfinite(factor)),
+        "offset": Rule("a finite number is needed", math.isfinite),
+        "delay": Rule(
+            f"a channel is at most {_LONGEST_DELAY:g} s late; write it in s, 0.008 for 8 ms",
+            lambda delay: abs(delay) <= _LONGEST_DELAY,
+        ),
+        "longest": Rule("must be above 0 s", lambda time: 0.0 < time < math.inf),
+    }
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,17 +152,23 @@ def read_map(path: str | PathLike[str]) -> ChannelMap:
         If it is not a channel map; the text lists all problems.
     """
     content = read_toml(path, "channel map")
-    problems: list[str] = []
+    if isinstance(content.get("dbc"), str):
+        content["dbc"] = [content["dbc"]]
+    problems = list[str]()
     channels = {
         name: entry
         for name, values in content.items()
         if name not in _TOP and (entry := _channel(name, values, problems)) is not None
     }
-    dbc = _dbc(content.get("dbc", []), Path(path).parent, problems)
-    raster, rate = (_positive(content, key, what, problems) for key, what in _ABOVE_ZERO.items())
+    top = {
+        key: collected(problems, read, kind, content[key], key, _TOP_RULES)
+        for key, kind in _TOP.items()
+        if key in content
+    }
     if not problems and not channels:
         problems.append("contains no channel; write for example [position] with channel = 'NAME'.")
-    channel_map = ChannelMap(channels, dbc, raster, rate)
+    dbc = tuple(Path(path).parent / name for name in top.get("dbc") or ())
+    channel_map = ChannelMap(channels, dbc, top.get("raster"), top.get("rate"))
     problems += contradictions(channel_map)
     if problems:
         raise ParameterError(str(DataError.of(str(path), problems)))
@@ -189,7 +213,7 @@ def map_text(content: ChannelMap, folder: Path) -> str:
     blank = ""
     if content.dbc:
         top["dbc"] = [_relative(file, folder) for file in content.dbc]
-    top |= {key: value for key in _ABOVE_ZERO if (value := getattr(content, key)) is not None}
+    top |= {key: value for key in ("raster", "rate") if (value := getattr(content, key)) is not None}
     if content.rate is None and "rate" in content.comments:
         blank = f"# rate = 1000.0  # {content.comments['rate']}\n"
     parts = [
@@ -214,68 +238,15 @@ def map_text(content: ChannelMap, folder: Path) -> str:
 
 def _channel(name: str, values: Any, problems: list[str]) -> Channel | None:
     """The entry of one quantity; its problems are appended to `problems`."""
-    before = len(problems)
     if name not in QUANTITIES:
         problems.append(unknown_name(name, (*QUANTITIES, *_TOP), "quantity"))
         return None
     if not isinstance(values, dict):
         problems.append(f"[{name}]: write a table, for example [{name}] with channel = 'NAME' below it.")
         return None
-    entries = {item.name: "str" in str(item.type) for item in fields(Channel)}
-    problems += [f"[{name}]: {unknown_name(key, entries, 'entry')}" for key in values if key not in entries]
-    for key, text in entries.items():
-        if key in values and not (isinstance(values[key], str) if text else _number(values[key])):
-            needed = "a string" if text else "a finite number"
-            problems.append(f"[{name}] {key} = {values[key]!r}: {needed} is needed.")
-    if "channel" not in values:
-        problems.append(f"[{name}]: has no channel; write channel = 'NAME' as listed by `clutchid look`.")
-    if len(problems) > before:
-        return None
-    read: dict[str, Any] = {key: value if isinstance(value, str) else float(value) for key, value in values.items()}
-    entry = Channel(**read)
-    problems += [f"[{name}] {problem}" for problem in _values(name, entry)]
-    return entry
-
-
-def _values(name: str, entry: Channel) -> list[str]:
-    """Problems of the values of an entry."""
-    problems = []
-    if entry.unit is not None and not is_unit_of(name, unit_spelled(entry.unit)):
-        units = ", ".join(known_units(QUANTITIES[name]))
-        problems.append(f"unit = '{entry.unit}': is not known here; use one of {units}.")
-    if abs(entry.sign) != 1.0:
-        problems.append(f"sign = {entry.sign:g}: must be 1 or -1; use factor for another scale.")
-    if entry.factor == 0.0:
-        problems.append("factor = 0: must not be 0.")
-    if abs(entry.delay) > _LONGEST_DELAY:
-        problems.append(
-            f"delay = {entry.delay:g} s: a channel is at most {_LONGEST_DELAY:g} s late; write it in s, 0.008 for 8 ms."
-        )
-    if entry.longest is not None and entry.longest <= 0.0:
-        problems.append(f"longest = {entry.longest:g} s: must be above 0 s.")
-    return problems
-
-
-def _dbc(value: Any, folder: Path, problems: list[str]) -> tuple[Path, ...]:
-    names = [value] if isinstance(value, str) else value
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        problems.append(f"dbc = {value!r}: a list of file names is needed.")
-        return ()
-    return tuple(folder / name for name in names)
-
-
-def _positive(content: Mapping[str, Any], key: str, what: str, problems: list[str]) -> float | None:
-    value = content.get(key)
-    if value is None:
-        return None
-    if not _number(value) or value <= 0:
-        problems.append(f"{key} = {value!r}: {what}.")
-        return None
-    return float(value)
-
-
-def _number(value: Any) -> bool:
-    return is_number(value) and math.isfinite(value)
+    units = ", ".join(known_units(QUANTITIES[name]))
+    unit = Rule(f"is not known here; use one of {units}", lambda text: is_unit_of(name, unit_spelled(text)))
+    return collected(problems, read, Channel, values, f"[{name}]", {**_RULES, "unit": unit})
 
 
 def _relative(file: Path, folder: Path) -> str:
