@@ -1,7 +1,9 @@
 """Recordings as text, to be spoiled by the tests, and sources made in memory."""
 
+import importlib.util
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -65,6 +67,15 @@ def _source(*rasters: Columns, path: Path = Path("day.mf4"), clock: bool = True)
 def source() -> Callable[..., Source]:
     """Make a source in memory, its rasters as the readers give them."""
     return _source
+
+
+@pytest.fixture(scope="session")
+def fuzz() -> ModuleType:
+    """The benchmark that writes files of all formats, and breaks them."""
+    spec = importlib.util.spec_from_file_location("fuzz", Path(__file__).parents[2] / "benchmarks" / "fuzz.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 @pytest.fixture(scope="session")

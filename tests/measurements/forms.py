@@ -92,7 +92,7 @@ def forms(count: int) -> Iterator[tuple[tuple[str, ...], Form]]:
     for names in combinations(axes, count):
         chosen: list[dict[str, str]] = [{}]
         for name in names:
-            chosen = [{**given, name: value} for given in chosen for value in FEATURES[name][1:]]
+            chosen = [{**earlier, name: value} for earlier in chosen for value in FEATURES[name][1:]]
         for features in chosen:
             for form in FEATURES["format"]:
                 layout = {"layout": "group"} if form in _FRAMES and "layout" not in features else {}
@@ -123,15 +123,15 @@ Grid = tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]
 
 def _grids(form: Form) -> list[Grid]:
     """Time grids: true time, stamps as written, and columns in mm and %; a code is -1."""
-    one = np.arange(0.0, LENGTH, DENSE)
-    other = one if form.layout == "one" else np.arange(0.0, LENGTH, WIDE) + LATER
-    position = 1.0 + 3.0 * one
+    dense = np.arange(0.0, LENGTH, DENSE)
+    other = dense if form.layout == "one" else np.arange(0.0, LENGTH, WIDE) + LATER
+    position = 1.0 + 3.0 * dense
     if form.codes != "none":
         position[700:720] = -1.0 if form.codes == "code" else np.nan
     valves = {"duty_supply": 5.0 + 15.0 * other, "duty_exhaust": 95.0 - 15.0 * other}
-    grids = [(one, {"position": position}), (other, valves)]
+    grids = [(dense, {"position": position}), (other, valves)]
     if form.layout == "one":
-        grids = [(one, {"position": position, **valves})]
+        grids = [(dense, {"position": position, **valves})]
     return [_disordered(form, (time, _stamped(form.clock, time), columns)) for time, columns in grids]
 
 
@@ -187,8 +187,8 @@ def _joined(form: Form, grids: list[Grid]) -> Columns:
         return [
             (name, values)
             for _, stamps, columns in grids
-            for first, each in columns.items()
-            for name, values in (("time", stamps), (first, _scaled(form, first, each)))
+            for first, samples in columns.items()
+            for name, values in (("time", stamps), (first, _scaled(form, first, samples)))
         ]
     if form.layout == "one":
         ((_, stamps, columns),) = grids
@@ -199,13 +199,13 @@ def _joined(form: Form, grids: list[Grid]) -> Columns:
     order = np.argsort(arrival, kind="stable")
     stamps = np.concatenate([stamps for _, stamps, _ in grids])[order]
     sizes = [time.size for time, _, _ in grids]
-    found: Columns = [("time", stamps)]
+    table: Columns = [("time", stamps)]
     for i, (_, _, columns) in enumerate(grids):
         for name, values in columns.items():
             whole = np.full(sum(sizes), np.nan)
             whole[sum(sizes[:i]) : sum(sizes[: i + 1])] = _scaled(form, name, values)
-            found.append((name, whole[order]))
-    return found
+            table.append((name, whole[order]))
+    return table
 
 
 def _table(form: Form, columns: Columns, names: Mapping[str, tuple[str, str]], path: Path) -> None:
@@ -291,8 +291,8 @@ def _mat(form: Form, grids: list[Grid], names: Mapping[str, tuple[str, str]], pa
     structs = {}
     for i, (_, stamps, columns) in enumerate(grids):
         values = {names["time"][0]: stamps}
-        for name, each in columns.items():
-            values[names[name][0]] = _scaled(form, name, np.where(each == -1.0, np.nan, each))
+        for name, samples in columns.items():
+            values[names[name][0]] = _scaled(form, name, np.where(samples == -1.0, np.nan, samples))
         units = {names[name][0]: names[name][1] for name in ("time", *columns) if names[name][1]}
         structs[f"grid{i}"] = {**values, "units": units} if units else values
     savemat(path, structs)
@@ -304,7 +304,7 @@ def _frames(form: Form, grids: list[Grid], names: Mapping[str, tuple[str, str]],
         scales = {"position": 1000.0, "duty_supply": 100.0, "duty_exhaust": 100.0}
         raw = [np.where(values == -1.0, 0xFFFF, np.round(values * scales[name])) for name, values in columns.items()]
         for at, stamp, *numbers in zip(
-            np.sort(time).tolist(), stamps.tolist(), *(each.tolist() for each in raw), strict=True
+            np.sort(time).tolist(), stamps.tolist(), *(values.tolist() for values in raw), strict=True
         ):
             payload = b"".join(int(number).to_bytes(2, "little") for number in numbers)
             rows.append((at, stamp, identifier, payload.ljust(8, b"\0")))
@@ -347,21 +347,21 @@ def wrong_in(form: Form, log: Log) -> str:
     """What is wrong in a recording that was read; empty where nothing is."""
     by_position = (log["position"] * 1e3 - 1.0) / 3.0
     by_supply, by_exhaust = (log["duty_supply"] * 1e2 - 5.0) / 15.0, (95.0 - log["duty_exhaust"] * 1e2) / 15.0
-    known = np.isfinite(by_position)
-    if np.count_nonzero(known) < 0.9 * LENGTH / max(DENSE, float(np.median(np.diff(log.time))) - 1e-9):
-        return f"only {np.count_nonzero(known)} samples of the position"
+    measured = np.isfinite(by_position)
+    if np.count_nonzero(measured) < 0.9 * LENGTH / max(DENSE, float(np.median(np.diff(log.time))) - 1e-9):
+        return f"only {np.count_nonzero(measured)} samples of the position"
     slack = DENSE + (2 * 0.016 if form.clock == "burst" else 0.3 * WIDE if form.clock == "jitter" else 1e-3)
     held = WIDE if form.layout != "one" else 0.0
     for name, times in (("duty_supply", by_supply), ("duty_exhaust", by_exhaust)):
-        late = (by_position - times)[known & np.isfinite(times)]
-        if late.size < 0.9 * np.count_nonzero(known):
+        late = (by_position - times)[measured & np.isfinite(times)]
+        if late.size < 0.9 * np.count_nonzero(measured):
             return f"only {late.size} samples of {name}"
         if late.min() < -slack or late.max() > held + slack:
             return f"{name} is {late.min():.4g} to {late.max():.4g} s late"
     number = np.cumsum(np.diff(log.time, prepend=log.time[0]) > (10 * DENSE if form.clock == "restart" else np.inf))
     if number[-1] != (form.clock == "restart"):
         return f"{number[-1] + 1} runs"
-    runs = [np.flatnonzero(known & (number == n)) for n in range(number[-1] + 1)]
+    runs = [np.flatnonzero(measured & (number == n)) for n in range(number[-1] + 1)]
     for run in runs:
         offset = by_position[run] - log.time[run]
         if np.ptp(offset) > slack:

@@ -13,24 +13,24 @@ stamps = st.lists(st.integers(0, 400), min_size=1, max_size=60, unique=True).map
 
 @given(stamps, stamps, st.booleans(), st.floats(0.01, 3))
 def test_nothing_is_known_further_from_a_sample_than_it_may_stand(at, time, hold, longest):
-    found = align(at, time, np.ones(time.size), longest, hold=hold)
+    values = align(at, time, np.ones(time.size), longest, hold=hold)
     before = np.array([at[i] - time[time <= at[i]].max() if (time <= at[i]).any() else np.inf for i in range(at.size)])
     after = np.array([time[time >= at[i]].min() - at[i] if (time >= at[i]).any() else np.inf for i in range(at.size)])
     allowed = before <= longest if hold else (before + after <= longest) | (before == 0)
-    assert np.array_equal(np.isfinite(found), allowed)
+    assert np.array_equal(np.isfinite(values), allowed)
 
 
 @given(stamps, st.floats(-3, 3), st.floats(-3, 3))
 def test_a_straight_line_is_interpolated_without_error(time, slope, level):
     at = np.linspace(time[0], time[-1], 37)
-    found = align(at, time, level + slope * time, np.inf, hold=False)
-    assert np.allclose(found, level + slope * at, rtol=0, atol=1e-12)
+    values = align(at, time, level + slope * time, np.inf, hold=False)
+    assert np.allclose(values, level + slope * at, rtol=0, atol=1e-12)
 
 
 def test_a_missing_sample_is_not_bridged():
     time, values = np.arange(5.0), np.array([0.0, 1.0, np.nan, 3.0, 4.0])
-    found = align(np.array([0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5]), time, values, 9.0, hold=False)
-    assert np.array_equal(found, [0.5, 1.0, np.nan, np.nan, np.nan, 3.0, 3.5], equal_nan=True)
+    between = align(np.array([0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5]), time, values, 9.0, hold=False)
+    assert np.array_equal(between, [0.5, 1.0, np.nan, np.nan, np.nan, 3.0, 3.5], equal_nan=True)
     held = align(np.array([1.5, 2.5, 3.5]), time, values, 9.0, hold=True)
     assert np.array_equal(held, [1.0, np.nan, 3.0], equal_nan=True)
 
@@ -47,9 +47,13 @@ def test_blocks_give_what_the_whole_gives(base, time, base_cuts, cuts):
     other = {"position": np.sin(time), "duty_supply": np.floor(time)}
     longest = {"position": 0.4, "duty_supply": 0.7}
     followers = [ChannelStream(blocks(time, other, cuts), longest)]
-    found = [block for block, _ in aligned(ChannelStream(blocks(base, own, base_cuts), {"pressure_a": 1.0}), followers)]
-    joined = {name: np.concatenate([block.columns[name] for block in found]) for name in found[0].columns}
-    assert np.array_equal(np.concatenate([block.time for block in found]), base)
+    aligned_blocks = [
+        block for block, _ in aligned(ChannelStream(blocks(base, own, base_cuts), {"pressure_a": 1.0}), followers)
+    ]
+    joined = {
+        name: np.concatenate([block.columns[name] for block in aligned_blocks]) for name in aligned_blocks[0].columns
+    }
+    assert np.array_equal(np.concatenate([block.time for block in aligned_blocks]), base)
     assert np.array_equal(joined["pressure_a"], own["pressure_a"])
     for name, hold in (("position", False), ("duty_supply", True)):
         whole = align(base, time, other[name], longest[name], hold=hold)

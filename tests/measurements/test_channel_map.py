@@ -49,9 +49,12 @@ def test_a_missing_quantity_is_a_block_to_be_filled_in_and_read_once_it_is(save)
     assert "\n\n# rate = 1000.0  # samples per second\n\n# 0 to 20 mm\n[position]\n" in text
     assert "\n# [duty_exhaust]\n# channel = \"?\"  # candidates: 'A'\n" in text
     filled = text.replace("# rate", "rate").replace("# [duty", "[duty").replace('# channel = "?"', 'channel = "A"')
-    found = read_map(save(filled, "MAP.toml"))
-    assert found.rate == 1000.0
-    assert {name: entry.channel for name, entry in found.channels.items()} == {"position": "Weg", "duty_exhaust": "A"}
+    channel_map = read_map(save(filled, "MAP.toml"))
+    assert channel_map.rate == 1000.0
+    assert {name: entry.channel for name, entry in channel_map.channels.items()} == {
+        "position": "Weg",
+        "duty_exhaust": "A",
+    }
 
 
 @pytest.mark.parametrize(

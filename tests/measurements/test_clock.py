@@ -19,13 +19,13 @@ from clutchid.strokes.values import limits
 def test_mended_stamps_grow_whatever_the_blocks(ticks, cuts):
     time = np.array(ticks) / 10
     edges = [0, *sorted(cut % (time.size + 1) for cut in cuts), time.size]
-    clock, found = AT_START, []
+    clock, times = AT_START, []
     for a, b in pairwise(edges):
         repaired = repair(time[a:b], Places(first=a + 1), clock)
         clock = repaired.clock
         assert repaired.rows.size == repaired.time.size
-        found.append(repaired.time)
-    assert np.all(np.diff(np.concatenate(found)) > 0)
+        times.append(repaired.time)
+    assert np.all(np.diff(np.concatenate(times)) > 0)
 
 
 @given(st.lists(st.floats(1e-3, 10), min_size=1, max_size=50))
@@ -79,9 +79,9 @@ def test_late_samples_are_sorted_in_and_repeats_and_samples_without_a_stamp_are_
 @given(st.lists(st.integers(0, 4), min_size=8, max_size=80))
 def test_samples_that_are_late_by_a_few_intervals_are_all_kept_in_order(delays):
     order = np.argsort(np.arange(len(delays)) + np.array(delays), kind="stable")
-    found = repair(0.1 * order, Places())
-    assert np.array_equal(order[found.rows], np.arange(len(delays)))
-    assert found.messages == ()
+    result = repair(0.1 * order, Places())
+    assert np.array_equal(order[result.rows], np.arange(len(delays)))
+    assert result.messages == ()
 
 
 def test_where_the_newest_sample_comes_first_none_is_sorted_in():
@@ -92,8 +92,8 @@ RUN = np.arange(1000) * 0.01
 
 
 def repaired(stamps):
-    found = repair(np.asarray(stamps), Places())
-    return found.time, found.messages
+    result = repair(np.asarray(stamps), Places())
+    return result.time, result.messages
 
 
 @pytest.mark.parametrize(
@@ -112,10 +112,10 @@ def test_a_counter_that_wraps_and_a_time_of_day_go_on(period, said):
 def test_one_or_two_stamps_far_from_those_around_them_are_left_out(ahead, rows):
     stamps = RUN + 7.0
     stamps[rows] += ahead
-    found = repair(stamps, Places())
-    assert np.array_equal(found.rows, np.delete(np.arange(1000), rows))
-    assert np.array_equal(found.time, np.delete(RUN + 7.0, rows))
-    assert any("left out" in sentence for sentence in found.messages)
+    result = repair(stamps, Places())
+    assert np.array_equal(result.rows, np.delete(np.arange(1000), rows))
+    assert np.array_equal(result.time, np.delete(RUN + 7.0, rows))
+    assert any("left out" in sentence for sentence in result.messages)
 
 
 @pytest.mark.parametrize("jump", [4e5, 30.0, -3.0])

@@ -74,8 +74,8 @@ def test_long_lists_and_texts_are_cut():
 
 
 def test_a_name_of_two_hundred_characters_is_kept_and_a_longer_one_is_cut():
-    kept, cut = headings(["a" * 200, "b" * 201])
-    assert kept.text == "a" * 200
+    whole, cut = headings(["a" * 200, "b" * 201])
+    assert whole.text == "a" * 200
     assert cut.text == "b" * 199 + "…"
 
 

@@ -34,11 +34,11 @@ def chosen(proposal):
 def test_air_and_weather_beside_the_frames_of_an_actuator_are_proposed_and_read(tmp_path, write):
     file = write(tmp_path)
     seen = look(file, AMBIENT, dbc=[] if file.suffix == ".mf4" else [tmp_path / "truck.dbc"])
-    found = seen.proposal
-    assert found.complete, found.open
-    assert chosen(found) == {"pressure_supply": "AuxEquipmentSupplyPress", "temperature_ambient": "AmbientAirTemp"}
-    assert "circuit 4" in " ".join(found.notes)
-    write_map(found.channels, tmp_path / "MAP.toml")
+    proposal = seen.proposal
+    assert proposal.complete, proposal.open
+    assert chosen(proposal) == {"pressure_supply": "AuxEquipmentSupplyPress", "temperature_ambient": "AmbientAirTemp"}
+    assert "circuit 4" in " ".join(proposal.notes)
+    write_map(proposal.channels, tmp_path / "MAP.toml")
     assert read_map(tmp_path / "MAP.toml").channels["pressure_supply"].unit == "kPa(g)"
     for channels in (None, tmp_path / "MAP.toml"):
         log = read(file, ambient=AMBIENT, channels=channels, dbc=[tmp_path / "truck.dbc"])
@@ -68,8 +68,8 @@ def test_a_parameter_of_the_bus_is_known_by_its_place_whatever_its_name(tmp_path
     for number, name in enumerate((*PRESSURES, "AmbientAirTemp")):
         text = text.replace(f" {name} ", f" Sig_{number} ")
     (tmp_path / "truck.dbc").write_text(text)
-    found = look(file, dbc=[tmp_path / "truck.dbc"]).proposal
-    assert chosen(found) == {"pressure_supply": "Sig_4", "temperature_ambient": f"Sig_{len(PRESSURES)}"}
+    proposal = look(file, dbc=[tmp_path / "truck.dbc"]).proposal
+    assert chosen(proposal) == {"pressure_supply": "Sig_4", "temperature_ambient": f"Sig_{len(PRESSURES)}"}
     # another scale than the standard's: another signal
     (tmp_path / "truck.dbc").write_text(text.replace("(8,0)", "(5,0)"))
     assert "pressure_supply" not in look(file, dbc=[tmp_path / "truck.dbc"]).proposal.channels.channels
@@ -82,25 +82,25 @@ AIR = "Außentemperatur Umgebungstemperatur T_Aussen AmbientTemp Lufttemperatur 
 @pytest.mark.parametrize("names", [*zip(SUPPLY.split(), AIR.split(), strict=True)])
 @pytest.mark.parametrize(("bar", "celsius"), [("bar", "degC"), ("BAR", "°C"), ("Bar", "C")])
 def test_conditions_that_never_change_are_proposed_by_german_and_english_names(source, names, bar, celsius):
-    found = proposal_of(source, {names[0]: (bar, always(9.4)), names[1]: (celsius, always(17.0))})
-    assert chosen(found) == dict(zip(("pressure_supply", "temperature_ambient"), names, strict=True))
-    assert found.complete
-    assert f"pressure_supply: '{names[0]}' [bar] is read as absolute" in " ".join(found.notes)
+    proposal = proposal_of(source, {names[0]: (bar, always(9.4)), names[1]: (celsius, always(17.0))})
+    assert chosen(proposal) == dict(zip(("pressure_supply", "temperature_ambient"), names, strict=True))
+    assert proposal.complete
+    assert f"pressure_supply: '{names[0]}' [bar] is read as absolute" in " ".join(proposal.notes)
 
 
 def test_of_several_pressures_the_nearest_to_the_clutch_is_proposed_with_a_reason(source):
     pressures = {name: ("kPa", always(value)) for name, value in PRESSURES.items()}
     order = ["PowertrainCircuitAirSupplyPress", "AuxEquipmentSupplyPress", "PneumaticSupplyPress"]
     for name in order:
-        found = proposal_of(source, pressures)
-        assert found.channels.channels["pressure_supply"].channel == name
-        assert any(f"'{name}' is proposed, because" in note for note in found.notes)
+        proposal = proposal_of(source, pressures)
+        assert proposal.channels.channels["pressure_supply"].channel == name
+        assert any(f"'{name}' is proposed, because" in note for note in proposal.notes)
         del pressures[name]
     # what is left are the brakes, uncertain, and parking, trailer and suspension, which supply no clutch
-    found = proposal_of(source, pressures)
-    assert found.channels.channels["pressure_supply"].channel == "ServiceBrakeCircuit1AirPress"
-    assert any("'ServiceBrakeCircuit2AirPress' would match as well" in note for note in found.notes)
-    assert found.complete
+    proposal = proposal_of(source, pressures)
+    assert proposal.channels.channels["pressure_supply"].channel == "ServiceBrakeCircuit1AirPress"
+    assert any("'ServiceBrakeCircuit2AirPress' would match as well" in note for note in proposal.notes)
+    assert proposal.complete
     assert "pressure_supply" not in map_for(source({**ACTUATOR, **pressures}, clock=False), REQUIRED).channels
 
 
@@ -118,26 +118,26 @@ def test_of_several_pressures_the_nearest_to_the_clutch_is_proposed_with_a_reaso
     ],
 )
 def test_what_cannot_be_the_supply_or_the_air_is_not_proposed(source, name, unit, value):
-    found = proposal_of(source, {name: (unit, always(value))})
-    assert chosen(found) == {}
-    assert found.complete
-    assert "pressure_a" not in found.channels.channels
+    proposal = proposal_of(source, {name: (unit, always(value))})
+    assert chosen(proposal) == {}
+    assert proposal.complete
+    assert "pressure_a" not in proposal.channels.channels
 
 
 def test_the_supply_is_gauge_where_the_chamber_pressure_is(source):
     columns = {"Kupplungsdruck": ("bar", 6 * TIME), "Vorratsdruck": ("bar", always(8.4))}
-    found = proposal_of(source, columns)
-    assert found.channels.channels["pressure_supply"].unit == "bar(g)"
-    assert "is taken as gauge pressure, as 'Kupplungsdruck' is" in " ".join(found.notes)
+    proposal = proposal_of(source, columns)
+    assert proposal.channels.channels["pressure_supply"].unit == "bar(g)"
+    assert "is taken as gauge pressure, as 'Kupplungsdruck' is" in " ".join(proposal.notes)
 
 
 def test_a_set_point_is_not_what_is_measured(source):
     columns = {"t": ("s", TIME), "uSup": ("%", 100 * DUTY), "uExh": ("%", 90 * DUTY)}
     for wanted in ("Soll", "Sollwert", "set", "setpoint", "target", "demand", "cmd", "command", "ref", "desired"):
         both = {f"Kupplungsweg_{wanted}": ("mm", 20 * TIME), "Kupplungsweg_Ist": ("mm", 20 * TIME)}
-        found = propose(source({**columns, **both}, clock=False))
-        assert found.complete, wanted
-        assert found.channels.channels["position"].channel == "Kupplungsweg_Ist"
+        proposal = propose(source({**columns, **both}, clock=False))
+        assert proposal.complete, wanted
+        assert proposal.channels.channels["position"].channel == "Kupplungsweg_Ist"
     alone = propose(source({**columns, "WegSoll": ("mm", 20 * TIME)}, clock=False))
     assert "position: only a set point matches by name, 'WegSoll'; add the measured channel to the map." in alone.open
     duties = {**ACTUATOR, "uSup_Soll": ("%", 100 * DUTY), "uExh_Soll": ("%", 90 * DUTY)}

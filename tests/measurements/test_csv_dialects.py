@@ -359,15 +359,17 @@ def test_every_recording_of_an_actuator_opens(shared):
     folder = shared / "data"
     # the test files of other readers are spoiled on purpose, and those of the hunt are hard to read
     files = [path for path in folder.rglob("*") if not {"foreign_files", "hunt"} & {*path.relative_to(folder).parts}]
-    found = {path.name: read(path) for path in files if path.suffix == ".csv" or path.stem == "test_data_2"}
-    assert found["Circle_5bar.csv"][0].metadata["dialect"] == "UTF-8, tab, decimal point, no names, samples from line 1"
-    assert len(found["Circle_5bar.csv"][2]) == 7
-    assert names(found["test_data_2.txt"][0])[:3] == [("time", "s"), (None, "uN"), ("position", "mm")]
-    assert len(found["test_data_2.txt"][2][0]) == 42579
-    assert found["cylinder_1kHz.csv"][2][3][0] == 100000.0
-    assert found["worn1.csv"][0].rasters[0].clock == 0
-    assert "line 11 has '1.002.000'" in found["Prusa.csv"][1][0].problems[0]
-    told = {name for name, (_, tables, _) in found.items() if tables[0].problems}
+    contents = {path.name: read(path) for path in files if path.suffix == ".csv" or path.stem == "test_data_2"}
+    assert (
+        contents["Circle_5bar.csv"][0].metadata["dialect"] == "UTF-8, tab, decimal point, no names, samples from line 1"
+    )
+    assert len(contents["Circle_5bar.csv"][2]) == 7
+    assert names(contents["test_data_2.txt"][0])[:3] == [("time", "s"), (None, "uN"), ("position", "mm")]
+    assert len(contents["test_data_2.txt"][2][0]) == 42579
+    assert contents["cylinder_1kHz.csv"][2][3][0] == 100000.0
+    assert contents["worn1.csv"][0].rasters[0].clock == 0
+    assert "line 11 has '1.002.000'" in contents["Prusa.csv"][1][0].problems[0]
+    told = {name for name, (_, tables, _) in contents.items() if tables[0].problems}
     assert told == {"Prusa.csv", "Formlabs.csv"}
 
 

@@ -157,19 +157,19 @@ def test_in_a_j1939_message_codes_are_missing_values_but_not_of_signed_ones_and_
     assert (with_codes.j1939, without.j1939) == (True, False)
     data = np.array([[255, 1, 0, 0xFF, 0xFD, 0, 0, 0], [255, 2, 0, 0x00, 0xFE, 0, 0, 0]], dtype=np.uint8)
     for message, speeds in ((with_codes, [0xFDFF / 8, np.nan]), (without, [0xFDFF / 8, 0xFE00 / 8])):
-        found = {s.name: decode(s, data, np.array([8, 8])) for page in message.groups for s in page.signals}
-        np.testing.assert_array_equal(found["Speed"], speeds)
-        np.testing.assert_array_equal(found["Signed"], [0xFDFF - 65536, 0xFE00 - 65536])
-        np.testing.assert_array_equal(found["Mode"], [255, 255])
-        np.testing.assert_array_equal(found["Page"], [1, np.nan if message.j1939 else 2])
+        values = {s.name: decode(s, data, np.array([8, 8])) for page in message.groups for s in page.signals}
+        np.testing.assert_array_equal(values["Speed"], speeds)
+        np.testing.assert_array_equal(values["Signed"], [0xFDFF - 65536, 0xFE00 - 65536])
+        np.testing.assert_array_equal(values["Mode"], [255, 255])
+        np.testing.assert_array_equal(values["Page"], [1, np.nan if message.j1939 else 2])
 
 
 def test_the_protocol_of_the_whole_file_counts_where_a_message_names_none():
     message = 'BO_ 2364540158 EEC1: 8 ECU\n SG_ S : 24|16@1+ (1,0) [0|0] "" ECU\n\nBO_ 5 Own: 8 ECU\n\n'
     protocol = 'BA_DEF_  "ProtocolType" STRING ;\nBA_DEF_DEF_  "ProtocolType" "";\n'
-    found = messages_in(HEAD + message + protocol + 'BA_ "ProtocolType" "J1939";\n')
-    assert [(each.name, each.j1939) for each in found] == [("EEC1", True), ("Own", False)]
-    assert not any(each.j1939 for each in messages_in(HEAD + message + protocol))
+    messages = messages_in(HEAD + message + protocol + 'BA_ "ProtocolType" "J1939";\n')
+    assert [(entry.name, entry.j1939) for entry in messages] == [("EEC1", True), ("Own", False)]
+    assert not any(entry.j1939 for entry in messages_in(HEAD + message + protocol))
 
 
 def test_units_comments_and_value_tables_are_kept_as_a_number_with_its_heading():
@@ -238,10 +238,10 @@ def test_databases_of_all_formats_decode_as_cantools_does(data):
                 payload = bytes(dice.choice((0, 1, 2, dice.randrange(256))) for _ in range(message.length))
                 with contextlib.suppress(cantools.database.DecodeError):
                     expected = message.decode(payload, decode_choices=False)
-                    found = {name: value for page in ours.groups for name, value in values_of(page, payload).items()}
+                    values = {name: value for page in ours.groups for name, value in values_of(page, payload).items()}
                     signals = [signal for page in ours.groups for signal in page.signals]
                     coded = {signal.name: signal.codes is not None or bool(signal.none) for signal in signals}
-                    for name, value in found.items():
+                    for name, value in values.items():
                         missing = math.isnan(value) and (ours.j1939 or coded[name])
                         same = value == pytest.approx(expected[name], rel=1e-9, nan_ok=True)
                         assert missing or same, (path, name)
@@ -271,6 +271,6 @@ VAL_ 256 Said 4660 "Signal not available" 4661 "Sensor_Error" 0 "No error" ;
 def test_codes_that_mean_none_are_missing_in_any_database(signal, raw, none):
     (message,) = messages_in(CODES)
     (group,) = message.groups
-    one = next(each for each in group.signals if each.name == signal)
-    data = np.frombuffer((raw << one.begin).to_bytes(8, "little"), dtype=np.uint8).reshape(1, 8)
-    assert np.isnan(decode(one, data, np.array([8])))[0] == none
+    coded = next(candidate for candidate in group.signals if candidate.name == signal)
+    data = np.frombuffer((raw << coded.begin).to_bytes(8, "little"), dtype=np.uint8).reshape(1, 8)
+    assert np.isnan(decode(coded, data, np.array([8])))[0] == none

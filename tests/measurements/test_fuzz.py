@@ -2,24 +2,10 @@
 
 from __future__ import annotations
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 pytestmark = pytest.mark.slow
-
-ROOT = Path(__file__).resolve().parents[2]
-
-
-@pytest.fixture(scope="module")
-def fuzz():
-    """The driver of broken files."""
-    spec = importlib.util.spec_from_file_location("fuzz", ROOT / "benchmarks" / "fuzz.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def unexpected(fuzz, answers):
@@ -31,11 +17,11 @@ def unexpected(fuzz, answers):
 @pytest.mark.parametrize("kind", ["csv", "gz", "parquet", "mf4", "mat", "mat73", "blf", "asc"])
 def test_a_file_is_read_and_answered_in_words_once_it_is_broken(fuzz, kind, tmp_path):
     path, channels = fuzz.good_file(kind, tmp_path)
-    made, known = fuzz.read(path, channels=channels), fuzz.example()
-    assert list(made.columns) == list(known.columns)
+    made, original = fuzz.read(path, channels=channels), fuzz.example()
+    assert list(made.columns) == list(original.columns)
     if kind not in ("blf", "asc"):  # these have the resolution of their signals
-        assert np.array_equal(made.time, known.time)
-        for name, values in known.columns.items():
+        assert np.array_equal(made.time, original.time)
+        for name, values in original.columns.items():
             assert np.array_equal(made[name], values, equal_nan=True)
     answers = {seed: fuzz.answered(path, channels) for seed, path, channels in fuzz.cases(kind, range(60), tmp_path)}
     assert unexpected(fuzz, answers) == {}

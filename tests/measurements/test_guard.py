@@ -87,7 +87,7 @@ def test_two_files_are_read_side_by_side(packed, tmp_path):
     second = tmp_path / "second.csv.gz"
     second.write_bytes(gzip.compress(TEXT.replace("e-06", "e-05").encode()))
     pairs = zip(read_pieces(packed, rows=500), read_pieces(second, rows=500), strict=True)
-    ratios = [(len(one), len(other), other["position"][-1] / one["position"][-1]) for one, other in pairs]
+    ratios = [(len(first), len(other), other["position"][-1] / first["position"][-1]) for first, other in pairs]
     assert ratios == [(500, 500, 10.0)] * 6
 
 
@@ -206,6 +206,6 @@ def test_the_process_does_not_outlive_clutchid(packed):
         "from clutchid.measurements.opening import reader;"
         "read(sys.argv[1]); print(reader(sys.argv[1]).worker.pid, flush=True); os.kill(os.getpid(), signal.SIGKILL)"
     )
-    done = subprocess.run([sys.executable, "-c", script, str(packed)], capture_output=True, text=True, check=False)
-    pid = int(done.stdout)
+    process = subprocess.run([sys.executable, "-c", script, str(packed)], capture_output=True, text=True, check=False)
+    pid = int(process.stdout)
     wait_for(lambda: not psutil.pid_exists(pid) or psutil.Process(pid).status() == psutil.STATUS_ZOMBIE, 10.0)

@@ -7,16 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.io import loadmat, savemat
 
 from clutchid.errors import ExportError
-from clutchid.log import COLUMNS, Log
+from clutchid.log import Log
 from clutchid.measurements.formats.mat import file as mat_file
 from clutchid.measurements.formats.mat import loaded as mat_loaded
 from clutchid.measurements.formats.mat import rasters as mat_rasters
-from fixtures.sources import called, joined, numbers_of, tables_of
+from fixtures.sources import called, numbers_of
 
 N = 40
 T = np.arange(N) / 1000
@@ -42,8 +40,8 @@ def values(source, text):
 
 
 def heading(source, text):
-    (found,) = [h for raster in source.rasters for h in raster.headings if h.text == text]
-    return found
+    (match,) = [h for raster in source.rasters for h in raster.headings if h.text == text]
+    return match
 
 
 def objects(**fields):
@@ -64,14 +62,6 @@ def test_vectors_of_one_length_share_the_time_vector_among_them(opened, options)
     np.testing.assert_array_equal(values(source, "press"), Y)
     np.testing.assert_array_equal(values(source, "valve"), T > 0.01)
     assert values(source, "valve").dtype == np.float64
-
-
-def test_blocks_count_on(opened):
-    source = opened({"t": T, "y": Y})
-    tables = list(source.tables(0, [1], 15))
-    assert [table.size for table in tables] == [15, 15, 10]
-    assert [table.places.number(0) for table in tables] == [1, 16, 31]
-    np.testing.assert_array_equal(np.concatenate([table.numbers[1] for table in tables]), Y)
 
 
 @pytest.mark.parametrize("kind", ["i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "f4", "f8", "?"])
@@ -287,42 +277,13 @@ def test_the_pneumatic_cylinder(data):
     assert (values(source, "desl").min().round(1), values(source, "desl").max().round(1)) == (16.7, 107.8)  # mm
 
 
-finite = st.floats(allow_nan=False, allow_infinity=False)
-measured = st.one_of(finite, st.just(np.nan), st.just(-0.0), st.just(5e-324))
-
-
-@st.composite
-def logs(draw):
-    times = draw(st.lists(finite, max_size=6, unique=True).map(sorted))
-    names = draw(st.sets(st.sampled_from(sorted(COLUMNS))))
-    column = st.lists(measured, min_size=len(times), max_size=len(times))
-    metadata = draw(st.dictionaries(st.text(max_size=4), st.text(max_size=6), max_size=3))
-    return Log(np.array(times), {name: np.array(draw(column)) for name in names}, metadata=metadata)
-
-
-@given(log=logs())
-def test_what_is_written_is_read_back_exactly(tmp_path_factory, log):
-    path = tmp_path_factory.mktemp("round") / "run.mat"
-    mat_file.save(log, path)
-    source = mat_file.open_file(path)
-    assert (source.problems, source.warnings, source.metadata) == ((), (), log.metadata)
-    (raster,) = source.rasters
-    numbers = joined(tables_of(source))
-    back = {heading.name: numbers[heading.index] for heading in raster.headings}
-    assert raster.headings[raster.clock].name == "time"
-    assert set(back) == {"time", *log.columns}
-    for name, written in {"time": log.time, **log.columns}.items():
-        assert back[name].tobytes() == written.tobytes()
-    assert all(heading.unit == ({"time": "s"} | COLUMNS)[heading.name] for heading in raster.headings)
-
-
 def test_matlab_finds_columns_units_and_metadata_as_variables(tmp_path):
     log = Log(T, {"position": Y, "pressure_a low": Y, "deflection_bearing": Y}, metadata={"truck": "7 µ"})
     mat_file.save(log, tmp_path / "run.mat")
-    found = loadmat(tmp_path / "run.mat", simplify_cells=True)
-    assert set(found) >= {"time", "position", "pressure_a_low", "deflection_bearing"}
-    assert found["units"] == {"time": "s", "position": "m", "pressure_a_low": "Pa", "deflection_bearing": "m"}
-    assert json.loads(found["clutchid_recording"]) == {"truck": "7 µ"}
+    variables = loadmat(tmp_path / "run.mat", simplify_cells=True)
+    assert set(variables) >= {"time", "position", "pressure_a_low", "deflection_bearing"}
+    assert variables["units"] == {"time": "s", "position": "m", "pressure_a_low": "Pa", "deflection_bearing": "m"}
+    assert json.loads(variables["clutchid_recording"]) == {"truck": "7 µ"}
 
 
 def test_a_file_of_an_earlier_version_keeps_its_metadata(opened):
@@ -370,12 +331,12 @@ def test_a_variable_that_is_too_large_is_refused_before_it_is_loaded(opened, mon
 @pytest.mark.parametrize("options", [{}, {"do_compression": True}])
 def test_variables_of_a_large_file_are_not_kept_in_memory(opened, monkeypatch, options):
     variables = {"t": T, "y": Y, "z": Y + 1j, "name": "run 7", "rec": {"t": T, "p": -Y}}
-    kept = opened(variables, **options)
+    in_memory = opened(variables, **options)
     monkeypatch.setattr(mat_loaded, "KEPT", 8 * N)
     monkeypatch.setattr(mat_loaded, "_LARGE", 8 * N - 1)
     large = opened(variables, **options)
-    assert called(large) == called(kept) == [["rec.t", "rec.p"], ["t", "y"]]
-    assert large.warnings == kept.warnings
+    assert called(large) == called(in_memory) == [["rec.t", "rec.p"], ["t", "y"]]
+    assert large.warnings == in_memory.warnings
     np.testing.assert_array_equal(values(large, "y"), Y)
     assert sum(table.size for table in large.tables(1, [1], 7)) == N
 

@@ -45,11 +45,11 @@ def test_an_empty_file(tmp_path):
 
 
 @pytest.mark.parametrize("form", ["4", "5", "7"])
-@pytest.mark.parametrize("kept", [0.3, 0.7, 0.99])
-def test_a_truncated_file(tmp_path, form, kept):
+@pytest.mark.parametrize("share", [0.3, 0.7, 0.99])
+def test_a_truncated_file(tmp_path, form, share):
     path = tmp_path / "run.mat"
     data = good(form)
-    path.write_bytes(data[: int(kept * len(data))])
+    path.write_bytes(data[: int(share * len(data))])
     (problem,) = mat_file.open_file(path).problems
     assert re.fullmatch(r"is no whole MATLAB file \(.*\); copy or save it again\.", problem)
 

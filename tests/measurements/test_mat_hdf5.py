@@ -1,12 +1,11 @@
 """MATLAB 7.3 files, made with h5py in the form that MATLAB writes."""
 
-import sys
 from contextlib import contextmanager
 
 import numpy as np
 import pytest
 
-from clutchid.errors import DataError, MissingExtra
+from clutchid.errors import DataError
 from clutchid.measurements.formats.mat import file as mat_file
 from clutchid.measurements.formats.mat import hdf5 as mat_hdf5
 from fixtures.sources import called, numbers_of
@@ -18,11 +17,11 @@ T = np.arange(N) / 1000
 Y = np.sin(T)
 
 
-def typed(found, class_name, **attributes):
-    found.attrs["MATLAB_class"] = np.bytes_(class_name)
+def typed(item, class_name, **attributes):
+    item.attrs["MATLAB_class"] = np.bytes_(class_name)
     for name, value in attributes.items():
-        found.attrs[name] = value
-    return found
+        item.attrs[name] = value
+    return item
 
 
 def put(group, name, value):
@@ -46,12 +45,12 @@ def put(group, name, value):
 
 
 def references(file, items):
-    found = np.empty((len(items), 1), dtype=h5py.ref_dtype)
+    array = np.empty((len(items), 1), dtype=h5py.ref_dtype)
     for i, item in enumerate(items):
         name = f"#refs#/{len(file.require_group('#refs#'))}"
         put(file, name, item)
-        found[i, 0] = file[name].ref
-    return found
+        array[i, 0] = file[name].ref
+    return array
 
 
 def struct_array(file, path, **fields):
@@ -170,10 +169,10 @@ def test_a_struct_that_holds_itself_is_looked_through_once(made):
     assert called(mat_file.open_file(made({}, more))) == [[None, "a.y"]]
 
 
-@pytest.mark.parametrize("kept", [0.3, 0.9, 0.99])
-def test_a_truncated_file(made, kept):
+@pytest.mark.parametrize("share", [0.3, 0.9, 0.99])
+def test_a_truncated_file(made, share):
     path = made({"t": T, "y": Y})
-    path.write_bytes(path.read_bytes()[: int(kept * path.stat().st_size)])
+    path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
     source = mat_file.open_file(path)
     assert source.rasters == ()
     assert source.problems[0].startswith("is no whole MATLAB 7.3 (HDF5) file (")
@@ -203,10 +202,3 @@ def test_a_large_channel_is_read_in_bounded_memory(made, monkeypatch):
     asked.clear()
     assert sum(table.size for table in source.tables(0, [0, 1], 100)) == N
     assert max(asked) == 100
-
-
-def test_without_h5py_the_extra_is_named(made, monkeypatch):
-    path = made({"t": T})
-    monkeypatch.setitem(sys.modules, "h5py", None)
-    with pytest.raises(MissingExtra, match=r"needs h5py, which is not installed; .*\"h5py>="):
-        mat_file.open_file(path)

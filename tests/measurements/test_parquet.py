@@ -88,11 +88,11 @@ def test_a_table_without_samples_or_columns(parquet, columns, words):
         cio.read(parquet(columns))
 
 
-@pytest.mark.parametrize("kept", [0.02, 0.5, 0.9, 0.99])
-def test_a_truncated_file(parquet, save, kept):
+@pytest.mark.parametrize("share", [0.02, 0.5, 0.9, 0.99])
+def test_a_truncated_file(parquet, save, share):
     data = parquet(GOOD).read_bytes()
     with pytest.raises(DataError, match=r"is no complete Parquet file \(.*\); copy or write it again"):
-        cio.read(save(data[: max(4, int(kept * len(data)))], "cut.parquet"))
+        cio.read(save(data[: max(4, int(share * len(data)))], "cut.parquet"))
 
 
 def test_names_with_wildcards_and_folders_with_equal_signs_are_names(parquet, tmp_path):
@@ -112,24 +112,6 @@ def test_metadata_of_other_programs_do_no_harm(tmp_path, text, expected):
 def read(path, rows=None):
     """The source, its tables, and the numbers of every column."""
     return everything(parquet_file.open_file(path), rows)
-
-
-@pytest.mark.parametrize("rows", [None, 1, 7, 100, 1000])
-def test_blocks_are_the_whole_in_pieces_and_count_on(tmp_path, rows):
-    frame = pl.DataFrame({"note": ["a"] * 100, "time [s]": np.arange(100) / 10, "x": np.arange(100)})
-    frame.write_parquet(tmp_path / "run.parquet", row_group_size=16)
-    source, tables, columns = read(tmp_path / "run.parquet", rows)
-    assert (source.format, source.rasters[0].size, source.rasters[0].clock) == ("Parquet", 100, 0)
-    np.testing.assert_array_equal(columns, [np.arange(100) / 10, np.arange(100)])
-    places = [table.places.number(row) for table in tables for row in range(table.size)]
-    assert places == list(range(1, 101))
-    assert max(table.size for table in tables) == min(rows or 100, 100)
-
-
-def test_only_the_asked_columns_are_read(parquet):
-    source = parquet_file.open_file(parquet(GOOD))
-    (table,) = source.tables(0, [2])
-    assert {index: values.tolist() for index, values in table.numbers.items()} == {2: [0, 50, 100]}
 
 
 @pytest.mark.parametrize("unit", ["ms", "us", "ns"])

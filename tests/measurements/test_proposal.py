@@ -38,19 +38,19 @@ def chosen(proposal):
     ],
 )
 def test_english_and_german_names_are_known(source, names):
-    found = proposed(source, *names)
-    assert chosen(found) == dict(
+    proposal = proposed(source, *names)
+    assert chosen(proposal) == dict(
         zip(("time", "position", "duty_supply", "duty_exhaust", "pressure_a"), names, strict=True)
     )
-    assert found.complete, found.open
+    assert proposal.complete, proposal.open
 
 
 def test_other_pressures_and_positions_are_left_alone(source):
     names = ("time", "ThrottlePosition", "BrakePressure", "EngineOilPress", "Kupplungsweg", "Steering_Pos")
     columns = {name: ("bar" if "ress" in name else "s" if name == "time" else "mm", TIME) for name in names}
-    found = propose(source(columns, clock=False))
-    assert chosen(found) == {"time": "time", "position": "Kupplungsweg"}
-    assert found.open == (
+    proposal = propose(source(columns, clock=False))
+    assert chosen(proposal) == {"time": "time", "position": "Kupplungsweg"}
+    assert proposal.open == (
         "duty_supply: no channel name matches; add it to the map (no channel has a unit of it).",
         "duty_exhaust: no channel name matches; add it to the map (no channel has a unit of it).",
     )
@@ -58,17 +58,17 @@ def test_other_pressures_and_positions_are_left_alone(source):
 
 def test_a_j1939_reservoir_is_the_supply_and_a_circuit_is_no_chamber(source):
     columns = {"time": ("s", TIME), "PneumaticSupplyPress": ("kPa", 900 + TIME), "Clutch_Pos": ("%", TIME)}
-    found = propose(source(columns))
-    assert chosen(found) == {"pressure_supply": "PneumaticSupplyPress"}
+    proposal = propose(source(columns))
+    assert chosen(proposal) == {"pressure_supply": "PneumaticSupplyPress"}
 
 
 def test_a_unit_is_guessed_from_the_range_and_has_to_be_confirmed(source):
     names = ("t", "Weg", "duty_fill", "duty_vent", "press")
-    found = proposed(source, *names, units=(None,) * 5)
-    units = {name: entry.unit for name, entry in found.channels.channels.items()}
+    proposal = proposed(source, *names, units=(None,) * 5)
+    units = {name: entry.unit for name, entry in proposal.channels.channels.items()}
     assert units == {"time": "s", "position": "mm", "duty_supply": "%", "duty_exhaust": "%", "pressure_a": "bar(g)"}
-    assert not found.complete
-    assert "position: 'Weg' has no unit; [mm] is guessed from its range." in found.open
+    assert not proposal.complete
+    assert "position: 'Weg' has no unit; [mm] is guessed from its range." in proposal.open
 
 
 def test_two_that_fit_as_well_are_told(source):
@@ -81,38 +81,38 @@ def test_two_that_fit_as_well_are_told(source):
 
 def test_the_same_name_in_two_groups_gets_its_group(source):
     raster = {"t": ("s", TIME), "ClutchPos": ("mm", TIME)}
-    found = propose(source(raster, {"t": ("s", TIME), "ClutchPos": ("V", TIME)}))
-    assert found.channels.channels["position"].group == "group 0"
+    proposal = propose(source(raster, {"t": ("s", TIME), "ClutchPos": ("V", TIME)}))
+    assert proposal.channels.channels["position"].group == "group 0"
 
 
 def test_a_constant_channel_is_proposed_for_nothing(source):
     still = np.full(100, 3.3)
     columns = {"t": ("s", TIME), "ClutchPos": ("mm", still), "Weg": ("mm", TIME), "pCyl": ("bar", still)}
-    found = propose(source(columns, clock=False), (*REQUIRED, "pressure_a"))
-    assert chosen(found) == {"time": "t", "position": "Weg"}
+    proposal = propose(source(columns, clock=False), (*REQUIRED, "pressure_a"))
+    assert chosen(proposal) == {"time": "t", "position": "Weg"}
     said = "pressure_a: only constant channels match by name, 'pCyl' (always 3.3); add the right one to the map."
-    assert said in found.open
+    assert said in proposal.open
 
 
 def test_a_channel_that_rests_for_its_first_samples_only_is_not_constant(source):
     late = np.r_[np.zeros(70_000), np.ones(10)]
-    found = propose(source({"t": ("s", np.arange(late.size) / 1000), "ClutchPos": ("mm", late)}), ("position",))
-    assert found.channels.channels["position"].channel == "ClutchPos"
+    proposal = propose(source({"t": ("s", np.arange(late.size) / 1000), "ClutchPos": ("mm", late)}), ("position",))
+    assert proposal.channels.channels["position"].channel == "ClutchPos"
 
 
 @pytest.mark.parametrize(("others", "proposed"), [(0, True), (1, False)])
 def test_a_duty_cycle_of_0_is_proposed_only_if_its_name_is_unambiguous(source, others, proposed):
     columns = {"t": ("s", TIME), "ClutchPos": ("mm", TIME), "uSup": ("%", DUTY), "uExh": ("%", 0 * TIME)}
     columns |= {f"dc_vent_{i}": ("%", 0 * TIME) for i in range(others)}
-    found = propose(source(columns))
-    assert ("duty_exhaust" in found.channels.channels) == proposed
-    assert found.complete == proposed
-    assert ("duty_exhaust: 'uExh' is constant at 0." in found.notes) == proposed
+    proposal = propose(source(columns))
+    assert ("duty_exhaust" in proposal.channels.channels) == proposed
+    assert proposal.complete == proposed
+    assert ("duty_exhaust: 'uExh' is constant at 0." in proposal.notes) == proposed
 
 
 def test_a_constant_channel_with_the_standard_name_is_that_quantity(source):
-    found = propose(source({"t": ("s", TIME), "position": ("mm", 0 * TIME), "Weg": ("mm", TIME)}), ("position",))
-    assert found.channels.channels["position"].channel == "position"
+    proposal = propose(source({"t": ("s", TIME), "position": ("mm", 0 * TIME), "Weg": ("mm", TIME)}), ("position",))
+    assert proposal.channels.channels["position"].channel == "position"
 
 
 @pytest.mark.parametrize(
@@ -121,11 +121,11 @@ def test_a_constant_channel_with_the_standard_name_is_that_quantity(source):
 )
 def test_a_pressure_near_0_at_rest_is_proposed_as_gauge_pressure(source, unit, low, proposed):
     scale = {"bar": 1, "kPa": 100, "Pa": 1e5, "bar(g)": 1}[unit]
-    found = propose(source({"t": ("s", TIME), "pCyl": (unit, low + 6 * scale * TIME)}), ())
-    assert found.channels.channels["pressure_a"].unit == proposed
-    assert found.complete == (proposed is None)
+    proposal = propose(source({"t": ("s", TIME), "pCyl": (unit, low + 6 * scale * TIME)}), ())
+    assert proposal.channels.channels["pressure_a"].unit == proposed
+    assert proposal.complete == (proposed is None)
     if proposed:
-        assert f"falls to {low:g} {unit}, so that the gauge unit [{proposed}] is guessed" in found.open[0]
+        assert f"falls to {low:g} {unit}, so that the gauge unit [{proposed}] is guessed" in proposal.open[0]
 
 
 @pytest.mark.parametrize(
@@ -134,18 +134,22 @@ def test_a_pressure_near_0_at_rest_is_proposed_as_gauge_pressure(source, unit, l
 )
 def test_the_unit_of_time_is_guessed_from_the_interval(source, interval, unit):
     for clock in (False, True):
-        found = propose(source({"t": (None, np.arange(100) * interval), "Weg": ("mm", TIME)}, clock=clock), ("time",))
-        proposed = found.channels.channels.get("time")
+        proposal = propose(
+            source({"t": (None, np.arange(100) * interval), "Weg": ("mm", TIME)}, clock=clock), ("time",)
+        )
+        proposed = proposal.channels.channels.get("time")
         if clock and unit == "s":
             assert proposed is None
         else:
             assert proposed.unit == unit
-            assert found.open == (f"time: 't' has no unit; [{unit}] is guessed from its intervals.",)
+            assert proposal.open == (f"time: 't' has no unit; [{unit}] is guessed from its intervals.",)
 
 
 def test_the_time_of_a_file_of_windows_counts_100_ns(source):
-    found = propose(source({"t": (None, 1.335e17 + 1e4 * np.arange(100)), "Weg": ("mm", TIME)}, clock=False), ("time",))
-    assert found.channels.channels["time"].unit == "100ns"
+    proposal = propose(
+        source({"t": (None, 1.335e17 + 1e4 * np.arange(100)), "Weg": ("mm", TIME)}, clock=False), ("time",)
+    )
+    assert proposal.channels.channels["time"].unit == "100ns"
 
 
 def test_standard_names_need_no_warning_that_they_were_identified(source):
@@ -157,10 +161,10 @@ def test_standard_names_need_no_warning_that_they_were_identified(source):
 
 def test_a_missing_quantity_has_the_channels_with_its_unit_as_candidates(source):
     columns = {"t": ("s", TIME), "Weg": ("mm", TIME), "A": ("%", DUTY), "B": ("1", DUTY), "n": ("rpm", TIME)}
-    found = propose(source(columns, clock=False))
-    assert found.channels.comments["duty_supply"] == "candidates: 'A', 'B'"
-    assert "duty_supply: no channel name matches; add it to the map (candidates: 'A', 'B')." in found.open
-    assert "rate" not in found.channels.comments
+    proposal = propose(source(columns, clock=False))
+    assert proposal.channels.comments["duty_supply"] == "candidates: 'A', 'B'"
+    assert "duty_supply: no channel name matches; add it to the map (candidates: 'A', 'B')." in proposal.open
+    assert "rate" not in proposal.channels.comments
     without = propose(source({"Weg": ("mm", TIME), "A": (None, DUTY)}, clock=False))
     assert without.channels.comments["duty_supply"] == "candidates: 'A'"
     assert without.channels.comments["rate"] == "samples per second, for a file without time"
@@ -191,26 +195,26 @@ def proposed_of_valves(source, channels):
 @pytest.mark.parametrize("beside", BESIDE)
 @pytest.mark.parametrize("duty", DUTIES)
 def test_a_duty_cycle_with_a_unit_is_proposed_before_what_lies_beside_it_which_is_named(source, duty, beside):
-    found, (best, other) = proposed_of_valves(source, {duty: DUTIES[duty], beside: BESIDE[beside]})
-    assert chosen(found)["duty_supply"] == best
-    assert chosen(found)["duty_exhaust"] == duty.format("Ent")
-    assert found.complete, found.open
-    (note,) = [note for note in found.notes if note.startswith("duty_supply")]
+    proposal, (best, other) = proposed_of_valves(source, {duty: DUTIES[duty], beside: BESIDE[beside]})
+    assert chosen(proposal)["duty_supply"] == best
+    assert chosen(proposal)["duty_exhaust"] == duty.format("Ent")
+    assert proposal.complete, proposal.open
+    (note,) = [note for note in proposal.notes if note.startswith("duty_supply")]
     assert note.startswith(f"duty_supply: '{best}' is proposed; by name it may also be '{other}' (")
 
 
 def test_the_same_duty_cycle_in_another_unit_is_no_other_one(source):
-    found, names = proposed_of_valves(source, {"PWM_{}": ("%", PERCENT), "PWM_{}_norm": ("1", PERCENT / 100)})
-    assert found.complete, found.open
-    assert f"'{names[1]}' (the same in 1)" in found.notes[0]
+    proposal, names = proposed_of_valves(source, {"PWM_{}": ("%", PERCENT), "PWM_{}_norm": ("1", PERCENT / 100)})
+    assert proposal.complete, proposal.open
+    assert f"'{names[1]}' (the same in 1)" in proposal.notes[0]
     half, _ = proposed_of_valves(source, {"PWM_{}": ("%", PERCENT), "PWM_{}_norm": ("1", PERCENT / 200)})
     assert [line.split(":")[0] for line in half.open] == ["duty_supply", "duty_exhaust"]
 
 
 @pytest.mark.parametrize("unit", [None, "1"])
 def test_flags_alone_have_to_be_confirmed(source, unit):
-    found, (name,) = proposed_of_valves(source, {"MV_{}_aktiv": (unit, FLAG)})
-    assert found.open[0].startswith(
+    proposal, (name,) = proposed_of_valves(source, {"MV_{}_aktiv": (unit, FLAG)})
+    assert proposal.open[0].startswith(
         f"duty_supply: '{name}' is called like a flag or a state; write it into a channel map"
     )
     switched, _ = proposed_of_valves(source, {"MV_{}": ("1", FLAG)})

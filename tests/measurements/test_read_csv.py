@@ -179,8 +179,8 @@ def test_the_heavy_packages_are_not_imported_to_read_a_small_file(recording, sav
         "print(*{'polars', 'numba', 'sympy'} & set(sys.modules))"
     )
     command = [sys.executable, "-c", code, str(save(recording()))]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == ""
+    process = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert process.stdout.strip() == ""
 
 
 def test_a_small_file_is_read_without_polars(recording, save, monkeypatch):

@@ -59,12 +59,12 @@ def test_missing_columns_are_reported_in_one_sentence(save):
 )  # fmt: skip
 def test_columns_of_other_names_that_lack_only_a_unit_are_named_with_what_to_write(save, heading, lacking):
     rows = [f"{k / 1000};{k * 0.5};{100 * (k % 2)};{100 * (k % 3 == 0)}" for k in range(9)]
-    found = problems(save("\n".join([heading, *rows]).replace(".", ",")))
+    sentences = problems(save("\n".join([heading, *rows]).replace(".", ",")))
     units = [f"'{text}'" for text in lacking.values()]
-    assert f"write units in brackets behind the names: {', '.join(units)}, if that is right." in found
+    assert f"write units in brackets behind the names: {', '.join(units)}, if that is right." in sentences
     for name, text in lacking.items():
-        assert any(one.startswith(f"{name}: '{text.partition(' [')[0]}' has no unit;") for one in found)
-    assert not any("no column" in one for one in found)
+        assert any(sentence.startswith(f"{name}: '{text.partition(' [')[0]}' has no unit;") for sentence in sentences)
+    assert not any("no column" in sentence for sentence in sentences)
 
 
 def test_cells_that_are_no_numbers(recording, save):
@@ -196,7 +196,7 @@ def test_an_infinite_cell_is_a_problem(recording, save):
 
 def test_all_problems_are_reported_at_once(save):
     text = "# rig\ntime [s],Time [ms],position [furlong],duty_supply [1],pressure_a\n0,0,x,0,0\n0,1,1,-5,1\n1,2\n"
-    found = "\n".join(problems(save(text)))
+    text_of_all = "\n".join(problems(save(text)))
     for part in (
         r"columns 1 and 2 \('time \[s\]', 'Time \[ms\]'\) all mean 'time'",
         r"unit \[furlong\] is not known",
@@ -206,7 +206,7 @@ def test_all_problems_are_reported_at_once(save):
         r"line 3 has 'x'",
         r"line 4 has -5",
     ):
-        assert re.search(part, found), part
+        assert re.search(part, text_of_all), part
 
 
 @pytest.mark.parametrize("content", [b"\xff\xfe\x00\xd8", b"time [s]\x00\xff\n0\n", "time [s]\n0\n".encode("utf-32")])

@@ -230,11 +230,11 @@ def test_standard_names_are_read_as_a_map_that_names_them(source, rows):
     named = ChannelMap({name: Channel(name) for name in STANDARD if name != "gear"})
     with_map, without = read(source(STANDARD), named, rows), read(source(STANDARD), None, rows)
     assert len(with_map) == len(without) > (rows is not None)
-    for one, other in zip(with_map, without, strict=True):
-        np.testing.assert_array_equal(one.time, other.time)
-        assert set(one.columns) == set(other.columns)
-        for name in one.columns:
-            np.testing.assert_array_equal(one[name], other[name])
+    for mapped, other in zip(with_map, without, strict=True):
+        np.testing.assert_array_equal(mapped.time, other.time)
+        assert set(mapped.columns) == set(other.columns)
+        for name in mapped.columns:
+            np.testing.assert_array_equal(mapped[name], other[name])
 
 
 def test_what_is_wrong_with_the_headings_is_said_with_the_first_piece_only(source):

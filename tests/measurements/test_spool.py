@@ -80,14 +80,14 @@ def test_what_a_killed_run_left_is_recovered_once_in_a_file_of_its_own(tmp_path,
         with (left / "data").open("ab") as data:
             data.write(b"0.9,1")
     assert recovered(tmp_path / "killed" / f"other{suffix}") == []
-    (found,) = recovered(path)
-    assert found.name == f"live.recovered{suffix}"
-    frame = read_frame(found)
+    (file,) = recovered(path)
+    assert file.name == f"live.recovered{suffix}"
+    frame = read_frame(file)
     assert frame["time [s]"].to_list() == log.time[: 450 if cut and suffix == ".parquet" else 900].tolist()
     assert recovered(path) == []
-    assert [one.name for one in path.parent.iterdir()] == [found.name]
+    assert [entry.name for entry in path.parent.iterdir()] == [file.name]
     if suffix == ".parquet":
-        assert damage(found) == ""
+        assert damage(file) == ""
 
 
 @contextmanager
@@ -125,7 +125,7 @@ def test_what_comes_again_is_cut_from_a_file_and_the_rest_is_the_same(tmp_path, 
         assert pl.read_parquet_metadata(path)["clutchid"] == '{"source": "here"}'
     else:
         assert metadata.startswith(path.read_bytes())
-    assert [one.name for one in tmp_path.iterdir()] == [path.name]
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
     cut_behind(path, 0.0)
     assert list(tmp_path.iterdir()) == []
 
@@ -139,7 +139,7 @@ def test_a_full_disk_costs_what_comes_later(tmp_path, log, suffix, monkeypatch):
     frame = read_frame(path)
     assert 200 <= frame.height < 1000
     assert frame["time [s]"].to_list() == log.time[: frame.height].tolist()
-    assert [one.name for one in tmp_path.iterdir()] == [path.name]
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
 
 
 def test_an_empty_folder_that_could_not_be_removed_is_removed_by_the_next_run(tmp_path):

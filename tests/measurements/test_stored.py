@@ -25,20 +25,20 @@ def test_a_log_of_the_copy_has_the_numbers_of_the_file_however_it_is_cut(recordi
     copied = store(open_source(path), tmp_path / "columns", BLOCK)
     for rows in (None, 256):
         logs = zip(source_pieces(copied, rows=rows), read_pieces(path, rows=rows), strict=True)
-        for one, other in logs:
-            assert np.array_equal(one.time, other.time)
-            assert one.warnings == other.warnings
-            assert all(np.array_equal(one[name], other[name], equal_nan=True) for name in other.columns)
+        for log, other in logs:
+            assert np.array_equal(log.time, other.time)
+            assert log.warnings == other.warnings
+            assert all(np.array_equal(log[name], other[name], equal_nan=True) for name in other.columns)
 
 
 def test_a_large_time_grid_is_copied_in_blocks_and_says_how_far_it_is(source, tmp_path, monkeypatch):
     monkeypatch.setattr("clutchid.measurements.stored.WHOLE", 0)
-    time, values, done = np.arange(2500) / 1e3, np.sin(np.arange(2500)), []
+    time, values, counts = np.arange(2500) / 1e3, np.sin(np.arange(2500)), []
     store(
         source({"t": ("s", time), "x": ("mm", values)}), tmp_path, BLOCK,
-        progress=lambda samples, size: done.append((samples, size)),
+        progress=lambda samples, size: counts.append((samples, size)),
     )  # fmt: skip
-    assert done == [(1000, 2500), (2000, 2500), (2500, 2500)]
+    assert counts == [(1000, 2500), (2000, 2500), (2500, 2500)]
     assert np.array_equal(column_of(tmp_path, 0, 1).read(0, 2500), values)
 
 
@@ -46,16 +46,16 @@ def test_the_least_and_greatest_values_of_a_bin_lie_beside_the_column(tmp_path):
     values = np.random.default_rng(1).standard_normal(BIN * 5 + 3)
     values[BIN : 2 * BIN], values[7] = np.nan, np.inf
     write_column(tmp_path, 0, 3, values)
-    one = column_of(tmp_path, 0, 3)
-    found = one.extremes(0, 6)
-    assert one.size == values.size
-    assert found.shape == (6, 2)
-    assert np.isnan(found[1]).all()
+    column = column_of(tmp_path, 0, 3)
+    extremes = column.extremes(0, 6)
+    assert column.size == values.size
+    assert extremes.shape == (6, 2)
+    assert np.isnan(extremes[1]).all()
     finite = [
         part[np.isfinite(part)] for part in np.split(values, range(BIN, values.size, BIN)) if np.isfinite(part).any()
     ]
-    assert found[[0, 2, 3, 4, 5]] == pytest.approx(np.array([[part.min(), part.max()] for part in finite]))
-    assert np.array_equal(one.extremes(2, 4), found[2:4])
+    assert extremes[[0, 2, 3, 4, 5]] == pytest.approx(np.array([[part.min(), part.max()] for part in finite]))
+    assert np.array_equal(column.extremes(2, 4), extremes[2:4])
 
 
 def test_no_values_have_no_extremes():

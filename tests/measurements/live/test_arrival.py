@@ -35,15 +35,17 @@ def blocks_of(rows, size, channels=MAP):
     def pieces():
         for begin in range(0, len(rows), size):
             some = rows[begin : begin + size]
-            each = []
+            arrived_samples = []
             for i, chosen in enumerate(picks):
                 own = [(place, t, values) for place, (which, t, values) in enumerate(some) if which == i]
                 count = len(RASTERS[chosen.raster].headings)
                 table = np.array([[t, *values] for _, t, values in own]).reshape(len(own), count)
                 numbers = dict(enumerate(table.T))
                 at = np.array([place for place, *_ in own], dtype=np.int64)
-                each.append(arrived(i, chosen, Table(RASTERS[chosen.raster].headings, numbers, len(own)), 1e5, at))
-            yield ArrivedBatch(np.array([t for _, t, _ in some]), each)
+                arrived_samples.append(
+                    arrived(i, chosen, Table(RASTERS[chosen.raster].headings, numbers, len(own)), 1e5, at)
+                )
+            yield ArrivedBatch(np.array([t for _, t, _ in some]), arrived_samples)
 
     return live_blocks(pieces(), picks, "bus", {})
 
@@ -69,9 +71,9 @@ def test_blocks_do_not_depend_on_how_the_samples_come(size, delay):
     channels = ChannelMap({**MAP.channels, "duty_supply": Channel("Supply", delay=delay)})
     rows = bus()
     del rows[400:420], rows[700]
-    one, other = whole(blocks_of(rows, len(rows), channels)), whole(blocks_of(rows, size, channels))
-    assert np.array_equal(one[0], other[0])
-    for name, values in one[1].items():
+    at_once, other = whole(blocks_of(rows, len(rows), channels)), whole(blocks_of(rows, size, channels))
+    assert np.array_equal(at_once[0], other[0])
+    for name, values in at_once[1].items():
         assert np.array_equal(values, other[1][name], equal_nan=True), name
 
 
@@ -85,9 +87,9 @@ def test_a_duty_cycle_that_stays_away_is_missing_after_five_intervals():
 
 
 def test_the_first_block_waits_for_as_many_samples_as_give_the_interval():
-    found = list(blocks_of(bus(), 3))
-    assert len(found[0].log) >= 101
-    assert max(len(block.log) for block in found[1:-1]) < 10
+    blocks = list(blocks_of(bus(), 3))
+    assert len(blocks[0].log) >= 101
+    assert max(len(block.log) for block in blocks[1:-1]) < 10
 
 
 def text(rows):

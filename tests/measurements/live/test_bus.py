@@ -39,9 +39,9 @@ def ramp(seconds):
 def received(messages):
     stop = Event()
     thread = sending("test", messages, stop.set)
-    found = list(from_bus(NAME, stop.is_set))
+    blocks = list(from_bus(NAME, stop.is_set))
     thread.join()
-    return found
+    return blocks
 
 
 def recorded(frames, tmp_path, channels=MAP):
@@ -53,10 +53,10 @@ def recorded(frames, tmp_path, channels=MAP):
 
 def test_all_frames_arrive_in_order_and_the_bus_is_closed():
     sent = [message(*frame) for frame in frames_of(ramp(2.0))]
-    found = received(sent)
-    assert np.concatenate([one.stamp for one in found]).tolist() == [one.timestamp for one in sent]
-    payloads = [bytes(row) for one in found for row in one.data]
-    assert payloads == [bytes(one.data).ljust(8, b"\0") for one in sent]
+    blocks = received(sent)
+    assert np.concatenate([block.stamp for block in blocks]).tolist() == [block.timestamp for block in sent]
+    payloads = [bytes(row) for block in blocks for row in block.data]
+    assert payloads == [bytes(block.data).ljust(8, b"\0") for block in sent]
     assert "test" not in can.interfaces.virtual.channels
 
 
@@ -77,14 +77,14 @@ def test_more_frames_than_can_wait_stay_with_the_bus(monkeypatch):
     first = next(frames)
     thread.join()
     with can.Bus("test", interface="virtual", preserve_timestamps=True) as other:
-        for one in sent[1:]:
-            other.send(one)
+        for block in sent[1:]:
+            other.send(block)
         time.sleep(0.5)  # nobody takes them
         stop.set()
         rest = list(frames)
     assert len(first) == 1
     assert len(rest[0]) == 50
-    assert np.concatenate([one.stamp for one in rest]).tolist() == [one.timestamp for one in sent[1:]]
+    assert np.concatenate([block.stamp for block in rest]).tolist() == [block.timestamp for block in sent[1:]]
 
 
 def test_a_message_that_begins_late_is_waited_for_and_its_samples_before_are_missing(tmp_path):
@@ -98,32 +98,32 @@ def test_a_message_that_begins_late_is_waited_for_and_its_samples_before_are_mis
 
 def test_a_message_that_does_not_come_is_said_after_ten_seconds(tmp_path):
     frames = [frame for frame in frames_of(ramp(12.0)) if frame[1] == CLUTCH][::10]
-    found = received([message(*frame) for frame in frames])
+    blocks = received([message(*frame) for frame in frames])
     with pytest.raises(DataError, match="duty_supply: there is no channel 'Supply'"):
-        recorded(found, tmp_path)
+        recorded(blocks, tmp_path)
 
 
 def test_a_pressure_of_the_map_that_does_not_come_is_done_without(tmp_path):
-    found = received([message(*frame) for frame in frames_of(ramp(4.0))[::4]])
+    blocks = received([message(*frame) for frame in frames_of(ramp(4.0))[::4]])
     with_pressure = ChannelMap({**MAP.channels, "pressure_a": Channel("Druck", unit="bar")})
-    columns = recorded(found, tmp_path, with_pressure)
+    columns = recorded(blocks, tmp_path, with_pressure)
     assert sorted(columns) == sorted(NEEDED[1:])
-    assert columns["position"].size == recorded(found, tmp_path)["position"].size
+    assert columns["position"].size == recorded(blocks, tmp_path)["position"].size
 
 
 def test_without_a_map_the_signals_need_standard_names(tmp_path):
-    found = received([message(*frame) for frame in frames_of(ramp(1.5))])
+    blocks = received([message(*frame) for frame in frames_of(ramp(1.5))])
     with pytest.raises(DataError, match=r"(?s)no channel is assigned to position.*give a channel map with --map"):
-        recorded(found, tmp_path, None)
+        recorded(blocks, tmp_path, None)
 
 
 def test_what_is_sent_arrives_under_its_identifier():
     with opened_bus(NAME) as listener:
         with sender(NAME, lambda: False) as send:
             assert send([(VALVES, b"\1\2"), (CLUTCH, b"\3")]) == ""
-        found = [listener.recv(0.0) for _ in range(2)]
-    assert [(one.arbitration_id, bytes(one.data)) for one in found] == [(VALVES, b"\1\2"), (CLUTCH, b"\3")]
-    assert not any(one.is_extended_id for one in found)
+        messages = [listener.recv(0.0) for _ in range(2)]
+    assert [(frame.arbitration_id, bytes(frame.data)) for frame in messages] == [(VALVES, b"\1\2"), (CLUTCH, b"\3")]
+    assert not any(frame.is_extended_id for frame in messages)
 
 
 def test_a_bus_that_does_not_take_a_frame_says_why(monkeypatch):
@@ -141,9 +141,9 @@ def test_a_bus_that_does_not_take_a_frame_says_why(monkeypatch):
 def test_a_bus_that_blocks_holds_nothing_up_and_gets_what_comes_when_it_goes_on(monkeypatch):
     blocked, sent = Event(), []
 
-    def wait(_bus, one, timeout=None):
+    def wait(_bus, frame, timeout=None):
         blocked.wait()
-        sent.append(one.data[0])
+        sent.append(frame.data[0])
 
     monkeypatch.setattr("can.interfaces.virtual.VirtualBus.send", wait)
     monkeypatch.setattr(module, "MOST_TO_SEND", 2)

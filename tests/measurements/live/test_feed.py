@@ -12,16 +12,16 @@ from clutchid.measurements.live.feed import MOST, from_descriptor, from_growing_
 
 
 def test_a_file_is_read_from_its_start_and_then_what_is_appended(tmp_path):
-    path, stop, found = tmp_path / "log.csv", threading.Event(), []
+    path, stop, pieces = tmp_path / "log.csv", threading.Event(), []
     path.write_bytes(b"first\n")
     for piece in from_growing_file(path, stop.is_set):
-        found.append(piece)
-        if len(found) < 4:
+        pieces.append(piece)
+        if len(pieces) < 4:
             with path.open("ab") as file:
-                file.write(b"row %d\nha" % len(found))
+                file.write(b"row %d\nha" % len(pieces))
         else:
             stop.set()
-    assert found == [b"first\n", b"row 1\nha", b"row 2\nha", b"row 3\nha"]
+    assert pieces == [b"first\n", b"row 1\nha", b"row 2\nha", b"row 3\nha"]
 
 
 def test_what_the_file_holds_when_it_is_stopped_is_read(tmp_path):

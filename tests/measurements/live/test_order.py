@@ -14,19 +14,19 @@ def fed(stamps, cuts, streams=None):
     stream = np.zeros(len(stamps), dtype=int) if streams is None else np.asarray(streams)
     stamps = np.asarray(stamps)
     number = np.arange(stamps.size) * 1.0
-    waiting, counts, found = none_waiting([["x"], ["x"]]), np.zeros(4, dtype=int), ([], [])
+    waiting, counts, streams_out = none_waiting([["x"], ["x"]]), np.zeros(4, dtype=int), ([], [])
     for piece in [*np.split(np.arange(stamps.size), cuts), np.empty(0, dtype=int)]:
-        each = []
+        arrived = []
         for i in (1, 0):
             rows = piece[stream[piece] == i]
             place = rows - (piece[0] if piece.size else 0)
-            each.append(ArrivedSamples(i, place, {"x": number[rows]}))
-        waiting, out, _ = sorted_in(waiting, ArrivedBatch(stamps[piece], each), ended=not piece.size)
+            arrived.append(ArrivedSamples(i, place, {"x": number[rows]}))
+        waiting, out, _ = sorted_in(waiting, ArrivedBatch(stamps[piece], arrived), ended=not piece.size)
         counts += out
         waiting, ready = final(waiting, ended=not piece.size)
-        for have, new in zip(found, ready, strict=True):
+        for have, new in zip(streams_out, ready, strict=True):
             have += [*zip(new.time.tolist(), new.columns["x"].tolist(), strict=True)]
-    return found, counts[[0, 1, 3]].tolist(), waiting
+    return streams_out, counts[[0, 1, 3]].tolist(), waiting
 
 
 RNG = np.random.default_rng(5)
@@ -44,13 +44,13 @@ def test_the_order_and_what_is_left_out_do_not_depend_on_how_the_samples_come(cu
     assert parts == whole
     assert again == counts
     assert counts[0] == 3
-    for one in whole:
-        time = np.array([t for t, _ in one])
+    for samples in whole:
+        time = np.array([t for t, _ in samples])
         assert (np.diff(time) > 0).all()
 
 
 @pytest.mark.parametrize(
-    ("stamps", "cuts", "kept", "counts"),
+    ("stamps", "cuts", "order", "counts"),
     [
         ([0.0, 0.001, 0.001, 0.001, 0.002], [2], [0, 3, 4], [0, 2, 0]),  # of equal stamps the last counts
         ([0.0, 0.1, 0.1 - 0.9 * WINDOW, 0.1 - WINDOW, 0.2], [], [0, 2, 1, 4], [1, 0, 0]),  # too late for the window
@@ -59,9 +59,9 @@ def test_the_order_and_what_is_left_out_do_not_depend_on_how_the_samples_come(cu
         ([1e9], [], [0], [0, 0, 0]),
     ],
 )
-def test_samples_are_sorted_in_confirmed_or_left_out(stamps, cuts, kept, counts):
-    found, out, _ = fed(stamps, list(cuts))
-    assert found[0] == [(stamps[i], float(i)) for i in kept]
+def test_samples_are_sorted_in_confirmed_or_left_out(stamps, cuts, order, counts):
+    samples, out, _ = fed(stamps, list(cuts))
+    assert samples[0] == [(stamps[i], float(i)) for i in order]
     assert out == counts
 
 
@@ -74,17 +74,17 @@ def test_a_spoiled_stamp_far_ahead_costs_one_sample_wherever_it_stands(cuts, str
     places = [0, 700, 702, 1000, 1999]
     stamps[places] = stamp + 2.0
     stamps[1000] *= 1.5
-    found, counts, _ = fed(stamps, cuts, streams)
+    by_stream, counts, _ = fed(stamps, cuts, streams)
     assert counts == [0, 0, len(places)]
-    assert sorted(x for one in found for _, x in one) == np.delete(np.arange(2000.0), places).tolist()
+    assert sorted(x for samples in by_stream for _, x in samples) == np.delete(np.arange(2000.0), places).tolist()
 
 
 @pytest.mark.parametrize("cuts", [[], [1], [1, 2, 3, 10]])
 def test_a_first_stamp_far_below_the_others_is_followed_by_a_hole(cuts):
     stamps = np.arange(2000) * 1e-3
     stamps[0] = -5.0
-    found, counts, _ = fed(stamps, cuts)
-    assert [t for t, _ in found[0]] == stamps.tolist()
+    samples, counts, _ = fed(stamps, cuts)
+    assert [t for t, _ in samples[0]] == stamps.tolist()
     assert counts == [0, 0, 0]
 
 
@@ -93,9 +93,9 @@ RESTARTED = np.concatenate([3.0 + np.arange(200) * 1e-3, np.arange(1100) * 1e-3]
 
 @pytest.mark.parametrize("cuts", [[], list(range(1, 1300)), [150, 260]])
 def test_a_clock_that_begins_again_goes_on_behind_once_that_is_sure(cuts):
-    found, counts, waiting = fed(RESTARTED, cuts)
+    samples, counts, waiting = fed(RESTARTED, cuts)
     assert counts == [0, 0, 0]
-    stamps = np.array([t for t, _ in found[0]])
+    stamps = np.array([t for t, _ in samples[0]])
     assert stamps.size == 1300
     assert stamps[200] - stamps[199] == pytest.approx(1.0)
     assert waiting.clock.shift == pytest.approx(4.199)
@@ -104,9 +104,9 @@ def test_a_clock_that_begins_again_goes_on_behind_once_that_is_sure(cuts):
 @pytest.mark.parametrize("cuts", [[], list(range(1, 400)), [201, 260]])
 def test_a_few_samples_from_before_stay_between_those_around_them(cuts):
     stamps = np.concatenate([3.0 + np.arange(200) * 1e-3, np.arange(150) * 1e-3, 3.35 + np.arange(50) * 1e-3])
-    found, counts, _ = fed(stamps, cuts)
+    samples, counts, _ = fed(stamps, cuts)
     assert counts == [0, 0, 0]
-    assert [t for t, _ in found[0]] == pytest.approx((3.0 + np.arange(400) * 1e-3).tolist(), abs=1e-3)
+    assert [t for t, _ in samples[0]] == pytest.approx((3.0 + np.arange(400) * 1e-3).tolist(), abs=1e-3)
 
 
 @pytest.mark.parametrize("cuts", [[150], [152, 155], list(range(1, 500))])
@@ -158,6 +158,6 @@ def test_whatever_happens_to_the_clock_stamps_grow_and_do_not_depend_on_how_they
         stamps = trouble(stamps, a, a + size, by)
     streams = random.integers(0, 2, stamps.size)
     whole, counts, _ = fed(stamps, [], streams)
-    assert all((np.diff([t for t, _ in one]) > 0).all() for one in whole)
+    assert all((np.diff([t for t, _ in samples]) > 0).all() for samples in whole)
     for other in (sorted({*cuts}), list(range(1, stamps.size, 2))):
         assert fed(stamps, other, streams)[:2] == (whole, counts)

@@ -21,16 +21,16 @@ def lines_of(count, spoil=None):
 def read(pieces, chosen=(0, 1, 2, 3)):
     feed = text_feed(iter(pieces), "live")
     rows = list(feed.rows(chosen))
-    columns = [np.concatenate([each.table.numbers[i] for each in rows]) for i in chosen]
-    return columns, sum(each.left_out + int(each.spoiled.sum()) for each in rows)
+    columns = [np.concatenate([part.table.numbers[i] for part in rows]) for i in chosen]
+    return columns, sum(part.left_out + int(part.spoiled.sum()) for part in rows)
 
 
 def cut(text, sizes):
-    done, pieces = 0, []
+    begin, pieces = 0, []
     for size in sizes:
-        pieces.append(text[done : done + size])
-        done += size
-    return [*pieces, text[done:]]
+        pieces.append(text[begin : begin + size])
+        begin += size
+    return [*pieces, text[begin:]]
 
 
 @pytest.mark.parametrize("sizes", [[], [1] * 300, [len(HEADER) - 3, 5, 7000], [2000, 1, 1, 1, 9000]])
@@ -51,9 +51,9 @@ def test_json_lines_have_the_numbers_of_csv():
     )
     feed = text_feed(iter(cut(text.encode(), [7, 4000])), "live")
     assert [(h.name, h.unit) for h in feed.raster.headings[:2]] == [("position", "mm"), ("time", "s")]
-    rows = [each.table for each in feed.rows([0, 1])]
-    assert np.array_equal(np.concatenate([each.numbers[1] for each in rows]), time)
-    assert np.array_equal(np.concatenate([each.numbers[0] for each in rows]), position)
+    rows = [table.table for table in feed.rows([0, 1])]
+    assert np.array_equal(np.concatenate([table.numbers[1] for table in rows]), time)
+    assert np.array_equal(np.concatenate([table.numbers[0] for table in rows]), position)
 
 
 def test_a_broken_line_of_json_is_left_out_and_a_value_that_is_no_number_is_missing():
