@@ -21,7 +21,7 @@ def test_tables_of_any_size_are_the_whole_in_pieces_that_count_on(fuzz, tmp_path
     source = opened(fuzz.good_file(kind, tmp_path))
     for index, raster in enumerate(source.rasters):
         (whole,) = tables_of(source, None, index)
-        assert whole.size == raster.size
+        assert (whole.size, whole.places.number(0)) == (raster.size, 2 if kind == "csv" else 1)
         for rows in (1, 7, raster.size + 1):
             tables = tables_of(source, rows, index)
             assert [table.size for table in tables[:-1]] == [rows] * (len(tables) - 1)
