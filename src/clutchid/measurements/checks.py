@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,15 +29,6 @@ _ABSOLUTE = ("pressure_a", "pressure_b")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Checked:
-    """Columns in SI by name, including `time`, with all problems and warnings of the file."""
-
-    columns: Mapping[str, FloatArray]
-    problems: tuple[str, ...]
-    warnings: tuple[str, ...]
-
-
-@dataclass(frozen=True, eq=False, slots=True)
 class _Column:
     """One column: as written, in SI (as written if the unit is unknown), and location of its samples."""
 
@@ -59,8 +50,8 @@ class _Column:
         return quantity(self.written[row], self.heading.unit)
 
 
-def check(table: Table, ambient: float = AMBIENT, *, holes_end: bool = True) -> Checked:
-    """The columns of `table` in SI, and all problems and warnings of their samples.
+def check(table: Table, ambient: float, *, holes_end: bool) -> tuple[dict[str, FloatArray], list[str], list[str]]:
+    """The columns of `table` in SI by name, including `time`, and all problems and warnings of their samples.
 
     Parameters
     ----------
@@ -79,7 +70,7 @@ def check(table: Table, ambient: float = AMBIENT, *, holes_end: bool = True) -> 
     problems = [*table.problems, *(text for name, column in columns.items() for text in _problems(name, column))]
     warnings = _gaps([columns[name] for name in INPUTS if name in columns])
     warnings += _hole_warning(columns["time"]) if holes_end and "time" in columns and columns["time"].heading.si else []
-    return Checked({name: column.values for name, column in columns.items()}, tuple(problems), tuple(warnings))
+    return {name: column.values for name, column in columns.items()}, problems, warnings
 
 
 def check_ambient(ambient: float | None) -> None:

@@ -239,14 +239,13 @@ def _blocks(
                 messages.problems += _unplaced(named.headings[at], named.places, stamps.size, repaired.rows)
             named = _kept(named, at, repaired.rows, repaired.time)
         count += table.size
-        checked = check(named, ambient, holes_end=not chosen.on_change)
+        columns, problems, warnings = check(named, ambient, holes_end=not chosen.on_change)
         messages.warnings += [f"{_where(source, chosen.raster)}{sentence}" for sentence in said]
-        messages.problems += checked.problems
-        messages.warnings += [*table.warnings, *checked.warnings]
+        messages.problems += problems
+        messages.warnings += [*table.warnings, *warnings]
         if messages.problems:
             yield time_axis.no_samples(name for name in chosen.columns if name != "time")
             return
-        columns = dict(checked.columns)
         yield time_axis.SampleBlock(columns.pop("time"), columns).earlier(chosen.delay)
 
 
