@@ -89,9 +89,10 @@ def repair(stamps: FloatArray, places: Places, clock: Clock = AT_START, *, share
     the clock restarts at row 9 (0 s after 0.6 s); each run becomes a separate segment, 2 s after the previous one.
     """
     rows, time, said, after = on_clock(stamps, places, clock, shared=shared)
-    ahead = np.maximum.accumulate(np.append(clock.last, time))[:-1]
+    ahead = np.append(clock.last, time[:-1])
     if rows.size == stamps.size and (time > ahead).all():
         return RepairedTime(rows, time, tuple(said), after)
+    ahead = np.maximum.accumulate(ahead)
     slack = Tolerance.of(after.usual, shared=shared).behind
     late = time < np.maximum(ahead - (slack if math.isfinite(slack) else 0.0), clock.last)
     used = np.flatnonzero(~late)
