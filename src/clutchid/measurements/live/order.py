@@ -29,9 +29,10 @@ from clutchid.measurements.clock import (
     sentences,
     shifts_of,
 )
+from clutchid.measurements.columns import heading_problems
 from clutchid.measurements.map.channel_map import Channel, ChannelMap, PickedChannels
-from clutchid.measurements.recording import by_names, picked, picked_values
-from clutchid.measurements.source import Places, Raster, Rows, Source, Table, no_tables
+from clutchid.measurements.recording import picked, picked_values
+from clutchid.measurements.source import Places, Raster, Rows, Source, Table, in_contract, no_tables
 from clutchid.measurements.time_axis import SampleBlock, no_samples, usual_interval
 
 _ADVICE = (
@@ -78,10 +79,11 @@ def picked_streams(
         If the map does not fit, or a required quantity has no channel; the text lists all problems.
     """
     source = Source(Path(name), "CSV" if len(rasters) == 1 else "CAN", tuple(rasters), no_tables)
-    if channels is None and len(rasters) == 1:
-        picks, problems = by_names(source, required)
-    else:
-        picks, problems = picked(source, channels or _by_names(rasters), required)
+    if channels is None:
+        if len(rasters) == 1 and not in_contract(source):
+            raise DataError.of(name, [*heading_problems(rasters[0].headings, required), _ADVICE])
+        channels = _by_names(rasters)
+    picks, problems = picked(source, channels, required)
     if problems:
         raise DataError.of(name, [*problems, _ADVICE])
     return by_position(picks)
