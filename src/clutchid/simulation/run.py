@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -82,10 +83,11 @@ def start_state(segment: Segment, actuator: Actuator, start: tuple[float, float]
     start : (m, Pa), optional
         Position and pressure in chamber A, if they have been estimated.
     """
-    state: FloatArray = start_states([segment], [actuator], actuator.array()[None])[0]
-    if start is not None:
-        state[[actuator.states.index("y"), actuator.states.index("p_A")]] = start
-    return state
+    position, pressure = start or (segment.position_start, guessed_pressure(segment, actuator))
+    starts = {"y": position, "p_A": pressure}
+    for name, row in actuator.state_rows.items():
+        starts.setdefault(name, actuator.value(row.starts_at) if row.starts_at else 0.0)
+    return np.array([starts[name] for name in actuator.states])
 
 
 def start_states(segments: Sequence[Segment], actuators: Sequence[Actuator], parameters: FloatArray) -> FloatArray:
@@ -108,7 +110,7 @@ def _start_places(model: Model) -> IntArray:
 def guessed_pressure(segment: Segment, actuator: Actuator) -> float:
     """Pressure in chamber A at the start: measured, P_0 if vented, else in equilibrium with the load, Eq. (26)."""
     p = actuator.parameters
-    if np.isfinite(segment.pressure_start):
+    if math.isfinite(segment.pressure_start):
         return segment.pressure_start
     if segment.vented:
         return p.P_0
