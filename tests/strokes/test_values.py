@@ -66,10 +66,8 @@ def test_no_rounding_of_a_clock_decides_on_a_sample(steps_at):
     position = 1e-6 * at + 8e-3 * (at >= steps_at)
     bounds, closed = limits(ACTUATOR, "position", 1e-3), dict.fromkeys(INPUTS, np.zeros(at.size))
     gap = 49 * (at >= 200) * (steps_at == 260)
-    judged = [
-        watched(new_watch(), bounds, Log((late + at + gap) * 1e-3, {"position": position, **closed}), "position")[0]
-        for late in range(0, 4000, 7)
-    ]
+    logs = [Log((late + at + gap) * 1e-3, {"position": position, **closed}) for late in range(0, 4000, 7)]
+    judged = [watched(new_watch(), bounds, log, "position", log.duties())[0] for log in logs]
     assert judged[0].any()
     assert all(np.array_equal(verdicts, judged[0]) for verdicts in judged)
 
@@ -129,10 +127,11 @@ def test_a_part_of_any_length_has_the_same_verdicts(log):
     bad, _ = corrupted(log, "position", 0.0, 30, 3)
     bad = bad.with_columns(position=bad["position"] + 1e-3 * (np.arange(len(log)) >= 5000))
     bounds = limits(ACTUATOR, "position", 1e-3)
-    whole, _, last = watched(new_watch(), bounds, bad, "position")
+    whole, _, last = watched(new_watch(), bounds, bad, "position", bad.duties())
     watch, parts = new_watch(), []
     for part in np.array_split(np.arange(len(log)), [1, 2, 700, 4999, 5000, 5003, 5700]):
-        verdicts, _, watch = watched(watch, bounds, bad.slice(part[0], part[-1] + 1), "position")
+        block = bad.slice(part[0], part[-1] + 1)
+        verdicts, _, watch = watched(watch, bounds, block, "position", block.duties())
         parts.append(verdicts)
     assert np.array_equal(np.concatenate(parts), whole)
     np.testing.assert_array_equal(watch, last)

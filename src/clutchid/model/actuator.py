@@ -10,7 +10,7 @@ import numpy as np
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.log.states import SENSOR_PARAMETERS, State
-from clutchid.model.compiled import Model, check_model, kernels, parameter_names, state_rows
+from clutchid.model.compiled import Model, check_model, kernels, parameter_names, state_names, state_rows
 from clutchid.model.equipment import Equipment
 from clutchid.model.own import OwnModel, OwnParameter
 from clutchid.model.weighted_load import Load, in_metres
@@ -110,7 +110,7 @@ class Actuator:
     @property
     def states(self) -> tuple[str, ...]:
         """Names of the model's states, in the order of its kernels."""
-        return tuple(self.state_rows)
+        return state_names(self.model)
 
     @property
     def state_rows(self) -> Mapping[str, State]:

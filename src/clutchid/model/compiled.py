@@ -66,6 +66,18 @@ def state_rows(model: Model) -> Mapping[str, State]:
 
 
 @cache
+def state_names(model: Model) -> tuple[str, ...]:
+    """Names of the states of a model, in the order of its kernels.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such variant.
+    """
+    return tuple(state_rows(model))
+
+
+@cache
 def parameter_names(model: Model) -> tuple[str, ...]:
     """Names of the parameters of a model, in the order of its kernels."""
     return (*Parameters.names(), *(model.parameters if isinstance(model, OwnModel) else ()))

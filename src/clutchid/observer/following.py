@@ -24,7 +24,7 @@ from clutchid.inference.filter.joint_filter import (
 )
 from clutchid.inference.filter.references import MethodState
 from clutchid.inference.filter.setup import FilterState, intervals
-from clutchid.log import INPUTS, BoolArray, FloatArray, Log
+from clutchid.log import INPUTS, BoolArray, FloatArray, Log, all_of, any_of
 from clutchid.observer.air import at_air, changes_of_air
 from clutchid.observer.gaps import RESOLUTION, bridged, latest_driven, longest, repeats
 from clutchid.observer.mismatch import mismatches
@@ -146,16 +146,17 @@ def observe_strokes(
     repeated, before = repeats(block.time, state.latest, observer.spacing), state
     values, state = _values(observer, state, block, repeated)
     fills = observer.joint.reference is not None
-    samples, rows, driven = bridged(state, values.samples, repeated, values.ends, observer.spacing, fills)
-    observed, stretches = _nothing(observer, samples.time), _stretches(observer, samples)
-    rest, unzeroed, moves = _rests(observer, state, samples, stretches, observed)
+    samples, rows, latest_input = bridged(state, values.samples, repeated, values.ends, observer.spacing, fills)
+    driven: BoolArray = np.logical_and.reduce(np.isfinite(samples.duties), axis=1)
+    observed, stretches = _nothing(observer, samples.time), _stretches(observer, samples, driven)
+    rest, unzeroed, moves = _rests(observer, state, samples, stretches, driven, observed)
     counted = subtracted(observer, observed.rest)
     samples = samples._replace(position=np.where(observed.no_zero, np.nan, samples.position - counted))
     strokes, ends = count_strokes(state.strokes, samples.time, samples.position)
     air, aired = _air(observer, state, block, samples.time)
     judged, at_ends = 0, list[ObserverState]()
     for begin, end in stretches:
-        if not _continues(observer, state, samples.time[begin], samples.duties[begin]):
+        if not (driven[begin] and _continues(observer, state, samples.time[begin])):
             state = _ended(observer, state)
         cuts = {begin, end}
         if ends or moves or air:
@@ -164,17 +165,20 @@ def observe_strokes(
             state = _counted(observer, state, float(counted[a]))
             if a in air:
                 state = state._replace(temperature=air[a])
-            state = _piece(at_air(observer, state.temperature), state, samples, (a, b), observed)
+            if driven[a]:
+                state = _piece(at_air(observer, state.temperature), state, samples, (a, b), observed)
             observed.leaking[a:b] = state.leaking
             if b - 1 in ends:
                 state = _stroke_ended(observer, _judged(observer, state, observed, slice(judged, b)))
                 at_ends.append(_ended(observer, state)._replace(latest=float(samples.time[b - 1])))
                 judged = b
-    state = state._replace(temperature=air.get(samples.time.size, state.temperature), aired=aired)
     state = _judged(observer, state, observed, slice(judged, samples.time.size))
-    latest = float(samples.time[-1]) if samples.time.size else state.latest
-    state = state._replace(rest=rest, unzeroed=unzeroed, strokes=strokes, latest=latest, known=driven)
-    if repeated.any() or rows.size != observed.time.size:  # as many may be bridged as are repeated
+    state = state._replace(
+        rest=rest, unzeroed=unzeroed, strokes=strokes, known=latest_input, aired=aired,
+        latest=float(samples.time[-1]) if samples.time.size else state.latest,
+        temperature=air.get(samples.time.size, state.temperature),
+    )  # fmt: skip
+    if any_of(repeated) or rows.size != observed.time.size:  # as many may be bridged as are repeated
         observed = _of_rows(observed, _latest(observer, before), rows, repeated)
     observed = observed._replace(
         time=block.time, verdicts=values.verdicts, supply_unlike=values.supply_unlike, repeated=repeated
@@ -209,18 +213,18 @@ def _values(observer: Observer, state: ObserverState, block: Log, repeated: Bool
     As `clutchid.strokes.values.values_of`, but for a jump of the position, which is believed a second later: there a
     stretch ends. The exported C judges by the same rule, which is printed from that text.
     """
-    n, recorded = len(block), "pressure_supply" in block
-    taken = np.flatnonzero(~repeated)
+    n, recorded, repeats_some = len(block), "pressure_supply" in block, any_of(repeated)
     names = ("position", *INPUTS, "pressure_supply")
-    judged = block
-    if taken.size < n:
+    judged, taken = block, np.arange(n)
+    if repeats_some:
+        taken = (~repeated).nonzero()[0]
         judged = Log(block.time[taken], {name: block[name][taken] for name in names if name in block})
-    bounds = limits(observer.actuator, "position", observer.spacing)
-    of_taken, since, watch = watched(state.values, bounds, judged, "position")
+    duties = judged.duties()
+    of_taken, since, watch = watched(state.values, _limits(observer), judged, "position", duties)
     verdicts, position = of_taken, block["position"]
     unlike, jumps, ends = np.zeros((3, n), dtype=bool)
     supply_watch = state.supply
-    if taken.size < n or of_taken.any():
+    if repeats_some or any_of(of_taken != rule.VALUE):
         verdicts = np.full(n, rule.VALUE, dtype=np.uint8)
         verdicts[taken] = of_taken
         # what counted for less time before a step was the outlier itself
@@ -230,17 +234,23 @@ def _values(observer: Observer, state: ObserverState, block: Log, repeated: Bool
         unlike[taken], supply_watch = supply_differs(state.supply, observer.supply.recorded, judged)
     samples = Tail(
         block.time,
-        within_rounding(np.column_stack([block[name] for name in INPUTS])),
+        within_rounding(block.duties() if repeats_some else duties),
         position,
         np.where(unlike, np.nan, block["pressure_supply"]) if recorded else np.full(n, np.nan),
         np.zeros(n),
     )
-    jumped = bool(jumps.any())
+    jumped = any_of(jumps)
     after = state._replace(
         values=watch, jumped=state.jumped or jumped, supply=supply_watch,
         unzeroed=(*state.unzeroed, *block.time[jumps].tolist()) if jumped else state.unzeroed,
     )  # fmt: skip
     return _Values(samples, verdicts, unlike, ends), after
+
+
+@lru_cache(maxsize=4)
+def _limits(observer: Observer) -> FloatArray:
+    """Limits of the position; the hash of an actuator takes as long as the rest of some samples."""
+    return limits(observer.actuator, "position", observer.spacing)
 
 
 def _latest(observer: Observer, state: ObserverState) -> Observed:
@@ -305,6 +315,7 @@ def _rests(
     state: ObserverState,
     samples: Tail,
     stretches: Sequence[tuple[int, int]],
+    driven: BoolArray,
     observed: Observed,
 ) -> tuple[RestWatch, tuple[float, ...], list[int]]:
     """State of the vented rest after a block, the jumps whose zero it has not shown, and the samples at which its shift
@@ -321,7 +332,7 @@ def _rests(
         observed.no_zero[begin:end] = bool(unzeroed) and unzeroed[0] <= time[begin]  # a jump begins a stretch
         # a rest settles all jumps before it: the first of them says enough
         unzeroed = (*unzeroed[:1], *(jump for jump in unzeroed[1:] if jump > time[end - 1]))
-        if before is None or not np.isfinite(duties[begin]).all():
+        if before is None or not driven[begin]:
             continue
         watch, changes = watch_rest(watch, before, pace, samples.position[begin:end], duties[begin:end])
         for at, shift in changes:
@@ -357,12 +368,12 @@ def _nothing(observer: Observer, time: FloatArray) -> Observed:
 def _piece(
     observer: Observer, state: ObserverState, samples: Tail, span: tuple[int, int], observed: Observed
 ) -> ObserverState:
-    """Follow a part of a stretch, from each sample after one at which the filter diverged anew."""
+    """Follow a part of a stretch with known inputs, from each sample after one at which the filter diverged anew."""
     a, b = span
     while a < b:
         if state.filter is None:
             a += _first(np.isfinite(samples.position[a:b]))
-        if a == b or not np.isfinite(samples.duties[a]).all():
+        if a == b:
             break
         end = min(b, a + MOST)
         held = int(samples.time[a:end].searchsorted(_held_until(state)))
@@ -397,7 +408,7 @@ def _not_learning(observer: Observer) -> Observer:
 
 def _first(mask: BoolArray) -> int:
     """Number of the first sample in a mask, as many as there are without one."""
-    return int(mask.argmax()) if mask.any() else mask.size
+    return int(mask.argmax()) if any_of(mask) else mask.size
 
 
 def _check(state: ObserverState, block: Log) -> None:
@@ -410,27 +421,26 @@ def _check(state: ObserverState, block: Log) -> None:
             "the recording that follows."
         )
     for name in INPUTS:
-        if (wrong := outside(name, block[name])).any():
+        if any_of(wrong := outside(name, block[name])):
             at = int(np.argmax(wrong))
             raise DataError(
                 f"{block.name}: {name} is {block[name][at]:.4g} at {block.time[at]:.6g} s; a duty cycle is from 0 to 1."
             )
 
 
-def _stretches(observer: Observer, samples: Tail) -> list[tuple[int, int]]:
+def _stretches(observer: Observer, samples: Tail, driven: BoolArray) -> list[tuple[int, int]]:
     """Ranges of samples with known inputs and without holes, and single samples without inputs."""
-    inputs: BoolArray = np.logical_and.reduce(np.isfinite(samples.duties), axis=1)
     hole = samples.time[1:] - samples.time[:-1] > longest(observer.spacing)
-    if inputs.all() and not hole.any():
-        return [(0, inputs.size)] if inputs.size else []
-    cuts = np.flatnonzero(hole | ~inputs[1:] | ~inputs[:-1]) + 1
+    if all_of(driven) and not any_of(hole):
+        return [(0, driven.size)] if driven.size else []
+    cuts = np.flatnonzero(hole | ~driven[1:] | ~driven[:-1]) + 1
     return [(a, b) for a, b in pairwise([0, *cuts.tolist(), samples.time.size]) if b > a]
 
 
-def _continues(observer: Observer, state: ObserverState, time: float, duties: FloatArray) -> bool:
-    """Whether a sample goes on from the last one."""
+def _continues(observer: Observer, state: ObserverState, time: float) -> bool:
+    """Whether a sample with known inputs goes on from the last one."""
     tail = state.tail.time
-    return bool(tail.size and time - tail[-1] <= longest(observer.spacing) and np.isfinite(duties).all())
+    return bool(tail.size and time - tail[-1] <= longest(observer.spacing))
 
 
 def _ended(observer: Observer, state: ObserverState) -> ObserverState:
@@ -471,7 +481,7 @@ def _followed(
         ended = _ended(observer, state)._replace(**state.sound._asdict())
         return ended, passed, usable[first:end], end + 1 - first
     tail = last_samples(both, joint.mapped.actuator.parameters.T_pwm + 2.0 * observer.spacing)
-    corrected = np.flatnonzero(np.isfinite(passed.deviations[:, 0]))
+    corrected = np.isfinite(passed.deviations[:, 0]).nonzero()[0]
     deviations = passed.deviations[corrected[-1]].copy() if corrected.size else state.deviations
     after = passed.state
     G, wear = (after.G, after.wear) if isinstance(after, FilterState) else (state.G, state.wear)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.inference.filter.setup import LONG
-from clutchid.log import HOLE, BoolArray, FloatArray
+from clutchid.log import HOLE, BoolArray, FloatArray, any_of
 from clutchid.observer.state import ObserverState, Tail
 
 #: Longest time in s for which duty cycles are held where they are missing; beyond it a stretch ends. Provenance:
@@ -66,9 +66,9 @@ def bridged(
         Whether samples are put where they are missing.
     """
     latest, held_before = latest_driven(state), state.known < state.latest
-    if not (held_before or repeated.any() or ends.any() or np.isnan(samples.duties).any()):
+    if not (held_before or any_of(repeated) or any_of(ends) or any_of(np.isnan(samples.duties))):
         time, long = samples.time, LONG * spacing
-        if time.size and not (time[0] - latest > long or (time[1:] - time[:-1] > long).any()):
+        if time.size and not (time[0] - latest > long or any_of(time[1:] - time[:-1] > long)):
             return Bridged(samples, np.arange(time.size), float(time[-1]))
     at, taken = np.flatnonzero(~repeated), ~repeated
     time = samples.time[taken]
@@ -109,7 +109,7 @@ def repeats(time: FloatArray, latest: float, spacing: float) -> BoolArray:
     """Whether each sample comes so soon after another that it repeats it."""
     shortest = SHORT * spacing - 0.5 * RESOLUTION
     repeated = np.zeros(time.size, dtype=bool)
-    if time.size and (time[0] - latest < shortest or (time[1:] - time[:-1] < shortest).any()):
+    if time.size and (time[0] - latest < shortest or any_of(time[1:] - time[:-1] < shortest)):
         for i, stamp in enumerate(time.tolist()):
             repeated[i] = stamp - latest < shortest
             latest = latest if repeated[i] else stamp
@@ -120,7 +120,7 @@ def _held(
     state: ObserverState, time: FloatArray, duties: FloatArray, ends: BoolArray
 ) -> tuple[FloatArray, BoolArray, float]:
     """Duty cycles held where they are missing for a short time, and where that is; `driven` of `Bridged`."""
-    if time.size and not (np.isnan(duties).any() or ends.any()):
+    if time.size and not (any_of(np.isnan(duties)) or any_of(ends)):
         return duties, np.zeros(time.size, dtype=bool), float(time[-1])
     before = state.known if _driven(state) and state.tail.time.size else np.nan
     first = state.tail.duties[-1:] if np.isfinite(before) else np.full((1, 2), np.nan)

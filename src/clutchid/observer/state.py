@@ -8,7 +8,7 @@ import numpy as np
 
 from clutchid.inference.filter.references import MethodState
 from clutchid.inference.filter.setup import IntArray
-from clutchid.log import BoolArray, FloatArray, read_only
+from clutchid.log import BoolArray, FloatArray, all_of, read_only
 from clutchid.model.actuator import Actuator
 from clutchid.simulation.inputs import with_carrier
 from clutchid.simulation.plan import OUTSIDE, Segment
@@ -62,7 +62,7 @@ def usable_positions(position: FloatArray) -> BoolArray:
     """Whether each position is finite and not that of a frozen sensor."""
     usable: BoolArray = np.isfinite(position)
     changed = position[1:] != position[:-1]
-    if changed.all():
+    if all_of(changed):
         return usable
     index, changed = np.arange(position.size), np.append(True, changed)
     usable &= (index - np.maximum.accumulate(np.where(changed, index, 0))) < FROZEN

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from clutchid.log import FloatArray
+from clutchid.log import FloatArray, any_of
 
 #: A stroke begins where the position in m, from the vented rest, rises above the first and ends where it falls below
 #: the second, so that noise does not count.
@@ -53,7 +53,7 @@ def count_strokes(strokes: Strokes, time: FloatArray, position: FloatArray) -> t
     >>> count_strokes(Strokes(), 0.1 * np.arange(5), position)
     (Strokes(ended=1, began=None), [3])
     """
-    if not (position > BEGINS if strokes.began is None else position < ENDS).any():
+    if not any_of(position > BEGINS if strokes.began is None else position < ENDS):
         return strokes, []
     side = np.where(position > BEGINS, 1, np.where(position < ENDS, -1, 0))
     sided = np.flatnonzero(side)

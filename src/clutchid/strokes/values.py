@@ -114,8 +114,17 @@ def new_watch() -> FloatArray:
     return watch
 
 
-def watched(watch: FloatArray, bounds: FloatArray, log: Log, column: str) -> tuple[Verdicts, FloatArray, FloatArray]:
+def watched(
+    watch: FloatArray, bounds: FloatArray, log: Log, column: str, duties: FloatArray
+) -> tuple[Verdicts, FloatArray, FloatArray]:
     """Verdicts on a column of a recording, or on the next part of one; parts of any length give the same.
+
+    Parameters
+    ----------
+    watch, bounds
+        Before them, and `limits`.
+    duties
+        The `Log.duties` of the recording.
 
     Returns
     -------
@@ -123,9 +132,8 @@ def watched(watch: FloatArray, bounds: FloatArray, log: Log, column: str) -> tup
         Of `plausible`, times in s that belong to them, and the watch after them.
     """
     verdicts, since, after = np.zeros(len(log), dtype=np.uint8), np.full((len(log), 2), np.nan), watch.copy()
-    others = np.column_stack([log[name] for name in INPUTS])
     follow = kernels_in("clutchid.strokes.plausible").follow_values
-    follow(after, bounds, log.time, log[column], others, verdicts, since)
+    follow(after, bounds, log.time, log[column], duties, verdicts, since)
     return verdicts, since, after
 
 
@@ -331,11 +339,12 @@ def _judge(
     The rates only limit the first step that is none: without one, larger rates change nothing. `tighter`: smaller ones
     are tried first.
     """
+    duties = log.duties()
     for share in (_SHARE, 1.0) if tighter else (1.0,):
         least, largest = bounds.copy(), bounds.copy()
         least[_RATES] *= share
         largest[_RATES] = np.inf
-        verdicts, since, _ = watched(new_watch(), least, log, name)
+        verdicts, since, _ = watched(new_watch(), least, log, name, duties)
         if not verdicts.any():
             return least, largest
     _add_faults(log, name, verdicts, since, missing, faults)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from clutchid.errors import DataError
-from clutchid.log import INPUTS, Log
+from clutchid.log import Log
 from clutchid.measurements.live.bus_name import bus_name
 from clutchid.names import printable
 from clutchid.verbs.options import ReadingText, pressure
@@ -197,5 +197,5 @@ def _behind(tail: Tail, blocks: Iterator[LiveBlock], resumed: Path) -> Iterator[
 def _same_samples(logs: Sequence[Log], tail: Tail) -> bool:
     """Whether the samples are those that a state remembers, by their stamps and duty cycles."""
     time = np.concatenate([log.time for log in logs])
-    duties = np.concatenate([np.column_stack([log[name] for name in INPUTS]) for log in logs])
+    duties = np.concatenate([log.duties() for log in logs])
     return np.array_equal(time, tail.time) and np.array_equal(duties, tail.duties, equal_nan=True)
