@@ -4,6 +4,9 @@ The peer is what a script from MATLAB becomes in Python: `solve_ivp` RK45 (rtol 
 `least_squares` with finite differences. A whole peer fit takes many minutes, so one of its simulations is timed on a
 part of the recording and scaled to 10 s; how many simulations its search needs is counted with the same
 `least_squares` on clutchid's simulation.
+
+With ``--calls 15`` the processor time, in so many turns, of calls that many make one after the other: a warm fit of
+that recording, a simulation of 1.5 s with other parameters each time, and a sample of an observer.
 """
 
 from __future__ import annotations
@@ -12,6 +15,8 @@ import argparse
 import importlib.util
 import statistics
 import time
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 
@@ -20,6 +25,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
 from clutchid import Actuator, Load, Log, fit, simulate
+from clutchid.observer import observe, observer, start
 
 THETA = (8.6e5, -0.3e5, 1.0e5)
 NOISE = 3e-5
@@ -74,14 +80,62 @@ def peer_evaluations(log: Log) -> int:
     return count
 
 
+def seconds_of(calls: Sequence[Callable[[], object]]) -> float:
+    """Processor time of a call, mean of several."""
+    begin = time.process_time()
+    for call in calls:
+        call()
+    return (time.process_time() - begin) / len(calls)
+
+
+def observed(samples: Sequence[Log]) -> None:
+    """Follow blocks of one sample."""
+    joint = observer(Actuator())
+    state = start(joint)
+    for sample in samples:
+        state, _ = observe(joint, state, sample)
+
+
+def print_calls(log: Log, rounds: int) -> None:
+    """Print median, least and largest processor time of each call."""
+    t = np.arange(1500) * 1e-3
+    supply, exhaust = np.where((t > 0.3) & (t < 0.5), 1.0, 0.0), np.where((t > 0.9) & (t < 1.2), 1.0, 0.0)
+    inputs = Log(t, {"duty_supply": supply, "duty_exhaust": exhaust})
+    factors, samples = np.random.default_rng(0), [log.slice(i, i + 1) for i in range(2000)]
+    position = simulate(Actuator(), inputs).log["position"] + factors.normal(0, NOISE, t.size)
+    measured = inputs.with_columns(position=position)
+
+    def others() -> list[Actuator]:
+        usual = {"D_v": 5000.0, "C_vs": 19e-9, "F_C": 200.0}
+        draws = 1 + 0.1 * factors.standard_normal((300, 3))
+        return [Actuator().replace(dict(zip(usual, draw * [*usual.values()], strict=True))) for draw in draws]
+
+    rows: dict[str, list[float]] = {}
+    for _ in range(rounds + 1):
+        took = {
+            "fit of three weights, 10 s": seconds_of([partial(fit, log)] * 10),
+            "simulate 1.5 s": seconds_of([partial(simulate, actuator, inputs) for actuator in others()]),
+            "with a position": seconds_of([partial(simulate, actuator, measured) for actuator in others()]),
+            "observe one sample": seconds_of([partial(observed, samples)]) / len(samples),
+        }
+        for name, seconds in took.items():
+            rows.setdefault(name, []).append(seconds * 1e6)
+    for name, (_, *times) in rows.items():  # the first compiles
+        print(f"{name:<28}{statistics.median(times):>8.0f} us ({min(times):.0f} to {max(times):.0f})")
+
+
 def main() -> None:
     """Print the table."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--seconds", type=float, default=10.0, help="length of the recording")
     options.add_argument("--part", type=float, default=1.0, help="seconds of it that the peer simulates")
     options.add_argument("--rounds", type=int, default=5)
+    options.add_argument("--calls", type=int, default=0, help="turns of single calls, in place of the comparison")
     chosen = options.parse_args()
     twin, log = plain_twin(), recording(chosen.seconds)
+    if chosen.calls:
+        print_calls(log, chosen.calls)
+        return
     part = round(chosen.part * 1000)
     u = np.column_stack([log["duty_supply"], log["duty_exhaust"]])[:part]
     reference = twin.radau(log.time[:part], u, [log["position"][0], 0.0, 1.095e5, 1.095e5, 0.0], THETA)[:, 0]

@@ -242,8 +242,8 @@ def start_sensitivities(segment: Segment, actuator: Actuator, which: Columns, es
     measured = bool(np.isfinite(segment.pressure_start))
     resting = not (segment.vented or estimated or measured)
     y, A_A = segment.position_start, actuator.parameters.A_A
-    force = _force(actuator.load, y)
-    phi = dict(zip(actuator.load.names, actuator.load.phi(np.array([y]))[0], strict=True))
+    force = _force(actuator.load, y) if resting else 0.0
+    phi = dict(zip(actuator.load.names, actuator.load.phi(np.array([y]))[0], strict=True)) if force > 0.0 else {}
     for column, name in enumerate(which.names):
         if name == POSITION_START:
             S[position, column] = 1.0
@@ -253,6 +253,6 @@ def start_sensitivities(segment: Segment, actuator: Actuator, which: Columns, es
             S[:, column] = [float(row.starts_at == name) for row in rows.values()]
             if name == rows["p_A"].starts_at:
                 S[pressure, column] = float(resting or (segment.vented and not measured))
-        elif resting and force > 0.0:
+        elif force > 0.0:
             S[pressure, column] = -force / A_A**2 if name == "A_A" else phi.get(name, 0.0) / A_A
     return S
