@@ -12,7 +12,7 @@ from clutchid.numerics.least_squares import Linearisation, bounded_solution, com
 def linearised(residuals, jacobian):
     def evaluate(x: np.ndarray) -> Linearisation:
         r, J = residuals(x), jacobian(x)
-        factor, k = compress(J, r), x.size
+        factor, k = compress(np.column_stack([J, r])), x.size
         return Linearisation(factor[:k, :k], factor[:k, k], 0.5 * float(r @ r), r.size)
 
     return evaluate
@@ -111,8 +111,8 @@ def test_a_silent_column_stays_at_its_start():
 def test_compression_in_blocks_keeps_the_normal_equations_and_the_solution(rows):
     generator = np.random.default_rng(2)
     J, r = generator.standard_normal((300, 4)), generator.standard_normal(300)
-    factor = compress(J, r, rows)
     whole = np.column_stack([J, r])
+    factor = compress(whole, rows)
     # Householder triangularisation is backward stable: some n * eps of the norms
     np.testing.assert_allclose(factor.T @ factor, whole.T @ whole, atol=300 * 2.3e-16 * 300)
     assert np.array_equal(factor, np.triu(factor))
@@ -122,8 +122,7 @@ def test_compression_in_blocks_keeps_the_normal_equations_and_the_solution(rows)
 
 
 def test_compression_of_fewer_rows_than_columns_fills_up_with_zeros():
-    J, r = np.array([[1.0, 2.0, 3.0]]), np.array([4.0])
-    factor = compress(J, r)
+    factor = compress(np.array([[1.0, 2.0, 3.0, 4.0]]))
     assert factor.shape == (4, 4)
     np.testing.assert_allclose(np.abs(factor[0]), [1, 2, 3, 4])
     assert not factor[1:].any()

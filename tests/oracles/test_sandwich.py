@@ -12,7 +12,7 @@ pytestmark = pytest.mark.slow
 
 
 def factor_of(J: np.ndarray) -> np.ndarray:
-    return compress(J, np.zeros(J.shape[0]))[:-1, :-1]
+    return compress(np.column_stack([J, np.zeros(len(J))]))[:-1, :-1]
 
 
 def coloured(generator: np.random.Generator, n: int, rho: float) -> np.ndarray:

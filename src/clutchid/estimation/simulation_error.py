@@ -339,14 +339,23 @@ class SimulatedSegment(NamedTuple):
 
 
 class SegmentResiduals(NamedTuple):
-    """Scaled residuals `r` (m,) of a segment, their Jacobian `J` (m, k') in x at `places`, and the sample of each."""
+    """``[J r]`` (m, k' + 1) of a segment: scaled residuals and their Jacobian in x at `places`; the sample of each."""
 
     plan: Plan
     segment: Segment
     places: list[int]
-    r: FloatArray
-    J: FloatArray
+    rows: FloatArray
     samples: NDArray[np.int64]
+
+    @property
+    def J(self) -> FloatArray:
+        """The Jacobian (m, k')."""
+        return self.rows[:, :-1]
+
+    @property
+    def r(self) -> FloatArray:
+        """The residuals (m,)."""
+        return self.rows[:, -1]
 
 
 def linearise(problem: Problem, x: FloatArray) -> Linearisation | Failure:
@@ -360,9 +369,9 @@ def _linearised(segments: Iterable[SegmentResiduals | Failure], width: int) -> L
     for segment in segments:
         if isinstance(segment, Failure):
             return segment
-        count += segment.r.size
+        count += len(segment.rows)
         with np.errstate(over="ignore", invalid="ignore"):
-            local = compress(segment.J, segment.r)
+            local = compress(segment.rows)
             cost += 0.5 * float(np.sum(local[:, -1] ** 2))
         if not (np.isfinite(local).all() and np.isfinite(cost)):
             return Failure(f"{segment.plan.log.name}: the simulation grows beyond all bounds")
@@ -411,23 +420,22 @@ def _simulated(problem: Problem, x: FloatArray, rests: bool = False) -> Iterator
 
 def _compared(problem: Problem, simulated: SimulatedSegment) -> SegmentResiduals:
     prepared, segment, places, states, sens, slopes = simulated
-    r_parts, J_parts, at_parts = [], [], []
+    parts, samples = [], []
     names, scales = problem.actuator.states, problem.noise.measured
     for i, name in enumerate(problem.measure):
         values = prepared.log[name][segment.start : segment.stop]
         difference = states[:, names.index(MEASURED[name].state)] - values
         finite = np.isfinite(difference)
         compared = slice(None) if finite.all() else finite  # a slice makes no copy
-        at_parts.append(np.flatnonzero(finite))
-        r_parts.append(difference[compared] / scales[name])
-        J = np.empty((r_parts[-1].size, slopes.size))
+        samples.append(np.flatnonzero(finite))
+        rows = np.empty((samples[-1].size, slopes.size + 1))
         for column, slope in enumerate(slopes):  # by column: NumPy's loops over a few columns take three times as long
-            J[:, column] = sens[compared, i, column] * slope / scales[name]
-        J_parts.append(J)
-    if len(r_parts) == 1:
-        return SegmentResiduals(prepared, segment, places, r_parts[0], J_parts[0], at_parts[0])
-    r, J, samples = np.concatenate(r_parts), np.concatenate(J_parts), np.concatenate(at_parts)
-    return SegmentResiduals(prepared, segment, places, r, J, samples)
+            rows[:, column] = sens[compared, i, column] * slope / scales[name]
+        rows[:, -1] = difference[compared] / scales[name]
+        parts.append(rows)
+    if len(parts) == 1:
+        return SegmentResiduals(prepared, segment, places, parts[0], samples[0])
+    return SegmentResiduals(prepared, segment, places, np.concatenate(parts), np.concatenate(samples))
 
 
 def simulated_states(problem: Problem, x: FloatArray, log: int) -> FloatArray:

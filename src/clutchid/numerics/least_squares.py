@@ -87,12 +87,12 @@ def triangular(matrix: FloatArray) -> FloatArray:
     return factor
 
 
-def compress(jacobian: FloatArray, residuals: FloatArray, rows: int = 1 << 16) -> FloatArray:
+def compress(matrix: FloatArray, rows: int = 1 << 16) -> FloatArray:
     """Upper triangular factor of ``[J r]``, shape (k + 1, k + 1), computed in blocks of `rows`."""
-    width = jacobian.shape[1] + 1
+    width = matrix.shape[1]
     factor = np.zeros((0, width))
-    for start in range(0, residuals.size, rows):
-        part = np.column_stack([jacobian[start : start + rows], residuals[start : start + rows]])
+    for start in range(0, len(matrix), rows):
+        part = matrix[start : start + rows]
         factor = triangular(np.vstack([factor, part]) if factor.size else part)
     full = np.zeros((width, width))
     full[: factor.shape[0]] = factor

@@ -176,8 +176,8 @@ def residuals(problem: LugreProblem, x: FloatArray) -> list[tuple[FloatArray, Fl
 
 def linearised(problem: LugreProblem, x: FloatArray) -> Linearisation:
     """Compressed residuals and Jacobian at the scaled free parameters `x`."""
-    factor = np.vstack([compress(J, r) for r, J in residuals(problem, x)])
-    whole = compress(factor[:, :-1], factor[:, -1])
+    factor = np.vstack([compress(np.column_stack([J, r])) for r, J in residuals(problem, x)])
+    whole = compress(factor)
     return Linearisation(whole[:-1, :-1], whole[:-1, -1], 0.5 * float(np.sum(whole[:, -1] ** 2)), factor.shape[0])
 
 
