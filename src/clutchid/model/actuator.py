@@ -210,5 +210,5 @@ class Actuator:
         ParameterError.raise_for(problems)
         rows = self._own_rows
         own = tuple(others.pop(name, value) for name, value in zip(rows, self.own, strict=True))
-        load = replace(self.load, theta=theta)
+        load = self.load if theta == self.load.theta else replace(self.load, theta=theta)  # it keeps its table
         return replace(self, parameters=self.parameters.replace(others), load=load, own=own)

@@ -249,7 +249,7 @@ def _values(observer: Observer, state: ObserverState, block: Log, repeated: Bool
 
 @lru_cache(maxsize=4)
 def _limits(observer: Observer) -> FloatArray:
-    """Limits of the position; the hash of an actuator takes as long as the rest of some samples."""
+    """Limits of the position, which are the same for all samples."""
     return limits(observer.actuator, "position", observer.spacing)
 
 

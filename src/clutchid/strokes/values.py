@@ -9,14 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.codegen.kernels import kernels_in
-from clutchid.log import HOLE, INPUTS, BoolArray, FloatArray, Log, sample_interval
+from clutchid.log import HOLE, INPUTS, BoolArray, FloatArray, Log, all_of, sample_interval
 from clutchid.log.states import SENSORS
 from clutchid.model.actuator import Actuator
 from clutchid.strokes import rule
@@ -92,7 +91,6 @@ Bounds: TypeAlias = Mapping[str, tuple[FloatArray, FloatArray]]
 _RATES, _SHARE = [rule.SPEED, rule.ACCELERATION], 0.5
 
 
-@lru_cache(maxsize=64)
 def limits(actuator: Actuator, column: str, interval: float) -> FloatArray:
     """Limits of the position or of the pressure in chamber A, for samples that are `interval` s apart."""
     motion = possible_motion(actuator, interval)
@@ -267,7 +265,7 @@ def _within(bounds: Bounds, actuator: Actuator) -> bool:
     """Whether the limits of an actuator are within `bounds`."""
     for name, (least, largest) in bounds.items():
         now = limits(actuator, name, float(least[rule.INTERVAL]))
-        if not ((least <= now) & (now <= largest)).all():
+        if not all_of((least <= now) & (now <= largest)):
             return False
     return True
 
