@@ -44,8 +44,7 @@ def reliable(measured: Log, p: Parameters, reach: float) -> BoolArray:
         return np.zeros(len(measured), dtype=bool)
     position = measured["position"]
     within = ~(position > reach)
-    result: BoolArray = (number >= rests[0][0]) & (number < rests[-1][1]) & within
-    return result
+    return (number >= rests[0][0]) & (number < rests[-1][1]) & within
 
 
 def load_figure(fit: Fit) -> Figure:

@@ -265,8 +265,7 @@ def holes(time: FloatArray) -> NDArray[np.bool_]:
     intervals = time[1:] - time[:-1]
     if intervals.size and intervals.max() <= HOLE * intervals.min():  # no median is needed
         return np.zeros(intervals.size, dtype=bool)
-    mask: NDArray[np.bool_] = intervals > HOLE * sample_interval(time, 0.0)
-    return mask
+    return intervals > HOLE * sample_interval(time, 0.0)
 
 
 def name_and_unit(column: str) -> tuple[str, str]:

@@ -159,8 +159,7 @@ class Actuator:
     def default(self, name: str) -> float:
         """The default of a parameter."""
         own = self.own_row(name)
-        result: float = getattr(DEFAULTS, name) if own is None else float(own.default)
-        return result
+        return getattr(DEFAULTS, name) if own is None else float(own.default)
 
     def value(self, name: str) -> float:
         """Value of a parameter or load weight, in SI.

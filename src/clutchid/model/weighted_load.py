@@ -208,8 +208,7 @@ class Load:
     def curvature(self, y: FloatArray) -> FloatArray:
         """Second derivatives of the basis functions at the positions `y` in m, shape (n, n_theta)."""
         offset, c = self._pieces(y)
-        result: FloatArray = (2 * c[..., 2] + 6 * offset * c[..., 3]).T
-        return result
+        return (2 * c[..., 2] + 6 * offset * c[..., 3]).T
 
     def _pieces(self, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Distances of positions to the breakpoints on their left, and coefficients of all basis functions there."""
@@ -239,14 +238,12 @@ class Load:
         weights = np.asarray(self.theta if theta is None else theta, dtype=np.float64)
         table = self.coefficients
         combined = weights @ table.reshape(len(table), -1)
-        result: FloatArray = combined.reshape(*weights.shape[:-1], *table.shape[1:])
-        return result
+        return combined.reshape(*weights.shape[:-1], *table.shape[1:])
 
     def phi(self, y: FloatArray) -> FloatArray:
         """Basis functions in m at the positions `y` in m, shape (n, n_theta)."""
         offset, c = self._pieces(y)
-        result: FloatArray = (c[..., 0] + offset * (c[..., 1] + offset * (c[..., 2] + offset * c[..., 3]))).T
-        return result
+        return (c[..., 0] + offset * (c[..., 1] + offset * (c[..., 2] + offset * c[..., 3]))).T
 
     def force(self, y: FloatArray) -> FloatArray:
         """Load in N at the positions `y` in m, shape (n,)."""

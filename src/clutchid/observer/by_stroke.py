@@ -42,8 +42,7 @@ class StrokeRow(NamedTuple):
 
 def positions(observer: Observer) -> FloatArray:
     """Positions of the load curve of a stroke in m: from 0 to the calibrated stroke, shape (positions,)."""
-    grid: FloatArray = np.arange(0.0, observer.actuator.parameters.y_max + 1e-9, STEP)
-    return grid
+    return np.arange(0.0, observer.actuator.parameters.y_max + 1e-9, STEP)
 
 
 def curve(

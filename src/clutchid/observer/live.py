@@ -132,8 +132,7 @@ def due(time: FloatArray, latest: float, every: float) -> BoolArray:
     if every == 0.0:
         return np.ones(time.size, dtype=bool)
     number = np.floor(np.append(latest if np.isfinite(latest) else -np.inf, time) / every + _ROUNDED)
-    chosen: BoolArray = number[1:] > number[:-1]
-    return chosen
+    return number[1:] > number[:-1]
 
 
 def checked(run: LiveRun) -> LiveRun:

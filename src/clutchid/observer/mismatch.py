@@ -29,8 +29,7 @@ def normalised(observer: Observer, states: FloatArray, innovations: FloatArray) 
     speed = np.abs(states[:, observer.actuator.states.index("v")])
     gate = float(observer.joint.noise.outlier) ** 2
     squared = np.minimum(innovations[:, 0] ** 2 / innovations[:, 1], gate)
-    moving: FloatArray = np.where(speed > observer.joint.settings.least_speed, squared, np.nan)
-    return moving
+    return np.where(speed > observer.joint.settings.least_speed, squared, np.nan)
 
 
 def mismatches(observer: Observer, before: float, states: FloatArray, innovations: FloatArray) -> FloatArray:

@@ -84,8 +84,7 @@ class ObservedRecording:
         at = self.observer.actuator.states.index(symbol)
         deviations = np.append(self.before.deviations[at], self.samples.deviations[:, at])
         corrected = np.maximum.accumulate(np.where(np.isfinite(deviations), np.arange(deviations.size), 0))
-        held: FloatArray = np.where(np.isfinite(self.samples.states[:, at]), deviations[corrected[1:]], np.nan)
-        return held
+        return np.where(np.isfinite(self.samples.states[:, at]), deviations[corrected[1:]], np.nan)
 
     @property
     def travel(self) -> Log:

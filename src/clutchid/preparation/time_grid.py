@@ -197,5 +197,4 @@ def _apart(breaks: FloatArray, time: FloatArray) -> NDArray[np.bool_]:
 
 def _period_number(time: FloatArray, period: float, phase: float) -> FloatArray:
     """Number of the period at each time stamp."""
-    number: FloatArray = np.floor(time / period - phase + 1e-9)
-    return number
+    return np.floor(time / period - phase + 1e-9)

@@ -350,8 +350,7 @@ def _slopes(time: FloatArray, y: FloatArray) -> FloatArray:
     """Slope over `_SLOPE_BINS` bins before and after each bin, fewer at the ends."""
     here = np.arange(time.size)
     a, b = np.maximum(here - _SLOPE_BINS, 0), np.minimum(here + _SLOPE_BINS, time.size - 1)
-    slope: FloatArray = (y[b] - y[a]) / (time[b] - time[a])
-    return slope
+    return (y[b] - y[a]) / (time[b] - time[a])
 
 
 def _levels(time: FloatArray, y: FloatArray, slow: BoolArray) -> int:

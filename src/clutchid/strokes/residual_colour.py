@@ -154,8 +154,7 @@ def block_means(values: FloatArray, block: int) -> FloatArray:
 def _centred(values: FloatArray) -> FloatArray:
     """Values minus their mean, 0 where they are missing."""
     finite = np.isfinite(values)
-    result: FloatArray = np.where(finite, values - np.mean(values[finite]), 0.0)
-    return result
+    return np.where(finite, values - np.mean(values[finite]), 0.0)
 
 
 def _autocorrelation(values: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -296,5 +296,4 @@ def _above(start: _Level, later: _Level | None, pressure: FloatArray) -> bool:
 def _means(values: FloatArray, width: int) -> FloatArray:
     """Means over `width` neighbouring values."""
     sums = np.concatenate([[0.0], np.cumsum(values)])
-    means: FloatArray = (sums[width:] - sums[:-width]) / width if values.size >= width else np.zeros(0)
-    return means
+    return (sums[width:] - sums[:-width]) / width if values.size >= width else np.zeros(0)

@@ -41,8 +41,7 @@ class LoadTable:
         segment = np.searchsorted(self.breakpoints, y, side="right")
         offset = y - self.breakpoints[np.maximum(segment - 1, 0)]
         c = self.coefficients[segment]
-        result: FloatArray = c[..., 0] + offset * (c[..., 1] + offset * (c[..., 2] + offset * c[..., 3]))
-        return result
+        return c[..., 0] + offset * (c[..., 1] + offset * (c[..., 2] + offset * c[..., 3]))
 
 
 def travels(truck: Vehicle, rest: float) -> FloatArray:

@@ -124,8 +124,7 @@ def engaging(load: FloatArray) -> float:
 def load_at_positions(vehicle: Vehicle) -> FloatArray:
     """Load in N of a truck at `POSITIONS`, relative to its engaged rest."""
     curve = load_curve(vehicle)
-    force: FloatArray = curve.force(POSITIONS + curve.rest)
-    return force
+    return curve.force(POSITIONS + curve.rest)
 
 
 def _recorded(out: Path, seconds: float, visit: Visit) -> CsvRow:

@@ -165,8 +165,7 @@ def smoothing(samples: int, at: float) -> FloatArray:
     """
     powers = np.arange(min(_DEGREE, samples - 1) + 1)
     inverse = np.linalg.pinv((np.arange(samples) - (samples - 1.0))[:, None] ** powers)
-    weights: FloatArray = np.vstack([at**powers @ inverse, (powers * at ** np.maximum(powers - 1, 0)) @ inverse])
-    return weights
+    return np.vstack([at**powers @ inverse, (powers * at ** np.maximum(powers - 1, 0)) @ inverse])
 
 
 def balance_numbers(

@@ -212,8 +212,7 @@ def by_supply(actuator: Actuator, force: FloatArray) -> FloatArray:
 def _measured(log: Log, column: str) -> FloatArray:
     """Finite samples of a column; none where it is missing or empty."""
     values = log.columns.get(column, np.zeros(0))
-    result: FloatArray = values[np.isfinite(values)]
-    return result
+    return values[np.isfinite(values)]
 
 
 def _mean(log: Log, name: str) -> float | None:

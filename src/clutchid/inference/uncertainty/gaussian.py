@@ -60,8 +60,7 @@ def square_root(covariance: FloatArray) -> FloatArray:
     """
     values, vectors = np.linalg.eigh(covariance)
     upper = triangular((vectors * np.sqrt(np.maximum(values, 0.0))).T)
-    result: FloatArray = upper.T * np.where(np.diag(upper) < 0.0, -1.0, 1.0)
-    return result
+    return upper.T * np.where(np.diag(upper) < 0.0, -1.0, 1.0)
 
 
 #: Natural size of a load weight by its unit.
@@ -246,8 +245,7 @@ def _block_sums(scores: FloatArray, size: int) -> FloatArray:
     if size == 1:
         return scores
     starts = np.arange(0, scores.shape[0], size)
-    result: FloatArray = np.add.reduceat(scores, starts, axis=0)
-    return result
+    return np.add.reduceat(scores, starts, axis=0)
 
 
 def _bandwidth(scores: FloatArray) -> int:
@@ -269,5 +267,4 @@ def _lag_sum(scores: FloatArray, bandwidth: int) -> FloatArray:
     length = bandwidth + 1
     total = np.cumsum(np.pad(scores, ((length, bandwidth), (0, 0))), axis=0)
     windows = total[length:] - total[:-length]
-    product: FloatArray = windows.T @ windows / length
-    return product
+    return windows.T @ windows / length

@@ -45,8 +45,7 @@ class Mixture:
     @property
     def x(self) -> FloatArray:
         """Mean of x, shape (k,)."""
-        mean: FloatArray = self.probabilities @ self.means
-        return mean
+        return self.probabilities @ self.means
 
     @property
     def covariance(self) -> FloatArray:

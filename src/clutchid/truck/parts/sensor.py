@@ -55,8 +55,7 @@ def coloured(n: int, tau: float, rng: np.random.Generator) -> FloatArray:
 
     decay = float(np.exp(-SAMPLE / tau))
     first = rng.standard_normal()
-    noise: FloatArray = lfilter([np.sqrt(1 - decay**2)], [1, -decay], rng.standard_normal(n), zi=[decay * first])[0]
-    return noise
+    return lfilter([np.sqrt(1 - decay**2)], [1, -decay], rng.standard_normal(n), zi=[decay * first])[0]
 
 
 def coloured_noise(truck: Any, n: int, rng: np.random.Generator) -> FloatArray:
