@@ -24,7 +24,7 @@ from _pytest.doctest import DoctestModule
 from hypothesis import settings
 
 import clutchid
-from clutchid.inference.filter.ahead import compile_filter
+from clutchid.inference.filter.filtering import compile_filter
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.model.compiled import compile_ahead, kernels, system

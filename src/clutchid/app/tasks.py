@@ -15,7 +15,7 @@ from clutchid.documents import Observation, write_page
 from clutchid.documents.fit import application_data, compared_columns
 from clutchid.documents.fit_json import curve_json, fit_json
 from clutchid.documents.json_text import json_text
-from clutchid.documents.look_json import look_json, map_json
+from clutchid.documents.look import look_json, map_json
 from clutchid.documents.observe import observation_data
 from clutchid.documents.results import Looked
 from clutchid.errors import ClutchidError, DataError, ParameterError
@@ -32,7 +32,7 @@ from clutchid.verbs.stored import copied, sections, stored_recording, write_colu
 
 if TYPE_CHECKING:
     from clutchid import Fit
-    from clutchid.app.events import Events
+    from clutchid.app.worker import Events
 
 #: Most strokes and rests of a recording that are listed.
 _MOST_SECTIONS = 2000

@@ -21,14 +21,12 @@ from cyclopts.exceptions import (
 )
 
 from clutchid.cli.app import app as page
-from clutchid.cli.calibrate import calibrate
 from clutchid.cli.common import COMMON, DONE, FAILED, INTERRUPTED, complain
 from clutchid.cli.completion import register_completion
 from clutchid.cli.cut import cut
 from clutchid.cli.drive import drive
-from clutchid.cli.estimate import estimate
 from clutchid.cli.export import export
-from clutchid.cli.fit import fit
+from clutchid.cli.fit import calibrate, estimate, fit
 from clutchid.cli.fleet import fleet
 from clutchid.cli.friction import friction
 from clutchid.cli.look import look

@@ -1,4 +1,4 @@
-"""``clutchid fit``: estimate the clutch load from recordings, and print the result."""
+"""``clutchid fit``, ``calibrate`` and ``estimate``: estimate the clutch load from recordings, and print the result."""
 
 from __future__ import annotations
 
@@ -188,3 +188,41 @@ def fitted(asked: FitCommand, options: FitOptions) -> int:
         asked.report: lambda path: write_page(document, path),
     }
     return answer(document, writers, json=options.json, verbose=options.verbose)
+
+
+@guarded
+def calibrate(*logs: Path, options: FitOptions = DEFAULTS) -> int:
+    """Calibrate a truck once, from recordings with pressure: its load, valves, friction and sensors.
+
+    Save the calibration, and estimate the load of the worn clutch from position alone with it: `clutchid estimate
+    WORN.csv --start CAL.toml`. It is `clutchid fit --measure position,pressure_a --free auto`.
+
+    Parameters
+    ----------
+    logs
+        Recordings with position, duty cycles and `pressure_a`, all of one state of wear. Put them before --verify,
+        --bounds and --dbc, which take all arguments that follow.
+    """
+    return fitted(options.command("calibrate", logs), options)
+
+
+@guarded
+def estimate(*logs: Path, options: FitOptions = DEFAULTS) -> int:
+    """Estimate the load from position alone, with a calibration, and what has changed since.
+
+    The calibration is made once with pressure: `clutchid calibrate CAL.csv --save CAL.toml`. It is `clutchid fit
+    --start CAL.toml --free load`.
+
+    Parameters
+    ----------
+    logs
+        Recordings with position and duty cycles, in any format with a --map. Put them before --verify, --bounds and
+        --dbc, which take all arguments that follow.
+    """
+    if options.start is None:
+        raise ParameterError(
+            "no --start: a load is estimated from position alone with a calibration, clutchid estimate WORN.csv "
+            "--start CAL.toml. It is made once, from a recording with pressure: clutchid calibrate CAL.csv --save "
+            "CAL.toml. Without one, clutchid fit WORN.csv assumes the truck of the paper."
+        )
+    return fitted(options.command("estimate", logs), options)

@@ -1,9 +1,8 @@
 """Every result as one `Document`, and its renderers; matplotlib and jinja2 are imported on demand."""
 
-from clutchid.documents.builders import document_of
 from clutchid.documents.document import Document, On, Row
 from clutchid.documents.html import write_page
-from clutchid.documents.results import FleetWear, Observation, RigFriction, WornClutch
+from clutchid.documents.results import FleetWear, Observation, RigFriction, WornClutch, document_of
 from clutchid.documents.tables import Column, ReportTable, to_csv, to_text
 from clutchid.documents.terminal import lines_of
 

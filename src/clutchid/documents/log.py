@@ -1,11 +1,14 @@
-"""A log or a simulation as a document: its columns over time."""
+"""A log or a simulation as a document: its columns over time, or its errors against its recording."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from clutchid.documents.document import Document, Picture, Row
+from clutchid.documents.document import Document, Notice, Picture, Row
 from clutchid.documents.figures import draw_over_time, fill_over_time, label, legend, new_figure
+from clutchid.documents.fit_json import errors_json
+from clutchid.documents.fit_rows import errors_text
+from clutchid.documents.results import SimulatedRecording
 from clutchid.documents.style import BAR, MM, STYLE, Line
 from clutchid.log import Log
 
@@ -71,3 +74,18 @@ def _document(log: Log, text: str, command: str) -> Document:
         return Picture(log_figure(log), "", f"Columns of {log.name} over time")
 
     return Document(log.name, rows=(Row(None, text, fixed=True),), figure=picture, command=command)
+
+
+def simulated_document(simulated: SimulatedRecording, command: str = "") -> Document:
+    """Document of a simulation against its recording: its errors and warnings."""
+    name, errors, warnings = simulated.recording, simulated.errors, simulated.warnings
+    data: dict[str, Any] = {
+        "status": "warning" if warnings else "ok", "message": simulated.message, "warnings": list(warnings),
+    }  # fmt: skip
+    rows: tuple[Row, ...] = ()
+    if errors is not None:
+        data |= {"errors": errors_json(errors), "logs": {name: errors_json(errors)}}
+        rows = (Row(None, f"simulated {name}: {errors_text(errors)}", fixed=True),)
+    return Document(
+        f"Simulation of {name}", rows=rows, notices=tuple(map(Notice, warnings)), data=lambda: data, command=command,
+    )  # fmt: skip

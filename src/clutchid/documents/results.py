@@ -1,21 +1,25 @@
-"""Results with the further facts that their documents need."""
+"""Results with the further facts that their documents need, and `document_of`, the document of any result."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
+
+from clutchid.documents.document import Document
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from clutchid.documents.fleet_tables import ReasonCount, VehicleRow
-    from clutchid.estimation import Errors, LoadCurve
+    from clutchid.estimation import Errors, Fit, LoadCurve
     from clutchid.inference.uncertainty.calibration import Origin
     from clutchid.log import Log
     from clutchid.measurements.overview import FileOverview
     from clutchid.observer import ObservedRecording
     from clutchid.preparation.inspection import Inspection
     from clutchid.rig import CoulombFriction, LugreFit
+    from clutchid.simulation.simulation import Simulation
     from clutchid.wear import Wear
 
 
@@ -93,3 +97,36 @@ class SimulatedRecording:
     message: str
     warnings: tuple[str, ...]
     errors: Errors | None
+
+
+#: Builder of each kind of result, imported where such a result comes.
+_BUILDERS = {
+    "Fit": "fit:fit_document",
+    "Observation": "observe:observe_document",
+    "WornClutch": "wear:wear_document",
+    "FleetWear": "fleet:fleet_document",
+    "Looked": "look:look_document",
+    "RigFriction": "friction:friction_document",
+    "SimulatedRecording": "log:simulated_document",
+    "Log": "log:log_document",
+    "Simulation": "log:simulation_document",
+}
+
+
+def document_of(
+    result: Fit | Observation | WornClutch | FleetWear | Looked | RigFriction | SimulatedRecording | Log | Simulation,
+    command: str = "",
+) -> Document:
+    """Document of a result, which is the same for every medium.
+
+    Parameters
+    ----------
+    result
+        A fit, an observed recording, the wear of a clutch or a fleet, a look at a file, friction of a rig, a
+        simulation, or a log.
+    command
+        The command that repeats it.
+    """
+    module, _, builder = _BUILDERS[type(result).__name__].partition(":")
+    document: Document = getattr(import_module(f"clutchid.documents.{module}"), builder)(result, command)
+    return document

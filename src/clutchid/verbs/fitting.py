@@ -12,7 +12,7 @@ from clutchid.estimation.fit import MethodName, fit_request
 from clutchid.estimation.parameter_file import ParameterFile, started
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import Fit
-from clutchid.inference.filter.ahead import compile_filter_beside
+from clutchid.inference.filter.filtering import compile_filter_beside
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.progress import Progress
 from clutchid.numerics.progress import report as reported

@@ -71,7 +71,7 @@ def start_of(path: Path | None, model: Model | None, request: FitRequest) -> tup
 
 def compile_models(calibrations: Iterable[Path]) -> None:
     """Compile the models of calibrations, and the filter, before the workers start; unreadable files are skipped."""
-    from clutchid.inference.filter.ahead import compile_filter
+    from clutchid.inference.filter.filtering import compile_filter
     from clutchid.model.compiled import compile_ahead
 
     models = set()

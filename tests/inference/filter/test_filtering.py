@@ -238,8 +238,7 @@ def test_recordings_are_filtered_with_the_signature_that_is_compiled_ahead():
     code = (
         "import clutchid\n"
         "from clutchid.codegen.kernels import kernels_in\n"
-        "from clutchid.inference.filter.ahead import compile_filter\n"
-        "from clutchid.inference.filter.filtering import KERNELS\n"
+        "from clutchid.inference.filter.filtering import KERNELS, compile_filter\n"
         "compile_filter()\n"
         "log = clutchid.bundled_recording()\n"
         "cal = clutchid.calibrate(log.slice(0, 2000), free='load', method='prediction-error')\n"

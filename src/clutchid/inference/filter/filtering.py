@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchid.codegen.beside import wait_for_kernels
+from clutchid.codegen.beside import compile_beside, wait_for_kernels
 from clutchid.codegen.kernels import kernels_in
 from clutchid.inference.filter.setup import (
     FilterArrays,
@@ -25,20 +26,26 @@ from clutchid.inference.filter.setup import (
     scratch,
     sensor_rows,
 )
-from clutchid.log import FloatArray
+from clutchid.log import FloatArray, Log
 from clutchid.log.states import MEASURED
+from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import prepare, step
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import triangular
 from clutchid.simulation.divergence import failure_message
 from clutchid.simulation.noise import Noise, start_deviations
-from clutchid.simulation.parameter_map import ParameterMap
+from clutchid.simulation.parameter_map import ParameterMap, parameter_map
+from clutchid.simulation.plan import plan
 from clutchid.simulation.run import columns, inputs_of
+from clutchid.simulation.sensors import lagged
 from clutchid.simulation.stiffness import AS_PLANNED
-from clutchid.simulation.windows import Track
+from clutchid.simulation.windows import Track, tracks
 
 #: Module of the kernel that goes through the samples.
 KERNELS = "clutchid.inference.filter.recursion"
+
+#: To compile the filter: times in s of the samples that are filtered, and the model that most calibrations use.
+_TIME, _USUAL = np.arange(4) / 1000, "energy-balance-stribeck"
 
 #: Sensors whose outputs are in the state, in the order of the rows of `Filtered`.
 _SENSORS = tuple(MEASURED)
@@ -167,3 +174,27 @@ def _start(
         scratch=scratch(x.size, S.shape[1], state.T, len(states), len(_SENSORS)),
     )
     return state, arrays
+
+
+def compile_filter(model: str = _USUAL) -> None:
+    """Filter four samples of a piston at rest, by default with the model that calibrations use.
+
+    The kernel that goes through the samples is one for all models.
+    """
+    actuator = Actuator(model=model)
+    names = "position", "duty_supply", "duty_exhaust"
+    log = Log(_TIME, {name: np.zeros(_TIME.size) for name in names})
+    (track,) = tracks([plan(log, actuator, 1.0)])
+    filtered(track, parameter_map(actuator, ["P_S"], [0], np.ones(1), 1), names[:1], Noise())
+
+
+def compile_filter_beside() -> None:
+    """Let a second process compile the filter on a first start, while this one compiles and calls what comes before.
+
+    While it waits for the filter, it compiles what comes after it.
+    """
+    from clutchid.codegen.machine_code import is_kept
+
+    if not is_kept(kernels_in(KERNELS).follow):
+        few = (partial(call, _USUAL, few=True) for call in (step, prepare))
+        compile_beside(compile_filter, _USUAL, (*few, partial(lagged, np.zeros(2), 1.0, 1.0)))
