@@ -399,8 +399,3 @@ def test_the_compiled_filter_needs_nothing_but_mathematics_and_float_knows_no_do
     assert {name for name in asked if name != "U"} <= allowed | extra
     if real == "float":
         assert "double" not in code.header + code.source
-
-
-def test_another_type_of_numbers_is_refused():
-    with pytest.raises(ValueError, match=r"real = 'half': known are double, float\."):
-        filter_c99(SIZE, "half")

@@ -10,7 +10,7 @@ from typing import Any
 import sympy as sp
 
 from clutchid.codegen.differentiation import DifferentiatedProgram, Entry, differentiated
-from clutchid.codegen.language import C_DOUBLE, C_FLOAT, C_WORDS, Language, apart
+from clutchid.codegen.language import C_LANGUAGES, C_WORDS, Language, apart
 from clutchid.codegen.program import Assign, Branch, Lookup, Statement, live, reads, targets
 from clutchid.codegen.staging import ProgramParts, assigned, positions, read
 from clutchid.codegen.system import Expr, System
@@ -147,9 +147,6 @@ def _row(plan: DifferentiatedProgram, row: int, entries: Sequence[Entry], langua
     return " + ".join(terms)
 
 
-_LANGUAGES = {language.real: language for language in (C_DOUBLE, C_FLOAT)}
-
-
 @dataclass(frozen=True, slots=True)
 class CSource:
     """A C module: the text of ``NAME.h`` and of ``NAME.c``, which includes it."""
@@ -202,14 +199,14 @@ def c99_source(
     NotImplementedError
         If an expression uses a function that is not printed, see `clutchid.codegen.language`.
     """
-    if real not in _LANGUAGES:
-        raise ValueError(f"real = {real!r}: known are {', '.join(_LANGUAGES)}.")
+    if real not in C_LANGUAGES:
+        raise ValueError(f"real = {real!r}: known are {', '.join(C_LANGUAGES)}.")
     if not re.fullmatch(r"[A-Za-z]\w*", system.name, re.ASCII):
         raise ValueError(f"{system.name!r} is no C identifier: letters, digits and underscores are allowed.")
     unknown = sorted(set(derivatives or ()) - set(system.parameter_names()))
     if unknown:
         raise ValueError(f"{system.name} has no parameter {', '.join(unknown)}, so no derivatives to it.")
-    plan, language = differentiated(apart(system, C_WORDS)), _LANGUAGES[real]
+    plan, language = differentiated(apart(system, C_WORDS)), C_LANGUAGES[real]
     places = None if derivatives is None else [system.parameter_names().index(name) for name in derivatives]
     columns = None if places is None else ColumnCode.of(plan, places, language)
     parts = columns.parts if columns else ProgramParts.of(plan.system, plan.plain, plan.rates)

@@ -127,6 +127,9 @@ PYTHON = Language("float", "{}", "and", "or", "not ", "True", "False", {name: f"
 C_DOUBLE = Language("double", "{}", "&&", "||", "!", "1", "0", {name: name for name in FUNCTIONS}, grouped=True)
 C_FLOAT = replace(C_DOUBLE, real="float", number="{}F", functions={name: f"{name}f" for name in FUNCTIONS})
 
+#: The languages of C by their type of numbers.
+C_LANGUAGES = {language.real: language for language in (C_DOUBLE, C_FLOAT)}
+
 
 _PYTHON = "math x u p"
 _C = """

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid.codegen.c99 import CSource
-from clutchid.codegen.language import C_DOUBLE, C_FLOAT
+from clutchid.codegen.language import C_LANGUAGES
 from clutchid.codegen.templates import template
 from clutchid.simulation.comparison import SHORTEST_LAG
 
@@ -156,20 +156,12 @@ def filter_c99(size: FilterSize, real: str = "double", name: str = "joint") -> C
         Type of every number.
     name
         Before every name in C, a C identifier.
-
-    Raises
-    ------
-    ValueError
-        If `real` is neither "double" nor "float".
     """
-    languages = {"double": C_DOUBLE, "float": C_FLOAT}
-    if real not in languages:
-        raise ValueError(f"real = {real!r}: known are {', '.join(languages)}.")
     values = {
         "name": name,
         "size": size,
         "real": real,
-        "number": languages[real].print,
+        "number": C_LANGUAGES[real].print,
         "shortest_lag": SHORTEST_LAG,
         **_items(size),
     }
