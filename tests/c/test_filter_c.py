@@ -198,7 +198,7 @@ def filled(array, function, *arguments):
 
 
 def lag_in_python(a, tau):
-    return filled(found := np.zeros((1, 6)), a.m.lag_coefficients, tau, np.array([DT]), found)
+    return filled(coefficients := np.zeros((1, 6)), a.m.lag_coefficients, tau, np.array([DT]), coefficients)
 
 
 def predicted_in_python(a):
@@ -237,7 +237,7 @@ FUNCTIONS = {
     ),
     "lag_coefficients": (
         lambda a: lag_in_python(a, a.lags[0]),
-        lambda c: filled(found := c.zeros(6), c.call, "lag_coefficients", float(c.g.derived[1][0]), DT, found),
+        lambda c: filled(lag := c.zeros(6), c.call, "lag_coefficients", float(c.g.derived[1][0]), DT, lag),
     ),
     "predict": (predicted_in_python, predicted_in_c),
     "project_parameters": (
@@ -246,7 +246,7 @@ FUNCTIONS = {
     ),
     "correction": (corrected_in_python, lambda c: c.corrected()),
     "state_deviations": (
-        lambda a: filled(found := np.zeros(N), a.m.state_deviations, a.S, a.T, a.slopes, found, a.room.w),
+        lambda a: filled(deviations := np.zeros(N), a.m.state_deviations, a.S, a.T, a.slopes, deviations, a.room.w),
         lambda c: [
             c.call("state_deviation", c.columns, c.belief, c.derived, row, c.zeros(K)) for row in range(N)
         ],

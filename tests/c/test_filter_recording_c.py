@@ -31,9 +31,9 @@ class Case(NamedTuple):
 
     made: object
     state: object
-    given: object
+    inputs: object
     prior: np.ndarray
-    found: object
+    outputs: object
 
 
 @pytest.fixture(scope="module", params=[None, MODES], ids=["all weights", "modes"])
@@ -48,9 +48,9 @@ def case(request, plant, worn, recorded_by):
     noise = Noise(states={name: row.noise for name, row in plant.state_rows.items()}, memory=0.01)
     made = joint_filter(actuator, [free[i] for i in order], (-limits, limits), ("position",), noise, JointSettings())
     track = tracks([prepare(log, plant, ("position",))])[0]
-    state, given = init(made, track.segment, np.zeros(len(free)), T), inputs(made, track)
-    found = follow(made, state, given, (0, SAMPLES))
-    return Case(made, state, given, np.linalg.norm(T, axis=1), found)
+    state, samples = init(made, track.segment, np.zeros(len(free)), T), inputs(made, track)
+    outputs = follow(made, state, samples, (0, SAMPLES))
+    return Case(made, state, samples, np.linalg.norm(T, axis=1), outputs)
 
 
 @pytest.fixture(scope="module")
@@ -85,12 +85,12 @@ def plainly_followed(case, c, count, patch):
 
     patch.setattr(joint_module, "kernels_in", lambda _: written)
     patch.setattr(joint_module, "calls", lambda _: (step, constants))
-    return follow(case.made, case.state, case.given, (0, count))
+    return follow(case.made, case.state, case.inputs, (0, count))
 
 
 def test_in_double_a_recording_is_followed_bit_by_bit_as_the_text_says(case, filter_of, monkeypatch):
     count = 1500
-    state, outputs = filter_of("double").follow(tuple(case.state), case.given, count)
+    state, outputs = filter_of("double").follow(tuple(case.state), case.inputs, count)
     expected, *others = plainly_followed(case, filter_of("double"), count, monkeypatch)
     for value, other in zip((*state, *outputs), (*expected[:7], *others), strict=True):
         np.testing.assert_array_equal(value, other)
@@ -102,8 +102,8 @@ ROUNDINGS = 4 * 100 * 1800
 
 
 def test_in_double_a_recording_is_followed_as_by_the_compiled_kernels_up_to_rounding(case, filter_of):
-    state, (errors, states, deviations) = filter_of("double").follow(tuple(case.state), case.given, SAMPLES)
-    of_kernels, bound = case.found, ROUNDINGS * 2.0**-52
+    state, (errors, states, deviations) = filter_of("double").follow(tuple(case.state), case.inputs, SAMPLES)
+    of_kernels, bound = case.outputs, ROUNDINGS * 2.0**-52
     assert np.abs((state[2] - of_kernels.state.theta) / case.prior).max() < bound
     assert (np.abs(states - of_kernels.states).max(axis=0) < bound * np.abs(of_kernels.states).max(axis=0)).all()
     assert np.array_equal(np.isnan(errors), np.isnan(of_kernels.errors))
@@ -112,8 +112,8 @@ def test_in_double_a_recording_is_followed_as_by_the_compiled_kernels_up_to_roun
 
 def test_in_float_weights_and_pressure_are_those_of_double(case, filter_of):
     """The bounds of a prototype that kept covariance, gains, weights and states in float, and moved them in double."""
-    state, (_, states, deviations) = filter_of("float").follow(tuple(case.state), case.given, SAMPLES)
-    of_kernels, p_A = case.found, case.made.mapped.actuator.states.index("p_A")
+    state, (_, states, deviations) = filter_of("float").follow(tuple(case.state), case.inputs, SAMPLES)
+    of_kernels, p_A = case.outputs, case.made.mapped.actuator.states.index("p_A")
     assert np.abs((state[2] - of_kernels.state.theta) / case.prior).max() < 3e-4
     assert np.sqrt(np.mean((states - of_kernels.states)[:, p_A] ** 2)) < 5.0
     np.testing.assert_allclose(deviations[:, p_A], of_kernels.deviations[:, p_A], rtol=1e-2)

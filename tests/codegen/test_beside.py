@@ -36,17 +36,17 @@ def test_what_another_process_compiles_is_waited_for_by_all_threads_and_compiled
 
 def test_a_process_that_waits_does_what_comes_later_meanwhile_and_only_then(tmp_path, monkeypatch):
     monkeypatch.setattr(beside, "processors", lambda: 2)
-    done = []
-    work = [lambda i=i: done.append((i, (tmp_path / "compiled").exists())) for i in range(3)]
+    values = []
+    work = [lambda i=i: values.append((i, (tmp_path / "compiled").exists())) for i in range(3)]
     beside.compile_beside(os.mkdir, tmp_path / "compiled", work)
-    assert not done
+    assert not values
     with ThreadPoolExecutor(4) as threads:
         list(threads.map(lambda _: beside.wait_for_kernels(), range(4)))
-    assert (0, False) in done
-    assert len({i for i, _ in done}) == len(done)
-    before = len(done)
+    assert (0, False) in values
+    assert len({i for i, _ in values}) == len(values)
+    before = len(values)
     beside.wait_for_kernels()
-    assert len(done) == before
+    assert len(values) == before
 
 
 def test_one_processor_is_not_shared(tmp_path, monkeypatch):

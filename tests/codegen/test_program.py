@@ -59,8 +59,8 @@ def _size(expression, point):
 
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(expressions, numbers, numbers, numbers)
-def test_a_lowered_expression_has_the_value_of_the_expression(expression, one, two, three):
-    point = {a: one, b: two, x: three}
+def test_a_lowered_expression_has_the_value_of_the_expression(expression, at_a, at_b, at_x):
+    point = {a: at_a, b: at_b, x: at_x}
     exact = float(expression.subs({symbol: sp.Rational(value) for symbol, value in point.items()}).evalf(30))
     # Every operation rounds: a few hundred roundings of the largest intermediate value.
     assert execute(lower(out, expression), point)["out"] == pytest.approx(
@@ -89,9 +89,9 @@ def test_auxiliary_names_avoid_those_that_are_taken():
 
 
 def test_neighbouring_branches_on_the_same_condition_become_one():
-    two = sp.Piecewise((a, x > 0), (b, True)) + sp.Piecewise((b, x > 0), (c, True))
-    assert sum(isinstance(s, Branch) for s in lower(out, two)) == 1
-    assert execute(lower(out, two), {a: 1, b: 10, c: 100, x: -1})["out"] == 110
+    total = sp.Piecewise((a, x > 0), (b, True)) + sp.Piecewise((b, x > 0), (c, True))
+    assert sum(isinstance(s, Branch) for s in lower(out, total)) == 1
+    assert execute(lower(out, total), {a: 1, b: 10, c: 100, x: -1})["out"] == 110
 
 
 def test_reads_and_targets_of_a_branch_are_what_enters_and_what_every_arm_sets():
@@ -129,8 +129,8 @@ smooth = st.recursive(
 
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(smooth, smooth, numbers, numbers, numbers)
-def test_forward_derivatives_are_those_of_sympy(first, second, one, two, three):
-    point = {a: one, b: two, x: three}
+def test_forward_derivatives_are_those_of_sympy(first, second, at_a, at_b, at_x):
+    point = {a: at_a, b: at_b, x: at_x}
     program = [*lower(y, first), *lower(out, second * y + y)]
     extended, by = differentiate(program, [a, b, x])
     values = execute(extended, point)
@@ -160,8 +160,8 @@ def _staged_values(parts, point):
 
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(expressions, expressions, numbers, numbers, numbers)
-def test_a_staged_program_computes_what_the_unstaged_one_does(first, second, one, two, three):
-    point = {a: one, b: two, x: three}
+def test_a_staged_program_computes_what_the_unstaged_one_does(first, second, at_a, at_b, at_x):
+    point = {a: at_a, b: at_b, x: at_x}
     program = [*lower(y, first), *lower(out, second * (y + a) + a * b)]
     parts = staged(program, [a], [b])
     scale = _size(second, point) * (_size(first, point) + 4) + 10

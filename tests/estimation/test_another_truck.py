@@ -21,8 +21,8 @@ DIFFERENCES = {
 def reading(worn, recorded_by, calibrated):
     another = worn.replace({name: share * worn.value(name) for name, share in DIFFERENCES.items()})
     log = recorded_by(another, seconds=4.0, seed=5, name="other", driven=1).without("pressure_a")
-    known = replace(calibrated.calibration, origin=Origin("CAL.toml"))
-    return fit_with(SHOOTING, [log], calibrated.actuator, FitRequest(("position",), ("load",), calibration=known))
+    calibration = replace(calibrated.calibration, origin=Origin("CAL.toml"))
+    return fit_with(SHOOTING, [log], calibrated.actuator, FitRequest(("position",), ("load",), calibration=calibration))
 
 
 @pytest.mark.slow

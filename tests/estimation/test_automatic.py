@@ -76,8 +76,8 @@ def test_a_calibration_finds_the_mass_that_moves(plant, recorded_by):
     """A mass that stays at its default is made up for by friction and lags, which warm strokes show as another load."""
     heavy = plant.replace({"M": 12.5})
     begin = replace(heavy, load=Load((7e5, 0.0, 0.0))).replace({"M": 10.0, "tau_y": 0.0, "tau_p": 0.0})
-    found = fit_with(SHOOTING, [recorded_by(heavy)], begin, FitRequest(("position", "pressure_a"), ("auto",)))
-    mass = found.parameters["M"]
+    result = fit_with(SHOOTING, [recorded_by(heavy)], begin, FitRequest(("position", "pressure_a"), ("auto",)))
+    mass = result.parameters["M"]
     assert mass.std < 0.1 * 12.5, "the strokes of 8 s determine it better than its prior of 15 %"
     assert abs(mass.value - 12.5) < 2.0 * mass.std
 
@@ -145,12 +145,12 @@ def test_recordings_of_another_ambient_pressure_have_their_own(drive_log, plant)
     assert priors["P_0@valley"].mean - priors["P_0@hill"].mean == pytest.approx(9e3)
 
 
-@pytest.mark.parametrize("known", [{"priors": {"P_0": Prior(1.05e5, 5e3)}}, {"bounds": {"P_0": (0.9e5, 1.2e5)}}])
-def test_recordings_share_an_ambient_pressure_that_a_prior_or_bounds_are_given_for(drive_log, plant, known):
+@pytest.mark.parametrize("conditions", [{"priors": {"P_0": Prior(1.05e5, 5e3)}}, {"bounds": {"P_0": (0.9e5, 1.2e5)}}])
+def test_recordings_share_an_ambient_pressure_that_a_prior_or_bounds_are_given_for(drive_log, plant, conditions):
     logs = [shifted(drive_log, pascal, name) for name, pascal in (("valley", 0.0), ("hill", -9e3))]
-    _, free = free_parameters(logs, plant, FitRequest(("position", "pressure_a"), ("auto",), **known))
+    _, free = free_parameters(logs, plant, FitRequest(("position", "pressure_a"), ("auto",), **conditions))
     assert [name for name in free.names if name.startswith("P_0")] == ["P_0"]
-    assert free.priors["P_0"] == known.get("priors", {}).get("P_0", free.priors["P_0"])
+    assert free.priors["P_0"] == conditions.get("priors", {}).get("P_0", free.priors["P_0"])
     assert free.priors["P_0"].std >= 5e3, "the rests differ by 9 kPa"
 
 
@@ -182,8 +182,8 @@ def test_a_calibration_that_is_started_from_one_does_not_know_its_ambient_pressu
     guess, logs = Actuator().replace(P_0=1.035e5), []
     stop = SolveError("no fit is needed")
 
-    def fit_request(given, *_, **__):
-        logs.extend(given)
+    def fit_request(recordings, *_, **__):
+        logs.extend(recordings)
         raise stop
 
     monkeypatch.setattr(fitting, "fit_request", fit_request)
@@ -314,7 +314,7 @@ def test_a_recording_that_never_vents_is_one_sentence_with_its_lowest_pressure(d
 @pytest.mark.parametrize(
     "equipment",
     [Equipment(chamber_b=False), *(Equipment(valves=valves) for valves in ("supply", "exhaust", "3/2"))],
-    ids=lambda one: f"{one.valves}, chamber B: {one.chamber_b}",
+    ids=lambda case: f"{case.valves}, chamber B: {case.chamber_b}",
 )
 def test_a_calibration_frees_and_sets_nothing_that_its_actuator_lacks(drive_log, equipment):
     actuator = Actuator(model=AUTOMATIC, equipment=equipment)

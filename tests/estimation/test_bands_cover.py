@@ -31,7 +31,7 @@ def test_drifted_actuators_lie_within_their_bands(calibrated, recorded_by, drift
         truth = drifted(calibrated.actuator, random)
         log = recorded_by(truth, seconds=4.0, seed=k, name="worn", driven=k).without("pressure_a")
         curve = fit(log, calibrated.actuator, request=FitRequest(calibration=calibrated.calibration)).load_curve
-        force, low, high = (np.interp(Y, curve.position, each) for each in (curve.force, curve.low, curve.high))
+        force, low, high = (np.interp(Y, curve.position, column) for column in (curve.force, curve.low, curve.high))
         standardised.append((force - truth.load.force(Y)) / ((high - low) / (2 * 1.96)))
     squares = np.mean(np.square(standardised), axis=1)
     # the errors of one recording go together: five independent ones, of mean square 1 where bands are right, of

@@ -68,11 +68,11 @@ def dense_moves(linear, numbers):
 
 def test_the_step_of_each_stroke_is_that_of_the_dense_problem(small):
     _, linear, numbers = small
-    known, moves = gauss_newton_steps(linear, numbers)
+    parameters, moves = gauss_newton_steps(linear, numbers)
     wanted, covariance = dense_moves(linear, numbers)
     # in deviations of each number; the dense normal equations square a condition of some 1e5
     scale = np.sqrt(np.diag(covariance))[:, None]
-    assert np.column_stack([known, moves]) / scale == pytest.approx(wanted / scale, abs=1e-5)
+    assert np.column_stack([parameters, moves]) / scale == pytest.approx(wanted / scale, abs=1e-5)
     assert np.abs(moves / scale).max() > 0.1
 
 
@@ -91,9 +91,11 @@ def test_the_draws_scatter_as_the_sandwich_of_the_dense_problem(small, solution,
 
 
 def test_the_steps_of_all_strokes_add_up_to_the_step_of_the_whole_problem(problem, solution):
-    known, moves = gauss_newton_steps(solution.at, excursions(problem))
+    parameters, moves = gauss_newton_steps(solution.at, excursions(problem))
     factor, _ = condense(problem, solution.at)
-    assert known + moves.sum(axis=1) == pytest.approx(-np.linalg.solve(factor[:-1, :-1], factor[:-1, -1]), abs=1e-8)
+    assert parameters + moves.sum(axis=1) == pytest.approx(
+        -np.linalg.solve(factor[:-1, :-1], factor[:-1, -1]), abs=1e-8
+    )
 
 
 def test_draws_are_the_same_on_every_run_with_the_same_seed(problem, solution):

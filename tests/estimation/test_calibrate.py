@@ -37,23 +37,23 @@ def test_a_calibration_finds_the_parameters_that_the_data_determine(calibrated, 
 
 
 def test_a_calibration_leaves_the_covariance_of_its_numbers_without_the_load(calibrated):
-    kept = calibrated.calibration
+    calibration = calibrated.calibration
     names = [name for name in calibrated.parameters if not name.startswith("theta_")]
-    assert kept.names == tuple(names)
+    assert calibration.names == tuple(names)
     at = [list(calibrated.parameters).index(name) for name in names]
-    assert np.array_equal(kept.covariance, calibrated.covariance[np.ix_(at, at)])
-    assert kept.covariance_of(("C_vs", "nothing"))[0, 0] == pytest.approx(calibrated.parameters["C_vs"].std ** 2)
-    assert kept.covariance_of(("C_vs", "nothing"))[1, 1] == 0.0
-    assert set(kept.data) == {"log"}
+    assert np.array_equal(calibration.covariance, calibrated.covariance[np.ix_(at, at)])
+    assert calibration.covariance_of(("C_vs", "nothing"))[0, 0] == pytest.approx(calibrated.parameters["C_vs"].std ** 2)
+    assert calibration.covariance_of(("C_vs", "nothing"))[1, 1] == 0.0
+    assert set(calibration.data) == {"log"}
 
 
 def test_the_covariance_of_the_load_is_in_the_order_of_its_weights_whatever_was_asked_first(calibrated):
     backwards = dict(reversed(calibrated.parameters.items()))
     asked = replace(calibrated, parameters=backwards, covariance=calibrated.covariance[::-1, ::-1])
-    kept = calibration_of(asked, asked.actuator)
-    assert kept.theta == calibrated.actuator.load.theta
-    np.testing.assert_array_equal(kept.theta_covariance, calibrated.calibration.theta_covariance)
-    assert kept.converged
+    calibration = calibration_of(asked, asked.actuator)
+    assert calibration.theta == calibrated.actuator.load.theta
+    np.testing.assert_array_equal(calibration.theta_covariance, calibrated.calibration.theta_covariance)
+    assert calibration.converged
 
 
 def test_a_worn_fit_carries_the_calibration_on_to_the_next(calibrated, worn_log):
@@ -84,8 +84,8 @@ def test_a_parameter_that_is_freed_again_starts_from_its_calibration(calibrated,
     variance = calibrated.parameters["P_S"].std ** 2 + drift(calibrated.actuator, "P_S") ** 2
     own = replace(request, priors={"P_S": Prior(calibrated.actuator.value("P_S"), np.sqrt(variance))})
     told = fit_with(SHOOTING, [worn_log.slice(0, 1500)], calibrated.actuator, own)
-    one, other = fit.parameters["P_S"], told.parameters["P_S"]
-    assert (one.value, one.std) == pytest.approx((other.value, other.std), rel=1e-6)
+    fitted, calibrated_again = fit.parameters["P_S"], told.parameters["P_S"]
+    assert (fitted.value, fitted.std) == pytest.approx((calibrated_again.value, calibrated_again.std), rel=1e-6)
 
 
 def test_an_anchor_of_the_user_wins_over_the_calibration(calibrated, worn_log):

@@ -35,28 +35,34 @@ KEPT = Calibration(
 SECTION = "[fit.calibration]\nnames = ['C_vs']\ncovariance = [[1e-20]]\n"
 
 
-def calibration_of(path, kept, baseline=None, **about):
+def calibration_of(path, calibration, baseline=None, **about):
     """What is read of a calibration that was written to a file."""
-    write_parameters(ParameterFile(Actuator(), {}, {"calibration": calibration_section(kept, baseline), **about}), path)
+    write_parameters(
+        ParameterFile(Actuator(), {}, {"calibration": calibration_section(calibration, baseline), **about}), path
+    )
     return read_parameters(path).calibration
 
 
 def test_a_calibration_is_read_with_its_load_and_its_file(tmp_path):
     path = tmp_path / "CAL.toml"
-    found = calibration_of(path, KEPT, created="2026-11-22T10:00:00+00:00", trust="good", method="prediction-error")
-    assert (found.names, found.theta, found.method) == (KEPT.names, KEPT.theta, "prediction-error")
-    np.testing.assert_array_equal(found.covariance, KEPT.covariance)
-    np.testing.assert_array_equal(found.theta_covariance, KEPT.theta_covariance)
-    assert found.converged
+    stored = calibration_of(path, KEPT, created="2026-11-22T10:00:00+00:00", trust="good", method="prediction-error")
+    assert (stored.names, stored.theta, stored.method) == (KEPT.names, KEPT.theta, "prediction-error")
+    np.testing.assert_array_equal(stored.covariance, KEPT.covariance)
+    np.testing.assert_array_equal(stored.theta_covariance, KEPT.theta_covariance)
+    assert stored.converged
     digest = sha256(path.read_bytes()).hexdigest()
-    assert found.origin == Origin("CAL.toml", "2026-11-22T10:00:00+00:00", digest, "good")
+    assert stored.origin == Origin("CAL.toml", "2026-11-22T10:00:00+00:00", digest, "good")
 
 
 def test_the_errors_of_position_alone_are_read_as_they_were(tmp_path):
-    found, kept = calibration_of(tmp_path / "CAL.toml", KEPT).position_only, KEPT.position_only
-    assert (found.hypotheses, found.names, found.dispersion) == (kept.hypotheses, kept.names, kept.dispersion)
-    np.testing.assert_array_equal(found.shifts, kept.shifts)
-    np.testing.assert_array_equal(found.log_evidence, kept.log_evidence)
+    errors, expected = calibration_of(tmp_path / "CAL.toml", KEPT).position_only, KEPT.position_only
+    assert (errors.hypotheses, errors.names, errors.dispersion) == (
+        expected.hypotheses,
+        expected.names,
+        expected.dispersion,
+    )
+    np.testing.assert_array_equal(errors.shifts, expected.shifts)
+    np.testing.assert_array_equal(errors.log_evidence, expected.log_evidence)
     without = replace(KEPT, position_only=None)
     assert calibration_of(tmp_path / "CAL.toml", without).position_only is None
 
@@ -174,11 +180,11 @@ def test_a_reading_from_a_calibration_in_memory_is_not_its_file(tmp_path):
 def test_a_calibration_of_an_older_file_has_no_load_and_had_converged(tmp_path):
     path = tmp_path / "old.toml"
     path.write_text(SECTION)
-    found = read_parameters(path).calibration
-    assert found.theta == ()
-    assert found.theta_covariance.shape == (0, 0)
-    assert found.converged
-    assert (found.origin.name, found.origin.created, found.origin.trust) == ("old.toml", "", "")
+    calibration = read_parameters(path).calibration
+    assert calibration.theta == ()
+    assert calibration.theta_covariance.shape == (0, 0)
+    assert calibration.converged
+    assert (calibration.origin.name, calibration.origin.created, calibration.origin.trust) == ("old.toml", "", "")
 
 
 def test_what_is_no_text_in_the_origin_of_a_calibration_is_left_out(tmp_path):
@@ -191,18 +197,18 @@ def test_what_is_no_text_in_the_origin_of_a_calibration_is_left_out(tmp_path):
 
 def test_the_conditions_of_a_calibration_are_read_as_they_were(tmp_path):
     for conditions in (RecordedConditions(281.5, 9.4e5, 9.2e5), RecordedConditions(temperature=281.5), NOT_RECORDED):
-        kept = replace(KEPT, conditions=conditions)
-        assert calibration_of(tmp_path / "CAL.toml", kept).conditions == conditions
+        calibration = replace(KEPT, conditions=conditions)
+        assert calibration_of(tmp_path / "CAL.toml", calibration).conditions == conditions
     assert "conditions" not in calibration_section(KEPT), "as in an earlier version"
 
 
 @pytest.mark.parametrize("spread", [(-1.0, 1.0, 1.0), (1e300, 1.0, 1.0)])
 def test_a_covariance_of_the_load_that_is_none_is_one_sentence(tmp_path, spread):
-    kept = replace(KEPT, theta_covariance=np.diag(spread))
+    calibration = replace(KEPT, theta_covariance=np.diag(spread))
     with pytest.raises(ParameterError, match="theta_covariance: the variance of theta_1 is"):
-        calibration_of(tmp_path / "CAL.toml", kept)
+        calibration_of(tmp_path / "CAL.toml", calibration)
 
 
 def test_a_parameter_that_the_data_do_not_determine_has_an_infinite_variance(tmp_path):
-    kept = replace(KEPT, names=("C_vs", "F_C"), covariance=np.diag([np.inf, 4.0]))
-    np.testing.assert_array_equal(calibration_of(tmp_path / "CAL.toml", kept).covariance, kept.covariance)
+    calibration = replace(KEPT, names=("C_vs", "F_C"), covariance=np.diag([np.inf, 4.0]))
+    np.testing.assert_array_equal(calibration_of(tmp_path / "CAL.toml", calibration).covariance, calibration.covariance)

@@ -57,17 +57,17 @@ def explanation(problem, information=0.0):
 
 
 def departed(problem, x, cost=1.0, logs=None, usual=None, information=0.0):
-    known = usual or calibration(1.0)
-    return departure(explanation(problem, information), np.array(x), cost, logs or [moving(1.0)], known)
+    calibrations = usual or calibration(1.0)
+    return departure(explanation(problem, information), np.array(x), cost, logs or [moving(1.0)], calibrations)
 
 
 def test_the_distance_is_that_of_mahalanobis_under_the_prior_of_all_changes(problem):
     x = np.array([5.0, 0.3, -1.0, 0.5, 9.0])
-    found = departed(problem, x)
+    measures = departed(problem, x)
     own = problem.coordinates[1:4]
     sizes = np.array([c.slope(0.0) for c in own])
     covariance = change_covariance(PLANT, [c.base for c in own], tuple(GROUPS)) / np.outer(sizes, sizes)
-    assert found.distance == pytest.approx(x[1:4] @ np.linalg.solve(covariance, x[1:4]))
+    assert measures.distance == pytest.approx(x[1:4] @ np.linalg.solve(covariance, x[1:4]))
 
 
 def test_neither_a_load_that_has_changed_nor_a_leak_is_a_departure(problem):
@@ -100,8 +100,8 @@ def test_the_misfit_is_the_cost_of_a_second_in_motion_over_that_of_the_calibrati
     log = moving(2.0)
     assert misfit(100.0, [log]) == pytest.approx(50.0, rel=0.05)
     assert misfit(100.0, [log, log]) == pytest.approx(25.0, rel=0.05)
-    found = departed(problem, np.zeros(5), 100.0, [log], calibration(25.0))
-    assert found.misfit == pytest.approx(2.0, rel=0.05)
+    measures = departed(problem, np.zeros(5), 100.0, [log], calibration(25.0))
+    assert measures.misfit == pytest.approx(2.0, rel=0.05)
 
 
 def test_without_motion_or_a_calibration_that_has_it_the_misfit_is_unknown(problem):

@@ -116,8 +116,8 @@ def test_pressure_alone_is_enough_for_the_load(truth, drive):
 
 
 def test_several_recordings_share_the_load_and_have_names_of_their_own(truth, driven, with_noise):
-    one, two, three = driven(), driven(reach=0.010), driven(name="drive (2)")
-    result = fit([with_noise(one, 1), with_noise(two, 2), with_noise(three, 3)])
+    long, short, again = driven(), driven(reach=0.010), driven(name="drive (2)")
+    result = fit([with_noise(long, 1), with_noise(short, 2), with_noise(again, 3)])
     assert list(result.recordings) == ["drive", "drive (3)", "drive (2)"]
     assert result.errors.position_sse == pytest.approx(sum(r.errors.position_sse for r in result.recordings.values()))
     for name, value in zip(("theta_1", "theta_2", "theta_3"), truth.load.theta, strict=True):

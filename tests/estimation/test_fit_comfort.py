@@ -174,8 +174,8 @@ def test_the_problems_of_all_files_are_named_and_so_is_what_is_no_recording(shor
 
 def test_load_stands_for_all_load_weights_wherever_parameters_are_named(short):
     assert list(clutchid.fit(short, free="load,P_S").parameters) == ["theta_1", "theta_2", "theta_3", "P_S"]
-    done = clutchid.simulate(Actuator(), short, sensitivities="load,P_S")
-    assert list(done.sensitivities) == ["theta_1", "theta_2", "theta_3", "P_S"]
+    simulation = clutchid.simulate(Actuator(), short, sensitivities="load,P_S")
+    assert list(simulation.sensitivities) == ["theta_1", "theta_2", "theta_3", "P_S"]
     with pytest.raises(clutchid.ParameterError, match="profile of theta_2, theta_3, which is not free"):
         clutchid.fit(short, free="theta_1", request=clutchid.FitRequest(profile="load"))
 
@@ -185,15 +185,15 @@ def test_a_log_and_a_simulation_print_what_they_have(short):
     assert repr(short) == text
     assert repr(replace(short, warnings=("odd",))) == f"{text[:-1]}; 1 warning)"
     assert repr(Log(np.zeros(0), {})) == "Log('log', 0 samples: no columns)"
-    done = clutchid.simulate(Actuator(), short, sensitivities="theta_1")
-    assert repr(done).startswith("Simulation(ok: simulated to the end; Log('short', 3,000 samples")
-    assert repr(done).endswith("; sensitivities to theta_1)")
+    simulation = clutchid.simulate(Actuator(), short, sensitivities="theta_1")
+    assert repr(simulation).startswith("Simulation(ok: simulated to the end; Log('short', 3,000 samples")
+    assert repr(simulation).endswith("; sensitivities to theta_1)")
 
 
 @pytest.mark.slow
 def test_a_notebook_shows_position_pressure_and_duty_cycles_of_a_log_and_of_a_simulation(short):
-    done = clutchid.simulate(Actuator(), short)
-    for shown in (short, done):
+    simulation = clutchid.simulate(Actuator(), short)
+    for shown in (short, simulation):
         labels = [axis.get_ylabel() for axis in shown.plot().axes]
         assert labels == ["position [mm]", "pressure,\nabsolute [bar]", "duty cycle [1]"]
         assert picture(shown._repr_html_()).tag.endswith("svg")

@@ -38,8 +38,8 @@ def test_the_start_value_is_what_a_factor_of_three_is_taken_of():
 
 def test_bounds_by_default_are_admissible_themselves():
     names = Parameters.names()
-    found = bounds_of(names, Actuator(), {})
-    assert [name for name in names for end in found[name] if not Parameters.row(name).admits(end)] == []
+    bounds = bounds_of(names, Actuator(), {})
+    assert [name for name in names for end in bounds[name] if not Parameters.row(name).admits(end)] == []
 
 
 @pytest.mark.parametrize(("edge", "low", "high"), [(1e-5, 1e-5, 3e-5), (1e5, 1e5 / 3, 1e5)])

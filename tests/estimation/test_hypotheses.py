@@ -48,12 +48,12 @@ def logs(trucks, recorded_by):
 @pytest.fixture(scope="module")
 def known_of(calibrated, logs):
     """Explanations of recordings, each searched once."""
-    kept, actuator, cache = calibrated.calibration, calibrated.actuator, {}
+    calibration, actuator, cache = calibrated.calibration, calibrated.actuator, {}
 
     def of(name):
         if name not in cache:
             free = FreeParameters(actuator.load.names, ("position",))
-            cache[name] = explained(shoot([logs[name]], actuator, free, kept), SHOOTING.changes, kept)
+            cache[name] = explained(shoot([logs[name]], actuator, free, calibration), SHOOTING.changes, calibration)
         return cache[name]
 
     return of
@@ -71,13 +71,13 @@ def reread(calibrated, logs):
     return of
 
 
-def load_of(known, x, stem):
-    return next(iter(known.values())).result.problem.actuator_of(x, stem).load.force(Y)
+def load_of(explanations, x, stem):
+    return next(iter(explanations.values())).result.problem.actuator_of(x, stem).load.force(Y)
 
 
-def unchanged(known):
+def unchanged(explanations):
     """Parameters of a reading that assumes that nothing has changed."""
-    return known[()].solution.x
+    return explanations[()].solution.x
 
 
 def rms(error):
@@ -88,11 +88,11 @@ def rms(error):
 def test_where_nothing_has_changed_that_is_most_probable_and_costs_at_most_two_thousandths_of_the_peak(
     known_of, calibrated, trucks
 ):
-    known, kept = known_of("same"), calibrated.calibration
-    everything, nothing = mixture(known, kept), unchanged(known)
+    explanations, calibration = known_of("same"), calibrated.calibration
+    everything, nothing = mixture(explanations, calibration), unchanged(explanations)
     assert everything.hypotheses[np.argmax(everything.probabilities)] == ()
     peak = trucks["same"].load.force(Y).max()
-    cost = load_of(known, everything.x, "same") - load_of(known, nothing, "same")
+    cost = load_of(explanations, everything.x, "same") - load_of(explanations, nothing, "same")
     assert rms(cost) < 2e-3 * peak
 
 
@@ -108,12 +108,12 @@ def test_where_nothing_has_changed_that_is_most_probable_and_costs_at_most_two_t
 def test_what_has_changed_is_probable_and_the_load_is_nearer_to_the_truth(
     known_of, calibrated, trucks, name, group, least
 ):
-    known, kept = known_of(name), calibrated.calibration
-    everything, nothing = mixture(known, kept), unchanged(known)
+    explanations, calibration = known_of(name), calibrated.calibration
+    everything, nothing = mixture(explanations, calibration), unchanged(explanations)
     assert everything.of_group(group) > least
     assert everything.probabilities.sum() == pytest.approx(1.0, abs=1e-12)
     true = trucks[name].load.force(Y)
-    error, without = (rms(load_of(known, x, name) - true) for x in (everything.x, nothing))
+    error, without = (rms(load_of(explanations, x, name) - true) for x in (everything.x, nothing))
     assert without > 0.01 * true.max(), "what it costs where nothing is said to have changed"
     assert error < 0.7 * without
 
@@ -183,15 +183,15 @@ def test_a_method_without_hypotheses_reads_as_if_nothing_had_changed(calibrated,
 
 @pytest.mark.slow
 def test_a_hypothesis_whose_search_fails_is_left_out(calibrated, logs):
-    kept, free = calibrated.calibration, FreeParameters(calibrated.actuator.load.names, ("position",))
-    found, tried = shoot([logs["cold"]], calibrated.actuator, free, kept), []
+    calibration, free = calibrated.calibration, FreeParameters(calibrated.actuator.load.names, ("position",))
+    search, tried = shoot([logs["cold"]], calibrated.actuator, free, calibration), []
 
     def refine(result, problem, x):
         tried.append(problem)
         return replace(result, solution=Failure("no"))
 
-    known = explained(found, replace(SHOOTING.changes, refine=refine), kept)
-    assert list(known) == [()]
+    explanations = explained(search, replace(SHOOTING.changes, refine=refine), calibration)
+    assert list(explanations) == [()]
     assert 1 <= len(tried) <= len(HYPOTHESES) - 1, "none is tried twice"
 
 
@@ -209,8 +209,8 @@ def test_the_prior_of_a_problem_is_that_of_its_hypothesis(calibrated, logs):
             slopes = problem.slopes(np.zeros(len(problem.names)))[places]
             expected = change_covariance(actuator, names, hypothesis)
             scale = np.sqrt(np.diag(expected))
-            found = covariance[np.ix_(places, places)] * np.outer(slopes, slopes)
-            np.testing.assert_allclose(found / np.outer(scale, scale), expected / np.outer(scale, scale), atol=1e-9)
+            change = covariance[np.ix_(places, places)] * np.outer(slopes, slopes)
+            np.testing.assert_allclose(change / np.outer(scale, scale), expected / np.outer(scale, scale), atol=1e-9)
         np.testing.assert_allclose(covariance[np.ix_(rest, rest)], np.eye(len(rest)), atol=1e-12)
         assert not covariance[np.ix_(at["same"], at["cold"])].any(), "recordings change by themselves"
     np.testing.assert_array_equal(problem.prior_root, with_hypothesis(problem, ()).prior_root)

@@ -32,12 +32,15 @@ def test_means_of_squares_of_normal_numbers_lie_within_their_bounds_in_19_of_20_
 
 
 def test_white_innovations_are_white_and_have_a_nis_of_one(run):
-    found = innovation_statistics(with_innovations(run, np.random.default_rng(2).standard_normal(600)))
-    assert found.moving.corrections + found.resting.corrections == np.isfinite(run.samples.innovations[:, 0]).sum()
-    for mean in (found.moving, found.resting):
+    statistics = innovation_statistics(with_innovations(run, np.random.default_rng(2).standard_normal(600)))
+    assert (
+        statistics.moving.corrections + statistics.resting.corrections
+        == np.isfinite(run.samples.innovations[:, 0]).sum()
+    )
+    for mean in (statistics.moving, statistics.resting):
         assert mean.low < mean.mean < mean.high
-    assert found.colour.share_outside < 0.2
-    assert found.colour.interval == pytest.approx(0.01)
+    assert statistics.colour.share_outside < 0.2
+    assert statistics.colour.interval == pytest.approx(0.01)
 
 
 def test_innovations_that_follow_a_valve_are_correlated_with_it(run):
@@ -46,25 +49,27 @@ def test_innovations_that_follow_a_valve_are_correlated_with_it(run):
     duty = random.uniform(size=600)
     log = run.log.with_columns(duty_supply=np.roll(np.repeat(duty, 10), 1))
     late = np.append(np.zeros(3), duty[:-3] - 0.5)  # the first interval ends with the second correction
-    found = innovation_statistics(replace(with_innovations(run, late + 0.1 * random.standard_normal(600)), log=log))
-    crossed = found.colour.inputs["duty_supply"]
+    statistics = innovation_statistics(
+        replace(with_innovations(run, late + 0.1 * random.standard_normal(600)), log=log)
+    )
+    crossed = statistics.colour.inputs["duty_supply"]
     assert crossed.strongest_lag == pytest.approx(0.02)
     assert crossed.strongest > 3 * crossed.strongest_bound
 
 
 def test_innovations_three_times_as_large_have_nine_times_the_nis(run):
     values = np.random.default_rng(4).standard_normal(600)
-    one, three = (innovation_statistics(with_innovations(run, factor * values)) for factor in (0.5, 1.5))
-    assert three.resting.mean == pytest.approx(9 * one.resting.mean, rel=0.05)  # but for those beyond the outliers
+    halved, tripled = (innovation_statistics(with_innovations(run, factor * values)) for factor in (0.5, 1.5))
+    assert tripled.resting.mean == pytest.approx(9 * halved.resting.mean, rel=0.05)  # but for those beyond the outliers
 
 
 def test_the_nis_is_drawn_with_its_bounds_over_the_whole_recording(run):
-    found = innovation_statistics(run)
-    nis = innovation_figure(found).axes[0]
-    assert nis.lines[0].get_ydata() == pytest.approx(found.nis)
-    assert nis.get_ylim()[1] > max(found.nis.max(), found.high.max())
-    text, _ = innovation_blocks("log", found)
-    assert f"in {found.moving.corrections:,d} corrections" in text.text
+    statistics = innovation_statistics(run)
+    nis = innovation_figure(statistics).axes[0]
+    assert nis.lines[0].get_ydata() == pytest.approx(statistics.nis)
+    assert nis.get_ylim()[1] > max(statistics.nis.max(), statistics.high.max())
+    text, _ = innovation_blocks("log", statistics)
+    assert f"in {statistics.moving.corrections:,d} corrections" in text.text
 
 
 def test_without_a_correction_there_is_nothing_to_say(run):

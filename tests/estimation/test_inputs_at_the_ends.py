@@ -28,11 +28,13 @@ def ends_cut(log):
     return log.slice(FIRST, len(log) - LAST)
 
 
-def assert_same(one, other, log):
+def assert_same(late_result, cut_result, log):
     """Two fits are equal, the first with a row for every sample of `log`."""
-    assert {name: e.value for name, e in one.parameters.items()} == {n: e.value for n, e in other.parameters.items()}
-    assert one.errors == other.errors
-    whole, part = one.recordings[log.name], other.recordings[log.name]
+    assert {name: e.value for name, e in late_result.parameters.items()} == {
+        n: e.value for n, e in cut_result.parameters.items()
+    }
+    assert late_result.errors == cut_result.errors
+    whole, part = late_result.recordings[log.name], cut_result.recordings[log.name]
     assert whole.starts == part.starts
     assert np.array_equal(whole.measured["position"], log["position"])
     assert np.array_equal(whole.simulated.time, log.time)
@@ -43,13 +45,13 @@ def assert_same(one, other, log):
 @pytest.mark.parametrize("partition", [None, Partition(parts=4), Partition(every=300, carry="q")])
 def test_a_fit_by_simulation_error_is_that_of_the_samples_with_inputs(worn_log, partition):
     log = worn_log.slice(0, 3000)
-    one, other = (
+    late_result, cut_result = (
         fit(part, free=("theta_1",), request=FitRequest(partition=partition)) for part in (late(log), ends_cut(log))
     )
-    assert_same(one, other, log)
+    assert_same(late_result, cut_result, log)
     # the errors are those of a simulation of the same recording
-    again = clutchid.simulate(one.actuator, late(log), partition=partition).log
-    assert np.array_equal(again["position"], one.recordings[log.name].simulated["position"], equal_nan=True)
+    again = clutchid.simulate(late_result.actuator, late(log), partition=partition).log
+    assert np.array_equal(again["position"], late_result.recordings[log.name].simulated["position"], equal_nan=True)
 
 
 @pytest.mark.slow
@@ -58,24 +60,24 @@ def test_a_fit_by_simulation_error_is_that_of_the_samples_with_inputs(worn_log, 
 def test_a_reading_is_that_of_the_samples_with_inputs(plant, worn_log, method, every, free):
     actuator = replace(plant, duty_period=0.01)
     log = thinned(worn_log.slice(0, 4000), every)
-    one, other = (
+    late_result, cut_result = (
         fit(part, actuator, free=free, request=FitRequest(calibration=EXACT), method=method)
         for part in (late(log), ends_cut(log))
     )
-    assert_same(one, other, log)
+    assert_same(late_result, cut_result, log)
 
 
 def test_a_verification_has_a_row_for_every_sample(truth, driven):
     log = driven(seconds=2.0)
-    done = fit(log, truth, free=("theta_1",), verify=late(replace(log, name="other")))
-    assert np.isnan(done.verification["other"].simulated["position"]).sum() == FIRST + LAST
+    result = fit(log, truth, free=("theta_1",), verify=late(replace(log, name="other")))
+    assert np.isnan(result.verification["other"].simulated["position"]).sum() == FIRST + LAST
     assert len(estimated_starts(late(log), truth)) == 1
 
 
 def test_an_observer_follows_the_samples_with_inputs(plant, worn_log):
     log = worn_log.slice(0, 2000)
     joint = observer(plant)
-    one, other = (observe_recording(joint, part) for part in (late(log), ends_cut(log)))
-    assert np.array_equal(one.samples.states[INSIDE], other.samples.states)
-    assert np.array_equal(one.after.theta, other.after.theta)
-    assert one.health["duty_missing"] == pytest.approx(1e-3 * (FIRST + LAST))
+    late_result, cut_result = (observe_recording(joint, part) for part in (late(log), ends_cut(log)))
+    assert np.array_equal(late_result.samples.states[INSIDE], cut_result.samples.states)
+    assert np.array_equal(late_result.after.theta, cut_result.after.theta)
+    assert late_result.health["duty_missing"] == pytest.approx(1e-3 * (FIRST + LAST))

@@ -34,75 +34,75 @@ def measured(worn_log, calibrated):
 
 
 @pytest.fixture(scope="module")
-def kept(calibrated):
+def calibration(calibrated):
     return replace(calibrated.calibration, conditions=CALIBRATED)
 
 
 @pytest.fixture(scope="module")
-def problem_of_log(calibrated, kept):
+def problem_of_log(calibrated, calibration):
     def of(log, **options):
         free = FreeParameters(calibrated.actuator.load.names, ("position",), **options)
-        return fit_problem([log], calibrated.actuator, free, kept)
+        return fit_problem([log], calibrated.actuator, free, calibration)
 
     return of
 
 
 def test_measured_conditions_condition_the_prior_as_the_textbook_says(problem_of_log, worn_log, measured):
-    plain, known = problem_of_log(worn_log), problem_of_log(measured(273.0, 9.3e5))
+    plain, conditioned = problem_of_log(worn_log), problem_of_log(measured(273.0, 9.3e5))
     k = len(plain.coordinates)
-    at = [plain.names.index(name) for name in known.measured]
+    at = [plain.names.index(name) for name in conditioned.measured]
     assert {plain.names[i] for i in at} == {"T_0@worn", "P_S@worn"}
     x = np.zeros(k)
     for hypothesis in HYPOTHESES:
-        one = with_hypothesis(known, hypothesis)
-        before, rows = prior_rows(with_hypothesis(plain, hypothesis), x), prior_rows(one, x)
+        hypothetical = with_hypothesis(conditioned, hypothesis)
+        before, rows = prior_rows(with_hypothesis(plain, hypothesis), x), prior_rows(hypothetical, x)
         assert rows.shape[0] == before.shape[0] + 2
-        found = gaussian_posterior(np.zeros((0, k + 1)), rows, log_root(one))
-        alone = gaussian_posterior(np.zeros((0, k + 1)), before, log_root(one))
+        normal = gaussian_posterior(np.zeros((0, k + 1)), rows, log_root(hypothetical))
+        alone = gaussian_posterior(np.zeros((0, k + 1)), before, log_root(hypothetical))
         C, H = alone.covariance, np.eye(k)[at]
         value = np.array(
-            [plain.coordinates[i].of(prior.mean) for i, prior in zip(at, known.measured.values(), strict=True)]
+            [plain.coordinates[i].of(prior.mean) for i, prior in zip(at, conditioned.measured.values(), strict=True)]
         )
         std = [
             prior.std / plain.coordinates[i].slope(v)
-            for i, v, prior in zip(at, value, known.measured.values(), strict=True)
+            for i, v, prior in zip(at, value, conditioned.measured.values(), strict=True)
         ]
         S = H @ C @ H.T + np.diag(np.square(std))
         gain = C @ H.T @ np.linalg.inv(S)
-        np.testing.assert_allclose(found.step, alone.step + gain @ (value - alone.step[at]), atol=1e-7)
-        np.testing.assert_allclose(found.covariance, C - gain @ H @ C, atol=1e-7)
+        np.testing.assert_allclose(normal.step, alone.step + gain @ (value - alone.step[at]), atol=1e-7)
+        np.testing.assert_allclose(normal.covariance, C - gain @ H @ C, atol=1e-7)
         off = value - alone.step[at]
         evidence = -0.5 * off @ np.linalg.solve(S, off) - 0.5 * np.linalg.slogdet(S)[1] + np.sum(np.log(std))
-        assert found.log_evidence - alone.log_evidence == pytest.approx(evidence, abs=1e-6)
+        assert normal.log_evidence - alone.log_evidence == pytest.approx(evidence, abs=1e-6)
 
 
 def test_grease_follows_the_temperature_where_both_may_have_changed(problem_of_log, measured):
-    one = with_hypothesis(problem_of_log(measured(268.0, 9.5e5)), COLD)
-    k = len(one.coordinates)
-    found = gaussian_posterior(np.zeros((0, k + 1)), prior_rows(one, np.zeros(k)), log_root(one))
-    value = dict(zip(one.names, one.si(found.step).tolist(), strict=True))
-    assert value["T_0@worn"] == pytest.approx(one.actuator.value("T_0") - 25.0, abs=1.0)
-    assert value["D_v@worn"] / one.actuator.value("D_v") == pytest.approx(np.exp(0.5), rel=0.03)
+    hypothetical = with_hypothesis(problem_of_log(measured(268.0, 9.5e5)), COLD)
+    k = len(hypothetical.coordinates)
+    normal = gaussian_posterior(np.zeros((0, k + 1)), prior_rows(hypothetical, np.zeros(k)), log_root(hypothetical))
+    value = dict(zip(hypothetical.names, hypothetical.si(normal.step).tolist(), strict=True))
+    assert value["T_0@worn"] == pytest.approx(hypothetical.actuator.value("T_0") - 25.0, abs=1.0)
+    assert value["D_v@worn"] / hypothetical.actuator.value("D_v") == pytest.approx(np.exp(0.5), rel=0.03)
 
 
 @pytest.mark.slow
 def test_a_known_change_of_nothing_costs_an_unchanged_truck_at_most_a_thousandth_of_the_peak(
-    worn_log, measured, calibrated, kept, worn
+    worn_log, measured, calibrated, calibration, worn
 ):
     free = FreeParameters(calibrated.actuator.load.names, ("position",))
     loads, probabilities = [], []
     for log in (worn_log, measured(293.0, 9.5e5)):
-        known = explained(shoot([log], calibrated.actuator, free, kept), SHOOTING.changes, kept)
-        found = mixture(known, kept)
-        loads.append(known[()].result.problem.actuator_of(found.x, "worn").load.force(Y))
-        probabilities.append(found)
+        explanations = explained(shoot([log], calibrated.actuator, free, calibration), SHOOTING.changes, calibration)
+        mixed = mixture(explanations, calibration)
+        loads.append(explanations[()].result.problem.actuator_of(mixed.x, "worn").load.force(Y))
+        probabilities.append(mixed)
     assert np.sqrt(np.mean((loads[1] - loads[0]) ** 2)) < 1e-3 * worn.load.force(Y).max()
     assert probabilities[1].of_group("supply pressure") < probabilities[0].of_group("supply pressure")
 
 
 @pytest.mark.slow
-def test_a_temperature_that_fell_by_30_k_is_a_change_of_temperature(measured, calibrated, kept):
-    request = FitRequest(("position",), ("load",), calibration=kept)
+def test_a_temperature_that_fell_by_30_k_is_a_change_of_temperature(measured, calibrated, calibration):
+    request = FitRequest(("position",), ("load",), calibration=calibration)
     fit = fit_with(SHOOTING, [measured(263.0, 9.5e5)], calibrated.actuator, request)
     changed = {change.name: change for change in fit.changes if change.group == COLD[0]}
     assert changed["T_0"].probability > 0.9
@@ -115,16 +115,19 @@ def test_a_value_of_the_user_is_the_same_measurement_as_a_column(problem_of_log,
     assert measured["T_0@worn"].std == pytest.approx(2.0 * np.sqrt(2.0))
 
 
-def test_a_user_may_give_a_condition_without_freeing_it_only_where_a_load_is_read(worn_log, calibrated, kept):
+def test_a_user_may_give_a_condition_without_freeing_it_only_where_a_load_is_read(worn_log, calibrated, calibration):
     priors = {"T_0": Prior(293.0, 2.0)}
     fit = fit_with(
-        SHOOTING, [worn_log], calibrated.actuator, FitRequest(("position",), ("load",), priors=priors, calibration=kept)
+        SHOOTING,
+        [worn_log],
+        calibrated.actuator,
+        FitRequest(("position",), ("load",), priors=priors, calibration=calibration),
     )
     assert "T_0" not in fit.parameters
     assert fit.parameters["T_0@worn"].value == pytest.approx(calibrated.actuator.value("T_0"), abs=2.0)
     for request in (
         FitRequest(("position",), ("load",), priors=priors),
-        FitRequest(("position",), ("load",), priors={"V_S": Prior(1e-2, 1e-3)}, calibration=kept),
+        FitRequest(("position",), ("load",), priors={"V_S": Prior(1e-2, 1e-3)}, calibration=calibration),
     ):
         with pytest.raises(ParameterError, match="which is not free"):
             fit_with(SHOOTING, [worn_log], calibrated.actuator, request)
@@ -139,7 +142,7 @@ def test_a_calibration_without_conditions_reads_and_says_what_it_lacks(measured,
     assert "temperature_ambient is not used, because the calibration does not have it" in " ".join(fit.warnings)
 
 
-def test_a_bad_column_is_refused_before_any_search(measured, calibrated, kept):
-    request = FitRequest(("position",), ("load",), calibration=kept)
+def test_a_bad_column_is_refused_before_any_search(measured, calibrated, calibration):
+    request = FitRequest(("position",), ("load",), calibration=calibration)
     with pytest.raises(DataError, match="worn: temperature_ambient is -253"):
         fit_with(SHOOTING, [measured(20.0, 9e5)], calibrated.actuator, request)

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def known():
+def calibrated():
     """A calibrated actuator by its valves: switched by a carrier, or averaged."""
     load = clutchid.Load.on_b_splines(clutchid.Load())
     averaged = clutchid.Actuator(model="energy-balance-stribeck", load=load, duty_period=PERIOD).replace(tau_y=1e-3)
@@ -44,8 +44,8 @@ def late(actuator, delta, edges=True):
 
 
 @pytest.mark.parametrize("valves", ["switched", "averaged"])
-def test_late_edges_do_not_move_the_load(known, valves):
-    actuator, y = known[valves], np.linspace(0.5e-3, 15e-3, 40)
+def test_late_edges_do_not_move_the_load(calibrated, valves):
+    actuator, y = calibrated[valves], np.linspace(0.5e-3, 15e-3, 40)
     peak = 1.1 * actuator.load.force(y).max()
 
     def load(delta, edges=True):
@@ -54,15 +54,15 @@ def test_late_edges_do_not_move_the_load(known, valves):
         )
         return fit.actuator.load.force(y)
 
-    def apart(one, other):
-        return float(np.sqrt(np.mean((one - other) ** 2))) / peak
+    def apart(reading, reference):
+        return float(np.sqrt(np.mean((reading - reference) ** 2))) / peak
 
     prompt = load(0.0)
     assert apart(load(3e-4), prompt) < 0.005
     assert apart(load(3e-4, edges=False), prompt) > 0.01  # held until the next sample: the reason for the edges
 
 
-def test_the_phase_of_a_carrier_is_that_of_the_edges(known):
-    log = late(known["switched"], 3e-4)
-    assert pulsed(log, known["switched"], False).actuator.value("s_pwm") == pytest.approx(0.03)
-    assert pulsed(replace(log, edges={}), known["switched"], False).actuator.value("s_pwm") == pytest.approx(0.1)
+def test_the_phase_of_a_carrier_is_that_of_the_edges(calibrated):
+    log = late(calibrated["switched"], 3e-4)
+    assert pulsed(log, calibrated["switched"], False).actuator.value("s_pwm") == pytest.approx(0.03)
+    assert pulsed(replace(log, edges={}), calibrated["switched"], False).actuator.value("s_pwm") == pytest.approx(0.1)

@@ -45,7 +45,7 @@ def test_a_leak_is_found_with_its_size(reading):
 
 def test_the_load_of_an_actuator_that_leaks_is_read_as_without_the_leak(reading, adapted, worn):
     true = worn.load.force(Y)
-    error, without = ((one.actuator.load.force(Y) - true) / true.max() for one in (reading, adapted))
+    error, without = ((fit.actuator.load.force(Y) - true) / true.max() for fit in (reading, adapted))
     assert np.sqrt(np.mean(error**2)) < np.sqrt(np.mean(without**2)) + 0.01
 
 
@@ -63,19 +63,19 @@ def test_a_search_that_gets_nowhere_ends_after_its_patience(leaking_log, calibra
     monkeypatch.setattr(module, "HOPELESS", 0.0)
     monkeypatch.setattr(module, "PATIENCE", 5)
     free = FreeParameters(calibrated.actuator.load.names, ("position",))
-    found = shoot([leaking_log], calibrated.actuator, free, calibrated.calibration)
-    assert found.solution.status == "limit"
-    again = SHOOTING.changes.refine(found, found.problem, found.solution.x)
+    search = shoot([leaking_log], calibrated.actuator, free, calibrated.calibration)
+    assert search.solution.status == "limit"
+    again = SHOOTING.changes.refine(search, search.problem, search.solution.x)
     assert again.solution.status == "converged", "with a change the search goes on"
-    assert again.solution.at.cost < found.solution.at.cost
+    assert again.solution.at.cost < search.solution.at.cost
 
 
 @pytest.mark.slow
 def test_only_the_search_of_a_load_from_position_alone_ends_early(calibrated, worn, recorded_by, leaking_log):
     names, with_pressure = calibrated.actuator.load.names, recorded_by(worn, seconds=3.0, seed=5, name="worn", driven=1)
     both = FreeParameters(names, ("position", "pressure_a"))
-    found = shoot([with_pressure], calibrated.actuator, both, calibrated.calibration)
-    assert found.effort == UNLIMITED
+    search = shoot([with_pressure], calibrated.actuator, both, calibrated.calibration)
+    assert search.effort == UNLIMITED
     alone = shoot([leaking_log], calibrated.actuator, FreeParameters(names, ("position",)), calibrated.calibration)
     assert alone.effort.most == module.MOST_EVALUATIONS
 
@@ -83,8 +83,8 @@ def test_only_the_search_of_a_load_from_position_alone_ends_early(calibrated, wo
 def test_another_shape_of_the_load_is_no_leak(calibrated, recorded_by, plant):
     bent = replace(plant, load=Load.on_b_splines(Load((8.6e5, 0.1e5, 0.3e5))))
     log = recorded_by(bent, seconds=6.0, seed=5, name="worn", driven=1).without("pressure_a")
-    found = leak_of(read(log, calibrated))
-    assert found is None or found.probability < 0.5
+    leak = leak_of(read(log, calibrated))
+    assert leak is None or leak.probability < 0.5
 
 
 @pytest.mark.slow

@@ -42,12 +42,12 @@ def test_the_band_counts_the_load_that_a_drift_of_the_area_makes(plant, worn_log
     counted = np.sqrt(whole**2 - half_width(fit_at(SHOOTING, shot, EXACT), y) ** 2)
     # the same by searching at 1 % more and less, to within sqrt(1e-4) = 0.01 standard deviations of the minimum
     monkeypatch.setattr(fine_search, "CONVERGED_GAIN", 1e-4)
-    problem, found = shot.problem, shot.solution
+    problem, solution = shot.problem, shot.solution
     loads = []
     area = plant.value("A_A")
     for share in (1.01, 0.99):
         off = replace(problem, actuator=problem.actuator.replace({"A_A": share * area}))
-        again = search(off, found.x, found.at.X, (1.0,))
+        again = search(off, solution.x, solution.at.X, (1.0,))
         loads.append(problem.actuator_of(again.x, "worn").load.force(y))
     by_share = np.abs(loads[0] - loads[1]) / 0.02
     # two searches each end within 0.01 of 45 N, where the loads differ by 56 N

@@ -60,8 +60,8 @@ def explanations(problem, x=(0.0, 0.0, 0.0, 0.0), scatter=1.0, size=1.0):
     data = DATA.copy()
     data[:, -1] = size * data[:, -1] + DATA[:, :-1] @ x
     solution = SimpleNamespace(x=x, status="converged", evaluations=1)
-    one = Explanation(SearchResult(problem, solution), solution, data, scatter)
-    return dict.fromkeys(HYPOTHESES, one)
+    explanation = Explanation(SearchResult(problem, solution), solution, data, scatter)
+    return dict.fromkeys(HYPOTHESES, explanation)
 
 
 def calibration(**errors):
@@ -125,10 +125,10 @@ def inside_and_between(problem, x, shift_of=lambda _hypothesis: np.zeros(4), mis
 
 def test_probabilities_are_those_of_the_data_under_each_prior(problem):
     weights = weights_of(gaussians(problem)[0])
-    found = probabilities(explanations(problem), calibration())
-    assert found == pytest.approx(weights, abs=1e-10)
-    assert found.sum() == pytest.approx(1.0, abs=1e-12)
-    assert found.min() > 1e-3, "all of them have to matter"
+    weighted = probabilities(explanations(problem), calibration())
+    assert weighted == pytest.approx(weights, abs=1e-10)
+    assert weighted.sum() == pytest.approx(1.0, abs=1e-12)
+    assert weighted.min() > 1e-3, "all of them have to matter"
     elsewhere = probabilities(explanations(problem, (0.3, -1.0, 2.0, 0.5)), calibration())
     assert elsewhere == pytest.approx(weights, abs=1e-10), "wherever a linear problem is linearised"
 
@@ -136,25 +136,25 @@ def test_probabilities_are_those_of_the_data_under_each_prior(problem):
 def test_the_mean_is_that_of_the_weighted_gaussians(problem):
     densities, means, _ = gaussians(problem)
     weights = weights_of(densities)
-    found = mixture(explanations(problem), calibration())
-    np.testing.assert_allclose(found.x, weights @ means, atol=1e-10)
-    assert found.of_group("supply pressure") == pytest.approx(weights[1] + weights[3])
-    assert found.of_group("temperature and grease") == 0.0
+    posterior = mixture(explanations(problem), calibration())
+    np.testing.assert_allclose(posterior.x, weights @ means, atol=1e-10)
+    assert posterior.of_group("supply pressure") == pytest.approx(weights[1] + weights[3])
+    assert posterior.of_group("temperature and grease") == 0.0
 
 
 def test_the_covariance_is_about_that_mean_with_a_part_of_the_evidence(problem):
-    found = mixture(explanations(problem), calibration())
-    assert found.weights == pytest.approx(band_weights(gaussians(problem, ALL)[0]), abs=1e-10)
-    inside, between = inside_and_between(problem, found.x)
-    np.testing.assert_allclose(found.covariance, inside + between, atol=1e-10)
+    posterior = mixture(explanations(problem), calibration())
+    assert posterior.weights == pytest.approx(band_weights(gaussians(problem, ALL)[0]), abs=1e-10)
+    inside, between = inside_and_between(problem, posterior.x)
+    np.testing.assert_allclose(posterior.covariance, inside + between, atol=1e-10)
     assert np.abs(between).max() > 0.02, "the hypotheses have to differ"
 
 
 def test_a_misfit_widens_what_each_hypothesis_leaves_open_and_a_good_fit_narrows_nothing(problem):
-    known = explanations(problem)
-    as_usual, better, unknown, worse = (mixture(known, calibration(), m) for m in (1.0, 0.5, np.nan, 2.0))
-    for one in (better, unknown):
-        np.testing.assert_array_equal(one.covariance, as_usual.covariance)
+    explained = explanations(problem)
+    as_usual, better, unknown, worse = (mixture(explained, calibration(), m) for m in (1.0, 0.5, np.nan, 2.0))
+    for hypothesis in (better, unknown):
+        np.testing.assert_array_equal(hypothesis.covariance, as_usual.covariance)
     inside, between = inside_and_between(problem, worse.x, misfit=2.0)
     np.testing.assert_allclose(worse.covariance, inside + between, atol=1e-9)
     np.testing.assert_allclose(worse.x, as_usual.x, atol=1e-12)
@@ -177,8 +177,8 @@ def test_the_band_gives_an_explanation_that_is_nearly_as_good_its_weight():
 
 def test_data_that_scatter_less_than_assumed_change_the_covariance_only(problem):
     as_assumed, less = (mixture(explanations(problem, scatter=s), calibration()) for s in (1.0, 0.25))
-    for one, other in ((less.weights, as_assumed.weights), (less.probabilities, as_assumed.probabilities)):
-        np.testing.assert_array_equal(one, other)
+    for estimate, expected in ((less.weights, as_assumed.weights), (less.probabilities, as_assumed.probabilities)):
+        np.testing.assert_array_equal(estimate, expected)
     np.testing.assert_allclose(less.x, as_assumed.x, atol=1e-12)
     assert np.all(np.diag(less.covariance) < np.diag(as_assumed.covariance))
 
@@ -192,7 +192,7 @@ def test_errors_of_position_alone_are_subtracted_and_a_part_of_them_is_uncertain
     }
     widths = np.array([c.width for c in problem.coordinates])
     wanted = {NONE: np.array([2e3, 0.0, 0.03, 0.0]) / widths, SUPPLY: np.array([-5e3, 0.0, -0.02, 0.0]) / widths}
-    plain, corrected = (mixture(explanations(problem), calibration(**each)) for each in ({}, errors))
+    plain, corrected = (mixture(explanations(problem), calibration(**options)) for options in ({}, errors))
     shifts = [wanted.get(hypothesis, wanted[NONE]) for hypothesis in ALL]
     np.testing.assert_allclose(plain.means - corrected.means, shifts, atol=1e-12)
     for hypothesis in (NONE, SUPPLY):
@@ -214,23 +214,23 @@ def test_what_a_change_explains_in_the_calibration_recordings_is_no_evidence_for
         }
 
     plain, more, less = (
-        probabilities(explanations(problem), calibration(**each)) for each in ({}, errors(1.5), errors(-1.5))
+        probabilities(explanations(problem), calibration(**options)) for options in ({}, errors(1.5), errors(-1.5))
     )
     assert np.log(more[1] / more[0]) == pytest.approx(np.log(plain[1] / plain[0]) - 1.5)
     assert more[2] / more[0] == pytest.approx(plain[2] / plain[0])
     assert less == pytest.approx(plain), "what explained less than nothing there speaks for no change here"
 
 
-def found(x, std, **probability):
+def posterior(x, std, **probability):
     hypotheses = {"none": NONE, "supply": SUPPLY, "valves": VALVES}
-    each = tuple(hypotheses[name] for name in probability)
-    means, covariances = np.array([x] * len(each)), np.array([np.diag(np.square(std))] * len(each))
+    places = tuple(hypotheses[name] for name in probability)
+    means, covariances = np.array([x] * len(places)), np.array([np.diag(np.square(std))] * len(places))
     weights = np.array([*probability.values()])
-    return Mixture(each, weights, weights, means, covariances)
+    return Mixture(places, weights, weights, means, covariances)
 
 
 def test_a_change_has_its_value_before_and_after_its_deviation_and_the_probability_of_its_group(problem):
-    (change,) = changes(problem, found([0.0, -1.0, 0.1], [1.0, 0.2, 0.5], none=0.02, supply=0.96, valves=0.02))
+    (change,) = changes(problem, posterior([0.0, -1.0, 0.1], [1.0, 0.2, 0.5], none=0.02, supply=0.96, valves=0.02))
     width = problem.coordinates[1].width
     after = 9e5 * np.exp(-width)
     assert (change.recording, change.name, change.unit, change.group) == ("w", "P_S", "Pa", "supply pressure")
@@ -245,7 +245,7 @@ def test_a_group_is_listed_if_the_data_double_the_odds_of_its_change(problem):
         return odds / (1.0 + odds)
 
     below, above = doubled("supply pressure") - 0.01, doubled("valves") + 0.01
-    assert changes(problem, found([0.0, -1.0, 0.1], [1.0, 0.2, 0.5], none=1.0 - below, supply=below)) == ()
+    assert changes(problem, posterior([0.0, -1.0, 0.1], [1.0, 0.2, 0.5], none=1.0 - below, supply=below)) == ()
     # the valves have moved by less than their standard deviation
-    (change,) = changes(problem, found([0.0, -1.0, 0.1], [1.0, 0.2, 0.5], none=1.0 - above, valves=above))
+    (change,) = changes(problem, posterior([0.0, -1.0, 0.1], [1.0, 0.2, 0.5], none=1.0 - above, valves=above))
     assert (change.name, change.probability) == ("C_vs", pytest.approx(above))

@@ -28,9 +28,9 @@ def read(monkeypatch):
             requests[names] = request
             if names == ("short",):
                 raise DataError("short: 90 measured samples for 24 free parameters.")
-            (one,) = result.recordings.values()
-            found = replace(result, recordings=dict.fromkeys(names, one))
-            return replace(found, status="failed") if names == ("lost",) else found
+            (recording,) = result.recordings.values()
+            together = replace(result, recordings=dict.fromkeys(names, recording))
+            return replace(together, status="failed") if names == ("lost",) else together
 
         monkeypatch.setattr(sys.modules["clutchid.estimation.fit"], "method_of", lambda *asked: None)
         monkeypatch.setattr(sys.modules["clutchid.estimation.fit"], "fit_with", fit_with)

@@ -67,23 +67,23 @@ def test_a_model_without_an_error_errs_by_noise_only(errors, blind, calibrated):
 
 
 def test_they_are_what_the_search_finds_beside_the_calibration(errors, blind, calibrated):
-    one = explanation(blind, errors.dispersion)
-    found = blind.problem
+    explained = explanation(blind, errors.dispersion)
+    problem = blind.problem
     for hypothesis in (HYPOTHESES[0], HYPOTHESES[2]):
-        x = one.solution.x + one.under(hypothesis).step
+        x = explained.solution.x + explained.under(hypothesis).step
         for name, shift in zip(errors.names, errors.shift(hypothesis, errors.names), strict=True):
-            place = [c.base for c in found.coordinates].index(name)
-            c = found.coordinates[place]
+            place = [c.base for c in problem.coordinates].index(name)
+            c = problem.coordinates[place]
             moved = np.log(c.si(x[place]) / c.mean) if c.positive else c.si(x[place]) - c.mean
             assert moved == pytest.approx(shift, abs=1e-9 * max(1.0, abs(c.mean))), name
 
 
 @pytest.mark.slow
 def test_the_calibration_recording_without_pressure_gives_the_calibrated_load_back(calibrated, drive_log):
-    kept, true = calibrated.calibration, calibrated.actuator.load.force(Y)
+    calibration, true = calibrated.calibration, calibrated.actuator.load.force(Y)
     missed, plain = (
-        np.abs(reread(calibrated, drive_log, one).actuator.load.force(Y) - true).max()
-        for one in (kept, replace(kept, position_only=None))
+        np.abs(reread(calibrated, drive_log, errors).actuator.load.force(Y) - true).max()
+        for errors in (calibration, replace(calibration, position_only=None))
     )
     # a model without an error misses little anyway: what is left is that hypotheses are searched again
     assert missed < 0.5 * plain
@@ -93,16 +93,18 @@ def test_the_calibration_recording_without_pressure_gives_the_calibrated_load_ba
 def test_known_errors_shift_a_load_by_exactly_as_much(calibrated, worn_log):
     names = calibrated.actuator.load.names
     shifts = np.append(np.linspace(-30.0, 60.0, len(names)), 0.02)
-    known = PositionOnlyErrors(((),), (*names, "C_vs"), shifts[None], np.zeros(1))
-    kept = calibrated.calibration
+    shift_errors = PositionOnlyErrors(((),), (*names, "C_vs"), shifts[None], np.zeros(1))
+    calibration = calibrated.calibration
     free = FreeParameters(names, ("position",))
-    found = shoot([worn_log], calibrated.actuator, free, kept)
-    one = {(): explanation(found, 1.0)}
-    plain, shifted = (mixture(one, replace(kept, position_only=errors)).x for errors in (None, known))
-    si = found.problem.si(plain) - found.problem.si(shifted)
+    search = shoot([worn_log], calibrated.actuator, free, calibration)
+    explanations = {(): explanation(search, 1.0)}
+    plain, shifted = (
+        mixture(explanations, replace(calibration, position_only=errors)).x for errors in (None, shift_errors)
+    )
+    si = search.problem.si(plain) - search.problem.si(shifted)
     assert si[: len(names)] == pytest.approx(shifts[:-1], abs=1e-9)
-    place = found.problem.names.index("C_vs@worn")
-    ratio = found.problem.si(plain)[place] / found.problem.si(shifted)[place]
+    place = search.problem.names.index("C_vs@worn")
+    ratio = search.problem.si(plain)[place] / search.problem.si(shifted)[place]
     assert np.log(ratio) == pytest.approx(0.02, rel=1e-9)
     others = [i for i in range(len(names), si.size) if i != place]
     np.testing.assert_array_equal(plain[others], shifted[others])
@@ -110,27 +112,27 @@ def test_known_errors_shift_a_load_by_exactly_as_much(calibrated, worn_log):
 
 @pytest.mark.slow
 def test_of_several_recordings_they_are_the_mean_and_one_whose_search_fails_is_left_out(calibrated, drive_log):
-    kept, actuator = replace(calibrated.calibration, position_only=None), calibrated.actuator
+    calibration, actuator = replace(calibrated.calibration, position_only=None), calibrated.actuator
     parts = [replace(drive_log.slice(*ends), name=name) for name, ends in (("a", (0, 4000)), ("b", (4000, 8000)))]
 
-    def found(logs, failing=()):
+    def errors_of(logs, failing=()):
         def search(logs, *args):
             result = shoot(logs, *args)
             return replace(result, solution=Failure("no")) if logs[0].name in failing else result
 
-        return position_only_errors(replace(SHOOTING, search=search), logs, actuator, kept)
+        return position_only_errors(replace(SHOOTING, search=search), logs, actuator, calibration)
 
-    a, b, both = found(parts[:1]), found(parts[1:]), found(parts)
+    a, b, both = errors_of(parts[:1]), errors_of(parts[1:]), errors_of(parts)
     np.testing.assert_allclose(both.shifts, (a.shifts + b.shifts) / 2, rtol=1e-12)
     np.testing.assert_allclose(both.log_evidence, (a.log_evidence + b.log_evidence) / 2, rtol=1e-12)
     assert both.dispersion == pytest.approx((a.dispersion + b.dispersion) / 2)
-    np.testing.assert_array_equal(found(parts, ("b",)).shifts, a.shifts)
-    assert found(parts, ("a", "b")) is None
+    np.testing.assert_array_equal(errors_of(parts, ("b",)).shifts, a.shifts)
+    assert errors_of(parts, ("a", "b")) is None
 
 
 def test_a_method_without_hypotheses_has_the_errors_of_no_change(calibrated, drive_log, blind, start):
-    kept, actuator = replace(calibrated.calibration, position_only=None), calibrated.actuator
-    errors = position_only_errors(replace(SHOOTING, changes=None), [drive_log], actuator, kept, start)
+    calibration, actuator = replace(calibrated.calibration, position_only=None), calibrated.actuator
+    errors = position_only_errors(replace(SHOOTING, changes=None), [drive_log], actuator, calibration, start)
     assert errors.hypotheses == ((),)
     expected = np.array(blind.problem.actuator_of(blind.solution.x, "log").load.theta) - actuator.load.theta
     np.testing.assert_allclose(errors.shift((), actuator.load.names), expected, atol=1e-6)

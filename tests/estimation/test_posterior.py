@@ -156,12 +156,12 @@ def test_the_band_of_the_pressure_is_the_same_on_every_run(problem, solution):
 def test_a_measured_pressure_makes_its_band_narrow(plant, drive_log, problem_of, starts_of, problem, solution):
     both = problem_of([drive_log.slice(0, 4000)], plant, plant.load.names)
     with_pressure = search(both, np.zeros(22), starts_of(both), STAGES_FROM_CALIBRATION)
-    known, unknown = (
+    measured, unmeasured = (
         pressure_deviations(parameter_uncertainty(both, with_pressure, None))[0],
         pressure_deviations(parameter_uncertainty(problem, solution, None))[0],
     )
-    assert np.median(known) < 0.5 * np.median(unknown)
-    assert np.median(known) < 3e3
+    assert np.median(measured) < 0.5 * np.median(unmeasured)
+    assert np.median(measured) < 3e3
 
 
 def test_states_that_cannot_be_simulated_are_a_failure(problem, solution):

@@ -115,10 +115,10 @@ def test_at_the_ends_everything_else_free_the_cost_has_grown_as_much_as_defined(
 
 def test_where_data_rule_their_dispersion_counts_and_what_is_considered_adds(problem, solution, uncertain, costs):
     place = NAMES.index("F_C")
-    known, total = np.linalg.norm(uncertain.noise_root[place]), np.sqrt(uncertain.matrix[place, place])
-    assert total > 1.1 * known, "what is taken as known is a part of what is not known of the friction"
+    noise, total = np.linalg.norm(uncertain.noise_root[place]), np.sqrt(uncertain.matrix[place, place])
+    assert total > 1.1 * noise, "what is taken as known is a part of what is not known of the friction"
     # the priors of all parameters have no dispersion, which is a per cent here
-    assert np.sqrt(np.array(costs("F_C")) / dispersion(problem, solution.at)) * known / total == pytest.approx(
+    assert np.sqrt(np.array(costs("F_C")) / dispersion(problem, solution.at)) * noise / total == pytest.approx(
         QUANTILE, rel=ROOT_TOLERANCE + 0.02
     )
 

@@ -14,16 +14,16 @@ METHODS = ["simulation", "shooting", pytest.param("prediction-error", marks=pyte
 @pytest.mark.parametrize("method", METHODS)
 def test_evaluations_are_counted_and_stages_follow_each_other(plant, worn_log, method):
     reported, request = [], FitRequest(calibration=None if method == "simulation" else EXACT)
-    found = fit(
+    result = fit(
         worn_log.slice(0, 1500), plant, request, free="load", method=method, force=True,
         progress=reported.append,
     )  # fmt: skip
     searched = [step for step in reported if step.evaluations]
     stages, counts, costs = zip(*searched, strict=True)
     assert counts == tuple(sorted({*counts}))
-    assert counts[-1] <= found.evaluations
+    assert counts[-1] <= result.evaluations
     # shooting evaluates single windows between what it reports
-    assert method == "shooting" or counts == tuple(range(1, found.evaluations + 1))
+    assert method == "shooting" or counts == tuple(range(1, result.evaluations + 1))
     assert list(stages) == sorted(stages)
     assert set(stages) <= {"coarse search", "fine search"}
     assert np.isfinite(costs[-1])

@@ -24,25 +24,25 @@ def log(proportional, recorded_by):
 
 
 @pytest.fixture(scope="module")
-def found(proportional, log):
+def calibrated(proportional, log):
     """A calibration that starts from lines and the usual lag, as without knowledge of the valves."""
     start = proportional.replace({"n_vs": 1.0, "n_ve": 1.0, "tau_vs": 2e-3, "tau_ve": 2e-3})
     return fit_with(SHOOTING, [log], start, FitRequest(("position", "pressure_a"), ("auto",)))
 
 
 @pytest.mark.slow
-def test_the_calibration_finds_exponents_lags_and_supply_pressure(found, proportional):
-    assert found.status == "ok"
+def test_the_calibration_finds_exponents_lags_and_supply_pressure(calibrated, proportional):
+    assert calibrated.status == "ok"
     for name in ("n_vs", "n_ve", *LAGS, "gamma", "P_S"):
-        estimate = found.parameters[name]
+        estimate = calibrated.parameters[name]
         assert abs(estimate.value - proportional.value(name)) < 3.0 * estimate.std, name
     # a line is excluded by far: its prior allows a fifth
     for name in ("n_vs", "n_ve"):
-        estimate = found.parameters[name]
+        estimate = calibrated.parameters[name]
         assert (estimate.value - 1.0) / estimate.std > 5.0, name
 
 
-def test_the_calibration_finds_the_load(found, proportional):
+def test_the_calibration_finds_the_load(calibrated, proportional):
     y = np.linspace(0.5e-3, 20e-3, 40)
     true = proportional.load.force(y)
-    assert found.actuator.load.force(y) == pytest.approx(true, abs=0.005 * true.max())
+    assert calibrated.actuator.load.force(y) == pytest.approx(true, abs=0.005 * true.max())

@@ -7,9 +7,9 @@ from clutchid.inference.uncertainty.coordinates import Prior
 def test_alone_a_recording_has_its_own_and_the_shared_parameters_and_no_checks():
     names = ("load", "P_S@day 1", "P_S@day 2", "C_vs", "F_C@EACH")
     limits, prior = (1.0, 2.0), Prior(1.0, 0.1)
-    given = ("C_vs", "P_S@day 1", "P_S@day 2")
+    shared = ("C_vs", "P_S@day 1", "P_S@day 2")
     whole = FitRequest(
-        free=names, bounds=dict.fromkeys(given, limits), priors=dict.fromkeys(given, prior), profile=("C_vs",),
+        free=names, bounds=dict.fromkeys(shared, limits), priors=dict.fromkeys(shared, prior), profile=("C_vs",),
         bootstrap=20,
     )  # fmt: skip
     alone = whole.alone("day 2")

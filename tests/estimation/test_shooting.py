@@ -70,9 +70,9 @@ def test_a_search_ends_in_the_problem_linearised_there_so_that_it_can_be_evaluat
     shot = shoot([drive_log.slice(0, 1500).without("pressure_a")], plant, free, EXACT)
     again = SHOOTING.evaluated(shot.problem, shot.solution.x, shot.solution.at.X)
     assert again.cost == shot.solution.at.cost
-    for one, other in zip(again.chains, shot.solution.at.chains, strict=True):
-        assert np.array_equal(one.windows.linearised.jacobian, other.windows.linearised.jacobian)
-        assert np.array_equal(one.windows.linearised.r, other.windows.linearised.r)
+    for chain, expected in zip(again.chains, shot.solution.at.chains, strict=True):
+        assert np.array_equal(chain.windows.linearised.jacobian, expected.windows.linearised.jacobian)
+        assert np.array_equal(chain.windows.linearised.r, expected.windows.linearised.r)
 
 
 def test_a_narrow_prior_far_from_the_start_value_is_reached(plant, drive_log):
@@ -143,8 +143,8 @@ def test_a_search_that_stalls_at_the_same_cost_from_new_states_has_converged(mon
     monkeypatch.setattr(
         module, "search", lambda *_: Solution(np.zeros(1), SimpleNamespace(cost=next(left), X=()), "stalled", 7)
     )
-    found = module._fine(SimpleNamespace(stems=()), np.zeros(1), (), UNLIMITED, None)
-    assert (found.at.cost, found.status) == (cost, status)
-    assert tuple(start.cost for start in found.starts) == costs
-    assert [start.name for start in found.starts[:2]] == ["initial values", "new states 1"]
+    solution = module._fine(SimpleNamespace(stems=()), np.zeros(1), (), UNLIMITED, None)
+    assert (solution.at.cost, solution.status) == (cost, status)
+    assert tuple(start.cost for start in solution.starts) == costs
+    assert [start.name for start in solution.starts[:2]] == ["initial values", "new states 1"]
     assert next(left, None) is None

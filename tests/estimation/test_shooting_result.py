@@ -18,19 +18,19 @@ STD = np.array([2e-5, 300.0, 1e5])
 
 
 @pytest.fixture(scope="module")
-def known():
+def conditions():
     return Calibration(NAMES, np.diag(STD**2))
 
 
 @pytest.fixture(scope="module")
-def shot(plant, worn_log, known):
+def shot(plant, worn_log, conditions):
     """The load of the worn plant from position alone, all else exactly as it is."""
-    return shoot([worn_log], plant, FreeParameters(plant.load.names, ("position",)), known)
+    return shoot([worn_log], plant, FreeParameters(plant.load.names, ("position",)), conditions)
 
 
 @pytest.fixture(scope="module")
-def fit(shot, known):
-    return fit_at(SHOOTING, shot, known)
+def fit(shot, conditions):
+    return fit_at(SHOOTING, shot, conditions)
 
 
 def test_the_load_curve_is_that_of_the_fitted_actuator_within_its_band(fit, worn):
@@ -68,10 +68,10 @@ def test_estimates_have_the_value_the_error_and_the_interval_of_their_number(fit
     assert units == {"theta_5": "N", "y_max@worn": "m", "P_S@worn": "Pa", "R_0vs@worn": "1"}
 
 
-def test_the_bias_of_the_calibration_is_taken_off_and_widens_the_band(fit, shot, known):
+def test_the_bias_of_the_calibration_is_taken_off_and_widens_the_band(fit, shot, conditions):
     bias = np.linspace(-30.0, 60.0, 22)
     errors = PositionOnlyErrors(((),), fit.actuator.load.names, bias[None], np.zeros(1))
-    plain, shifted = fit, fit_at(SHOOTING, shot, replace(known, position_only=errors))
+    plain, shifted = fit, fit_at(SHOOTING, shot, replace(conditions, position_only=errors))
     y = plain.load_curve.position
     taken = plain.actuator.load.phi(y) @ bias
     assert shifted.load_curve.force == pytest.approx(plain.load_curve.force - taken)
@@ -134,21 +134,23 @@ def test_no_note_names_a_load_weight(fit):
     assert all("theta" not in note for note in fit.notes)
 
 
-def test_a_number_at_its_bound_is_a_warning_that_names_bound_and_value(plant, worn_log, known):
+def test_a_number_at_its_bound_is_a_warning_that_names_bound_and_value(plant, worn_log, conditions):
     most = 1.02 * plant.value("theta_9")
     wanted = FreeParameters(plant.load.names, ("position",), bounds={"theta_9": (0.0, most)})
-    bounded = fit_at(SHOOTING, shoot([worn_log], plant, wanted, known), known)
+    bounded = fit_at(SHOOTING, shoot([worn_log], plant, wanted, conditions), conditions)
     assert bounded.status == "warning"
     assert bounded.warnings == (f"theta_9 lies at its upper bound {most:g} N.",)
     assert bounded.bounds["theta_9"] == (0.0, most)
 
 
-def test_a_search_that_did_not_converge_is_a_warning(shot, known):
-    stopped = fit_at(SHOOTING, replace(shot, solution=replace(shot.solution, status="limit", evaluations=7)), known)
+def test_a_search_that_did_not_converge_is_a_warning(shot, conditions):
+    stopped = fit_at(
+        SHOOTING, replace(shot, solution=replace(shot.solution, status="limit", evaluations=7)), conditions
+    )
     assert stopped.warnings == ("the search stopped after 7 evaluations, not converged: its budget is used up.",)
     assert stopped.status == "warning"
     assert not stopped.converged
-    assert fit_at(SHOOTING, shot, known).converged
+    assert fit_at(SHOOTING, shot, conditions).converged
 
 
 def test_a_failed_search_is_a_result_without_values(shot):

@@ -31,11 +31,11 @@ def problem_of(actuator: Actuator, logs: list[Log], partition: Partition | None,
 def stacked(problem, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """All residuals and the full Jacobian to x, segment by segment."""
     r_all, J_all = [], []
-    for one in residuals(problem, x):
-        assert not isinstance(one, Failure)
-        full = np.zeros((one.r.size, x.size))
-        full[:, one.places] = one.J
-        r_all.append(one.r)
+    for block in residuals(problem, x):
+        assert not isinstance(block, Failure)
+        full = np.zeros((block.r.size, x.size))
+        full[:, block.places] = block.J
+        r_all.append(block.r)
         J_all.append(full)
     return np.concatenate(r_all), np.vstack(J_all)
 
@@ -78,10 +78,10 @@ def test_a_missing_measurement_is_as_if_its_row_had_been_deleted(truth, drive):
     holed = drive.with_columns(**{name: np.where(gone[name], np.nan, drive[name]) for name in measure})
     (whole, x), (part, x_part) = (problem_of(truth, [log], None, measure) for log in (drive, holed))
     r, J = stacked(whole, x * 1.01)
-    kept = ~np.concatenate([gone["position"], gone["pressure_a"]])
+    present = ~np.concatenate([gone["position"], gone["pressure_a"]])
     r_part, J_part = stacked(part, x_part * 1.01)
-    assert np.array_equal(r_part, r[kept])
-    assert np.array_equal(J_part, J[kept])
+    assert np.array_equal(r_part, r[present])
+    assert np.array_equal(J_part, J[present])
 
 
 def test_the_linearisation_is_the_compressed_stack_of_all_segments_and_recordings(truth, drive, cut):
@@ -195,7 +195,10 @@ def test_nineteen_of_twenty_intervals_hold_the_truth_where_the_valve_opens_at_th
     log, inside = log.slice(opens, len(log)), np.zeros(3)
     for seed in range(trials):
         noise = np.random.default_rng(seed).normal(0.0, 3e-5, log.time.size)
-        found = fit(log.with_columns(position=log["position"] + noise), truth, free="load").parameters.values()
-        inside += [one.low <= truth.value(name) <= one.high for name, one in zip(truth.load.names, found, strict=True)]
+        estimates = fit(log.with_columns(position=log["position"] + noise), truth, free="load").parameters.values()
+        inside += [
+            estimate.low <= truth.value(name) <= estimate.high
+            for name, estimate in zip(truth.load.names, estimates, strict=True)
+        ]
     # 95 %, but for the counting of 30; a little more, as the noise of the other samples is counted by a sandwich
     assert np.all(inside >= binom.ppf(0.001, trials, 0.95)), inside

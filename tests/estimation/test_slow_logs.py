@@ -48,15 +48,15 @@ def test_a_slow_recording_adds_a_share_of_the_load_to_its_interval(adapted, worn
     added = QUANTILE * MISSED * adapted.load_curve.force
     np.testing.assert_allclose(sides(wide) ** 2, sides(adapted) ** 2 + added**2)
     at = [list(wide.parameters).index(name) for name in wide.actuator.load.names]
-    before, after = (one.covariance[np.ix_(at, at)] for one in (adapted, wide))
+    before, after = (calibration.covariance[np.ix_(at, at)] for calibration in (adapted, wide))
     theta = np.array(wide.actuator.load.theta)
     assert after - before == pytest.approx(MISSED**2 * np.outer(theta, theta))
     for name, variance in zip(wide.actuator.load.names, np.diag(after), strict=True):
         estimate = wide.parameters[name]
         assert estimate.std == pytest.approx(np.sqrt(variance))
         narrow, wider = adapted.parameters[name], QUANTILE**2 * (variance - adapted.parameters[name].std ** 2)
-        for one, other in ((estimate.low, narrow.low), (estimate.high, narrow.high)):
-            squares = (one - estimate.value) ** 2 - (other - narrow.value) ** 2
+        for calibration, other in ((estimate.low, narrow.low), (estimate.high, narrow.high)):
+            squares = (calibration - estimate.value) ** 2 - (other - narrow.value) ** 2
             assert squares == pytest.approx(wider, rel=1e-6)
     others = [name for name in wide.parameters if name not in wide.actuator.load.names]
     assert [wide.parameters[name] for name in others] == [adapted.parameters[name] for name in others]

@@ -10,9 +10,9 @@ from clutchid.errors import ParameterError
 def test_a_search_whose_bounds_let_both_ends_meet_keeps_them_apart(valve, truth, drive):
     names = (f"R_0{valve}", f"R_1{valve}")
     near = truth.replace({names[0]: 0.49, names[1]: 0.5})
-    found = fit(drive, near, free=names, bounds={names[0]: (0.0, 1.0), names[1]: (0.05, 2.0)})
-    low, high = (found.actuator.value(name) for name in names)
-    assert found.status != "failed"
+    result = fit(drive, near, free=names, bounds={names[0]: (0.0, 1.0), names[1]: (0.05, 2.0)})
+    low, high = (result.actuator.value(name) for name in names)
+    assert result.status != "failed"
     assert low < high
 
 

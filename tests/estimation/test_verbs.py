@@ -16,18 +16,18 @@ def recordings():
     return drive(Truck(), seconds=1.5, seed=1, name="cal").log, drive(Truck(), seconds=1.5, seed=2, pressure=False).log
 
 
-def same(one, other):
-    return one.parameters == other.parameters and np.array_equal(one.covariance, other.covariance)
+def same(result, expected):
+    return result.parameters == expected.parameters and np.array_equal(result.covariance, expected.covariance)
 
 
 def test_both_have_the_arguments_of_fit_and_their_own_defaults():
     of_fit = inspect.signature(fit).parameters
     for verb, own in ((calibrate, set()), (estimate, {"start"})):
-        known = inspect.signature(verb).parameters
-        assert set(known) - set(of_fit) == own
-        assert set(of_fit) - set(known) <= {"actuator", "calibration"}
-        assert {name: of_fit[name].default for name in known if name not in {"measure", "free", *own}} == {
-            name: known[name].default for name in known if name not in {"measure", "free", *own}
+        arguments = inspect.signature(verb).parameters
+        assert set(arguments) - set(of_fit) == own
+        assert set(of_fit) - set(arguments) <= {"actuator", "calibration"}
+        assert {name: of_fit[name].default for name in arguments if name not in {"measure", "free", *own}} == {
+            name: arguments[name].default for name in arguments if name not in {"measure", "free", *own}
         }
 
 

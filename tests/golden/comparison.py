@@ -20,18 +20,18 @@ ONE_UNIT = ("_N", "_m", "_percent", "/force", "/correlation")
 NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
-def differences(kept: Mapping[str, Any], now: Mapping[str, Any], tolerance: Callable[[str], float]) -> list[str]:
+def differences(golden: Mapping[str, Any], now: Mapping[str, Any], tolerance: Callable[[str], float]) -> list[str]:
     """Results that are not what they were, one line each.
 
     A number may differ by the `tolerance` of its name times its `scale`. Of sentences all words are compared, and all
     numbers at their printed digits. Rounding to these digits turns one of them in about a million, by one unit of the
     last, so that in a whole group one may be different.
     """
-    lines = [f"{name}: kept, but not there now." for name in kept if name not in now]
-    lines += [f"{name}: new." for name in now if name not in kept]
+    lines = [f"{name}: kept, but not there now." for name in golden if name not in now]
+    lines += [f"{name}: new." for name in now if name not in golden]
     turned: list[tuple[tuple[str, ...], str]] = []
-    for name in (name for name in kept if name in now):
-        old, new = kept[name], now[name]
+    for name in (name for name in golden if name in now):
+        old, new = golden[name], now[name]
         if isinstance(old, str) and isinstance(new, str):
             if old != new:
                 line = f"{name}:\n    kept {old}\n    now  {new}"

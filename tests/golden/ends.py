@@ -198,18 +198,18 @@ class Replay:
         return _with(method, search, refine, settle, profile)
 
 
-def _compared(method: Method, kept: SearchResult, now: SearchResult) -> dict[str, float]:
+def _compared(method: Method, golden: SearchResult, now: SearchResult) -> dict[str, float]:
     """Cost of an end beyond that of the kept one, in the problem of that one, and their distance in deviations."""
-    assert isinstance(kept.solution, Solution), kept.solution
+    assert isinstance(golden.solution, Solution), golden.solution
     assert isinstance(now.solution, Solution), now.solution
-    problem = kept.problem
+    problem = golden.problem
     # another phase of a carrier is another origin of its coordinate
     si = now.problem.si(now.solution.x).tolist()
     x = np.array([c.of(value) for c, value in zip(problem.coordinates, si, strict=True)])
     at = method.evaluated(problem, x, getattr(now.solution.at, "X", ()))
-    R = _factor(problem, kept.solution.at)
-    distance = float(np.linalg.norm(R @ (x - kept.solution.x)))
-    return {"cost": kept.solution.at.cost, "gain": at.cost - kept.solution.at.cost, "distance": distance}
+    R = _factor(problem, golden.solution.at)
+    distance = float(np.linalg.norm(R @ (x - golden.solution.x)))
+    return {"cost": golden.solution.at.cost, "gain": at.cost - golden.solution.at.cost, "distance": distance}
 
 
 def _factor(problem: Problem, at: Any) -> FloatArray:

@@ -7,12 +7,12 @@ import pytest
 from golden.comparison import differences
 
 
-def listed(kept, now):
-    return differences({"/value": kept}, {"/value": now}, lambda _: 1e-6)
+def listed(golden, now):
+    return differences({"/value": golden}, {"/value": now}, lambda _: 1e-6)
 
 
 @pytest.mark.parametrize(
-    ("kept", "now"),
+    ("golden", "now"),
     [
         (3.0, 3.0 + 1e-6),
         ([float("inf"), float("nan")], [float("inf"), float("nan")]),
@@ -20,12 +20,12 @@ def listed(kept, now):
         (None, None),
     ],
 )
-def test_a_difference_by_rounding_passes(kept, now):
-    assert listed(kept, now) == []
+def test_a_difference_by_rounding_passes(golden, now):
+    assert listed(golden, now) == []
 
 
 @pytest.mark.parametrize(
-    ("kept", "now", "line"),
+    ("golden", "now", "line"),
     [
         (3.0, 3.00001, "/value: kept 3, now 3.00001: 1e-05 apart, allowed 3e-06"),
         ([1.0, 1e6], [1.00001, 1e6], r"/value: kept 1, now 1.00001\[0\]"),
@@ -39,8 +39,8 @@ def test_a_difference_by_rounding_passes(kept, now):
         ("1.0 and 2.0", "1.1 and 2.1", "now  1.1 and 2.1"),
     ],
 )
-def test_anything_else_is_listed_with_what_is_allowed(kept, now, line):
-    assert re.search(line, listed(kept, now)[0])
+def test_anything_else_is_listed_with_what_is_allowed(golden, now, line):
+    assert re.search(line, listed(golden, now)[0])
 
 
 def test_rounding_turns_one_number_of_a_group_not_two():

@@ -46,13 +46,13 @@ SIMULATION_GAIN = 1e-9
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
 
 
-def program(group, *arguments, given=""):
+def program(group, *arguments, text=""):
     """What `results.py` prints: with one thread, so that it may need a process of its own."""
     if not arguments and ONE_THREAD.items() <= os.environ.items():
-        return json.loads(results.evaluated(group, given))
+        return json.loads(results.evaluated(group, text))
     process = subprocess.run(
         [sys.executable, "-m", "golden.results", group, *arguments],
-        cwd=HERE.parent, env={**os.environ, **ONE_THREAD}, input=given, capture_output=True, text=True, check=False,
+        cwd=HERE.parent, env={**os.environ, **ONE_THREAD}, input=text, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert process.returncode == 0, process.stderr
     return json.loads(process.stdout)
@@ -69,7 +69,7 @@ def ends_of(group):
 def evaluated(group):
     """Results of a group where its searches have ended, and what searching again comes to."""
     asked = {"ends": ends_of(group), "again": [*AGAIN.get(group, ())]}
-    now = program(group, given=json.dumps(asked))
+    now = program(group, text=json.dumps(asked))
     if WRITE:
         rows = [
             f"{json.dumps(name)}: {json.dumps(written(value, tolerance(group, name)), ensure_ascii=False)}"

@@ -112,8 +112,8 @@ def test_a_cold_actuator_has_the_right_load_where_its_temperature_is_recorded(jo
     y = np.linspace(2e-3, 9e-3, 30)
     right, wrong = (np.sqrt(np.mean((joint.load(s).force(y) - cold.load.force(y)) ** 2)) for s in states)
     assert right < 0.5 * wrong
-    known, unknown = (joint.load_deviation(state, y) for state in states)
-    assert np.all(known < unknown)
+    measured, unmeasured = (joint.load_deviation(state, y) for state in states)
+    assert np.all(measured < unmeasured)
     friction = estimates_of(joint, states[0])["D_v"]
     assert friction.low < cold.value("D_v") < friction.high
 
@@ -136,12 +136,12 @@ def test_blocks_of_any_length_have_the_same_numbers_while_the_temperature_change
 
 def test_a_temperature_like_that_of_the_calibration_changes_the_band_only(joint, worn, recorded_by):
     log = recorded_by(worn, seconds=3.0).without("pressure_a")
-    plain, (known, samples) = (
+    plain, (measured, samples) = (
         observe(joint, start(joint), log),
         observe(joint, start(joint), log.with_columns(temperature_ambient=np.full(3000, 291.5))),
     )
     np.testing.assert_array_equal(samples.states, plain[1].states)
-    assert known.temperature == CALIBRATED
+    assert measured.temperature == CALIBRATED
 
 
 def test_a_temperature_that_the_calibration_lacks_is_not_used_and_that_is_said(plant, worn, recorded_by):

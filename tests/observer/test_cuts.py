@@ -93,15 +93,15 @@ def cuts_of(size: int, seed: int) -> list[int]:
 @pytest.mark.parametrize("conditions", CONDITIONS)
 @pytest.mark.parametrize("method", METHODS)
 def test_a_recording_gives_the_same_numbers_however_it_is_cut_and_resumed(case, tmp_path, method, conditions):
-    one, log = case(method, conditions)
-    whole = observe_recording(one, log)
+    joint, log = case(method, conditions)
+    whole = observe_recording(joint, log)
     seed = list(METHODS).index(method) * len(CONDITIONS) + list(CONDITIONS).index(conditions)
-    run, parts = live_run(one, start(one)), []
+    run, parts = live_run(joint, start(joint)), []
     repeated = int(np.argmin(np.diff(log.time))) + 1  # a block of its own
     for first, last in pairwise(sorted([*cuts_of(len(log), seed), repeated, repeated + 1])):
         run, part = after_block(run, log.slice(first, last), dict.fromkeys(LIVE_FLAGS, 0))
-        write_state(one, part.after, tmp_path / "state.toml")
-        run = replace(run, after=read_state(one, tmp_path / "state.toml"))
+        write_state(joint, part.after, tmp_path / "state.toml")
+        run = replace(run, after=read_state(joint, tmp_path / "state.toml"))
         assert_same(run.after, part.after)
         parts.append(part.samples)
     for name, values in whole.samples._asdict().items():
@@ -130,8 +130,8 @@ def test_the_recordings_of_this_law_have_what_it_is_about(case):
 def test_a_recording_with_as_many_samples_lost_as_repeated_has_nothing_at_those_that_repeat(joint, log):
     time = log.time.copy()
     time[511] = time[510] + 2e-5
-    kept = np.arange(len(log)) != 500
-    torn = Log(time[kept], {name: values[kept] for name, values in log.columns.items()}, log.name)
+    present = np.arange(len(log)) != 500
+    torn = Log(time[present], {name: values[present] for name, values in log.columns.items()}, log.name)
     samples = observe_recording(joint, torn).samples
     assert np.flatnonzero(samples.repeated).tolist() == [510]
     assert np.isnan(samples.states[510]).all()

@@ -22,8 +22,8 @@ module = import_module("clutchid.observer.following")
 
 @pytest.fixture(scope="module")
 def calibration(plant, recorded_by):
-    kept = Calibration((), np.zeros((0, 0)))
-    return replace(kept, nis=usual_nis(plant, kept, [recorded_by(plant, seconds=6.0, seed=8)]))
+    calibrated = Calibration((), np.zeros((0, 0)))
+    return replace(calibrated, nis=usual_nis(plant, calibrated, [recorded_by(plant, seconds=6.0, seed=8)]))
 
 
 @pytest.fixture(scope="module")
@@ -51,15 +51,15 @@ def leaking(calibrated, worn, recorded_by):
 
 def test_the_usual_innovation_is_the_mean_while_the_piston_moves(plant, calibration, recorded_by):
     log = recorded_by(plant, seconds=6.0, seed=8)
-    one = observer(plant)
-    _, found = observe(one, start(one), log)
-    e, variance = found.innovations.T
-    moving = np.isfinite(e) & (np.abs(found.states[:, plant.states.index("v")]) > one.joint.settings.least_speed)
-    assert np.isfinite(normalised(one, found.states, found.innovations)).sum() == moving.sum() > 50
-    squared = np.minimum(e[moving] ** 2 / variance[moving], one.joint.noise.outlier**2)
+    joint = observer(plant)
+    _, samples = observe(joint, start(joint), log)
+    e, variance = samples.innovations.T
+    moving = np.isfinite(e) & (np.abs(samples.states[:, plant.states.index("v")]) > joint.joint.settings.least_speed)
+    assert np.isfinite(normalised(joint, samples.states, samples.innovations)).sum() == moving.sum() > 50
+    squared = np.minimum(e[moving] ** 2 / variance[moving], joint.joint.noise.outlier**2)
     assert calibration.nis == pytest.approx(np.mean(squared))
-    wild = normalised(one, found.states, found.innovations * [1e3, 1.0])
-    assert np.nanmax(wild) == pytest.approx(one.joint.noise.outlier**2), "an outlier counts as one at the gate"
+    wild = normalised(joint, samples.states, samples.innovations * [1e3, 1.0])
+    assert np.nanmax(wild) == pytest.approx(joint.joint.noise.outlier**2), "an outlier counts as one at the gate"
 
 
 def test_a_recording_without_position_has_no_usual_innovation(plant, calibration, log):
@@ -98,11 +98,11 @@ def test_a_leak_is_flagged_with_its_size_and_the_load_stays_right(calibrated, le
     assert not sound.after.leaking
     assert leaking.after.leaking
     assert 0.0 < leaking.health["leak"] < 8.0
-    found = estimates_of(calibrated, leaking.after)["C_A0"]
-    assert abs(found.value - 1.5e-10) < 3.0 * found.std
+    leak = estimates_of(calibrated, leaking.after)["C_A0"]
+    assert abs(leak.value - 1.5e-10) < 3.0 * leak.std
     at = np.linspace(2e-3, 9e-3, 30)
     error, without = (
-        np.abs(calibrated.load(one.after).force(at) - worn.load.force(at)).max() for one in (leaking, sound)
+        np.abs(calibrated.load(run.after).force(at) - worn.load.force(at)).max() for run in (leaking, sound)
     )
     assert error < without + 0.02 * worn.load.force(at).max()
 
@@ -123,26 +123,26 @@ def test_a_leak_is_not_below_0_and_only_a_model_with_the_energy_balance_has_one(
 def test_the_running_mean_forgets_and_moves_at_corrections_in_motion_only(calibrated, sound):
     nis = normalised(calibrated, sound.samples.states, sound.samples.innovations) / calibrated.usual
     assert np.array_equal(np.isfinite(nis), np.isfinite(sound.samples.mismatch))
-    known, ratio = nis[np.isfinite(nis)], 1.0
-    for one in known:
-        ratio += (one - ratio) / MEMORY
+    values, ratio = nis[np.isfinite(nis)], 1.0
+    for square in values:
+        ratio += (square - ratio) / MEMORY
     assert sound.after.mismatch == pytest.approx(ratio, rel=1e-12)
 
 
 def test_without_usual_innovations_nothing_is_compared(joint, log):
-    found = observe_recording(joint, log)
-    assert found.after.mismatch == 1.0
-    assert np.isnan(found.samples.mismatch).all()
-    assert found.health["unlike_calibration"] == 0.0
+    run = observe_recording(joint, log)
+    assert run.after.mismatch == 1.0
+    assert np.isnan(run.samples.mismatch).all()
+    assert run.health["unlike_calibration"] == 0.0
 
 
 def followed_by(monkeypatch, changed):
     """Let `changed` follow the samples: it gets the plain function, the times of the segment, and its arguments."""
     plain, segment_of = module.follow, module.segment_of
 
-    def follow(joint, state, given, span, number):
-        times = follow.begin + np.concatenate([[0.0], np.cumsum(given.intervals[1])])
-        return changed(plain, times, joint, state, given, span, number)
+    def follow(joint, state, inputs, span, number):
+        times = follow.begin + np.concatenate([[0.0], np.cumsum(inputs.intervals[1])])
+        return changed(plain, times, joint, state, inputs, span, number)
 
     def noted(samples, actuator):
         follow.begin = samples.time[0]
@@ -155,11 +155,11 @@ def followed_by(monkeypatch, changed):
 def diverging(monkeypatch, at):
     """Let the filter diverge at some times, as often as it comes by."""
 
-    def changed(plain, times, joint, state, given, span, number):
+    def changed(plain, times, joint, state, inputs, span, number):
         for i in range(*span):
             if any(abs(times[i] - t) < 0.4e-3 for t in at):
                 return Diverged("it diverged", i)
-        return plain(joint, state, given, span, number)
+        return plain(joint, state, inputs, span, number)
 
     followed_by(monkeypatch, changed)
 
@@ -168,10 +168,10 @@ def test_a_filter_that_diverges_loses_a_sample_and_goes_back_to_the_stroke_befor
     plain, _ = observe(joint, start(joint), log)
     at = 4000
     diverging(monkeypatch, [log.time[at]])
-    state, found = observe(joint, start(joint), log)
-    lost = np.flatnonzero(~np.isfinite(found.states[:, 0]))
+    state, samples = observe(joint, start(joint), log)
+    lost = np.flatnonzero(~np.isfinite(samples.states[:, 0]))
     assert lost.tolist() == [at]
-    assert health(joint, np.empty(0), log, found)["diverged"] == pytest.approx(1e-3)
+    assert health(joint, np.empty(0), log, samples)["diverged"] == pytest.approx(1e-3)
     assert np.isfinite(state.T).all()
     assert not np.array_equal(state.theta, plain.theta)
     # the parameters right behind it are those at the end of the last stroke
@@ -184,26 +184,26 @@ def test_a_filter_that_diverges_loses_a_sample_and_goes_back_to_the_stroke_befor
 
 def test_blocks_of_any_length_give_the_same_numbers_also_where_the_filter_diverges(joint, log, monkeypatch):
     diverging(monkeypatch, log.time[[1200, 1201, 3500]])
-    state, found = observe(joint, start(joint), log)
+    state, samples = observe(joint, start(joint), log)
     for lengths in ([20] * 300, [1201, 1, 4798], [3500, 2500]):
         other, blocks = in_blocks(joint, log, lengths)
-        np.testing.assert_equal(blocks, found)
+        np.testing.assert_equal(blocks, samples)
         assert_same(other, state)
 
 
 def test_states_that_no_actuator_has_are_divergence_although_they_are_finite(joint, log, monkeypatch):
     at, p_A = 2500, joint.actuator.states.index("p_A")
 
-    def exploding(plain, times, joint, state, given, span, number):
+    def exploding(plain, times, joint, state, inputs, span, number):
         if span[1] > span[0] and times[span[1] - 1] > log.time[at] + 10e-3:
             return Diverged("it diverged", span[1] - 1)  # it grows before it is not finite
-        found = plain(joint, state, given, span, number)
-        if not isinstance(found, Diverged):
-            found.states[np.abs(times[slice(*span)] - log.time[at]) < 0.4e-3, p_A] = 1e9
-        return found
+        samples = plain(joint, state, inputs, span, number)
+        if not isinstance(samples, Diverged):
+            samples.states[np.abs(times[slice(*span)] - log.time[at]) < 0.4e-3, p_A] = 1e9
+        return samples
 
     followed_by(monkeypatch, exploding)
-    _, found = observe(joint, start(joint), log.slice(0, at + 20))
-    lost = np.flatnonzero(~np.isfinite(found.states[:, 0]))
+    _, samples = observe(joint, start(joint), log.slice(0, at + 20))
+    lost = np.flatnonzero(~np.isfinite(samples.states[:, 0]))
     assert at in lost
-    assert np.nanmax(found.states[:, p_A]) < 1e7
+    assert np.nanmax(samples.states[:, p_A]) < 1e7

@@ -17,23 +17,23 @@ from fixtures.observing import in_blocks
 STROKE = np.linspace(2e-3, 9e-3, 30)
 
 
-def apart(one, actuator, state, worn):
+def apart(joint, actuator, state, worn):
     """Largest error of the load at 2 to 9 mm over the largest change."""
     truth = worn.load.force(STROKE)
-    return np.abs(one.load(state).force(STROKE) - truth).max() / np.abs(actuator.load.force(STROKE) - truth).max()
+    return np.abs(joint.load(state).force(STROKE) - truth).max() / np.abs(actuator.load.force(STROKE) - truth).max()
 
 
 def test_the_band_of_the_load_shrinks_and_holds_the_truth(joint, worn, log):
     state, _ = observe(joint, start(joint), log)
-    before, after = (joint.load_deviation(each, STROKE) for each in (start(joint), state))
+    before, after = (joint.load_deviation(belief, STROKE) for belief in (start(joint), state))
     assert np.all(after < 0.5 * before)
     assert np.all(np.abs(joint.load(state).force(STROKE) - worn.load.force(STROKE)) < 3.0 * after)
 
 
 def test_the_band_of_the_pressure_narrows_and_holds_the_truth(joint, plant, log):
-    _, found = observe(joint, start(joint), log)
-    at, corrected = plant.states.index("p_A"), np.isfinite(found.deviations[:, 0])
-    off, band = np.abs(found.states[:, at] - log["pressure_a"])[corrected], 1.96 * found.deviations[corrected, at]
+    _, samples = observe(joint, start(joint), log)
+    at, corrected = plant.states.index("p_A"), np.isfinite(samples.deviations[:, 0])
+    off, band = np.abs(samples.states[:, at] - log["pressure_a"])[corrected], 1.96 * samples.deviations[corrected, at]
     assert np.array_equal(corrected, np.arange(1, len(log) + 1) % joint.joint.settings.every == 0)
     late = slice(off.size // 2, None)
     assert np.mean(off[late] <= band[late]) > 0.9
@@ -55,11 +55,11 @@ def test_a_file_that_is_no_state_is_refused_with_its_name(joint, tmp_path, text)
 
 
 def test_a_hole_ends_a_stretch_and_what_is_known_of_the_load_stays(joint, plant, worn, log):
-    state, found = observe(joint, start(joint), spoiled(log, "duty_supply", slice(2500, 2700)))
+    state, samples = observe(joint, start(joint), spoiled(log, "duty_supply", slice(2500, 2700)))
     bridged = 2500 + round(BRIDGED / joint.spacing)
-    assert np.isnan(found.states[bridged:2700]).all()
-    assert np.isfinite(found.states[:bridged]).all(), "for a short time the duty cycles are held"
-    assert np.isfinite(found.states[2700:]).all()
+    assert np.isnan(samples.states[bridged:2700]).all()
+    assert np.isfinite(samples.states[:bridged]).all(), "for a short time the duty cycles are held"
+    assert np.isfinite(samples.states[2700:]).all()
     assert apart(joint, plant, state, worn) < 0.3
 
 
@@ -67,39 +67,39 @@ def test_parts_of_a_correction_are_counted_in_samples_also_where_some_are_late(j
     """A late sample has one part of a correction, so those of the missing ones do not come at once."""
     lost = np.arange(len(log)) % 100
     late = picked(log, (lost < 40) | (lost >= 44))
-    state, found = observe(joint, start(joint), late)
-    corrected = np.isfinite(found.deviations[:, 0])
+    state, samples = observe(joint, start(joint), late)
+    corrected = np.isfinite(samples.deviations[:, 0])
     assert np.array_equal(corrected, np.arange(1, len(late) + 1) % joint.joint.settings.every == 0)
     assert apart(joint, plant, state, worn) < 0.3
     _, undisturbed = observe(joint, start(joint), log)
     at, since = plant.states.index("p_A"), slice(200, None)
     there = np.searchsorted(log.time, late.time)
-    assert np.abs(found.states[since, at] - undisturbed.states[there[since], at]).max() < 30e3
+    assert np.abs(samples.states[since, at] - undisturbed.states[there[since], at]).max() < 30e3
 
 
 def test_the_samples_of_a_frozen_sensor_are_left_out(joint, plant, worn, log):
     moving = 1000 + int(np.argmax(np.abs(np.diff(log["position"][1000::10])) > 1e-3)) * 10
     frozen = spoiled(log, "position", slice(moving, moving + 500), log["position"][moving])
-    state, found = observe(joint, start(joint), frozen)
-    assert not found.used[moving + FROZEN : moving + 500].any()
-    assert found.used[moving + 500 :].all()
+    state, samples = observe(joint, start(joint), frozen)
+    assert not samples.used[moving + FROZEN : moving + 500].any()
+    assert samples.used[moving + 500 :].all()
     assert apart(joint, plant, state, worn) < 0.3
 
 
 def test_missing_positions_are_predicted(joint, log):
-    _, found = observe(joint, start(joint), spoiled(log, "position", slice(800, 900)).slice(0, 1500))
-    assert np.isfinite(found.states).all()
-    assert np.isnan(found.innovations[800:900]).all()
+    _, samples = observe(joint, start(joint), spoiled(log, "position", slice(800, 900)).slice(0, 1500))
+    assert np.isfinite(samples.states).all()
+    assert np.isnan(samples.innovations[800:900]).all()
 
 
 @pytest.mark.parametrize("lengths", [[2500], [1, 99, 2400], [1000, 1, 1499]])
 def test_a_stretch_that_begins_without_a_position_starts_with_the_first_one(joint, plant, log, lengths):
     inside = int(np.argmax(log["position"] > 5e-3))
     part = spoiled(log.slice(inside, inside + 2500), "position", slice(50))
-    _, found = in_blocks(joint, part, lengths)
+    _, samples = in_blocks(joint, part, lengths)
     _, expected = observe(joint, start(joint), part.slice(50, 2500))
-    assert np.isnan(found.states[:50]).all()
-    assert np.array_equal(found.states[50:], expected.states)
+    assert np.isnan(samples.states[:50]).all()
+    assert np.array_equal(samples.states[50:], expected.states)
 
 
 def test_time_that_goes_back_is_refused_and_the_state_is_kept(joint, log):
@@ -129,14 +129,14 @@ def test_an_unknown_method_names_the_nearest(plant):
 
 def test_a_stretch_may_start_in_mid_stroke(joint, plant, worn, log):
     inside = int(np.argmax(log["position"] > 5e-3))
-    state, found = observe(joint, start(joint), log.slice(inside, len(log)))
-    assert np.isfinite(found.states).all()
+    state, samples = observe(joint, start(joint), log.slice(inside, len(log)))
+    assert np.isfinite(samples.states).all()
     assert apart(joint, plant, state, worn) < 0.3
 
 
 def test_the_method_of_the_paper_adapts_three_weights_and_takes_no_other_model(plant):
-    one = observer(Actuator(), "paper")
-    assert [c.base for c in one.joint.coordinates] == ["theta_1", "theta_2", "theta_3"]
+    paper = observer(Actuator(), "paper")
+    assert [c.base for c in paper.joint.coordinates] == ["theta_1", "theta_2", "theta_3"]
     with pytest.raises(ParameterError, match="takes the model 'isothermal' with the paper's three splines"):
         observer(replace(Actuator(), model="energy-balance"), "paper")
 
@@ -145,16 +145,16 @@ def test_observers_side_by_side_and_in_threads_have_the_numbers_that_they_have_a
     other = observer(plant.replace({"F_C": 150.0}))
     blocks = [log.slice(a, a + 7) for a in range(0, 700, 7)]
 
-    def last(one, turns=1):
-        states = [start(one)] * turns
+    def last(single, turns=1):
+        states = [start(single)] * turns
         for block in blocks:
-            states = [observe(one, state, block)[0] for state in states]
+            states = [observe(single, state, block)[0] for state in states]
         return states[-1].theta
 
-    alone = [last(one) for one in (joint, other)]
+    alone = [last(single) for single in (joint, other)]
     states = [start(joint), start(other)]
     for block in blocks:
-        states = [observe(one, state, block)[0] for one, state in zip((joint, other), states, strict=True)]
+        states = [observe(single, state, block)[0] for single, state in zip((joint, other), states, strict=True)]
     for state, theta in zip(states, alone, strict=True):
         assert np.array_equal(state.theta, theta)
     with ThreadPoolExecutor(4) as threads:

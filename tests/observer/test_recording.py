@@ -30,16 +30,16 @@ def moving(log):
 
 
 def test_the_samples_are_those_of_the_observer_and_keep_what_was_recorded(run, joint, log):
-    _, found = observe(joint, start(joint), log)
+    _, samples = observe(joint, start(joint), log)
     estimates = run.estimates()
     for name, row in joint.actuator.state_rows.items():
-        assert np.array_equal(estimates[row.column], found.states[:, joint.actuator.states.index(name)])
+        assert np.array_equal(estimates[row.column], samples.states[:, joint.actuator.states.index(name)])
     for name, unit in (("position", "m"), ("pressure_a", "Pa")):
         assert np.array_equal(estimates[f"{name}_measured [{unit}]"], log[name])
     for name in ("duty_supply", "duty_exhaust"):
         assert np.array_equal(estimates[name], log[name])
-    assert np.array_equal(estimates["innovation"], found.innovations[:, 0], equal_nan=True)
-    assert estimates["innovation std"] ** 2 == pytest.approx(found.innovations[:, 1], rel=1e-12, nan_ok=True)
+    assert np.array_equal(estimates["innovation"], samples.innovations[:, 0], equal_nan=True)
+    assert estimates["innovation std"] ** 2 == pytest.approx(samples.innovations[:, 1], rel=1e-12, nan_ok=True)
     assert estimates["used [1]"].all()
 
 
@@ -58,31 +58,31 @@ def test_a_row_of_a_stroke_has_the_load_and_parameters_as_they_were_known_then(r
     end = int(np.flatnonzero(log.time == run.strokes[1].time)[0]) + 1
     state, _ = observe(joint, start(joint), log.slice(0, end))
     table, at = run.load_by_stroke(), positions(joint)
-    for name, one in estimates_of(joint, state).items():
+    for name, estimate in estimates_of(joint, state).items():
         unit = joint.actuator.unit(name)
-        assert (table[f"{name} [{unit}]"][1], table[f"{name}_std [{unit}]"][1]) == (one.value, one.std)
+        assert (table[f"{name} [{unit}]"][1], table[f"{name}_std [{unit}]"][1]) == (estimate.value, estimate.std)
     then = curve(joint, state, at)
     assert at[:3].tolist() == [0.0, 0.5e-3, 1e-3]
     assert at[-1] == pytest.approx(joint.actuator.parameters.y_max, abs=0.5e-3)
     for i in (0, 10, at.size - 1):
         name = f"load_{round(at[i] * 1e6):05d}um"
-        found = [table[f"{name}{side} [N]"][1] for side in ("", "_low", "_high")]
-        assert found == [then.force[i], then.low[i], then.high[i]]
+        loads = [table[f"{name}{side} [N]"][1] for side in ("", "_low", "_high")]
+        assert loads == [then.force[i], then.low[i], then.high[i]]
 
 
 def test_the_interval_of_a_weight_is_that_of_the_joint_covariance(run, joint):
-    found = estimates_of(joint, run.after)
+    estimates = estimates_of(joint, run.after)
     for c, x, variance in zip(
         joint.joint.coordinates, run.after.theta, np.diag(run.after.T @ run.after.T.T), strict=True
     ):
-        assert found[c.base].value == c.si(x)
-        assert found[c.base].std == pytest.approx(np.sqrt(variance) * c.slope(x))
-        assert found[c.base].low < found[c.base].value < found[c.base].high
+        assert estimates[c.base].value == c.si(x)
+        assert estimates[c.base].std == pytest.approx(np.sqrt(variance) * c.slope(x))
+        assert estimates[c.base].low < estimates[c.base].value < estimates[c.base].high
 
 
 def test_with_the_method_states_of_the_load_of_each_stroke_only_supply_and_air_are_not_known(plant, log):
-    found = observe_recording(observer(plant, "states"), log)
-    table = found.load_by_stroke()
+    run = observe_recording(observer(plant, "states"), log)
+    table = run.load_by_stroke()
     assert not table["theta_3_std [N]"].any()
     share = np.hypot(ASSUMED, AIR_STD * 5e-3 / plant.parameters.y_max)
     half = 1.96 * share * (plant.load.force(np.array([5e-3])) + plant.parameters.A_A * plant.parameters.P_0)
@@ -104,16 +104,16 @@ def test_every_fault_is_flagged_with_its_seconds(joint, log):
     position[3500:3600] += np.interp(np.arange(100), [0, 30, 69, 99], [0.0, -1e-3, -1e-3, 0.0])
     position[[3700, 3800, 3801]] = 65.535e-3, 5e-3, 5e-3
     duty[4000:4200] = np.nan
-    found = observe_recording(joint, log.with_columns(position=position, duty_supply=duty)).health
-    assert found["position_missing"] == pytest.approx(0.3 + found["position_none"] + found["position_jumps"])
-    assert found["position_none"] == pytest.approx(0.001)
-    assert found["position_jumps"] == pytest.approx(0.002)
-    assert found["position_frozen"] == pytest.approx(0.5 - FROZEN * 1e-3)
-    assert found["position_beyond_stops"] == pytest.approx(1e-3 * np.sum(position < -5e-4))
-    assert found["duty_missing"] == pytest.approx(0.2)
-    assert found["time_missing"] == 0.0
-    assert found["outlier"] > 0.0
-    assert found["diverged"] == 0.0
+    health = observe_recording(joint, log.with_columns(position=position, duty_supply=duty)).health
+    assert health["position_missing"] == pytest.approx(0.3 + health["position_none"] + health["position_jumps"])
+    assert health["position_none"] == pytest.approx(0.001)
+    assert health["position_jumps"] == pytest.approx(0.002)
+    assert health["position_frozen"] == pytest.approx(0.5 - FROZEN * 1e-3)
+    assert health["position_beyond_stops"] == pytest.approx(1e-3 * np.sum(position < -5e-4))
+    assert health["duty_missing"] == pytest.approx(0.2)
+    assert health["time_missing"] == 0.0
+    assert health["outlier"] > 0.0
+    assert health["diverged"] == 0.0
 
 
 def test_a_hole_in_time_is_flagged_also_between_two_parts(joint, log):
@@ -149,17 +149,17 @@ def test_a_position_that_is_no_value_counts_as_missing(joint, log):
     spikes = np.random.default_rng(3).integers(100, len(log), 30)
     bad = np.isin(np.arange(len(log)), spikes)
     spiked = log.with_columns(position=np.where(bad, np.where(spikes[0] % 2, 65.535e-3, 0.0), log["position"]))
-    kept = np.abs(spiked["position"] - log["position"]) < 1e-3
-    found = observe_recording(joint, spiked)
-    missing = observe_recording(joint, log.with_columns(position=np.where(kept, spiked["position"], np.nan)))
-    assert np.array_equal(found.samples.states, missing.samples.states, equal_nan=True)
-    assert found.health["position_none"] + found.health["position_jumps"] == pytest.approx(1e-3 * np.sum(~kept))
+    present = np.abs(spiked["position"] - log["position"]) < 1e-3
+    run = observe_recording(joint, spiked)
+    missing = observe_recording(joint, log.with_columns(position=np.where(present, spiked["position"], np.nan)))
+    assert np.array_equal(run.samples.states, missing.samples.states, equal_nan=True)
+    assert run.health["position_none"] + run.health["position_jumps"] == pytest.approx(1e-3 * np.sum(~present))
 
 
 def test_a_code_for_none_in_a_duty_cycle_is_a_missing_input(joint, log):
     duty = np.where(np.arange(len(log)) == 700, 655.35, log["duty_supply"])
-    found = observe_recording(joint, log.with_columns(duty_supply=duty))
-    assert found.health["duty_missing"] == pytest.approx(0.001)
+    run = observe_recording(joint, log.with_columns(duty_supply=duty))
+    assert run.health["duty_missing"] == pytest.approx(0.001)
     with pytest.raises(DataError, match="a duty cycle is from 0 to 1"):
         observe_recording(joint, log.with_columns(duty_supply=100.0 + log["duty_supply"]))
 
@@ -176,19 +176,18 @@ def moved(log):
 
 
 def test_a_position_that_jumps_and_stays_is_not_used_until_a_rest_has_shown_its_zero(rested, log, moved):
-    one = rested
-    found, sound = observe_recording(one, moved), observe_recording(one, log)
-    assert found.health["position_jumps"] == pytest.approx(1.0, abs=0.01)
-    assert found.health["zero_unknown"] > 0.0
-    verdict = observed_verdict(indicators(found))
+    run, sound = observe_recording(rested, moved), observe_recording(rested, log)
+    assert run.health["position_jumps"] == pytest.approx(1.0, abs=0.01)
+    assert run.health["zero_unknown"] > 0.0
+    verdict = observed_verdict(indicators(run))
     assert any("jumped as no piston moves" in reason for reason in verdict.reasons)
-    at = positions(one)
-    load, truth = curve(one, found.after, at), curve(one, sound.after, at)
+    at = positions(rested)
+    load, truth = curve(rested, run.after, at), curve(rested, sound.after, at)
     inside = (truth.force > load.low) & (truth.force < load.high)
     assert verdict.trust == "none" or inside.all()
-    first = observe_recording(one, moved.slice(0, 1700))
+    first = observe_recording(rested, moved.slice(0, 1700))
     assert np.array_equal(
-        observe_recording(one, moved.slice(1700, len(log)), first.after).after.theta, found.after.theta
+        observe_recording(rested, moved.slice(1700, len(log)), first.after).after.theta, run.after.theta
     )
 
 
@@ -222,18 +221,18 @@ def test_a_hole_after_a_jump_whose_zero_a_rest_has_shown_leaves_no_position_out(
 
 
 def test_without_a_rest_in_the_calibration_a_jump_leaves_the_load_as_it_was_and_says_why(joint, log, moved):
-    found = observe_recording(joint, moved)
-    begin = int(np.argmax(found.samples.no_zero))
-    assert found.samples.no_zero[begin:].all()
-    assert not np.isfinite(found.samples.states[begin:]).any()
-    verdict = observed_verdict(indicators(found))
+    run = observe_recording(joint, moved)
+    begin = int(np.argmax(run.samples.no_zero))
+    assert run.samples.no_zero[begin:].all()
+    assert not np.isfinite(run.samples.states[begin:]).any()
+    verdict = observed_verdict(indicators(run))
     assert verdict.trust == "none"
     assert any("the calibration has no vented rest that would show its zero" in reason for reason in verdict.reasons)
-    assert np.array_equal(found.after.theta, observe_recording(joint, moved.slice(0, begin)).after.theta)
+    assert np.array_equal(run.after.theta, observe_recording(joint, moved.slice(0, begin)).after.theta)
 
 
 def test_a_zero_that_is_kept_is_not_said_to_be_unknown(plant, rested, moved):
-    kept = observer(plant, calibration=rested.calibration, zero="keep")
-    verdict = observed_verdict(indicators(observe_recording(kept, moved)))
+    fixed_zero = observer(plant, calibration=rested.calibration, zero="keep")
+    verdict = observed_verdict(indicators(observe_recording(fixed_zero, moved)))
     assert verdict.trust == "none"
     assert any("the vented rest since is not subtracted" in reason for reason in verdict.reasons)

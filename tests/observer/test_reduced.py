@@ -26,16 +26,16 @@ def run(reduced, log):
     return observe_recording(reduced, log)
 
 
-def load_deviations(one, state):
+def load_deviations(estimator, state):
     """What the filter knows of the load, without the parts of a band that no recording makes smaller."""
-    return np.linalg.norm(one.actuator.load.phi(STROKE) @ one.prior.weights @ state.T, axis=1)
+    return np.linalg.norm(estimator.actuator.load.phi(STROKE) @ estimator.prior.weights @ state.T, axis=1)
 
 
 @pytest.mark.parametrize("method", ["joint", "joint-reduced"])
 def test_a_stroke_widens_every_standard_deviation_of_the_prior_by_the_same_share(plant, method):
-    one = observer(plant, method)
-    T = start(one).T
-    before, after = (np.linalg.norm(root, axis=1) for root in (T, drifted(one.joint, T, np.array([len(T)]))))
+    estimator = observer(plant, method)
+    T = start(estimator).T
+    before, after = (np.linalg.norm(root, axis=1) for root in (T, drifted(estimator.joint, T, np.array([len(T)]))))
     assert after == pytest.approx(np.sqrt(1.0 + DRIFT) * before, rel=1e-12)
 
 
@@ -44,7 +44,7 @@ def test_it_starts_from_the_calibrated_load_with_nearly_all_of_the_prior_of_the_
     assert reduced.load(start(reduced)) == plant.load
     filtered = reduced.joint.actuator(start(reduced).theta).load
     assert filtered.force(STROKE) == pytest.approx(plant.load.force(STROKE), rel=1e-12)
-    few, whole = (load_deviations(one, start(one)) for one in (reduced, joint))
+    few, whole = (load_deviations(estimator, start(estimator)) for estimator in (reduced, joint))
     assert np.all(few < whole)
     assert np.all(few > 0.98 * whole)
 
@@ -53,7 +53,7 @@ def test_it_starts_from_the_calibrated_load_with_nearly_all_of_the_prior_of_the_
 def test_its_standard_deviations_are_those_of_the_filter_with_all_weights(run, reduced, joint, log):
     """Within the 10 % that the method promises."""
     full, _ = observe(joint, start(joint), log)
-    few, whole = (estimates_of(one, state) for one, state in ((reduced, run.after), (joint, full)))
+    few, whole = (estimates_of(estimator, state) for estimator, state in ((reduced, run.after), (joint, full)))
     for name in reduced.adapting:
         if name not in reduced.actuator.load.names:
             assert few[name].std == pytest.approx(whole[name].std, rel=0.1)
@@ -64,11 +64,11 @@ def test_its_standard_deviations_are_those_of_the_filter_with_all_weights(run, r
 
 
 def test_the_load_is_reported_in_the_basis_of_the_calibration(run, reduced, joint, plant):
-    found = estimates_of(reduced, run.after)
-    assert set(found) == set(estimates_of(joint, start(joint)))
-    assert [found[name].value for name in plant.load.names] == list(reduced.load(run.after).theta)
-    assert all(found[name].std > 0.0 for name in plant.load.names)
-    assert set(observe_json(run, ORIGIN)["parameters"]) == set(found)
+    estimates = estimates_of(reduced, run.after)
+    assert set(estimates) == set(estimates_of(joint, start(joint)))
+    assert [estimates[name].value for name in plant.load.names] == list(reduced.load(run.after).theta)
+    assert all(estimates[name].std > 0.0 for name in plant.load.names)
+    assert set(observe_json(run, ORIGIN)["parameters"]) == set(estimates)
     assert not [name for name in run.load_by_stroke().columns if name.startswith("mode")]
     filtered = reduced.joint.actuator(run.after.theta).load
     assert curve(reduced, run.after, STROKE).force == pytest.approx(filtered.force(STROKE), rel=1e-9)

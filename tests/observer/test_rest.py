@@ -31,13 +31,13 @@ def moved(log, by=OFFSET):
 
 
 def test_the_same_zero_gives_the_same_numbers_as_without_a_rest(plant, log, calibration):
-    found, plain = (
+    shifted, plain = (
         observe_recording(observer(plant, calibration=calibration), log),
         observe_recording(observer(plant), log),
     )
-    assert np.array_equal(found.samples.states, plain.samples.states, equal_nan=True)
-    assert found.health["rest_moved"] == 0.0
-    assert np.all(found.samples.rest == 0.0)
+    assert np.array_equal(shifted.samples.states, plain.samples.states, equal_nan=True)
+    assert shifted.health["rest_moved"] == 0.0
+    assert np.all(shifted.samples.rest == 0.0)
 
 
 def test_a_moved_zero_is_flagged_and_subtracted_and_the_load_is_nearer_to_that_without_it(plant, log, calibration):
@@ -45,11 +45,11 @@ def test_a_moved_zero_is_flagged_and_subtracted_and_the_load_is_nearer_to_that_w
     loads = {}
     at = np.linspace(5e-3, 8e-3, 7)
     for zero in ("subtract", "keep"):
-        one = observer(plant, calibration=calibration, zero=zero)
-        found = observe_recording(one, moved(log))
-        assert found.after.rest.shift == pytest.approx(OFFSET, abs=2e-5)
-        assert found.health["rest_moved"] > 3.0
-        loads[zero] = one.load(found.after).force(at)
+        joint = observer(plant, calibration=calibration, zero=zero)
+        run = observe_recording(joint, moved(log))
+        assert run.after.rest.shift == pytest.approx(OFFSET, abs=2e-5)
+        assert run.health["rest_moved"] > 3.0
+        loads[zero] = joint.load(run.after).force(at)
     true = observer(plant).load(plain.after).force(at)
     off = {zero: np.abs(load - true).max() for zero, load in loads.items()}
     # two strokes; the first was over before the piston returned to its rest
@@ -57,20 +57,20 @@ def test_a_moved_zero_is_flagged_and_subtracted_and_the_load_is_nearer_to_that_w
 
 
 def test_strokes_count_from_the_vented_rest_wherever_the_sensor_reads_it(plant, log, calibration):
-    one = observer(plant, calibration=calibration)
-    as_calibrated, far = (observe_recording(one, moved(log, by)).strokes for by in (0.0, 1.8e-3))
+    joint = observer(plant, calibration=calibration)
+    as_calibrated, far = (observe_recording(joint, moved(log, by)).strokes for by in (0.0, 1.8e-3))
     # from the first rest on, which shows the zero
     assert [row.time for row in far][1:] == pytest.approx([row.time for row in as_calibrated][1:], abs=0.01)
     assert len(far) == len(as_calibrated) > 1
 
 
 def test_a_zero_that_is_counted_anew_is_no_motion_to_the_balance_of_forces(plant, log, calibration):
-    found = observe_recording(observer(plant, "rls", calibration=calibration), moved(log))
-    begins = int(np.argmax(found.samples.rest > 0.0))
+    run = observe_recording(observer(plant, "rls", calibration=calibration), moved(log))
+    begins = int(np.argmax(run.samples.rest > 0.0))
     still = np.abs(log["position"][begins:] - log["position"][begins]) < 2e-4
     until = begins + int(np.argmin(still)) if not still.all() else len(log)
     assert until - begins > 20
-    assert np.isnan(found.samples.innovations[begins:until]).all()
+    assert np.isnan(run.samples.innovations[begins:until]).all()
 
 
 def test_what_was_learnt_from_another_zero_is_forgotten(plant, log, calibration):
@@ -134,10 +134,10 @@ def test_rests_of_another_friction_are_no_moved_sensor():
 def test_the_shift_on_line_is_that_of_the_whole_recording(family, plant):
     kind = truck(2, family)
     before = vented_rest(drive(kind, seconds=20, seed=1).log)
-    one = observer(plant, "states", calibration=Calibration((), np.zeros((0, 0)), rest=before))
+    joint = observer(plant, "states", calibration=Calibration((), np.zeros((0, 0)), rest=before))
     for options in ({}, {"offset": OFFSET}, {"sensor_zero": "kept", "wear": 2e-3}):
-        done = drive(kind, seconds=20, seed=2, pressure=False, **options)
-        pace = rest_pace(one.spacing, plant.parameters.y_max)
-        duties = np.column_stack([done.log[name] for name in ("duty_supply", "duty_exhaust")])
-        watch, _ = watch_rest(NOTHING, before, pace, done.log["position"], duties)
-        assert watch.shift == pytest.approx(done.truth.shift, abs=2.5e-5)
+        driven = drive(kind, seconds=20, seed=2, pressure=False, **options)
+        pace = rest_pace(joint.spacing, plant.parameters.y_max)
+        duties = np.column_stack([driven.log[name] for name in ("duty_supply", "duty_exhaust")])
+        watch, _ = watch_rest(NOTHING, before, pace, driven.log["position"], duties)
+        assert watch.shift == pytest.approx(driven.truth.shift, abs=2.5e-5)

@@ -22,7 +22,7 @@ def calibration(supply, estimated):
 
 
 @pytest.fixture(scope="module")
-def kept(plant):
+def usual_supply(plant):
     return calibration(SHOWN * plant.value("P_S"), plant.value("P_S"))
 
 
@@ -36,33 +36,33 @@ def lower(plant, recorded_by):
     return log.with_columns(pressure_supply=noisy)
 
 
-def off(one, plant, log):
+def off(joint, plant, log):
     """Error of the load over its largest value, the pressure's rms error, and the last state."""
-    state, found = observe(one, start(one), log)
-    error = one.load(state).force(STROKE) - plant.load.force(STROKE)
+    state, samples = observe(joint, start(joint), log)
+    error = joint.load(state).force(STROKE) - plant.load.force(STROKE)
     late = slice(len(log) // 2, None)
-    pressure = found.states[late, plant.states.index("p_A")] - log["pressure_a"][late]
+    pressure = samples.states[late, plant.states.index("p_A")] - log["pressure_a"][late]
     return np.abs(error).max() / plant.load.force(STROKE).max(), float(np.sqrt(np.mean(pressure**2))), state
 
 
-def test_less_supply_is_no_smaller_load_where_the_vehicle_records_it(plant, kept, lower):
-    load, pressure, _ = off(observer(plant, calibration=kept), plant, lower)
+def test_less_supply_is_no_smaller_load_where_the_vehicle_records_it(plant, usual_supply, lower):
+    load, pressure, _ = off(observer(plant, calibration=usual_supply), plant, lower)
     blind, blind_pressure, _ = off(observer(plant), plant, lower)
     assert blind > 0.02, "from the position alone it is taken for the load"
     assert load < 0.5 * blind
     assert pressure < 0.5 * blind_pressure
 
 
-def test_a_supply_that_is_not_recorded_changes_nothing_but_the_band(plant, kept, lower):
+def test_a_supply_that_is_not_recorded_changes_nothing_but_the_band(plant, usual_supply, lower):
     without = lower.without("pressure_supply")
-    one, plain = observer(plant, calibration=kept), observer(plant)
-    (state, found), (plain_state, plain_found) = (observe(each, start(each), without) for each in (one, plain))
-    assert found.states == pytest.approx(plain_found.states, rel=1e-9, abs=1e-9)
-    assert np.all(one.load_deviation(state, STROKE) > plain.load_deviation(plain_state, STROKE))
+    joint, plain = observer(plant, calibration=usual_supply), observer(plant)
+    (state, samples), (plain_state, plain_found) = (observe(joint, start(joint), without) for joint in (joint, plain))
+    assert samples.states == pytest.approx(plain_found.states, rel=1e-9, abs=1e-9)
+    assert np.all(joint.load_deviation(state, STROKE) > plain.load_deviation(plain_state, STROKE))
 
 
-def test_the_accuracy_of_the_sensor_is_a_part_of_the_band(plant, kept):
-    p, supply = plant.parameters, supply_of(plant, kept)
+def test_the_accuracy_of_the_sensor_is_a_part_of_the_band(plant, usual_supply):
+    p, supply = plant.parameters, supply_of(plant, usual_supply)
     share = np.sqrt(2.0) * ACCURACY["P_S"] / (SHOWN * p.P_S)
     assert supply.ratio == pytest.approx(1.0 / SHOWN)
     assert supply.share == pytest.approx(share)
@@ -75,11 +75,11 @@ def test_all_pressures_scale_with_the_supply(plant, recorded_by):
     more, p = 1.01, plant.parameters
     # the load that balances the scaled pressure where friction does not count: f + A_A P_0 scales
     higher = plant.load.force(STROKE) * more + (more - 1.0) * p.A_A * p.P_0
-    one = observer(plant, calibration=calibration(p.P_S, more * p.P_S))
+    joint = observer(plant, calibration=calibration(p.P_S, more * p.P_S))
     log = recorded_by(plant, seconds=6.0).with_columns(pressure_supply=np.full(6000, p.P_S))
-    state, _ = observe(one, start(one), log)
-    found = one.load(state).force(STROKE)
-    assert np.mean(found - plant.load.force(STROKE)) == pytest.approx(
+    state, _ = observe(joint, start(joint), log)
+    force = joint.load(state).force(STROKE)
+    assert np.mean(force - plant.load.force(STROKE)) == pytest.approx(
         np.mean(higher - plant.load.force(STROKE)), rel=0.4
     )
 
@@ -91,25 +91,25 @@ def test_only_calibrations_that_estimate_what_was_recorded_are_used(plant):
     assert observer(plant, "states", calibration=calibration(9e5, 9e5)).supply is not None
 
 
-def test_samples_with_an_open_valve_or_without_a_value_do_not_count(plant, kept, lower):
-    one = observer(plant, calibration=kept)
+def test_samples_with_an_open_valve_or_without_a_value_do_not_count(plant, usual_supply, lower):
+    joint = observer(plant, calibration=usual_supply)
     open_valve = (lower["duty_supply"] > 0.0) | (lower["duty_exhaust"] > 0.0)
     assert 0.1 < open_valve.mean() < 0.9
     wild = lower.with_columns(pressure_supply=np.where(open_valve, 1e4, lower["pressure_supply"]))
     gone = lower.with_columns(pressure_supply=np.where(open_valve, np.nan, lower["pressure_supply"]))
-    (_, first), (_, second) = (observe(one, start(one), log) for log in (wild, gone))
+    (_, first), (_, second) = (observe(joint, start(joint), log) for log in (wild, gone))
     assert np.array_equal(first.states, second.states)
 
 
-def test_a_column_that_cannot_be_used_is_one_sentence(plant, kept, lower):
-    assert unused_conditions(lower, plant, kept) == ()
+def test_a_column_that_cannot_be_used_is_one_sentence(plant, usual_supply, lower):
+    assert unused_conditions(lower, plant, usual_supply) == ()
     assert unused_conditions(lower.without("pressure_supply"), plant, None) == ()
     assert "does not have it; record it there too" in unused_conditions(lower, plant, None)[0]
     assert "was saved before observers used it" in unused_conditions(lower, plant, calibration(9e5, None))[0]
 
 
-def test_a_live_recording_says_it_too(plant, kept, lower):
-    for known, said in ((kept, False), (None, True)):
-        one = observer(plant, calibration=known)
-        run, _ = after_block(live_run(one, start(one)), lower.slice(0, 2000), dict.fromkeys(LIVE_FLAGS, 0))
+def test_a_live_recording_says_it_too(plant, usual_supply, lower):
+    for stored, said in ((usual_supply, False), (None, True)):
+        joint = observer(plant, calibration=stored)
+        run, _ = after_block(live_run(joint, start(joint)), lower.slice(0, 2000), dict.fromkeys(LIVE_FLAGS, 0))
         assert any("pressure_supply is not used" in sentence for sentence in checked(run).checked) == said

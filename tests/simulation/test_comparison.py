@@ -62,9 +62,9 @@ def test_the_cost_of_a_window_is_the_sum_of_the_losses_of_its_rows(by, window):
     assert (size > OUTLIER).any()
     assert (size < OUTLIER).any()
     assert by.compare_cost(window[0], sensors(), window[2], OUTLIER) == pytest.approx(expected, rel=1e-9)
-    each = np.empty(1)
-    by.row_losses(r[None], OUTLIER, each)
-    assert each[0] == pytest.approx(expected, rel=1e-12)
+    values = np.empty(1)
+    by.row_losses(r[None], OUTLIER, values)
+    assert values[0] == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize("shape", [(104, 34), (40, 7), (5, 9), (1, 1), (3000, 6), (257, 3)])

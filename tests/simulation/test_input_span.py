@@ -47,12 +47,12 @@ def test_a_simulation_is_that_of_the_samples_with_inputs_and_has_a_row_for_every
 
 
 def test_a_recording_at_rest_starts_vented_at_its_first_sample_with_inputs_and_anew_after_a_hole(truth, drive, late):
-    done = simulate(truth, without(late, duty_exhaust=slice(4200, 4230)))
-    assert done.log["pressure_a"][FIRST] == truth.parameters.P_0
-    assert "2 segments" in done.warnings[0]
-    assert "4.230 s" in done.warnings[0]
-    assert done.log["position"][4230] == drive["position"][4230]
-    assert done.log["pressure_a"][4230] > 1.1 * truth.parameters.P_0, "in equilibrium with the load"
+    simulation = simulate(truth, without(late, duty_exhaust=slice(4200, 4230)))
+    assert simulation.log["pressure_a"][FIRST] == truth.parameters.P_0
+    assert "2 segments" in simulation.warnings[0]
+    assert "4.230 s" in simulation.warnings[0]
+    assert simulation.log["position"][4230] == drive["position"][4230]
+    assert simulation.log["pressure_a"][4230] > 1.1 * truth.parameters.P_0, "in equilibrium with the load"
 
 
 @pytest.mark.parametrize(
@@ -72,9 +72,9 @@ def test_a_single_sample_with_inputs_is_too_few(truth, drive):
 
 def test_a_recording_in_motion_at_its_first_sample_with_inputs_does_not_start_vented(truth, drive):
     moving = int(np.argmax(drive["position"] > 5e-3))
-    done = simulate(truth, without(drive, duty_supply=slice(moving)))
-    assert done.log["position"][moving] == drive["position"][moving]
-    assert done.log["pressure_a"][moving] > 1.1 * truth.parameters.P_0
+    simulation = simulate(truth, without(drive, duty_supply=slice(moving)))
+    assert simulation.log["position"][moving] == drive["position"][moving]
+    assert simulation.log["pressure_a"][moving] > 1.1 * truth.parameters.P_0
 
 
 def test_half_a_second_without_inputs_at_an_end_is_said(truth, drive):
@@ -91,5 +91,5 @@ def test_a_model_that_diverges_names_the_time_of_the_recording(truth):
     n = 300
     duty = {"duty_supply": np.r_[np.full(100, np.nan), np.ones(n - 100)], "duty_exhaust": np.zeros(n)}
     pulled = truth.replace({"theta_2": -1e12})
-    done = simulate(pulled, Log(np.arange(n) * 1e-3, duty, "run"), on_failure="return")
-    assert "diverged at 0.1" in done.message
+    simulation = simulate(pulled, Log(np.arange(n) * 1e-3, duty, "run"), on_failure="return")
+    assert "diverged at 0.1" in simulation.message

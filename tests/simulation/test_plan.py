@@ -64,11 +64,11 @@ def test_samples_of_a_period_and_longer_see_no_carrier():
     assert not switched(np.arange(N) * 1e-3, 0.0).inputs[:, [PHASE, PART]].any()
 
 
-@pytest.mark.parametrize(("known", "kept"), [(SHORTEST - 1, False), (SHORTEST, True)])
-def test_a_stretch_between_holes_counts_from_ten_samples_on(truth, known, kept):
-    log = spoiled(shut(100, position=np.zeros(100)), "duty_supply", [50, 51 + known])
+@pytest.mark.parametrize(("samples", "counts"), [(SHORTEST - 1, False), (SHORTEST, True)])
+def test_a_stretch_between_holes_counts_from_ten_samples_on(truth, samples, counts):
+    log = spoiled(shut(100, position=np.zeros(100)), "duty_supply", [50, 51 + samples])
     starts = [segment.start for segment in plan(log, truth, RATE).segments]
-    assert starts == ([0, 51, 52 + known] if kept else [0, 52 + known])
+    assert starts == ([0, 51, 52 + samples] if counts else [0, 52 + samples])
 
 
 def test_of_a_short_recording_without_holes_every_sample_counts(truth):

@@ -35,8 +35,8 @@ def test_a_sealed_chamber_keeps_its_air_along_any_position(truth):
         t = np.arange(round(0.5 / dt)) * dt
         closed = {"duty_supply": np.zeros(t.size), "duty_exhaust": np.zeros(t.size)}
         moved = Log(t, {**closed, "position": 5e-3 * (1 - np.cos(20 * t))})
-        done = simulate(truth, moved, partition=INPUT).log
-        air = done["pressure_a"] * (truth.value("V_0A") + truth.value("A_A") * done["position"])
+        simulated = simulate(truth, moved, partition=INPUT).log
+        air = simulated["pressure_a"] * (truth.value("V_0A") + truth.value("A_A") * simulated["position"])
         lost.append(float(np.ptp(air) / air[0]))
     # what is lost is the integration's: of first order at least, where friction has a kink, so 10 times less
     assert lost[1] < 0.1 * lost[0]

@@ -56,5 +56,5 @@ def test_changes_of_a_duty_cycle_that_are_not_recorded_let_in_unknown_air(plant,
 
 
 def test_both_valves_open_misjudge_twice_the_air(plant, still):
-    one, both = (process_noise(still(1.0, exhaust), plant, SILENT)[:, PRESSURE] for exhaust in (0.0, 1.0))
-    assert both == pytest.approx(2 * one)
+    supply_alone, both = (process_noise(still(1.0, exhaust), plant, SILENT)[:, PRESSURE] for exhaust in (0.0, 1.0))
+    assert both == pytest.approx(2 * supply_alone)

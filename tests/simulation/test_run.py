@@ -37,9 +37,9 @@ def by_name(actuator: Actuator, values: np.ndarray) -> dict[str, float]:
 
 def test_a_vented_actuator_starts_at_ambient_pressure_with_the_air_of_its_walls_and_a_full_reservoir():
     actuator = Actuator(load=LOAD, model=AUTOMATIC).replace({"T_w": 300.0, "P_S": 8.5e5, "P_0": 0.9e5})
-    found = by_name(actuator, start_state(begun(actuator, 1e-4), actuator))
-    known = {"y": 1e-4, "p_A": 0.9e5, "p_B": 0.9e5, "T_A": 300.0, "T_B": 300.0, "p_S": 8.5e5, "p_G": 8.5e5}
-    assert found == {name: known.get(name, 0.0) for name in VARIANTS[AUTOMATIC]}
+    start = by_name(actuator, start_state(begun(actuator, 1e-4), actuator))
+    expected = {"y": 1e-4, "p_A": 0.9e5, "p_B": 0.9e5, "T_A": 300.0, "T_B": 300.0, "p_S": 8.5e5, "p_G": 8.5e5}
+    assert start == {name: expected.get(name, 0.0) for name in VARIANTS[AUTOMATIC]}
 
 
 def test_a_start_under_pressure_holds_the_load_but_no_load_that_pulls():
@@ -54,8 +54,8 @@ def test_a_measured_or_estimated_start_comes_before_a_guess():
     actuator = Actuator(load=LOAD)
     measured = begun(actuator, 6e-3, 4.2e5)
     assert by_name(actuator, start_state(measured, actuator))["p_A"] == 4.2e5
-    found = by_name(actuator, start_state(measured, actuator, (7e-3, 3.9e5)))
-    assert (found["y"], found["p_A"], found["p_B"]) == (7e-3, 3.9e5, actuator.parameters.P_0)
+    start = by_name(actuator, start_state(measured, actuator, (7e-3, 3.9e5)))
+    assert (start["y"], start["p_A"], start["p_B"]) == (7e-3, 3.9e5, actuator.parameters.P_0)
 
 
 SITUATIONS = {
@@ -77,13 +77,13 @@ def test_the_start_moves_with_each_number_as_its_derivative_says(situation, mode
     actuator = Actuator(load=load, model=model)
     segment = begun(actuator, position, pressure)
     names = ("P_0", "P_S", "T_w", "A_A", "A_B", "V_0A", "C_vs", "theta_1", "theta_2", "theta_3")
-    found = start_sensitivities(segment, actuator, columns(actuator, names), estimated is not None)
+    sensitivities = start_sensitivities(segment, actuator, columns(actuator, names), estimated is not None)
     for column, name in enumerate(names):
         value = actuator.value(name)
         step = 1e-4 * abs(value) or 1.0  # N/m, of a load weight
         low, high = (start_state(segment, actuator.replace({name: value + k * step}), estimated) for k in (0, 1))
         # states go with 1 / A_A at most: a step of 1e-4 of the number is wrong by as much; and rounding of 9e5 Pa
-        np.testing.assert_allclose(found[:, column], (high - low) / step, rtol=2e-4, atol=9e5 * 2.3e-16 / step)
+        np.testing.assert_allclose(sensitivities[:, column], (high - low) / step, rtol=2e-4, atol=9e5 * 2.3e-16 / step)
 
 
 def test_the_unknown_start_is_a_number_of_its_own():

@@ -72,9 +72,9 @@ def test_where_a_short_lag_becomes_a_shift_the_record_hardly_jumps():
 
 
 def test_of_a_single_sample_the_lag_is_not_known():
-    one = np.array([3e-3])
-    assert np.array_equal(lagged(one, 2e-3, STEP), one)
-    assert np.array_equal(lag_derivative(one, one, 2e-3, STEP), [0.0])
+    sample = np.array([3e-3])
+    assert np.array_equal(lagged(sample, 2e-3, STEP), sample)
+    assert np.array_equal(lag_derivative(sample, sample, 2e-3, STEP), [0.0])
 
 
 @pytest.mark.parametrize("motion", MOTIONS)

@@ -22,13 +22,13 @@ def opened(n: int = 100, **columns) -> Log:
 
 
 def test_a_simulation_is_a_log_with_the_columns_of_the_contract(truth, drive):
-    done = simulate(truth, drive)
-    assert (done.status, done.message, done.warnings) == ("ok", "simulated to the end", ())
-    assert set(done.log.columns) == {*STATES, "duty_supply", "duty_exhaust"}
-    assert np.array_equal(done.log.time, drive.time)
-    assert np.array_equal(done.log["duty_supply"], drive["duty_supply"])
-    assert done.log.name == "drive"
-    assert all(np.isfinite(done.log[name]).all() for name in STATES)
+    result = simulate(truth, drive)
+    assert (result.status, result.message, result.warnings) == ("ok", "simulated to the end", ())
+    assert set(result.log.columns) == {*STATES, "duty_supply", "duty_exhaust"}
+    assert np.array_equal(result.log.time, drive.time)
+    assert np.array_equal(result.log["duty_supply"], drive["duty_supply"])
+    assert result.log.name == "drive"
+    assert all(np.isfinite(result.log[name]).all() for name in STATES)
 
 
 def test_stepping_sample_by_sample_is_the_same_as_one_run(truth, drive):
@@ -58,25 +58,25 @@ def test_a_recording_without_a_column_that_is_needed_is_refused_by_name(truth, d
 
 
 def test_a_hole_in_time_ends_a_segment(truth, drive):
-    done = simulate(truth, picked(drive, np.r_[0:4200, 4260:10000]))
-    assert np.isfinite(done.log["position"]).all()
-    assert done.log["position"][4200] == drive["position"][4260]
-    assert "2 segments" in done.warnings[0]
-    assert "4.260 s" in done.warnings[0]
+    result = simulate(truth, picked(drive, np.r_[0:4200, 4260:10000]))
+    assert np.isfinite(result.log["position"]).all()
+    assert result.log["position"][4200] == drive["position"][4260]
+    assert "2 segments" in result.warnings[0]
+    assert "4.260 s" in result.warnings[0]
 
 
 def test_a_single_lost_sample_is_no_hole(truth, drive):
     gap = picked(drive, np.r_[0:4200, 4201:10000])
-    done = simulate(truth, gap)
-    assert done.warnings == ()
+    result = simulate(truth, gap)
+    assert result.warnings == ()
     # the input is held over the lost sample; it changes slowly there
-    assert np.abs(done.log["position"] - gap["position"]).max() < 20e-6
+    assert np.abs(result.log["position"] - gap["position"]).max() < 20e-6
 
 
 def test_a_single_known_sample_between_holes_belongs_to_no_segment(truth, drive):
-    done = simulate(truth, spoiled(drive, "duty_supply", [4200, 4202]))
-    assert np.isnan(done.log["position"][4200:4203]).all()
-    assert "2 segments" in done.warnings[0]
+    result = simulate(truth, spoiled(drive, "duty_supply", [4200, 4202]))
+    assert np.isnan(result.log["position"][4200:4203]).all()
+    assert "2 segments" in result.warnings[0]
 
 
 @pytest.mark.parametrize("names", [(), ("theta_1",), ("C_vs",)])
@@ -85,34 +85,34 @@ def test_a_simulation_that_blows_up_names_time_and_state(names):
     pulled = Actuator(load=Load((9e5, -1e12, 0.0)))
     with pytest.raises(SolveError, match=r"run: .*diverged at 0\.\d{3} s in .*y"):
         simulate(pulled, opened(), sensitivities=names)
-    done = simulate(pulled, opened(), sensitivities=names, on_failure="return")
-    assert done.status == "failed"
-    assert "diverged at" in done.message
-    failed = int(np.argmax(~np.isfinite(done.log["position"])))
-    assert f"{failed * 1e-3:.3f} s" in done.message
-    assert np.isfinite(done.log["position"][:failed]).all()
-    assert np.isnan(done.log["position"][failed + 1 :]).all()
+    result = simulate(pulled, opened(), sensitivities=names, on_failure="return")
+    assert result.status == "failed"
+    assert "diverged at" in result.message
+    failed = int(np.argmax(~np.isfinite(result.log["position"])))
+    assert f"{failed * 1e-3:.3f} s" in result.message
+    assert np.isfinite(result.log["position"][:failed]).all()
+    assert np.isnan(result.log["position"][failed + 1 :]).all()
 
 
 def test_a_failed_segment_does_not_stop_the_next_one():
     # the measured position puts the second segment below t_2, where the load does not pull
     log = spoiled(opened(300, position=np.where(np.arange(300) < 150, 0.0, 1e-3)), "duty_supply", slice(150, 160))
     log = spoiled(log, "duty_supply", slice(160, 300), 0.0)
-    done = simulate(Actuator(load=Load((9e5, -1e12, 0.0))), log, on_failure="return")
-    assert done.status == "failed"
-    assert np.isfinite(done.log["position"][160:]).all()
+    result = simulate(Actuator(load=Load((9e5, -1e12, 0.0))), log, on_failure="return")
+    assert result.status == "failed"
+    assert np.isfinite(result.log["position"][160:]).all()
 
 
 def test_a_reset_takes_the_measurement_and_lets_the_other_states_go_on(truth, driven):
     log = driven(seconds=2.0)
     shifted = log.with_columns(position=log["position"] + np.where(log.time > 0.6, 1e-3, 0.0))
-    done = simulate(truth, shifted, partition=Partition(every=500)).log
+    result = simulate(truth, shifted, partition=Partition(every=500)).log
     ballistic = simulate(truth, log).log
     # the reset at 1 s shows one sample later; velocity is zero there, pressure does not jump
     # up to there: the reset at 0.5 s takes what was simulated from the same start, but for the rounding of its median
-    np.testing.assert_allclose(done["position"][:1001], ballistic["position"][:1001], rtol=0, atol=1e-12)
-    assert done["position"][1001] == pytest.approx(shifted["position"][1000], abs=0.05e-3)
-    assert done["pressure_a"][1001] == pytest.approx(ballistic["pressure_a"][1000], rel=0.01)
+    np.testing.assert_allclose(result["position"][:1001], ballistic["position"][:1001], rtol=0, atol=1e-12)
+    assert result["position"][1001] == pytest.approx(shifted["position"][1000], abs=0.05e-3)
+    assert result["pressure_a"][1001] == pytest.approx(ballistic["pressure_a"][1000], rel=0.01)
 
 
 def test_a_reset_at_a_missing_measurement_waits_for_the_next_one(truth, driven):
@@ -127,8 +127,8 @@ def test_a_reset_at_a_missing_measurement_waits_for_the_next_one(truth, driven):
 
 def test_resets_after_the_last_measurement_do_not_happen(truth, driven):
     log = spoiled(driven(seconds=2.0), "position", slice(1500, None))
-    done = simulate(truth, log, partition=Partition(every=400)).log
-    assert np.isfinite(done["position"]).all()
+    result = simulate(truth, log, partition=Partition(every=400)).log
+    assert np.isfinite(result["position"]).all()
 
 
 def air_across_a_reset(carry: str, **measured: float) -> tuple[np.ndarray, np.ndarray]:
@@ -256,8 +256,8 @@ def test_a_recording_that_starts_moving_is_not_vented(truth):
 
 def test_each_segment_has_the_start_that_is_given_for_it(truth, drive):
     log = spoiled(drive.slice(1000, 2000), "duty_supply", slice(500, 510))
-    done = simulate(truth, log, starts=[(14e-3, 4.7e5), (12e-3, 4.1e5)]).log
-    assert [(done["position"][k], done["pressure_a"][k]) for k in (0, 510)] == [(14e-3, 4.7e5), (12e-3, 4.1e5)]
+    result = simulate(truth, log, starts=[(14e-3, 4.7e5), (12e-3, 4.1e5)]).log
+    assert [(result["position"][k], result["pressure_a"][k]) for k in (0, 510)] == [(14e-3, 4.7e5), (12e-3, 4.1e5)]
     with pytest.raises(ParameterError, match="1 given, the recording has 2"):
         simulate(truth, log, starts=[(0, 1e5)])
 
@@ -265,10 +265,10 @@ def test_each_segment_has_the_start_that_is_given_for_it(truth, drive):
 def test_of_several_failures_the_first_is_reported():
     pulled = Actuator(load=Load((9e5, -1e12, 0.0)))
     log = spoiled(opened(400), "duty_supply", slice(200, 201))
-    done = simulate(pulled, log, starts=[(0.0, 1.1e5), (5e-3, 3e5)], on_failure="return")
-    failed = [int(np.argmax(~np.isfinite(done.log["position"][part]))) for part in (slice(0, 200), slice(201, 400))]
+    result = simulate(pulled, log, starts=[(0.0, 1.1e5), (5e-3, 3e5)], on_failure="return")
+    failed = [int(np.argmax(~np.isfinite(result.log["position"][part]))) for part in (slice(0, 200), slice(201, 400))]
     assert 0 < failed[1] < failed[0]
-    assert f"at {failed[0] * 1e-3:.3f} s in" in done.message
+    assert f"at {failed[0] * 1e-3:.3f} s in" in result.message
 
 
 @pytest.mark.parametrize(("planned", "driven_by"), [("isothermal", "energy-balance"), ("energy-balance", "isothermal")])

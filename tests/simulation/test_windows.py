@@ -30,8 +30,8 @@ def test_windows_share_their_border_samples_and_cover_the_segment(n, step):
     usual = round(0.1 / step)
     assert track.windows[0].start == 0
     assert track.windows[-1].stop == n
-    for one, other in zip(track.windows[:-1], track.windows[1:], strict=True):
-        assert one.stop - 1 == other.start
+    for earlier, following in zip(track.windows[:-1], track.windows[1:], strict=True):
+        assert earlier.stop - 1 == following.start
     for window in track.windows:
         assert window.dt.size == len(window) - 1 == window.inputs.shape[0] - 1 == window.substeps.size
         assert not window.jump.any()
@@ -42,16 +42,16 @@ def test_windows_share_their_border_samples_and_cover_the_segment(n, step):
 
 
 def test_a_hole_ends_a_track_and_no_window_crosses_it():
-    one, other = windows_of(rest(730, 1e-3, hole=333))
-    assert (one.windows[0].start, one.windows[-1].stop) == (0, 333)
-    assert (other.windows[0].start, other.windows[-1].stop) == (333, 730)
-    assert all(window.dt.max() < 2e-3 for track in (one, other) for window in track.windows)
+    before, after = windows_of(rest(730, 1e-3, hole=333))
+    assert (before.windows[0].start, before.windows[-1].stop) == (0, 333)
+    assert (after.windows[0].start, after.windows[-1].stop) == (333, 730)
+    assert all(window.dt.max() < 2e-3 for track in (before, after) for window in track.windows)
 
 
 def test_a_track_knows_how_far_apart_its_measured_positions_are():
     log = rest(301, 1e-3)
     position = np.where(np.arange(301) % 10 == 0, log["position"], np.nan)
-    plans = [prepare(one, Actuator(), ("position",)) for one in (log, log.with_columns(position=position))]
+    plans = [prepare(recording, Actuator(), ("position",)) for recording in (log, log.with_columns(position=position))]
     assert [track.spacing for track in tracks(plans)] == pytest.approx([1e-3, 0.01])
 
 

@@ -102,8 +102,8 @@ def recordings(draw):
 def test_sections_are_disjoint_in_order_and_hold_every_sample_with_known_inputs(log):
     sections = list(cut(log))
     taken = np.concatenate([np.arange(s.first, s.first + len(s)) for s in sections]) if sections else np.zeros(0)
-    known = np.isfinite(log["duty_supply"]) & np.isfinite(log["duty_exhaust"])
-    assert np.array_equal(taken, np.flatnonzero(known))
+    present = np.isfinite(log["duty_supply"]) & np.isfinite(log["duty_exhaust"])
+    assert np.array_equal(taken, np.flatnonzero(present))
     usual = np.median(np.diff(log.time)) if len(log) > 1 else 1.0
     for section in sections:
         part = slice(section.first, section.first + len(section))

@@ -9,10 +9,10 @@ from clutchid.log import Log
 from clutchid.strokes import Section, SectionSummary, cut, sections_table
 
 
-def rest(first: int, n: int, label: str = "vented rest", **found: float) -> Section:
+def rest(first: int, n: int, label: str = "vented rest", **values: float) -> Section:
     """A part of a rest at 1 kHz, from a sample on."""
     t = np.arange(first, first + n) * 1e-3
-    numbers = {"lowest": 0.0, "highest": 0.0, "level": 0.0, "vented_rest": 0.0, "missing": 0.0} | found
+    numbers = {"lowest": 0.0, "highest": 0.0, "level": 0.0, "vented_rest": 0.0, "missing": 0.0} | values
     excitation = SectionSummary(reach=0.02, opening_speed=0.0, closing_speed=0.0, supply_pulses=0, exhaust_pulses=0,
                             duty_steps=0, pressure=False, **numbers)  # fmt: skip
     log = Log(t, {"position": np.zeros(n)})

@@ -39,26 +39,26 @@ def test_a_constant_has_no_fit_in_percent():
 
 
 def test_the_autocorrelation_of_a_residual_that_goes_to_and_fro_is_to_and_fro():
-    found = colour(TWO_WAYS, {}, 1e-3)
-    np.testing.assert_allclose(found.autocorrelation, (-1.0) ** np.arange(LAGS + 1), atol=1e-12)
-    assert found.share_outside == 1.0
-    assert found.bound[1] == pytest.approx(2.5758 / np.sqrt(399))
+    colours = colour(TWO_WAYS, {}, 1e-3)
+    np.testing.assert_allclose(colours.autocorrelation, (-1.0) ** np.arange(LAGS + 1), atol=1e-12)
+    assert colours.share_outside == 1.0
+    assert colours.bound[1] == pytest.approx(2.5758 / np.sqrt(399))
 
 
 def test_a_missing_residual_takes_its_pairs_with_it_and_nothing_else():
     residual = TWO_WAYS.copy()
     residual[[17, 60, 101, 200]] = np.nan  # two of each sign, so that the mean stays
-    found = colour(residual, {}, 1e-3)
-    np.testing.assert_allclose(found.autocorrelation, (-1.0) ** np.arange(LAGS + 1), atol=1e-12)
-    assert found.bound[1] == pytest.approx(2.5758 / np.sqrt(399 - 8))
+    colours = colour(residual, {}, 1e-3)
+    np.testing.assert_allclose(colours.autocorrelation, (-1.0) ** np.arange(LAGS + 1), atol=1e-12)
+    assert colours.bound[1] == pytest.approx(2.5758 / np.sqrt(399 - 8))
 
 
 def test_a_hole_in_time_makes_no_pairs():
     measured, simulated = recorded(1e-4 * np.concatenate([TWO_WAYS, TWO_WAYS[::-1]]))
     time = measured.time + np.where(np.arange(len(measured)) >= TWO_WAYS.size, 100.0, 0.0)
     logs = [Log(time, log.columns) for log in (measured, simulated)]
-    found = diagnose(*logs).columns["position"].fast
-    np.testing.assert_allclose(found.autocorrelation, (-1.0) ** np.arange(LAGS + 1), atol=1e-9)
+    fast = diagnose(*logs).columns["position"].fast
+    np.testing.assert_allclose(fast.autocorrelation, (-1.0) ** np.arange(LAGS + 1), atol=1e-9)
 
 
 def test_white_noise_leaves_the_bounds_at_one_lag_in_a_hundred():
@@ -87,8 +87,8 @@ def test_an_input_that_leaks_into_the_residual_is_found_at_its_lag(lag, sign):
     duty = bursts(generator, 20_000)
     residual = 5e-5 * generator.standard_normal(20_000) + sign * 1e-4 * np.roll(duty, lag)
     other = bursts(generator, 20_000)
-    found = diagnose(*recorded(residual, duty_supply=duty, duty_exhaust=other))
-    supply, exhaust = (found.columns["position"].fast.inputs[name] for name in ("duty_supply", "duty_exhaust"))
+    diagnosis = diagnose(*recorded(residual, duty_supply=duty, duty_exhaust=other))
+    supply, exhaust = (diagnosis.columns["position"].fast.inputs[name] for name in ("duty_supply", "duty_exhaust"))
     assert supply.strongest_lag == pytest.approx(lag * 1e-3)
     assert supply.strongest * sign > supply.strongest_bound
     assert exhaust.share_outside < 0.06
@@ -97,8 +97,8 @@ def test_an_input_that_leaks_into_the_residual_is_found_at_its_lag(lag, sign):
         0: "correlates with duty_supply",
         7: "follows duty_supply after 7",
     }
-    assert any(expected[lag] in sentence for sentence in remarks(found))
-    assert not any("duty_exhaust" in sentence for sentence in remarks(found))
+    assert any(expected[lag] in sentence for sentence in remarks(diagnosis))
+    assert not any("duty_exhaust" in sentence for sentence in remarks(diagnosis))
 
 
 def test_a_position_at_half_the_rate_of_the_log_is_judged_at_its_own_rate():
@@ -106,9 +106,9 @@ def test_a_position_at_half_the_rate_of_the_log_is_judged_at_its_own_rate():
     duty = bursts(generator, 40_000)
     residual = 2e-5 * generator.standard_normal(40_000) + 1e-4 * np.roll(duty, 8)
     residual[1::2] = np.nan
-    found = diagnose(*recorded(residual, duty_supply=duty)).columns["position"].fast
-    assert found.interval == pytest.approx(2e-3)
-    assert found.inputs["duty_supply"].strongest_lag == pytest.approx(8e-3)
+    fast = diagnose(*recorded(residual, duty_supply=duty)).columns["position"].fast
+    assert fast.interval == pytest.approx(2e-3)
+    assert fast.inputs["duty_supply"].strongest_lag == pytest.approx(8e-3)
 
 
 def test_an_input_that_never_moves_has_no_correlation():
@@ -119,10 +119,10 @@ def test_an_input_that_never_moves_has_no_correlation():
 def test_slow_colour_below_fast_noise_is_seen_at_the_slow_rate():
     generator = np.random.default_rng(6)
     slow = np.convolve(generator.standard_normal(30_200), np.ones(200) / np.sqrt(200), mode="valid")[:30_000]
-    found = diagnose(*recorded(5e-5 * generator.standard_normal(30_000) + 1e-5 * slow)).columns["position"]
-    assert found.fast.first < 0.1  # 1 / (1 + 25) of the variance is slow
-    assert found.slow.first > 0.3  # 20 samples averaged: 20 / (25 + 20) and a little less
-    assert found.slow.interval == pytest.approx(0.02)
+    position = diagnose(*recorded(5e-5 * generator.standard_normal(30_000) + 1e-5 * slow)).columns["position"]
+    assert position.fast.first < 0.1  # 1 / (1 + 25) of the variance is slow
+    assert position.slow.first > 0.3  # 20 samples averaged: 20 / (25 + 20) and a little less
+    assert position.slow.interval == pytest.approx(0.02)
 
 
 @pytest.mark.slow
@@ -154,35 +154,37 @@ def test_the_error_is_split_by_region_and_direction():
     t = np.arange(0.0, 6.0, 1e-3)
     y = np.interp(t, [0.0, 2.0, 4.0, 6.0], [0.0, 0.02, 0.02, 0.0])
     error = np.select([t < 2.0, t < 4.0], [1e-4, 2e-4], -3e-4)
-    found = diagnose(Log(t, {"position": y}), Log(t, {"position": y - error})).columns["position"]
-    middle = {region.direction: region for region in found.regions if region.low == 5e-3}
+    position = diagnose(Log(t, {"position": y}), Log(t, {"position": y - error})).columns["position"]
+    middle = {region.direction: region for region in position.regions if region.low == 5e-3}
     assert (middle["opening"].mean, middle["closing"].mean) == pytest.approx((1e-4, -3e-4))
     assert middle["all"].rms == pytest.approx(np.sqrt((1e-8 + 9e-8) / 2), rel=1e-3)
     assert middle["all"].samples == pytest.approx(600, abs=2)
     assert "hold" not in middle
-    held = [region for region in found.regions if region.direction == "hold" and region.samples > 100]
+    held = [region for region in position.regions if region.direction == "hold" and region.samples > 100]
     assert [region.low for region in held] == [20e-3]
 
 
 def test_the_regions_add_up_to_the_whole():
     residual = 1e-4 * np.random.default_rng(8).standard_normal(10_000)
     residual[::97] = np.nan
-    found = diagnose(*recorded(residual)).columns["position"]
+    position = diagnose(*recorded(residual)).columns["position"]
     for directions in (("all",), ("opening", "closing", "hold")):
-        parts = [region for region in found.regions if region.direction in directions]
-        assert sum(region.samples for region in parts) == found.samples
-        assert sum(region.samples * region.rms**2 for region in parts) == pytest.approx(found.samples * found.rms**2)
-        assert sum(region.samples * region.mean for region in parts) == pytest.approx(found.samples * found.mean)
+        parts = [region for region in position.regions if region.direction in directions]
+        assert sum(region.samples for region in parts) == position.samples
+        assert sum(region.samples * region.rms**2 for region in parts) == pytest.approx(
+            position.samples * position.rms**2
+        )
+        assert sum(region.samples * region.mean for region in parts) == pytest.approx(position.samples * position.mean)
 
 
 def test_pressure_is_judged_where_it_is_measured_and_only_there():
     measured, simulated = recorded(1e-5 * np.random.default_rng(9).standard_normal(2000))
     with_pressure = simulated.with_columns(pressure_a=np.linspace(1e5, 5e5, 2000))
     assert set(diagnose(measured, with_pressure).columns) == {"position"}
-    known = np.linspace(1e5, 5e5, 2000) + 2e3
-    known[5] = np.nan
-    found = diagnose(measured.with_columns(pressure_a=known), with_pressure).columns["pressure_a"]
-    assert (found.samples, found.mean, found.rms) == (1999, pytest.approx(2e3), pytest.approx(2e3))
+    recorded_pressure = np.linspace(1e5, 5e5, 2000) + 2e3
+    recorded_pressure[5] = np.nan
+    pressure = diagnose(measured.with_columns(pressure_a=recorded_pressure), with_pressure).columns["pressure_a"]
+    assert (pressure.samples, pressure.mean, pressure.rms) == (1999, pytest.approx(2e3), pytest.approx(2e3))
 
 
 def test_noise_gives_no_cause_for_a_remark():
@@ -217,7 +219,7 @@ def test_other_times_and_nothing_to_compare_are_refused():
 
 
 def test_a_short_recording_has_errors_but_no_colour():
-    found = diagnose(*recorded(np.full(20, 1e-4))).columns["position"]
-    assert found.rms == pytest.approx(1e-4)
-    assert np.isnan(found.fast.first)
+    position = diagnose(*recorded(np.full(20, 1e-4))).columns["position"]
+    assert position.rms == pytest.approx(1e-4)
+    assert np.isnan(position.fast.first)
     assert remarks(diagnose(*recorded(np.full(20, 1e-4)))) == []

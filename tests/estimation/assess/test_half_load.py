@@ -26,10 +26,10 @@ def test_only_what_was_recorded_counts_as_the_peak():
 
 
 def test_a_band_that_never_passes_half_the_peak_has_no_end():
-    found = half_load_band(curve(3e3), 20e-3)
-    assert found.position == pytest.approx(5e-3)
-    assert np.isnan(found.low)  # the upper end lies above it from the start
-    assert np.isnan(found.high)  # the lower end never comes up to it
+    band = half_load_band(curve(3e3), 20e-3)
+    assert band.position == pytest.approx(5e-3)
+    assert np.isnan(band.low)  # the upper end lies above it from the start
+    assert np.isnan(band.high)  # the lower end never comes up to it
 
 
 def test_the_half_of_a_plain_curve_is_that_of_its_band():

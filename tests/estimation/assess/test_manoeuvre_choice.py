@@ -22,8 +22,8 @@ WEIGHTS = ("theta_1", "theta_2", "theta_3")
 def sensitivities(actuator: Actuator, manoeuvre: str, seconds: float, names: tuple[str, ...]) -> np.ndarray:
     """Derivatives of the position along a manoeuvre, in units of 0.1 mm over natural sizes of load weights."""
     log = drive(Truck(), manoeuvre=manoeuvre, seconds=seconds).log
-    done = simulate(actuator, log, partition=Partition(every=RESET_SAMPLES), sensitivities=names)
-    return np.column_stack([done.sensitivities[name][:, 0] for name in names]) * WEIGHT_UNIT / 1e-4
+    simulation = simulate(actuator, log, partition=Partition(every=RESET_SAMPLES), sensitivities=names)
+    return np.column_stack([simulation.sensitivities[name][:, 0] for name in names]) * WEIGHT_UNIT / 1e-4
 
 
 def half_log_det(information: np.ndarray) -> float:
@@ -64,8 +64,8 @@ def test_the_third_weight_asks_for_a_manoeuvre_that_reaches_far(truth):
 
 
 def test_the_worst_standard_error_is_named_with_what_remains_of_it(truth):
-    known = Information(WEIGHTS, np.diag([1e3, 1e3, 1.0]))
-    proposal = best_manoeuvre(truth, WEIGHTS, known, seconds=3.0)
+    information = Information(WEIGHTS, np.diag([1e3, 1e3, 1.0]))
+    proposal = best_manoeuvre(truth, WEIGHTS, information, seconds=3.0)
     assert "the standard error of theta_3 shrinks to" in proposal.message
 
 

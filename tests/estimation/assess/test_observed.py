@@ -41,15 +41,15 @@ GOOD = Indicators(True, 12, 0.03, 1.1, dict.fromkeys(FLAGS, 0.0), False)
     ],
 )
 def test_the_trust_falls_with_each_indicator_and_says_why(change, trust, reason):
-    found = observed_verdict(GOOD._replace(**change))
-    assert found.trust == trust
-    assert len(found.reasons) == (reason is not None)
-    assert reason is None or reason in found.reasons[0]
+    verdict = observed_verdict(GOOD._replace(**change))
+    assert verdict.trust == trust
+    assert len(verdict.reasons) == (reason is not None)
+    assert reason is None or reason in verdict.reasons[0]
 
 
 def test_the_worst_of_several_reasons_decides_and_all_are_said():
-    found = observed_verdict(GOOD._replace(strokes=0, supply_assumed=True))
-    assert (found.trust, len(found.reasons)) == ("none", 2)
+    verdict = observed_verdict(GOOD._replace(strokes=0, supply_assumed=True))
+    assert (verdict.trust, len(verdict.reasons)) == ("none", 2)
 
 
 def test_every_limit_is_of_a_flag_that_exists():
@@ -59,12 +59,12 @@ def test_every_limit_is_of_a_flag_that_exists():
 def test_the_indicators_are_those_of_the_end_of_the_recording(plant, recorded_by):
     log = recorded_by(plant, seconds=6.0)
     torn = log.with_columns(position=np.where(np.arange(len(log)) < 600, np.nan, log["position"]))
-    found = indicators(observe_recording(observer(plant), torn))
-    assert found.adapts
-    assert found.supply_assumed
-    assert found.flagged["position_missing"] == pytest.approx(600 / len(log))
+    indicated = indicators(observe_recording(observer(plant), torn))
+    assert indicated.adapts
+    assert indicated.supply_assumed
+    assert indicated.flagged["position_missing"] == pytest.approx(600 / len(log))
     begin = indicators(observe_recording(observer(plant), log.slice(0, 2)))
-    assert found.half_width < begin.half_width, "the band becomes narrower"
+    assert indicated.half_width < begin.half_width, "the band becomes narrower"
     short = indicators(observe_recording(observer(plant), log.slice(0, 100)))
     assert short.strokes == 0
     assert indicators(observe_recording(observer(plant, "states"), log)).adapts is False

@@ -26,8 +26,8 @@ NEAR = Departure(distance=5.0, expected=15.1, misfit=1.0, moved=(Moved("F_C", 10
 @pytest.fixture(scope="module")
 def reading(drive, with_noise):
     """A fit that passes for a reading with a calibration whose recordings it resembles."""
-    found = fit(with_noise(drive, 1).slice(0, 4000), measure=("position", "pressure_a"))
-    return replace(with_baseline(found, origin=ORIGIN, converged=True), departure=NEAR)
+    result = fit(with_noise(drive, 1).slice(0, 4000), measure=("position", "pressure_a"))
+    return replace(with_baseline(result, origin=ORIGIN, converged=True), departure=NEAR)
 
 
 def with_error(result, percent):
@@ -120,10 +120,12 @@ def test_a_load_that_is_only_uncertain_is_not_flawed(reading):
 @pytest.fixture(scope="module")
 def slow(reading):
     """The same fit as a load from position alone of a recording with a sample every 10 ms."""
-    (name, one), *_ = reading.recordings.items()
-    measured, simulated = (replace(log, time=10.0 * log.time) for log in (one.measured, one.simulated))
+    (name, recording), *_ = reading.recordings.items()
+    measured, simulated = (replace(log, time=10.0 * log.time) for log in (recording.measured, recording.simulated))
     scales = {"position": reading.scales["position"]}
-    return replace(reading, recordings={name: replace(one, measured=measured, simulated=simulated)}, scales=scales)
+    return replace(
+        reading, recordings={name: replace(recording, measured=measured, simulated=simulated)}, scales=scales
+    )
 
 
 def test_a_slow_recording_is_read_with_care(slow):

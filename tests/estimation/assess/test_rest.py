@@ -48,19 +48,19 @@ def readings(calibrated, worn_log):
 
 @pytest.mark.slow
 def test_a_calibration_keeps_the_rest_of_its_recordings(calibrated, drive_log, tmp_path):
-    kept = calibrated.calibration.rest
-    assert kept == pytest.approx(merged([vented_rest(drive_log)]), nan_ok=True)
+    rest = calibrated.calibration.rest
+    assert rest == pytest.approx(merged([vented_rest(drive_log)]), nan_ok=True)
     write_parameters(parameter_file(calibrated), tmp_path / "cal.toml")
-    assert read_parameters(tmp_path / "cal.toml").calibration.rest == pytest.approx(kept, nan_ok=True)
+    assert read_parameters(tmp_path / "cal.toml").calibration.rest == pytest.approx(rest, nan_ok=True)
 
 
 @pytest.mark.slow
 def test_a_moved_zero_is_subtracted_and_the_load_is_that_without_it(readings):
-    plain, subtracted, kept = readings.values()
+    plain, subtracted, unshifted = readings.values()
     at = (plain.load_curve.position >= 5e-3) & (plain.load_curve.position <= 8e-3)
     peak = plain.load_curve.force[at].max()
     assert np.abs(subtracted.load_curve.force - plain.load_curve.force)[at].max() < 1e-3 * peak
-    assert np.abs(kept.load_curve.force - plain.load_curve.force)[at].max() > 1e-2 * peak
+    assert np.abs(unshifted.load_curve.force - plain.load_curve.force)[at].max() > 1e-2 * peak
     assert moved_rests(plain) == ()
     (moved,) = moved_rests(subtracted)
     assert moved.cause == "sensor"
@@ -73,11 +73,11 @@ def test_a_moved_rest_is_said_wherever_the_result_is(readings):
     since = next(row.text for row in document_of(moved).rows if row.label == "since")
     assert "the vented rest has moved by +0.30 mm" in since
     assert "the position sensor" in since
-    found = fit_json(moved)
-    assert found["rest_shift_m"] == found["logs"]["worn"]["rest_shift_m"]
-    assert found["rest_shift_m"]["cause"] == "sensor"
-    assert found["rest_shift_m"]["low"] < 3e-4 < found["rest_shift_m"]["high"]
-    assert any("vented rest" in note for note in found["notes"])
+    document = fit_json(moved)
+    assert document["rest_shift_m"] == document["logs"]["worn"]["rest_shift_m"]
+    assert document["rest_shift_m"]["cause"] == "sensor"
+    assert document["rest_shift_m"]["low"] < 3e-4 < document["rest_shift_m"]["high"]
+    assert any("vented rest" in note for note in document["notes"])
     assert fit_json(readings["as it is"])["rest_shift_m"]["cause"] is None
 
 

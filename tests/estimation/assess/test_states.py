@@ -20,14 +20,14 @@ def reading(short_fit):
     """A reading from a calibration: its load is `factor` times that of the calibration."""
 
     def make(name, factor=1.0, temperature=None, trust="good"):
-        (one,) = short_fit.recordings.values()
-        log = replace(one.measured, name=name)
+        (recording,) = short_fit.recordings.values()
+        log = replace(recording.measured, name=name)
         if temperature is not None:
             log = log.with_columns(temperature_ambient=np.full(len(log), temperature))
         curve = short_fit.load_curve
         loads = (factor * curve.force * (1.0 + side * HALF) for side in (0, -1, 1))
         read = replace(
-            short_fit, load_curve=LoadCurve(curve.position, *loads), recordings={name: replace(one, measured=log)}
+            short_fit, load_curve=LoadCurve(curve.position, *loads), recordings={name: replace(recording, measured=log)}
         )
         return with_baseline(read, share=1.0, origin=ORIGIN._replace(trust=trust))
 
@@ -36,13 +36,13 @@ def reading(short_fit):
 
 def together(*readings):
     """A fit of all of them, with the readings one by one."""
-    names = {next(iter(one.recordings)): one for one in readings}
-    return replace(readings[0], recordings={n: one.recordings[n] for n, one in names.items()}, readings=names)
+    names = {next(iter(fit.recordings)): fit for fit in readings}
+    return replace(readings[0], recordings={n: fit.recordings[n] for n, fit in names.items()}, readings=names)
 
 
-def allowed(one, two, warmer=UNKNOWN_DIFFERENCE, recordings=2):
+def allowed(first, second, warmer=UNKNOWN_DIFFERENCE, recordings=2):
     """What the errors of two readings allow the load to differ by, at the level of all comparisons together."""
-    deviations = [measured(each, next(iter(each.recordings.values())).measured).load_std for each in (one, two)]
+    deviations = [measured(fit, next(iter(fit.recordings.values())).measured).load_std for fit in (first, second)]
     share = np.sqrt(SHARES["load"].independent ** 2 + (SHARES["load"].by_temperature * warmer / 10.0) ** 2 / 2)
     comparisons = recordings * (recordings - 1)
     return stats.t(WORTH).ppf(1.0 - FALSE_ALARM / (2 * comparisons)) * share * np.hypot(*deviations)
@@ -54,11 +54,11 @@ def test_readings_are_of_two_states_where_their_loads_differ_by_more_than_their_
     limit = allowed(first, first)
     # the band is a share of the load: with it the limit moves by half of the difference's own share at most
     assert states_of_wear(together(first, reading("worn", 1.0 + sign * 0.9 * limit))) is None
-    found = states_of_wear(together(first, reading("worn", 1.0 + sign * 1.1 * limit)))
-    assert found.groups == (("new",), ("worn",))
-    assert (found.most.first, found.most.second) == ("new", "worn")
-    assert found.most.load == pytest.approx(sign * 1.1 * limit)
-    assert found.most.load_allowed == pytest.approx(limit, rel=limit)
+    states = states_of_wear(together(first, reading("worn", 1.0 + sign * 1.1 * limit)))
+    assert states.groups == (("new",), ("worn",))
+    assert (states.most.first, states.most.second) == ("new", "worn")
+    assert states.most.load == pytest.approx(sign * 1.1 * limit)
+    assert states.most.load_allowed == pytest.approx(limit, rel=limit)
 
 
 def test_a_recorded_temperature_counts_by_its_difference(reading):
@@ -70,9 +70,9 @@ def test_a_recorded_temperature_counts_by_its_difference(reading):
 
 
 def test_three_readings_are_grouped_and_the_two_that_differ_most_are_named(reading):
-    found = states_of_wear(together(reading("a"), reading("b", 1.3), reading("c", 1.01), reading("d", 1.6)))
-    assert found.groups == (("a", "c"), ("b",), ("d",))
-    assert (found.most.first, found.most.second) == ("a", "d")
+    states = states_of_wear(together(reading("a"), reading("b", 1.3), reading("c", 1.01), reading("d", 1.6)))
+    assert states.groups == (("a", "c"), ("b",), ("d",))
+    assert (states.most.first, states.most.second) == ("a", "d")
 
 
 def test_a_reading_that_is_not_to_be_used_is_of_no_state(reading):

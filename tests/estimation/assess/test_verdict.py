@@ -32,9 +32,9 @@ def reasons(result):
 
 def shifted(result, column, by):
     """`result` whose measured column lies above the simulation by `by`."""
-    name, one = next(iter(result.recordings.items()))
-    measured = one.measured.with_columns(**{column: one.simulated[column] + by})
-    return replace(result, recordings={name: replace(one, measured=measured)})
+    name, recording = next(iter(result.recordings.items()))
+    measured = recording.measured.with_columns(**{column: recording.simulated[column] + by})
+    return replace(result, recordings={name: replace(recording, measured=measured)})
 
 
 def also_free(result, name, estimate):
@@ -93,8 +93,8 @@ def test_an_ambient_pressure_that_no_recording_shows_is_a_reason(fitted):
     """The drive starts at rest; with a supply valve that never shuts nothing shows the vented pressure."""
     free = also_free(fitted, "P_0", Estimate(1.1e5, "Pa", 4e3, 1.02e5, 1.18e5))
     assert verdict(free).trust == "good"
-    one = fitted.recordings["drive"].measured
-    moving = one.with_columns(duty_supply=np.maximum(one["duty_supply"], 0.1))
+    measured = fitted.recordings["drive"].measured
+    moving = measured.with_columns(duty_supply=np.maximum(measured["duty_supply"], 0.1))
     unsettled = replace(free, recordings={"drive": replace(free.recordings["drive"], measured=moving)})
     (reason,) = ambient_reasons(unsettled)
     peak = float(fitted.load_curve.force.max())
@@ -192,11 +192,11 @@ def test_parameters_that_only_combinations_determine_are_a_reason(fitted):
 
 
 def test_a_recording_that_does_not_reach_the_engaging_clutch_is_a_reason(fitted):
-    (one,) = fitted.recordings.values()
+    (recording,) = fitted.recordings.values()
     # the position in other units: what is asked is only how far it went
     for part, grave in ((0.4, False), (0.2, True)):
-        low = one.measured.with_columns(position=part * one.measured["position"])
-        judged = verdict(replace(fitted, recordings={"drive": replace(one, measured=low)}))
+        low = recording.measured.with_columns(position=part * recording.measured["position"])
+        judged = verdict(replace(fitted, recordings={"drive": replace(recording, measured=low)}))
         assert any("so that the load there is not determined" in reason for reason in judged.reasons)
         assert not grave or judged.trust == "none"
 
@@ -230,26 +230,30 @@ def test_numbers_of_one_recording_belong_to_it_alone(fitted):
 
 
 def test_what_the_sensors_record_lags_and_is_offset(fitted):
-    one = fitted.recordings["drive"].simulated
+    simulated = fitted.recordings["drive"].simulated
     shot = replace(fitted, method="shooting", actuator=fitted.actuator.replace({"tau_y": 2e-3, "e_y": 1e-4}))
-    recorded = as_recorded(shot, "drive", one)
-    np.testing.assert_allclose(recorded["position"], lagged(one["position"], 2e-3, 1e-3) + 1e-4, atol=1e-15)
-    assert as_recorded(fitted, "drive", one) is one
+    recorded = as_recorded(shot, "drive", simulated)
+    np.testing.assert_allclose(recorded["position"], lagged(simulated["position"], 2e-3, 1e-3) + 1e-4, atol=1e-15)
+    assert as_recorded(fitted, "drive", simulated) is simulated
 
 
 def test_the_verdict_as_json_has_plain_values_only(fitted):
     text = json.dumps(verdict_json(fitted), allow_nan=False)
-    found = json.loads(text)
-    assert found["trust"] == "good"
-    assert set(found) >= {"trust", "reasons", "diagnostics", "missing"}
-    assert found["diagnostics"]["drive"]["position"]["fit_percent"] > 97.0
-    assert found["diagnostics"]["drive"]["pressure_a"]["rms"] == pytest.approx(2e3, rel=0.1)
+    document = json.loads(text)
+    assert document["trust"] == "good"
+    assert set(document) >= {"trust", "reasons", "diagnostics", "missing"}
+    assert document["diagnostics"]["drive"]["position"]["fit_percent"] > 97.0
+    assert document["diagnostics"]["drive"]["pressure_a"]["rms"] == pytest.approx(2e3, rel=0.1)
 
 
 def test_a_recording_without_a_moment_to_compare_is_left_out(fitted):
-    (one,) = fitted.recordings.values()
-    blank = Log(one.measured.time, {**one.measured.columns, "position": np.full(len(one.measured), np.nan)}, "blank")
-    both = replace(fitted, recordings={**fitted.recordings, "blank": replace(one, measured=blank)})
+    (recording,) = fitted.recordings.values()
+    blank = Log(
+        recording.measured.time,
+        {**recording.measured.columns, "position": np.full(len(recording.measured), np.nan)},
+        "blank",
+    )
+    both = replace(fitted, recordings={**fitted.recordings, "blank": replace(recording, measured=blank)})
     assert set(evidence(both).diagnoses) == {"drive"}
 
 
@@ -257,8 +261,8 @@ def test_a_recording_without_a_moment_to_compare_is_left_out(fitted):
 def test_an_estimate_lies_at_the_bound_0_where_it_is_0_and_not_where_it_is_small(fitted, value, held):
     # 5e-10 m³/(Pa·s) is a fortieth of the supply valve, and small beside numbers that are not conductances
     freed = also_free(fitted, "C_vs", Estimate(value, "m³/(Pa·s)", 1e-10, value - 2e-10, value + 2e-10))
-    found = reasons(replace(freed, bounds={**fitted.bounds, "C_vs": (0.0, 57e-9)}))
-    assert ("C_vs (lower) lies at its bound" in found) == held
+    sentences = reasons(replace(freed, bounds={**fitted.bounds, "C_vs": (0.0, 57e-9)}))
+    assert ("C_vs (lower) lies at its bound" in sentences) == held
 
 
 @pytest.mark.parametrize(("share", "held"), [(1e-10, True), (1e-8, False)])

@@ -97,9 +97,9 @@ def test_a_calibration_finds_the_parameters_that_the_data_determine(calibrated, 
 
 
 def test_a_calibration_leaves_its_covariance_and_what_position_alone_misses(calibrated, plant):
-    kept = calibrated.calibration
-    assert kept.names == tuple(name for name in calibrated.parameters if not name.startswith("theta_"))
-    missed = plant.load.phi(Y) @ kept.position_only.shift((), plant.load.names)
+    calibration = calibrated.calibration
+    assert calibration.names == tuple(name for name in calibrated.parameters if not name.startswith("theta_"))
+    missed = plant.load.phi(Y) @ calibration.position_only.shift((), plant.load.names)
     # the model made the recording: position alone misses little
     assert np.abs(missed).max() < 0.02 * plant.load.force(Y).max()
 
@@ -108,9 +108,9 @@ def test_the_bias_of_a_calibration_is_taken_off(plant, worn_log, adapted):
     off = np.full(len(plant.load.theta), 100.0)
     errors = PositionOnlyErrors(((),), plant.load.names, off[None], np.zeros(1))
     calibration = replace(EXACT, position_only=errors)
-    found = fit_with(PREDICTION_ERROR, [worn_log], plant, replace(LOAD, calibration=calibration))
-    lower = adapted.load_curve.force - found.load_curve.force
-    assert lower == pytest.approx(plant.load.phi(found.load_curve.position) @ off, rel=1e-6)
+    result = fit_with(PREDICTION_ERROR, [worn_log], plant, replace(LOAD, calibration=calibration))
+    lower = adapted.load_curve.force - result.load_curve.force
+    assert lower == pytest.approx(plant.load.phi(result.load_curve.position) @ off, rel=1e-6)
 
 
 def test_rounds_that_swing_make_only_a_share_of_their_moves(plant, worn_log, monkeypatch):
@@ -124,8 +124,8 @@ def test_rounds_that_swing_make_only_a_share_of_their_moves(plant, worn_log, mon
         return module.Solution(target, at, "converged", 1)
 
     monkeypatch.setattr(module, "minimise_round", swinging)
-    found = module.search(problem, np.zeros(len(problem.coordinates)), 4)
-    assert found.status == "limit"
+    solution = module.search(problem, np.zeros(len(problem.coordinates)), 4)
+    assert solution.status == "limit"
     # a whole move; it is taken back: half a move; again: a quarter; it goes on: half
     assert evaluated == pytest.approx([0.0, 0.03, 0.0, 0.0075])
 

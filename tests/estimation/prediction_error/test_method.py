@@ -35,12 +35,12 @@ def calibrated(plant, recording):
 
 
 def test_a_fit_that_asks_for_it_is_by_prediction_error(plant, recording):
-    found = fit(recording, plant, measure=BOTH, free=("C_vs", "P_S"), method=METHOD)
+    result = fit(recording, plant, measure=BOTH, free=("C_vs", "P_S"), method=METHOD)
     same = fit_with(PREDICTION_ERROR, [recording], plant, FitRequest(BOTH, ("C_vs", "P_S")))
-    assert found.method == METHOD
-    assert found.follows
-    assert found.converged
-    assert found.parameters == same.parameters
+    assert result.method == METHOD
+    assert result.follows
+    assert result.converged
+    assert result.parameters == same.parameters
 
 
 def test_what_a_calibration_left_is_gone_on_with_by_its_method(calibrated, recording, tmp_path):
@@ -62,9 +62,9 @@ def test_what_a_calibration_left_is_gone_on_with_by_its_method(calibrated, recor
 
 def test_a_recording_is_verified_as_its_sensors_would_see_it(plant, recorded_by, recording):
     other = recorded_by(plant, 2.0, seed=8, name="other")
-    found = fit(recording, plant, free=("C_vs",), verify=[other], method=METHOD)
-    mapped = verification(found.actuator, [other], None, through_sensors=True)[0]["other"]
-    assert found.verification["other"].errors == mapped.errors
+    result = fit(recording, plant, free=("C_vs",), verify=[other], method=METHOD)
+    mapped = verification(result.actuator, [other], None, through_sensors=True)[0]["other"]
+    assert result.verification["other"].errors == mapped.errors
     assert mapped.errors.position_rms == pytest.approx(Noise().measured["position"], rel=0.2)
 
 
@@ -82,15 +82,15 @@ def test_a_start_that_cannot_be_filtered_raises_or_is_returned(plant, recording,
     monkeypatch.setattr(module, "predict_errors", lambda *_: Failure("y is not finite at 0.1 s."))
     with pytest.raises(SolveError, match=r"0\.1 s"):
         fit(recording, plant, free=("C_vs",), method=METHOD)
-    found = fit(recording, plant, free=("C_vs",), method=METHOD, on_failure="return")
-    assert (found.status, found.converged) == ("failed", False)
+    result = fit(recording, plant, free=("C_vs",), method=METHOD, on_failure="return")
+    assert (result.status, result.converged) == ("failed", False)
 
 
 def test_the_papers_model_is_filtered_too(plant, recording):
     paper = Actuator(plant.parameters)
-    found = fit(recording.without("pressure_a"), paper, free=("theta_1", "theta_2"), method=METHOD)
-    assert found.status != "failed"
-    assert np.isfinite(found.covariance).all()
+    result = fit(recording.without("pressure_a"), paper, free=("theta_1", "theta_2"), method=METHOD)
+    assert result.status != "failed"
+    assert np.isfinite(result.covariance).all()
 
 
 def test_a_segment_that_was_planned_for_another_model_is_refused(plant, recording, problem_of):

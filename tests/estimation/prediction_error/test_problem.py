@@ -34,9 +34,9 @@ def test_the_linearisation_foresees_the_cost_nearby_with_fixed_gains(problem, he
     L, step = here.linearisation(), np.array([1e-3, -1e-3, 2e-3, 5e-3])
     rest = L.cost - 0.5 * L.q @ L.q
     wanted = rest + 0.5 * np.sum((L.q + L.R @ step) ** 2)
-    found = predict_errors(problem, step, here).cost / 2
+    cost = predict_errors(problem, step, here).cost / 2
     # what a step changes is foreseen to its square: the step is 0.5 % of a prior's width
-    assert found - L.cost == pytest.approx(wanted - L.cost, rel=0.02)
+    assert cost - L.cost == pytest.approx(wanted - L.cost, rel=0.02)
 
 
 def test_samples_and_prior_rows_are_counted(problem, here):
@@ -54,8 +54,8 @@ def test_a_recording_without_a_measurement_leaves_the_prior(plant, recorded_by, 
 def test_numbers_that_contradict_each_other_are_a_failure(plant, recorded_by, problem_of):
     # a valve that opens fully before it opens at all
     problem = problem_of(recorded_by(plant, 0.3), plant, ("R_0vs",), ("position",))
-    found = predict_errors(problem, np.array([1e3]))
-    assert isinstance(found, Failure)
+    prediction = predict_errors(problem, np.array([1e3]))
+    assert isinstance(prediction, Failure)
 
 
 def test_a_segment_that_fails_fails_the_whole(problem, monkeypatch):

@@ -49,12 +49,12 @@ def made(problem, **gains):
 @pytest.fixture(scope="module")
 def followed(problem, simulated):
     """States of the model and theta, by sample."""
-    joint, state, given = made(problem)
+    joint, state, samples = made(problem)
     states, theta = [], []
     for i in range(len(simulated)):
-        found = follow(joint, state, given, (i, i + 1))
-        state = found.state
-        states.append(found.states[0])
+        output = follow(joint, state, samples, (i, i + 1))
+        state = output.state
+        states.append(output.states[0])
         theta.append(state.theta)
     return joint, np.array(states), np.array(theta)
 
@@ -85,48 +85,48 @@ def test_at_rest_it_rises_by_no_more_than_the_springs_of_the_seals_can_store(fol
 
 
 def test_a_correction_of_the_position_keeps_the_air_of_the_chamber(problem):
-    joint, state, given = made(problem, velocity=0.0, air=0.0, adaptation=0.0)
+    joint, state, samples = made(problem, velocity=0.0, air=0.0, adaptation=0.0)
     p, at = problem.actuator.parameters, problem.actuator.states.index
 
     def air(row):
         return row[at("p_A")] * (p.V_0A + p.A_A * row[at("y")])
 
-    as_measured = follow(joint, state, given, (0, 1)).states[0]
-    moved = follow(joint, state, given._replace(values=given.values + 2e-3), (0, 1)).states[0]
+    as_measured = follow(joint, state, samples, (0, 1)).states[0]
+    moved = follow(joint, state, samples._replace(values=samples.values + 2e-3), (0, 1)).states[0]
     assert moved[at("y")] - as_measured[at("y")] == pytest.approx(2e-3, abs=1e-12)
     assert air(moved) == pytest.approx(air(as_measured), rel=1e-12)
 
 
-def noisy(given, seed=4):
+def noisy(samples, seed=4):
     """The measurements with the noise of the sensor."""
-    noise = Noise().of_samples("position", 1e-3) * np.random.default_rng(seed).standard_normal(given.values.shape)
-    return given._replace(values=given.values + noise)
+    noise = Noise().of_samples("position", 1e-3) * np.random.default_rng(seed).standard_normal(samples.values.shape)
+    return samples._replace(values=samples.values + noise)
 
 
 def test_noise_does_not_shift_the_load_or_the_air(problem, truth, simulated):
     """A correction by V_A or phi at a measured position, or one at rest, would go with the noise of the next one."""
-    joint, state, given = made(problem)
+    joint, state, samples = made(problem)
     span = 0, len(simulated)
-    quiet = follow(joint, state, given, span)
+    quiet = follow(joint, state, samples, span)
     y = np.linspace(2e-3, 9e-3, 20)
     change = np.abs(truth.load.force(y) - problem.actuator.load.force(y)).max()
     at = truth.states.index("p_A")
     loads, pressures = [], []
     for seed in range(6):
-        found = follow(joint, state, noisy(given, seed), span)
-        loads.append(joint.actuator(found.state.theta).load.force(y) - joint.actuator(quiet.state.theta).load.force(y))
-        pressures.append(np.mean(found.states[:, at] - quiet.states[:, at]))
+        output = follow(joint, state, noisy(samples, seed), span)
+        loads.append(joint.actuator(output.state.theta).load.force(y) - joint.actuator(quiet.state.theta).load.force(y))
+        pressures.append(np.mean(output.states[:, at] - quiet.states[:, at]))
     assert np.abs(np.mean(loads, axis=0)).max() < 0.15 * change
     assert abs(np.mean(pressures)) < 2e3
 
 
 def test_an_outlier_moves_no_weight_and_no_more_than_one_at_the_bound(problem):
-    joint, state, given = made(problem)
-    before = follow(joint, state, given, (0, 330)).state
-    spike, bound = given.values.copy(), given.values.copy()
-    predicted = given.values[330, 0] - follow(joint, before, given, (330, 331)).errors[0, 0, 0]
+    joint, state, samples = made(problem)
+    before = follow(joint, state, samples, (0, 330)).state
+    spike, bound = samples.values.copy(), samples.values.copy()
+    predicted = samples.values[330, 0] - follow(joint, before, samples, (330, 331)).errors[0, 0, 0]
     spike[330] = predicted + 5e-3
     bound[330] = predicted + Noise().outlier * Noise().of_samples("position", 1e-3)
-    far, near = (follow(joint, before, given._replace(values=values), (330, 331)).state for values in (spike, bound))
+    far, near = (follow(joint, before, samples._replace(values=values), (330, 331)).state for values in (spike, bound))
     assert far.x == pytest.approx(near.x, rel=1e-9)
     assert np.array_equal(far.theta, before.theta)

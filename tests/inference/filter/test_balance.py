@@ -84,18 +84,18 @@ def test_recursive_least_squares_are_batch_least_squares_with_the_prior(batch, l
 def test_the_load_of_a_whole_recording_is_that_of_batch_least_squares(batch, linear_problem):
     """But for the curvature of the basis within an interval: it is evaluated in the middle (rule of the mid-point)."""
     _, _, T, expected = batch
-    found = followed(of(linear_problem), linear_problem, np.zeros_like(expected), T)
+    output = followed(of(linear_problem), linear_problem, np.zeros_like(expected), T)
     interval = np.abs(np.diff(linear_problem.tracks[0].measured["position"])).max()
     knots = np.diff(linear_problem.actuator.load.knots).min()
-    assert found.state.theta == pytest.approx(expected, abs=(interval / knots) ** 2 / 24 * np.abs(expected).max())
+    assert output.state.theta == pytest.approx(expected, abs=(interval / knots) ** 2 / 24 * np.abs(expected).max())
 
 
 def test_a_load_that_has_grown_is_found(problem, plant, worn):
     joint, k = of(problem), len(problem.coordinates)
-    found = followed(joint, problem, np.zeros(k), np.eye(k))
+    output = followed(joint, problem, np.zeros(k), np.eye(k))
     y = np.linspace(2e-3, 9e-3, 20)
     before, after = (
-        np.abs(actuator.load.force(y) - worn.load.force(y)) for actuator in (plant, joint.actuator(found.state.theta))
+        np.abs(actuator.load.force(y) - worn.load.force(y)) for actuator in (plant, joint.actuator(output.state.theta))
     )
     assert np.median(after) < 0.2 * np.median(before)
 

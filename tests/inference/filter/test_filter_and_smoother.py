@@ -69,7 +69,7 @@ def filtered(step, recording):
     S = np.zeros((SIZE, SIZE))
     S[:N, :N], S[N:, :N] = root, root[MEASURED]
     state = without_adaptation(np.append(mean, mean[MEASURED]), S, 0)
-    room, gain, found = scratch(SIZE, SIZE, state.T, N, 2), np.empty(SIZE + 1), []
+    room, gain, means = scratch(SIZE, SIZE, state.T, N, 2), np.empty(SIZE + 1), []
     for i in range(SAMPLES):
         moved = np.zeros((N, SIZE))
         if i > 0:
@@ -81,8 +81,8 @@ def filtered(step, recording):
             if np.isfinite(values[i, m]):
                 measurement = values[i, m], OFFSETS[m], SIGMA[m], NEVER
                 kernels.correct(state, SENSORS[m], measurement, False, NO_FREE, np.ones(0), gain, room)
-        found.append((*predicted, state.x[:N].copy(), S[:N].copy(), moved))
-    return found
+        means.append((*predicted, state.x[:N].copy(), S[:N].copy(), moved))
+    return means
 
 
 def smoothed(filtered):

@@ -60,12 +60,12 @@ def textbook(problem, actuator, length):
     shown[0, 1] = -p.tau_y  # the position has moved before the start as it does there
     both = np.vstack([np.eye(n), shown])
     z, P = both @ x, both @ P @ both.T
-    found, kept = [], []
+    means, gains = [], []
     for i in range(length):
         if i > 0:
-            one, dt = one_interval(segment, i - 1), segment.dt[i - 1]
+            start, dt = one_interval(segment, i - 1), segment.dt[i - 1]
             S = np.column_stack([np.zeros((n, len(mapped.bases))), np.eye(n)])
-            out, _, end, _ = run_with_sensitivities(one, mapped.arrays, (z[:n], S), which, (0,))
+            out, _, end, _ = run_with_sensitivities(start, mapped.arrays, (z[:n], S), which, (0,))
             F, G, new = np.zeros((n + 2, n + 2)), np.zeros((n + 2, n)), np.zeros(n + 2)
             F[:n, :n], G[:n], new[:n] = end[:, len(mapped.bases) :], np.eye(n), out[-1]
             for row, (at, tau) in enumerate(((0, p.tau_y), (2, p.tau_p)), n):
@@ -82,9 +82,9 @@ def textbook(problem, actuator, length):
             gain = P[:, n + j] / s
             z, P = z + gain * e, P - np.outer(gain, P[n + j])
             row[j] = e, s
-        found.append(row)
-        kept.append(z[:n])
-    return np.array(found), np.array(kept)
+        means.append(row)
+        gains.append(z[:n])
+    return np.array(means), np.array(gains)
 
 
 def line_through_a_lag(tau, dt):
@@ -111,14 +111,14 @@ def one_interval(segment, i):
 def test_the_filter_is_the_textbook_filter(problem, plant):
     length = 900
     errors, states = textbook(problem, plant, length)
-    found = followed(problem)
+    result = followed(problem)
     moved = np.ptp(states[:, 0])
     assert moved > 5e-3, "the piston must move, or little is tested"
     # the textbook loses half the digits of a covariance whose states differ by 14 orders
     size = np.array([ALL_IN.measured[name] for name in BOTH])
-    assert found.errors[:length, :, 0] / size == pytest.approx(errors[:, :, 0] / size, abs=1e-4)
-    assert found.errors[:length, :, 1] == pytest.approx(errors[:, :, 1], rel=1e-4)
-    assert found.states[:length] == pytest.approx(states, rel=1e-4, abs=1e-8)
+    assert result.errors[:length, :, 0] / size == pytest.approx(errors[:, :, 0] / size, abs=1e-4)
+    assert result.errors[:length, :, 1] == pytest.approx(errors[:, :, 1], rel=1e-4)
+    assert result.states[:length] == pytest.approx(states, rel=1e-4, abs=1e-8)
 
 
 def test_a_pass_with_the_gains_of_another_at_the_same_numbers_is_that_pass(problem):
@@ -144,11 +144,11 @@ def test_rows_have_the_derivatives_that_differences_have_with_fixed_gains(proble
 
 def test_rows_and_cost_count_what_lies_beyond_the_bound_linearly(problem, uncompressed):
     noise = replace(Noise(), outlier=1.0)
-    found = followed(problem, noise=noise)
-    nu = np.abs(found.errors[:, :, 0] / np.sqrt(found.errors[:, :, 1])).ravel()
+    result = followed(problem, noise=noise)
+    nu = np.abs(result.errors[:, :, 0] / np.sqrt(result.errors[:, :, 1])).ravel()
     assert 0.1 < np.mean(nu > 1.0) < 0.9
-    assert found.cost == pytest.approx(np.sum(np.where(nu > 1.0, 2 * nu - 1.0, nu**2)))
-    assert np.abs(found.rows[:, -1]) == pytest.approx(np.where(nu > 1.0, np.sqrt(nu), nu))
+    assert result.cost == pytest.approx(np.sum(np.where(nu > 1.0, 2 * nu - 1.0, nu**2)))
+    assert np.abs(result.rows[:, -1]) == pytest.approx(np.where(nu > 1.0, np.sqrt(nu), nu))
 
 
 def test_blocks_do_not_change_what_is_found(problem, monkeypatch):
@@ -166,27 +166,27 @@ def test_missing_samples_are_left_out_one_by_one(problem):
     holes[500:520] = np.nan
     holes[600] = np.inf
     torn = replace(track, measured=track.measured.with_columns(position=holes))
-    found = filtered(torn, problem.parameter_map(np.zeros(len(NAMES)), "log"), BOTH, ALL_IN)
-    missing = np.isnan(found.errors[:, 0, 0])
+    result = filtered(torn, problem.parameter_map(np.zeros(len(NAMES)), "log"), BOTH, ALL_IN)
+    missing = np.isnan(result.errors[:, 0, 0])
     assert np.flatnonzero(missing).tolist() == [*range(500, 520), 600]
-    assert not np.isnan(found.errors[:, 1]).any()
-    assert found.errors[519, 1, 1] > 0
-    assert np.isfinite(found.rows).all()
+    assert not np.isnan(result.errors[:, 1]).any()
+    assert result.errors[519, 1, 1] > 0
+    assert np.isfinite(result.rows).all()
 
 
 def test_without_pressure_in_use_only_the_position_counts(problem):
-    found = filtered(problem.tracks[0], problem.parameter_map(np.zeros(len(NAMES)), "log"), ("position",), ALL_IN)
-    assert np.isnan(found.errors[:, 1]).all()
-    assert np.isfinite(found.errors[:, 0]).all()
-    assert found.rows[:, NAMES.index("e_p")] == pytest.approx(0.0)
+    result = filtered(problem.tracks[0], problem.parameter_map(np.zeros(len(NAMES)), "log"), ("position",), ALL_IN)
+    assert np.isnan(result.errors[:, 1]).all()
+    assert np.isfinite(result.errors[:, 0]).all()
+    assert result.rows[:, NAMES.index("e_p")] == pytest.approx(0.0)
 
 
 def test_what_the_filter_says_of_the_pressure_holds_the_truth(plant, recorded_by, problem_of):
     log = recorded_by(plant, 3.0)
     problem = problem_of(log, plant, NAMES, ("position",))
-    found = filtered(problem.tracks[0], problem.parameter_map(np.zeros(len(NAMES)), "log"), ("position",), ALL_IN)
+    result = filtered(problem.tracks[0], problem.parameter_map(np.zeros(len(NAMES)), "log"), ("position",), ALL_IN)
     truth = recorded_by(plant.replace({"tau_p": 0.0}), 3.0, seed=None)["pressure_a"]
-    off = (found.states[:, 2] - truth) / found.pressures[:, -1]
+    off = (result.states[:, 2] - truth) / result.pressures[:, -1]
     # the model made the recording without process noise: the filter is surer than it says
     assert np.sqrt(np.mean(off**2)) < 1.0
 
@@ -200,22 +200,24 @@ def test_a_start_that_does_not_rest_is_known_less_well(problem, plant):
     assert start_deviations(moving.segment, plant, False, ALL_IN) == pytest.approx(
         [STATES[name].unknown_start for name in names]
     )
-    known = replace(track, segment=replace(track.segment, vented=False, pressure_start=2e5))
-    assert start_deviations(known.segment, plant, True, ALL_IN)[names.index("p_A")] == ALL_IN.measured["pressure_a"]
+    pressurised = replace(track, segment=replace(track.segment, vented=False, pressure_start=2e5))
+    assert (
+        start_deviations(pressurised.segment, plant, True, ALL_IN)[names.index("p_A")] == ALL_IN.measured["pressure_a"]
+    )
 
 
 def test_a_simulation_that_leaves_the_finite_numbers_is_a_failure_that_names_time_and_state(problem):
     track = problem.tracks[0]
     broken = track.segment.inputs.copy()
     broken[700:, 0] = np.nan
-    found = filtered(
+    result = filtered(
         replace(track, segment=replace(track.segment, inputs=broken)),
         problem.parameter_map(np.zeros(len(NAMES)), "log"),
         BOTH,
         ALL_IN,
     )
-    assert isinstance(found, Failure)
-    assert "0.7" in found.message
+    assert isinstance(result, Failure)
+    assert "0.7" in result.message
 
 
 def test_the_filter_is_the_textbook_filter_where_samples_are_not_evenly_spaced(problem, plant):
@@ -226,12 +228,12 @@ def test_the_filter_is_the_textbook_filter_where_samples_are_not_evenly_spaced(p
     uneven = replace(track, segment=replace(track.segment, dt=dt, substeps=substeps))
     other, length = replace(problem, tracks=(uneven,)), 400
     errors, states = textbook(other, plant, length)
-    found = followed(other)
+    result = followed(other)
     assert plant.parameters.tau_p > 0.0
     assert np.ptp(states[:, 2]) > 1e5, "the pressure must move, or its lag is not seen"
     size = np.array([ALL_IN.measured[name] for name in BOTH])
-    assert found.errors[:length, :, 0] / size == pytest.approx(errors[:, :, 0] / size, abs=1e-4)
-    assert found.errors[:length, :, 1] == pytest.approx(errors[:, :, 1], rel=1e-4)
+    assert result.errors[:length, :, 0] / size == pytest.approx(errors[:, :, 0] / size, abs=1e-4)
+    assert result.errors[:length, :, 1] == pytest.approx(errors[:, :, 1], rel=1e-4)
 
 
 def test_recordings_are_filtered_with_the_signature_that_is_compiled_ahead():

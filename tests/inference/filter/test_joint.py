@@ -154,10 +154,10 @@ def joint_moments(state):
     return np.concatenate([x, MEAN + WIDTH * theta]), root @ root.T
 
 
-def followed(kernels, calls, *args, **known):
+def followed(kernels, calls, *args, **options):
     state = drawn()
-    given, output = arguments(*args, **known)
-    assert kernels.follow(*calls, state, *given) == -1
+    inputs, output = arguments(*args, **options)
+    assert kernels.follow(*calls, state, *inputs) == -1
     return state, output
 
 
@@ -222,19 +222,19 @@ def test_strokes_that_have_ended_widen_what_is_known_a_column_a_correction(kerne
     state, worn = drawn(), drawn()
     worn.wear[0] = K
     for at in (state, worn):
-        (arrays, *given), _ = arguments(4, noise=0.0)
+        (arrays, *inputs), _ = arguments(4, noise=0.0)
         arrays = arrays._replace(settings=arrays.settings._replace(drifts=0.5 * np.eye(K), least_speed=np.inf))
-        kernels.follow(*calls, at, arrays, *given)
+        kernels.follow(*calls, at, arrays, *inputs)
     assert worn.wear[0] == 0
     assert pytest.approx(state.T @ state.T.T + 0.25 * np.eye(K), abs=1e-12) == worn.T @ worn.T.T
 
 
 def test_parameters_stay_within_their_bounds_and_the_states_move_as_far_as_they_do(kernels, calls):
-    given, _ = arguments(1)
-    given[0].free.numbers[:, 5:] = -0.05, 0.05
+    inputs, _ = arguments(1)
+    inputs[0].free.numbers[:, 5:] = -0.05, 0.05
     state = drawn()
     state[2][:] = 0.0
-    kernels.follow(*calls, state, *given)
+    kernels.follow(*calls, state, *inputs)
     assert np.abs(state[2]).max() == 0.05
     assert np.isfinite(state[0]).all()
 
@@ -244,11 +244,11 @@ def test_a_sample_allocates_nothing(kernels, calls):
     _nrt_python.memsys_enable_stats()
     try:
         for last in (4, SAMPLES):
-            given, _ = arguments(1, span=(0, last))
-            kernels.follow(*calls, drawn(), *given)
+            inputs, _ = arguments(1, span=(0, last))
+            kernels.follow(*calls, drawn(), *inputs)
             state = drawn()
             before = rtsys.get_allocation_stats()
-            kernels.follow(*calls, state, *given)
+            kernels.follow(*calls, state, *inputs)
             after = rtsys.get_allocation_stats()
             counts.append((after.alloc - before.alloc, after.mi_alloc - before.mi_alloc))
     finally:

@@ -43,30 +43,30 @@ def made(problem, settings=None):
 
 
 def whole(problem, settings=None):
-    joint, state, given = made(problem, settings)
-    return joint, state, given, follow(joint, state, given, (0, len(problem.tracks[0].segment)))
+    joint, state, samples = made(problem, settings)
+    return joint, state, samples, follow(joint, state, samples, (0, len(problem.tracks[0].segment)))
 
 
-def same(one, other):
-    return all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
+def same(result, expected):
+    return all(np.array_equal(a, b) for a, b in zip(result, expected, strict=True))
 
 
 def test_a_load_that_has_grown_is_found_in_one_pass(problem, plant, worn):
-    joint, _, _, found = whole(problem)
+    joint, _, _, output = whole(problem)
     y = np.linspace(2e-3, 9e-3, 20)
     truth = worn.load.force(y)
     before = np.abs(plant.load.force(y) - truth)
-    after = np.abs(joint.actuator(found.state.theta).load.force(y) - truth)
+    after = np.abs(joint.actuator(output.state.theta).load.force(y) - truth)
     assert np.median(after) < 0.2 * np.median(before)
 
 
 def test_where_only_frequent_parameters_are_free_their_own_step_gives_what_that_for_all_does(problem, problem_of):
-    joint, state, given, found = whole(problem)
+    joint, state, samples, output = whole(problem)
     assert joint.few
-    by_all = follow(replace(joint, few=False), state, given, (0, len(problem.tracks[0].segment)))
+    by_all = follow(replace(joint, few=False), state, samples, (0, len(problem.tracks[0].segment)))
     # both compute the same, but for the order of sums: roundings of some 100 operations at 3000 samples of 2 steps
-    assert found.state.theta == pytest.approx(by_all.state.theta, abs=100 * 6000 * 2.0**-52)
-    assert found.states == pytest.approx(by_all.states, rel=100 * 6000 * 2.0**-52, abs=1e-9)
+    assert output.state.theta == pytest.approx(by_all.state.theta, abs=100 * 6000 * 2.0**-52)
+    assert output.states == pytest.approx(by_all.states, rel=100 * 6000 * 2.0**-52, abs=1e-9)
 
 
 def test_a_parameter_that_is_seldom_free_has_the_step_for_all(plant, worn, recorded_by, problem_of):
@@ -74,17 +74,17 @@ def test_a_parameter_that_is_seldom_free_has_the_step_for_all(plant, worn, recor
 
 
 def test_a_segment_that_cannot_be_followed_is_a_failure_with_its_sample(problem):
-    joint, state, given, _ = whole(problem)
-    length = given.intervals.length.copy()
+    joint, state, samples, _ = whole(problem)
+    length = samples.intervals.length.copy()
     length[500] = np.nan
-    broken = given._replace(intervals=given.intervals._replace(length=length))
-    found = follow(joint, state, broken, (0, 1000))
-    assert (type(found), found.sample) == (Diverged, 501)
+    broken = samples._replace(intervals=samples.intervals._replace(length=length))
+    output = follow(joint, state, broken, (0, 1000))
+    assert (type(output), output.sample) == (Diverged, 501)
     assert not isinstance(follow(joint, state, broken, (0, 501)), Failure)
 
 
 def test_the_window_of_load_weights_lies_where_the_piston_will_be(problem):
-    joint, state, given, found = whole(problem)
+    joint, state, samples, output = whole(problem)
     moving = replace(joint.moving, window=joint.moving.weight_bases.size)
     sensors = joint.sensors + (joint.sensors[:, [LAG]] >= 0) * (np.arange(4) == LAG) * (
         moving.window - joint.moving.window
@@ -92,10 +92,10 @@ def test_the_window_of_load_weights_lies_where_the_piston_will_be(problem):
     all_weights = replace(joint, moving=moving, sensors=sensors)
     responses, size = moving.responses, state.x.size
     start = state._replace(moved=np.eye(size, responses + size, responses), at_moved=np.zeros((size, responses + size)))
-    wide = follow(all_weights, start, given, (0, len(problem.tracks[0].segment)))
-    assert found.state.theta == pytest.approx(wide.state.theta, abs=1e-8)
-    assert np.abs(found.state.theta).max() > 0.1
-    before = covariance(joint, found.state)
+    wide = follow(all_weights, start, samples, (0, len(problem.tracks[0].segment)))
+    assert output.state.theta == pytest.approx(wide.state.theta, abs=1e-8)
+    assert np.abs(output.state.theta).max() > 0.1
+    before = covariance(joint, output.state)
     scale = np.sqrt(np.diag(before))
     assert covariance(all_weights, wide.state) / np.outer(scale, scale) == pytest.approx(
         before / np.outer(scale, scale), abs=1e-7
@@ -103,10 +103,10 @@ def test_the_window_of_load_weights_lies_where_the_piston_will_be(problem):
 
 
 def test_a_pass_leaves_the_state_that_it_started_from_as_it_was(problem):
-    joint, state, given = made(problem)
-    kept = FilterState(*(array.copy() for array in state))
-    follow(joint, state, given, (0, 200))
-    assert same(kept, state)
+    joint, state, samples = made(problem)
+    before = FilterState(*(array.copy() for array in state))
+    follow(joint, state, samples, (0, 200))
+    assert same(before, state)
 
 
 def test_missing_measurements_leave_everything_finite(problem):
@@ -116,15 +116,15 @@ def test_missing_measurements_leave_everything_finite(problem):
     torn[2000] = np.inf
     holes = replace(track, measured=track.measured.with_columns(position=torn))
     joint, state, _ = made(problem)
-    found = follow(joint, state, inputs(joint, holes), (0, len(track.segment)))
-    assert all(np.isfinite(array).all() for array in found.state._replace(at_values=np.zeros(1)))
-    assert np.isnan(found.errors[400:1400]).all()
+    output = follow(joint, state, inputs(joint, holes), (0, len(track.segment)))
+    assert all(np.isfinite(array).all() for array in output.state._replace(at_values=np.zeros(1)))
+    assert np.isnan(output.errors[400:1400]).all()
 
 
 def test_the_covariance_stays_positive_and_the_parameters_gain_information(problem):
-    joint, state, _, found = whole(problem, JointSettings(every=1))
+    joint, state, _, output = whole(problem, JointSettings(every=1))
     k = len(problem.coordinates)
-    before, after = (covariance(joint, s) for s in (state, found.state))
+    before, after = (covariance(joint, s) for s in (state, output.state))
     scale = np.sqrt(np.diag(after))
     eigenvalues = np.linalg.eigvalsh(after / np.outer(scale, scale))
     assert eigenvalues.min() > -1e-12
@@ -133,18 +133,18 @@ def test_the_covariance_stays_positive_and_the_parameters_gain_information(probl
 
 
 def test_parameters_do_not_adapt_while_the_piston_is_slow(problem):
-    _, state, _, found = whole(problem, JointSettings(least_speed=10.0))
-    assert np.array_equal(found.state.theta, state.theta)
-    assert np.array_equal(found.state.T, state.T)
+    _, state, _, output = whole(problem, JointSettings(least_speed=10.0))
+    assert np.array_equal(output.state.theta, state.theta)
+    assert np.array_equal(output.state.T, state.T)
 
 
 def test_a_pass_that_leaves_the_finite_numbers_is_a_failure(problem):
-    joint, state, given = made(problem)
-    broken = given.intervals.length.copy()
+    joint, state, samples = made(problem)
+    broken = samples.intervals.length.copy()
     broken[700] = np.nan
-    found = follow(joint, state, given._replace(intervals=given.intervals._replace(length=broken)), (0, 1000))
-    assert isinstance(found, Failure)
-    assert "sample 701" in found.message
+    output = follow(joint, state, samples._replace(intervals=samples.intervals._replace(length=broken)), (0, 1000))
+    assert isinstance(output, Failure)
+    assert "sample 701" in output.message
 
 
 def test_innovations_of_the_models_own_data_are_white_and_have_the_variance_that_is_predicted(
@@ -156,10 +156,10 @@ def test_innovations_of_the_models_own_data_are_white_and_have_the_variance_that
     joint = joint_filter(
         plant, problem.coordinates, problem.bounds(), ("position",), exact, JointSettings(every=1, least_speed=0.0)
     )
-    found = follow(
+    output = follow(
         joint, init(joint, track.segment, np.zeros(k), 0.1 * np.eye(k)), inputs(joint, track), (0, len(track.segment))
     )
-    innovations, variances = found.errors[:, 0].T
+    innovations, variances = output.errors[:, 0].T
     z = innovations / np.sqrt(variances)
     n = z.size
     # chi-squared with n degrees of freedom less those of the prior, and a correlation of 0: four standard deviations

@@ -42,7 +42,7 @@ def test_a_filter_with_fewer_steps_at_low_speed_finds_the_same_load(plant, recor
             problem.actuator, problem.coordinates, problem.bounds(), ("position",), Noise(), JointSettings(), pace=paces
         )
         state = init(joint, track.segment, np.zeros(k), np.eye(k))
-        found = follow(joint, state, inputs(joint, track), (0, len(track.segment)))
-        loads.append(joint.actuator(found.state.theta).load.force(np.linspace(2e-3, 9e-3, 20)))
+        output = follow(joint, state, inputs(joint, track), (0, len(track.segment)))
+        loads.append(joint.actuator(output.state.theta).load.force(np.linspace(2e-3, 9e-3, 20)))
     change = np.abs(loads[0] - plant.load.force(np.linspace(2e-3, 9e-3, 20))).max()
     assert np.abs(loads[1] - loads[0]).max() < 0.02 * change

@@ -65,14 +65,14 @@ def model_arrays():
     return ModelArrays(np.array([0.7]), breakpoints, np.zeros((2, 4)), basis, *places, np.zeros(N))
 
 
-def drawn_state(given=False):
+def drawn_state(correlated=False):
     rng = np.random.default_rng(1)
-    return without_adaptation(rng.standard_normal(SIZE), rng.standard_normal((SIZE, K if given else K + SIZE)), K)
+    return without_adaptation(rng.standard_normal(SIZE), rng.standard_normal((SIZE, K if correlated else K + SIZE)), K)
 
 
-def pass_over(samples, given=False):
+def pass_over(samples, correlated=False):
     """Arguments of `follow` but for the functions of the model, for some samples."""
-    rng, state, dt = np.random.default_rng(2), drawn_state(given), np.full(samples - 1, 1e-3)
+    rng, state, dt = np.random.default_rng(2), drawn_state(correlated), np.full(samples - 1, 1e-3)
     lags = np.stack([lag_coefficients(tau, dt) for tau in TAU], axis=1)
     u, sigma = rng.standard_normal((samples, 1)), np.full((samples - 1, N), 0.1)
     values = rng.standard_normal((samples, 2))
@@ -140,9 +140,9 @@ def test_a_measurement_moves_state_derivatives_and_covariance_as_the_textbook_sa
     P, dx = S[:, K:] @ S[:, K:].T, S[:, :K]
     s = c @ P @ c + sigma**2
     gain, e = P @ c / s, 1.7 - (x[4] + 0.3)
-    new_x, new_dx, new_P, found, innovation = corrected(kernels, 1.7, sigma, NEVER)
+    new_x, new_dx, new_P, accepted, innovation = corrected(kernels, 1.7, sigma, NEVER)
     assert innovation == pytest.approx(e)
-    assert found == pytest.approx([*gain, s])
+    assert accepted == pytest.approx([*gain, s])
     assert new_x == pytest.approx(x + gain * e)
     # the offset of this sensor is the last free parameter
     assert new_dx == pytest.approx(dx - np.outer(gain, c @ dx + np.eye(K)[2]))
@@ -154,16 +154,16 @@ def test_an_outlier_moves_the_state_as_a_sensor_would_whose_error_lies_at_the_bo
     P = S[:, K:] @ S[:, K:].T
     s = c @ P @ c + sigma**2
     value = x[4] + 0.3 + 5 * outlier * np.sqrt(s)
-    new_x, _, new_P, found, e = corrected(kernels, value, sigma, outlier)
+    new_x, _, new_P, accepted, e = corrected(kernels, value, sigma, outlier)
     assert new_x == pytest.approx(x + P @ c / (5 * s) * e)
-    assert found[-1] == pytest.approx(s), "the innovation is judged by the predicted variance"
+    assert accepted[-1] == pytest.approx(s), "the innovation is judged by the predicted variance"
     worse = np.sqrt(5 * s - c @ P @ c)
     assert new_P == pytest.approx(corrected(kernels, value, worse, NEVER)[2])
 
 
 def test_a_given_gain_moves_state_and_derivatives_alone(kernels):
-    state, gain = drawn_state(given=True), np.arange(1.0, SIZE + 2.0)
-    moved, room = drawn_state(given=True), scratch(SIZE, K, state.T, N, 2)
+    state, gain = drawn_state(correlated=True), np.arange(1.0, SIZE + 2.0)
+    moved, room = drawn_state(correlated=True), scratch(SIZE, K, state.T, N, 2)
     e = kernels.correct(moved, SENSORS[0], (0.4, 0.1, 0.6, NEVER), False, NO_FREE, np.ones(K), gain, room)
     assert e == pytest.approx(0.3 - state.x[3])
     assert moved.x == pytest.approx(state.x + gain[:SIZE] * e)
@@ -172,19 +172,19 @@ def test_a_given_gain_moves_state_and_derivatives_alone(kernels):
 
 def test_a_copy_of_the_state_rewinds_the_filter(kernels, calls):
     state, *others = pass_over(4)
-    kept = FilterState(*(array.copy() for array in state))
+    before = FilterState(*(array.copy() for array in state))
     kernels.follow(*calls, state, *others)
-    assert np.abs(state.x - kept.x).max() > 0.1
-    kernels.follow(*calls, kept, *others)
-    for again, once in zip(kept, state, strict=True):
+    assert np.abs(state.x - before.x).max() > 0.1
+    kernels.follow(*calls, before, *others)
+    for again, once in zip(before, state, strict=True):
         assert np.array_equal(again, once)
 
 
-@pytest.mark.parametrize("given", [False, True])
-def test_the_compiled_recursion_does_what_its_python_text_says(kernels, calls, given):
+@pytest.mark.parametrize("correlated", [False, True])
+def test_the_compiled_recursion_does_what_its_python_text_says(kernels, calls, correlated):
     results = []
     for follow in (kernels.follow, kernels.follow.py_func):
-        state, *arguments = pass_over(6, given)
+        state, *arguments = pass_over(6, correlated)
         assert follow(*calls, state, *arguments) == -1
         results.append([*state, *arguments[3]])
     for compiled, plain in zip(*results, strict=True):

@@ -63,9 +63,9 @@ def test_white_residuals_scatter_as_their_information_says(of_white):
 @pytest.mark.slow
 def test_residuals_with_a_memory_scatter_as_much_more_as_they_have_less_information(white, of_white, dispersion_of):
     coloured = [lfilter([np.sqrt(1.0 - MEMORY**2)], [1.0, -MEMORY], error) for error in white]
-    found = np.mean([dispersion_of(STD * error) for error in coloured]) / LOAD_FACTOR
+    scatter = np.mean([dispersion_of(STD * error) for error in coloured]) / LOAD_FACTOR
     # ten times where the parameters act slowly, as much as the same white noise with ten times the variance
-    assert 6.0 < found / of_white < 12.0
+    assert 6.0 < scatter / of_white < 12.0
 
 
 @pytest.mark.slow

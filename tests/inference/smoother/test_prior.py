@@ -44,9 +44,9 @@ def test_extra_parameters_have_no_prior(joint, problem, plant):
 
 def test_rows_of_data_and_rows_of_the_prior_are_the_whole_problem(problem, joint, starts_of):
     x = np.array([0.1, -0.05, 0.02, 0.1])
-    for one in (problem, joint):
-        linear = linearise(one, x, starts_of(one))
-        data, (whole, _) = data_factor(one, linear), condense(one, linear)
+    for posed in (problem, joint):
+        linear = linearise(posed, x, starts_of(posed))
+        data, (whole, _) = data_factor(posed, linear), condense(posed, linear)
         information = data[:, :4].T @ data[:, :4] + linear.prior[:, :4].T @ linear.prior[:, :4]
         np.testing.assert_allclose(whole[:, :4].T @ whole[:, :4], information, rtol=1e-9, atol=1e-9)
         gradient = data[:, :4].T @ data[:, 4] + linear.prior[:, :4].T @ linear.prior[:, 4]
@@ -55,6 +55,6 @@ def test_rows_of_data_and_rows_of_the_prior_are_the_whole_problem(problem, joint
 
 def test_the_data_do_not_depend_on_the_prior(problem, joint, starts_of):
     x, X = np.zeros(4), starts_of(problem)
-    one, other = (data_factor(p, linearise(p, x, X)) for p in (problem, joint))
-    np.testing.assert_array_equal(one, other)
+    separate, together = (data_factor(p, linearise(p, x, X)) for p in (problem, joint))
+    np.testing.assert_array_equal(separate, together)
     assert linearise(joint, x + 0.1, X).cost > linearise(problem, x + 0.1, X).cost, "the cost has the joint prior"

@@ -123,9 +123,9 @@ def test_a_number_of_one_recording_stands_in_for_the_shared_one(pair, plant, pro
     assert problem.places("one") == [0, 1, 3]
     assert problem.places("two") == [0, 2, 3]
     x = np.array([0.0, 0.0, problem.coordinates[2].of(8.2e5), 0.1])
-    one, two = (problem.actuator_of(x, stem).parameters for stem in ("one", "two"))
-    assert pytest.approx((9e5, 8.2e5)) == (one.P_S, two.P_S)
-    assert one.C_vs == two.C_vs == pytest.approx(19e-9 * np.exp(0.015))
+    first, second = (problem.actuator_of(x, stem).parameters for stem in ("one", "two"))
+    assert pytest.approx((9e5, 8.2e5)) == (first.P_S, second.P_S)
+    assert first.C_vs == second.C_vs == pytest.approx(19e-9 * np.exp(0.015))
 
 
 def test_each_recording_says_something_about_its_own_numbers_only(pair, plant, problem_of, starts_of):

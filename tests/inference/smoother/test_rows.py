@@ -166,7 +166,7 @@ def test_load_weights_beyond_the_measured_positions_are_included(problem, starts
     stuck_at = np.full(len(track.measured), position)
     stuck = replace(track, measured=track.measured.with_columns(position=stuck_at))
     for window, start in zip(track.windows, starts_of(problem)[0], strict=True):
-        mapped, unseen = (rows_at(problem, (one, window, start), x, start) for one in (track, stuck))
+        mapped, unseen = (rows_at(problem, (part, window, start), x, start) for part in (track, stuck))
         assert unseen.to_theta == pytest.approx(mapped.to_theta, rel=1e-9, abs=1e-15)
         assert unseen.end == pytest.approx(mapped.end, rel=1e-12)
         moved = max(moved, abs(mapped.end[0] - start[0]))
@@ -245,7 +245,7 @@ def test_a_closed_window_has_the_noise_of_the_states_and_an_open_one_more_pressu
 def test_links_tie_the_end_of_a_window_to_the_next_start(problem, busy):
     track, window, start = busy
     actuator, x, n = problem.actuator, np.zeros(len(NAMES)), len(STATES)
-    number = [one.start for one in track.windows].index(window.start)
+    number = [candidate.start for candidate in track.windows].index(window.start)
     sigma = link_sigma(track, actuator, ALL_IN)[[number, number]]
     linearised = LinearisedWindows.stack([rows_at(problem, busy, x, start)] * 2)
     starts = np.array([start, linearised.end[0] + 0.5 * sigma[0] * np.arange(n)])
@@ -284,7 +284,7 @@ def test_a_memory_of_ten_samples_weighs_each_a_tenth(problem, busy):
     mapped = problem.parameter_map(x, "log")
     _, cost = window_cost(track, window, start, mapped, Sensors.of(track, mapped, problem.measure, lasting))
     assert cost == pytest.approx(tenth.cost)
-    information = [one.rows.T @ one.rows for one in (every, tenth)]
+    information = [linearised.rows.T @ linearised.rows for linearised in (every, tenth)]
     assert information[1] == pytest.approx(information[0] / 10.0, rel=1e-6, abs=1e-9 * information[0].max())
 
 

@@ -108,7 +108,7 @@ def test_a_search_whose_every_trial_fails_stays_where_it_was(problem, start, mon
     answer = search(problem, *start, (1.0,))
     assert answer.status == "stalled"
     assert np.array_equal(answer.x, start[0])
-    assert all(np.array_equal(one, other) for one, other in zip(answer.at.X, start[1], strict=True))
+    assert all(np.array_equal(state, expected) for state, expected in zip(answer.at.X, start[1], strict=True))
 
 
 @pytest.fixture
@@ -259,9 +259,9 @@ def test_every_step_lowers_the_cost_of_its_stage(problem, start, monkeypatch):
     assert len(taken) >= 4
     assert all(after < before for _, before, after in taken)
     assert [scale for scale, *_ in taken] == sorted((scale for scale, *_ in taken), reverse=True)
-    for (one, _, reached_cost), (other, starts, _) in pairwise(taken):
+    for (stage, _, reached_cost), (next_stage, starts, _) in pairwise(taken):
         # the next step begins where the last has ended; one window or another is simulated in between
-        assert one != other or starts == pytest.approx(reached_cost, abs=module.CONVERGED_GAIN)
+        assert stage != next_stage or starts == pytest.approx(reached_cost, abs=module.CONVERGED_GAIN)
 
 
 def test_progress_is_reported_with_a_growing_number_and_the_name_of_the_stage(problem, start):

@@ -52,7 +52,7 @@ def counted(monkeypatch):
 
 def nudged(problem, current, window, size=1e-3):
     """Starts with one of them moved by `size` of a natural size, in all states."""
-    X = [one.copy() for one in current.X]
+    X = [states.copy() for states in current.X]
     X[0][window] += size * units(problem.actuator)
     return X
 
@@ -83,7 +83,7 @@ def test_a_window_that_did_otherwise_is_linearised_again_and_no_other(problem, c
     candidate = accept(problem, trial)
     assert counted["linearised"] == 1
     fresh, old, new = (
-        one.chains[0].windows.linearised for one in (linearise(problem, current.x, X), current, candidate)
+        linear.chains[0].windows.linearised for linear in (linearise(problem, current.x, X), current, candidate)
     )
     assert new.jacobian[9] == pytest.approx(fresh.jacobian[9], rel=1e-9)
     assert np.array_equal(np.delete(new.jacobian, 9, axis=0), np.delete(old.jacobian, 9, axis=0))
@@ -128,7 +128,7 @@ def test_a_step_of_the_parameters_is_simulated_everywhere_it_matters(problem, cu
     )
     candidate = accept(problem, trial)
     fresh = linearise(problem, x, current.X)
-    factors = [condense(problem, one)[0] for one in (candidate, fresh)]
+    factors = [condense(problem, linear)[0] for linear in (candidate, fresh)]
     theta = [np.linalg.lstsq(factor[:-1, :-1], -factor[:-1, -1], rcond=None)[0] for factor in factors]
     # the step that follows from kept derivatives is that of new ones, to a fraction of what the problem is uncertain by
     factor = factors[1][:-1, :-1]
@@ -154,9 +154,9 @@ def test_fixed_and_freed_again_the_problem_is_the_same(problem, current):
     assert isinstance(candidate.cost, float)
     freed = with_theta_free(problem, current, candidate)
     assert freed.cost == pytest.approx(candidate.cost, rel=1e-12)
-    assert all(np.array_equal(one, other) for one, other in zip(freed.X, candidate.X, strict=True))
+    assert all(np.array_equal(states, final) for states, final in zip(freed.X, candidate.X, strict=True))
     fresh = linearise(problem, freed.x, freed.X)
-    R, expected = (condense(problem, one)[0][:-1, :-1] for one in (freed, fresh))
+    R, expected = (condense(problem, states)[0][:-1, :-1] for states in (freed, fresh))
     assert np.linalg.norm(R.T @ R - expected.T @ expected) < 0.05 * np.linalg.norm(expected.T @ expected)
 
 

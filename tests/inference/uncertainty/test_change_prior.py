@@ -48,8 +48,8 @@ def switched():
 
 def test_a_parameter_of_the_appendix_differs_between_two_recordings_by_so_much():
     appendix = Actuator()
-    found = {name: drift(appendix, name) for name in appendix.names if drift(appendix, name) > 0.0}
-    assert found == pytest.approx(DRIFTS, rel=1e-12)
+    drifts = {name: drift(appendix, name) for name in appendix.names if drift(appendix, name) > 0.0}
+    assert drifts == pytest.approx(DRIFTS, rel=1e-12)
 
 
 def test_a_drift_in_shares_follows_the_value_and_one_in_units_does_not():
@@ -68,9 +68,9 @@ def deviations(actuator, hypothesis, names):
 @pytest.mark.parametrize("hypothesis", HYPOTHESES)
 @pytest.mark.parametrize("kind", ["actuator", "switched"])
 def test_the_covariance_of_a_change_is_symmetric_and_positive_definite(hypothesis, kind, request):
-    one = request.getfixturevalue(kind)
-    names = changeable(one)
-    covariance = change_covariance(one, names, hypothesis)
+    actuator = request.getfixturevalue(kind)
+    names = changeable(actuator)
+    covariance = change_covariance(actuator, names, hypothesis)
     assert np.array_equal(covariance, covariance.T)
     # widths from 1e-10 to 1e4: the correlation is what may be singular
     width = np.sqrt(np.diag(covariance))
@@ -100,7 +100,7 @@ def test_a_hypothesis_adds_the_changes_of_its_groups_and_those_of_several_groups
         np.testing.assert_allclose(added[several] / np.outer(scale, scale), total / np.outer(scale, scale), atol=1e-12)
     for group in GROUPS:
         moved = {name for name, by in zip(names, np.diag(added[(group,)]), strict=True) if by > 0.0}
-        assert moved == {name for one in directions(actuator.rows, group) for name in one} & set(names)
+        assert moved == {name for direction in directions(actuator.rows, group) for name in direction} & set(names)
 
 
 def test_with_the_temperature_the_air_the_flow_and_the_grease_change_together(actuator):

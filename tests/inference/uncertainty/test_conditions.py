@@ -54,11 +54,11 @@ def test_missing_samples_do_not_count_and_an_empty_column_is_none():
 
 
 def test_the_temperature_counts_by_its_difference_and_the_supply_by_its_ratio():
-    known = known_conditions(recorded(263.0, 0.95 * 9.5e5), ACTUATOR, CALIBRATED, {})
-    assert known["T_0"].mean == pytest.approx(ACTUATOR.value("T_0") - 30.0, abs=1e-9)
-    assert known["T_0"].std == pytest.approx(ROOT_2 * ACCURACY["T_0"])
-    assert known["P_S"].mean == pytest.approx(0.95 * ACTUATOR.value("P_S"))
-    assert known["P_S"].std == pytest.approx(ROOT_2 * ACCURACY["P_S"] * ACTUATOR.value("P_S") / 9.5e5)
+    conditions = known_conditions(recorded(263.0, 0.95 * 9.5e5), ACTUATOR, CALIBRATED, {})
+    assert conditions["T_0"].mean == pytest.approx(ACTUATOR.value("T_0") - 30.0, abs=1e-9)
+    assert conditions["T_0"].std == pytest.approx(ROOT_2 * ACCURACY["T_0"])
+    assert conditions["P_S"].mean == pytest.approx(0.95 * ACTUATOR.value("P_S"))
+    assert conditions["P_S"].std == pytest.approx(ROOT_2 * ACCURACY["P_S"] * ACTUATOR.value("P_S") / 9.5e5)
 
 
 def test_what_either_recording_lacks_is_not_known():
@@ -68,11 +68,11 @@ def test_what_either_recording_lacks_is_not_known():
 
 
 def test_a_value_of_the_user_replaces_the_column_and_without_a_calibrated_one_it_is_the_parameter_itself():
-    given = {"T_0": Prior(278.0, 1.5)}
-    known = known_conditions(recorded(263.0), ACTUATOR, CALIBRATED, given)
-    assert known["T_0"].mean == pytest.approx(ACTUATOR.value("T_0") - 15.0, abs=1e-9)
-    assert known["T_0"].std == pytest.approx(2.5)
-    assert known_conditions(recorded(), ACTUATOR, NOT_RECORDED, given) == given
+    priors = {"T_0": Prior(278.0, 1.5)}
+    conditions = known_conditions(recorded(263.0), ACTUATOR, CALIBRATED, priors)
+    assert conditions["T_0"].mean == pytest.approx(ACTUATOR.value("T_0") - 15.0, abs=1e-9)
+    assert conditions["T_0"].std == pytest.approx(2.5)
+    assert known_conditions(recorded(), ACTUATOR, NOT_RECORDED, priors) == priors
 
 
 def test_a_condition_that_the_calibration_lacks_is_one_sentence():
@@ -104,22 +104,22 @@ def test_a_column_that_contradicts_itself_is_one_sentence(columns, check, grade,
         conditions_of([log], ACTUATOR)
     assert part in str(error.value)
     assert "\n" not in str(error.value)
-    found = {one.name: one for one in inspect(log, ACTUATOR).checks}[check]
-    assert (found.grade, part in found.sentence) == (grade, True)
+    checks = {row.name: row for row in inspect(log, ACTUATOR).checks}[check]
+    assert (checks.grade, part in checks.sentence) == (grade, True)
 
 
 def test_an_inspection_shows_what_is_recorded():
-    found = {one.name: one for one in inspect(recorded(263.15, 9e5), ACTUATOR).checks}
-    assert (found["ambient temperature"].value, found["recorded supply pressure"].value) == ("-10 degC", "9 bar")
-    assert found["ambient temperature"].grade == "good"
+    checks = {row.name: row for row in inspect(recorded(263.15, 9e5), ACTUATOR).checks}
+    assert (checks["ambient temperature"].value, checks["recorded supply pressure"].value) == ("-10 degC", "9 bar")
+    assert checks["ambient temperature"].grade == "good"
 
 
 def test_the_estimated_supply_is_the_mean_of_the_samples_that_the_recorded_one_is_the_mean_of():
     duty = np.repeat([0.0, 1.0], 50)
     log = recorded(supply=np.where(np.arange(100) < 10, np.nan, 9e5), duty=duty)
     estimated = Log(log.time, {"pressure_supply": np.arange(100) * 1e3}, log.name)
-    known = with_estimated_supply(RecordedConditions(supply=9e5), [log], [estimated])
-    assert known == RecordedConditions(None, 9e5, np.mean(np.arange(10, 50)) * 1e3)
+    estimated_conditions = with_estimated_supply(RecordedConditions(supply=9e5), [log], [estimated])
+    assert estimated_conditions == RecordedConditions(None, 9e5, np.mean(np.arange(10, 50)) * 1e3)
     for conditions, states in (
         (NOT_RECORDED, estimated),
         (RecordedConditions(supply=9e5), estimated.without("pressure_supply")),
@@ -134,10 +134,10 @@ def test_what_is_not_known_is_assumed_as_calibrated_within_the_prior_of_its_chan
     assert (supply.value, air.value) == (ACTUATOR.value("P_S"), ACTUATOR.value("T_0"))
     assert supply.half_width == pytest.approx(assumed_change("P_S") * supply.value)
     # recorded, but not in the calibration
-    assert [one.recorded for one in assumed_conditions(logs[1:], [], ACTUATOR)] == [True, True]
+    assert [assumption.recorded for assumption in assumed_conditions(logs[1:], [], ACTUATOR)] == [True, True]
     # measured, or fitted for all recordings together
     assert assumed_conditions(logs, ["P_S", "T_0@a", "T_0@b"], ACTUATOR) == ()
-    assert all(isinstance(one, Assumption) for one in (supply, air))
+    assert all(isinstance(assumption, Assumption) for assumption in (supply, air))
 
 
 def test_the_assumed_change_covers_95_of_100_draws_of_the_prior():

@@ -37,16 +37,16 @@ def on_a_grid(root, data=DATA):
 @pytest.mark.parametrize("root", [NARROW, WIDE])
 def test_mean_and_covariance_are_those_of_the_integral(root):
     mean, covariance, _ = on_a_grid(root)
-    found = posterior(root)
-    np.testing.assert_allclose(AT + found.step, mean, atol=1e-8)
-    np.testing.assert_allclose(found.covariance, covariance, rtol=1e-8)
+    normal = posterior(root)
+    np.testing.assert_allclose(AT + normal.step, mean, atol=1e-8)
+    np.testing.assert_allclose(normal.covariance, covariance, rtol=1e-8)
 
 
 def test_the_evidence_for_one_prior_against_another_is_that_of_the_integral():
     narrow, wide = (on_a_grid(root)[2] for root in (NARROW, WIDE))
-    found = posterior(NARROW).log_evidence - posterior(WIDE).log_evidence
+    evidence = posterior(NARROW).log_evidence - posterior(WIDE).log_evidence
     assert abs(narrow - wide) > 0.5, "the priors have to differ in what they explain"
-    assert found == pytest.approx(narrow - wide, abs=1e-8)
+    assert evidence == pytest.approx(narrow - wide, abs=1e-8)
 
 
 def test_the_evidence_lacks_a_constant_only():
@@ -56,10 +56,10 @@ def test_the_evidence_lacks_a_constant_only():
 
 
 def test_fewer_rows_than_parameters_leave_the_rest_to_the_prior():
-    found = posterior(WIDE, DATA[:1])
+    normal = posterior(WIDE, DATA[:1])
     mean, covariance, _ = on_a_grid(WIDE, DATA[:1])
-    np.testing.assert_allclose(AT + found.step, mean, atol=1e-8)
-    np.testing.assert_allclose(found.covariance, covariance, rtol=1e-8)
+    np.testing.assert_allclose(AT + normal.step, mean, atol=1e-8)
+    np.testing.assert_allclose(normal.covariance, covariance, rtol=1e-8)
     # without data the prior is the posterior, and explains all that there is
     alone = posterior(WIDE, np.zeros((0, 3)))
     np.testing.assert_allclose(alone.step, -AT, atol=1e-12)
@@ -87,13 +87,13 @@ def test_data_that_scatter_less_have_the_covariance_of_their_estimate():
     target = true @ jacobian.T + np.sqrt(scatter) * rng.standard_normal((draws, 5))
     estimate = target @ jacobian @ np.linalg.inv(jacobian.T @ jacobian + WIDE.T @ WIDE)
     prior = np.column_stack([WIDE, WIDE @ AT])
-    plain, found = (gaussian_posterior(DATA, prior, 0.0, by) for by in (1.0, scatter))
+    plain, scattered = (gaussian_posterior(DATA, prior, 0.0, by) for by in (1.0, scatter))
     # a covariance of so many draws is known to 5 sqrt(2 / draws) of its deviations
-    scale = np.sqrt(np.diag(found.covariance))
+    scale = np.sqrt(np.diag(scattered.covariance))
     happened = np.cov((estimate - true).T)
-    assert found.covariance / np.outer(scale, scale) == pytest.approx(
+    assert scattered.covariance / np.outer(scale, scale) == pytest.approx(
         happened / np.outer(scale, scale), abs=5.0 * np.sqrt(2.0 / draws)
     )
-    np.testing.assert_array_equal(found.step, plain.step)
-    assert found.log_evidence == plain.log_evidence
-    assert np.all(np.diag(found.covariance) < np.diag(plain.covariance))
+    np.testing.assert_array_equal(scattered.step, plain.step)
+    assert scattered.log_evidence == plain.log_evidence
+    assert np.all(np.diag(scattered.covariance) < np.diag(plain.covariance))

@@ -23,20 +23,20 @@ ONE = Mixture(((),), np.ones(1), np.ones(1), np.array([[2.0, -1.0]]), np.array([
 
 
 def test_its_moments_are_those_of_its_samples():
-    rng, found, draws = np.random.default_rng(1), mixture(), 200_000
-    which = rng.choice(3, draws, p=found.weights)
-    roots = np.linalg.cholesky(found.covariances)[which]
-    samples = found.means[which] + np.einsum("nij,nj->ni", roots, rng.standard_normal((draws, 2)))
-    error = 4.0 * np.sqrt(np.diag(found.covariance) / draws)
-    assert np.all(np.abs(samples.mean(axis=0) - found.x) < error)
-    np.testing.assert_allclose(np.cov(samples.T), found.covariance, rtol=0.05)
+    rng, mixed, draws = np.random.default_rng(1), mixture(), 200_000
+    which = rng.choice(3, draws, p=mixed.weights)
+    roots = np.linalg.cholesky(mixed.covariances)[which]
+    samples = mixed.means[which] + np.einsum("nij,nj->ni", roots, rng.standard_normal((draws, 2)))
+    error = 4.0 * np.sqrt(np.diag(mixed.covariance) / draws)
+    assert np.all(np.abs(samples.mean(axis=0) - mixed.x) < error)
+    np.testing.assert_allclose(np.cov(samples.T), mixed.covariance, rtol=0.05)
 
 
 def test_the_probability_of_a_group_is_that_of_its_hypotheses():
-    found = mixture()
-    assert found.of_group("supply pressure") == pytest.approx(0.3)
-    assert found.of_group("valves") == pytest.approx(0.1)
-    assert found.of_group("leak") == 0.0
+    mixed = mixture()
+    assert mixed.of_group("supply pressure") == pytest.approx(0.3)
+    assert mixed.of_group("valves") == pytest.approx(0.1)
+    assert mixed.of_group("leak") == 0.0
 
 
 def test_the_interval_of_one_normal_distribution_is_its_own():
@@ -47,15 +47,15 @@ def test_the_interval_of_one_normal_distribution_is_its_own():
 
 
 def test_the_ends_of_an_interval_are_quantiles_of_what_is_linear_in_x():
-    found, row = mixture(), np.array([2.0, -1.0])
-    means, std = found.means @ row, np.sqrt(np.einsum("i,hij,j->h", row, found.covariances, row))
+    mixed, row = mixture(), np.array([2.0, -1.0])
+    means, std = mixed.means @ row, np.sqrt(np.einsum("i,hij,j->h", row, mixed.covariances, row))
     expected = [
-        brentq(lambda q, level=level: found.weights @ norm.cdf((q - means) / std) - level, -100.0, 100.0)
+        brentq(lambda q, level=level: mixed.weights @ norm.cdf((q - means) / std) - level, -100.0, 100.0)
         for level in (0.025, 0.975)
     ]
-    (low,), (high,) = found.interval(row[None])
+    (low,), (high,) = mixed.interval(row[None])
     assert (low, high) == pytest.approx(tuple(expected), abs=1e-4)
-    mean = float(found.x @ row)
+    mean = float(mixed.x @ row)
     assert mean - low > 1.5 * (high - mean), "an improbable hypothesis far to one side makes it lopsided"
 
 
@@ -81,12 +81,12 @@ def test_weights_that_are_less_sure_spread_it_about_the_same_mean():
 
 def test_a_moved_mixture_has_the_same_covariance():
     step = np.array([0.5, -2.0])
-    found, moved = mixture(), mixture().moved(step)
-    np.testing.assert_allclose(moved.x, found.x + step)
-    np.testing.assert_allclose(moved.covariance, found.covariance)
+    mixed, moved = mixture(), mixture().moved(step)
+    np.testing.assert_allclose(moved.x, mixed.x + step)
+    np.testing.assert_allclose(moved.covariance, mixed.covariance)
 
 
 def test_a_known_change_of_one_parameter_moves_the_others_as_their_covariance_says():
     np.testing.assert_allclose(ONE.slope([1], np.array([0.5])), [1.0 / 0.5 * 0.5, 0.5])
-    each = [P[:, 0] / P[0, 0] for P in mixture().covariances]
-    np.testing.assert_allclose(mixture().slope([0], np.ones(1)), mixture().weights @ each)
+    shapes = [P[:, 0] / P[0, 0] for P in mixture().covariances]
+    np.testing.assert_allclose(mixture().slope([0], np.ones(1)), mixture().weights @ shapes)

@@ -32,8 +32,8 @@ def actuator(**entries):
     return Actuator(model=spring(**entries))
 
 
-def considered(one):
-    return {c.base: c.width for c in consider_parameters(one, (), None)[0]}
+def considered(variant):
+    return {c.base: c.width for c in consider_parameters(variant, (), None)[0]}
 
 
 def test_by_default_one_with_a_spread_is_freed_and_one_with_a_drift_may_change():
@@ -53,25 +53,25 @@ def test_its_drift_is_part_of_the_uncertainty_where_it_is_fixed():
 
 
 def test_a_drift_that_is_considered_is_not_estimated():
-    one = actuator(considered=True)
-    assert "c_r" not in changeable(one)
-    assert considered(one)["c_r"] == pytest.approx(20.0)
+    variant = actuator(considered=True)
+    assert "c_r" not in changeable(variant)
+    assert considered(variant)["c_r"] == pytest.approx(20.0)
 
 
 def test_it_changes_with_its_group():
-    one = actuator(changes=(GroupChange("temperature and grease", -300.0, "warmer"), GroupChange("valves", 50.0)))
-    assert directions(one.rows, "temperature and grease")[0]["c_r"] == -300.0
-    assert {"c_r": 50.0} in directions(one.rows, "valves")
-    covariance = change_covariance(one, ("T_0", "c_r"), ("temperature and grease",))
+    variant = actuator(changes=(GroupChange("temperature and grease", -300.0, "warmer"), GroupChange("valves", 50.0)))
+    assert directions(variant.rows, "temperature and grease")[0]["c_r"] == -300.0
+    assert {"c_r": 50.0} in directions(variant.rows, "valves")
+    covariance = change_covariance(variant, ("T_0", "c_r"), ("temperature and grease",))
     assert covariance[1, 1] == pytest.approx(300.0**2 + 20.0**2)
     assert covariance[0, 1] == pytest.approx(-300.0 * 0.085 * 293.0)
 
 
 def test_it_adapts_on_line_by_its_own_standard_deviation():
-    one = actuator(adapts=100.0)
-    names = METHODS["joint"].adapting(one)
+    variant = actuator(adapts=100.0)
+    names = METHODS["joint"].adapting(variant)
     assert names[-1] == "c_r"
-    prior = online_prior(one, names)
+    prior = online_prior(variant, names)
     at = [c.base for c in prior.free].index("c_r")
     assert prior.free[at].slope(0.0) == pytest.approx(100.0)
     assert prior.root[at, at] == pytest.approx(1.0), "apart from the load"

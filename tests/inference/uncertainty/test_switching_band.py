@@ -30,8 +30,8 @@ def disturbed(log: Log, seed: int) -> Log:
 
 
 def test_the_band_holds_its_share_of_another_recording_at_every_time_after_switching():
-    known, other = pulses(100), pulses(100)
-    banded = switching_band(other, [(disturbed(known, 1), known)])
+    pulsed, other = pulses(100), pulses(100)
+    banded = switching_band(other, [(disturbed(pulsed, 1), pulsed)])
     measured = disturbed(other, 2)["pressure_a"]
     inside = (measured >= banded["pressure_a low"]) & (measured <= banded["pressure_a high"])
     # 40,000 independent samples, and a quantile from as many: 4 standard deviations of both
@@ -50,18 +50,18 @@ def test_the_width_is_that_of_the_next_error_of_its_kind():
 
 
 def test_a_group_without_samples_is_as_uncertain_as_the_worst():
-    known = pulses(3, seconds=0.18)  # begins switched on, and is switched again before a tenth of a second is over
-    measured = known.with_columns(pressure_a=known["pressure_a"] + 500.0)
+    pulsed = pulses(3, seconds=0.18)  # begins switched on, and is switched again before a tenth of a second is over
+    measured = pulsed.with_columns(pressure_a=pulsed["pressure_a"] + 500.0)
     worse = spoiled(measured, "pressure_a", 50, measured["pressure_a"][50] + 7e3)
-    banded = switching_band(pulses(1, seconds=1.0), [(worse, known)])
+    banded = switching_band(pulses(1, seconds=1.0), [(worse, pulsed)])
     half = banded["pressure_a high"] - banded["pressure_a"]
     assert half[0] == pytest.approx(7500.0, rel=1e-12)
 
 
 def test_missing_samples_of_the_known_pressure_do_not_count():
-    known = pulses(3)
-    holes = np.where(np.arange(len(known)) % 2 == 0, np.nan, known["pressure_a"] + 200.0)
-    banded = switching_band(known, [(known.with_columns(pressure_a=holes), known)])
+    pulsed = pulses(3)
+    holes = np.where(np.arange(len(pulsed)) % 2 == 0, np.nan, pulsed["pressure_a"] + 200.0)
+    banded = switching_band(pulsed, [(pulsed.with_columns(pressure_a=holes), pulsed)])
     assert np.allclose(banded["pressure_a high"] - banded["pressure_a"], 200.0, rtol=1e-12)
 
 
@@ -69,8 +69,8 @@ def test_times_at_the_border_of_a_group_fall_on_one_side_whatever_their_last_bit
     early, late = pulses(4), pulses(4)
     shifted = Log(late.time + 1e6 / 3, dict(late.columns), late.name)  # the same strokes, later in the day
     measured = disturbed(early, 3)
-    one, two = (switching_band(log, [(measured, early)]) for log in (early, shifted))
-    assert np.allclose(one["pressure_a high"], two["pressure_a high"], rtol=0, atol=0)
+    early_band, shifted_band = (switching_band(log, [(measured, early)]) for log in (early, shifted))
+    assert np.allclose(early_band["pressure_a high"], shifted_band["pressure_a high"], rtol=0, atol=0)
 
 
 def test_valves_that_are_not_on_or_off_are_refused():
@@ -83,6 +83,6 @@ def test_valves_that_are_not_on_or_off_are_refused():
 def test_without_a_measured_pressure_there_is_no_band():
     log = pulses(3)
     blind = log.without("pressure_a")
-    for known in ([], [(blind, log)]):
+    for pairs in ([], [(blind, log)]):
         with pytest.raises(DataError, match="no recording with a measured pressure"):
-            switching_band(log, known)
+            switching_band(log, pairs)
