@@ -26,8 +26,6 @@ def stroke(seconds: float, supply, exhaust=0.0, actuator: Actuator | None = None
 
 
 def test_eq_1_is_balanced_where_both_chambers_are_vented():
-    difference = 12.3e-3 - 11.848e-3
-    assert difference == pytest.approx(4.52e-4, rel=1e-12)
     assert acceleration(1.095e5, 1.095e5, 0, 0, 0, 12.3e-3, 11.848e-3, 1.095e5, 10) == pytest.approx(0, abs=1e-12)
 
 
@@ -48,16 +46,11 @@ def test_eqs_2_and_3_slide_at_a_deflection_of_0_2_mm_with_coulomb_and_viscous_fr
 def test_chamber_a_is_v_0a_plus_area_times_way():
     assert volume_a(0, 0.148e-3, 12.3e-3) == 0.148e-3
     assert volume_a(0.01, 0.148e-3, 12.3e-3) == pytest.approx(0.271e-3)
-    dead_length = 0.148e-3 / 12.3e-3
-    assert dead_length == pytest.approx(12.0e-3, abs=0.05e-3)
 
 
 def test_chamber_b_is_the_dead_volume_at_full_stroke_and_416_ml_at_the_start():
     assert volume_b(25e-3, 1.2e-4, 11.848e-3, 25e-3) == 1.2e-4
     assert volume_b(0, 1.2e-4, 11.848e-3, 25e-3) == pytest.approx(4.162e-4)
-    # the literal reading, the Appendix' "volume at y = 0", would be negative from 10.13 mm on
-    empty_at = 1.2e-4 / 11.848e-3
-    assert empty_at == pytest.approx(10.13e-3, abs=0.005e-3)
 
 
 def test_eqs_4_and_5_a_sealed_chamber_that_grows_loses_pressure_and_inflow_raises_it():
@@ -66,10 +59,7 @@ def test_eqs_4_and_5_a_sealed_chamber_that_grows_loses_pressure_and_inflow_raise
 
 
 def test_the_reference_density_is_that_of_1_bar_with_the_papers_own_r_and_t_0():
-    assert Parameters().rho_0 == 1.185
-    of_one_bar, one_bar = 1e5 / (288 * 293), 288 * 293 * 1.185
-    assert of_one_bar == pytest.approx(1.1851, abs=5e-5)
-    assert one_bar == pytest.approx(1.000e5, rel=5e-4)
+    assert Parameters().rho_0 == pytest.approx(1e5 / (288 * 293), abs=5e-4)
 
 
 def test_eqs_6_to_9_the_three_pure_shapes():
@@ -98,12 +88,6 @@ def test_above_r_lam_the_flow_is_a_straight_line_to_zero(B):
     assert edge / 1e-3 > 10
 
 
-def test_the_critical_ratio_is_printed_0_582_and_physically_0_528():
-    assert Parameters().B_0 == 0.582
-    physical = (2 / 2.4) ** 3.5
-    assert physical == pytest.approx(0.52828, abs=5e-6)
-
-
 def test_the_digits_of_the_critical_ratio_matter_less_than_a_tenth_of_a_millimetre():
     t = np.arange(0, 0.9, 1e-3)
     supply, exhaust = np.where(t < 0.12, 1.0, 0.0), np.where(t > 0.35, 1.0, 0.0)
@@ -115,7 +99,6 @@ def test_the_digits_of_the_critical_ratio_matter_less_than_a_tenth_of_a_millimet
 
 def test_eq_10_the_open_supply_valve_passes_20_grams_a_second():
     w = 1.185 * 19e-9 * (0.9 * math.sqrt(1 - (1.095 / 9) ** 2) + 0.1) * 9e5
-    assert w == pytest.approx(0.0201, abs=5e-5)
     assert orifice_flow(9e5, 1.095e5, 19e-9, 0.1, 1.185, 0.582) == pytest.approx(w, rel=1e-12)
 
 
@@ -153,8 +136,6 @@ def test_b_in_shapes_the_way_in_and_b_out_the_way_out():
 
 
 def test_sealed_as_printed_chamber_b_would_reach_3_8_bar_breathing_keeps_it_below_1_3():
-    squeezed = 1.095e5 * 4.162e-4 / 1.2e-4
-    assert squeezed == pytest.approx(3.8e5, abs=0.05e5)
     assert stroke(0.3, 1.0)["pressure_b"].max() < 1.3e5
     sealed = stroke(0.3, 1.0, actuator=Actuator(Parameters(C_r=0.0)))
     assert sealed["pressure_b"].max() == pytest.approx(3.8e5, abs=0.1e5)
