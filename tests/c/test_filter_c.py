@@ -11,10 +11,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numba import njit, types
 
 from clutchid.codegen.kernels import kernels_in
-from clutchid.codegen.linked import Callback
 from clutchid.exports.filter import FilterSize, filter_c99
 from clutchid.inference.filter.setup import (
     LEAST,
@@ -32,6 +30,7 @@ from clutchid.inference.filter.setup import (
 )
 from clutchid.simulation.stiffness import AS_PLANNED
 from fixtures.filter_c import FACTOR, JointC, as_written
+from fixtures.filters import callbacks, nothing
 
 pytestmark = pytest.mark.slow
 
@@ -129,10 +128,6 @@ def drawn(seed):
 def rest(x, S, u, p, h, substeps, breakpoints, load, basis, b, c, slot, row, column, work):
     """A model whose states stay as they are."""
     return bool(h > 0.0)
-
-
-def nothing(p, slots, work):
-    work[0] = 0.0
 
 
 class InPython:
@@ -281,12 +276,7 @@ def kernels():
 
 @pytest.fixture(scope="module")
 def calls():
-    x, matrix = (types.Array(types.float64, n, "C") for n in (1, 2))
-    fixed, basis = (types.Array(types.float64, n, "C", readonly=True) for n in (1, 3))
-    load = types.Array(types.float64, 2, "C", readonly=True)
-    places = types.Array(types.int64, 1, "C")
-    arguments = (x, matrix, fixed, fixed, types.float64, types.int64, fixed, load, basis, *[places] * 5, x)
-    return Callback(njit(rest), arguments), Callback(njit(nothing), (x, places, x))
+    return callbacks(rest)
 
 
 @pytest.fixture(scope="module")

@@ -35,14 +35,9 @@ def uncompressed(monkeypatch):
     monkeypatch.setattr(module, "triangular", lambda rows: rows)
 
 
-def followed(problem, x=None, noise=ALL_IN, fixed_gains=None):
-    return filtered(
-        problem.tracks[0],
-        problem.parameter_map(np.zeros(len(NAMES)) if x is None else x, "log"),
-        BOTH,
-        noise,
-        fixed_gains,
-    )
+def followed(problem, x=None, noise=ALL_IN, fixed_gains=None, columns=BOTH, track=None):
+    mapped = problem.parameter_map(np.zeros(len(NAMES)) if x is None else x, "log")
+    return filtered(track or problem.tracks[0], mapped, columns, noise, fixed_gains)
 
 
 def textbook(problem, actuator, length):
@@ -60,7 +55,7 @@ def textbook(problem, actuator, length):
     shown[0, 1] = -p.tau_y  # the position has moved before the start as it does there
     both = np.vstack([np.eye(n), shown])
     z, P = both @ x, both @ P @ both.T
-    means, gains = [], []
+    errors, states_after = [], []
     for i in range(length):
         if i > 0:
             start, dt = one_interval(segment, i - 1), segment.dt[i - 1]
@@ -82,9 +77,9 @@ def textbook(problem, actuator, length):
             gain = P[:, n + j] / s
             z, P = z + gain * e, P - np.outer(gain, P[n + j])
             row[j] = e, s
-        means.append(row)
-        gains.append(z[:n])
-    return np.array(means), np.array(gains)
+        errors.append(row)
+        states_after.append(z[:n])
+    return np.array(errors), np.array(states_after)
 
 
 def line_through_a_lag(tau, dt):
@@ -97,23 +92,20 @@ def line_through_a_lag(tau, dt):
 
 def one_interval(segment, i):
     return replace(
-        segment,
-        start=i,
-        stop=i + 2,
-        inputs=np.ascontiguousarray(segment.inputs[i : i + 2]),
-        dt=segment.dt[i : i + 1],
-        substeps=segment.substeps[i : i + 1],
-        jump=np.zeros(2, np.uint8),
-        measured=np.zeros((2, 2)),
-    )
+        segment, start=i, stop=i + 2, inputs=np.ascontiguousarray(segment.inputs[i : i + 2]), dt=segment.dt[i : i + 1],
+        substeps=segment.substeps[i : i + 1], jump=np.zeros(2, np.uint8), measured=np.zeros((2, 2)),
+    )  # fmt: skip
 
 
-def test_the_filter_is_the_textbook_filter(problem, plant):
-    length = 900
-    errors, states = textbook(problem, plant, length)
-    result = followed(problem)
-    moved = np.ptp(states[:, 0])
-    assert moved > 5e-3, "the piston must move, or little is tested"
+@pytest.mark.parametrize(("length", "factors"), [(900, (1.0, 1.0)), (400, (0.5, 1.5))], ids=["even", "uneven"])
+def test_the_filter_is_the_textbook_filter(problem, plant, length, factors):
+    segment = problem.tracks[0].segment
+    # in turn, so that the interval before a sample and the one after it are never alike
+    dt = segment.dt * np.resize(factors, segment.dt.size)
+    track = replace(problem.tracks[0], segment=replace(segment, dt=dt, substeps=2 * segment.substeps))
+    errors, states = textbook(replace(problem, tracks=(track,)), plant, length)
+    result = followed(problem, track=track)
+    assert np.ptp(states[:, 2]) > 1e5, "the pressure must move, or its lag is not seen"
     # the textbook loses half the digits of a covariance whose states differ by 14 orders
     size = np.array([ALL_IN.measured[name] for name in BOTH])
     assert result.errors[:length, :, 0] / size == pytest.approx(errors[:, :, 0] / size, abs=1e-4)
@@ -166,7 +158,7 @@ def test_missing_samples_are_left_out_one_by_one(problem):
     holes[500:520] = np.nan
     holes[600] = np.inf
     torn = replace(track, measured=track.measured.with_columns(position=holes))
-    result = filtered(torn, problem.parameter_map(np.zeros(len(NAMES)), "log"), BOTH, ALL_IN)
+    result = followed(problem, track=torn)
     missing = np.isnan(result.errors[:, 0, 0])
     assert np.flatnonzero(missing).tolist() == [*range(500, 520), 600]
     assert not np.isnan(result.errors[:, 1]).any()
@@ -175,7 +167,7 @@ def test_missing_samples_are_left_out_one_by_one(problem):
 
 
 def test_without_pressure_in_use_only_the_position_counts(problem):
-    result = filtered(problem.tracks[0], problem.parameter_map(np.zeros(len(NAMES)), "log"), ("position",), ALL_IN)
+    result = followed(problem, columns=("position",))
     assert np.isnan(result.errors[:, 1]).all()
     assert np.isfinite(result.errors[:, 0]).all()
     assert result.rows[:, NAMES.index("e_p")] == pytest.approx(0.0)
@@ -184,7 +176,7 @@ def test_without_pressure_in_use_only_the_position_counts(problem):
 def test_what_the_filter_says_of_the_pressure_holds_the_truth(plant, recorded_by, problem_of):
     log = recorded_by(plant, 3.0)
     problem = problem_of(log, plant, NAMES, ("position",))
-    result = filtered(problem.tracks[0], problem.parameter_map(np.zeros(len(NAMES)), "log"), ("position",), ALL_IN)
+    result = followed(problem, columns=("position",))
     truth = recorded_by(plant.replace({"tau_p": 0.0}), 3.0, seed=None)["pressure_a"]
     off = (result.states[:, 2] - truth) / result.pressures[:, -1]
     # the model made the recording without process noise: the filter is surer than it says
@@ -210,30 +202,9 @@ def test_a_simulation_that_leaves_the_finite_numbers_is_a_failure_that_names_tim
     track = problem.tracks[0]
     broken = track.segment.inputs.copy()
     broken[700:, 0] = np.nan
-    result = filtered(
-        replace(track, segment=replace(track.segment, inputs=broken)),
-        problem.parameter_map(np.zeros(len(NAMES)), "log"),
-        BOTH,
-        ALL_IN,
-    )
+    result = followed(problem, track=replace(track, segment=replace(track.segment, inputs=broken)))
     assert isinstance(result, Failure)
     assert "0.7" in result.message
-
-
-def test_the_filter_is_the_textbook_filter_where_samples_are_not_evenly_spaced(problem, plant):
-    track = problem.tracks[0]
-    # 0.5 and 1.5 ms in turn, so that the interval before a sample and the one after it are never alike
-    dt = track.segment.dt * np.where(np.arange(track.segment.dt.size) % 2, 1.5, 0.5)
-    substeps = 2 * track.segment.substeps
-    uneven = replace(track, segment=replace(track.segment, dt=dt, substeps=substeps))
-    other, length = replace(problem, tracks=(uneven,)), 400
-    errors, states = textbook(other, plant, length)
-    result = followed(other)
-    assert plant.parameters.tau_p > 0.0
-    assert np.ptp(states[:, 2]) > 1e5, "the pressure must move, or its lag is not seen"
-    size = np.array([ALL_IN.measured[name] for name in BOTH])
-    assert result.errors[:length, :, 0] / size == pytest.approx(errors[:, :, 0] / size, abs=1e-4)
-    assert result.errors[:length, :, 1] == pytest.approx(errors[:, :, 1], rel=1e-4)
 
 
 def test_recordings_are_filtered_with_the_signature_that_is_compiled_ahead():
