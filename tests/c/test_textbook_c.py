@@ -9,6 +9,8 @@ import sympy as sp
 from clutchid.codegen.c99 import c99_source
 from clutchid.codegen.system import System, TabulatedFunction
 
+pytestmark = pytest.mark.slow
+
 
 def _symbols(names):
     return sp.symbols(names, real=True, seq=True)

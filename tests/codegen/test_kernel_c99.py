@@ -25,6 +25,7 @@ def test_a_loop_cannot_be_printed():
     assert "follow_values(" not in kernel_c99(plausible, ("judge_next",), "double", "own_", repr)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
 def test_the_rule_for_values_has_the_verdicts_of_the_kernel(tmp_path):
     number = {np.inf: "HUGE_VAL"}

@@ -15,8 +15,9 @@ from clutchid.codegen.llvm import ArrayElement, Interface, function
 from clutchid.codegen.numba_source import lanes_source, module_head
 from clutchid.codegen.program import lower
 
+pytestmark = pytest.mark.slow
+
 x, y = sp.symbols("x y", real=True)
-RESULT = sp.Symbol("result", real=True)
 
 
 @pytest.fixture(scope="module", params=LANES)
@@ -55,7 +56,6 @@ def run(out, a, b):
         yield compute
 
 
-@pytest.mark.slow
 def test_every_function_gives_what_the_library_gives(computed):
     a = np.random.default_rng(1).uniform(0.01, 0.99, 64)
     values = [x**y if name == "pow" else getattr(sp, name)(x) for name in FUNCTIONS]
@@ -64,7 +64,6 @@ def test_every_function_gives_what_the_library_gives(computed):
         np.testing.assert_allclose(got, expected, rtol=4e-16 * 4, err_msg=name)
 
 
-@pytest.mark.slow
 def test_exponentials_logarithms_and_powers_hold_over_the_whole_range(computed):
     random, numbers = np.random.default_rng(1), 4000
     special = [0.0, -0.0, 1.0, -1.0, math.inf, -math.inf, math.nan, 5e-324, 1e308, 709.7, 709.8, -745.0, -746.0, 2.0]
@@ -89,7 +88,6 @@ def test_each_lane_takes_its_own_arm(computed):
         np.testing.assert_allclose(computed([value], a, b)[0][:40], expected, rtol=1e-14)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("lanes", LANES)
 def test_runs_side_by_side_have_the_states_of_single_ones(assorted, compiled, tmp_path, monkeypatch, lanes):
     monkeypatch.setenv("CLUTCHID_CACHE", str(tmp_path))

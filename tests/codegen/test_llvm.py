@@ -15,6 +15,8 @@ from clutchid.codegen.llvm import ArrayElement, Interface, function
 from clutchid.codegen.numba_source import elementwise_source, module_head
 from clutchid.codegen.program import lower
 
+pytestmark = pytest.mark.slow
+
 EPS = np.finfo(float).eps
 
 x, y = sp.symbols("x y", real=True)
@@ -36,7 +38,6 @@ def computed(tmp_path_factory):
         yield compute
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_every_function_gives_what_the_standard_library_gives(computed, name):
     points = np.array([0.15, 0.4, 0.85])
@@ -47,7 +48,6 @@ def test_every_function_gives_what_the_standard_library_gives(computed, name):
     np.testing.assert_allclose(computed(value, points, 1 - points), expected, rtol=4 * EPS)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("exponent", [-7, -6, -3, -1, 2, 5, 6, 7, sp.Rational(1, 2), sp.Rational(-1, 2), 0.3])
 def test_powers_are_exact_to_their_roundings(computed, exponent):
     points = np.array([0.3, 1.0, 2.7])

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 import sympy as sp
 
+pytestmark = pytest.mark.slow
+
 
 def _slope(errors):
     return np.log2(errors[:-1] / errors[1:])
@@ -22,7 +24,6 @@ def _logistic_errors(kernels, steps):
     return np.array(errors)
 
 
-@pytest.mark.slow
 def test_states_and_sensitivities_converge_with_order_four(logistic, compiled):
     slopes = _slope(_logistic_errors(compiled(logistic), [40, 80, 160, 320]))
     # slope = 4 + O(h): its distance from 4 halves with h, and is below h (times the rate 1.7) for the state here
@@ -40,7 +41,6 @@ def _assorted(kernels, values, kernel="run"):
                        jump={100: 1, 200: 2}, measured=0.4)  # fmt: skip
 
 
-@pytest.mark.slow
 def test_sensitivities_are_the_derivatives_of_the_computed_solution_through_branches_table_and_jumps(
     assorted, compiled
 ):
@@ -58,7 +58,6 @@ def test_sensitivities_are_the_derivatives_of_the_computed_solution_through_bran
         np.testing.assert_allclose(S[:, :, column], difference, atol=20 * 1e-5 * np.abs(x).max())
 
 
-@pytest.mark.slow
 def test_the_table_kernel_carries_the_same_derivatives_to_states_and_weights(assorted, compiled):
     kernels = compiled(assorted)
     n = 150

@@ -11,6 +11,8 @@ import sympy as sp
 from clutchid.codegen.language import PYTHON_WORDS, apart
 from clutchid.codegen.system import System
 
+pytestmark = pytest.mark.slow
+
 
 def test_a_driven_spring_follows_its_exact_solution_although_its_names_are_those_of_the_generated_code(
     oscillator, compiled
@@ -72,7 +74,6 @@ def test_sub_steps_are_the_same_as_finer_samples_bit_for_bit(van_der_pol, compil
     assert (coarse == fine[::4]).all()
 
 
-@pytest.mark.slow
 def test_uneven_samples_are_integrated_over_their_own_intervals(logistic, compiled):
     dt = np.random.default_rng(3).uniform(0.005, 0.02, 100)
     _, x, _ = compiled(logistic).run([0.1], [1.0, 2.0], dt)

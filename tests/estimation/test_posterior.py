@@ -120,6 +120,7 @@ def test_the_covariance_is_that_of_the_dense_problem(small, solution):
     assert uncertain.matrix / np.outer(scale, scale) == pytest.approx(wanted / np.outer(scale, scale), abs=1e-6)
 
 
+@pytest.mark.slow
 def test_the_band_of_the_pressure_is_that_of_the_dense_problem(small, solution, monkeypatch):
     uncertain, X, scatter = small
     monkeypatch.setattr(module, "DRAWS", 20000)

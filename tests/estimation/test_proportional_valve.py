@@ -10,6 +10,8 @@ from clutchid.estimation.calibrate import fit_with
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.shooting import SHOOTING
 
+pytestmark = pytest.mark.slow
+
 EXPONENT, LAGS = 1.3, {"tau_vs": 4e-3, "tau_ve": 1.5e-3}
 
 
@@ -30,7 +32,6 @@ def calibrated(proportional, log):
     return fit_with(SHOOTING, [log], start, FitRequest(("position", "pressure_a"), ("auto",)))
 
 
-@pytest.mark.slow
 def test_the_calibration_finds_exponents_lags_and_supply_pressure(calibrated, proportional):
     assert calibrated.status == "ok"
     for name in ("n_vs", "n_ve", *LAGS, "gamma", "P_S"):

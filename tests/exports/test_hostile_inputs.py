@@ -164,6 +164,7 @@ def test_samples_that_repeat_others_change_nothing(estimator, log):
     np.testing.assert_array_equal(run.after.theta, observe_recording(estimator, log).after.theta)
 
 
+@pytest.mark.slow
 def test_every_flag_of_python_is_one_of_c(estimator):
     header = observer_c99(estimator, start(estimator), DOUBLE, "a test")["clutch"].header
     assert all(f"clutch_{flag} = " in header for flag in FLAGS)

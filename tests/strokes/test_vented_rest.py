@@ -7,8 +7,6 @@ from clutchid.log import Log
 from clutchid.strokes.vented_rest import FURTHEST, VentedRest, from_rest, merged, rest_shift, vented_rest
 from clutchid.truck import drive, truck
 
-QUANTUM = 1.2e-5
-
 
 def strokes(levels, *, start=0.0, seconds=2.0, zero=0.0, noise=0.0, vents=True, top=0.02) -> Log:
     """A rest at `start`, then strokes that return to the `levels` with the exhaust valve open; sensor at `zero`."""
