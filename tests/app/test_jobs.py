@@ -39,6 +39,18 @@ def test_a_recording_has_its_channels_its_checks_and_its_samples(working, cal):
     assert len(answer.body) == 3 * 8 * 200
 
 
+def test_a_recording_is_shown_before_it_is_checked(working, recorded, monkeypatch):
+    updated, update = [], working.session.board.update
+
+    def noted(id_, **changes):
+        updated.append(changes.get("look"))
+        update(id_, **changes)
+
+    monkeypatch.setattr(working.session.board, "update", noted)
+    working.checked(recorded / "cal.csv")
+    assert [look["checking"] for look in updated if look] == [True, False]
+
+
 def repeated(served, id_, folder, monkeypatch):
     """What the Python that the page shows makes in a folder with the recordings."""
     monkeypatch.chdir(folder)

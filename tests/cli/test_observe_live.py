@@ -208,18 +208,6 @@ def test_a_run_that_is_killed_leaves_its_results_and_a_state_to_go_on_from(call,
     assert (tmp_path / "state.toml").read_text() == (folder / "file" / "state.toml").read_text()
 
 
-def test_a_live_run_goes_on_from_a_state_and_gives_the_numbers_of_one_run(call, lines, same, tmp_path):
-    assert call(lines[: CUT + 1], "--save", "state.toml", out="one.parquet")[0] == 0
-    rest = [lines[0], *lines[CUT + 1 :]]
-    assert call(rest, "--save", "state.toml", "--resume", "state.toml")[0] == 0
-    same("one", "est")
-    code, _, errors = call(rest, "--save", "state.toml", "--resume", "state.toml", out="again.parquet")
-    assert code == 2
-    assert "give the recording that follows" in errors
-    same("one", "est")
-    assert not (tmp_path / "again.parquet").exists()
-
-
 def test_what_a_killed_run_left_loses_what_comes_again_so_that_each_sample_is_there_once(
     call, folder, lines, tmp_path, monkeypatch
 ):
@@ -381,10 +369,8 @@ def test_checks_of_the_recording_are_warnings_while_live(call, folder, tmp_path)
     assert "warning: " in errors
 
 
-def test_other_formats_of_the_output_are_refused(call, folder, tmp_path):
+def test_other_formats_of_the_output_are_refused(call):
     assert call(b"", out="est.mf4")[0] == 2
-    assert call((folder / "worn.csv").read_bytes(), out="est.csv")[0] == 0
-    assert {path.name for path in tmp_path.iterdir()} == {"est.csv", "est.load.csv"}
 
 
 def test_a_mistyped_option_is_not_taken_for_the_recording(capsys):

@@ -118,22 +118,6 @@ def test_a_cold_actuator_has_the_right_load_where_its_temperature_is_recorded(jo
     assert friction.low < cold.value("D_v") < friction.high
 
 
-def test_blocks_of_any_length_have_the_same_numbers_while_the_temperature_changes(joint, followed):
-    recorded, _ = followed
-    drifting = recorded.with_columns(
-        temperature_ambient=np.where(np.arange(len(recorded)) % 7, np.nan, 260.0 + recorded.time)
-    )
-    whole, samples = observe(joint, start(joint), drifting)
-    assert whole.temperature > 264.0
-    state, parts = start(joint), []
-    for a, b in zip((0, 1, 2, 700, 3001, 3500), (1, 2, 700, 3001, 3500, len(recorded)), strict=True):
-        state, part = observe(joint, state, drifting.slice(a, b))
-        parts.append(part)
-    np.testing.assert_array_equal(np.concatenate([part.states for part in parts]), samples.states)
-    np.testing.assert_array_equal(state.theta, whole.theta)
-    assert state.temperature == whole.temperature
-
-
 def test_a_temperature_like_that_of_the_calibration_changes_the_band_only(joint, worn, recorded_by):
     log = recorded_by(worn, seconds=3.0).without("pressure_a")
     plain, (measured, samples) = (

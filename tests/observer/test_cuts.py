@@ -19,12 +19,12 @@ from clutchid.observer.recording import usual_nis
 from clutchid.strokes.vented_rest import vented_rest
 from fixtures.observing import assert_same
 
-#: Supply recorded, sensor moved, leak: every pair of answers.
+#: Supply and air temperature recorded, sensor moved, leak: every pair of answers.
 CONDITIONS = {
     "plain": (False, False, False),
     "leak and moved sensor": (False, True, True),
-    "leak and recorded supply": (True, False, True),
-    "moved sensor and recorded supply": (True, True, False),
+    "leak and recorded supply and temperature": (True, False, True),
+    "moved sensor and recorded supply and temperature": (True, True, False),
 }
 
 
@@ -63,14 +63,15 @@ def case(plant, recordings):
         supply, moved, leaks = CONDITIONS[conditions]
         log = recordings[leaks].without("pressure_a")
         P_S, shown = actuator.value("P_S"), 1.08
-        recorded = RecordedConditions(supply=shown * P_S, supply_estimated=P_S) if supply else RecordedConditions()
+        recorded = RecordedConditions(290.0, shown * P_S, P_S) if supply else RecordedConditions()
         calibration = Calibration(
             (), np.zeros((0, 0)), conditions=recorded, rest=vented_rest(recordings[False].without("pressure_a"))
         )
         calibration = replace(calibration, nis=usual_nis(actuator, calibration, [log]))
         if supply:
             noise = 1e3 * np.random.default_rng(1).standard_normal(len(log))
-            log = log.with_columns(pressure_supply=0.97 * shown * P_S + noise)
+            air = np.where(np.arange(len(log)) % 7, np.nan, 280.0 + log.time)
+            log = log.with_columns(pressure_supply=0.97 * shown * P_S + noise, temperature_ambient=air)
         if moved:
             log = log.with_columns(position=log["position"] + 3e-4)
         return calibration, faulty(log)
@@ -116,11 +117,12 @@ def test_a_recording_gives_the_same_numbers_however_it_is_cut_and_resumed(case, 
 
 
 def test_the_recordings_of_this_law_have_what_it_is_about(case):
-    """The supply is used, the zero moves, a leak is seen, and the faults are flags."""
+    """Supply and temperature are used, the zero moves, a leak is seen, and the faults are flags."""
     runs = {conditions: observe_recording(*case("joint", conditions)) for conditions in CONDITIONS}
     for conditions, (supply, moved, leaks) in CONDITIONS.items():
         run = runs[conditions]
         assert run.assumes_supply != supply
+        assert (run.after.temperature > 282.0) == supply
         assert np.unique(run.samples.rest).size > 1 or not moved
         assert run.after.leaking or not leaks
         raised = {name for name, seconds in run.health.items() if seconds > 0.0}

@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 
 from clutchid.documents.observe import samples_figure
-from clutchid.errors import ParameterError
-from clutchid.model import Actuator
-from clutchid.observer import observe, observe_recording, observer, read_state, start, write_state
-from clutchid.observer.methods import METHODS
+from clutchid.observer import observe, observe_recording, observer, start
 from fixtures.changed_logs import spoiled
 
 STROKE = np.linspace(2e-3, 9e-3, 30)
@@ -16,12 +13,6 @@ STROKE = np.linspace(2e-3, 9e-3, 30)
 @pytest.fixture(scope="module", params=["adaptive", "rls"])
 def joint(request, plant):
     return observer(plant, request.param)
-
-
-@pytest.fixture(scope="module", params=METHODS)
-def any_one(request, plant):
-    """An observer of every method; that of the paper is for the paper's model alone."""
-    return observer(Actuator() if request.param == "paper" else plant, request.param)
 
 
 def test_only_the_load_adapts(joint, plant):
@@ -39,13 +30,6 @@ def test_a_load_that_has_grown_is_followed(plant, worn, log, method, share, pres
     late = slice(len(log) // 2, None)
     error = samples.states[late, plant.states.index("p_A")] - log["pressure_a"][late]
     assert np.sqrt(np.mean(error**2)) < pressure
-
-
-def test_a_state_of_one_rule_is_not_that_of_another(plant, log, tmp_path):
-    made = {name: observer(plant, name) for name in ("adaptive", "rls")}
-    write_state(made["rls"], observe(made["rls"], start(made["rls"]), log.slice(0, 500))[0], tmp_path / "state.toml")
-    with pytest.raises(ParameterError, match="of another calibration or method"):
-        read_state(made["adaptive"], tmp_path / "state.toml")
 
 
 def test_spikes_gaps_and_a_frozen_sensor_are_survived(joint, plant, worn, log):

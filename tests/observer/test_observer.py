@@ -10,6 +10,7 @@ from clutchid import Actuator
 from clutchid.errors import DataError, ParameterError
 from clutchid.observer import observe, observer, read_state, start, write_state
 from clutchid.observer.gaps import BRIDGED
+from clutchid.observer.methods import METHODS
 from clutchid.observer.state import FROZEN
 from fixtures.changed_logs import picked, spoiled
 from fixtures.observing import in_blocks
@@ -42,7 +43,8 @@ def test_the_band_of_the_pressure_narrows_and_holds_the_truth(joint, plant, log)
 
 def test_a_state_of_another_calibration_or_method_is_refused(joint, plant, log, tmp_path):
     write_state(joint, start(joint), tmp_path / "state.toml")
-    for other in (observer(plant.replace({"F_C": 150.0})), observer(plant, "states")):
+    others = [observer(plant, method) for method in METHODS if method not in ("joint", "paper")]
+    for other in (*others, observer(plant.replace({"F_C": 150.0})), observer(plant, supply_std=0.02)):
         with pytest.raises(ParameterError, match="of another calibration or method; give the calibration and method"):
             read_state(other, tmp_path / "state.toml")
 

@@ -56,8 +56,8 @@ def test_less_supply_is_no_smaller_load_where_the_vehicle_records_it(plant, usua
 def test_a_supply_that_is_not_recorded_changes_nothing_but_the_band(plant, usual_supply, lower):
     without = lower.without("pressure_supply")
     joint, plain = observer(plant, calibration=usual_supply), observer(plant)
-    (state, samples), (plain_state, plain_found) = (observe(joint, start(joint), without) for joint in (joint, plain))
-    assert samples.states == pytest.approx(plain_found.states, rel=1e-9, abs=1e-9)
+    (state, samples), (plain_state, plain_samples) = (observe(of, start(of), without) for of in (joint, plain))
+    assert samples.states == pytest.approx(plain_samples.states, rel=1e-9, abs=1e-9)
     assert np.all(joint.load_deviation(state, STROKE) > plain.load_deviation(plain_state, STROKE))
 
 
