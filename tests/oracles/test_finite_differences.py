@@ -2,25 +2,27 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from clutchid.log import Log
-from clutchid.log.states import STATES
-from clutchid.model import Actuator, Load
+from clutchid.model import Actuator, Load, own_model
 from clutchid.model.variants import VARIANTS
 from clutchid.parameters import Parameters
 from clutchid.simulation import Partition, simulate
 
 pytestmark = pytest.mark.slow
 
+EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "maxwell_slip.py"
+
 #: Relative steps, first those at which most parameters agree.
 STEPS = (1e-5, 1e-6, 1e-4, 1e-7, 1e-8, 1e-9)
 
 
-def stack(log: Log) -> np.ndarray:
-    return np.column_stack([log[name] for name in (s.column for s in STATES.values()) if name in log])
+def stack(log: Log, actuator: Actuator) -> np.ndarray:
+    return np.column_stack([log[row.column] for row in actuator.state_rows.values()])
 
 
 def mistaken(
@@ -35,7 +37,7 @@ def mistaken(
     """
     names = [name for name in names or actuator.names if actuator.value(name) != 0]
     whole = simulate(actuator, log, partition=partition, starts=starts, sensitivities=names)
-    rounding = 2e-13 * np.abs(stack(whole.log)).max(axis=0)
+    rounding = 2e-13 * np.abs(stack(whole.log, actuator)).max(axis=0)
     worst = {}
     for name in names:
         value, exact = actuator.value(name), whole.sensitivities[name]
@@ -45,7 +47,9 @@ def mistaken(
                 break
             h = step * abs(value)
             up, down = (
-                stack(simulate(actuator.replace({name: value + d}), log, partition=partition, starts=starts).log)
+                stack(
+                    simulate(actuator.replace({name: value + d}), log, partition=partition, starts=starts).log, actuator
+                )
                 for d in (h, -h)
             )
             allowed = 1e-5 * np.abs(exact).max(axis=0) + rounding / h
@@ -148,4 +152,26 @@ def test_sensitivities_of_a_start_under_pressure_are_exact_in_every_variant(ever
     assert {name: error for name, error in worst.items() if error > 1} == {}
     other = replace(every, load=Load((9.0e5, -0.3e5, 0.6e5)))
     worst = mistaken(other, log, starts=[(14.2e-3, 4.6e5)], names=acting(other))
+    assert {name: error for name, error in worst.items() if error > 1} == {}
+
+
+#: Switched valves, whose period no number of samples fills, so that no edge lies on a sample; and a model of one's own.
+OTHERS = {
+    "switched": (
+        Actuator(
+            Parameters(T_pwm=0.0093, s_pwm=0.137, s_vs=0.21, s_ve=-0.17, t_vs=0.1, t_ve=0.1, a_0vs=0.05, a_0ve=0.05),
+            model="energy-balance-stribeck",
+        ),
+        ("s_vs", "s_ve", "R_0vs", "R_1ve", "C_vs", "t_vs", "t_ve", "a_0vs", "a_0ve"),
+    ),
+    "own": (Actuator(model=own_model(EXAMPLE, "maxwell_slip")), ("K_2", "F_2")),
+}
+
+
+@pytest.mark.parametrize("kind", OTHERS)
+def test_sensitivities_through_switched_valves_and_of_an_own_model_are_exact(kind, rough):
+    actuator, names = OTHERS[kind]
+    whole = simulate(actuator, rough, sensitivities=names).sensitivities
+    assert all(np.abs(whole[name]).max() > 0 for name in names)
+    worst = mistaken(actuator, rough, names=names)
     assert {name: error for name, error in worst.items() if error > 1} == {}

@@ -42,6 +42,7 @@ def test_what_ends_its_worker_is_named_and_all_else_is_done_once():
     assert "(SIGKILL, as where memory runs out), twice" in said["SIGKILL"]
     assert "(SIGSEGV), twice" in said["SIGSEGV"]
     assert "took longer than 5 s" in said["slow"]
+    assert next(work.seconds for work in finished if work.item == ("slow", 102)) < 10.0, "it is not tried again"
     assert "more than 0.6 GB" in said["memory"]
     assert "RuntimeError: no" in said["error"]
 

@@ -117,6 +117,7 @@ def test_what_else_a_folder_holds_is_counted_by_suffix(tmp_path, cal, still):
     for name, text in OTHERS.items():
         (vehicle / name).write_text(text)
     (vehicle / "._run.csv").touch()
+    (vehicle / "folder").symlink_to(tmp_path)
     counted = "2 .jpg, 1 .json, 1 .log, 1 .tar.gz, 1 .toml, 1 .txt, 1 without a suffix"
     said = f"has no recordings; they are files with .parquet.* {counted}.*clutchid look"
     for find in (lambda: fleet_of(tmp_path / "fleet", cal), lambda: recordings_of([vehicle])):

@@ -19,16 +19,6 @@ def grown(actuator):
 
 
 @pytest.fixture(scope="module")
-def worn(plant):
-    return grown(plant)
-
-
-@pytest.fixture(scope="module")
-def problem(plant, worn, recorded_by, problem_of):
-    return problem_of(recorded_by(worn, SECONDS), plant, plant.load.names, ("position",))
-
-
-@pytest.fixture(scope="module")
 def linear_problem(recorded_by, problem_of):
     """Of the isothermal model, whose friction does not depend on the load: the balance is linear in the weights."""
     actuator = Actuator(Parameters(), Load.on_b_splines(Load((9.0e5, -0.3e5, 0.6e5))), "isothermal")
@@ -88,16 +78,6 @@ def test_the_load_of_a_whole_recording_is_that_of_batch_least_squares(batch, lin
     interval = np.abs(np.diff(linear_problem.tracks[0].measured["position"])).max()
     knots = np.diff(linear_problem.actuator.load.knots).min()
     assert output.state.theta == pytest.approx(expected, abs=(interval / knots) ** 2 / 24 * np.abs(expected).max())
-
-
-def test_a_load_that_has_grown_is_found(problem, plant, worn):
-    joint, k = of(problem), len(problem.coordinates)
-    output = followed(joint, problem, np.zeros(k), np.eye(k))
-    y = np.linspace(2e-3, 9e-3, 20)
-    before, after = (
-        np.abs(actuator.load.force(y) - worn.load.force(y)) for actuator in (plant, joint.actuator(output.state.theta))
-    )
-    assert np.median(after) < 0.2 * np.median(before)
 
 
 @pytest.mark.parametrize("at", [-10.0, -2.5, 0.0, 1.0])

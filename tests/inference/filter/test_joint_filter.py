@@ -51,15 +51,6 @@ def same(result, expected):
     return all(np.array_equal(a, b) for a, b in zip(result, expected, strict=True))
 
 
-def test_a_load_that_has_grown_is_found_in_one_pass(problem, plant, worn):
-    joint, _, _, output = whole(problem)
-    y = np.linspace(2e-3, 9e-3, 20)
-    truth = worn.load.force(y)
-    before = np.abs(plant.load.force(y) - truth)
-    after = np.abs(joint.actuator(output.state.theta).load.force(y) - truth)
-    assert np.median(after) < 0.2 * np.median(before)
-
-
 def test_where_only_frequent_parameters_are_free_their_own_step_gives_what_that_for_all_does(problem, problem_of):
     joint, state, samples, output = whole(problem)
     assert joint.few
