@@ -15,7 +15,7 @@ from fixtures.changed_logs import thinned
 
 EXACT = Calibration((), np.zeros((0, 0)))
 #: Between two of the ten phases that are tried.
-PHASE = 0.34
+PHASE = 0.26
 
 
 @pytest.fixture(scope="module")
