@@ -36,7 +36,6 @@ def opened(idle):
         ({**FIT, "options": {"zero": "maybe"}}, "options zero: no zero 'maybe'. Known are subtract, keep."),
         ({**FIT, "options": {"model": "x.py:y"}}, "option 'model'"),
         ({**FIT, "options": {"bounds": "C_vs=1:2"}}, "options bounds = 'C_vs=1:2': a list of texts is needed"),
-        ({**FIT, "options": {"prior": [3]}}, "options prior = 3: a text in quotes is needed"),
         ({**FIT, "options": {"ambient": 1e5}}, "options ambient = 100000.0: a text in quotes is needed"),
         ({**FIT, "options": [1]}, "options: a table is needed"),
     ],
