@@ -2,6 +2,7 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -41,12 +42,13 @@ def test_the_band_of_the_pressure_narrows_and_holds_the_truth(joint, plant, log)
     assert np.median(band[late]) < 30e3
 
 
-def test_a_state_of_another_calibration_or_method_is_refused(joint, plant, log, tmp_path):
-    write_state(joint, start(joint), tmp_path / "state.toml")
-    others = [observer(plant, method) for method in METHODS if method not in ("joint", "paper")]
-    for other in (*others, observer(plant.replace({"F_C": 150.0})), observer(plant, supply_std=0.02)):
+def test_a_state_of_another_calibration_or_method_is_refused(joint, plant, tmp_path):
+    methods = [observer(plant, method) for method in METHODS if method != "paper"]
+    others = observer(plant.replace({"F_C": 150.0})), observer(plant, supply_std=0.02)
+    for first, second in (*permutations(methods, 2), *((joint, other) for other in others)):
+        write_state(first, start(first), tmp_path / "state.toml")
         with pytest.raises(ParameterError, match="of another calibration or method; give the calibration and method"):
-            read_state(other, tmp_path / "state.toml")
+            read_state(second, tmp_path / "state.toml")
 
 
 @pytest.mark.parametrize("text", ["number = 3", "[observer]\nformat = 99", "format"])
