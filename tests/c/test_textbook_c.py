@@ -7,7 +7,7 @@ import pytest
 import sympy as sp
 
 from clutchid.codegen.c99 import c99_source
-from clutchid.codegen.system import System, TabulatedFunction
+from clutchid.codegen.system import System
 
 pytestmark = pytest.mark.slow
 
@@ -54,42 +54,6 @@ def test_functions_branches_and_inputs_that_are_used_at_every_stage(build, real,
     # x' = sin x: tan(x / 2) grows like exp t; an empty tank stays as it is.
     np.testing.assert_allclose(driven[:, 0], 2 * np.arctan(math.tan(0.5) * np.exp(t)), rtol=tolerance)
     assert (driven[:, 1] == -1).all()
-
-
-def test_the_table_is_read_across_segments_in_both_directions(build):
-    w, f, s = _symbols("w f s")
-    system = System("table", (w,), (s,), (), (), (s + f,), TabulatedFunction(f, w))
-    #            below 0: constant 1    0 to 1: 1 + w       beyond: 2
-    table = ([0.0, 1.0], [[1.0, 0.0, 0.0, 0.0], [1.0, 1.0, 0.0, 0.0], [2.0, 0.0, 0.0, 0.0]])
-    built = build(system)
-    _, up, _ = built.run([-1.0], [[0.0]] * 301, [], [0.01] * 300, table=table)
-    t = 0.01 * np.arange(301)
-    middle = 1 + math.log(2)
-    exact = np.where(t < 1, t - 1, np.where(t < middle, np.exp(t - 1) - 1, 1 + 2 * (t - middle)))
-    # A kink inside a step costs at most h^2 / 2 times the jump of the slope's derivative, here at most 2.
-    np.testing.assert_allclose(up[:, 0], exact, atol=0.01**2)
-    _, down, _ = built.run([1.5], [[-3.0]] * 301, [], [0.01] * 300, table=table)
-    exact = np.where(
-        t < 0.5, 1.5 - t, np.where(t < 0.5 + math.log(2), 2 - np.exp(t - 0.5), -2 * (t - 0.5 - math.log(2)))
-    )
-    np.testing.assert_allclose(down[:, 0], exact, atol=0.01**2)
-
-
-def test_at_a_breakpoint_the_segment_to_the_right_counts(build):
-    w, f = _symbols("w f")
-    built = build(System("jumping", (w,), (), (), (), (f,), TabulatedFunction(f, w)))
-    _, out, _ = built.run(
-        [0.0], np.zeros((2, 0)), [], [0.25], table=([0.0], [[1.0, 0.0, 0.0, 0.0], [2.0, 0.0, 0.0, 0.0]])
-    )
-    assert out[1, 0] == 0.5
-
-
-def test_sub_steps_are_the_same_as_finer_samples_bit_for_bit(build):
-    x, v, mu = _symbols("x v mu")
-    built = build(System("van_der_pol", (x, v), (), (mu,), (), (v, mu * (1 - x**2) * v - x)))
-    _, coarse, _ = built.run([1.0, 0.5], np.zeros((41, 0)), [3.0], [0.125] * 40, substeps=4)
-    _, fine, _ = built.run([1.0, 0.5], np.zeros((161, 0)), [3.0], [0.03125] * 160)
-    assert (coarse == fine[::4]).all()
 
 
 @pytest.mark.parametrize("real", ["double", "float"])

@@ -38,28 +38,14 @@ open_at = sp.lambdify((_u, _R_0, _R_1), opening(_u, _R_0, _R_1), "math")
 
 
 @given(ratios, shapes, critical, st.floats(0.9, 0.99999))
-def test_the_flow_function_lies_between_0_and_1_and_vanishes_where_no_pressure_drops(r, B, B_0, r_lam):
-    value = flow_shape(r, B, B_0, r_lam)
-    assert 0 <= value <= 1 + 1e-15
-    if r >= 1:
-        assert value == 0
-
-
-@given(st.floats(0, 1), st.floats(0, 1), shapes, critical)
-def test_a_smaller_drop_never_gives_more_flow(first, other, B, B_0):
-    low, high = sorted((first, other))
-    # not steeper than rounding allows: 1 - r^2 near r = 1 and (r - B_0)^2 near r = B_0 cancel
-    assert flow_shape(high, B, B_0, 0.999) <= flow_shape(low, B, B_0, 0.999) + 1e-14
-
-
-@given(shapes, critical, st.floats(0.9, 0.99999))
-def test_the_flow_function_has_no_jump_at_its_seams(B, B_0, r_lam):
-    # its steepest place is the laminar line: psi(r_lam) / (1 - r_lam) <= sqrt(2 (1 - r_lam) / (1 - B_0)) / (1 - r_lam)
-    step = 1e-9
-    steepest = 4 * np.sqrt(2 / (1 - r_lam) / (1 - B_0)) + 2
-    for seam in (B_0, r_lam, 1.0):
-        jump = abs(flow_shape(seam + step, B, B_0, r_lam) - flow_shape(seam - step, B, B_0, r_lam))
-        assert jump <= 2 * step * steepest
+def test_the_flow_function_is_that_of_the_page_up_to_a_straight_line_to_zero(r, B, B_0, r_lam):
+    """It lies between 0 and 1, falls with the ratio, and has no jump: as what is typed here."""
+    at = min(r, r_lam)
+    half, ellipse = np.sqrt(1 - at**2), np.sqrt(1 - max(0.0, (at - B_0) / (1 - B_0)) ** 2)
+    printed = half + B * (ellipse - half if B > 0 else half - (1 - at))
+    line = 1.0 if r <= r_lam else max(0.0, (1 - r) / (1 - r_lam))
+    # 1 - r^2 near r = 1 loses what 1 - r_lam = 1e-5 leaves of sixteen digits
+    assert flow_shape(r, B, B_0, r_lam) == pytest.approx(printed * line, abs=1e-11)
 
 
 @given(pressures, pressures, conductances, shapes)
@@ -84,38 +70,15 @@ def test_the_iso_flow_function_is_1_where_choked_and_0_where_no_pressure_drops(r
         assert value == 1
     if r >= 1:
         assert value == 0
-    if b < r <= r_lam:  # the standard, typed again
-        assert value == pytest.approx((1 - ((r - b) / (1 - b)) ** 2) ** m, rel=1e-14)
-
-
-@given(st.floats(0, 1), st.floats(0, 1), choking, indices)
-def test_of_the_iso_flow_a_smaller_drop_never_gives_more_and_a_larger_index_never_either(first, other, b, m):
-    low, high = sorted((first, other))
-    # near r = 1 the difference of 1 and a square is rounded to 1e-16 of 1, and its power of 0.1 and more to 1e-14
-    assert iso_shape(high, b, m, 0.999) <= iso_shape(low, b, m, 0.999) + 1e-13
-    assert iso_shape(first, b, 1.2 * m, 0.999) <= iso_shape(first, b, m, 0.999) + 1e-13
+    if b < r:  # the standard, typed again, and a straight line to zero: as it is there, it has no jump and never rises
+        line = 1.0 if r <= r_lam else max(0.0, (1 - r) / (1 - r_lam))
+        assert value == pytest.approx((1 - ((min(r, r_lam) - b) / (1 - b)) ** 2) ** m * line, rel=1e-13)
 
 
 @given(st.floats(0, 1.2), critical, st.floats(0.91, 0.99999))
 def test_the_papers_flow_function_of_shape_1_is_the_iso_one_of_index_one_half(r, b, r_lam):
     # 1 - x^2 near x = 1 loses what 1 - r_lam = 1e-5 leaves of sixteen digits; the paper adds and takes an ellipse
     assert iso_shape(r, b, 0.5, r_lam) == pytest.approx(flow_shape(r, 1.0, b, r_lam), abs=1e-11)
-
-
-@given(st.floats(1e-3, 0.9), indices, st.floats(0.91, 0.99999))
-def test_the_iso_flow_function_has_no_jump_at_its_seams_and_no_kink_where_it_chokes(b, m, r_lam):
-    step = 1e-9
-    for seam in (b, r_lam, 1.0):
-        jump = abs(iso_shape(seam + step, b, m, r_lam) - iso_shape(seam - step, b, m, r_lam))
-        # the laminar line falls by psi(r_lam) <= 1 over 1 - r_lam; before it the slope is m / (1 - beyond^2)^(1 - m) at
-        # most of 2 / (1 - b), and 1 - beyond^2 >= (1 - r_lam) / (1 - b)
-        beyond = (1 - r_lam) / (1 - b)
-        steepest = 1 / (1 - r_lam) + 2 * m / (1 - b) * max(1.0, beyond ** (m - 1))
-        assert jump <= 2 * step * steepest + 1e-14
-    # beyond b it leaves 1 with the square of the way: a thousandth of 1 - b is worth a millionth of m
-    away = 1e-3 * (1 - b)
-    if b + away < r_lam:
-        assert 1 - iso_shape(b + away, b, m, r_lam) == pytest.approx(1e-6 * m, rel=1e-5)
 
 
 @given(pressures, pressures, conductances, choking, indices)
