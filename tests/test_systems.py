@@ -215,6 +215,16 @@ def test_an_end_in_words(code, words):
     assert ending(code) == words
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux limits what a process allocates")
+@pytest.mark.parametrize(("hard", "limit"), [(-1, 100), (50, 50), (200, 100)])
+def test_no_more_is_allocated_than_the_system_allows(monkeypatch, hard, limit):
+    limits = []
+    monkeypatch.setattr("resource.getrlimit", lambda _: (-1, hard))
+    monkeypatch.setattr("resource.setrlimit", lambda _, both: limits.append(both))
+    systems.limit_allocations(100)
+    assert limits == [(limit, hard)]
+
+
 def test_what_was_read_of_a_pipe_counts_when_reading_ends():
     reading, writing = os.pipe()
     with Incoming(reading) as feed:
