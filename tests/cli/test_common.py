@@ -7,7 +7,7 @@ import pytest
 from clutchid.cli.common import EVERY, progress_of, progress_words
 from clutchid.errors import ParameterError
 from clutchid.simulation import Partition
-from clutchid.verbs.options import partition_of
+from clutchid.verbs.options import life_limit, partition_of
 
 
 @pytest.fixture
@@ -60,3 +60,7 @@ def test_what_a_reset_takes_needs_a_reset():
         partition_of(None, None, None, "position")
     assert partition_of(1, None, "q", "position") == Partition(every=1, carry="q", take="position")
     assert partition_of(1, None, None).take == "all"
+
+
+def test_the_limit_of_a_life_is_in_millimetres():
+    assert (life_limit(0.2), life_limit(-0.2)) == pytest.approx((2e-4, -2e-4))

@@ -12,7 +12,7 @@ import tomli_w
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.estimation.parameter_file import read_parameters
-from clutchid.files.records import Rule, collected, plain, read, read_toml, table
+from clutchid.files.records import Rule, collected, covariance_problem, plain, read, read_toml, table
 from clutchid.log import FloatArray
 
 
@@ -168,3 +168,9 @@ def test_a_byte_order_mark_is_no_part_of_the_file(tmp_path):
     path = tmp_path / "fit.toml"
     path.write_bytes(b"\xef\xbb\xbf[parameters]\nM = 12.5\n")
     assert read_toml(path, "parameter file") == {"parameters": {"M": 12.5}}
+
+
+@pytest.mark.parametrize(("below", "problem"), [(0.5, ""), (0.4, "is not symmetric")])
+def test_a_covariance_is_looked_at_in_the_units_of_its_standard_deviations(below, problem):
+    units = np.diag([1.0, 1e-6])
+    assert covariance_problem(units @ [[1.0, 0.5], [below, 1.0]] @ units, ["a", "b"], [3.0, 3.0]) == problem

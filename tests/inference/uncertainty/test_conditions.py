@@ -12,6 +12,7 @@ from clutchid.inference.uncertainty.conditions import (
     RecordedConditions,
     assumed_conditions,
     by_supply,
+    condition_problems,
     condition_warnings,
     conditions_of,
     known_conditions,
@@ -157,3 +158,9 @@ def test_a_supply_of_1_percent_more_balances_a_load_that_is_larger_by_its_own_an
     p, force = ACTUATOR.parameters, 4000.0
     pressure = p.P_0 + force / p.A_A
     assert 1.01 * pressure * p.A_A - p.P_0 * p.A_A == pytest.approx(force + 0.01 * by_supply(ACTUATOR, force))
+
+
+@pytest.mark.parametrize(("seconds", "possible"), [(70.0, False), (80.0, True)])
+def test_air_warms_by_5_kelvin_and_another_in_every_5_seconds(seconds, possible):
+    log = Log(np.linspace(0.0, seconds, 100), {"temperature_ambient": np.linspace(280.0, 300.0, 100)})
+    assert (condition_problems(log, ACTUATOR) == {}) == possible
