@@ -4,9 +4,8 @@ import json
 import os
 from pathlib import Path
 
-from clutchid.app.events import Events
 from clutchid.app.records import File, Look
-from clutchid.app.worker import run
+from clutchid.app.worker import Events, run
 from clutchid.errors import DataError
 
 

@@ -2,6 +2,7 @@
 
 import os
 from concurrent.futures import ThreadPoolExecutor
+from threading import Event
 
 import numpy as np
 import pytest
@@ -47,6 +48,18 @@ def test_a_process_that_waits_does_what_comes_later_meanwhile_and_only_then(tmp_
     before = len(values)
     beside.wait_for_kernels()
     assert len(values) == before
+
+
+def test_where_no_process_can_be_started_its_thread_compiles_and_waits_for_nobody(tmp_path, monkeypatch):
+    monkeypatch.setattr(beside, "processors", lambda: 2)
+    monkeypatch.setattr(beside.Pool, "do", lambda _, function, item: function(item))
+    started = Event()
+    beside.compile_beside(
+        lambda folder: (started.wait(), beside.wait_for_kernels(), folder.mkdir()), tmp_path / "compiled"
+    )
+    started.set()
+    beside.wait_for_kernels()
+    assert (tmp_path / "compiled").is_dir()
 
 
 def test_one_processor_is_not_shared(tmp_path, monkeypatch):

@@ -9,9 +9,6 @@ from fixtures.trees import source_nodes, source_texts
 
 ROOT = Path(__file__).resolve().parents[2]
 
-#: Folders of tests whose variables have not been revised. This list only shrinks.
-TESTS_NOT_REVISED = {"measurements"}
-
 #: Pronouns without a noun: say which file, recording, path, ...
 EMPTY = re.compile(r"(?<!the )\bone that\b|what is none", re.IGNORECASE)
 
@@ -61,8 +58,6 @@ def scripts():
     for folder in ("benchmarks", "docs", "tests"):
         for path in sorted((ROOT / folder).rglob("*.py")):
             file = path.relative_to(ROOT).as_posix()
-            if file.split("/")[1] in TESTS_NOT_REVISED and folder == "tests":
-                continue
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
                 yield file, node
 

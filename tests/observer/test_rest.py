@@ -74,14 +74,14 @@ def test_a_zero_that_is_counted_anew_is_no_motion_to_the_balance_of_forces(plant
 
 
 def test_what_was_learnt_from_another_zero_is_forgotten(plant, log, calibration):
-    one = observer(plant, calibration=calibration)
-    begins = int(np.argmax(observe_recording(one, moved(log)).samples.rest > 0.0))
-    before, after = (observe_recording(one, moved(log).slice(0, n)).after for n in (begins, begins + 1))
-    assert not np.array_equal(before.theta, start(one).theta), "a stroke has taught something by then"
+    joint = observer(plant, calibration=calibration)
+    begins = int(np.argmax(observe_recording(joint, moved(log)).samples.rest > 0.0))
+    before, after = (observe_recording(joint, moved(log).slice(0, n)).after for n in (begins, begins + 1))
+    assert not np.array_equal(before.theta, start(joint).theta), "a stroke has taught something by then"
     assert after.zero == pytest.approx(OFFSET, abs=1e-4)
     assert after.number == 1
     for name in ("theta", "T", "sound"):
-        assert_equal(getattr(after, name), getattr(start(one), name))
+        assert_equal(getattr(after, name), getattr(start(joint), name))
 
 
 def test_a_hole_keeps_the_shift_until_a_rest_says_else():

@@ -49,8 +49,8 @@ def test_at_the_far_stop_the_pressure_is_anywhere_between_that_of_the_load_and_t
 
     def begun(y):
         tail = Tail(np.zeros(1), np.zeros((1, 2)), np.array([y]), *np.zeros((2, 1)))
-        known = start(joint)
-        return init(joint.joint, segment_of(tail, actuator), known.theta, known.T)
+        state = start(joint)
+        return init(joint.joint, segment_of(tail, actuator), state.theta, state.T)
 
     by_load, at_stop = begun(p.y_max - 2 * OUTSIDE), begun(p.y_max)
     load = p.P_0 + float(actuator.load.force(np.array([p.y_max]))[0]) / p.A_A

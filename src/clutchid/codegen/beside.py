@@ -38,9 +38,12 @@ def compile_beside(
 
 
 def wait_for_kernels() -> None:
-    """Wait until no other process compiles for this one; several threads may wait."""
+    """Wait until no other process compiles for this one; several threads may wait.
+
+    The thread of that process does not: where none can be started, it compiles itself.
+    """
     for compiler in tuple(_compilers):
-        while compiler.is_alive():
+        while compiler is not threading.current_thread() and compiler.is_alive():
             try:
                 work = _meanwhile.popleft()
             except IndexError:

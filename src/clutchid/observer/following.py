@@ -118,8 +118,8 @@ class Observed(NamedTuple):
 def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[ObserverState, Observed]:
     """Follow the samples of a block, from the state before its first.
 
-    A stretch without holes starts with its first position; one that starts within a stroke, where the pressure is
-    guessed, learns nothing from it. Where the filter diverges, it goes back to what it knew of the parameters at the
+    A stretch without holes starts with its first position; within a stroke, where the pressure is guessed, it learns
+    nothing before that stroke ends. Where the filter diverges, it goes back to what it knew of the parameters at the
     end of the stroke before, and starts anew. Blocks of any length give the same numbers, bit by
     bit.
 
