@@ -120,8 +120,7 @@ def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[Obser
 
     A stretch without holes starts with its first position; within a stroke, where the pressure is guessed, it learns
     nothing before that stroke ends. Where the filter diverges, it goes back to what it knew of the parameters at the
-    end of the stroke before, and starts anew. Blocks of any length give the same numbers, bit by
-    bit.
+    end of the stroke before, and starts anew. Blocks of any length give the same numbers, bit by bit.
 
     Raises
     ------
