@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from clutchid.errors import DataError
-from clutchid.measurements.live.text import HEAD, LONGEST, text_feed
+from clutchid.measurements.live.text import HEAD, LONGEST, text_blocks, text_feed
 
 HEADER = "time [s],position [mm],duty_supply [%],duty_exhaust [1],note\n"
 
@@ -117,3 +117,19 @@ def test_the_dialect_is_that_of_the_first_lines_whatever_comes_with_them():
 def test_what_is_no_text_with_samples_is_refused_in_a_sentence(text, words):
     with pytest.raises(DataError, match=words):
         read([text])
+
+
+@pytest.mark.parametrize(("later", "refused"), [(0.0, False), (0.5, True)])
+def test_a_row_has_one_time_and_others_that_differ_from_it_are_refused(later, refused):
+    rows = [f"{i / 1000},{i / 100},{i / 1000 + later},{i % 101},0" for i in range(2 * HEAD)]
+    header = "time [s],position [mm],time supply [s],duty_supply [%],duty_exhaust [%]"
+    text = "\n".join([header, *rows, ""]).encode()
+
+    def blocks():
+        return list(text_blocks(iter([text]), "live", None, 1e5, ("position", "duty_supply", "duty_exhaust")))
+
+    if refused:
+        with pytest.raises(DataError, match=r"live: has a time for each of several channels: 'time \[s\]', 'time sup"):
+            blocks()
+    else:
+        assert sum(len(block.log) for block in blocks()) == pytest.approx(2 * HEAD, abs=100)
