@@ -16,20 +16,20 @@ POSITION_NOISE, PRESSURE_NOISE = 3e-5, 2e3
 
 
 @pytest.fixture(scope="module")
-def calibrated(plant):
+def actuator(plant):
     """A plant with switched valves and with sensors that are slow and off, as a calibration leaves it."""
     sensors = {"tau_y": 2e-3, "tau_p": 2e-3, "e_y": 2e-4, "e_p": 3e3}
     return plant.replace({"T_pwm": 0.01, "s_pwm": 0.3, "s_vs": 0.07, "s_ve": 0.07, **sensors})
 
 
 @pytest.fixture(scope="module")
-def other(calibrated, recorded_by):
+def other(actuator, recorded_by):
     """A recording of it that began at another phase of the carrier."""
-    return recorded_by(calibrated.replace({"s_pwm": -0.2}), seconds=4.0, seed=7, name="other")
+    return recorded_by(actuator.replace({"s_pwm": -0.2}), seconds=4.0, seed=7, name="other")
 
 
-def test_a_recording_of_the_true_actuator_has_errors_of_its_noise_only(calibrated, other):
-    verified, warnings = verification(calibrated, [other], None, BOTH, True)
+def test_a_recording_of_the_true_actuator_has_errors_of_its_noise_only(actuator, other):
+    verified, warnings = verification(actuator, [other], None, BOTH, True)
     errors = verified["other"].errors
     assert warnings == []
     # the phase is found to 0.02 of a period, which moves the piston by less than the noise
@@ -37,16 +37,16 @@ def test_a_recording_of_the_true_actuator_has_errors_of_its_noise_only(calibrate
     assert errors.pressure_a_rms == pytest.approx(PRESSURE_NOISE, rel=0.25)
 
 
-def test_without_sensors_and_phase_the_errors_would_be_theirs(calibrated, other):
-    errors = verification(calibrated, [other], None, BOTH)[0]["other"].errors
+def test_without_sensors_and_phase_the_errors_would_be_theirs(actuator, other):
+    errors = verification(actuator, [other], None, BOTH)[0]["other"].errors
     assert errors.position_rms > 1.5e-4  # 0.2 mm of offset
     assert errors.pressure_a_rms > 3e3
 
 
-def test_a_bus_log_is_verified_with_the_pulses_between_its_samples(calibrated, recorded_by):
-    fast = recorded_by(calibrated.replace({"s_pwm": 0.0}), seconds=6.0, seed=7, name="bus", driven=1)
+def test_a_bus_log_is_verified_with_the_pulses_between_its_samples(actuator, recorded_by):
+    fast = recorded_by(actuator.replace({"s_pwm": 0.0}), seconds=6.0, seed=7, name="bus", driven=1)
     slow = thinned(fast, 10, first=4)
-    verified, warnings = verification(calibrated, [slow], None, BOTH, True)
+    verified, warnings = verification(actuator, [slow], None, BOTH, True)
     assert warnings == []
     recording = verified["bus"]
     assert recording.measured is slow
@@ -55,16 +55,16 @@ def test_a_bus_log_is_verified_with_the_pulses_between_its_samples(calibrated, r
     assert recording.errors.position_rms < 1e-4
 
 
-def test_a_verified_recording_keeps_what_was_measured_and_the_models_own_motion(calibrated, other):
-    recording = verification(calibrated, [other], None, BOTH, True)[0]["other"]
+def test_a_verified_recording_keeps_what_was_measured_and_the_models_own_motion(actuator, other):
+    recording = verification(actuator, [other], None, BOTH, True)[0]["other"]
     assert recording.measured is other
     assert np.array_equal(recording.simulated.time, other.time)
     # the simulated piston is where it is, not where the sensor says, which is 0.2 mm higher
     assert np.median(other["position"] - recording.simulated["position"]) == pytest.approx(2e-4, abs=2e-5)
 
 
-def test_a_recording_without_pressure_is_verified_by_its_position(calibrated, other):
-    errors = verification(calibrated, [other.without("pressure_a")], None, BOTH, True)[0]["other"].errors
+def test_a_recording_without_pressure_is_verified_by_its_position(actuator, other):
+    errors = verification(actuator, [other.without("pressure_a")], None, BOTH, True)[0]["other"].errors
     assert errors.position_rms == pytest.approx(POSITION_NOISE, rel=0.25)
     assert errors.pressure_a_rms is None
 
@@ -83,10 +83,10 @@ def test_a_fit_by_shooting_is_verified_so(calibrated, worn, worn_log, recorded_b
     assert through.errors.position_rms < blind.errors.position_rms
 
 
-def test_what_the_sensors_did_is_undone(calibrated, recorded_by):
-    log = recorded_by(calibrated, seconds=3.0, seed=None)
-    true = recorded_by(calibrated.replace(dict.fromkeys(("tau_y", "tau_p", "e_y", "e_p"), 0.0)), 3.0, None)
-    back = without_sensors(log, calibrated.parameters)
+def test_what_the_sensors_did_is_undone(actuator, recorded_by):
+    log = recorded_by(actuator, seconds=3.0, seed=None)
+    true = recorded_by(actuator.replace(dict.fromkeys(("tau_y", "tau_p", "e_y", "e_p"), 0.0)), 3.0, None)
+    back = without_sensors(log, actuator.parameters)
     # a lag to first order leaves a tau**2: 2 ms at 50 m/s² are 0.2 mm, but only where a stroke begins or ends
     assert np.sqrt(np.mean((back["position"] - true["position"]) ** 2)) < 2e-5
     assert np.sqrt(np.mean((back["pressure_a"] - true["pressure_a"]) ** 2)) < 2e3
