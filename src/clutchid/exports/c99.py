@@ -27,7 +27,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels, system
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer import by_stroke, contradiction, health, mismatch, rest
-from clutchid.observer.following import HELD
+from clutchid.observer.following import BEYOND_STOPS, HELD
 from clutchid.observer.gaps import BRIDGED, RESOLUTION, SHORT, longest
 from clutchid.observer.observer import LEAK_FOUND, Observer
 from clutchid.observer.state import FROZEN, ObserverState
@@ -164,6 +164,7 @@ def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title:
         "correction_s": joint.settings.every * joint.settings.spacing,
         "n_watch": values.new_watch().size,
         "clock_us": CLOCK,
+        "beyond_stops": BEYOND_STOPS,
         "held_us": round(HELD / RESOLUTION),
         "shortest_stroke_us": round(stroke.SHORTEST / stroke.RESOLUTION),
         "rounded_down": 1.0 - 1e-9,

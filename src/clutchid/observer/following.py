@@ -56,8 +56,8 @@ from clutchid.strokes.values import (
     within_rounding,
 )
 
-#: Shares of ambient and supply pressure beyond which the pressure in a chamber is that of a filter that has diverged.
-PRESSURES = 0.01, 10.0
+#: Shares of ambient and supply pressure, and distance in m beyond the stops, outside of which a filter has diverged.
+PRESSURES, BEYOND_STOPS = (0.01, 10.0), 5e-3
 
 #: Where innovations contradict the inputs, what was learnt since the last stroke is taken back, and nothing is learnt
 #: for this time in s. Provenance: docs/derivations_online.md.
@@ -533,12 +533,13 @@ def _until_diverged(
 
 
 def _impossible(observer: Observer, states: FloatArray) -> int:
-    """The first of the states (n, states) whose pressure in chamber A is outside of `PRESSURES`; n if none.
+    """The first of the states (n, states) that is outside of `PRESSURES` or `BEYOND_STOPS`; n if none.
 
     An observer without a covariance takes a spike of its sensor at its word, and recovers by itself.
     """
     if observer.joint.reference is not None:
         return len(states)
-    p, p_A = observer.actuator.parameters, states[:, observer.actuator.states.index("p_A")]
-    low, high = PRESSURES
-    return _first((p_A < low * p.P_0) | (p_A > high * p.P_S))
+    p, names, (low, high) = observer.actuator.parameters, observer.actuator.states, PRESSURES
+    p_A, y = states[:, names.index("p_A")], states[:, names.index("y")]
+    outside = (y < -BEYOND_STOPS) | (y > p.y_max + BEYOND_STOPS)
+    return _first(outside | (p_A < low * p.P_0) | (p_A > high * p.P_S))
