@@ -63,7 +63,7 @@ def test_a_spoiled_cell_of_a_column_that_is_not_read_is_no_problem(recording, sa
 
 
 def test_problems_and_warnings_are_listed_not_raised(save):
-    seen = look(save("time [s],position [furlong],duty_supply [1]\n0,1,0\n1,x,\n0,1,0\n"))
+    seen = look(save("time [s],position [furlong],duty_supply [1]\n0,1,\n1,x,0\n0,1,0\n"))
     assert len(seen.problems) == 3
     assert len(seen.warnings) == 2
     assert seen.rasters[0].columns[1].si is None

@@ -62,9 +62,9 @@ def repair(stamps: FloatArray, places: Places, clock: Clock = AT_START, *, share
     """Repair time stamps so that they increase strictly.
 
     A sample without a time stamp is dropped. Of samples with equal time stamps the last is kept. Samples that are out
-    of order by up to five usual intervals are sorted in, as on line; those that belong before the end of the previous
-    block are dropped. If the clock goes back further, `clutchid.measurements.clock` says why: a run after a restart is
-    placed after the previous one with a hole between them, so that each is a separate segment.
+    of order by up to five usual intervals are dropped. If the clock goes back further, `clutchid.measurements.clock`
+    says why: a run after a restart is placed after the previous one with a hole between them, so that each is a
+    separate segment.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def repair(stamps: FloatArray, places: Places, clock: Clock = AT_START, *, share
     clock
         State of the clock after the previous block.
     shared
-        Whether it is the clock of several messages, which may be disordered by more.
+        Whether it is the clock of several messages, repaired already: what is out of order is sorted.
 
     Examples
     --------
@@ -89,22 +89,20 @@ def repair(stamps: FloatArray, places: Places, clock: Clock = AT_START, *, share
     the clock restarts at row 9 (0 s after 0.6 s); each run becomes a separate segment, 2 s after the previous one.
     """
     rows, time, said, after = on_clock(stamps, places, clock, shared=shared)
-    ahead = np.append(clock.last, time[:-1])
-    if rows.size == stamps.size and (time > ahead).all():
+    if rows.size == stamps.size and (time > np.append(clock.last, time[:-1])).all():
         return RepairedTime(rows, time, tuple(said), after)
-    ahead = np.maximum.accumulate(ahead)
-    slack = Tolerance.of(after.usual, shared=shared).behind
-    late = time < np.maximum(ahead - (slack if math.isfinite(slack) else 0.0), clock.last)
-    used = np.flatnonzero(~late)
-    used = used[np.argsort(time[used], kind="stable")]
-    repeats = np.diff(time[used], prepend=clock.last) == 0  # the previous block may end at the first of these stamps
+    if shared and time.size and (np.diff(time) < 0).any():
+        order = np.argsort(time, kind="stable")
+        rows, time = rows[order], time[order]
+    ahead = np.r_[clock.last, np.maximum.accumulate(np.r_[clock.last, time])[1:-1]]
+    late, same = time < ahead, time == ahead
     messages = (
-        *_repeats(rows[used[repeats]], places),
+        *_repeats(rows[same], places),
         *_dropped(rows[late], places, "out of order in time"),
         *_dropped(np.flatnonzero(~np.isfinite(stamps)), places, "without a time stamp"),
         *said,
     )
-    last = used[~np.append(repeats[1:], False) & (time[used] > clock.last)]
+    last = _last_of_each(time, late | (time == clock.last))  # the previous block may end at this time stamp
     return RepairedTime(rows[last], time[last], messages, after)
 
 
@@ -177,6 +175,12 @@ def steadied(time: FloatArray) -> tuple[FloatArray, str] | None:
         f"the time stamps arrive in bursts of {round(period / rate)} every {quantity(float(f'{period:.4g}'), 's')}; "
         f"the mean rate of {1 / rate:.5g} Hz is used instead."
     )
+
+
+def _last_of_each(time: FloatArray, late: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Of the samples that are not late, the last one of each time stamp."""
+    rows = np.flatnonzero(~late)
+    return rows[np.append(time[rows[1:]] != time[rows[:-1]], True)] if rows.size else rows
 
 
 def _repeats(rows: NDArray[np.int64], places: Places) -> list[str]:
