@@ -176,6 +176,7 @@ def _start_values(observer: Observer) -> dict[str, Any]:
         "at_P_0": names.index("P_0"),
         "at_P_S": names.index("P_S"),
         "at_A_A": names.index("A_A"),
+        "at_y_max": names.index("y_max"),
         "y_max": actuator.parameters.y_max,
         "y_max_calibrated": observer.actuator.parameters.y_max,
         "supply_ratio": observer.supply.ratio if observer.supply else 1.0,

@@ -8,7 +8,7 @@ Thresholds: benchmarks/results/thresholds.md.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -31,8 +31,8 @@ def with_own_grids(source: Source) -> Source:
     if len(source.rasters) != 1 or source.problems or source.unnamed:
         return source
     (raster,) = source.rasters
-    owned = columns_of_times(raster.headings, lambda times: next(source.tables(0, times, _SHOWN), None))
-    if not owned:
+    owned = columns_of_times(raster.headings)
+    if not owned or not increase(next(source.tables(0, list(owned), _SHOWN), None), list(owned)):
         return source
     texts = dict(raster.others)
     by_index = {heading.index: heading for heading in raster.headings}
@@ -57,24 +57,11 @@ def with_own_grids(source: Source) -> Source:
     return replace(source, rasters=tuple(rasters), tables=tables)
 
 
-def columns_of_times(
-    headings: Sequence[Heading], rows: Callable[[Sequence[int]], Table | None]
-) -> dict[int, list[int]]:
-    """The columns that belong to each time column of a table, by index; none where fewer than two have columns.
-
-    Parameters
-    ----------
-    rows
-        The first rows of columns with these indices.
-    """
+def columns_of_times(headings: Sequence[Heading]) -> dict[int, list[int]]:
+    """The columns that belong to each time column of a table, by index; none where fewer than two have columns."""
     times = [heading for heading in headings if _is_time(heading)]
     owned = _owned(headings, times) if len(times) > 1 else {}
-    return owned if len(owned) > 1 and _increase(rows(list(owned)), list(owned)) else {}
-
-
-def time_columns(headings: Sequence[Heading]) -> list[int]:
-    """Indices of the columns that are called times."""
-    return [heading.index for heading in headings if _is_time(heading)]
+    return owned if len(owned) > 1 else {}
 
 
 def _is_time(heading: Heading) -> bool:
@@ -113,7 +100,7 @@ def _alike(word: str, other: str) -> bool:
     return short == long or (len(short) >= _BEGINNING and long.startswith(short))
 
 
-def _increase(table: Table | None, times: Sequence[int]) -> bool:
+def increase(table: Table | None, times: Sequence[int]) -> bool:
     """Whether the first samples of all of these columns increase, as times do."""
     if table is None:
         return False

@@ -29,7 +29,7 @@ from clutchid.observer.air import at_air, changes_of_air
 from clutchid.observer.gaps import RESOLUTION, bridged, latest_driven, longest, repeats
 from clutchid.observer.mismatch import mismatches
 from clutchid.observer.observer import Observer, start, unknown
-from clutchid.observer.rest import new_stretch, rest_pace, watch_rest
+from clutchid.observer.rest import WRONG, new_stretch, rest_pace, watch_rest
 from clutchid.observer.state import (
     EMPTY,
     ObserverState,
@@ -42,8 +42,7 @@ from clutchid.observer.state import (
     usable_positions,
 )
 from clutchid.strokes import rule
-from clutchid.strokes.excitation import VENTED_POSITION
-from clutchid.strokes.stroke import Strokes, count_strokes
+from clutchid.strokes.stroke import BEGINS, Strokes, count_strokes
 from clutchid.strokes.values import (
     BELIEVED,
     Verdicts,
@@ -342,14 +341,17 @@ def _rests(
 
 
 def _counted(observer: Observer, state: ObserverState, zero: float) -> ObserverState:
-    """The state at a sample whose position counts from a zero in m: another one begins anew, as calibrated.
+    """The state at a sample whose position counts from a zero in m; another one ends the stretch.
 
-    Strokes that are counted from a wrong zero teach a wrong load, and that it is certain.
+    What strokes taught that were counted from a wrong zero is forgotten: a wrong load, and that it is certain.
     """
     if zero == state.zero:
         return state
+    ended = _ended(observer, state)._replace(zero=zero)
+    if abs(zero - state.zero) <= WRONG:
+        return ended
     sound = start(observer).sound
-    return _ended(observer, state)._replace(**sound._asdict(), sound=sound, zero=zero)
+    return ended._replace(**sound._asdict(), sound=sound)
 
 
 def _nothing(observer: Observer, time: FloatArray) -> Observed:
@@ -377,7 +379,7 @@ def _piece(
         end = min(b, a + MOST)
         held = int(samples.time[a:end].searchsorted(_held_until(state)))
         end = a + held if held else end
-        partial = state.partial if state.filter else abs(float(samples.position[a])) > VENTED_POSITION
+        partial = state.partial if state.filter else bool(samples.position[a] > BEGINS)
         state = state._replace(partial=partial and observer.joint.reference is None)
         observing = _not_learning(observer) if held or state.partial else observer
         state, passed, usable, count = _followed(

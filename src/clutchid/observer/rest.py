@@ -16,6 +16,10 @@ from clutchid.strokes.vented_rest import VENTS, VentedRest, rest_shift, unlike
 #: A vented rest lies below this position in m, whatever its sensor adds; above it is an excursion.
 LOW = 3e-3
 
+#: What was learnt is forgotten where the zero moves by more than this in m: 0.4 mm leave a load up to 12 % off. Smaller
+#: shifts come with wear and warmth, drive by drive, and the filter follows them. See docs/derivations_online.md.
+WRONG = 1e-4
+
 #: Rests after a stroke that are remembered; their median is compared.
 REMEMBERED = 8
 

@@ -11,7 +11,7 @@ from clutchid.inference.filter.setup import IntArray
 from clutchid.log import BoolArray, FloatArray, all_of, read_only
 from clutchid.model.actuator import Actuator
 from clutchid.simulation.inputs import with_carrier
-from clutchid.simulation.plan import OUTSIDE, Segment
+from clutchid.simulation.plan import Segment
 from clutchid.strokes.excitation import VENTED_POSITION
 from clutchid.strokes.stroke import NO_STROKES, Strokes
 from clutchid.strokes.values import NO_SUPPLY, new_watch
@@ -42,7 +42,7 @@ def segment_of(samples: Tail, actuator: Actuator) -> Segment:
     """The samples for the filter; nothing but the first is used to start."""
     m = samples.time.size
     dt = samples.time[1:] - samples.time[:-1]
-    position = min(max(float(samples.position[0]), -OUTSIDE), actuator.parameters.y_max + OUTSIDE)
+    position = float(samples.position[0])
     return Segment(
         start=0,
         stop=m,
@@ -54,7 +54,7 @@ def segment_of(samples: Tail, actuator: Actuator) -> Segment:
         measured=np.zeros((m, 2)),
         position_start=position,
         pressure_start=np.nan,
-        vented=abs(position) <= VENTED_POSITION,
+        vented=position <= VENTED_POSITION,
     )
 
 

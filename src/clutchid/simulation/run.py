@@ -83,7 +83,7 @@ def start_state(segment: Segment, actuator: Actuator, start: tuple[float, float]
     start : (m, Pa), optional
         Position and pressure in chamber A, if they have been estimated.
     """
-    position, pressure = start or (segment.position_start, guessed_pressure(segment, actuator))
+    position, pressure = start if start is not None else (segment.position_start, guessed_pressure(segment, actuator))
     starts = {"y": position, "p_A": pressure}
     for name, row in actuator.state_rows.items():
         starts.setdefault(name, actuator.value(row.starts_at) if row.starts_at else 0.0)

@@ -157,7 +157,7 @@ def simulate(
     places = [None] * len(segments) if starts is None else starts
     x0 = [start_state(segment, actuator, place) for segment, place in zip(segments, places, strict=True)]
     arrays = KernelArrays.of(actuator)
-    if names := sensitivities and _known(sensitivities, actuator):
+    if names := _known(sensitivities, actuator) if len(sensitivities) else ():
         which = columns(actuator, names)
         S = [start_sensitivities(segment, actuator, which, starts is not None) for segment in segments]
         by_name = np.full((len(prepared.values.log), len(actuator.states), len(which.names)), np.nan)

@@ -43,7 +43,7 @@ from clutchid.model.compiled import few_suffice, kernels, prepare, step
 from clutchid.numerics.failure import Failure
 from clutchid.simulation.noise import Noise, start_deviations
 from clutchid.simulation.parameter_map import ParameterMap, parameter_map
-from clutchid.simulation.plan import Segment
+from clutchid.simulation.plan import OUTSIDE, Segment
 from clutchid.simulation.run import Columns, columns, inputs_of
 from clutchid.simulation.stiffness import AS_PLANNED, Pace
 from clutchid.simulation.windows import Track
@@ -331,6 +331,8 @@ def init(
     k, reference, responses = theta.size, joint.reference, joint.moving.responses
     none = np.zeros(1, dtype=np.int64)
     mapped = parameter_map(joint.actuator(theta), joint.mapped.bases, range(k), np.ones(k), k)
+    y_max = mapped.actuator.parameters.y_max
+    segment = replace(segment, position_start=min(max(segment.position_start, -OUTSIDE), y_max + OUTSIDE))
     L = np.diag(start_deviations(segment, mapped.actuator, "pressure_a" in joint.measure, joint.noise))
     x, S = first_state(segment, mapped, joint.which, L[:, :0] if reference else L, joint.measure)
     if reference:

@@ -18,7 +18,7 @@ from clutchid.measurements.formats.csv.dialect import Dialect, dialect
 from clutchid.measurements.formats.csv.lines import BOMS_UTF16, LineBlock
 from clutchid.measurements.formats.csv.rows import read_rows
 from clutchid.measurements.formats.json_lines import keys_of, read_objects
-from clutchid.measurements.grids import columns_of_times, time_columns
+from clutchid.measurements.grids import columns_of_times, increase
 from clutchid.measurements.live.arrival import LiveBlock, live_blocks
 from clutchid.measurements.live.order import ArrivedBatch, arrived, by_position, picked_streams
 from clutchid.measurements.map.channel_map import PickedChannels
@@ -202,10 +202,12 @@ def text_blocks(
         raise DataError(f"{name}: {feed.unnamed}")
     picks = picked_streams(name, [feed.raster], channels, required)
     chosen = sorted({index for pick in picks for index in pick.indices})
-    every = feed.rows(sorted({*chosen, *time_columns(feed.raster.headings)}))
+    owned = columns_of_times(feed.raster.headings)
+    times = [time for time, columns in owned.items() if not set(columns).isdisjoint(chosen)]
+    every = feed.rows(sorted({*chosen, *times}))
     first = next(every, None)
     if first is not None:
-        _check_one_time(name, feed.raster, first.table, chosen)
+        _check_one_time(name, feed.raster, first.table, times)
         picks = by_position(grid for pick in picks for grid in by_presence(pick, first.table, _TELLING, _FEW))
         every = chain([first], every)
     metadata = {"source": name, "ambient_Pa": repr(float(ambient))}
@@ -213,12 +215,10 @@ def text_blocks(
     yield from live_blocks(batches, picks, name, metadata, shift=-(origin or 0.0), grows=grows)
 
 
-def _check_one_time(name: str, raster: Raster, first: Table, chosen: Sequence[int]) -> None:
-    """On line the channels of a row have one time: others are refused, as a file's would be read."""
-    owned = columns_of_times(raster.headings, lambda _: first)
-    times = [time for time, columns in owned.items() if not set(columns).isdisjoint(chosen)]
+def _check_one_time(name: str, raster: Raster, first: Table, times: Sequence[int]) -> None:
+    """Check that the time columns of the channels are the same: the channels of a row that arrives have one time."""
     stamps = [first.numbers[time] for time in times]
-    if any(not np.array_equal(other, stamps[0], equal_nan=True) for other in stamps[1:]):
+    if increase(first, times) and any(not np.array_equal(other, stamps[0], equal_nan=True) for other in stamps[1:]):
         texts = listed([repr(heading.text) for heading in raster.headings if heading.index in times])
         raise DataError(
             f"{name}: has a time for each of several channels: {texts}. On line a row has one time, with the cells of "
