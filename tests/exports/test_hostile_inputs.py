@@ -73,6 +73,15 @@ def in_a_stroke(log):
     return 4000 + int(np.argmax(log["position"][4000:] > 4e-3))
 
 
+def at_the_stop(log):
+    return 4000 + int(np.argmax(log["position"][4000:] > log["position"].max() - 1e-4))
+
+
+def without(log, first, samples=100):
+    """With a hole, after which the states begin anew."""
+    return picked(log, (np.arange(len(log)) < first) | (np.arange(len(log)) >= first + samples))
+
+
 #: Faults: the recording with it, the flag that says so, and how far the load may move in % of the peak.
 FAULTS = {
     "supply of 0 Pa": (lambda log: scaled(log, 0.0), "supply_unlike", 2.0),
@@ -85,6 +94,9 @@ FAULTS = {
     "duty cycles missing": (lambda log: spoiled(log, "duty_supply", every(log, 50, 7)), "duty_missing", 2.0),
     "closed read as below 0": (lambda log: of_half(log, "duty_supply", -1e-4), None, 0.01),
     "duty cycles held": (held, "contradiction", 2.0),
+    "a hole in a stroke": (lambda log: without(log, in_a_stroke(log)), "time_missing", 2.0),
+    "a hole at the far stop": (lambda log: without(log, at_the_stop(log)), "time_missing", 2.0),
+    "a sensor off by 0.4 mm": (lambda log: log.with_columns(position=log["position"] + 4e-4), "rest_moved", 3.0),
     "dropouts to 0": (lambda log: spoiled(log, "position", np.arange(len(log)) % 150 < 2, 0.0), "position_jumps", 2.0),
 }  # fmt: skip
 

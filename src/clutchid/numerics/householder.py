@@ -100,7 +100,7 @@ def triangularise(A: FloatArray, R: FloatArray) -> None:
     """Upper triangular factor of A, written to the rows of R; in blocks that fit the processor's cache.
 
     Columns of zeros, such as those of parameters of a valve that stays closed, are left out; so are those before the
-    first one of a block: of triangles whose rows are stacked by their numbers a third of the work is left.
+    first one of a block: for triangles that are stacked row by row a third of the work is left.
     """
     R[:] = 0.0
     used = columns_in_use(A)

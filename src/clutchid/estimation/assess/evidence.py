@@ -23,7 +23,7 @@ from clutchid.strokes.excitation import excitation, joined
 
 
 class Reason(NamedTuple):
-    """A sentence for the user; a grave reason takes the trust, a `banded` one only says how wide the interval is."""
+    """A sentence for the user; a `grave` one means trust "none", a `banded` one only says how wide the interval is."""
 
     text: str
     grave: bool = False

@@ -35,7 +35,7 @@ _RULES = MappingProxyType(
         "channel": Rule("a string is needed, channel = 'NAME' as listed by `clutchid look`"),
         "group": Rule("a string is needed"),
         "sign": Rule("must be 1 or -1; use factor for another scale", lambda sign: abs(sign) == 1.0),
-        "factor": Rule("must not be 0, but finite", lambda factor: factor != 0.0 and math.isfinite(factor)),
+        "factor": Rule("must be finite and not 0", lambda factor: factor != 0.0 and math.isfinite(factor)),
         "offset": Rule("a finite number is needed", math.isfinite),
         "delay": Rule(
             f"a channel is at most {_LONGEST_DELAY:g} s late; write it in s, 0.008 for 8 ms",

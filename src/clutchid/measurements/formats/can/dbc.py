@@ -114,7 +114,7 @@ def decode(signal: Signal, data: Bytes, length: Counts) -> FloatArray:
     ----------
     signal : Signal
         The signal, of a group that is present in all frames.
-    data : uint8, n x 8 or n x 64
+    data : uint8, a column a byte
         Payloads, a row a frame.
     length : 1
         Number of bytes that each frame has.
