@@ -323,7 +323,7 @@ NOT_AHEAD = """## Where clutchid is not ahead
 - **Exactness.** At an impact on an end stop a step of 1 ms is too long for an error below a micrometre; solvers with
   steps of their own are exact there, and so are their derivatives.
 - **Short recordings.** `clutchid.simulate` checks the log, chooses steps and makes a log of all states; for a second
-  of recording that takes many times as long as the loop itself.
+  of recording that takes about as long as the loop itself.
 - **Estimation.** A search by `least_squares` on compiled CasADi is nearer than the target of ten times, where the
   compiling of CasADi (first run) is left out. A recording without a rest before its first stroke starts at its first
   sample, whose noise makes theta_2 and theta_3 less certain than the bound; the intervals say so.
@@ -331,10 +331,10 @@ NOT_AHEAD = """## Where clutchid is not ahead
   recordings a loop over `clutchid.fit` is four times as fast, for a thousand one over CasADi's C is as fast.
 - **Files.** Reading takes longer than by the package of the format alone, for what `clutchid.read` does beside it.
 - **Single samples from Python.** `clutchid.observe` checks each block, watches the sensors and copies its state: a
-  call with one sample takes longer than a step of the peers. It pays from blocks of some ten samples on, and the
-  exported C has no such calls.
-- **The first fit of a new process.** With nothing compiled SciPy has its result first; with everything compiled CasADi
-  has, whose script imports less."""
+  call with one sample takes less than a step of Archimedes or filterpy, but longer than one of CasADi or JAX. It pays
+  from blocks of some ten samples on, and the exported C has no such calls.
+- **The first fit of a new process.** With nothing compiled SciPy, JAX and CasADi have their results first; with
+  everything compiled CasADi has, whose script imports less."""
 
 
 class PartResult(NamedTuple):
