@@ -327,8 +327,8 @@ NOT_AHEAD = """## Where clutchid is not ahead
 - **Estimation.** A search by `least_squares` on compiled CasADi is nearer than the target of ten times, where the
   compiling of CasADi (first run) is left out. A recording without a rest before its first stroke starts at its first
   sample, whose noise makes theta_2 and theta_3 less certain than the bound; the intervals say so.
-- **Many recordings.** `clutchid fleet` starts processes, checks every recording and keeps results as it goes: for ten
-  recordings a loop over `clutchid.fit` is four times as fast, for a thousand one over CasADi's C is as fast.
+- **Few recordings.** `clutchid fleet` starts processes, checks every recording and keeps results as it goes: for ten
+  recordings a loop over `clutchid.fit` is three times as fast, for a thousand a tenth faster.
 - **Files.** Reading takes longer than by the package of the format alone, for what `clutchid.read` does beside it.
 - **Single samples from Python.** `clutchid.observe` checks each block, watches the sensors and copies its state: a
   call with one sample takes less than a step of Archimedes or filterpy, but longer than one of CasADi or JAX. It pays
