@@ -102,7 +102,7 @@ def test_all_problems_are_reported_together(save):
         "[time] channel: a string is needed",
         "[pressure_a] unit = 'mm': is not known here; use one of Pa,",
         "sign = 2: must be 1 or -1",
-        "factor = 0: must not be 0",
+        "factor = 0: must be finite and not 0",
         "longest = 0: must be above 0 s",
         "[duty_supply] channel = 1: a string",
         "offset = nan: a finite number",
