@@ -65,7 +65,7 @@ def eliminate(first: FloatArray, windows: FloatArray, links: FloatArray) -> Elim
 
 
 def stacked_factor(rows: FloatArray) -> FloatArray:
-    """Triangular factor of the rows (windows, m, k + 1) of all windows, stacked by row: first the first rows of all windows."""
+    """Triangular factor of the rows (windows, m, k + 1) of all windows, stacked row by row of a window."""
     return triangular(rows.swapaxes(0, 1).reshape(-1, rows.shape[2]))
 
 

@@ -29,7 +29,7 @@ class Estimate:
 
     Examples
     --------
-    As text it has the 95 % interval, not the standard error; an interval that is not symmetric, as a profile's, has both ends:
+    As text it has the 95 % interval, not the standard error; one without symmetry, as a profile's, has both ends:
 
     >>> print(Estimate(8.9e5, "Pa", 1e3, 8.8804e5, 8.9196e5))
     8.9e+05 ± 2e+03 Pa
