@@ -25,7 +25,8 @@ TRUCKS = "A0,A1,A2,B0,B1,B3"
 #: Cases: length of a loss in samples, from and to, and how often: a period in samples, or a share of the samples.
 CASES = {
     "nothing": None, "6 of 100": (6, 6, 100), "1 to 5, at 2 %": (1, 5, 0.02), "1 to 5, at 10 %": (1, 5, 0.1),
-    "20 ms of each 200": (19, 19, 200),
+    "20 ms of each 200": (19, 19, 200), "50 ms of each 1000": (50, 50, 1000), "50 ms of each 330": (50, 50, 330),
+    "30 to 80, at 0.2 %": (30, 80, 0.002), "30 to 80, at 2 %": (30, 80, 0.02),
 }  # fmt: skip
 
 
