@@ -27,7 +27,7 @@ from online import WEAR, calibrated
 from clutchid.estimation.assess.observed import indicators, observed_verdict
 from clutchid.inference.uncertainty.conditions import by_supply
 from clutchid.numerics.interval import QUANTILE
-from clutchid.observer.observer import observer
+from clutchid.observer.observer import Observer, observer
 from clutchid.observer.recording import observe_recording
 from clutchid.study.proving.ground import SECONDS, STROKES
 from clutchid.truck import GRID, Vehicle, drive, truck
@@ -65,21 +65,27 @@ class Row(NamedTuple):
     trust: str
 
 
-def one_truck(
-    of: tuple[str, int], calibrations: Path, seconds: float, cases: Sequence[str]
-) -> dict[tuple[str, str, str], Row]:
-    """Every case on one truck, with each of `LACKING`."""
+def truck_and_observer(of: tuple[str, int], calibrations: Path) -> tuple[Vehicle, Observer, int]:
+    """A truck by family and number, the observer of its calibration, and the seed of its worn clutch."""
     family, number = of
     kind = truck(0, f"h:{number}") if family == "h" else truck(number, family)
     seeds = np.random.default_rng([number, 2]).integers(0, 2**31, 2).tolist()
     mark = f"h{number}0" if family == "h" else f"{family}{number}"
     content = calibrated(kind, seeds[0], calibrations / f"{mark}_supply.toml", conditions=True)
-    joint, rows = observer(content.actuator, calibration=content.calibration), {}
+    return kind, observer(content.actuator, calibration=content.calibration), seeds[1]
+
+
+def one_truck(
+    of: tuple[str, int], calibrations: Path, seconds: float, cases: Sequence[str]
+) -> dict[tuple[str, str, str], Row]:
+    """Every case on one truck, with each of `LACKING`."""
+    kind, joint, seed = truck_and_observer(of, calibrations)
+    family, rows = of[0], {}
     for case in cases:
         share, change = CASES[case]
         changed: Vehicle = kind.replace({"P_S": share * kind.P_S})
         worn = drive(
-            changed, seconds=seconds, seed=seeds[1], wear=WEAR, cycles=WEAR * STROKES, pressure=False, conditions=True,
+            changed, seconds=seconds, seed=seed, wear=WEAR, cycles=WEAR * STROKES, pressure=False, conditions=True,
             change=change,
         )  # fmt: skip
         truth = worn.truth.load(GRID)

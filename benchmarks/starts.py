@@ -20,14 +20,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from observer_band import FIRST, HYBRIDS
-from online import WEAR, calibrated
+from observer_band import FIRST, HYBRIDS, truck_and_observer
+from online import WEAR
 
 from clutchid.log import Log
-from clutchid.observer import Observer, ObserverState, observe, observer, start
+from clutchid.observer import Observer, ObserverState, observe, start
 from clutchid.strokes.stroke import BEGINS
 from clutchid.study.proving.ground import STROKES
-from clutchid.truck import GRID, drive, truck
+from clutchid.truck import GRID, drive
 
 #: Interval of the starts, and the time after each in which pressure and position count, in samples.
 EVERY, FIRST_SAMPLES = 100, 400
@@ -61,13 +61,8 @@ def one_start(joint: Observer, begin: ObserverState, log: Log, first: int, expec
 
 def one_truck(of: tuple[str, int], calibrations: Path, seconds: float) -> list[Row]:
     """Every start on one truck."""
-    family, number = of
-    kind = truck(0, f"h:{number}") if family == "h" else truck(number, family)
-    seeds = np.random.default_rng([number, 2]).integers(0, 2**31, 2).tolist()
-    mark = f"h{number}0" if family == "h" else f"{family}{number}"
-    content = calibrated(kind, seeds[0], calibrations / f"{mark}_supply.toml", conditions=True)
-    joint = observer(content.actuator, calibration=content.calibration)
-    log = drive(kind, seconds=seconds, seed=seeds[1], wear=WEAR, cycles=WEAR * STROKES).log
+    kind, joint, seed = truck_and_observer(of, calibrations)
+    log = drive(kind, seconds=seconds, seed=seed, wear=WEAR, cycles=WEAR * STROKES).log
     begin = start(joint)
     after, _ = observe(joint, begin, log.without("pressure_a"))
     expected = joint.load(after).force(GRID)

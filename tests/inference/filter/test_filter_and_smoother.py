@@ -2,48 +2,31 @@
 
 import numpy as np
 import pytest
-from numba import njit, types
 
 from clutchid.codegen.kernels import kernels_in
-from clutchid.codegen.linked import Callback
 from clutchid.inference.filter.setup import ModelArrays, scratch
 from clutchid.inference.smoother.rows import eliminate, recover
 from clutchid.simulation.sensors import lag_coefficients
-from fixtures.filters import NO_FREE, without_adaptation
+from fixtures.filters import NO_FREE, A, B, callbacks, move, without_adaptation
 
 #: States of the model, and with the outputs of two sensors without a lag, of states 0 and 2; samples.
 N, SIZE, SAMPLES = 3, 5, 40
 MEASURED = [0, 2]
 SENSORS = np.array([[3, 0, -1, -1], [4, 2, -1, -1]])
-A = np.array([[1.0, 0.1, 0.0], [-0.2, 0.9, 0.05], [0.0, 0.1, 0.8]])
-B = np.array([0.0, 0.5, 1.0])
 OFFSETS, SIGMA = np.array([0.05, -0.02]), np.array([0.3, 0.2])
 #: Far from every innovation: none counts as an outlier.
 NEVER = 1e9
 
 
 def linear_step(x, S, u, p, h, substeps, breakpoints, load, basis, b, c, slot, row, column, work):
-    for j in range(S.shape[1]):
-        for i in range(3):
-            work[i] = A[i, 0] * S[0, j] + A[i, 1] * S[1, j] + A[i, 2] * S[2, j]
-        for i in range(3):
-            S[i, j] = work[i]
-    for i in range(3):
-        work[i] = A[i, 0] * x[0] + A[i, 1] * x[1] + A[i, 2] * x[2] + B[i] * u[0]
-    for i in range(3):
-        x[i] = work[i]
+    move(x, S, u, work)
     return True
 
 
 @pytest.fixture(scope="module")
 def step():
     """The linear model with the type of a generated step."""
-    x, matrix = (types.Array(types.float64, n, "C") for n in (1, 2))
-    fixed, load, basis = (types.Array(types.float64, n, "C", readonly=True) for n in (1, 2, 3))
-    places = [types.Array(types.int64, 1, "C")] * 5
-    return Callback(
-        njit(linear_step), (x, matrix, fixed, fixed, types.float64, types.int64, fixed, load, basis, *places, x)
-    )
+    return callbacks(linear_step)[0]
 
 
 @pytest.fixture(scope="module")
