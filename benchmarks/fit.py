@@ -5,8 +5,8 @@ The peer is what a script from MATLAB becomes in Python: `solve_ivp` RK45 (rtol 
 part of the recording and scaled to 10 s; how many simulations its search needs is counted with the same
 `least_squares` on clutchid's simulation.
 
-With ``--calls 15`` the processor time, in so many turns, of calls that many make one after the other: a warm fit of
-that recording, a simulation of 1.5 s with other parameters each time, and a sample of an observer.
+``--calls 15`` times repeated calls, 15 turns of each in processor time: a warm fit of that recording, a simulation of
+1.5 s with other parameters each time, and a sample of an observer.
 """
 
 from __future__ import annotations

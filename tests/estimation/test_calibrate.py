@@ -83,9 +83,9 @@ def test_a_parameter_that_is_freed_again_starts_from_its_calibration(calibrated,
     fit = fit_with(SHOOTING, [worn_log.slice(0, 1500)], calibrated.actuator, request)
     variance = calibrated.parameters["P_S"].std ** 2 + drift(calibrated.actuator, "P_S") ** 2
     own = replace(request, priors={"P_S": Prior(calibrated.actuator.value("P_S"), np.sqrt(variance))})
-    told = fit_with(SHOOTING, [worn_log.slice(0, 1500)], calibrated.actuator, own)
-    fitted, calibrated_again = fit.parameters["P_S"], told.parameters["P_S"]
-    assert (fitted.value, fitted.std) == pytest.approx((calibrated_again.value, calibrated_again.std), rel=1e-6)
+    by_prior = fit_with(SHOOTING, [worn_log.slice(0, 1500)], calibrated.actuator, own)
+    fitted, expected = fit.parameters["P_S"], by_prior.parameters["P_S"]
+    assert (fitted.value, fitted.std) == pytest.approx((expected.value, expected.std), rel=1e-6)
 
 
 def test_an_anchor_of_the_user_wins_over_the_calibration(calibrated, worn_log):

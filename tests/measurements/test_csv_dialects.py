@@ -369,8 +369,8 @@ def test_every_recording_of_an_actuator_opens(shared):
     assert contents["cylinder_1kHz.csv"][2][3][0] == 100000.0
     assert contents["worn1.csv"][0].rasters[0].clock == 0
     assert "line 11 has '1.002.000'" in contents["Prusa.csv"][1][0].problems[0]
-    told = {name for name, (_, tables, _) in contents.items() if tables[0].problems}
-    assert told == {"Prusa.csv", "Formlabs.csv"}
+    with_problems = {name for name, (_, tables, _) in contents.items() if tables[0].problems}
+    assert with_problems == {"Prusa.csv", "Formlabs.csv"}
 
 
 @pytest.mark.parametrize(
