@@ -74,7 +74,7 @@ def main() -> None:
             chosen.calibrations,
         ):
             flags = ", ".join(f"{name} {100 * share:.2g} %" for name, share in seen.flagged.items() if share > 0.0)
-            supply = "assumed" if seen.supply_assumed else ""
+            supply = "assumed" if seen.supply != "measured" else ""
             print(
                 f"{chosen.family}{number:<5}{fault:<22}{length:>4g}{seen.strokes:>8}{100 * seen.half_width:>8.1f}"
                 f"{seen.mismatch:>6.2f}{supply:>8}{error:>9.2f}{sigma:>7.2f}  {trust}; {flags}",

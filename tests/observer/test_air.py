@@ -10,7 +10,7 @@ from clutchid.model import Actuator, GroupChange, OwnModel, OwnParameter
 from clutchid.observer import observe, observer, start
 from clutchid.observer.air import at_air, changes_of_air
 from clutchid.observer.by_stroke import estimates_of
-from clutchid.observer.prior import unused_conditions
+from clutchid.observer.recording import unused_conditions
 
 CALIBRATED = 290.0
 
@@ -133,6 +133,8 @@ def test_a_temperature_that_the_calibration_lacks_is_not_used_and_that_is_said(p
     without = observer(plant, calibration=calibration(None))
     assert without.air is None
     assert np.isnan(observe(without, start(without), log)[0].temperature)
-    (sentence,) = unused_conditions(log, plant, without.calibration)
+    (sentence,) = unused_conditions(without, log)
     assert "temperature_ambient is not used, because the calibration does not have it" in sentence
-    assert unused_conditions(log, plant, calibration()) == ()
+    assert unused_conditions(observer(plant, calibration=calibration()), log) == ()
+    (sentence,) = unused_conditions(observer(plant, "rls", calibration=calibration()), log)
+    assert "temperature_ambient is not used by the method 'rls'" in sentence

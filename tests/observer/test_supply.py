@@ -3,12 +3,15 @@
 import numpy as np
 import pytest
 
+from clutchid.estimation.assess.observed import indicators
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import ACCURACY, RecordedConditions
+from clutchid.model import Actuator
 from clutchid.observer import observe, observer, start
 from clutchid.observer.health import LIVE_FLAGS
 from clutchid.observer.live import after_block, checked, live_run
-from clutchid.observer.prior import load_deviation, supply_of, unused_conditions
+from clutchid.observer.prior import load_deviation, supply_of
+from clutchid.observer.recording import observe_recording, unused_conditions
 from clutchid.simulation import simulate
 
 STROKE = np.linspace(2e-3, 9e-3, 30)
@@ -102,10 +105,27 @@ def test_samples_with_an_open_valve_or_without_a_value_do_not_count(plant, usual
 
 
 def test_a_column_that_cannot_be_used_is_one_sentence(plant, usual_supply, lower):
-    assert unused_conditions(lower, plant, usual_supply) == ()
-    assert unused_conditions(lower.without("pressure_supply"), plant, None) == ()
-    assert "does not have it; record it there too" in unused_conditions(lower, plant, None)[0]
-    assert "was saved before observers used it" in unused_conditions(lower, plant, calibration(9e5, None))[0]
+    assert unused_conditions(observer(plant, calibration=usual_supply), lower) == ()
+    assert unused_conditions(observer(plant), lower.without("pressure_supply")) == ()
+    for made, reason in (
+        (observer(plant), "does not have it; record it there too"),
+        (observer(plant, calibration=calibration(9e5, None)), "was saved before observers used it"),
+        (observer(plant, "rls", calibration=usual_supply), "by the method 'rls'"),
+        (observer(Actuator(model="isothermal"), calibration=usual_supply), "the model has a constant one"),
+    ):
+        (sentence,) = unused_conditions(made, lower)
+        assert reason in sentence
+        assert "Less supply is taken for a larger load." in sentence
+
+
+def test_a_recorded_supply_that_a_method_does_not_use_is_not_called_missing(plant, usual_supply, lower):
+    """In the reasons of the verdict, of a recording and of a live one."""
+    for method, use in (("rls", "not used"), ("joint", "measured")):
+        made = observer(plant, method, calibration=usual_supply)
+        live, _ = after_block(live_run(made, start(made)), lower, dict.fromkeys(LIVE_FLAGS, 0))
+        assert {indicators(run).supply for run in (live, observe_recording(made, lower))} == {use}
+    without = observe_recording(made, lower.without("pressure_supply"))
+    assert indicators(without).supply == "not recorded"
 
 
 def test_a_live_recording_says_it_too(plant, usual_supply, lower):

@@ -12,8 +12,7 @@ from clutchid.observer.by_stroke import StrokeRow
 from clutchid.observer.following import Observed
 from clutchid.observer.health import FLAGS, LIVE_FLAGS, live_health
 from clutchid.observer.observer import Observer
-from clutchid.observer.prior import unused_conditions
-from clutchid.observer.recording import ObservedRecording, duration, follow_block, too_slow, usable
+from clutchid.observer.recording import ObservedRecording, duration, follow_block, too_slow, unused_conditions, usable
 from clutchid.observer.state import ObserverState
 from clutchid.preparation.inspection import inspect
 
@@ -36,7 +35,7 @@ class LiveRun:
 
     `health` are the seconds of each fault so far; `begin` and `latest` are the times in s of the first and of the last
     sample, NaN before them; `checked` are the sentences of the checks of its first samples, None before there were
-    enough; `clock` are the last sentences about repairs of its clock; `assumes_supply` as in `ObservedRecording`.
+    enough; `clock` are the last sentences about repairs of its clock; `records_supply` as in `ObservedRecording`.
     """
 
     observer: Observer
@@ -50,7 +49,12 @@ class LiveRun:
     usable: bool = False
     checked: tuple[str, ...] | None = None
     clock: tuple[str, ...] = ()
-    assumes_supply: bool = True
+    records_supply: bool = False
+
+    @property
+    def assumes_supply(self) -> bool:
+        """As that of an `ObservedRecording`."""
+        return self.observer.supply is None or not self.records_supply
 
     @property
     def seconds(self) -> float:
@@ -109,7 +113,7 @@ def after_block(run: LiveRun, block: Log, left_out: Mapping[str, int]) -> tuple[
         latest=float(block.time[-1]) if len(block) else run.latest,
         usable=run.usable or usable(block),
         clock=(*run.clock, *block.warnings)[-SENTENCES:],
-        assumes_supply=run.assumes_supply and part.assumes_supply,
+        records_supply=run.records_supply or part.records_supply,
     )
     return (checked(after) if last - after.begin >= CHECKED else after), part
 
@@ -142,5 +146,5 @@ def checked(run: LiveRun) -> LiveRun:
     log, actuator = concatenated([part.log for part in run.parts]), run.observer.actuator
     first = log.slice(0, int(np.searchsorted(log.time, run.begin + CHECKED, side="right")))
     slow = too_slow(first, actuator) if len(first) > 1 else ""
-    unused = unused_conditions(first, actuator, run.observer.calibration)
+    unused = unused_conditions(run.observer, first)
     return replace(run, checked=(*inspect(first, actuator).warnings, *filter(None, (slow,)), *unused))

@@ -27,7 +27,7 @@ from clutchid.inference.uncertainty.coordinates import (
     far_stop,
     smoothness,
 )
-from clutchid.log import FloatArray, Log
+from clutchid.log import FloatArray
 from clutchid.log.states import SENSOR_PARAMETERS
 from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
@@ -136,28 +136,6 @@ def supply_of(actuator: Actuator, calibration: Calibration | None) -> Supply | N
         sqrt(2.0) * ACCURACY["P_S"] / conditions.supply,
         conditions.supply,
     )
-
-
-def unused_conditions(log: Log, actuator: Actuator, calibration: Calibration | None) -> tuple[str, ...]:
-    """Reasons why the supply pressure and the air temperature of a recording are not used, each in a sentence."""
-    conditions, sentences = calibration.conditions if calibration else NOT_RECORDED, []
-
-    def recorded(name: str) -> bool:
-        return bool(np.isfinite(log.columns.get(name, np.zeros(0))).any())
-
-    if recorded("pressure_supply") and "p_S" in actuator.states and not supply_of(actuator, calibration):
-        there = conditions.supply is not None
-        why = "was saved before observers used it" if there else "does not have it; record it there too"
-        sentences.append(
-            f"{log.name}: pressure_supply is not used, because the calibration {why}. Save the calibration again: less "
-            "supply is taken for a larger load."
-        )
-    if recorded("temperature_ambient") and not air_of(actuator, calibration):
-        sentences.append(
-            f"{log.name}: temperature_ambient is not used, because the calibration does not have it; record it there "
-            "too. Warmer air is taken for a smaller load."
-        )
-    return tuple(sentences)
 
 
 #: Parameter of a leak of chamber A, which is not below 0.

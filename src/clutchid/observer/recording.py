@@ -11,6 +11,7 @@ import numpy as np
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.conditions import NOT_RECORDED
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.log import INPUTS, FloatArray, Log, name_and_unit, sample_interval
 from clutchid.model.actuator import Actuator
@@ -73,11 +74,14 @@ class ObservedRecording:
     seconds: float
 
     @property
+    def records_supply(self) -> bool:
+        """Whether a supply pressure is recorded."""
+        return recorded(self.log, "pressure_supply")
+
+    @property
     def assumes_supply(self) -> bool:
         """Whether the supply pressure is taken to be that of the calibration: less is taken for a larger load."""
-        recorded = self.log.columns.get("pressure_supply", np.zeros(0))
-        used = self.observer.supply is not None and bool(np.isfinite(recorded).any())
-        return not used
+        return self.observer.supply is None or not self.records_supply
 
     def deviation(self, symbol: str) -> FloatArray:
         """Standard deviation in SI of a state after each sample, that of the last correction; NaN where unknown."""
@@ -175,6 +179,30 @@ def too_slow(log: Log, actuator: Actuator) -> str:
         f"{log.name}: a sample every {spacing(log) * 1e3:.3g} ms does not show every change of the duty cycles, and an "
         "observer cannot wait for the next sample to interpolate: the load would have errors of tens of percent. "
         "Record at 1 kHz, or read the load off line: clutchid estimate LOG --start CAL.toml."
+    )
+
+
+def recorded(log: Log, column: str) -> bool:
+    """Whether a recording has a column with values."""
+    return bool(np.isfinite(log.columns.get(column, np.zeros(0))).any())
+
+
+def unused_conditions(observer: Observer, log: Log) -> tuple[str, ...]:
+    """Reasons why an observer does not use the supply pressure and air temperature of a recording, a sentence each."""
+    conditions = observer.calibration.conditions if observer.calibration else NOT_RECORDED
+    by_method = f" by the method '{observer.method}'" if observer.joint.reference is not None else ""
+    by_model = "" if "p_S" in observer.actuator.states else ", because the model has a constant one"
+    lacking = ", because the calibration does not have it; record it there too"
+    unsaved = ", because the calibration was saved before observers used it; save it again"
+    of_supply = by_method or by_model or (lacking if conditions.supply is None else unsaved)
+    rows = (
+        ("pressure_supply", observer.supply, of_supply, "Less supply is taken for a larger load."),
+        ("temperature_ambient", observer.air, by_method or lacking, "Warmer air is taken for a smaller load."),
+    )
+    return tuple(
+        f"{log.name}: {column} is not used{why}. {effect}"
+        for column, use, why, effect in rows
+        if use is None and recorded(log, column)
     )
 
 

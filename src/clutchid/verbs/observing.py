@@ -105,30 +105,15 @@ def observed(
     DataError, ParameterError
         As `observe`.
     """
-    from clutchid.observer.recording import observe_recording
+    from clutchid.observer.recording import observe_recording, too_slow, unused_conditions
 
     (log,) = reading.checked(content.actuator, rest=content.rest)
-    log = fast_enough(log, content, force=reading.force)
-    observer, state = observer_of(log, content, method, resume, reading.zero, supply_std)
-    return observe_recording(observer, log, state)
-
-
-def fast_enough(log: Log, content: ParameterFile, *, force: bool = False) -> Log:
-    """The recording with warnings about its rate and its supply pressure.
-
-    Raises
-    ------
-    DataError
-        If it is too slow for an observer, unless with `force`.
-    """
-    from clutchid.observer.prior import unused_conditions
-    from clutchid.observer.recording import too_slow
-
     slow = too_slow(log, content.actuator)
-    if slow and not force:
+    if slow and not reading.force:
         raise DataError(f"{slow}{ANYWAY}")
-    warnings = (*filter(None, (slow,)), *unused_conditions(log, content.actuator, content.calibration))
-    return replace(log, warnings=(*log.warnings, *warnings))
+    observer, state = observer_of(log, content, method, resume, reading.zero, supply_std)
+    warnings = (*log.warnings, *filter(None, (slow,)), *unused_conditions(observer, log))
+    return observe_recording(observer, replace(log, warnings=warnings), state)
 
 
 def observer_of(

@@ -9,7 +9,7 @@ from clutchid.observer import observe_recording, observer
 from clutchid.observer.health import FLAGS
 
 #: Indicators of a load without any fault.
-GOOD = Indicators(True, 12, 0.03, 1.1, dict.fromkeys(FLAGS, 0.0), False)
+GOOD = Indicators(True, 12, 0.03, 1.1, dict.fromkeys(FLAGS, 0.0), "measured")
 
 
 @pytest.mark.parametrize(
@@ -31,7 +31,8 @@ GOOD = Indicators(True, 12, 0.03, 1.1, dict.fromkeys(FLAGS, 0.0), False)
         ({"flagged": {"position_frozen": 0.9}}, "good", None),
         ({"flagged": {"leak": 0.01}}, "with care", "leaks (1 % of the time)"),
         ({"flagged": {"diverged": 0.001}}, "with care", "started again (0.1 % of the time)"),
-        ({"supply_assumed": True}, "with care", "the supply pressure was not recorded"),
+        ({"supply": "not recorded"}, "with care", "and the band allows for it; record it."),
+        ({"supply": "not used"}, "with care", "the supply pressure was not used"),
         ({"unvented": (Reason("no rest"),)}, "with care", "no rest"),
         (
             {"kept_shift": 3e-4},
@@ -48,7 +49,7 @@ def test_the_trust_falls_with_each_indicator_and_says_why(change, trust, reason)
 
 
 def test_the_worst_of_several_reasons_decides_and_all_are_said():
-    verdict = observed_verdict(GOOD._replace(strokes=0, supply_assumed=True))
+    verdict = observed_verdict(GOOD._replace(strokes=0, supply="not recorded"))
     assert (verdict.trust, len(verdict.reasons)) == ("none", 2)
 
 
@@ -61,7 +62,7 @@ def test_the_indicators_are_those_of_the_end_of_the_recording(plant, recorded_by
     torn = log.with_columns(position=np.where(np.arange(len(log)) < 600, np.nan, log["position"]))
     indicated = indicators(observe_recording(observer(plant), torn))
     assert indicated.adapts
-    assert indicated.supply_assumed
+    assert indicated.supply == "not recorded"
     assert indicated.flagged["position_missing"] == pytest.approx(600 / len(log))
     begin = indicators(observe_recording(observer(plant), log.slice(0, 2)))
     assert indicated.half_width < begin.half_width, "the band becomes narrower"

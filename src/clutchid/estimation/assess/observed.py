@@ -78,13 +78,17 @@ _ZEROS: Mapping[ZeroKnown, str] = {
 }
 
 
+#: Use of the supply pressure of a recording.
+SupplyUse = Literal["measured", "not used", "not recorded"]
+
+
 class Indicators(NamedTuple):
     """Indicators of an observed load, without its truth.
 
     Whether the load `adapts`, how many `strokes` have ended, the half width of its band from 5 to 8 mm as a share of
-    its peak, the NIS ratio (NaN: not known), the share of the time of each flag, whether the supply pressure of the
-    calibration is assumed, how far in m a vented rest has moved that is not subtracted from the position, what is known
-    of the `zero` after a position has jumped and stayed, and the reason where the calibration is `unvented`.
+    its peak, the NIS ratio (NaN: not known), the share of the time of each flag, the use of the `supply` pressure, how
+    far in m a vented rest has moved that is not subtracted from the position, what is known of the `zero` after a
+    position has jumped and stayed, and the reason where the calibration is `unvented`.
     """
 
     adapts: bool
@@ -92,7 +96,7 @@ class Indicators(NamedTuple):
     half_width: float
     mismatch: float
     flagged: Mapping[str, float]
-    supply_assumed: bool
+    supply: SupplyUse
     kept_shift: float = 0.0
     zero: ZeroKnown = "no jump"
     unvented: tuple[Reason, ...] = ()
@@ -127,7 +131,7 @@ def indicators(run: ObservedRecording | LiveRun) -> Indicators:
         half / peak if peak > 0.0 else np.inf,
         run.after.mismatch if run.observer.compares else np.nan,
         {name: seconds / run.seconds for name, seconds in run.health.items()},
-        run.assumes_supply,
+        ("not recorded", "not used")[run.records_supply] if run.assumes_supply else "measured",
         run.after.rest.shift if run.observer.zero == "keep" else 0.0,
         _zero(run),
         tuple(unvented_baseline(run.observer.calibration)),
@@ -149,7 +153,7 @@ def observed_verdict(indicators: Indicators) -> Verdict:
     --------
     A load that ten strokes have determined, of a truck that records its supply pressure:
 
-    >>> observed_verdict(Indicators(True, 10, 0.03, 1.1, {}, False)).trust
+    >>> observed_verdict(Indicators(True, 10, 0.03, 1.1, {}, "measured")).trust
     'good'
     """
     reasons = [*_reasons(indicators)]
@@ -187,10 +191,11 @@ def _reasons(indicators: Indicators) -> Iterator[Reason]:
         share = indicators.flagged.get(name, 0.0)
         if share > limit.care:
             yield Reason(f"{FLAGS[name]} ({100 * share:.2g} % of the time).", share > limit.none)
-    if indicators.supply_assumed:
+    if indicators.supply != "measured":
+        advice = "; record it" if indicators.supply == "not recorded" else ""
         yield Reason(
-            "the supply pressure was not recorded: a supply 5 % below that of the calibration is taken for a load "
-            "6 % larger, and the band allows for it; record it."
+            f"the supply pressure was {indicators.supply}: a supply 5 % below that of the calibration is taken for a "
+            f"load 6 % larger, and the band allows for it{advice}."
         )
     yield from kept_rest(indicators.kept_shift)
     if indicators.zero != "no jump":
