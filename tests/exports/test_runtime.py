@@ -179,12 +179,37 @@ def test_the_model_and_the_paper_s_load_are_exported_too(found_by, plant, record
     assert compared.holds(style), compared
 
 
-def test_an_export_goes_on_from_what_a_saved_state_has_learnt(found_by, observer_of, log):
+@pytest.mark.parametrize("case", ["as before", "moves later", "moved before", "moved at last", "jumped"])
+def test_an_export_goes_on_from_what_a_saved_state_has_learnt(found_by, observer_of, log, faulty, case):
+    """Also where the zero moves, which sends both back to the calibration, and with the zero that was known last."""
+    moved = log.with_columns(position=log["position"] + 4e-4)
+    jumping = spoiled(log, "position", slice(2500, 4000), log["position"][2500:4000] + 5e-3)
+    learnt_from, followed = {
+        "as before": (log, log),
+        "moves later": (log.slice(0, 4000), faulty),
+        "moved before": (moved, moved),
+        "moved at last": (faulty, log),
+        "jumped": (jumping.slice(0, 4000), log),
+    }[case]
     estimator = observer_of("joint")
-    saved, _ = observe(estimator, start(estimator), log)
-    _, compared = found_by("joint", CStyle(real="double"), log, saved)
+    saved, _ = observe(estimator, start(estimator), learnt_from)
+    assert (abs(saved.zero) > 3e-4) == case.startswith("moved")
+    assert bool(saved.unzeroed) == (case == "jumped")
+    outputs, compared = found_by("joint", CStyle(real="double"), followed, saved)
     assert compared.holds(CStyle(real="double")), compared
     assert compared.strokes[0] > saved.strokes.ended > 0
+    first_flags = outputs.outputs[100, COLUMNS.index("flags")]
+    assert bool(int(first_flags) >> list(FLAGS).index("zero_unknown") & 1) == (case == "jumped")
+
+
+def test_a_resumed_export_whose_zero_moves_has_the_numbers_of_one_that_begins_as_calibrated(observer_of, found_by, log):
+    """Once the rest has shown it: what was learnt before, with whatever zero, is forgotten."""
+    estimator, moved = observer_of("joint"), log.with_columns(position=log["position"] + 4e-4)
+    saved, _ = observe(estimator, start(estimator), log)
+    resumed, new = (found_by("joint", CStyle(real="double"), moved, state)[0] for state in (saved, None))
+    assert saved.theta.any()
+    assert np.nanmax(resumed.outputs[:, COLUMNS.index("rest")]) > 3e-4
+    np.testing.assert_allclose(resumed.theta, new.theta, rtol=0, atol=1e-9)
 
 
 MEMORY = """

@@ -13,6 +13,7 @@ from clutchid.estimation.assess.observed import FLAGGED, TRUSTS, most_trust
 from clutchid.exports.filter import FilterSize
 from clutchid.inference.filter.joint_filter import JointFilter
 from clutchid.inference.filter.setup import LAG, LAG_OF, OFFSET, OFFSET_OF, PARAMETER, WEIGHT
+from clutchid.log import FloatArray
 from clutchid.log.states import NOISE_SPAN, SENSORS
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.interval import QUANTILE
@@ -109,9 +110,11 @@ def data_of(observer: Observer, state: ObserverState) -> dict[str, Any]:
     values |= _noise_values(observer) | _band_values(observer) | _rest_values(observer)
     return values | {
         "theta": state.theta.tolist(),
-        "root": [row[: i + 1].tolist() for i, row in enumerate(state.T)],
+        "root": _triangle(state.T),
+        "prior": _triangle(observer.prior.root),
         "G": state.G[:, 0].tolist() if state.G.size else [],
         "strokes": state.strokes.ended,
+        "zero": 2 if state.unzeroed else int(state.jumped),
         "mismatch": state.mismatch,
         "shift": state.rest.shift,
         "flagged": [FLAGGED.get(flag, (np.inf, np.inf)) for flag in FLAGS],
@@ -119,6 +122,10 @@ def data_of(observer: Observer, state: ObserverState) -> dict[str, Any]:
         "most_trust": TRUSTS.index(most_trust(observer)),
         "pace": dict(zip(("positions", "speeds", "rates"), (part.tolist() for part in joint.pace), strict=True)),
     }
+
+
+def _triangle(root: FloatArray) -> list[list[float]]:
+    return [row[: i + 1].tolist() for i, row in enumerate(root)]
 
 
 def _filter_values(joint: JointFilter) -> dict[str, Any]:

@@ -105,12 +105,13 @@ class Parity(NamedTuple):
 
 
 def begun(observer: Observer, saved: ObserverState) -> ObserverState:
-    """The state that an export begins with: what a saved one knows of parameters, strokes and the vented rest."""
+    """The state that an export begins with: what a saved one knows of parameters, strokes and the zero."""
     fresh = start(observer)
     sound = Sound(saved.theta, drifted(observer.joint, saved.T, saved.wear), saved.G, fresh.wear)
     fresh = fresh._replace(
         **sound._asdict(), sound=sound, strokes=Strokes(saved.strokes.ended), mismatch=saved.mismatch,
-        rest=RestWatch(shift=saved.rest.shift),
+        rest=RestWatch(shift=saved.zero if observer.zero == "subtract" else saved.rest.shift), zero=saved.zero,
+        jumped=saved.jumped, unzeroed=(-np.inf,) if saved.unzeroed else (),
     )  # fmt: skip
     return fresh._replace(leaking=observer.leaks(fresh))
 
