@@ -198,7 +198,7 @@ def _binary(samples: FloatArray, style: CStyle) -> bytes:
     real = np.dtype("<f4" if style.real == "float" else "<f8")
     record = np.dtype([("values", real, 4), ("since_us", "<u4")], align=True)
     rows = np.zeros(len(samples), record)
-    rows["values"], rows["since_us"] = samples[:, :4], samples[:, 4]
+    rows["values"], rows["since_us"] = samples[:, :4], samples[:, -1]
     return rows.tobytes()
 
 

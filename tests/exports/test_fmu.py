@@ -401,7 +401,7 @@ def test_steps_of_the_observer_are_those_of_the_replay(observing, modules, input
     files = [str(folder / f"{stem}.c") for stem in ("replay", *modules)]
     subprocess.run(["cc", "-std=c99", "-O0", "-o", str(folder / "replay"), *files, "-lm"], check=True)
     columns = [inputs[name][:n] for name in ("position_measured", "duty_supply", "duty_exhaust")]
-    samples = np.column_stack([*columns, np.full(n, np.nan), np.where(np.arange(n) > 0, 1000.0, 0.0)])
+    samples = np.column_stack([*columns, np.full((n, 2), np.nan), np.where(np.arange(n) > 0, 1000.0, 0.0)])
     process = subprocess.run([str(folder / "replay")], input=samples.tobytes(), capture_output=True, check=True)
     replayed = np.frombuffer(process.stdout)
     instance = observing.instance().begin(load_position=5e-3)

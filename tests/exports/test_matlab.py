@@ -17,6 +17,8 @@ from clutchid.exports.c99 import CStyle
 from clutchid.exports.matlab import matlab_files
 from clutchid.exports.outputs import OUTPUTS
 from clutchid.exports.parity import BAND
+from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.conditions import RecordedConditions
 from clutchid.log import FloatArray
 from clutchid.model import Actuator
 from clutchid.observer import observer
@@ -48,20 +50,22 @@ class Exported:
 def exported(request, plant: Actuator, recorded_by, tmp_path_factory: pytest.TempPathFactory) -> Exported:
     style, folder = CStyle("release", *request.param), tmp_path_factory.mktemp("matlab") / "with space"
     folder.mkdir()
-    made = observer(plant.replace(T_pwm=0.01))
+    calibration = Calibration((), np.zeros((0, 0)), conditions=RecordedConditions(temperature=290.0))
+    made = observer(plant.replace(T_pwm=0.01), calibration=calibration)
     sources = write_sources(made, style, folder / "src")
     (folder / "matlab").mkdir()
     for file, text in matlab_files(style).items():
         (folder / "matlab" / file).write_text(text)
     log = recorded_by(plant, seconds=3.0)
     steps = np.diff(np.round(log.time * 1e6), prepend=np.round(log.time[0] * 1e6))
-    supply = np.full(len(log), np.nan)
-    samples = np.column_stack([log["position"], log["duty_supply"], log["duty_exhaust"], supply, steps])
+    supply, air = np.full((2, len(log)), np.nan)
+    air[::100] = 270.0
+    samples = np.column_stack([log["position"], log["duty_supply"], log["duty_exhaust"], supply, air, steps])
     program = replay(style, sources, POSITIONS, BEGINS)
     numbers = np.frombuffer(subprocess.run([program], input=samples.tobytes(), stdout=-1, check=True).stdout)
     results, rest = np.split(numbers, [len(log) * len(OUTPUTS)])
     load = rest[: BAND * POSITIONS.size].reshape(-1, BAND)[:, :3]
-    samples[:, 4] *= 1e-6
+    samples[:, 5] *= 1e-6
     return Exported(style, folder, sources, samples, results.reshape(len(log), -1), load)
 
 
@@ -155,7 +159,7 @@ def test_two_blocks_of_simulink_have_the_numbers_of_two_programs_bit_for_bit(
             library.step(blocks[number], *map(pointer, arrays))
     np.testing.assert_array_equal(results[0], exported.results)
     steps = np.append(0.0, np.full(len(recordings[1]) - 1, 1000.0))
-    program, samples = exported.folder / "src" / "replay", np.column_stack([recordings[1][:, :4], steps])
+    program, samples = exported.folder / "src" / "replay", np.column_stack([recordings[1][:, :5], steps])
     alone = np.frombuffer(subprocess.run([program], input=samples.tobytes(), stdout=-1, check=True).stdout)
     alone = alone[: len(samples) * len(OUTPUTS)].reshape(len(samples), -1)
     np.testing.assert_array_equal(results[1, : len(samples)], alone)
@@ -182,15 +186,16 @@ def test_the_mex_function_has_the_numbers_of_the_replay_bit_for_bit(exported: Ex
         f"addpath('{exported.folder / 'matlab'}'); make_mex();"
         "function x = get(name, n), f = fopen(name); x = fread(f, [n, Inf], 'double'); fclose(f); end;"
         "function put(name, x), f = fopen(name, 'w'); fwrite(f, x', 'double'); fclose(f); end;"
-        f"samples = reshape(get('samples', 1), {len(exported.samples)}, 5);"
+        f"samples = reshape(get('samples', 1), {len(exported.samples)}, 6);"
         f"[y, load] = release_mex(samples, get('positions', 1), {BEGINS * 1e-6});"
         "put('y', y); put('load', load);"
         f"assert(isequaln(release_mex(samples, [], {BEGINS * 1e-6}), y));"
-        "assert(! isequaln(release_mex(samples), y));",
+        "assert(! isequaln(release_mex(samples), y));"
+        f"samples(:, 5) = NaN; assert(! isequaln(release_mex(samples, [], {BEGINS * 1e-6}), y));",
     )
     np.testing.assert_array_equal(np.fromfile(tmp_path / "y").reshape(-1, len(OUTPUTS)), exported.results)
     np.testing.assert_array_equal(np.fromfile(tmp_path / "load").reshape(-1, 3), exported.load)
-    refused = ("", "1", "zeros(2, 4)", "single(zeros(2, 5))", "1i * ones(2, 5)", "zeros(2, 5), 0, [1 2]")
+    refused = ("", "1", "zeros(2, 5)", "single(zeros(2, 6))", "1i * ones(2, 6)", "zeros(2, 6), 0, [1 2]")
     run_octave(
         exported.folder / "matlab",
         "refused = {" + ", ".join(f"@() release_mex({arguments})" for arguments in refused) + "};"

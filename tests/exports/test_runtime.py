@@ -153,6 +153,32 @@ def test_at_another_temperature_of_the_air_everything_is_alike(found_by, log, me
     assert not as_usual or np.all(width < wider), "a temperature that is known is less uncertain"
 
 
+def test_a_temperature_that_is_refused_or_lost_is_flagged_alike(found_by, log):
+    """As of a slow channel with another value from 2 to 3 s, that ends at 5 s, 70 s before the next sample."""
+    late = replace(log, time=log.time + 70.0 * (log.time > 5.0))
+    air = np.where((late.time > 2.0) & (late.time < 3.0), 233.0, 280.0 + late.time / 4.0)
+    air[late.time > 5.0] = np.nan
+    air[np.arange(len(air)) % 100 != 0] = np.nan
+    outputs, compared = found_by("joint", CStyle(real="double"), late.with_columns(temperature_ambient=air))
+    assert compared.holds(CStyle(real="double")), compared
+    assert next(d.value for d in compared.differences if d.name == "load and band") < 1e-3
+    counts = dict(zip(FLAGS, outputs.health.tolist(), strict=True))
+    assert (counts["air_refused"], counts["air_lost"]) == (900.0, (late.time > 70.0).sum())
+    assert counts["not_learning"] > 0
+
+
+def test_samples_that_repeat_others_have_that_flag_only(found_by, log):
+    """Where the rest has moved, too."""
+    moved = log.with_columns(position=log["position"] + 4e-4)
+    time = moved.time.copy()
+    time[6000:7000:10] = time[5999:6999:10] + 5e-5
+    outputs, compared = found_by("joint", CStyle(real="double"), replace(moved, time=time))
+    assert compared.flags == {}
+    counts = dict(zip(FLAGS, outputs.health.tolist(), strict=True))
+    assert counts["repeated"] == 100
+    assert counts["rest_moved"] > 1000
+
+
 def test_strokes_count_from_the_vented_rest_wherever_the_sensor_reads_it(found_by, log):
     far = log.with_columns(position=log["position"] + 1.8e-3)
     _, compared = found_by("joint", CStyle(real="double"), far)
@@ -220,11 +246,11 @@ static clutch_t self;
 static clutch_nvram_t stored;
 static void run(void)
 {
-    double sample[5];
+    double sample[6];
     clutch_output_t output;
     while (fread(sample, sizeof(sample), 1u, stdin) == 1u) {
         const clutch_input_t input = { sample[0], sample[1], sample[2], sample[3] };
-        clutch_fast(&clutch_data, &self, &input, (uint32_t)sample[4], &output);
+        clutch_fast(&clutch_data, &self, &input, (uint32_t)sample[5], &output);
     }
 }
 int main(int count, char **words)

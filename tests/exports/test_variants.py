@@ -31,11 +31,11 @@ static void put_output(void)
 }
 static int take(const clutch_data_t *data, clutch_t *of)
 {
-    double sample[5];
+    double sample[6];
     const int read = fread(sample, sizeof(sample), 1u, stdin) == 1u;
     const clutch_input_t input = { sample[0], sample[1], sample[2], sample[3] };
     if (read == 1) {
-        clutch_fast(data, of, &input, (uint32_t)sample[4], &output);
+        clutch_fast(data, of, &input, (uint32_t)sample[5], &output);
         (void)clutch_slow(data, of);
         put_output();
     }

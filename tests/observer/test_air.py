@@ -1,5 +1,7 @@
 """The temperature of the air on line: which one is in use, what follows from it, and that it is used."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from sympy import Symbol
@@ -8,8 +10,8 @@ from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import RecordedConditions
 from clutchid.model import Actuator, GroupChange, OwnModel, OwnParameter
 from clutchid.observer import observe, observer, start
-from clutchid.observer.air import at_air, changes_of_air
-from clutchid.observer.by_stroke import estimates_of
+from clutchid.observer.air import air_of_samples, at_air
+from clutchid.observer.by_stroke import estimates_of, follow_strokes
 from clutchid.observer.recording import unused_conditions
 
 CALIBRATED = 290.0
@@ -33,31 +35,62 @@ def cold(worn):
 
 
 @pytest.mark.parametrize(
-    ("used", "recorded", "changes", "latest"),
+    ("used", "recorded", "changes", "aired", "refused"),
     [
-        (np.nan, [], [], -7.0),
-        (np.nan, [np.nan, np.nan], [], -7.0),
-        (np.nan, [np.nan, 291.9, 289.0, 288.1], [(1, 290.0)], 3.0),
-        (np.nan, [292.5, 291.0], [(0, 292.5)], 1.0),
-        (292.5, [294.4, 290.6, np.nan, 294.6, 292.7], [(3, 294.6)], 4.0),
-        (275.0, [270.0, 271.0, 273.0], [(0, 270.0), (2, 273.0)], 2.0),
-        (290.0, [0.0, -40.0, 1e6, np.inf, 212.0], [], -7.0),
-        (290.0, [233.0, 291.0, 233.0, 353.0], [], 1.0),
-        (290.0, [296.5, 290.0], [], 1.0),
-        (290.0, [296.3, 303.0, 301.4], [(0, 296.3), (2, 301.4)], 2.0),
+        (np.nan, [], [], [], ""),
+        (np.nan, [np.nan, np.nan], [], [-7.0, -7.0], ".."),
+        (np.nan, [np.nan, 291.9, 289.0, 288.1], [(1, 290.0)], [-7.0, 1.0, 2.0, 3.0], "...."),
+        (np.nan, [292.5, 291.0], [(0, 292.5)], [0.0, 1.0], ".."),
+        (292.5, [294.4, 290.6, np.nan, 294.6, 292.7], [(3, 294.6)], [0.0, 1.0, 1.0, 3.0, 4.0], "....."),
+        (275.0, [270.0, 271.0, 273.0], [(0, 270.0), (2, 273.0)], [0.0, 1.0, 2.0], "..."),
+        (290.0, [0.0, -40.0, 1e6, np.inf, 212.0], [], [-7.0] * 5, "xxxxx"),
+        (290.0, [233.0, 291.0, 233.0, 353.0], [], [-7.0, 1.0, 1.0, 1.0], "x.xx"),
+        (290.0, [296.5, np.nan, 290.0], [], [-7.0, -7.0, 2.0], "xx."),
+        (290.0, [296.3, 303.0, 301.4], [(0, 296.3), (2, 301.4)], [0.0, 0.0, 2.0], ".x."),
     ],
 )
 def test_a_temperature_is_in_use_until_one_counts_that_differs_by_more_than_the_error_of_a_sensor(
-    joint, used, recorded, changes, latest
+    joint, used, recorded, changes, aired, refused
 ):
-    time = np.arange(float(len(recorded)))
-    assert changes_of_air(joint, used, -7.0, time, np.array(recorded)) == (changes, latest)
+    before, time = start(joint)._replace(temperature=used, aired=-7.0), np.arange(float(len(recorded)))
+    air = air_of_samples(joint, before, time, np.array(recorded))
+    assert (air.changes, air.aired.tolist()) == (changes, aired)
+    assert "".join(".x"[int(is_refused)] for is_refused in air.refused) == refused
+    refused_before = air_of_samples(joint, before._replace(air_refused=True), np.arange(2.0), None)
+    assert refused_before.refused.all(), "until one counts"
 
 
-def test_air_that_is_another_for_minutes_counts(joint):
-    time = np.arange(400.0)
-    ((at, temperature),), _ = changes_of_air(joint, 290.0, 0.0, time, np.full(400, 240.1))
-    assert (at, temperature) == (225, 240.1)
+def test_air_that_is_another_for_minutes_counts_and_that_of_a_minute_ago_is_not_known(joint):
+    before, time = start(joint)._replace(temperature=290.0, aired=0.0), np.arange(400.0)
+    air = air_of_samples(joint, before, time, np.full(400, 240.1))
+    assert air.changes == [(225, 240.1)]
+    assert np.flatnonzero(air.lost).tolist() == list(range(61, 225))
+
+
+def test_a_minute_after_the_last_temperature_the_band_is_that_of_an_unknown_one_however_the_recording_is_cut(
+    joint, worn, recorded_by
+):
+    """At the ends of strokes too; and the model stays at the last one."""
+    log, y = recorded_by(worn, seconds=6.0).without("pressure_a"), np.linspace(2e-3, 9e-3, 30)
+    log = replace(log, time=log.time + 59.0 * (log.time > 3.0))
+    air = np.where(log.time < 1.5, 260.0, np.nan)
+    recorded = log.with_columns(temperature_ambient=air)
+    after, samples, rows = follow_strokes(joint, start(joint), recorded)
+    never, _, _ = follow_strokes(joint, start(joint), log)
+    before, _ = observe(joint, start(joint), recorded.slice(0, 2000))
+    assert after.temperature == 260.0
+    assert np.flatnonzero(samples.air_lost).tolist() == list(range(int(np.argmax(log.time > 61.5)), len(log)))
+    share = [joint.load_deviation(s._replace(T=0.0 * s.T), y) / joint.load(s).force(y) for s in (before, after, never)]
+    assert np.all(share[0] < share[1])
+    np.testing.assert_allclose(share[1], share[2], rtol=0.1)
+    state, pieces = start(joint), []
+    for first in range(0, len(log), 700):
+        state, _, ended = follow_strokes(joint, state, recorded.slice(first, min(first + 700, len(log))))
+        pieces += ended
+    assert len(rows) > 1
+    for row, piece in zip(rows, pieces, strict=True):
+        np.testing.assert_array_equal(row.curve.high, piece.curve.high)
+    assert state.aired == after.aired
 
 
 def test_a_sensor_that_fails_for_a_second_changes_nothing(joint, worn, recorded_by):

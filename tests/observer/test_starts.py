@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_equal
 
 from clutchid.inference.filter.joint_filter import init
-from clutchid.observer import observe, start
+from clutchid.observer import observe, observe_recording, start
 from clutchid.observer.state import Tail, segment_of
 from clutchid.simulation.plan import OUTSIDE
 from clutchid.strokes.stroke import BEGINS, ENDS
@@ -28,6 +28,9 @@ def test_a_stroke_whose_beginning_was_not_followed_teaches_nothing_and_the_next_
     assert state.partial
     assert_equal((state.theta, state.T), (start(joint).theta, start(joint).T))
     assert np.isfinite(samples.innovations[:, 0]).sum() > 5, "and the states are corrected"
+    np.testing.assert_array_equal(samples.partial, np.isfinite(samples.states[:, 0]))
+    run = observe_recording(joint, log.slice(returns, len(log)))
+    assert run.health["not_learning"] == pytest.approx(1e-3 * (ends - returns + 1)), "and that is flagged"
     state, _ = observe(joint, state, log.slice(ends, len(log)))
     assert state.strokes.ended > 1
     assert not state.partial

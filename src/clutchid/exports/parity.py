@@ -28,6 +28,9 @@ from clutchid.strokes.stroke import Strokes
 #: Standard deviation of the position sensor's noise in the trial drive in m.
 _SENSOR_NOISE = 1e-5
 
+#: Columns of a recording that the C is given.
+SAMPLE = ("position", "duty_supply", "duty_exhaust", "pressure_supply", "temperature_ambient")
+
 #: Columns of the results of a sample in C, see ``replay.c``.
 COLUMNS = tuple(OUTPUTS)
 
@@ -149,9 +152,9 @@ def begins_us(log: Log) -> int:
 
 
 def samples_of(log: Log) -> FloatArray:
-    """The samples of a recording for the C, shape (n, 5): position, duty cycles, supply pressure, microseconds."""
-    supply = log.columns.get("pressure_supply", np.full(len(log), np.nan))
-    return np.column_stack([log["position"], log["duty_supply"], log["duty_exhaust"], supply, microseconds(log)])
+    """The samples of a recording for the C, shape (n, 6): `SAMPLE`, and microseconds since the last one."""
+    columns = [log.columns.get(name, np.full(len(log), np.nan)) for name in SAMPLE]
+    return np.column_stack([*columns, microseconds(log)])
 
 
 def replay_source(observer: Observer, style: CStyle, begins: int) -> str:
@@ -197,15 +200,14 @@ def replay_program(
 
 
 def replayed(program: Path, observer: Observer, log: Log) -> Replayed:
-    """The outputs of a `replay_program` for a recording, at its first temperature of the air.
+    """The outputs of a `replay_program` for a recording.
 
     Raises
     ------
     ExportError
         If it fails.
     """
-    air = [repr(kelvin) for kelvin in log.columns.get("temperature_ambient", np.zeros(0))[:1].tolist()]
-    values = np.frombuffer(_checked([str(program), *air], samples_of(log).tobytes()))
+    values = np.frombuffer(_checked([str(program)], samples_of(log).tobytes()))
     n, m = len(log) * len(COLUMNS), BAND * positions(observer).size
     outputs, load, rest = values[:n], values[n : n + m], values[n + m :]
     return Replayed(outputs.reshape(-1, len(COLUMNS)), load.reshape(-1, BAND), rest[: -len(FLAGS)], rest[-len(FLAGS) :])

@@ -80,8 +80,8 @@ def vectors(samples: FloatArray, outputs: FloatArray, style: CStyle, begins_us: 
 
     Parameters
     ----------
-    samples : (n, 5)
-        Position in m, duty cycles of supply and exhaust, supply pressure in Pa, microseconds since the last sample.
+    samples : (n, 6)
+        As `parity.samples_of` has them; they have no temperature of the air.
     outputs : (n, outputs)
         `OUTPUTS` after each sample.
     begins_us : us
@@ -98,7 +98,7 @@ def vectors(samples: FloatArray, outputs: FloatArray, style: CStyle, begins_us: 
         **style.values,
         "inputs": "\n".join(inputs),
         "outputs": "\n".join(rows),
-        "since_us": ", ".join(f"{int(row[4])}u" for row in samples),
+        "since_us": ", ".join(f"{int(row[-1])}u" for row in samples),
         "tolerances": ", ".join(map(number, _tolerances(outputs, style))),
         "begins_us": begins_us,
     }

@@ -5,19 +5,44 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import lru_cache
 from math import isnan
+from typing import NamedTuple
 
 import numpy as np
 
-from clutchid.inference.uncertainty.conditions import ACCURACY, AIR, RATE, SWING
-from clutchid.log import FloatArray
+from clutchid.inference.filter.setup import IntArray
+from clutchid.inference.uncertainty.conditions import ACCURACY, AIR, LOST, RATE, SWING
+from clutchid.log import BoolArray, FloatArray
+from clutchid.observer.gaps import RESOLUTION
 from clutchid.observer.observer import Observer
+from clutchid.observer.state import ObserverState
 from clutchid.simulation.parameter_map import parameter_map
 
 
-def changes_of_air(
-    observer: Observer, used: float, latest: float, time: FloatArray, temperature: FloatArray
-) -> tuple[list[tuple[int, float]], float]:
-    """Samples from which on another temperature of the air is in use, that in K, and when one last counted.
+class AirOfSamples(NamedTuple):
+    """Temperatures of the air in a block.
+
+    Attributes
+    ----------
+    changes
+        Samples from which on another temperature is in use, and that in K.
+    aired : s, (n,)
+        Time at which a temperature last counted, by sample; NaN before one has.
+    refused : (n,)
+        Whether the last recorded temperature does not count.
+    lost : (n,)
+        Whether none has counted for so long that it is not known any more.
+    """
+
+    changes: list[tuple[int, float]]
+    aired: FloatArray
+    refused: BoolArray
+    lost: BoolArray
+
+
+def air_of_samples(
+    observer: Observer, state: ObserverState, time: FloatArray, temperature: FloatArray | None
+) -> AirOfSamples:
+    """The temperatures of the air in a block: which are in use, and which do not count.
 
     A temperature stays in use until one counts that differs by more than a sensor's standard deviation. The first one
     is that of the calibration, unless it differs by as much. What no air has does not count, and neither does what
@@ -25,34 +50,39 @@ def changes_of_air(
 
     Parameters
     ----------
-    used : K
-        In use before, NaN for none.
-    latest : s
-        Time at which one counted before, NaN for none.
+    state
+        Before the block.
     time : s, (n,)
         Time of the samples.
     temperature : K, (n,)
-        As recorded, NaN for none.
+        As recorded, NaN for none; None without a column.
     """
+    if observer.air is None or temperature is None:
+        temperature = np.full(time.size, np.nan)
+    counts = (temperature >= AIR[0]) & (temperature <= AIR[1])
+    recorded, used, latest = np.flatnonzero(counts), state.temperature, state.aired
     changes = list[tuple[int, float]]()
-    if observer.air is None:
-        return changes, latest
-    recorded = np.flatnonzero((temperature >= AIR[0]) & (temperature <= AIR[1]))
-    values, times = temperature[recorded], time[recorded]
-    if times.size and isnan(used):
-        differs = abs(values[0] - observer.air.calibrated) > ACCURACY["T_0"]
-        used, latest = float(values[0]) if differs else observer.air.calibrated, float(times[0])
+    if observer.air is not None and recorded.size and isnan(used):
+        value, latest = float(temperature[recorded[0]]), float(time[recorded[0]])
+        used = value if abs(value - observer.air.calibrated) > ACCURACY["T_0"] else observer.air.calibrated
         changes = [(int(recorded[0]), used)]
-    if not np.any(np.abs(values - used) > ACCURACY["T_0"]):
-        return changes, float(times[-1]) if times.size else latest
-    for at, seconds, value in zip(recorded.tolist(), times.tolist(), values.tolist(), strict=True):
-        change = abs(value - used)
-        if change <= SWING + RATE * (seconds - latest):
-            latest = seconds
-            if change > ACCURACY["T_0"]:
+    if np.any(np.abs(temperature[recorded] - used) > ACCURACY["T_0"]):
+        for at in recorded.tolist():
+            seconds, value = float(time[at]), float(temperature[at])
+            change = abs(value - used)
+            counts[at] = change <= SWING + RATE * (seconds - latest)
+            latest = seconds if counts[at] else latest
+            if counts[at] and change > ACCURACY["T_0"]:
                 used = value
                 changes.append((at, used))
-    return changes, latest
+    aired = np.append(time, state.aired)[_last(counts)]
+    refused = np.append(~counts, state.air_refused)[_last(np.isfinite(temperature))]
+    return AirOfSamples(changes, aired, refused, time - aired > LOST + 0.5 * RESOLUTION)
+
+
+def _last(mask: BoolArray) -> IntArray:
+    """The last sample so far in a mask, by sample; -1 before there is one."""
+    return np.maximum.accumulate(np.where(mask, np.arange(mask.size), -1))
 
 
 @lru_cache(maxsize=4)

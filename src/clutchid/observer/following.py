@@ -25,7 +25,7 @@ from clutchid.inference.filter.joint_filter import (
 from clutchid.inference.filter.references import MethodState
 from clutchid.inference.filter.setup import FilterState, intervals
 from clutchid.log import INPUTS, BoolArray, FloatArray, Log, all_of, any_of
-from clutchid.observer.air import at_air, changes_of_air
+from clutchid.observer.air import air_of_samples, at_air
 from clutchid.observer.gaps import RESOLUTION, bridged, latest_driven, longest, repeats
 from clutchid.observer.mismatch import mismatches
 from clutchid.observer.observer import Observer, start, unknown
@@ -93,8 +93,12 @@ class Observed(NamedTuple):
         On the positions, see `clutchid.strokes.rule`.
     contradicted : (n,)
         Whether innovations have contradicted the inputs in the second before, see `clutchid.observer.contradiction`.
+    partial : (n,)
+        Whether nothing is learnt from the sample, as its stroke was not followed from its beginning.
     supply_unlike : (n,)
         Whether a supply pressure is recorded that cannot be right, see `clutchid.observer.prior.Supply`.
+    air_refused, air_lost : (n,)
+        See `clutchid.observer.air.AirOfSamples`.
     repeated : (n,)
         Whether a sample follows the last one so soon that it repeats it.
     """
@@ -110,7 +114,10 @@ class Observed(NamedTuple):
     no_zero: BoolArray
     verdicts: Verdicts
     contradicted: BoolArray
+    partial: BoolArray
     supply_unlike: BoolArray
+    air_refused: BoolArray
+    air_lost: BoolArray
     repeated: BoolArray
 
 
@@ -151,7 +158,8 @@ def observe_strokes(
     counted = subtracted(observer, observed.rest)
     samples = samples._replace(position=np.where(observed.no_zero, np.nan, samples.position - counted))
     strokes, ends = count_strokes(state.strokes, samples.time, samples.position)
-    air, aired = _air(observer, state, block, samples.time)
+    of_air = air_of_samples(observer, state, block.time, block.columns.get("temperature_ambient"))
+    air = {int(np.searchsorted(samples.time, block.time[at])): temperature for at, temperature in of_air.changes}
     judged, at_ends = 0, list[ObserverState]()
     for begin, end in stretches:
         if not (driven[begin] and _continues(observer, state, samples.time[begin])):
@@ -168,32 +176,25 @@ def observe_strokes(
             observed.leaking[a:b] = state.leaking
             if b - 1 in ends:
                 state = _stroke_ended(observer, _judged(observer, state, observed, slice(judged, b)))
-                at_ends.append(_ended(observer, state)._replace(latest=float(samples.time[b - 1])))
+                latest = float(samples.time[b - 1])
+                aired = of_air.aired[block.time <= latest][-1:].tolist() or [state.aired]
+                at_ends.append(_ended(observer, state)._replace(latest=latest, aired=aired[0]))
                 judged = b
     state = _judged(observer, state, observed, slice(judged, samples.time.size))
     state = state._replace(
-        rest=rest, unzeroed=unzeroed, strokes=strokes, known=latest_input, aired=aired,
+        rest=rest, unzeroed=unzeroed, strokes=strokes, known=latest_input,
+        aired=float(of_air.aired[-1]) if len(block) else state.aired,
+        air_refused=bool(of_air.refused[-1]) if len(block) else state.air_refused,
         latest=float(samples.time[-1]) if samples.time.size else state.latest,
         temperature=air.get(samples.time.size, state.temperature),
     )  # fmt: skip
     if any_of(repeated) or rows.size != observed.time.size:  # as many may be bridged as are repeated
         observed = _of_rows(observed, _latest(observer, before), rows, repeated)
     observed = observed._replace(
-        time=block.time, verdicts=values.verdicts, supply_unlike=values.supply_unlike, repeated=repeated
-    )
+        time=block.time, verdicts=values.verdicts, supply_unlike=values.supply_unlike,
+        air_refused=of_air.refused, air_lost=of_air.lost, repeated=repeated,
+    )  # fmt: skip
     return state, observed, at_ends
-
-
-def _air(observer: Observer, state: ObserverState, block: Log, time: FloatArray) -> tuple[dict[int, float], float]:
-    """Temperatures of the air in K that the model is at, by the first of the samples at times in s that each is for.
-
-    And the time at which one last counted.
-    """
-    if "temperature_ambient" not in block:
-        return {}, state.aired
-    recorded = block["temperature_ambient"]
-    changes, aired = changes_of_air(observer, state.temperature, state.aired, block.time, recorded)
-    return {int(np.searchsorted(time, block.time[at])): temperature for at, temperature in changes}, aired
 
 
 class _Values(NamedTuple):
@@ -358,7 +359,7 @@ def _nothing(observer: Observer, time: FloatArray) -> Observed:
     """Results of samples of which none can be used, to be filled."""
     n = time.size
     states = np.full((n, len(observer.actuator.states)), np.nan)
-    used, leaking, no_zero, *others = np.zeros((6, n), dtype=bool)
+    used, leaking, no_zero, *others = np.zeros((9, n), dtype=bool)
     innovations, mismatch = np.full((n, 2), np.nan), np.full(n, np.nan)
     verdicts = np.full(n, rule.VALUE, dtype=np.uint8)
     return Observed(
@@ -380,8 +381,9 @@ def _piece(
         held = int(samples.time[a:end].searchsorted(_held_until(state)))
         end = a + held if held else end
         partial = state.partial if state.filter else bool(samples.position[a] > BEGINS)
-        state = state._replace(partial=partial and observer.joint.reference is None)
-        observing = _not_learning(observer) if held or state.partial else observer
+        partial = partial and observer.joint.reference is None
+        state = state._replace(partial=partial)
+        observing = _not_learning(observer) if held or partial else observer
         state, passed, usable, count = _followed(
             observing, state, Tail(*(x[a:end] for x in samples)), observer.joint.settings.least_speed
         )
@@ -389,6 +391,7 @@ def _piece(
             end = a + len(passed.states)
             observed.states[a:end], observed.deviations[a:end] = passed.states, passed.deviations
             observed.innovations[a:end], observed.used[a:end] = passed.errors[:, 0], usable
+            observed.partial[a:end] = partial
         observed.contradicted[a : a + count] = bool(held)
         a += count
         observed.contradicted[a - 1] |= state.contradicted == samples.time[a - 1]

@@ -37,6 +37,9 @@ FLAGS: Mapping[str, str] = MappingProxyType({
     "repeated_samples": "the logger repeated its last samples in all channels, and nothing was estimated",
     "late_correction": "a control unit with two rates left out a correction: its slow task is late, or never runs",
     "repeated": "samples repeat the time of others, or follow at once: of those that are sorted the last ones count",
+    "not_learning": "a stroke was not followed from its beginning, and nothing is learnt before it ends",
+    "air_refused": "the recorded temperature of the air cannot be right: the one before stays in use",
+    "air_lost": "no temperature of the air has counted for a minute: the band is that of an unknown one",
 })  # fmt: skip
 
 #: Meanings of the further flags of a live recording.
@@ -58,36 +61,41 @@ def health(observer: Observer, earlier: FloatArray, log: Log, samples: Observed)
     samples : Observed
         What the observer found in the recording.
     """
-    spacing, y_max = observer.spacing, observer.actuator.parameters.y_max
-    position = np.where(samples.repeated, 0.0, log["position"] - subtracted(observer, samples.rest))
-    driven: BoolArray = np.all([np.isfinite(log[name]) for name in INPUTS], axis=0) | samples.repeated
-    recorded = np.isfinite(position)
-    followed = np.isfinite(samples.states[:, 0])
-    steps = np.diff(np.append(earlier[-1:], log.time))
-    innovation, variance = samples.innovations.T
-    corrected = np.isfinite(innovation)
-    outliers = np.abs(innovation[corrected]) > observer.joint.noise.outlier * np.sqrt(variance[corrected])
-    return {
-        "position_missing": spacing * int(np.sum(~recorded)),
-        "position_frozen": spacing * int(np.sum(recorded & followed & ~samples.used)),
-        "position_beyond_stops": spacing * int(np.sum((position < -BEYOND) | (position > y_max + BEYOND))),
-        "duty_missing": spacing * int(np.sum(~driven)),
-        "time_missing": float(np.sum(steps[steps > HOLE * spacing] - spacing)),
-        "outlier": spacing * observer.joint.settings.every * int(outliers.sum()),
-        "diverged": spacing
-        * int(np.sum(recorded & driven & ~followed & ~samples.no_zero & ~samples.repeated & ~samples.contradicted)),
-        "leak": spacing * int(np.sum(samples.leaking)),
-        "rest_moved": spacing * int(np.sum(samples.rest != 0.0)),
-        "unlike_calibration": spacing * observer.joint.settings.every * int(np.sum(samples.mismatch > UNLIKE)),
-        "contradiction": spacing * int(np.sum(samples.contradicted)),
-        "supply_unlike": spacing * int(np.sum(samples.supply_unlike)),
-        "position_none": spacing * int(np.sum(samples.verdicts == rule.BEYOND)),
-        "position_jumps": spacing * int(np.sum(np.isin(samples.verdicts, (rule.STEP, rule.SEAM)))),
-        "zero_unknown": spacing * int(np.sum(samples.no_zero)),
-        "repeated_samples": spacing * int(np.sum(samples.verdicts == rule.REPEATED)),
-        "late_correction": 0.0,
-        "repeated": spacing * int(np.sum(samples.repeated)),
+    y_max, repeated = observer.actuator.parameters.y_max, samples.repeated
+    position = log["position"] - subtracted(observer, samples.rest)
+    driven: BoolArray = np.all([np.isfinite(log[name]) for name in INPUTS], axis=0)
+    recorded, followed = np.isfinite(position), np.isfinite(samples.states[:, 0])
+    innovation, deviation = samples.innovations[:, 0], np.sqrt(samples.innovations[:, 1])
+    excused = samples.no_zero | samples.contradicted
+    by_sample: dict[str, BoolArray] = {  # but those that repeat others
+        "position_missing": ~recorded,
+        "position_frozen": recorded & followed & ~samples.used,
+        "position_beyond_stops": (position < -BEYOND) | (position > y_max + BEYOND),
+        "duty_missing": ~driven,
+        "diverged": recorded & driven & ~followed & ~excused,
+        "leak": samples.leaking,
+        "rest_moved": samples.rest != 0.0,
+        "contradiction": samples.contradicted,
+        "supply_unlike": samples.supply_unlike,
+        "position_none": samples.verdicts == rule.BEYOND,
+        "position_jumps": np.isin(samples.verdicts, (rule.STEP, rule.SEAM)),
+        "zero_unknown": samples.no_zero,
+        "repeated_samples": samples.verdicts == rule.REPEATED,
+        "not_learning": samples.partial,
+        "air_refused": samples.air_refused,
+        "air_lost": samples.air_lost,
     }
+    by_correction = {
+        "outlier": np.abs(innovation) > observer.joint.noise.outlier * deviation,
+        "unlike_calibration": samples.mismatch > UNLIKE,
+    }
+    steps = np.diff(np.append(earlier[-1:], log.time))
+    counts = {name: int(np.sum(mask & ~repeated)) for name, mask in by_sample.items()}
+    counts |= {name: observer.joint.settings.every * int(np.sum(mask)) for name, mask in by_correction.items()}
+    counts |= {"repeated": int(np.sum(repeated)), "late_correction": 0}
+    seconds = {name: observer.spacing * count for name, count in counts.items()}
+    seconds["time_missing"] = float(np.sum(steps[steps > HOLE * observer.spacing] - observer.spacing))
+    return {name: seconds[name] for name in FLAGS}
 
 
 def live_health(observer: Observer, earlier: FloatArray, log: Log, left_out: Mapping[str, int]) -> dict[str, float]:

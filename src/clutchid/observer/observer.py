@@ -11,10 +11,12 @@ from clutchid.errors import ParameterError
 from clutchid.inference.filter.joint_filter import JointFilter, JointSettings, init, joint_filter
 from clutchid.inference.filter.references import AdaptiveNumbers, MethodState
 from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.conditions import LOST
 from clutchid.log import FloatArray
 from clutchid.log.states import SENSORS
 from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
+from clutchid.observer.gaps import RESOLUTION
 from clutchid.observer.methods import method_for
 from clutchid.observer.prior import (
     AIR_STD,
@@ -135,15 +137,16 @@ class Observer:
         It has parts that no recording makes smaller: what the model missed on the calibration recordings, and the
         supply pressure, whether it is recorded or assumed. Where the innovations are larger than in those recordings,
         its variance is as much larger. Air and grease may have another temperature than in the calibration, or than is
-        recorded, see `deviation_by_air`. A supply that is not recorded may have changed since, see
-        `considered_supply`: that part is left out if the supply is `as_calibrated`.
+        recorded, see `deviation_by_air`; `LOST` s after the last value that counts it is unknown. A supply that is not
+        recorded may have changed since, see `considered_supply`: that part is left out if the supply is
+        `as_calibrated`.
         """
         load = self.load(state)
         share = self.supply.share if self.supply else ASSUMED
         by_supply = load_deviation(share, self.actuator, load, position)
         deviations = load.phi(position) @ self.prior.weights @ state.T
         squared = np.sum(deviations**2, axis=1) + self.missed**2 + by_supply**2
-        by_air = KNOWN_AIR_STD if np.isfinite(state.temperature) else AIR_STD
+        by_air = KNOWN_AIR_STD if state.latest - state.aired <= LOST + 0.5 * RESOLUTION else AIR_STD
         variance = max(1.0, state.mismatch) * squared + deviation_by_air(by_air, self.actuator, load, position) ** 2
         deviation: FloatArray = np.sqrt(variance if as_calibrated else variance + self._considered(state, position))
         return deviation

@@ -144,7 +144,8 @@ class ObserverState(NamedTuple):
     that counts, and `known` that of the last one with both duty cycles, NaN for none; `excess` is the sum of the
     innovations' excess in s, and `contradicted` is the time in s at which innovations last contradicted the inputs, NaN
     if they have not; `supply` watches for supply pressures that cannot be right; `temperature` is that of the air in K
-    that the model is at, and `aired` the time in s at which one last counted, NaN where none has.
+    that the model is at, `aired` the time in s at which one last counted, NaN where none has, and `air_refused` says
+    whether the last recorded temperature does not.
     """
 
     filter: MethodState | None
@@ -172,3 +173,4 @@ class ObserverState(NamedTuple):
     supply: FloatArray = read_only(np.array(NO_SUPPLY))
     temperature: float = float("nan")
     aired: float = float("nan")
+    air_refused: bool = False

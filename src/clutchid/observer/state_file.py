@@ -24,7 +24,7 @@ from clutchid.observer.rest import LOW, REMEMBERED
 from clutchid.observer.state import ObserverState
 from clutchid.strokes.vented_rest import FURTHEST
 
-FORMAT = 16
+FORMAT = 17
 
 #: Entries of the section ``[parameters]``, and the fields of a state that they are.
 _PARAMETERS = {"theta": "theta", "root": "T", "considered": "G", "wear": "wear"}

@@ -32,6 +32,10 @@ AIR = PLAUSIBLE["temperature_ambient"]
 #: Largest range of the air temperature in a recording: 5 K, and 0.2 K more a second (out of a warm hall).
 SWING, RATE = 5.0, 0.2
 
+#: Time in s without a temperature of the air after which it is not known any more: by these rates it may then be 17 K
+#: off, as much as a temperature that was never recorded (the `AIR_STD` of an observer).
+LOST = 60.0
+
 
 class Assumption(NamedTuple):
     """A condition that is not known and may have changed.
