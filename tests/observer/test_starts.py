@@ -46,6 +46,27 @@ def test_after_a_hole_within_a_stroke_what_was_learnt_stays_and_nothing_is_added
     assert_equal((after.theta, after.T), (before.theta, before.T))
 
 
+def test_the_pressure_at_the_start_is_as_uncertain_as_the_friction_at_an_unknown_speed_makes_it(joint, plant):
+    tail = Tail(np.zeros(1), np.zeros((1, 2)), np.array([9e-3]), *np.zeros((2, 1)))
+    actuator, state = joint.joint.mapped.actuator, start(joint)
+    S = init(joint.joint, segment_of(tail, actuator), state.theta, state.T).S[:, state.theta.size :]
+    v, p_A = (actuator.states.index(name) for name in ("v", "p_A"))
+    covariance = S @ S.T
+    assert covariance[p_A, v] / covariance[v, v] == pytest.approx(plant.value("D_v") / plant.value("A_A"))
+    vented = init(joint.joint, segment_of(tail._replace(position=np.zeros(1)), actuator), state.theta, state.T).S
+    assert (vented @ vented.T)[p_A, v] == 0.0
+
+
+def test_from_anywhere_in_a_stroke_the_position_stays_near_the_measured_one(joint, log):
+    """Nearer than the piston moves in 19 ms, when the first correction acts that knows of its speed; none diverges."""
+    position, at = log["position"], joint.actuator.states.index("y")
+    firsts = [first for first in range(0, len(log) - 150, 10) if position[first] > BEGINS]
+    moves = max(np.ptp(position[k : k + 19]) for k in range(len(log) - 19))
+    for first in firsts:
+        _, samples = observe(joint, start(joint), log.slice(first, first + 150))
+        assert np.abs(samples.states[:, at] - position[first : first + 150]).max() < moves, first
+
+
 def test_at_the_far_stop_the_pressure_is_anywhere_between_that_of_the_load_and_the_supply(joint):
     actuator = joint.joint.mapped.actuator
     p, at = actuator.parameters, actuator.states.index("p_A")

@@ -183,6 +183,7 @@ def _start_values(observer: Observer) -> dict[str, Any]:
         "at_P_0": names.index("P_0"),
         "at_P_S": names.index("P_S"),
         "at_A_A": names.index("A_A"),
+        "at_D_v": names.index("D_v"),
         "at_y_max": names.index("y_max"),
         "y_max": actuator.parameters.y_max,
         "y_max_calibrated": observer.actuator.parameters.y_max,

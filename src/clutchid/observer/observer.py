@@ -46,8 +46,9 @@ from clutchid.strokes.vented_rest import Zero
 MEMORY, DRIFT = 0.01, 2e-4
 
 #: Standard deviations in SI of states at the start of a stretch that is not vented, in place of those of their rows: a
-#: hole ends in any motion. Provenance: docs/derivations_online.md.
-_UNKNOWN_START = MappingProxyType({"v": 0.3, "z": 1e-3})
+#: hole ends in any motion. The pressure is that of load and friction at the speed but for 20 kPa; bristles do not bend
+#: further than sliding bends them. Provenance: docs/derivations_online.md.
+_UNKNOWN_START = MappingProxyType({"v": 0.3, "z": 5e-5, "p_A": 2e4})
 
 #: Factor on the stiffness of the calibrated actuator, whose parameters adapt.
 MARGIN = 1.05

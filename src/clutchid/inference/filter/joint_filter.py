@@ -334,6 +334,9 @@ def init(
     y_max = mapped.actuator.parameters.y_max
     segment = replace(segment, position_start=min(max(segment.position_start, -OUTSIDE), y_max + OUTSIDE))
     L = np.diag(start_deviations(segment, mapped.actuator, "pressure_a" in joint.measure, joint.noise))
+    if not segment.vented:  # a piston that moves has the pressure of its friction beside that of the load
+        (at_v, at_p_A), p = (mapped.actuator.states.index(name) for name in ("v", "p_A")), mapped.actuator.parameters
+        L[at_p_A, at_v] = p.D_v / p.A_A * L[at_v, at_v]
     x, S = first_state(segment, mapped, joint.which, L[:, :0] if reference else L, joint.measure)
     if reference:
         return reference.start(
