@@ -57,12 +57,13 @@ def air_of_samples(
     temperature : K, (n,)
         As recorded, NaN for none; None without a column.
     """
-    if observer.air is None or temperature is None:
-        temperature = np.full(time.size, np.nan)
+    if observer.air is None or temperature is None:  # at once: a block may be one sample
+        aired, refused = np.full(time.size, state.aired), np.full(time.size, state.air_refused)
+        return AirOfSamples([], aired, refused, time - aired > LOST + 0.5 * RESOLUTION)
     counts = (temperature >= AIR[0]) & (temperature <= AIR[1])
     recorded, used, latest = np.flatnonzero(counts), state.temperature, state.aired
     changes = list[tuple[int, float]]()
-    if observer.air is not None and recorded.size and isnan(used):
+    if recorded.size and isnan(used):
         value, latest = float(temperature[recorded[0]]), float(time[recorded[0]])
         used = value if abs(value - observer.air.calibrated) > ACCURACY["T_0"] else observer.air.calibrated
         changes = [(int(recorded[0]), used)]

@@ -61,7 +61,7 @@ def health(observer: Observer, earlier: FloatArray, log: Log, samples: Observed)
     samples : Observed
         What the observer found in the recording.
     """
-    y_max, repeated = observer.actuator.parameters.y_max, samples.repeated
+    y_max, single = observer.actuator.parameters.y_max, ~samples.repeated
     position = log["position"] - subtracted(observer, samples.rest)
     driven: BoolArray = np.all([np.isfinite(log[name]) for name in INPUTS], axis=0)
     recorded, followed = np.isfinite(position), np.isfinite(samples.states[:, 0])
@@ -90,9 +90,10 @@ def health(observer: Observer, earlier: FloatArray, log: Log, samples: Observed)
         "unlike_calibration": samples.mismatch > UNLIKE,
     }
     steps = np.diff(np.append(earlier[-1:], log.time))
-    counts = {name: int(np.sum(mask & ~repeated)) for name, mask in by_sample.items()}
-    counts |= {name: observer.joint.settings.every * int(np.sum(mask)) for name, mask in by_correction.items()}
-    counts |= {"repeated": int(np.sum(repeated)), "late_correction": 0}
+    counts = {name: int(np.count_nonzero(mask & single)) for name, mask in by_sample.items()}
+    for name, mask in by_correction.items():
+        counts[name] = observer.joint.settings.every * int(np.count_nonzero(mask))
+    counts |= {"repeated": int(np.count_nonzero(samples.repeated)), "late_correction": 0}
     seconds = {name: observer.spacing * count for name, count in counts.items()}
     seconds["time_missing"] = float(np.sum(steps[steps > HOLE * observer.spacing] - observer.spacing))
     return {name: seconds[name] for name in FLAGS}
