@@ -25,6 +25,9 @@ from clutchid.simulation.windows import Track
 #: Cache size for state-independent terms.
 _CACHE_SIZE = 4
 
+#: Columns of the duty cycles above which a parameter says that a valve is fully open.
+_OPENS_FULLY = {"R_1vs": "duty_supply", "R_1ve": "duty_exhaust"}
+
 
 @dataclass(frozen=True, eq=False)
 class Problem:
@@ -84,6 +87,20 @@ class Problem:
             if np.isfinite(c.high):
                 high[i] = min(high[i], c.of(c.high))
         return low, high
+
+    @cached_property
+    def kinks(self) -> FloatArray:
+        """Values of x (k,) where the slope of the cost changes at once; NaN for a parameter without one.
+
+        That is the duty cycle from which a valve is fully open at the highest duty cycle of the recordings: beyond it
+        the valve never opens fully.
+        """
+        kinks = np.full(len(self.coordinates), np.nan)
+        for i, c in enumerate(self.coordinates):
+            if c.base in _OPENS_FULLY:
+                logs = [track.measured for track in self.tracks if c.stem in (None, self.stems[track.log])]
+                kinks[i] = c.of(max(float(np.nanmax(log[_OPENS_FULLY[c.base]])) for log in logs))
+        return kinks
 
     def widened(self, extra: Sequence[Coordinate]) -> Problem:
         """The problem with `extra` coordinates behind its own, without their prior."""

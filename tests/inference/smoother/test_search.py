@@ -283,3 +283,66 @@ def test_pressure_that_is_not_asked_for_is_not_used(plant, worn, recorded_by, pr
     blind = problem_of([wrong], plant, plant.load.names, ("position",))
     answer = search(blind, np.zeros(22), starts_of(blind), STAGES_FROM_CALIBRATION)
     assert np.array_equal(answer.x, solution.x)
+
+
+@pytest.fixture(scope="module")
+def valve_problem(plant, drive_log, problem_of):
+    """Both valves' ends and the friction are free in two recordings, the second of which drives the valves less far."""
+    weaker = drive_log.with_columns(duty_supply=0.9 * drive_log["duty_supply"])
+    names = ("F_C", "R_1vs@weaker", "R_1ve", "R_1vs@log")
+    return problem_of([drive_log, replace(weaker, name="weaker")], plant, names)
+
+
+def test_the_cost_has_a_kink_where_a_valve_opens_fully_at_the_highest_duty_cycle_of_its_recordings(valve_problem):
+    log, weaker = (track.measured for track in valve_problem.tracks)
+    expected = [weaker["duty_supply"], log["duty_exhaust"], log["duty_supply"]]
+    kinks = valve_problem.kinks
+    assert np.isnan(kinks[0])
+    values = [c.si(kink) for c, kink in zip(valve_problem.coordinates[1:], kinks[1:].tolist(), strict=True)]
+    assert values == pytest.approx([duties.max() for duties in expected])
+
+
+def stepped(problem, x, towards):
+    """Where a Gauss-Newton step from x ends that would end at `towards` were it not for bounds and kinks."""
+    factor = np.column_stack([np.eye(x.size), x - towards])
+    return x + module.bounded_step(module.within_kinks(problem, x), factor, x, radius=10.0)
+
+
+@pytest.mark.parametrize(
+    ("start", "towards", "end"),
+    [
+        pytest.param(0.4, -0.5, "below", id="from above it ends at the kink, where the derivatives are those below"),
+        pytest.param(-0.4, 0.5, "above", id="from below it ends above the kink"),
+        pytest.param("below", 0.5, "below", id="what has come from above stays where both sides lead to the kink"),
+        pytest.param("below", -0.5, -0.5, id="what has come from above goes on downwards"),
+        pytest.param("above", 0.5, 0.5, id="what has come from below goes on upwards"),
+        pytest.param("above", -0.5, "below", id="what has come from below and is led back ends at the kink"),
+        pytest.param(0.4, 0.5, 0.5, id="above a kink nothing stops a step upwards"),
+        pytest.param(-0.4, -0.5, -0.5, id="below a kink nothing stops a step downwards"),
+    ],
+)
+def test_a_step_of_one_parameter_ends_at_a_kink_and_the_others_take_the_whole_step(valve_problem, start, towards, end):
+    kinks = valve_problem.kinks
+    places = {"below": kinks[2] - module._AT_KINK, "above": kinks[2] + module._BEYOND_KINK}
+    at = {name: places[value] if isinstance(value, str) else kinks[2] + value for name, value in
+          (("start", start), ("towards", towards), ("end", end))}  # fmt: skip
+    x, goal = np.array([0.1, -2.0, at["start"], -0.1]), np.array([1.1, -2.7, at["towards"], -0.7])
+    assert stepped(valve_problem, x, goal) == pytest.approx([1.1, -2.7, at["end"], -0.7], abs=1e-9)
+
+
+def test_a_step_across_a_kink_has_the_problem_linearised_on_its_other_side(
+    valve_problem, starts_of, started, monkeypatch
+):
+    kink, moves = valve_problem.kinks[2], iter([-0.2, 0.01, 0.01, -0.02])
+
+    def moving(_projection, current, radius):
+        move = next(moves, None)
+        if move is None:
+            return current, 0.0, radius
+        return replace(current, x=current.x + [0.0, 0.0, move, 0.0], cost=0.9 * current.cost), current.cost / 9, radius
+
+    monkeypatch.setattr(module.VariableProjection, "step", moving)
+    x = np.array([0.0, valve_problem.kinks[1] - 1.0, kink + 0.19, valve_problem.kinks[3] - 1.0])
+    assert search(valve_problem, x, starts_of(valve_problem), (1.0,)).status == "converged"
+    # the first, and one for each of the three steps that lead across
+    assert [at[0][2] > kink for at in started] == [True, False, True, False]

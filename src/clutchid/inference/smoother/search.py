@@ -59,6 +59,10 @@ _LITTLE_TO_GAIN, _POOR_SHARE = 2.0, 0.3
 #: benchmarks/results/calibration.md, `python benchmarks/seconds.py`.
 INSIGNIFICANT = 0.1
 
+#: A step that comes to a kink of the cost from above ends this far below it, where derivatives are those below; one
+#: from below ends so far above it that windows show those above.
+_AT_KINK, _BEYOND_KINK = 1e-6, 0.03
+
 
 class Effort(NamedTuple):
     """Limits that end a search without progress.
@@ -153,7 +157,7 @@ def _stage(
 def coarse_step(problem: Problem, current: LinearisedProblem, damping: float) -> LinearisedProblem | Failure:
     """The problem after a damped step of parameters, within their bounds, and states, where that costs less."""
     factor, chains = condense(problem, current, [np.full(len(track.windows), damping) for track in problem.tracks])
-    step = bounded_step(problem, factor, current.x, damping)
+    step = bounded_step(problem.bounds(), factor, current.x, damping)
     trial = evaluate_step(problem, current, current.x + step, stepped_states(problem, current.X, chains, step))
     if isinstance(trial, Failure):
         return trial
@@ -210,7 +214,8 @@ def project(
 
     for _ in range(MAX_STEPS):
         candidate, predicted, radius = projection.step(current, radius)
-        gain, current = current.cost - candidate.cost, candidate
+        gain, crossed = current.cost - candidate.cost, _crossed(problem, current.x, candidate.x)
+        current = candidate
         counter.cost = current.cost
         little, poor = gain < CONVERGED_GAIN, gain < _POOR_SHARE * predicted
         if poor and disappointed and predicted < INSIGNIFICANT * x.size:
@@ -222,11 +227,12 @@ def project(
             return solution("stalled")
         if effort.is_spent(counter.number, current.cost):
             break
-        if not fresh and (little or poor):
+        if crossed or (not fresh and (little or poor)):
             anew = projection.start(current.x, current.X)
             if isinstance(anew, Failure):
                 return anew
-            current, radius, fresh = anew, _MAX_RADIUS, True
+            # after a kink, which is no failed prediction, the radius is still right
+            current, radius, fresh = anew, radius if crossed else _MAX_RADIUS, not crossed
         else:
             fresh = False
     return solution("limit")
@@ -267,11 +273,12 @@ class VariableProjection:
     def step(self, current: LinearisedProblem, radius: float) -> tuple[LinearisedProblem, float, float]:
         """The problem after a step, or `current` if none gains; predicted gain of a full step; radius of the next."""
         factor, chains = condense(self.problem, current)
-        predicted = _predicted_gain(factor, bounded_step(self.problem, factor, current.x))
+        limits = within_kinks(self.problem, current.x)
+        predicted = _predicted_gain(factor, bounded_step(limits, factor, current.x))
         if predicted < CONVERGED_GAIN:
             return current, predicted, radius
         for trial in range(1 + _MAX_REDUCTIONS):
-            step = bounded_step(self.problem, factor, current.x, radius=radius)
+            step = bounded_step(limits, factor, current.x, radius=radius)
             candidate = self.evaluated(current, chains, step, current.cost)
             if isinstance(candidate, LinearisedProblem):
                 return candidate, predicted, min(radius / _SHRINK_FACTOR, _MAX_RADIUS) if trial == 0 else radius
@@ -297,6 +304,27 @@ class VariableProjection:
         return with_theta_free(self.problem, current, minimised) if minimised.cost < most else NO_GAIN
 
 
+def within_kinks(problem: Problem, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Bounds of x for a step of the parameters from x: their own, and kinks of the cost, which no derivative shows.
+
+    Across a kink the derivatives are wrong, so that longer steps fail, and all parameters creep with the one that has
+    it. A step ends at the kink instead, on its other side. A parameter that has come to a kink from above, and that the
+    derivatives below it lead up, stays: the cost rises to both sides.
+    """
+    low, high = problem.bounds()
+    kinks = problem.kinks
+    above = x > kinks
+    at_kink = ~above & (x >= kinks - 2 * _AT_KINK)
+    low[above] = np.maximum(low, kinks - _AT_KINK)[above]
+    high = np.where(above, high, np.fmin(high, np.where(at_kink, x, kinks + _BEYOND_KINK)))
+    return low, high
+
+
+def _crossed(problem: Problem, before: FloatArray, after: FloatArray) -> bool:
+    """Whether a step of the parameters has crossed a kink of the cost."""
+    return bool(np.any((before > problem.kinks) != (after > problem.kinks)))
+
+
 def _predicted_gain(factor: FloatArray, step: FloatArray) -> float:
     """Decrease of the cost by a step according to the linearisation."""
     before, after = factor[:, -1], factor[:, :-1] @ step + factor[:, -1]
@@ -304,14 +332,18 @@ def _predicted_gain(factor: FloatArray, step: FloatArray) -> float:
 
 
 def bounded_step(
-    problem: Problem, factor: FloatArray, x: FloatArray, damping: float = 0.0, radius: float = _MAX_RADIUS
+    limits: tuple[FloatArray, FloatArray],
+    factor: FloatArray,
+    x: FloatArray,
+    damping: float = 0.0,
+    radius: float = _MAX_RADIUS,
 ) -> FloatArray:
     """Damped Gauss-Newton step of the free parameters from `x` within their bounds and the trust region.
 
     Parameters
     ----------
-    problem : Problem
-        Gives the bounds.
+    limits : (k,), (k,)
+        Least and largest values that the step may end at.
     factor : (k + 1, k + 1)
         Triangular factor of all rows in the free parameters, ``[R | q]``.
     x : (k,)
@@ -324,7 +356,7 @@ def bounded_step(
     R, q = factor[:, :-1], factor[:, -1]
     matrix = np.vstack([R, np.sqrt(damping) * np.diag(np.sqrt(np.sum(R**2, axis=0)))])
     target = -np.concatenate([q, np.zeros(x.size)])
-    low, high = problem.bounds()
+    low, high = limits
     least, most = np.maximum(low - x, -radius), np.minimum(high - x, radius)
     step = bounded_solution(matrix, target, least, most)
     clipped: FloatArray = np.clip(x + step, low, high) - x
