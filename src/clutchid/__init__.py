@@ -98,9 +98,9 @@ __all__ = [*_HOME]  # noqa: PLE0604, made of names that are text
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
-        from importlib.metadata import version
+        from clutchid.version import installed_version
 
-        return version("clutchid")
+        return installed_version()
     if name not in _HOME:
         raise AttributeError(f"module 'clutchid' has no attribute '{name}'")
     from clutchid.verbs.attached import attach

@@ -32,6 +32,8 @@ def test_the_version_is_the_same_wherever_it_stands():
     assert yaml.safe_load(text("CITATION.cff"))["version"] == ours
     assert f"version = {{{ours}}}" in text("docs/cite.md")
     assert f"## {ours}" in text("CHANGELOG.md")
+    asking = [path.name for path in (ROOT / "src").rglob("*.py") if re.search(r'version\("clutchid"\)', path.read_text())]
+    assert asking == ["version.py"]
 
 
 def test_an_index_gets_a_readme_without_links_or_pictures_that_lead_nowhere():

@@ -12,7 +12,6 @@ import webbrowser
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from dataclasses import asdict
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -39,6 +38,7 @@ from clutchid.verbs.failures import failure
 from clutchid.verbs.looking import QUANTITIES
 from clutchid.verbs.saving import file_name
 from clutchid.verbs.stored import plotted
+from clutchid.version import installed_version
 
 _STATIC = Path(__file__).parent / "static"
 
@@ -119,7 +119,7 @@ async def _about(session: Session, _request: Request) -> Response:
     """Facts that are constant while the server runs: units, quantities, verbs."""
     units = {name: asdict(unit) for name, unit in UNITS.items()}
     return JSONResponse({
-        "version": version("clutchid"), "folder": str(session.below), "units": units, "quantities": dict(QUANTITIES),
+        "version": installed_version(), "folder": str(session.below), "units": units, "quantities": dict(QUANTITIES),
         "verbs": {verb: dict(options) for verb, options in VERBS.items()}, "methods": METHODS,
     })  # fmt: skip
 

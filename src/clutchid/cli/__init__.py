@@ -6,7 +6,6 @@ import re
 import sys
 import traceback
 from collections.abc import Callable, Sequence
-from importlib.metadata import version
 from io import TextIOWrapper
 from itertools import pairwise
 from typing import Any
@@ -37,6 +36,7 @@ from clutchid.cli.simulate import simulate
 from clutchid.cli.track import track
 from clutchid.documents.console import lost, put
 from clutchid.verbs.progress import when_compiling
+from clutchid.version import installed_version
 
 #: First lines of `clutchid --help`.
 _HELP = """Estimate the load of a truck clutch on the piston of its pneumatic actuator, from a recording.
@@ -79,7 +79,7 @@ def app() -> App:
     application = App(
         name="clutchid",
         help=_HELP,
-        version=version("clutchid"),
+        version=installed_version,
         result_action="return_value",
         group_parameters=COMMON,
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from importlib.metadata import version
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,6 +27,7 @@ from clutchid.observer.state_file import fingerprint
 from clutchid.simulation.noise import state_deviations
 from clutchid.strokes.values import limits
 from clutchid.strokes.vented_rest import LEVEL
+from clutchid.version import installed_version
 
 
 class Provenance(NamedTuple):
@@ -59,7 +59,7 @@ class Provenance(NamedTuple):
 
 def provenance(observer: Observer) -> Provenance:
     """The generator of an export, and the hash of its calibration."""
-    return Provenance(version("clutchid"), fingerprint(observer))
+    return Provenance(installed_version(), fingerprint(observer))
 
 
 def size_of(joint: JointFilter) -> FilterSize:

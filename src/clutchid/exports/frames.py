@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from importlib.metadata import version
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +17,7 @@ from clutchid.observer.by_stroke import curve, positions
 from clutchid.observer.health import FLAGS, LIVE_FLAGS
 from clutchid.observer.live import LiveRun, due
 from clutchid.observer.recording import ObservedRecording
+from clutchid.version import installed_version
 
 #: Time in s from one published sample to the next, if nothing else is wanted.
 PERIOD = 0.01
@@ -142,7 +142,7 @@ def results_dbc(every: float = PERIOD, *, of_c: bool = False) -> str:
 
 
 def _dbc_lines(messages: Sequence[ResultMessage], cycle: int) -> Iterator[str]:
-    yield from (f'VERSION "clutchid {version("clutchid")}"', "", "NS_ :", "", "BS_:", "", "BU_: clutchid", "")
+    yield from (f'VERSION "clutchid {installed_version()}"', "", "NS_ :", "", "BS_:", "", "BU_: clutchid", "")
     for message in messages:
         yield f"BO_ {message.identifier} {message.name}: {LENGTH} clutchid"
         for signal in message.signals:

@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache, partial
-from importlib.metadata import version
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
@@ -26,6 +25,7 @@ from clutchid import processes
 from clutchid.errors import ClutchidError, ParameterError, SolveError, missing
 from clutchid.files import plain_file
 from clutchid.processes import FinishedWork, Limits, LostWork, Pool, check_workers
+from clutchid.version import installed_version
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -39,7 +39,7 @@ def version_and_source() -> dict[str, str]:
     for path in sorted(Path(__file__).parents[1].rglob("*")):
         if path.suffix in (".py", ".j2", ".toml"):
             digest.update(path.read_bytes())
-    return {"clutchid": version("clutchid"), "source": digest.hexdigest()[:16]}
+    return {"clutchid": installed_version(), "source": digest.hexdigest()[:16]}
 
 
 class Tls(NamedTuple):
