@@ -5,6 +5,7 @@ from __future__ import annotations
 from codecs import BOM_UTF8
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -53,25 +54,30 @@ class TextRows:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TextFeed:
-    """A text whose first lines have arrived: its columns, and the function that reads some of them, from the start.
+    """A text whose first lines `head` have arrived: its columns, and the function that reads some of them.
 
-    `unnamed` says why it needs a channel map if its columns have no names.
+    `texts` are the lines with samples from the start, as they arrive. `unnamed` says why it needs a channel map if its
+    columns have no names.
     """
 
     raster: Raster
-    rows: Callable[[Sequence[int]], Iterator[TextRows]]
+    head: bytes
+    texts: Iterator[bytes]
+    read: Callable[[bytes, Sequence[int]], TextRows]
     unnamed: str = ""
+
+    def rows(self, chosen: Sequence[int]) -> Iterator[TextRows]:
+        """The rows of some columns as they arrive, once."""
+        return (self.read(text, chosen) for text in self.texts)
 
 
 def text_feed(pieces: Iterator[bytes], name: str) -> TextFeed:
     """CSV or JSON lines from pieces of any length; waits for the first `HEAD` lines, or the end.
 
-    The function that reads the rows can be called once.
-
     Raises
     ------
     DataError
-        If it is no text, or empty; the iterator of the rows raises it as well.
+        If it is no text, or empty; its `texts` raise it as well.
     """
     lines = _whole_lines(pieces, name)
     first, rest = _head(lines)
@@ -81,16 +87,14 @@ def text_feed(pieces: Iterator[bytes], name: str) -> TextFeed:
         keys = keys_of(first, name)
         columns = headings(keys)
         objects = filter(bytes.strip, chain([first + rest], lines))
-        return TextFeed(_raster(columns), lambda chosen: (_objects(text, keys, columns, chosen) for text in objects))
+        return TextFeed(_raster(columns), first, objects, partial(_objects, keys, columns))
     notation = dialect(first.decode().split("\n"))
     if notation is None:
         raise DataError(f"{name}: has only comments; {EXAMPLE}")
     below = _cut(first, notation.samples - 1)[1]
     unnamed = "" if notation.header else f"the first line contains numbers; {EXAMPLE}"
     cells = filter(bytes.strip, chain([below + rest], lines))
-    return TextFeed(
-        _raster(notation.headings), lambda chosen: (_cells(text, notation, chosen) for text in cells), unnamed
-    )
+    return TextFeed(_raster(notation.headings), below, cells, partial(_cells, notation), unnamed)
 
 
 def _raster(columns: tuple[Heading, ...]) -> Raster:
@@ -150,12 +154,12 @@ def _as_utf8(text: bytes) -> bytes:
     return text
 
 
-def _objects(text: bytes, keys: Sequence[str], columns: tuple[Heading, ...], chosen: Sequence[int]) -> TextRows:
+def _objects(keys: Sequence[str], columns: tuple[Heading, ...], text: bytes, chosen: Sequence[int]) -> TextRows:
     numbers, spoiled, left_out = read_objects(text, [keys[index] for index in chosen])
     return TextRows(Table(columns, dict(zip(chosen, numbers, strict=True)), spoiled.size), spoiled, left_out)
 
 
-def _cells(text: bytes, notation: Dialect, chosen: Sequence[int]) -> TextRows:
+def _cells(notation: Dialect, text: bytes, chosen: Sequence[int]) -> TextRows:
     """The rows of a block of lines of CSV."""
     text, selected = text.rstrip() + b"\n", [notation.headings[index] for index in chosen]
     part = read_rows(LineBlock(1, text, text.count(b"\n")), notation, selected, small=True, by_line=True)
@@ -204,14 +208,12 @@ def text_blocks(
     chosen = sorted({index for pick in picks for index in pick.indices})
     owned = columns_of_times(feed.raster.headings)
     times = [time for time, columns in owned.items() if not set(columns).isdisjoint(chosen)]
-    every = feed.rows(sorted({*chosen, *times}))
-    first = next(every, None)
-    if first is not None:
-        _check_one_time(name, feed.raster, first.table, times)
-        picks = by_position(grid for pick in picks for grid in by_presence(pick, first.table, _TELLING, _FEW))
-        every = chain([first], every)
+    if feed.head.strip():
+        first = feed.read(feed.head, sorted({*chosen, *times})).table
+        _check_one_time(name, feed.raster, first, times)
+        picks = by_position(grid for pick in picks for grid in by_presence(pick, first, _TELLING, _FEW))
     metadata = {"source": name, "ambient_Pa": repr(float(ambient))}
-    batches = _batches(every, picks, ambient)
+    batches = _batches(feed.rows(chosen), picks, ambient)
     yield from live_blocks(batches, picks, name, metadata, shift=-(origin or 0.0), grows=grows)
 
 
