@@ -84,27 +84,31 @@ def start_state(segment: Segment, actuator: Actuator, start: tuple[float, float]
         Position and pressure in chamber A, if they have been estimated.
     """
     position, pressure = start if start is not None else (segment.position_start, guessed_pressure(segment, actuator))
-    starts = {"y": position, "p_A": pressure}
-    for name, row in actuator.state_rows.items():
-        starts.setdefault(name, actuator.value(row.starts_at) if row.starts_at else 0.0)
-    return np.array([starts[name] for name in actuator.states])
+    return _begun(actuator.model, actuator.array(), position, pressure)
 
 
 def start_states(segments: Sequence[Segment], actuators: Sequence[Actuator], parameters: FloatArray) -> FloatArray:
     """`start_state` of several actuators of one model, shape (n, n_states), whose parameters have the shape (n, q)."""
-    model = actuators[0].model
-    x = np.append(parameters, np.zeros((len(parameters), 1)), axis=1)[:, _start_places(model)]
-    states = [*state_rows(model)]
-    x[:, states.index("y")] = [segment.position_start for segment in segments]
-    x[:, states.index("p_A")] = list(map(guessed_pressure, segments, actuators))
+    pressures = np.array(list(map(guessed_pressure, segments, actuators)))
+    return _begun(actuators[0].model, parameters, np.array([part.position_start for part in segments]), pressures)
+
+
+def _begun(
+    model: Model, parameters: FloatArray, position: float | FloatArray, pressure: float | FloatArray
+) -> FloatArray:
+    """States at the start for parameters of shape (..., q), and a position and a pressure of chamber A for each."""
+    places, starts_at_parameter, y, p_A = _start_places(model)
+    x: FloatArray = parameters.take(places, axis=-1) * starts_at_parameter
+    x[..., y], x[..., p_A] = position, pressure
     return x
 
 
 @lru_cache(maxsize=64)
-def _start_places(model: Model) -> IntArray:
-    """Places of the parameters that the states start at, -1 where they start at 0."""
-    names = parameter_names(model)
-    return np.array([names.index(row.starts_at) if row.starts_at else -1 for row in state_rows(model).values()])
+def _start_places(model: Model) -> tuple[IntArray, NDArray[np.bool_], int, int]:
+    """Places of the parameters that states start at, which states start at one (others at 0), places of y and p_A."""
+    names, rows = parameter_names(model), state_rows(model)
+    places = np.array([names.index(row.starts_at) if row.starts_at else -1 for row in rows.values()])
+    return places, places >= 0, [*rows].index("y"), [*rows].index("p_A")
 
 
 def guessed_pressure(segment: Segment, actuator: Actuator) -> float:
