@@ -32,9 +32,7 @@ def test_the_version_is_the_same_wherever_it_stands():
     assert yaml.safe_load(text("CITATION.cff"))["version"] == ours
     assert f"version = {{{ours}}}" in text("docs/cite.md")
     assert f"## {ours}" in text("CHANGELOG.md")
-    asking = [
-        path.name for path in (ROOT / "src").rglob("*.py") if re.search(r'version\("clutchid"\)', path.read_text())
-    ]
+    asking = [path.name for path in (ROOT / "src").rglob("*.py") if 'version("clutchid")' in path.read_text("utf-8")]
     assert asking == ["version.py"]
 
 

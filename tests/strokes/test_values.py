@@ -123,6 +123,28 @@ def test_samples_that_a_logger_repeats_in_all_channels_are_missing_also_the_inpu
     assert not moving or not any(fault.kind == "repeated" for fault in values_of(stuck, ACTUATOR).faults)
 
 
+@pytest.mark.parametrize("kind", ["all channels", "position at its limit", "beyond the stops"])
+def test_a_recording_without_a_step_is_judged_once_for_all_actuators(log, kind):
+    columns = {name: values.copy() for name, values in log.columns.items()}
+    if kind == "all channels":
+        for values in columns.values():
+            values[1000:1800] = values[1000]
+    elif kind == "beyond the stops":
+        columns["position"][1000:1100] = 65.535e-3
+    else:
+        columns["position"] = np.minimum(columns["position"], np.quantile(columns["position"], 0.6))
+    first = values_of(recording := Log(log.time, columns), ACTUATOR)
+    for supply in (8.2e5, 10e5):
+        other = ACTUATOR.replace(P_S=supply)
+        assert first.hold_for(other) == (supply > ACTUATOR.parameters.P_S), "larger rates change nothing"
+        again = values_of(recording, other)
+        judged = values_of(Log(log.time, columns), other)
+        assert again.hold_for(other)
+        assert again.faults == judged.faults == first.faults
+        assert values_of(recording, other.replace(P_S=supply - 1e3)).log is again.log
+        assert all(np.array_equal(again.log[name], judged.log[name], equal_nan=True) for name in columns)
+
+
 def test_a_part_of_any_length_has_the_same_verdicts(log):
     bad, _ = corrupted(log, "position", 0.0, 30, 3)
     bad = bad.with_columns(position=bad["position"] + 1e-3 * (np.arange(len(log)) >= 5000))

@@ -86,7 +86,7 @@ def possible_motion(actuator: Actuator, interval: float) -> Motion:
 #: Of each measured column the least and the largest limits for which its samples are judged alike.
 Bounds: TypeAlias = Mapping[str, tuple[FloatArray, FloatArray]]
 
-#: Entries of the limits that samples which are all values also hold where they are larger, and a share of them by which
+#: Entries of the limits that may be larger for samples without a step, and a share of them by which
 #: such a recording is judged when a second actuator asks: then it holds for nearly all that follow.
 _RATES, _SHARE = [rule.SPEED, rule.ACCELERATION], 0.5
 
@@ -239,8 +239,9 @@ def values_of(log: Log, actuator: Actuator) -> Values:
     'position: 2 samples beyond the stops, the first at 0.501 s (65.53 mm): they count as missing.'
     """
     judged: Any = log.derived.get(values_of)
-    if judged is not None and _within(judged, actuator):
-        return Values(log, (), judged)
+    if judged is not None and _within(judged[2], actuator):
+        cleaned, *rest = judged
+        return Values(log if cleaned is None else cleaned, *rest)
     missing, faults = dict[str, BoolArray](), list[Fault]()
     for name in (*INPUTS, "pressure_supply"):
         if name in log:
@@ -251,14 +252,16 @@ def values_of(log: Log, actuator: Actuator) -> Values:
     for name in measured if interval > 0.0 else ():
         bounds[name] = _judge(log, name, limits(actuator, name, interval), judged is not None, missing, faults)
     if not faults:
-        log.derived[values_of] = bounds
+        log.derived[values_of] = None, (), bounds
         return Values(log, (), bounds)
     columns = {name: np.where(missing[name], np.nan, x) if name in missing else x for name, x in log.columns.items()}
     edges = {
         name: (stamps, np.where(outside(name, x), np.nan, x)) if name in missing else (stamps, x)
         for name, (stamps, x) in log.edges.items()
     }
-    return Values(replace(log, columns=columns, edges=edges), tuple(faults), bounds)
+    cleaned = replace(log, columns=columns, edges=edges)
+    log.derived[values_of] = cleaned, tuple(faults), bounds
+    return Values(cleaned, tuple(faults), bounds)
 
 
 def _within(bounds: Bounds, actuator: Actuator) -> bool:
@@ -334,19 +337,20 @@ def _judge(
 ) -> tuple[FloatArray, FloatArray]:
     """Add what is no value of a measured column to `missing` and `faults`, and say for which limits it is so.
 
-    The rates only limit the first step that is none: without one, larger rates change nothing. `tighter`: smaller ones
-    are tried first.
+    The rates only limit steps: without one, larger rates change nothing. `tighter`: smaller ones are tried first.
     """
-    duties = log.duties()
+    duties, least, largest = log.duties(), bounds, bounds
     for share in (_SHARE, 1.0) if tighter else (1.0,):
-        least, largest = bounds.copy(), bounds.copy()
-        least[_RATES] *= share
-        largest[_RATES] = np.inf
-        verdicts, since, _ = watched(new_watch(), least, log, name, duties)
-        if not verdicts.any():
-            return least, largest
-    _add_faults(log, name, verdicts, since, missing, faults)
-    return bounds, bounds
+        narrow, wide = bounds.copy(), bounds.copy()
+        narrow[_RATES] *= share
+        wide[_RATES] = np.inf
+        verdicts, since, _ = watched(new_watch(), narrow, log, name, duties)
+        if not (verdicts == rule.STEP).any():
+            least, largest = narrow, wide
+            break
+    if verdicts.any():
+        _add_faults(log, name, verdicts, since, missing, faults)
+    return least, largest
 
 
 def _add_faults(
