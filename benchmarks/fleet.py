@@ -23,7 +23,7 @@ import psutil
 
 import clutchid
 from clutchid.fleets.cluster import Workers, results
-from clutchid.fleets.jobs import compile_first, fleet_of, read_all, tasks
+from clutchid.fleets.jobs import fleet_of, read_all, tasks
 from clutchid.fleets.store import store
 from clutchid.truck import drive, truck
 from clutchid.verbs.wear_reading import ReadingOptions
@@ -76,7 +76,6 @@ def measure(folder: Path, family: str, count: int, workers: Sequence[int]) -> No
     """Print throughput and memory over the numbers of workers."""
     source, calibration = recordings(folder, family, count)
     fleet = fleet_of(source, calibration)
-    compile_first([calibration])
     alone = 0.0
     for number in workers:
         out = folder / f"out{count}-{number}"

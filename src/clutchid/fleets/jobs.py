@@ -15,7 +15,7 @@ from clutchid.files import digest, is_there, not_an_address
 from clutchid.fleets.cluster import Workers, results, version_and_source
 from clutchid.fleets.store import Store, StoredResult
 from clutchid.names import as_text
-from clutchid.processes import FinishedWork, Pool
+from clutchid.processes import FinishedWork
 from clutchid.verbs.folders import (
     FolderContent,
     ListedFile,
@@ -26,7 +26,6 @@ from clutchid.verbs.folders import (
     no_recordings,
 )
 from clutchid.verbs.reading import by_suffix
-from clutchid.verbs.start import compile_models
 from clutchid.verbs.wear_reading import ReadingOptions, RecordingResult, checksum_of, read_recording, unless_lost
 from clutchid.wear.history import Listed
 from clutchid.wear.tables import read_fleet_table
@@ -239,14 +238,6 @@ def read_all(
             progress(count, len(todo))
     finally:
         store.saved()
-
-
-def compile_first(calibrations: Iterable[Path]) -> None:
-    """Compile the kernels of the models of some calibrations in a first worker; later workers only load them.
-
-    Workers on other machines compile once a machine, by themselves.
-    """
-    Pool().do(compile_models, tuple(calibrations))
 
 
 def _work(options: ReadingOptions, task: FleetTask) -> RecordingResult:
