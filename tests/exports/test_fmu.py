@@ -202,9 +202,9 @@ def made(plant: Actuator, modules: dict[str, CSource], tmp_path_factory: pytest.
         observing = observer(plant)
         observed = part == "observer"
         content = (
-            observer_fmu(observing, start(observing), STYLE, modules, "a test", version)
+            observer_fmu(observing, start(observing), STYLE, modules, "a test", version).content
             if observed
-            else model_fmu(plant, version=version)
+            else model_fmu(plant, version=version).content
         )
         return unpacked(content, tmp_path_factory.mktemp(f"{part}{version}"))
 
@@ -347,15 +347,15 @@ def test_units_are_products_of_base_units(modelled):
 
 def test_the_same_calibration_gives_the_same_bytes_and_another_one_another_guid(made, plant):
     modelled = made("model", 2)
-    assert model_fmu(plant) == modelled.content
-    other = described(model_fmu(plant.replace(F_C=plant.parameters.F_C * 1.01)))
+    assert model_fmu(plant).content == modelled.content
+    other = described(model_fmu(plant.replace(F_C=plant.parameters.F_C * 1.01)).content)
     assert other.attrib["guid"] != modelled.token
 
 
 def test_without_a_compiler_an_fmu_has_only_sources(monkeypatch, plant):
     monkeypatch.setattr("shutil.which", lambda *_, **__: None)
     monkeypatch.setattr(fmu, "find_spec", lambda name: None)
-    content = model_fmu(plant)
+    content = model_fmu(plant).content
     assert platforms(content) == ()
     assert described(content).findall("CoSimulation/SourceFiles/File")
 
@@ -366,6 +366,20 @@ def test_a_compiler_that_fails_is_an_error_with_its_words(plant, modules, made):
     broken = {**modules, "clutch": replace(modules["clutch"], source="int x = unknown_name;\n")}
     with pytest.raises(ExportError, match="unknown_name"):
         observer_fmu(estimator, start(estimator), STYLE, broken, "a test")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="the stand-in for ziglang is a script")
+def test_a_build_for_windows_that_fails_is_a_note_and_the_rest_is_kept(monkeypatch, plant, tmp_path):
+    present = platforms(model_fmu(plant).content)
+    python = tmp_path / "python"
+    python.write_text("#!/bin/sh\necho 'warning: x' >&2; echo 'error: unable to open cache.' >&2; exit 1\n")
+    python.chmod(0o755)
+    monkeypatch.setattr(fmu.sys, "executable", str(python))
+    monkeypatch.setattr(fmu, "find_spec", lambda name: True)
+    exported = model_fmu(plant)
+    assert platforms(exported.content) == tuple(platform for platform in present if "win" not in platform)
+    reason = "ziglang, which compiles it, fails: error: unable to open cache."
+    assert f"x.fmu has no binary for 64-bit Windows: {reason}" in missing_parts("x.fmu", exported)
 
 
 @pytest.mark.parametrize("header", ["clutchid", "fmpy"])
@@ -441,7 +455,7 @@ def test_a_parameter_that_adapts_may_begin_elsewhere(made):
 @pytest.mark.parametrize("model", ["energy-balance-stribeck", "isothermal"])
 def test_steps_of_the_model_are_those_of_a_simulation(model, plant, inputs, tmp_path):
     actuator = replace(plant, model=model).replace(T_pwm=5e-3 if model != "isothermal" else 0.0, s_pwm=0.3e-3)
-    exported = unpacked(model_fmu(actuator, "plant"), tmp_path)
+    exported = unpacked(model_fmu(actuator, "plant").content, tmp_path)
     compiled(exported)
     n = round(SECONDS / STEP)
     duties = given(exported, inputs)
@@ -468,7 +482,7 @@ def test_a_model_of_ones_own_is_exported_with_its_states_and_parameters(inputs, 
         rates={"z_2": v - s_2 * z_2},
         terms={"f_f": f_f + K_2 * z_2},
     )
-    exported, n = unpacked(model_fmu(Actuator(model=element)), tmp_path), 500
+    exported, n = unpacked(model_fmu(Actuator(model=element)).content, tmp_path), 500
     assert {"K_2", "z_2"} <= set(exported.variables)
     duties = given(compiled(exported), inputs)
     log = Log(np.arange(n) * STEP, {name: values[:n] for name, values in duties.items()})
@@ -492,7 +506,7 @@ def test_a_model_takes_other_parameters_and_another_start(modelled, plant):
 
 @pytest.mark.parametrize("valves", ["3/2", "supply"])
 def test_a_valve_that_does_not_exist_has_no_input(plant, tmp_path, valves):
-    exported = compiled(unpacked(model_fmu(replace(plant, equipment=Equipment(valves=valves))), tmp_path))
+    exported = compiled(unpacked(model_fmu(replace(plant, equipment=Equipment(valves=valves))).content, tmp_path))
     assert "duty_exhaust" not in exported.variables
     instance = exported.instance().begin(start__position=0.01, start__pressure_a=4e5)
     assert [instance.step(k * STEP) for k in range(200)] == [0] * 200
@@ -693,8 +707,8 @@ def test_a_value_that_a_tool_writes_acts_from_the_next_correction_and_outlives_a
 def test_without_a2ltool_the_a2l_has_no_addresses_and_a_note_says_so(monkeypatch, plant, modules):
     monkeypatch.setattr(fmu, "a2ltool", lambda: None)
     observing = observer(plant)
-    content = observer_fmu(observing, start(observing), STYLE, modules, "a test")
-    notes = missing_parts("fmu/clutch.fmu", content)
+    exported = observer_fmu(observing, start(observing), STYLE, modules, "a test")
+    content, notes = exported.content, missing_parts("fmu/clutch.fmu", exported)
     assert not platforms(content) or any("a2ltool, which finds them, is not installed" in note for note in notes)
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         assert [name for name in archive.namelist() if name.endswith(".a2l")] == [f"{XCP}/clutch.a2l"]

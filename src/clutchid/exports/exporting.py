@@ -12,7 +12,7 @@ from clutchid.errors import DataError, ParameterError
 from clutchid.exports.a2l import a2l, xcp_template
 from clutchid.exports.c99 import CStyle, compiler, observer_c99, source_files
 from clutchid.exports.data import provenance
-from clutchid.exports.fmu import FMUS, missing_parts, model_fmu, observer_fmu
+from clutchid.exports.fmu import FMUS, Fmu, missing_parts, model_fmu, observer_fmu
 from clutchid.exports.frames import results_dbc
 from clutchid.exports.matlab import matlab_files
 from clutchid.exports.misra import CHECKER, DEVIATIONS
@@ -157,14 +157,14 @@ def write_export(
     files |= {"test/replay.c": replay_source(observer, style, begins_us(log))}
     if in_c is not None:
         files["test/vectors.h"] = vectors(samples[:_VECTORS], in_c.outputs[:_VECTORS], style, begins)
-    fmus: dict[str, bytes] = {}
+    fmus: dict[str, Fmu] = {}
     for version, suffix in FMUS.items():
         if f"fmu{version}" in to:
             fmus[f"{style.name}{suffix}"] = observer_fmu(observer, state, style, modules, title, version)
             if model:
                 name = f"{style.name}_model"
                 fmus[f"{name}{suffix}"] = model_fmu(observer.actuator, name, version)
-    files |= {f"fmu/{name}.fmu": fmu for name, fmu in fmus.items()}
+    files |= {f"fmu/{name}.fmu": fmu.content for name, fmu in fmus.items()}
     notes = (*notes, *(note for name, fmu in fmus.items() for note in missing_parts(f"fmu/{name}.fmu", fmu)))
     if "matlab" in to:
         files |= {f"matlab/{name}": text for name, text in matlab_files(style).items()}

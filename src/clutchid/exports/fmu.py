@@ -33,6 +33,7 @@ from clutchid.exports.outputs import OUTPUTS
 from clutchid.inference.filter.joint_parameters import value_in_si
 from clutchid.inference.filter.setup import LEAST, MOST
 from clutchid.log.states import STATES, State
+from clutchid.messages import shortened
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels, system
 from clutchid.model.equipment import Equipment
@@ -62,6 +63,9 @@ DATE = (1980, 1, 1, 0, 0, 0)
 
 _FLAGS_OF_COMPILER = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden")
 
+#: Longest line of a compiler in a note.
+_LONGEST_CAUSE = 160
+
 #: Folder of what FMI-LS-XCP 1.0 wants: a manifest, and an A2L of the sources and of each binary.
 XCP = "extra/org.fmi-standard.fmi-ls-xcp"
 
@@ -70,6 +74,13 @@ FMUS: Mapping[Version, str] = MappingProxyType({2: "", 3: "_fmi3"})
 
 #: Folders of binaries by version: of 64-bit Linux, and of 64-bit Windows.
 _LINUX, _WINDOWS = {2: "linux64", 3: "x86_64-linux"}, {2: "win64", 3: "x86_64-windows"}
+
+
+class Fmu(NamedTuple):
+    """The content of an FMU, and why its library for Windows could not be compiled, empty where nothing was wrong."""
+
+    content: bytes
+    windows_failure: str = ""
 
 
 class Array(NamedTuple):
@@ -124,8 +135,8 @@ def observer_fmu(
     modules: Mapping[str, CSource],
     title: str,
     version: Version = 2,
-) -> bytes:
-    """An observer as an FMU: the file's content.
+) -> Fmu:
+    """An observer as an FMU.
 
     It takes a sample every `Observer.spacing` s, the first one at the start, with the inputs at the beginning of a
     step; its outputs are those of the last sample. A longer step is refused: inputs that are held for longer than a
@@ -169,8 +180,8 @@ def observer_fmu(
     return _fmu("observer", version, style.name, variables, equipment, modules, values, text)
 
 
-def model_fmu(actuator: Actuator, name: str = "actuator", version: Version = 2) -> bytes:
-    """An actuator with its load as an FMU, in double: the file's content.
+def model_fmu(actuator: Actuator, name: str = "actuator", version: Version = 2) -> Fmu:
+    """An actuator with its load as an FMU, in double.
 
     It does what `clutchid.simulation.simulate` does with a sample at every communication point. A step longer than the
     parameter ``sample_time`` has several intervals. It begins vented and at rest, Eq. (24), or as ``start.position``
@@ -219,21 +230,20 @@ def platforms(fmu: bytes) -> tuple[str, ...]:
         return tuple(sorted({name.split("/")[1] for name in archive.namelist() if name.startswith("binaries/")}))
 
 
-def missing_parts(file: str, fmu: bytes) -> tuple[str, ...]:
+def missing_parts(file: str, fmu: Fmu) -> tuple[str, ...]:
     """A sentence for each binary that an FMU, written to a file, could have and lacks, and for addresses of its A2L."""
-    present = set(platforms(fmu))
+    present = set(platforms(fmu.content))
+    absent = f"is not installed: {install_command('export')}"
+    failed = f"fails: {fmu.windows_failure}" if fmu.windows_failure else absent
     reasons = (
         (_LINUX, "for 64-bit Linux: there is no C compiler for it on this machine"),
-        (_WINDOWS, f"for 64-bit Windows: ziglang, which compiles it, is not installed: {install_command('export')}"),
+        (_WINDOWS, f"for 64-bit Windows: ziglang, which compiles it, {failed}"),
     )
     notes = tuple(f"{file} has no binary {reason}." for names, reason in reasons if present.isdisjoint(names.values()))
-    with zipfile.ZipFile(io.BytesIO(fmu)) as archive:
+    with zipfile.ZipFile(io.BytesIO(fmu.content)) as archive:
         a2ls = sum(name.endswith(".a2l") for name in archive.namelist())
     if present and a2ls == 1:
-        notes += (
-            f"The A2L in {file} has no addresses: a2ltool, which finds them, is not installed: "
-            f"{install_command('export')}.",
-        )
+        notes += (f"The A2L in {file} has no addresses: a2ltool, which finds them, {absent}.",)
     return notes
 
 
@@ -378,8 +388,8 @@ def _fmu(
     modules: Mapping[str, CSource],
     values: Mapping[str, Any],
     described_for_xcp: str = "",
-) -> bytes:
-    """The content of an FMU of variables and the C modules that its wrapper calls, with an A2L if there is one."""
+) -> Fmu:
+    """An FMU of variables and the C modules that its wrapper calls, with an A2L if there is one."""
     if version == 3:
         variables = [Variable("time", "time of the last communication point", "independent", "s"), *variables]
     kinds: tuple[Kind, ...] = ("Real", "Integer", "Boolean")
@@ -418,7 +428,8 @@ def _fmu(
     in_c = {Path(file).name: text for file, text in files.items() if file.endswith((".c", ".h"))}
     if described_for_xcp:
         files[f"{XCP}/{name}.a2l"] = described_for_xcp.encode()
-    return _zipped(files | _binaries(name, version, in_c, described_for_xcp))
+    binaries, failure = _binaries(name, version, in_c, described_for_xcp)
+    return Fmu(_zipped(files | binaries), failure)
 
 
 def _base_units(unit: str) -> dict[str, int]:
@@ -461,13 +472,15 @@ def _builds(name: str, version: Version) -> Iterator[_Build]:
         yield _Build(f"{_WINDOWS[version]}/{name}.dll", zig, "-g0")
 
 
-def _binaries(name: str, version: Version, sources: Mapping[str, bytes], xcp: str) -> dict[str, bytes]:
+def _binaries(name: str, version: Version, sources: Mapping[str, bytes], xcp: str) -> tuple[dict[str, bytes], str]:
     """Shared libraries of sources by name, and for each an A2L with addresses, if there is an A2L and a2ltool.
+
+    A second text says why the library for Windows, which is of use to others only, could not be made.
 
     Raises
     ------
     ExportError
-        If a compiler or a2ltool fails.
+        If the compiler of this machine, or a2ltool with its library, fails.
     """
     header, tool = f"fmi{version}Functions.h", a2ltool() if xcp else None
     texts = {**sources, header: template(f"{header}.j2", "clutchid.exports").render().encode()}
@@ -476,12 +489,24 @@ def _binaries(name: str, version: Version, sources: Mapping[str, bytes], xcp: st
     for build in _builds(name, version):
         with TemporaryDirectory() as folder:
             library = Path(folder) / Path(build.library).name
-            _compile([*build.command, *flags, build.nameless], texts, library)
-            files[f"binaries/{build.library}"] = _without_pdb(library.read_bytes())
-            if tool:
-                _compile([*build.command, *flags, "-gdwarf-4"], texts, library)
-                files[f"{XCP}/{Path(build.library).with_suffix('.a2l')}"] = _addressed(tool, xcp, library).encode()
-    return files
+            try:
+                _compile([*build.command, *flags, build.nameless], texts, library)
+                built = {f"binaries/{build.library}": _without_pdb(library.read_bytes())}
+                if tool:
+                    _compile([*build.command, *flags, "-gdwarf-4"], texts, library)
+                    built[f"{XCP}/{Path(build.library).with_suffix('.a2l')}"] = _addressed(tool, xcp, library).encode()
+            except ExportError as error:
+                if library.suffix != ".dll":
+                    raise
+                return files, _cause(str(error))
+            files |= built
+    return files, ""
+
+
+def _cause(output: str) -> str:
+    """The line of what a compiler says that has its error, or its last one."""
+    lines = [line.strip().rstrip(".") for line in output.splitlines() if line.strip()]
+    return shortened(next((line for line in lines if "error:" in line.casefold()), lines[-1]), _LONGEST_CAUSE)
 
 
 def _compile(command: Sequence[str], texts: Mapping[str, bytes], library: Path) -> None:
