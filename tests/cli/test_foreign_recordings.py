@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import clutchid
 from clutchid import truck as virtual
 from clutchid.log import INPUTS, Log
 from clutchid.measurements import read, write
@@ -157,6 +158,18 @@ def test_a_long_recording_is_cut_and_what_was_chosen_is_fitted(tmp_path, capsys)
     assert 3000 < len(chosen) <= 6100
     assert np.isin(chosen.time, driven.log.time).all()
     assert fitted(best) > 0
+
+
+def test_a_stroke_that_is_divided_at_a_long_hold_is_said_in_python_and_on_the_command_line(tmp_path, capsys):
+    time = np.arange(0.0, 20.0, 1e-3)
+    position = np.interp(time, [2.0, 2.1, 15.0, 15.3], [0.0, 0.02, 0.02, 0.0])
+    inputs = {name: np.zeros(time.size) for name in INPUTS}
+    write(Log(time, {"position": position, **inputs}), tmp_path / "held.parquet")
+    assert called("cut", tmp_path / "held.parquet", "--out", tmp_path / "best.csv") == 0
+    sentence = "a stroke is divided where the piston stands still for 10 s or longer: the ways there and back are two"
+    assert f"warning: {sentence}" in capsys.readouterr().err
+    (warning,) = clutchid.cut(tmp_path / "held.parquet").warnings
+    assert warning.startswith(sentence)
 
 
 def test_nothing_is_written_where_nothing_could_be_fitted(tmp_path, capsys):

@@ -184,8 +184,22 @@ def test_a_long_hold_is_a_section_of_its_own(made):
     sections = list(cut(log))
     assert [section.label for section in sections][2] == "held"
     assert [section.kind for section in sections] == ["rest", "stroke", "rest", "stroke", "rest"]
+    assert [section.divided for section in sections] == [False, False, True, False, False]
     # of the 38.85 s at the top half a second goes with either stroke, and what is still is so over 0.15 s and a bin
     assert sections[2].seconds == pytest.approx(38.85 - 2 * LEAD, abs=0.15 + 0.02)
+
+
+def test_a_stroke_that_is_too_long_is_divided_and_a_hole_or_a_rest_divides_none(made):
+    times = np.arange(0.0, 400.0, 2.0)
+    log = made([(0.0, 0.0), *zip(1.0 + times, np.where(times % 4.0, 5e-3, REACH), strict=True), (405.0, 0.0)])
+    strokes = [section for section in cut(log) if section.kind == "stroke"]
+    first, *others = [section.divided for section in strokes]
+    assert not first
+    assert others
+    assert all(others)
+    assert not any(section.divided for section in cut(log.slice(0, 100_000)))
+    with_hole = Log(log.time + (log.time > 50.0), log.columns)
+    assert [section.divided for section in cut(with_hole.slice(0, 100_000))].count(True) == 0
 
 
 def test_slow_motion_is_a_stroke_and_only_the_hold_within_it_is_held(made):

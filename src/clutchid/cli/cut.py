@@ -54,6 +54,7 @@ def cut(
     with progress_bar("cut") as show:
         best = cut_file(recording, files, seconds, table, say, show)
     put(", ".join(f"{count:,} {label}" for label, count in best.counts))
+    say(best.divisions)
     if best.log is None:
         raise DataError(f"{recording}: no usable stroke of at most {seconds:g} s was found; nothing is written.")
     write_log(best.log, out)

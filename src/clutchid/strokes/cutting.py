@@ -45,7 +45,8 @@ def cut(recording: Log | Iterable[Log]) -> Iterator[Section]:
     section. A stroke goes from the vented rest back to it, with up to `LEAD` s of the rest before it. The level of the
     rest is estimated from the data, in blocks of `BLOCK` samples: the position to which the piston returns with the
     supply closed, its noise, and the reach from there. A hold longer than `LONGEST_HOLD` s is a section of its own, and
-    sections longer than `LONGEST` samples are divided, so memory is bounded by a few such lengths.
+    sections longer than `LONGEST` samples are divided, so memory is bounded by a few such lengths; `Section.divided`
+    says where a stroke is.
 
     Parameters
     ----------
@@ -82,19 +83,31 @@ def cut(recording: Log | Iterable[Log]) -> Iterator[Section]:
     described = partial(section, name=first.name, metadata=first.metadata)
     whole = blocks(chain([first], pieces))
     del first  # so that its samples can be freed
+    after_stroke = -1
+    for part in _parts(whole):
+        if part is None:
+            after_stroke = -1
+            continue
+        goes_on = part.samples.first == after_stroke and (part.long_hold or (part.kind == "stroke" and part.lead == 0))
+        after_stroke = part.samples.first + len(part.samples) if part.kind == "stroke" else -1
+        yield described(part, divided=goes_on)
+
+
+def _parts(whole: Iterable[Samples]) -> Iterator[CompletedSamples | None]:
+    """Completed strokes and rests of consecutive blocks, None at a hole."""
     carried, pending = _CuttingState(), None
     for block in whole:
         carried, binned = _binned(block, carried)
         for samples, bins, opens in binned:
             if opens and pending is not None:
-                yield from map(described, completed(pending, final=True)[0])
+                yield from (*completed(pending, final=True)[0], None)
                 pending = None
             pending = PendingSamples(samples, bins) if pending is None else pending.followed_by(samples, bins)
         if pending is not None:
             parts, pending = completed(pending, final=False)
-            yield from map(described, parts)
+            yield from parts
     if pending is not None:
-        yield from map(described, completed(pending, final=True)[0])
+        yield from completed(pending, final=True)[0]
 
 
 def _binned(block: Samples, before: _CuttingState) -> tuple[_CuttingState, list[tuple[Samples, Bins, bool]]]:
@@ -126,7 +139,7 @@ def _binned(block: Samples, before: _CuttingState) -> tuple[_CuttingState, list[
 SPEED_BINS = 2
 
 
-def section(part: CompletedSamples, name: str, metadata: Mapping[str, str]) -> Section:
+def section(part: CompletedSamples, name: str, metadata: Mapping[str, str], *, divided: bool) -> Section:
     """The section of a completed stroke or rest; samples are copied so that the recording can be freed."""
     samples = part.samples
     columns = {column: values.copy() for column, values in samples.columns.items()}
@@ -138,7 +151,7 @@ def section(part: CompletedSamples, name: str, metadata: Mapping[str, str]) -> S
         label = stroke_label(part.bins)
     departure = float(part.bins.time[min(part.lead, len(part.bins) - 1)])
     start, end = float(log.time[0]), float(log.time[-1])
-    return Section(part.kind, label, log, start, end, departure, samples.first, summary)
+    return Section(part.kind, label, log, start, end, departure, samples.first, summary, divided)
 
 
 def _summary(part: CompletedSamples) -> SectionSummary:

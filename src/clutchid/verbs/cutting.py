@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -46,7 +46,8 @@ def cut(
     Returns
     -------
     log : Log
-        Strokes in order of time; where samples were left out, its time has a hole.
+        Strokes in order of time; where samples were left out, its time has a hole. Its warnings say where strokes were
+        divided: at a long hold.
 
     Raises
     ------
@@ -63,17 +64,15 @@ def cut(
     (True, '23 mm')
     """
     from clutchid.measurements import read_pieces
-    from clutchid.strokes import choose, joined
-    from clutchid.strokes import cut as sections_of
 
     if isinstance(recording, Log):
         name, pieces = recording.name, iter([recording])
     else:
         name, pieces = str(recording), read_pieces(recording, ambient=ambient, channels=channels, dbc=dbc)
-    chosen = choose(sections_of(pieces), seconds)
-    if not chosen:
+    best = _chosen(pieces, seconds, lambda _: None)
+    if best.log is None:
         raise DataError(f"{name}: no usable stroke of at most {seconds:g} s was found.")
-    return joined(chosen)
+    return best.log
 
 
 class CutRecording(NamedTuple):
@@ -87,11 +86,14 @@ class CutRecording(NamedTuple):
         The chosen strokes as text.
     counts
         Labels with the number of their strokes and rests, most frequent first.
+    divisions
+        Where strokes are divided, one sentence for holds and one for strokes that are too long.
     """
 
     log: Log | None
     table: str
     counts: Sequence[tuple[str, int]]
+    divisions: tuple[str, ...]
 
 
 def cut_file(
@@ -117,17 +119,38 @@ def cut_file(
         If the recording cannot be read, or the table cannot be written.
     """
     from clutchid.files import atomic_write
+
+    pieces = _pieces(path, files, warn, show)
+    if table is None:
+        return _chosen(pieces, seconds, lambda _: None)
+    with atomic_write(table) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+        return _chosen(pieces, seconds, csv.writer(file).writerow)
+
+
+def _chosen(pieces: Iterable[Log], seconds: float, write_row: Callable[[Iterable[object]], object]) -> CutRecording:
+    """The strokes and rests of a recording in pieces, each written as a row."""
     from clutchid.strokes import choose, joined, sections_table
     from clutchid.strokes import cut as sections_of
 
     counts: Counter[str] = Counter()
-    sections = sections_of(_pieces(path, files, warn, show))
-    if table is None:
-        chosen = choose(_counted(sections, counts, lambda _: None), seconds)
-    else:
-        with atomic_write(table) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
-            chosen = choose(_counted(sections, counts, csv.writer(file).writerow), seconds)
-    return CutRecording(joined(chosen) if chosen else None, sections_table(chosen), counts.most_common())
+    divisions: dict[bool, list[float]] = {}
+    chosen = choose(_counted(sections_of(pieces), counts, divisions, write_row), seconds)
+    said = tuple(_sentence(times, held=held) for held, times in divisions.items())
+    log = replace(joined(chosen), warnings=said) if chosen else None
+    return CutRecording(log, sections_table(chosen), counts.most_common(), said)
+
+
+def _sentence(times: Sequence[float], *, held: bool) -> str:
+    """Where strokes are divided: by holds, or because they are too long."""
+    from clutchid.strokes.borders import LONGEST, LONGEST_HOLD
+
+    count = "a stroke is" if len(times) == 1 else f"{len(times):,} strokes are"
+    why = (
+        f"where the piston stands still for {LONGEST_HOLD:g} s or longer: the ways there and back are two strokes"
+        if held
+        else f"after {LONGEST:,} samples: each part is a stroke of its own"
+    )
+    return f"{count} divided {why}; the first at {times[0]:.3f} s."
 
 
 def _pieces(
@@ -147,9 +170,12 @@ def _pieces(
 
 
 def _counted(
-    sections: Iterable[Section], counts: Counter[str], write_row: Callable[[Iterable[object]], object]
+    sections: Iterable[Section],
+    counts: Counter[str],
+    divisions: dict[bool, list[float]],
+    write_row: Callable[[Iterable[object]], object],
 ) -> Iterator[Section]:
-    """The sections, counted by label and written to the table one by one."""
+    """The sections, counted by label and written to the table one by one; times of `divisions`, at holds or not."""
     for number, section in enumerate(sections, 1):
         summary = asdict(section.summary)
         if number == 1:
@@ -158,6 +184,8 @@ def _counted(
         ends = (section.start, section.departure, section.end)
         write_row([number, section.kind, section.label, section.first, *ends, *summary.values()])
         counts[section.label] += 1
+        if section.divided:
+            divisions.setdefault(section.kind == "rest", []).append(section.start)
         yield section
 
 
