@@ -383,6 +383,8 @@ def test_every_recording_of_an_actuator_opens(shared):
         ("2024/05/01 01:02:03", "2024-05-01T01:02:03"),
         ("01:02:03:045", "01:02:03.045"),
         ("11:59:59.999 PM", "23:59:59.999"),
+        ("01-May-2024 12:00:00.001", "2024-05-01T12:00:00.001"),
+        ("24-Dez-2024 01:02:03", "2024-12-24T01:02:03"),
     ],
 )
 def test_dates_and_times_are_read_as_they_are_written(cell, stamp):
@@ -391,7 +393,40 @@ def test_dates_and_times_are_read_as_they_are_written(cell, stamp):
     assert nanoseconds(cell) is not None
 
 
-@pytest.mark.parametrize("cell", ["01-May-2024 12:00:00.001", "20240501T120000.001Z", "12.00.00.001", "0h 0m 1s"])
+@pytest.mark.parametrize("small", [True, False])
+@pytest.mark.parametrize("form", ["{:g} sec", "01-May-2024 12:00:{:06.3f}", "2024-05-01 12:00:{:06.3f}"])
+def test_row_times_of_a_timetable_are_seconds(save, form, small):
+    stamps = np.arange(40) * 0.25
+    rows = "".join(f"{form.format(t)},{t / 10:.3f},{k % 2},{(k + 1) % 2}\n" for k, t in enumerate(stamps))
+    source = open_file(save("Time,position [mm],duty_supply [1],duty_exhaust [1]\n" + rows))
+    (table,) = source.tables(0, [0, 1]) if small else [next(source.tables(0, [0, 1], 10**6))]
+    assert table.problems == ()
+    assert table.headings[0].si == "s"
+    np.testing.assert_allclose(table.numbers[0], stamps, atol=1e-9)
+
+
+@pytest.mark.parametrize("types", ["f8;f8;f8;f8", "double;double;int32;int32", "type;real;real;real"])
+def test_a_row_of_types_between_names_and_units_is_neither(save, types):
+    text = f"Recorder\ntime;ClutchPos;DutySupply;DutyExhaust\n{types}\ns;mm;%;%\n" + "".join(
+        f"{i / 100};{i};{i % 2};{1 - i % 2}\n" for i in range(30)
+    )
+    (raster,) = open_file(save(text)).rasters
+    assert [(h.text, h.unit) for h in raster.headings][:2] == [("time", "s"), ("ClutchPos", "mm")]
+
+
+def test_numbers_in_the_head_of_a_labview_measurement_are_no_samples(save):
+    lines = [
+        "LabVIEW Measurement", "X_Columns\tNo", "***End_of_Header***", "Channels\t2", "Samples\t30\t30",
+        "Y_Unit_Label\tmm\t%", "X0\t0.0E+0\t0.0E+0", "Delta_X\t0.001\t0.001", "***End_of_Header***\t\t",
+        "X_Value\tposition\tduty_supply\tComment", *(f"\t{i / 10}\t{i % 2}" for i in range(30)),
+    ]  # fmt: skip
+    source = open_file(save("\n".join(lines) + "\n"))
+    assert [(h.text, h.unit) for h in source.rasters[0].headings][1:] == [("position", "mm"), ("duty_supply", "%")]
+    (table,) = source.tables(0, [1])
+    assert table.numbers[1].tolist() == [i / 10 for i in range(30)]
+
+
+@pytest.mark.parametrize("cell", ["01-Mau-2024 12:00:00.001", "20240501T120000.001Z", "12.00.00.001", "0h 0m 1s"])
 def test_times_that_are_not_read_are_named_with_how_to_write_them(save, cell):
     rows = "".join(f"{cell};{i};{i % 2};{(i + 1) % 2}\n" for i in range(9))
     with pytest.raises(DataError, match="time: 'Zeit' holds text; write seconds, or times such as 2024-05-01T12:00:00"):

@@ -30,6 +30,37 @@ BUSMASTER = """***BUSMASTER Ver 3.2.2***
 ***<Time><Tx/Rx><Channel><CAN ID><Type><DLC><DataBytes>***"""
 
 
+VEHICLE_SPY = (
+    "Vehicle Spy 3 Save Data File\nSave Date,5/1/2024\nNotes,\n\nNetwork Description,Hardware,Network,Protocol\n\n"
+    + "".join(
+        f"Line,Abs Time(Sec),Rel Time (Sec),Status,Er,Tx,Description,Network,Node,{names},Value,Trigger,Signals\n"
+        for names in (
+            "ID,Cycle,Ch,B1-256,Dyn,Symbol Type", "Arb ID,Remote/EDL-BRS-ESI,Xtd,B1,B2,B3,B4,B5,B6,B7,B8",
+            "PT,Trgt,Src,B1,B2,B3,B4,B5,B6,B7,B8",
+        )
+    ).strip()
+)  # fmt: skip
+
+KVASER_CSV = """CSV CAN data
+Converted from Kvaser Memorator at;2024-05-01 12:00:00
+Format of data field;{}
+Format of id field;{}
+Time;Channel;id;Flags;DLC;Data0;Data1;Data2;Data3;Data4;Data5;Data6;Data7;Counter"""
+
+MEMORATOR = """                              Kvaser Memorator Log
+                              ====================
+
+Memorator Binary logfile created at: 2024-05-01 12:00:00
+
+Settings:
+   Format of data field: HEX
+   Format of id field:   HEX
+   Timestamp Offset:     0.000000           s
+
+        Time Chan   Identifier Flags        DLC  Data                            Counter
+===================================================================================="""
+
+
 def clock(seconds):
     """As BUSMASTER writes it: hours, minutes, seconds and tenths of a millisecond."""
     minutes, rest = divmod(round(seconds * 1e4), 600_000)
@@ -38,6 +69,10 @@ def clock(seconds):
 
 def spaced(data):
     return data.hex(" ").upper()
+
+
+def hexed(data, between):
+    return between.join(f"{byte:02X}" for byte in data)
 
 
 def lines(form):
@@ -68,6 +103,38 @@ def lines(form):
             "Time,Channel,ID,Flags,DLC,Data0,Data1,Data2,Data3,Data4,Data5,Data6,Data7",
             lambda t, i, d, _: f"{t:.6f},1,{i},,8,{','.join(map(str, d))}",
         ),
+        "vehicle spy": (
+            VEHICLE_SPY,
+            lambda t, i, d, _: (
+                f"1,{550000000 + t:.6f},{t},67371012,F,F,HS CAN ${i:X},HS CAN,,{i:X},F,F,{hexed(d, ',')},,,"
+            ),
+        ),
+        "kvaser csv": (
+            KVASER_CSV.format("HEX", "DEC"),
+            lambda t, i, d, _: f"{t:.6f};1;{i};2;8;{hexed(d, ';').lower()};7".replace(".", ","),
+        ),
+        "canking": (
+            "Chn Identifier Flg   DLC  D0...1...2...3...4...5...6..D7       Time     Dir",
+            lambda t, i, d, _: f" 0    {i:08X}         8  {hexed(d, '  ')}  {t:14.6f} R",
+        ),
+        "canking decimal": (
+            "Chn Identifier Flg   DLC  D0...1...2...3...4...5...6..D7       Time     Dir",
+            lambda t, i, d, _: f" 0    {i:8d}         8  {'  '.join(f'{b:3d}' for b in d)}  {t:14.6f} R",
+        ),
+        "memorator": (
+            MEMORATOR,
+            lambda t, i, d, _: f"{t:12.6f}  1  {i:10X}    Rx            8  {spaced(d)}                  12",
+        ),
+        "ixxat": (
+            "ASCII Trace IXXAT Automation GmbH\nDate: 01.05.2024\nTime;Identifier (hex);Format;Flags;Data (hex)",
+            lambda t, i, d, _: f"00:00:{t:09.6f};{i:X};Std;;{spaced(d)}",
+        ),
+        "css text": (
+            "# Logger type: CL2000\n# Time: 20240501T120000\nTimestamp;Type;ID;Data",
+            lambda t, i, d, _: f"01T1200{round(t * 1e3):05d};0;{i:x};{d.hex()}",
+        ),
+        "cabana": ("time,addr,bus,data", lambda t, i, d, _: f"{t:.6f},0x{i:x},0,0x{d.hex()}"),
+        "trace window": ("", lambda t, i, d, _: f"{t:.6f} 1  {i:X}             Rx   d 8 {spaced(d)}"),
         "busmaster": (BUSMASTER, lambda t, i, d, _: f"{clock(43200 + t)} Rx 1 0x{i:03X} s 8 {spaced(d)} "),
         "busmaster decimal": (
             BUSMASTER.replace("HEX", "DEC").replace("SYSTEM", "RELATIVE"),
@@ -87,8 +154,13 @@ def lines(form):
 
 FORMS = [
     "-L", "-L fd", "-L way", "-ta", "-tA", "-tz", "-td", "gvret", "css", "python-can", "decimal", "busmaster",
-    "busmaster decimal",
+    "busmaster decimal", "vehicle spy", "kvaser csv", "canking", "canking decimal", "memorator", "ixxat", "css text",
+    "cabana", "trace window",
 ]  # fmt: skip
+
+
+#: Forms whose lines do not say how long the payload is.
+WITHOUT_LENGTH = ("-L", "ixxat", "css text", "cabana", "vehicle spy")
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -109,7 +181,7 @@ def test_a_line_that_is_cut_off_is_no_frame_with_zeros(form, save):
     for cut in range(len(last) - 20, len(last)):
         (block,) = frame_log(save("\n".join([*head, *text, last[:cut]]), "run.log")).blocks()
         if len(block) > 8:
-            assert form.startswith("-L") or block.length[-1] == 8
+            assert form.startswith(WITHOUT_LENGTH) or block.length[-1] == 8
             size = min(int(block.length[-1]), 7)  # of the last byte a digit may be missing
             assert bytes(block.data[-1])[:size] == data[:size]
 

@@ -14,7 +14,7 @@ from clutchid.files import reading
 from clutchid.measurements.suffixes import FORMATS, Format, split_name
 
 #: Bytes at the start of a file that determine its kind.
-ENOUGH = 4096
+ENOUGH = 1 << 14
 
 
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f]")
@@ -29,6 +29,7 @@ _UNPACK = "unpack it, and name the recording in it"
 _JSON = "a JSON file"
 _DATABASE = "name the recording of the bus, and give this file with --dbc"
 _EXPORT = "export the channels as CSV, Parquet or MDF"
+_FRAMES = "save the frames as BLF or ASC, or as a table with columns for time, identifier, bus and data"
 
 #: First bytes of files that are no recordings: what they are, and what to do.
 _FOREIGN = (
@@ -69,6 +70,12 @@ _TEXTS = (
     (r'\s*(\{\s*"|\[\s*[\[{])', _JSON, "write the channels as columns of a CSV or Parquet file"),
     (r"(?s)\s*(/\*.*?\*/\s*)?(ASAP2_VERSION\b|/begin\s+PROJECT\b)", "an A2L description", _EXPORT),
     (r"\s*LIN_description_file\b", "an LDF description of a LIN bus", _EXPORT),
+    (r"\d+\.\d+ \d?(CXX|[RT](11|29)) ", "a CRTD log of frames", _FRAMES),
+    (r"(//.*\n)*//\s*Microchip Technology", "a log of Microchip's CAN analyzer", _FRAMES),
+    (r"(?s).{0,2000}\bTime[;,\t]Channel[;,\t]PGN[;,\t]", "a table of Kvaser with PGNs in place of identifiers",
+     "convert the log with identifiers"),
+    (r"\|CF,\d", "an imc FAMOS file", _EXPORT),
+    (r"DIAEXTENDED\b", "a header of DIAdem, whose samples lie in other files", _EXPORT),
 )  # fmt: skip
 
 

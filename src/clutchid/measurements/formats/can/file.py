@@ -1,4 +1,4 @@
-"""Logs of frames (BLF, ASC, TRC, MF4, candump, BUSMASTER, tables), decoded with DBC files: a time grid a message.
+"""Logs of frames (binary, text and tables), decoded with DBC files: a time grid a message.
 
 The frames are read once when a log is opened, to find the messages in it. Those that a DBC decodes are kept as long as
 they take no more than `KEPT` bytes; else the file is read again for each time grid.

@@ -149,23 +149,23 @@ def text_log(
     parse: Callable[[str], FrameLine | None],
     *,
     between: bool = False,
-    header: bool = False,
+    header: int = 0,
 ) -> FrameLog:
-    """The log of a text with a frame a line, below a line of names (`header`); lines of stars are remarks.
+    """The log of a text with a frame a line, below a number of filled lines (`header`); lines of stars are remarks.
 
     Stamps count from the line before where they are times `between` lines.
     """
 
     def frames() -> Iterator[Frame | str]:
-        now, named = 0.0, not header
+        now = 0.0
         with path.open(encoding="utf-8-sig", errors="replace") as file:
-            for line in filter(str.strip, file):
+            for line in islice(filter(str.strip, file), header, None):
                 try:
-                    parsed = parse(line.rstrip("\r\n")) if named else (0.0, "")
+                    parsed = parse(line.rstrip("\r\n"))
                 except (ValueError, LookupError):
                     parsed = None
                 stamp, fields = parsed or (0.0, "" if line.startswith("***") else UNREADABLE)
-                now, named = now + stamp if between else stamp, True
+                now = now + stamp if between else stamp
                 if fields:
                     yield fields if isinstance(fields, str) else Frame(now, *fields)
 

@@ -76,9 +76,14 @@ def candump_log(path: Path) -> FrameLog:
 
 
 def _origin(first: float) -> tuple[int, datetime | None]:
-    """Whole seconds that stamps count from, so that these keep microseconds; and that time, where it is known."""
+    """Whole seconds that stamps count from, so that these keep microseconds; and that time, where it is known.
+
+    A smaller number than that of 2001 counts from elsewhere, as from 2007 in Vehicle Spy.
+    """
     if not first > _YEAR:
         return 0, None
+    if first < _SINCE_2001:
+        return int(first), None
     try:
         return int(first), _EPOCH + timedelta(seconds=int(first))
     except OverflowError:
@@ -88,6 +93,7 @@ def _origin(first: float) -> tuple[int, datetime | None]:
 #: Lines that show what stamps are: those since the line before do not grow over the lines, by this share of their
 #: range, nor from line to line, in this share; those since 1970 are above this.
 _SHOWN, _GROWN, _ON, _YEAR = 2000, 0.1, 0.9, 3e7
+_SINCE_2001 = 1e9
 
 
 def _candump_line(buses: Mapping[str, int], zero: int, line: str) -> FrameLine | None:
@@ -104,7 +110,7 @@ def _candump_line(buses: Mapping[str, int], zero: int, line: str) -> FrameLine |
 
 def _seconds(text: str, zero: int = 0) -> float:
     """A stamp in s from `zero`: a number, or date and time; NaN for any other text."""
-    whole, _, fraction = text.partition(".")
+    whole, _, fraction = text.replace(",", ".").partition(".")
     if whole.isdigit() and fraction.isdigit():
         return int(whole) - zero + float(f"0.{fraction}")
     number = plain_number(text)
@@ -114,9 +120,15 @@ def _seconds(text: str, zero: int = 0) -> float:
     stamp = _whole_second(whole) if fraction.isdigit() and len(fraction) <= 9 else None
     if stamp is not None and stamp % 10**9 == 0:
         return stamp // 10**9 - zero + float(f"0.{fraction}")
+    if match := _DAYS.fullmatch(text):
+        day, hour, minute, second, millisecond = map(int, match.groups())
+        return 86400 * day + 3600 * hour + 60 * minute + second - zero + millisecond * 1e-3
     stamp = nanoseconds(text)
     return math.nan if stamp is None else stamp // 10**9 - zero + stamp % 10**9 * 1e-9
 
+
+#: Day of the month and time of day to the millisecond, as a logger of CSS Electronics writes them.
+_DAYS = re.compile(r"(\d\d)T(\d\d):?(\d\d):?(\d\d)[.:]?(\d{3})")
 
 #: Nanoseconds of a date and time to the second, which all frames of a second share.
 _whole_second = lru_cache(maxsize=128)(nanoseconds)
@@ -128,26 +140,32 @@ _COLUMNS: Mapping[str, frozenset[str]] = {
         {"timestamp", "time", "timestampepoch", "timestamps", "abstime", "reltime", "timeoffset", "t", "zeit"}
     ),
     "id": frozenset(
-        {"id", "canid", "arbitrationid", "identifier", "idhex", "messageid", "msgid", "frameid", "canidhex"}
+        {"id", "canid", "arbitrationid", "arbid", "identifier", "idhex", "messageid", "msgid", "frameid", "canidhex"}
+        | {"addr", "address"}
     ),
     "data": frozenset({"data", "databytes", "payload", "datahex", "bytes", "databyteshex"}),
-    "extended": frozenset({"extended", "ide", "isextended", "isextendedid", "ext", "idtype"}),
-    "bus": frozenset({"bus", "buschannel", "channel", "interface", "chn"}),
+    "extended": frozenset({"extended", "ide", "isextended", "isextendedid", "ext", "idtype", "xtd", "format", "type"}),
+    "bus": frozenset({"bus", "buschannel", "channel", "interface", "chn", "network"}),
     "length": frozenset({"len", "dlc", "length", "datalength"}),
-    "way": frozenset({"dir", "direction", "rxtx", "txrx", "isrx"}),
-    "remote": frozenset({"remote", "rtr"}),
-    "error": frozenset({"error", "iserror"}),
+    "way": frozenset({"dir", "direction", "rxtx", "txrx", "isrx", "tx"}),
+    "remote": frozenset({"remote", "rtr", "remote/edlbrsesi"}),
+    "error": frozenset({"error", "iserror", "er"}),
 }
 _BYTE = re.compile(r"(?:d|b|data|byte|databyte)\[?(\d{1,2})\]?")
 _SEPARATORS = (",", ";", "\t")
-_TRUE = frozenset({"true", "1", "yes", "x", "ext", "extended"})
+_TRUE = frozenset({"true", "t", "1", "9", "yes", "x", "ext", "extended"})  # 9: sent and extended, at CSS Electronics
+
+#: Says in what the numbers below are written, in a line above the names.
+_FORMAT = re.compile(r"Format of (?P<what>data|id) field\W+(?P<base>HEX|DEC)")
+_BASES = {"HEX": 16, "DEC": 10}
 
 
 @dataclass(frozen=True, slots=True)
 class _FrameTable:
     """Layout of a table of frames: separator, columns by their meaning, and those of single bytes in their order.
 
-    `unit` is that of the stamps, `base` that of single bytes.
+    `unit` is that of the stamps, `base` that of single bytes, `base_of_id` that of identifiers (0: not known); `header`
+    counts the filled lines up to that of the names, and `stamp` is what the stamps are called there.
     """
 
     separator: str
@@ -155,14 +173,29 @@ class _FrameTable:
     bytes: tuple[int, ...]
     unit: str
     base: int = 16
+    base_of_id: int = 0
+    header: int = 1
+    stamp: str = ""
 
 
 def frame_table(lines: Sequence[str]) -> _FrameTable | None:
-    """Layout of a table of raw frames, by the words of its first line; None where it is none.
+    """Layout of a table of raw frames, by the words of a line at its start; None where it is none.
 
     It has a time, an identifier and a payload, and besides at least one of what only frames have.
     """
-    header = next((line for line in lines if line.strip()), "")
+    bases: dict[str, int] = {}
+    for number, line in enumerate(filter(str.strip, lines), start=1):
+        bases |= {match["what"]: _BASES[match["base"]] for match in _FORMAT.finditer(line)}
+        if (number == 1 or _NAMES.search(line)) and (layout := _layout(line)):
+            return replace(layout, header=number, base=bases.get("data", 16), base_of_id=bases.get("id", 0))
+    return None
+
+
+#: What one of the names of an identifier has in it, so that other lines are not cut into cells.
+_NAMES = re.compile(r"id(?:entifier)?\b|addr", re.IGNORECASE)
+
+
+def _layout(header: str) -> _FrameTable | None:
     for separator in _SEPARATORS:
         cells = headings(header.lstrip("\ufeff").split(separator))
         names = [re.sub(r"[\s_.\-]|\[.*|\(.*", "", cell.text).casefold() if cell.text else "" for cell in cells]
@@ -173,7 +206,8 @@ def frame_table(lines: Sequence[str]) -> _FrameTable | None:
         numbered = sorted((int(match[1]), i) for i, name in enumerate(indexed) if (match := _BYTE.fullmatch(name)))
         payload = "data" in columns or len(numbered) >= 1
         if {"stamp", "id"} <= set(columns) and payload and len(columns) >= 4 - (len(numbered) > 1):
-            return _FrameTable(separator, columns, tuple(i for _, i in numbered), cells[columns["stamp"]].unit or "")
+            stamp = cells[columns["stamp"]]
+            return _FrameTable(separator, columns, tuple(i for _, i in numbered), stamp.unit or "", stamp=stamp.text)
     return None
 
 
@@ -197,17 +231,19 @@ def frame_table_log(path: Path) -> FrameLog:
     layout = frame_table(lines)
     if layout is None:
         raise DataError("is no table of frames; a time, an identifier and a payload are needed in its header.")
-    rows = [cells for line in lines[1:] if len(cells := line.split(layout.separator)) > max(layout.columns.values())]
+    filled = [line for line in lines if line.strip()][layout.header :]
+    rows = [cells for line in filled if len(cells := line.split(layout.separator)) > max(layout.columns.values())]
     texts = [cells[layout.columns["stamp"]].strip() for cells in rows]
     stamps = np.array(list(map(_seconds, texts)))
     scale = _scale(stamps, layout.unit, whole=all(text.isdigit() for text in texts))
     single = [cells[i].strip() for cells in rows for i in layout.bytes if i < len(cells)]
     if any(len(cell) > len("FF") for cell in single) and all(cell.isdigit() for cell in single if cell):
         layout = replace(layout, base=10)
-    identifier = layout.base if layout.base == 10 else _base([cells[layout.columns["id"]] for cells in rows])
-    zero, start = _origin(float(stamps[0]) * scale if stamps.size else 0.0)
+    ids = [cells[layout.columns["id"]] for cells in rows]
+    identifier = layout.base_of_id or (layout.base if layout.base == 10 else _base(ids))
+    zero, start = _origin(next((float(stamp) * scale for stamp in stamps if math.isfinite(stamp)), 0.0))
     parse = partial(_table_line, layout, dict[str, int](), scale, round(zero / scale), identifier)
-    return text_log("CSV of frames", start, path, parse, header=True)
+    return text_log("CSV of frames", start, path, parse, header=layout.header)
 
 
 _UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
@@ -232,8 +268,10 @@ def _base(cells: Sequence[str]) -> int:
 def _table_line(layout: _FrameTable, buses: dict[str, int], scale: float, zero: int, base: int, line: str) -> FrameLine:
     columns = layout.columns
     cells = [cell.strip().strip('"') for cell in line.split(layout.separator)]
+    if cells[columns["stamp"]] == layout.stamp:  # names of frames of another bus
+        return 0.0, ""
     for what in ("remote", "error"):
-        if _is_true(cells, columns.get(what)):
+        if _is_true(cells, columns.get(what)) or (what == "error" and not cells[columns["id"]]):
             return 0.0, f"{what} frame"
     identifier = int(cells[columns["id"]].removesuffix("h"), base)
     extended = identifier > 0x7FF or _is_true(cells, columns.get("extended"))
@@ -251,6 +289,8 @@ def _is_true(cells: Sequence[str], index: int | None) -> bool:
 def _payload(cells: Sequence[str], layout: _FrameTable) -> bytes:
     """The payload of a line: single bytes, or one text, hexadecimal or as python-can writes it (base 64)."""
     length = cells[layout.columns["length"]] if "length" in layout.columns else ""
+    if layout.bytes and not length and len(cells) <= layout.bytes[-1]:
+        raise ValueError("the line was cut off")
     if layout.bytes:
         payload = bytes(int(cells[i], layout.base) for i in layout.bytes if i < len(cells) and cells[i])
     elif re.fullmatch(r"(?:0x)?(?:[0-9A-Fa-f]{2}[ .:\-]?)*", text := cells[layout.columns["data"]]):

@@ -34,19 +34,30 @@ THOUSANDS = (
 #: Whole numbers whose thousands are grouped by points.
 GROUPED = r"[+-]?[1-9]\d{0,2}(?:\.\d{3})+"
 
+#: Numbers of months by the first letters of their names, English and German.
+MONTHS = {
+    "jan": 1, "feb": 2, "mar": 3, "mär": 3, "apr": 4, "may": 5, "mai": 5, "jun": 6, "jul": 7, "aug": 8, "sep": 9,
+    "oct": 10, "okt": 10, "nov": 11, "dec": 12, "dez": 12,
+}  # fmt: skip
+
 #: Date and time, or time of day; the same text serves Python and polars. Of a date with slashes the month comes first,
 #: as in the United States, unless it is above 12.
 STAMP = (
     r"^(?:(?:([0-9]{4})[-/]([0-9]{2})[-/]([0-9]{2})|([0-9]{1,2})\.([0-9]{1,2})\.([0-9]{4})"
-    r"|([0-9]{1,2})/([0-9]{1,2})/([0-9]{4}))[T ] *)?"
+    r"|([0-9]{1,2})/([0-9]{1,2})/([0-9]{4})|([0-9]{1,2})-("
+    rf"(?i:{'|'.join(MONTHS)}))-([0-9]{{4}}))[T ] *)?"
     r"([0-9]{1,2}):([0-9]{2}):([0-9]{2})(?:[.,:]([0-9]{1,9}))? ?([AaPp][Mm])? ?(Z|[+-][0-9]{2}:?[0-9]{2})?$"
 )
 
 #: Beginnings that pandas gives to durations, minutes and seconds as Excel saves them, and what both are for `STAMP`.
 SPELLED = ((r"^0 days ", ""), (r"^([0-9]{1,2}:[0-9]{2}[.,][0-9]{1,9})$", "0:${1}"))
 
-#: Groups of `STAMP` that are whole numbers, and those of the fraction, of the half of the day, and of the zone.
-FIELDS, FRACTION, HALF, ZONE = 12, 12, 13, 14
+#: Groups of `STAMP` that are whole numbers, but for the name of a month, and those of the fraction, of the half of the
+#: day, and of the zone.
+FIELDS, MONTH, FRACTION, HALF, ZONE = 15, 10, 15, 16, 17
+
+#: A duration as MATLAB writes it to tables.
+_SECONDS = r"(?P<seconds>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?) sec"
 
 #: Dates and times that are read, for messages.
 STAMPS_SHOWN = (
@@ -66,7 +77,7 @@ def matches(pattern: str, text: str) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class CellForm:
-    """Type of the cells of one column: ``number``, ``truth``, ``stamp`` (date or time) or ``text``.
+    """Type of the cells of one column: ``number``, ``truth``, ``stamp`` (date or time), ``seconds`` or ``text``.
 
     `decimal` is the decimal mark; `origin` the first time stamp in ns.
     """
@@ -106,6 +117,8 @@ def value_of(text: str, form: CellForm) -> float | None:
         return math.nan
     if form.kind == "truth" and word in TRUTH:
         return TRUTH[word]
+    if form.kind == "seconds" and (match := re.fullmatch(_SECONDS, word)):
+        return float(match["seconds"])
     if form.kind == "stamp":
         stamp = nanoseconds(text)
         return None if stamp is None else float(stamp - form.origin) / _SECOND
@@ -126,7 +139,8 @@ def nanoseconds(text: str) -> int | None:
     if match is None:
         return None
     cells = match.groups("")
-    fields = [np.array([int(cell)]) if cell else np.zeros(1, np.int64) for cell in cells[:FIELDS]]
+    numbers = [*cells[:MONTH], str(month_number(cells[MONTH])), *cells[MONTH + 1 : FIELDS]]
+    fields = [np.array([int(number or 0)]) for number in numbers]
     fraction = np.array([int(cells[FRACTION].ljust(9, "0"))])
     zone = np.array([zone_minutes(cells[ZONE])])
     stamps, valid = counted(fields, fraction, np.array([half_hours(cells[HALF])]), zone)
@@ -151,6 +165,11 @@ def half_hours(text: str) -> int:
     return {"am": 0, "pm": 12}.get(text.casefold(), -1)
 
 
+def month_number(name: str) -> int:
+    """Number of the month with this name, 0 without one."""
+    return MONTHS.get(name.casefold(), 0)
+
+
 def counted(
     fields: Sequence[Integers], fraction: Integers, half: Integers, zone: Integers
 ) -> tuple[Integers, NDArray[np.bool_]]:
@@ -158,13 +177,13 @@ def counted(
 
     `half` are hours as `half_hours` has them.
     """
-    hour, minute, second = fields[9:12]
+    hour, minute, second = fields[12:15]
     valid = (half < 0) | ((hour >= 1) & (hour <= 12))
     hour = np.where(half < 0, hour, hour % 12 + half)
     swapped = fields[6] > _MONTHS
-    month = fields[1] + fields[4] + np.where(swapped, fields[7], fields[6])
-    day = fields[2] + fields[3] + np.where(swapped, fields[6], fields[7])
-    year = fields[0] + fields[5] + fields[8]
+    month = fields[1] + fields[4] + np.where(swapped, fields[7], fields[6]) + fields[MONTH]
+    day = fields[2] + fields[3] + np.where(swapped, fields[6], fields[7]) + fields[9]
+    year = fields[0] + fields[5] + fields[8] + fields[11]
     dated = month + day + year > 0
     valid &= (hour < 24) & (minute < 60) & (second < 61)
     valid &= ~dated | ((month >= 1) & (month <= 12) & (day >= 1) & (day <= 31) & (year >= 1700) & (year < 2250))
@@ -197,10 +216,14 @@ def written(text: str) -> str:
     match = re.fullmatch(STAMP, spelled(text.strip()))
     if match is None:
         return text.strip()
-    y, m, d, day, month, year, first, second_, fourth, hour, minute, second, fraction, half, zone = match.groups("")
+    y, m, d, day, month, year, first, second_, fourth, *named, hour, minute, second, fraction, half, zone = (
+        match.groups("")
+    )
     if fourth:
-        month, day = (second_, first) if int(first) > _MONTHS else (first, second_)
-    date = f"{y or year or fourth}-{m or month:0>2}-{d or day:0>2}T" if y or year or fourth else ""
+        month, day, year = (second_, first, fourth) if int(first) > _MONTHS else (first, second_, fourth)
+    elif named[0]:
+        day, month, year = named[0], str(month_number(named[1])), named[2]
+    date = f"{y or year}-{m or month:0>2}-{d or day:0>2}T" if y or year else ""
     if half:
         hour = str(int(hour) % 12 + half_hours(half))
     return f"{date}{hour:0>2}:{minute}:{second}{'.' + fraction if fraction else ''}{zone}"
@@ -209,7 +232,9 @@ def written(text: str) -> str:
 def numberlike(cell: str) -> bool:
     """Whether a cell is a sample: a number with either decimal mark, with or without grouping, or a date or time."""
     cell = cell.strip()
-    return bool(NUMBER.fullmatch(cell)) or matches(STAMP, spelled(cell)) or matches(THOUSANDS, cell)
+    if NUMBER.fullmatch(cell) or matches(STAMP, spelled(cell)) or matches(THOUSANDS, cell):
+        return True
+    return cell.endswith(" sec") and matches(_SECONDS, cell)
 
 
 def missing(cell: str) -> bool:
@@ -249,6 +274,8 @@ def form(cells: Sequence[str], decimal: str) -> CellForm:
     stamps = [stamp for cell in filled if (stamp := nanoseconds(cell)) is not None]
     if len(stamps) > len(filled) / 2:
         return CellForm("stamp", decimal, stamps[0])
+    if sum(matches(_SECONDS, cell.strip()) for cell in filled) > len(filled) / 2:
+        return CellForm("seconds")
     others = [cell for cell in filled if cell.strip() not in ("0", "1")]
     if others and all(cell.strip().casefold() in TRUTH for cell in others):
         return CellForm("truth", decimal)

@@ -44,6 +44,12 @@ _KEPT = 50
 #: Names that LabVIEW gives to the time and to an empty column after the last one, and to the units above the names.
 _TIME, _REMARK, _LABELS = "X_Value", "Comment", "Y_Unit_Label"
 
+#: What LabVIEW writes below lines of numbers that are no samples.
+_END_OF_HEADER = "***End_of_Header***"
+
+#: Types of numbers.
+_TYPE = r"type|[fiu][1248]|u?int(?:8|16|32|64)?|double|single|float(?:32|64)?|real(?:32|64)?|bool(?:ean)?"
+
 Filled = Sequence[tuple[int, str]]
 
 
@@ -182,7 +188,8 @@ def _with_separator(
         starts = bool(cells) and (numberlike(cells[0]) or missing(cells[0]))
         return starts and 2 * sum(map(numberlike, filled)) > len(filled)
 
-    samples = next((at for at, row in enumerate(rows) if sampled(row)), -1)
+    ended = max((at for at, (_, line) in enumerate(filled) if line.startswith(_END_OF_HEADER)), default=-1)
+    samples = next((at for at, row in enumerate(rows) if at > ended and sampled(row)), -1)
     if samples < 0:
         return None
     while samples and len(rows[samples - 1]) == width and all(map(missing, rows[samples - 1])):
@@ -221,7 +228,7 @@ def _names_above(
         cells = split_header(uncommented(line) if comment else line, separator, width)
         if len(cells) == width + 1 and cells[-1].strip() == _REMARK:
             cells = cells[:-1]
-        if not is_words([cell for cell in cells if not numberlike(cell)]):
+        if not is_words([cell for cell in cells if not numberlike(cell)]) or _are_types(cells):
             continue
         if least <= len(cells) <= width:
             texts[comment].append((at, cells + [""] * (width - len(cells))))
@@ -237,6 +244,12 @@ def _names_above(
             header, names = fitting[i + 1]
             return header, at, tuple(names)
     return fitting[0][0], -1, tuple(fitting[0][1])
+
+
+def _are_types(cells: Sequence[str]) -> bool:
+    """Whether these are types of numbers, as a line between names and units has them in exports of ETAS and dSPACE."""
+    filled = [cell.strip().casefold() for cell in cells if cell.strip()]
+    return len(filled) > 1 and all(matches(_TYPE, cell) for cell in filled)
 
 
 def _by_count(filled: Filled, first: int) -> _Structure:
@@ -320,7 +333,7 @@ def _unit_cells(filled: Filled, structure: _Structure) -> list[str]:
 
 def _stamped(column: Heading, form: CellForm) -> Heading:
     """A column of dates or times is read in seconds, whatever its heading says."""
-    return replace(column, unit="s") if form.kind == "stamp" else column
+    return replace(column, unit="s") if form.kind in ("stamp", "seconds") else column
 
 
 def _about(above: Filled, separator: str) -> dict[str, str]:

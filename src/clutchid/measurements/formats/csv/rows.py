@@ -336,11 +336,12 @@ def _stamps(cells: pl.Series, form: CellForm) -> pl.Series:
         meanings = {text: meaning(text) for text in texts.drop_nulls().unique().to_list()}
         return texts.replace_strict(meanings, default=none, return_dtype=pl.Int64).fill_null(none).to_numpy()
 
+    fields[csv_cells.MONTH] = meant(csv_cells.MONTH, csv_cells.month_number, 0)
     stamps, valid = csv_cells.counted(
         fields,
         fraction,
         meant(csv_cells.HALF, csv_cells.half_hours, -1),
         meant(csv_cells.ZONE, csv_cells.zone_minutes, 0),
     )
-    valid &= groups[names[9]].is_not_null().to_numpy()
+    valid &= groups[names[12]].is_not_null().to_numpy()
     return pl.Series(np.where(valid, (stamps - form.origin) / 1e9, 0.0)).set(pl.Series(~valid), None)
