@@ -132,6 +132,26 @@ def test_bursts_get_the_mean_rate(size, tick):
     assert f"bursts of {size}" in sentence
 
 
+@pytest.mark.parametrize("gap", [0.05, 0.2, 5.0, -2.0])
+def test_bursts_go_on_behind_a_gap_or_a_restart(gap):
+    number = np.arange(4000)
+    stamps = 0.01 * (number // 5) + gap * (number >= 2003)
+    time, messages = repaired(stamps)
+    assert time.size == 4000
+    assert any("bursts of 5" in sentence for sentence in messages)
+    steps = np.diff(time)
+    assert np.allclose(np.delete(steps, 2002), 2e-3, rtol=1e-3, atol=0)
+    assert steps[2002] > 0.03
+
+
+@pytest.mark.parametrize("slower", [6, 7, 20])
+def test_a_rate_that_changes_is_no_burst(slower):
+    stamps = np.r_[np.arange(750) * 0.002, 1.5 + np.arange(200) * 0.002 * slower]
+    time, messages = repaired(stamps)
+    assert np.array_equal(time, stamps)
+    assert messages == ()
+
+
 @given(st.lists(st.integers(5, 60), max_size=6))
 def test_groups_without_a_common_order_share_one_shift(lengths):
     fast, slow = [np.arange(60) * 0.01], [np.arange(12) * 0.05 + 0.002]

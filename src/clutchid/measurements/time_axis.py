@@ -145,8 +145,8 @@ _BURSTS, _LEAST, _WITHIN = 20, 2.5, 0.2
 def steadied(time: FloatArray) -> tuple[FloatArray, str] | None:
     """Stamps at the mean rate and a sentence, where a logger stamps in bursts; else None.
 
-    Bursts come at regular intervals of at most `JUMP`. The last sample of one is the newest, so that a line through
-    these has the rate.
+    Bursts come at regular intervals of at most `JUMP`; a longer one, or a step back, begins anew. The last sample of
+    one is the newest, so that a line through these has the rate.
 
     Examples
     --------
@@ -158,10 +158,24 @@ def steadied(time: FloatArray) -> tuple[FloatArray, str] | None:
     True
     """
     steps = intervals(time)
-    if steps.size < _BURSTS * _LEAST or steps.min() < 0 or steps.max() > JUMP:
+    between = steps[steps > HOLE * np.median(steps)] if steps.size else steps
+    if between.size < _BURSTS:
+        return None
+    parts = np.split(time, np.flatnonzero((steps < 0) | (steps > min(JUMP, _LEAST * np.median(between)))) + 1)
+    lines = [_steadied(part) for part in parts]
+    sentence = next((line[1] for line in lines if line is not None), None)
+    if sentence is None:
+        return None
+    return np.concatenate([part if line is None else line[0] for part, line in zip(parts, lines, strict=True)]), sentence
+
+
+def _steadied(time: FloatArray) -> tuple[FloatArray, str] | None:
+    """`steadied` of stamps without a gap or a step back."""
+    steps = intervals(time)
+    if steps.size < _BURSTS * _LEAST:
         return None
     ends = np.flatnonzero(steps > HOLE * np.median(steps))
-    if ends.size < _BURSTS or ends.size * _LEAST > time.size:
+    if ends.size < _BURSTS or ends.size * _LEAST > time.size or np.median(np.diff(ends)) < _LEAST:
         return None
     inside, between = time[ends[1:]] - time[ends[:-1] + 1], np.diff(time[ends])
     period = float(np.median(between))
@@ -169,7 +183,7 @@ def steadied(time: FloatArray) -> tuple[FloatArray, str] | None:
         return None
     rate, start = np.polyfit(ends, time[ends], 1)
     line: FloatArray = start + rate * np.arange(time.size)
-    if np.abs(line[ends] - time[ends]).max() > period:
+    if np.abs(line[ends] - time[ends]).max() > period or np.abs(line - time).max() > 2.0 * period:
         return None
     return line, (
         f"the time stamps arrive in bursts of {round(period / rate)} every {quantity(float(f'{period:.4g}'), 's')}; "
