@@ -414,6 +414,45 @@ def test_a_row_of_types_between_names_and_units_is_neither(save, types):
     assert [(h.text, h.unit) for h in raster.headings][:2] == [("time", "s"), ("ClutchPos", "mm")]
 
 
+@pytest.mark.parametrize("form", ["12:00:{:02d}.{}", "12:00:{:02d}:{}", "{}.{}", "2024-05-01T12:00:{:02d}.{}"])
+@pytest.mark.parametrize("interval", [2, 10])
+def test_milliseconds_without_their_zeros_are_refused(save, form, interval):
+    rows = [f"{form.format(*divmod(k * interval, 1000))},{k / 100},0,0\n" for k in range(400)]
+    path = save("time [s],position [mm],duty_supply [1],duty_exhaust [1]\n" + "".join(rows))
+    with pytest.raises(DataError, match=r"the fraction \d+ is followed by 1\d+, so they lack zeros"):
+        cio.read(path)
+
+
+@pytest.mark.parametrize("form", ["{:.3f}", "{:g}", "{:.1f}", "12:00:{:06.3f}"])
+def test_fractions_of_any_length_are_read(save, form):
+    rows = [f"{form.format(k / 500)},{k / 100},0,0\n" for k in range(400)]
+    source = open_file(save("time [s],position [mm],duty_supply [1],duty_exhaust [1]\n" + "".join(rows)))
+    assert source.problems == ()
+
+
+def test_a_unit_in_the_name_that_is_another_one_below_is_refused(save):
+    rows = "".join(f"{k / 100},{k},{k % 2},{k % 2}\n" for k in range(30))
+    names = "time [s],position [mm],duty_supply [%],speed [rpm]\n"
+    assert open_file(save(f"{names}s,mm,Prozent,1/min\n{rows}")).problems == ()
+    (problem,) = open_file(save(f"{names}s,cm,%,1/min\n{rows}")).problems
+    assert "column 'position [mm]' has the unit mm in its name and cm in the row of units" in problem
+
+
+@pytest.mark.parametrize(("date", "said"), [("01/05/2024", True), ("25/12/2024", False), ("05/05/2024", False)])
+def test_a_date_that_may_be_another_is_said(save, date, said):
+    rows = "".join(f"{date} 12:00:{k / 100:06.3f};{k};0;0\n" for k in range(30))
+    warnings = open_file(save("Zeit;Weg [mm];Be [%];Ent [%]\n" + rows)).warnings
+    assert any("is read as 2024-01-05, month first" in text for text in warnings) == said
+
+
+def test_columns_between_blanks_need_no_units(save):
+    rows = "".join(f"  12:00:{k / 100:06.3f}   {k}   0   1\n" for k in range(30)) + "End of file\n"
+    path = save("  Time  position [mm]  duty_supply [%]  duty_exhaust [%]\n" + rows)
+    (raster,) = open_file(path).rasters
+    assert [(h.name, h.unit) for h in raster.headings][:2] == [("time", "s"), ("position", "mm")]
+    assert any("line 32 holds no sample" in text for text in cio.read(path).warnings)
+
+
 def test_numbers_in_the_head_of_a_labview_measurement_are_no_samples(save):
     lines = [
         "LabVIEW Measurement", "X_Columns\tNo", "***End_of_Header***", "Channels\t2", "Samples\t30\t30",

@@ -166,7 +166,9 @@ def steadied(time: FloatArray) -> tuple[FloatArray, str] | None:
     sentence = next((line[1] for line in lines if line is not None), None)
     if sentence is None:
         return None
-    return np.concatenate([part if line is None else line[0] for part, line in zip(parts, lines, strict=True)]), sentence
+    return np.concatenate(
+        [part if line is None else line[0] for part, line in zip(parts, lines, strict=True)]
+    ), sentence
 
 
 def _steadied(time: FloatArray) -> tuple[FloatArray, str] | None:

@@ -91,6 +91,8 @@ def text_feed(pieces: Iterator[bytes], name: str) -> TextFeed:
     notation = dialect(first.decode().split("\n"))
     if notation is None:
         raise DataError(f"{name}: has only comments; {EXAMPLE}")
+    if notation.problems:
+        raise DataError(f"{name}: {notation.problems[0]}")
     below = _cut(first, notation.samples - 1)[1]
     unnamed = "" if notation.header else f"the first line contains numbers; {EXAMPLE}"
     cells = filter(bytes.strip, chain([below + rest], lines))

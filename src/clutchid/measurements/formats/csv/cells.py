@@ -16,7 +16,7 @@ from clutchid.measurements.no_value import TRUTH
 #: Words for a missing sample, in lower case; an empty cell is missing too. Any other text is a problem.
 MISSING = frozenset(
     ["nan", "+nan", "-nan", "na", "n/a", "#n/a", "#na", "#nv", "null", "none", "-", "--", "---"]
-    + [f"{sign}1.#{word}" for sign in ("", "-") for word in ("qnan", "ind")]
+    + [f"{sign}1{mark}#{word}" for sign in ("", "-") for mark in ".," for word in ("qnan", "ind")]
     + ["nan(ind)", "-nan(ind)", "nan(snan)", "#div/0!", "#num!", "#value!", "#wert!", "#zahl!"]
 )
 

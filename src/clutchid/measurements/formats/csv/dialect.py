@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
-from clutchid.measurements.columns import Heading, distinct, headings
+from clutchid.log.units import UNITS
+from clutchid.measurements.columns import Heading, distinct, headings, unit_spelled
 from clutchid.measurements.formats.csv.cells import (
     GROUPED,
     CellForm,
@@ -57,10 +60,11 @@ Filled = Sequence[tuple[int, str]]
 class Dialect:
     """Notation of a CSV file.
 
-    `separator` is a blank for runs of blanks; `decimal` is empty if it is ambiguous; `grouped` is a column in
-    which points group thousands, and two of its cells. `header`, `units`, `samples` are
+    `separator` is a blank for runs of blanks; `decimal` is empty if it is ambiguous; `problems` say what must be
+    written otherwise. `header`, `units`, `samples` are
     the lines of the names, of the units (0: there is none) and of the first sample; `above` are the texts of the first
-    two. `clock` is the time column, `start` the first time stamp if it contains dates or times; `about` is metadata
+    two. `clock` is the time column, `start` the first time stamp if it contains dates or times, and `started` as it
+    is written; `about` is metadata
     above the header.
     """
 
@@ -73,8 +77,9 @@ class Dialect:
     samples: int
     clock: int | None = None
     start: str = ""
+    started: str = ""
     about: Mapping[str, str] = field(default_factory=dict)
-    grouped: tuple[int, str, str] | None = None
+    problems: tuple[str, ...] = ()
     above: tuple[str, ...] = ()
 
     @property
@@ -124,7 +129,11 @@ def _by_contract(filled: Filled, first: int) -> _Structure | None:
     line = filled[first][1]
     best: tuple[tuple[bool, int, int], str, list[str]] = ((False, 0, 0), "", [])
     for separator in _SEPARATORS:
-        cells = split_header(line, separator, line.count("[")) if separator == " " else split(line, separator)
+        cells = (
+            split_header(line, separator, _width(filled[first + 1 :], line))
+            if separator == " "
+            else split(line, separator)
+        )
         standard = [column for column in headings(cells) if column.name is not None]
         with_unit = sum(column.si is not None for column in standard)
         score = _fits(filled[first + 1 :][:_BELOW], separator, len(cells)), len(standard), with_unit
@@ -139,6 +148,12 @@ def _by_contract(filled: Filled, first: int) -> _Structure | None:
     while 0 <= units < samples < min(len(rows) - 1, units + _BETWEEN) and is_words(rows[samples]):
         samples += 1
     return _Structure(best[1], tuple(_padded(best[2], rows[samples:])), first, units, samples)
+
+
+def _width(below: Filled, header: str) -> int:
+    """Number of columns of lines between blanks, without any below that of the brackets in the header."""
+    sizes = Counter(len(split(line, " ")) for _, line in below[:_BELOW])
+    return sizes.most_common(1)[0][0] if sizes else header.count("[")
 
 
 def _fits(below: Filled, separator: str, width: int) -> bool:
@@ -296,18 +311,58 @@ def _dialect(filled: Filled, structure: _Structure) -> Dialect:
         samples,
         clock,
         written(start) if start else "",
+        start.strip(),
         _about(filled[: max(structure.header, 0)], structure.separator),
-        _grouped([*zip(*rows, strict=True)]) if decimal != "," else None,
+        (
+            *(_grouped(columns, [*zip(*rows, strict=True)]) if decimal != "," else ()),
+            *_contradicted(columns, forms, units),
+            *(
+                _unpadded(columns[clock].text, [row[clock].strip() for row in rows[:_TYPED]])
+                if clock is not None
+                else ()
+            ),
+        ),
         tuple(filled[at][1] for at in (structure.header, structure.units) if at >= 0),
     )
 
 
-def _grouped(columns: Sequence[Sequence[str]]) -> tuple[int, str, str] | None:
-    """The first column of whole numbers some of which have points between their thousands: ``996``, ``1.404``.
+def _contradicted(columns: Sequence[Heading], forms: Sequence[CellForm], units: Sequence[str]) -> Iterator[str]:
+    """Problems of columns whose names have another unit than the row of units below."""
+    for column, cells, unit in zip(columns, forms, units, strict=False):
+        below = unit_spelled(unit)
+        if cells.kind == "number" and {below, column.unit} <= UNITS.keys() and column.unit != below:
+            yield (
+                f"column '{column.text}' has the unit {column.unit} in its name and {below} in the row of units; leave "
+                "the one that holds."
+            )
+
+
+def _unpadded(name: str, cells: Sequence[str]) -> Iterator[str]:
+    """Problem of a time whose fractions lack zeros: ``12:00:00.98`` is followed by ``12:00:00.100``.
+
+    Fractions of any number of digits step back then, and as whole numbers they do not.
+    """
+    parts = [match.groups() for cell in cells if (match := re.fullmatch(r"(.*\d[.,:])(\d{1,3})", cell))]
+    steps = [(a, b) for (head, a), (other, b) in pairwise(parts) if head == other]
+    back = next((pair for pair in steps if float(f"0.{pair[1]}") < float(f"0.{pair[0]}")), None)
+    if (
+        back is not None
+        and len(steps) >= _BELOW
+        and all(int(a) <= int(b) for a, b in steps)
+        and len({len(b) for _, b in steps}) > 1
+    ):
+        yield (
+            f"column '{name}': the fraction {back[0]} is followed by {back[1]}, so they lack zeros; write milliseconds "
+            "with three digits."
+        )
+
+
+def _grouped(columns: Sequence[Heading], rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    """Problems of columns of whole numbers some of which have points between their thousands: ``996``, ``1.404``.
 
     Decimals would have their zeros, ``996.000``, or another number of digits.
     """
-    for index, column in enumerate(columns):
+    for name, column in zip(columns, rows, strict=False):
         cells = [cell.strip() for cell in column if not missing(cell)]
         pointed = [cell for cell in cells if "." in cell]
         whole = [cell for cell in cells if cell.lstrip("+-").isdigit() and cell.lstrip("+-0")]
@@ -315,8 +370,10 @@ def _grouped(columns: Sequence[Sequence[str]]) -> tuple[int, str, str] | None:
             "-999"
         )
         if plain and len(pointed) >= _POINTED and all(matches(GROUPED, cell) for cell in pointed):
-            return index, whole[-1], pointed[0]
-    return None
+            yield (
+                f"column '{name.text}' has '{whole[-1]}' and '{pointed[0]}': points that group thousands, where "
+                "other tools read decimals; write the numbers without them."
+            )
 
 
 def _every_name(names: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:

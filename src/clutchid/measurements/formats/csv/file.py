@@ -20,6 +20,8 @@ _NOT_TEXT = "is not UTF-8, UTF-16 or Windows-1252 text; save it as 'CSV UTF-8', 
 _LONG = f"line 1 is longer than {SAMPLE:,} bytes, so this is not a table; save the recording as CSV with line breaks."
 _EMPTY = f"the file is empty; {EXAMPLE}"
 
+_MONTHS = 12
+
 #: Largest number of cells per line.
 _WIDEST = 10_000
 
@@ -80,10 +82,8 @@ def open_file(path: Path) -> Source:
     texts = [heading for heading in notation.headings if heading.text and notation.forms[heading.index].kind == "text"]
     size, others = max(0, lines.last - notation.samples + 1), tuple((heading.text, "text") for heading in texts)
     raster = Raster(notation.headings, size, clock=notation.clock, others=others)
-    problems = (_grouping(notation),) if notation.grouped else ()
-    return Source(
-        path, "CSV", (raster,), partial(_tables, lines, notation), problems, _ambiguity(notation), metadata, unnamed
-    )
+    tables = partial(_tables, lines, notation)
+    return Source(path, "CSV", (raster,), tables, notation.problems, _ambiguity(notation), metadata, unnamed)
 
 
 def save(log: Log, path: Path) -> None:
@@ -105,18 +105,15 @@ def _is_wide(line: str) -> bool:
     return max(cells) > _WIDEST
 
 
-def _grouping(notation: Dialect) -> str:
-    """Problem of a column in which points group thousands."""
-    assert notation.grouped is not None
-    index, whole, pointed = notation.grouped
-    return (
-        f"column '{notation.headings[index].text}' has '{whole}' and '{pointed}': points that group thousands, where "
-        "other tools read decimals; write the numbers without them."
-    )
-
-
 def _ambiguity(notation: Dialect) -> tuple[str, ...]:
-    """Warning about two columns that may be one with a decimal comma."""
+    """Warning about two columns that may be one with a decimal comma, or about a date that may be another."""
+    if match := re.match(r"(\d{1,2})/(\d{1,2})/", notation.started):
+        month, day = map(int, match.groups())
+        if month <= _MONTHS and day <= _MONTHS and month != day:
+            shown = notation.started.split()[0]
+            return (
+                f"the date {shown} is read as {notation.start[:10]}, month first; write it like that if it is not.",
+            )
     if notation.header or (notation.separator, len(notation.headings), notation.decimal) != (",", 2, ""):
         return ()
     return ("two columns of integers without names were found; this may also be one column with a decimal comma.",)

@@ -108,7 +108,7 @@ def _cut(block: LineBlock, dialect: Dialect, selected: Sequence[Heading], by_lin
     for line, cells in _rows(block, dialect.separator, by_line):
         if isinstance(cells, str):
             broken = cells
-        elif _holds_none(cells, again, len(dialect.headings), unfinished=line == last):
+        elif _holds_none(cells, again, dialect, unfinished=line == last):
             left_out.append(line)
         elif len(cells) == len(dialect.headings):
             rows.append([cells[column.index] for column in selected])
@@ -124,14 +124,15 @@ def _cut(block: LineBlock, dialect: Dialect, selected: Sequence[Heading], by_lin
     return part
 
 
-def _holds_none(cells: Sequence[str], again: Sequence[Sequence[str]], width: int, *, unfinished: bool) -> bool:
+def _holds_none(cells: Sequence[str], again: Sequence[Sequence[str]], dialect: Dialect, *, unfinished: bool) -> bool:
     """Whether a line holds no sample: the names or units `again`, a remark, or what was not written to its end."""
     if not cells:
         return False
     if "\0" in "".join(cells) or [cells[0].lstrip("\ufeff"), *cells[1:]] in again:
         return True
+    width, remark = len(dialect.headings), len(cells) == 1 or dialect.separator == " "
     return len(cells) != width and (
-        is_comment(cells[0], "") or (len(cells) == 1 and is_words(cells)) or (unfinished and len(cells) < width)
+        is_comment(cells[0], "") or (remark and is_words(cells)) or (unfinished and len(cells) < width)
     )
 
 
