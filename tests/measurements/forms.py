@@ -28,18 +28,20 @@ LENGTH, DENSE, WIDE, LATER = 6.0, 0.002, 0.01, 4e-4
 #: The features of a form: the first of each is the plain one.
 FEATURES: Mapping[str, tuple[str, ...]] = {
     "format": ("csv", "parquet", "jsonl", "mf4", "mat", "asc", "candump"),
-    "clock": ("plain", "restart", "wrap", "jump", "lone", "midnight", "negative", "burst", "jitter"),
+    "clock": ("plain", "restart", "wrap", "jump", "lone", "midnight", "negative", "burst", "jitter", "slower"),
     "layout": ("one", "group", "sparse", "own"),
-    "units": ("bracket", "row", "german", "none"),
-    "text": ("comma", "semicolon", "tab-utf16", "cp1252"),
-    "codes": ("none", "empty", "code"),
+    "units": ("bracket", "row", "german", "none", "other"),
+    "text": ("comma", "semicolon", "tab-utf16", "cp1252", "bom", "blanks"),
+    "codes": ("none", "empty", "code", "word"),
     "order": ("sorted", "late"),
+    "times": ("seconds", "since 1970", "days", "iso", "german date", "month", "sec", "no zeros"),
+    "lines": ("samples", "remark", "names again", "blank lines", "text at the end"),
 }
 
 #: Words of a refusal that names a feature.
 WORDS = {
     "none": r"unit", "code": r"no value|not (a )?number", "restart": r"restart", "own": r"all mean 'time'",
-    "burst": r"burst", "row": r"unit",
+    "burst": r"burst", "row": r"unit", "no zeros": r"lack zeros",
 }  # fmt: skip
 
 _TABLES = ("csv", "parquet", "jsonl")
@@ -48,8 +50,16 @@ _FRAMES = ("asc", "candump")
 #: Values that each feature has only in these formats.
 _ONLY = {
     "group": ("mf4", "mat", *_FRAMES), "sparse": _TABLES, "own": ("csv", "parquet"), "row": ("csv",),
-    "semicolon": ("csv",), "tab-utf16": ("csv",), "cp1252": ("csv",),
+    "other": _TABLES, "word": ("csv",),
+    **dict.fromkeys([*FEATURES["text"][1:], *FEATURES["times"][1:], *FEATURES["lines"][1:]], ("csv",)),
 }  # fmt: skip
+
+#: When the recording began, in s since 1970 and as a date of Excel, and its day as it is written.
+_BEGAN, _EXCEL, _DAYS = (
+    1714564800,
+    45413.5,
+    {"iso": "2024-05-{:02d}T", "german date": "{:02d}.05.2024 ", "month": "{:02d}-May-2024 "},
+)
 
 DBC = """VERSION ""
 BO_ 256 State: 8 TCU
@@ -71,12 +81,22 @@ class Form:
     text: str = "comma"
     codes: str = "none"
     order: str = "sorted"
+    times: str = "seconds"
+    lines: str = "samples"
 
     @property
     def exists(self) -> bool:
         """Whether the format has all of these features."""
         values = [getattr(self, item.name) for item in fields(self)]
         if self.format in _FRAMES and (self.layout == "one" or self.codes == "empty"):
+            return False
+        if self.text == "blanks" and (self.codes == "empty" or self.layout != "one"):  # no cell may be empty
+            return False
+        if (self.clock == "slower" or self.times == "no zeros") and self.layout != "one":
+            return False
+        if self.units == "other" and (self.times != "seconds" or self.clock == "midnight"):
+            return False
+        if self.text == "blanks" and self.times in ("german date", "month", "sec"):  # no cell may have one
             return False
         return all(self.format in _ONLY.get(value, (self.format,)) for value in values)
 
@@ -127,11 +147,14 @@ def _grids(form: Form) -> list[Grid]:
     other = dense if form.layout == "one" else np.arange(0.0, LENGTH, WIDE) + LATER
     position = 1.0 + 3.0 * dense
     if form.codes != "none":
-        position[700:720] = -1.0 if form.codes == "code" else np.nan
+        position[700:720] = np.nan if form.codes == "empty" else -1.0
     valves = {"duty_supply": 5.0 + 15.0 * other, "duty_exhaust": 95.0 - 15.0 * other}
     grids = [(dense, {"position": position}), (other, valves)]
     if form.layout == "one":
         grids = [(dense, {"position": position, **valves})]
+    if form.clock == "slower":
+        rows = (dense < LENGTH / 2) | (np.arange(dense.size) % 7 == 0)
+        grids = [(time[rows], {name: x[rows] for name, x in columns.items()}) for time, columns in grids]
     return [_disordered(form, (time, _stamped(form.clock, time), columns)) for time, columns in grids]
 
 
@@ -148,6 +171,7 @@ def _stamped(clock: str, time: np.ndarray) -> np.ndarray:
         "negative": time - 2.0,
         "burst": np.floor(time / 0.016 + 1e-9) * 0.016,
         "jitter": time + noise,
+        "slower": time,
     }
     return np.round(clocks[clock], 9)
 
@@ -167,12 +191,15 @@ def _names(form: Form) -> dict[str, tuple[str, str]]:
     words = ("time", "position", "duty_supply", "duty_exhaust")
     if form.units == "german":
         words = ("Zeit", "Kupplungsweg", "Ventil_Belueften", "Ventil_Entlueften")
-    units = ("", "", "", "") if form.units == "none" else ("s", "mm", "%", "%")
+    units = {"none": ("", "", "", ""), "other": ("ms", "µm", "1", "1")}.get(form.units, ("s", "mm", "%", "%"))
+    units = ({"days": "d"}.get(form.times, units[0]) if units[0] else "", *units[1:])
     return dict(zip(("time", "position", "duty_supply", "duty_exhaust"), zip(words, units, strict=True), strict=True))
 
 
 def _scaled(form: Form, name: str, values: np.ndarray) -> np.ndarray:
     """Values in the unit that is written, without a unit in SI, as a guess from the range expects."""
+    if form.units == "other":
+        return values * (1e3 if name in ("time", "position") else 1e-2)
     if form.units != "none" or name == "time":
         return values
     return values * (1e-3 if name == "position" else 1e-2)
@@ -188,18 +215,21 @@ def _joined(form: Form, grids: list[Grid]) -> Columns:
             (name, values)
             for _, stamps, columns in grids
             for first, samples in columns.items()
-            for name, values in (("time", stamps), (first, _scaled(form, first, samples)))
+            for name, values in (("time", _scaled(form, "time", stamps)), (first, _scaled(form, first, samples)))
         ]
     if form.layout == "one":
         ((_, stamps, columns),) = grids
-        return [("time", stamps), *((name, _scaled(form, name, values)) for name, values in columns.items())]
+        return [
+            ("time", _scaled(form, "time", stamps)),
+            *((name, _scaled(form, name, values)) for name, values in columns.items()),
+        ]
     arrival = np.concatenate(
         [np.arange(time.size) * (LENGTH / time.size) + i * 1e-6 for i, (time, _, _) in enumerate(grids)]
     )
     order = np.argsort(arrival, kind="stable")
     stamps = np.concatenate([stamps for _, stamps, _ in grids])[order]
     sizes = [time.size for time, _, _ in grids]
-    table: Columns = [("time", stamps)]
+    table: Columns = [("time", _scaled(form, "time", stamps))]
     for i, (_, _, columns) in enumerate(grids):
         for name, values in columns.items():
             whole = np.full(sum(sizes), np.nan)
@@ -238,10 +268,10 @@ def _table(form: Form, columns: Columns, names: Mapping[str, tuple[str, str]], p
         ]
         path.write_text("\n".join(map(json.dumps, rows)) + "\n")
         return
-    separator = {"comma": ",", "semicolon": ";", "tab-utf16": "\t", "cp1252": ";"}[form.text]
+    separator = {"semicolon": ";", "tab-utf16": "\t", "cp1252": ";", "blanks": "  "}.get(form.text, ",")
     lines = [separator.join(row) for row in zip(*cells, strict=True)]
     if form.text == "semicolon":
-        lines = [line.replace(".", ",") for line in lines]
+        lines = [re.sub(r"\.(?=(\d+|#IND)( sec)?(;|$))", ",", line) for line in lines]
     above = [separator.join(headings)]
     if form.units == "row":
         above = [
@@ -250,7 +280,14 @@ def _table(form: Form, columns: Columns, names: Mapping[str, tuple[str, str]], p
         ]
     if form.text == "cp1252":
         above.insert(0, f"Prüfstand{separator}7")
-    encoding = {"tab-utf16": "utf-16", "cp1252": "cp1252"}.get(form.text, "utf-8")
+    half = len(lines) // 2
+    lines = {
+        "remark": [*lines[:half], "# an event", *lines[half:], "# end of the recording"],
+        "names again": [*lines[:half], above[-1], *lines[half:]],
+        "blank lines": [*lines[:half], "", "", *lines[half:], "", ""],
+        "text at the end": [*lines, "End of file"],
+    }.get(form.lines, lines)
+    encoding = {"tab-utf16": "utf-16", "cp1252": "cp1252", "bom": "utf-8-sig"}.get(form.text, "utf-8")
     path.write_text("\n".join([*above, *lines]) + "\n", encoding=encoding)
 
 
@@ -262,13 +299,30 @@ def _cell(form: Form, name: str, value: float) -> str:
     if np.isnan(value):
         return ""
     if name == "position" and value == _code(form, name):
-        return "SNA"
+        return "1.#IND" if form.codes == "word" else "SNA"
+    if name == "time" and form.times != "seconds":
+        return _time(form, value)
     if name == "time" and form.clock == "midnight" and form.units != "none" and form.format == "csv":
         whole = round(value * 1e6)
         return (
             f"{whole // 3600000000:02d}:{whole // 60000000 % 60:02d}:{whole // 1000000 % 60:02d}.{whole % 1000000:06d}"
         )
     return f"{value:.9g}" if name != "time" else f"{value:.9f}".rstrip("0").rstrip(".")
+
+
+def _time(form: Form, stamp: float) -> str:
+    """A stamp in s as it is written."""
+    if form.times in _DAYS:
+        day, whole = divmod(round((stamp + 43200.0) * 1e6), 86_400_000_000)
+        clock = f"{whole // 3600000000:02d}:{whole // 60000000 % 60:02d}:{whole // 1000000 % 60:02d}"
+        return f"{_DAYS[form.times].format(2 + day)}{clock}.{whole % 1000000:06d}"
+    milliseconds = round(stamp * 1e3)
+    return {
+        "since 1970": f"{_BEGAN + stamp:.6f}",
+        "days": f"{_EXCEL + stamp / 86400.0:.12f}",
+        "sec": f"{stamp:.6f} sec",
+        "no zeros": f"{milliseconds // 1000}.{milliseconds % 1000}",
+    }[form.times]
 
 
 def _mf4(grids: list[Grid], names: Mapping[str, tuple[str, str]], path: Path) -> None:
@@ -348,14 +402,16 @@ def wrong_in(form: Form, log: Log) -> str:
     by_position = (log["position"] * 1e3 - 1.0) / 3.0
     by_supply, by_exhaust = (log["duty_supply"] * 1e2 - 5.0) / 15.0, (95.0 - log["duty_exhaust"] * 1e2) / 15.0
     measured = np.isfinite(by_position)
-    if np.count_nonzero(measured) < 0.9 * LENGTH / max(DENSE, float(np.median(np.diff(log.time))) - 1e-9):
+    usual = max(DENSE, float(np.median(np.diff(log.time))) - 1e-9)
+    share = 0.5 if form.clock == "slower" else 0.9
+    if np.count_nonzero(measured) < share * LENGTH / usual:
         return f"only {np.count_nonzero(measured)} samples of the position"
     slack = DENSE + (2 * 0.016 if form.clock == "burst" else 0.3 * WIDE if form.clock == "jitter" else 1e-3)
     held = WIDE if form.layout != "one" else 0.0
     held *= 2 if form.order == "late" else 1  # a valve sample that is out of order is dropped, and said to be
     for name, times in (("duty_supply", by_supply), ("duty_exhaust", by_exhaust)):
         late = (by_position - times)[measured & np.isfinite(times)]
-        if late.size < 0.9 * np.count_nonzero(measured):
+        if late.size < share * np.count_nonzero(measured):
             return f"only {late.size} samples of {name}"
         if late.min() < -slack or late.max() > held + slack:
             return f"{name} is {late.min():.4g} to {late.max():.4g} s late"

@@ -57,7 +57,7 @@ SPELLED = ((r"^0 days ", ""), (r"^([0-9]{1,2}:[0-9]{2}[.,][0-9]{1,9})$", "0:${1}
 FIELDS, MONTH, FRACTION, HALF, ZONE = 15, 10, 15, 16, 17
 
 #: A duration as MATLAB writes it to tables.
-_SECONDS = r"(?P<seconds>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?) sec"
+_SECONDS = r"(?P<seconds>[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?) sec"
 
 #: Dates and times that are read, for messages.
 STAMPS_SHOWN = (
@@ -118,7 +118,7 @@ def value_of(text: str, form: CellForm) -> float | None:
     if form.kind == "truth" and word in TRUTH:
         return TRUTH[word]
     if form.kind == "seconds" and (match := re.fullmatch(_SECONDS, word)):
-        return float(match["seconds"])
+        return float(match["seconds"].replace(",", "."))
     if form.kind == "stamp":
         stamp = nanoseconds(text)
         return None if stamp is None else float(stamp - form.origin) / _SECOND

@@ -47,6 +47,10 @@ _KEPT = 50
 #: Names that LabVIEW gives to the time and to an empty column after the last one, and to the units above the names.
 _TIME, _REMARK, _LABELS = "X_Value", "Comment", "Y_Unit_Label"
 
+#: A time up to its fraction of a second, and that.
+_FRACTION = r"(.*\d[.,:])(\d{1,3})"
+_CLOCK = re.compile(r"time|zeit|stamp|^t\b", re.IGNORECASE)
+
 #: What LabVIEW writes below lines of numbers that are no samples.
 _END_OF_HEADER = "***End_of_Header***"
 
@@ -278,6 +282,7 @@ def _dialect(filled: Filled, structure: _Structure) -> Dialect:
     """Dialect of a structure, with column types from the first and last samples."""
     width = len(structure.names)
     rows = [split(line, structure.separator) for _, line in filled[structure.samples :]]
+    examined = [row for row in rows if len(row) == width]
     rows = [row for row in (*rows[:_TYPED], *rows[_TYPED:][-_TYPED:]) if len(row) == width]
     decimal = decimal_mark(cell for row in rows for cell in row)
     forms = tuple(form([row[column] for row in rows], decimal) for column in range(width))
@@ -316,11 +321,7 @@ def _dialect(filled: Filled, structure: _Structure) -> Dialect:
         (
             *(_grouped(columns, [*zip(*rows, strict=True)]) if decimal != "," else ()),
             *_contradicted(columns, forms, units),
-            *(
-                _unpadded(columns[clock].text, [row[clock].strip() for row in rows[:_TYPED]])
-                if clock is not None
-                else ()
-            ),
+            *_unpadded(columns, examined),
         ),
         tuple(filled[at][1] for at in (structure.header, structure.units) if at >= 0),
     )
@@ -337,24 +338,23 @@ def _contradicted(columns: Sequence[Heading], forms: Sequence[CellForm], units: 
             )
 
 
-def _unpadded(name: str, cells: Sequence[str]) -> Iterator[str]:
-    """Problem of a time whose fractions lack zeros: ``12:00:00.98`` is followed by ``12:00:00.100``.
+def _unpadded(columns: Sequence[Heading], rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    """Problems of times whose fractions lack zeros: ``12:00:00.98`` is followed by ``12:00:00.100``.
 
-    Fractions of any number of digits step back then, and as whole numbers they do not.
+    Fractions of any number of digits step back then, and as whole numbers they hardly do.
     """
-    parts = [match.groups() for cell in cells if (match := re.fullmatch(r"(.*\d[.,:])(\d{1,3})", cell))]
-    steps = [(a, b) for (head, a), (other, b) in pairwise(parts) if head == other]
-    back = next((pair for pair in steps if float(f"0.{pair[1]}") < float(f"0.{pair[0]}")), None)
-    if (
-        back is not None
-        and len(steps) >= _BELOW
-        and all(int(a) <= int(b) for a, b in steps)
-        and len({len(b) for _, b in steps}) > 1
-    ):
-        yield (
-            f"column '{name}': the fraction {back[0]} is followed by {back[1]}, so they lack zeros; write milliseconds "
-            "with three digits."
+    for column in columns:
+        parts = (
+            [re.fullmatch(_FRACTION, row[column.index].strip()) for row in rows] if _CLOCK.search(column.text) else []
         )
+        texts = [part.groups() if part else ("", "") for part in parts]
+        steps = [(a, b) for (head, a), (other, b) in pairwise(texts) if head == other and head]
+        back = [(a, b) for a, b in steps if len(a) < len(b) and float(f"0.{b}") < float(f"0.{a}")]
+        if len(back) > sum(int(a) > int(b) for a, b in steps):
+            yield (
+                f"column '{column.text}': the fraction {back[0][0]} is followed by {back[0][1]}, so they lack zeros; "
+                "write milliseconds with three digits."
+            )
 
 
 def _grouped(columns: Sequence[Heading], rows: Sequence[Sequence[str]]) -> Iterator[str]:
