@@ -1,6 +1,7 @@
 """CSV as it comes from everywhere: the content tells how it is written."""
 
 import numpy as np
+import polars as pl
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -443,6 +444,39 @@ def test_a_date_that_may_be_another_is_said(save, date, said):
     rows = "".join(f"{date} 12:00:{k / 100:06.3f};{k};0;0\n" for k in range(30))
     warnings = open_file(save("Zeit;Weg [mm];Be [%];Ent [%]\n" + rows)).warnings
     assert any("is read as 2024-01-05, month first" in text for text in warnings) == said
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_truth_under_percent_is_a_valve_that_is_open_or_closed(tmp_path, suffix):
+    k = np.arange(60)
+    table = pl.DataFrame(
+        {"time [s]": k / 10, "position [mm]": k / 10, "duty_supply [%]": k % 2 > 0, "duty_exhaust [%]": k < 5}
+    )
+    path = tmp_path / f"run.{suffix}"
+    table.write_csv(path) if suffix == "csv" else table.write_parquet(path)
+    log = cio.read(path)
+    assert log["duty_supply"].tolist() == (k % 2).tolist()
+    assert log["duty_exhaust"].tolist() == (k < 5).tolist()
+
+
+@pytest.mark.parametrize("second", ["time [ms] (2)", "time [ms].1", "time_2"])
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_a_second_time_has_the_unit_of_the_first(tmp_path, suffix, second):
+    k = np.arange(60)
+    columns = {
+        "time [ms]": 10.0 * k,
+        "position [mm]": k,
+        second: 10.0 * k,
+        "duty_supply [%]": k,
+        "duty_exhaust [%]": 60 - k,
+    }
+    path = tmp_path / f"run.{suffix}"
+    table = pl.DataFrame(columns)
+    table.write_csv(path) if suffix == "csv" else table.write_parquet(path)
+    log = cio.read(path)
+    np.testing.assert_allclose(log["duty_supply"], log["position"] * 10.0)
+    guessed = "has no unit; [ms], as that of the other times of the table, is guessed"
+    assert any(guessed in text for text in log.warnings) == (second == "time_2")
 
 
 def test_columns_between_blanks_need_no_units(save):

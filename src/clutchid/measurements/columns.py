@@ -26,7 +26,8 @@ REQUIRED = ("time", "position", *INPUTS)
 #: Longest name of a channel; a longer one is cut.
 _LONGEST_NAME = 200
 
-_GRAMMAR = re.compile(r"(?P<name>[^\[]*)(?:\[(?P<unit>[^\[\]]*)\]\s*)?")
+#: A name and a unit, behind which pandas and polars number columns of one name: ``time [ms].1``, ``time [ms] (2)``.
+_GRAMMAR = re.compile(r"(?P<name>[^\[]*)(?:\[(?P<unit>[^\[\]]*)\]\s*(?:\.\d+|\(\d+\))?)?")
 #: A unit at the end of a name begins after one of these, or with a capital after a small letter.
 _UNIT_START = re.compile(r"[\s_.,:;(\[/-]+|(?<=[a-z0-9])(?=[A-Z])")
 

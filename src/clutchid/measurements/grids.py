@@ -34,8 +34,14 @@ def with_own_grids(source: Source) -> Source:
     owned = columns_of_times(raster.headings)
     if not owned or not increase(next(source.tables(0, list(owned), _SHOWN), None), list(owned)):
         return source
-    texts = dict(raster.others)
+    texts, warnings = dict(raster.others), source.warnings
     by_index = {heading.index: heading for heading in raster.headings}
+    units = {by_index[time].unit for time in owned} - {None}
+    for time in owned:
+        if by_index[time].unit is None and len(units) == 1:
+            by_index[time] = replace(by_index[time], unit=next(iter(units)))
+            unit = f"[{by_index[time].unit}], as that of the other times of the table, is guessed"
+            warnings = (*warnings, f"time: '{by_index[time].text}' has no unit; {unit}.")
     rasters, places, times_of = [], [], list(owned)
     for time, columns in owned.items():
         indices = sorted([time, *columns])
@@ -54,7 +60,7 @@ def with_own_grids(source: Source) -> Source:
             unread = {inside.index(index): rows for index, rows in samples.unread.items()}
             yield replace(samples, headings=rasters[raster].headings, numbers=numbers, unread=unread)
 
-    return replace(source, rasters=tuple(rasters), tables=tables)
+    return replace(source, rasters=tuple(rasters), tables=tables, warnings=warnings)
 
 
 def columns_of_times(headings: Sequence[Heading]) -> dict[int, list[int]]:

@@ -389,7 +389,9 @@ def _unit_cells(filled: Filled, structure: _Structure) -> list[str]:
 
 
 def _stamped(column: Heading, form: CellForm) -> Heading:
-    """A column of dates or times is read in seconds, whatever its heading says."""
+    """A column of dates or times is read in seconds, whatever its heading says, and truth under % is all or nothing."""
+    if form.kind == "truth" and column.unit == "%":
+        return replace(column, unit="1")
     return replace(column, unit="s") if form.kind in ("stamp", "seconds") else column
 
 

@@ -355,6 +355,11 @@ def _source(path: Path, file: LibraryReader) -> Source:
 
 
 def _heading(column: Heading, kind: pl.DataType) -> Heading:
+    """The heading of a column: dates and times are read in seconds, and truth under % is all or nothing."""
+    import polars as pl
+
+    if kind == pl.Boolean and column.unit == "%":
+        return replace(column, unit="1")
     return replace(column, unit="s") if kind.is_temporal() and column.name in (None, "time") else column
 
 
