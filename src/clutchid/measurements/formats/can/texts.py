@@ -185,14 +185,15 @@ def frame_table(lines: Sequence[str]) -> _FrameTable | None:
     """
     bases: dict[str, int] = {}
     for number, line in enumerate(filter(str.strip, lines), start=1):
-        bases |= {match["what"]: _BASES[match["base"]] for match in _FORMAT.finditer(line)}
-        if (number == 1 or _NAMES.search(line)) and (layout := _layout(line)):
+        if match := _FORMAT.match(line):
+            bases[match["what"]] = _BASES[match["base"]]
+        if _NAMES.search(line) and (layout := _layout(line)):
             return replace(layout, header=number, base=bases.get("data", 16), base_of_id=bases.get("id", 0))
     return None
 
 
 #: What one of the names of an identifier has in it, so that other lines are not cut into cells.
-_NAMES = re.compile(r"id(?:entifier)?\b|addr", re.IGNORECASE)
+_NAMES = re.compile(r"id|addr", re.IGNORECASE)
 
 
 def _layout(header: str) -> _FrameTable | None:
@@ -213,7 +214,8 @@ def _layout(header: str) -> _FrameTable | None:
 
 def is_frame_table(head: bytes) -> bool:
     """Whether a file begins with the header of a table of frames."""
-    return frame_table(first_lines(head)) is not None
+    lower = head.lower()
+    return any(name in lower for name in (b"id", b"addr")) and frame_table(first_lines(head)) is not None
 
 
 def frame_table_log(path: Path) -> FrameLog:
