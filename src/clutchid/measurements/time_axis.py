@@ -158,10 +158,14 @@ def steadied(time: FloatArray) -> tuple[FloatArray, str] | None:
     True
     """
     steps = intervals(time)
-    between = steps[steps > HOLE * np.median(steps)] if steps.size else steps
-    if between.size < _BURSTS:
+    if steps.size < _BURSTS * _LEAST:
         return None
-    parts = np.split(time, np.flatnonzero((steps < 0) | (steps > min(JUMP, _LEAST * np.median(between)))) + 1)
+    with np.errstate(over="ignore"):
+        between = steps[steps > HOLE * np.median(steps)]
+        if between.size < _BURSTS:
+            return None
+        longest = min(JUMP, _LEAST * np.median(between))
+    parts = np.split(time, np.flatnonzero((steps < 0) | (steps > longest)) + 1)
     lines = [_steadied(part) for part in parts]
     sentence = next((line[1] for line in lines if line is not None), None)
     if sentence is None:
