@@ -274,7 +274,7 @@ def form(cells: Sequence[str], decimal: str) -> CellForm:
     stamps = [stamp for cell in filled if (stamp := nanoseconds(cell)) is not None]
     if len(stamps) > len(filled) / 2:
         return CellForm("stamp", decimal, stamps[0])
-    if sum(matches(_SECONDS, cell.strip()) for cell in filled) > len(filled) / 2:
+    if sum(cell.endswith(" sec") and matches(_SECONDS, cell) for cell in map(str.strip, filled)) > len(filled) / 2:
         return CellForm("seconds")
     others = [cell for cell in filled if cell.strip() not in ("0", "1")]
     if others and all(cell.strip().casefold() in TRUTH for cell in others):

@@ -343,10 +343,11 @@ def _unpadded(columns: Sequence[Heading], rows: Sequence[Sequence[str]]) -> Iter
 
     Fractions of any number of digits step back then, and as whole numbers they hardly do.
     """
-    for column in columns:
-        parts = (
-            [re.fullmatch(_FRACTION, row[column.index].strip()) for row in rows] if _CLOCK.search(column.text) else []
-        )
+    for column in filter(lambda column: _CLOCK.search(column.text), columns):
+        cells = [row[column.index].strip() for row in rows]
+        if len({len(cell.rpartition(".")[2]) for cell in cells}) < 2:  # of one length
+            continue
+        parts = [re.fullmatch(_FRACTION, cell) for cell in cells]
         texts = [part.groups() if part else ("", "") for part in parts]
         steps = [(a, b) for (head, a), (other, b) in pairwise(texts) if head == other and head]
         back = [(a, b) for a, b in steps if len(a) < len(b) and float(f"0.{b}") < float(f"0.{a}")]
